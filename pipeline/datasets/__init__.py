@@ -1,0 +1,1 @@
+"""Datasets: sharp frames with labelled boxes, from renderings, photographs and recorded drives."""

@@ -1,0 +1,28 @@
+"""The one exception that means "your input is wrong", shown to people as a single line."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class InputError(Exception):
+    """Wrong configuration, data or argument: names the file or key, what was expected, and how to mend it.
+
+    Stages and the command line print its message without a traceback and exit with status 2.
+    """
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A hint naming the nearest known word, or listing all of them.
+
+    Args:
+        name: the word that was not recognised.
+        known: every word that would have been.
+
+    Returns:
+        ``"did you mean 'x'?"`` or ``"known: a, b, c"``.
+    """
+    words = sorted(set(known))
+    near = difflib.get_close_matches(name, words, n=1, cutoff=0.6)
+    return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(words) or 'none'}"

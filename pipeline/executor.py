@@ -1,0 +1,144 @@
+"""Parallel map over frames or patches: local processes, or an existing Dask cluster by its address.
+
+Work is split over items, one thread per worker process (two threads on busy cores cost more than they give).
+Results come back in the order of the items, so the bytes written do not depend on the number of workers.
+A worker that dies (out of memory, killed) takes nothing with it: finished items are kept and the others are
+given to fresh workers; an item that kills three workers in a row is named in the error.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, TypeVar
+
+from pipeline.errors import InputError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+_THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+_PATIENCE = 3  # pools lost without one finished item before giving up
+
+
+def one_thread() -> None:
+    """Keep this process to one computing thread in every library that is already, or will be, loaded."""
+    import sys
+
+    for name in _THREAD_VARIABLES:
+        os.environ[name] = "1"
+    if "cv2" in sys.modules:
+        sys.modules["cv2"].setNumThreads(1)
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(1)
+
+
+def _progress(results: Iterable[Any], total: int, label: str) -> Iterable[Any]:
+    """A progress bar on standard error, only for what takes longer than two seconds."""
+    from tqdm import tqdm
+
+    return tqdm(results, total=total, desc=label or None, delay=2, leave=False, dynamic_ncols=True)
+
+
+def _call(function: Callable[[Item], Result], item: Item) -> Result:
+    one_thread()
+    return function(item)
+
+
+def run_map(
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    *,
+    workers: int = 1,
+    backend: str = "processes",
+    address: str | None = None,
+    label: str = "",
+) -> list[Result]:
+    """Apply a function to every item.
+
+    Args:
+        function: picklable (module level, or a ``functools.partial`` of such) and without side effects.
+        items: what to apply it to; each picklable.
+        workers: processes for ``backend="processes"``; 1 runs in this process.
+        backend: ``"processes"`` or ``"dask"``.
+        address: scheduler address for Dask, e.g. ``"tcp://127.0.0.1:8786"``.
+        label: what the progress bar says.
+
+    Returns:
+        one result per item, in the items' order, whatever the number of workers.
+
+    Raises:
+        InputError: unknown backend, no scheduler at the address, or workers that keep dying.
+        Exception: whatever the function raised, from the first item in order that failed.
+    """
+    items = list(items)
+    if not items:
+        return []
+    if backend == "dask":
+        return _map_dask(function, items, address, label)
+    if backend != "processes":
+        raise InputError(f"executor.backend={backend!r}: expected 'processes' or 'dask'")
+    if workers < 1:
+        raise InputError(f"executor.workers={workers}: expected at least 1")
+    if workers == 1 or len(items) == 1:
+        return [_call(function, item) for item in _progress(items, len(items), label)]
+    return _map_processes(function, items, min(workers, len(items)), label)
+
+
+def _map_processes(function: Callable[[Item], Result], items: list[Item], workers: int, label: str) -> list[Result]:
+    done: dict[int, Result] = {}
+    lost = 0
+    with_spawn = multiprocessing.get_context("spawn")
+    bar = iter(_progress(range(len(items)), len(items), label))
+    kept = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))  # read by the children before they import anything
+    try:
+        while len(done) < len(items):
+            waiting = [index for index in range(len(items)) if index not in done]
+            before = len(done)
+            pool = ProcessPoolExecutor(workers, mp_context=with_spawn, initializer=one_thread)
+            try:
+                futures = {pool.submit(_call, function, items[index]): index for index in waiting}
+                for future in as_completed(futures):
+                    done[futures[future]] = future.result()
+                    next(bar, None)
+            except BrokenProcessPool as error:
+                lost = 0 if len(done) > before else lost + 1
+                if lost >= _PATIENCE:
+                    first = min(index for index in range(len(items)) if index not in done)
+                    raise InputError(
+                        f"{label or 'parallel map'}: worker processes died {_PATIENCE} times without finishing an item "
+                        f"(next: {items[first]!r}); is memory short? try executor.workers=1"
+                    ) from error
+            finally:
+                pool.shutdown(wait=True, cancel_futures=True)
+    finally:
+        for name, value in kept.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+    next(bar, None)
+    return [done[index] for index in range(len(items))]
+
+
+def _map_dask(function: Callable[[Item], Result], items: list[Item], address: str | None, label: str) -> list[Result]:
+    try:
+        from distributed import Client
+        from distributed import as_completed as dask_as_completed
+    except ImportError:
+        raise InputError("executor.backend=dask needs the package 'distributed': pip install '.[dask]'") from None
+    if not address:
+        raise InputError("executor.backend=dask needs executor.address, e.g. tcp://127.0.0.1:8786")
+    try:
+        client = Client(address, timeout=10)
+    except OSError as error:
+        raise InputError(f"executor.address={address}: no Dask scheduler answers there ({error})") from None
+    with client:
+        futures = [client.submit(_call, function, item, pure=False) for item in items]
+        for _ in _progress(dask_as_completed(futures), len(items), label):
+            pass
+        return list(client.gather(futures))

@@ -1,0 +1,65 @@
+"""A registry: short names in YAML stand for classes that are imported only when asked for.
+
+Third parties add theirs through an entry point group, for example in their ``pyproject.toml``::
+
+    [project.entry-points."pipeline.noise"]
+    mine = "my_package.my_module:MyEstimator"
+
+Names are looked up, never import paths, so a configuration file cannot run arbitrary code.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from importlib.metadata import entry_points
+from typing import Any
+
+from pipeline.errors import InputError, did_you_mean
+
+
+class Registry:
+    """Names of one kind of thing.
+
+    Args:
+        kind: what is registered, in words (``"noise estimator"``).
+        group: entry point group for third parties.
+        builtin: name -> ``"module:attribute"``.
+    """
+
+    def __init__(self, kind: str, group: str, builtin: Mapping[str, str]) -> None:
+        self.kind, self.group, self._builtin = kind, group, dict(builtin)
+
+    def names(self) -> list[str]:
+        """All registered names, sorted; built-in names win over third parties'."""
+        return sorted({*self._builtin, *(point.name for point in entry_points(group=self.group))})
+
+    def get(self, name: str) -> Any:
+        """The class or function behind a name, imported now.
+
+        Raises:
+            InputError: the name is not registered, or its module cannot be imported.
+        """
+        target = self._builtin.get(name)
+        if target is None:
+            found = {point.name: point.value for point in entry_points(group=self.group)}
+            target = found.get(name)
+        if target is None:
+            raise InputError(f"unknown {self.kind} '{name}'; {did_you_mean(name, self.names())}")
+        module, _, attribute = target.partition(":")
+        try:
+            return getattr(importlib.import_module(module), attribute)
+        except ImportError as error:
+            raise InputError(f"{self.kind} '{name}' needs a package that is not installed: {error}") from error
+
+    def create(self, name: str, **options: Any) -> Any:
+        """Make one, with keyword options.
+
+        Raises:
+            InputError: unknown name, or an option it does not take.
+        """
+        made = self.get(name)
+        try:
+            return made(**options)
+        except TypeError as error:
+            raise InputError(f"{self.kind} '{name}': {error}") from error

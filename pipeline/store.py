@@ -1,0 +1,203 @@
+"""Files: written beside their place and renamed into it, the same bytes for the same content.
+
+Tables are tidy, long-format Parquet with a declared schema; small results are JSON with sorted keys; arrays
+are ``.npz``. A reader never sees a half-written file, and a table that lacks a column, or holds an unknown
+one, is refused by name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+
+@contextlib.contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Give a temporary path beside ``path``; rename it into place if the block ends without an error.
+
+    The suffix is kept, since many writers choose their format by it.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".writing-", suffix=path.suffix)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def replacing_folder(path: str | Path) -> Iterator[Path]:
+    """Give an empty folder beside ``path``; put it in ``path``'s place if the block ends without an error."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=".writing-"))
+    try:
+        yield temporary
+        os.chmod(temporary, 0o755)
+        if path.exists():
+            shutil.rmtree(path)
+        os.replace(temporary, path)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write UTF-8 text with Unix line ends."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN or infinity: they become null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def write_json(path: str | Path, content: Any) -> None:
+    """Write JSON with sorted keys, an indent of two and a final newline; NaN and infinity become null."""
+    write_text(path, json.dumps(_plain(content), indent=2, sort_keys=True, ensure_ascii=False) + "\n")
+
+
+def read_json(path: str | Path) -> Any:
+    """Read JSON.
+
+    Raises:
+        InputError: the file is missing or not JSON.
+    """
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; run the stage that makes it (dvc repro)") from None
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: not valid JSON ({error}); delete it and run dvc repro") from None
+
+
+@dataclass(frozen=True)
+class Schema:
+    """The declared columns of one table.
+
+    Attributes:
+        name: what the table is called in messages.
+        columns: column name -> pandas dtype (``"string"``, ``"int64"``, ``"float64"``, ``"bool"`` ...).
+        units: column name -> unit, for those that have one; shown in reports.
+    """
+
+    name: str
+    columns: Mapping[str, str]
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def conform(self, table: pd.DataFrame, where: str = "") -> pd.DataFrame:
+        """The table with exactly the declared columns, in order, in the declared types.
+
+        Raises:
+            InputError: a column is missing, unknown, or cannot be read as its type.
+        """
+        place = f"{where}: " if where else ""
+        missing = [name for name in self.columns if name not in table.columns]
+        unknown = [name for name in table.columns if name not in self.columns]
+        if missing or unknown:
+            raise InputError(
+                f"{place}table '{self.name}' expects columns {list(self.columns)}; missing {missing}, unknown {unknown}"
+            )
+        try:
+            return table[list(self.columns)].astype(dict(self.columns)).reset_index(drop=True)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{place}table '{self.name}': {error}") from None
+
+
+def write_table(path: str | Path, table: pd.DataFrame, schema: Schema) -> None:
+    """Write a table as Parquet after checking it against its schema."""
+    table = schema.conform(table, str(path))
+    with replacing(path) as temporary:
+        table.to_parquet(temporary, index=False, compression="zstd")
+
+
+def read_table(path: str | Path, schema: Schema) -> pd.DataFrame:
+    """Read a Parquet table and check it against its schema.
+
+    Raises:
+        InputError: the file is missing, not Parquet, or has other columns.
+    """
+    import pandas as pd
+    import pyarrow as pa
+
+    try:
+        table = pd.read_parquet(path)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such table; run the stage that makes it (dvc repro)") from None
+    except (pa.ArrowInvalid, OSError) as error:
+        raise InputError(f"{path}: not a Parquet table ({error}); delete it and run dvc repro") from None
+    return schema.conform(table, str(path))
+
+
+def write_arrays(path: str | Path, **arrays: np.ndarray) -> None:
+    """Write named arrays as compressed ``.npz``; the bytes depend on the content only."""
+    import numpy as np
+
+    with replacing(path) as temporary:
+        with temporary.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+
+
+def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
+    """Read the arrays of an ``.npz`` file (pickled objects are refused).
+
+    Raises:
+        InputError: the file is missing or broken.
+    """
+    import zipfile
+
+    import numpy as np
+
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; run the stage that makes it (dvc repro)") from None
+    except (zipfile.BadZipFile, ValueError, OSError) as error:
+        raise InputError(f"{path}: not a readable .npz archive ({error}); delete it and run dvc repro") from None
+
+
+def write_image(path: str | Path, image: np.ndarray) -> None:
+    """Write an 8- or 16-bit image, or a float image in [0, 1] as 8 bit (rounded, not truncated).
+
+    Args:
+        path: PNG, TIFF or JPEG by its suffix.
+        image: (H, W) or (H, W, 3) RGB; uint8, uint16, or float in [0, 1].
+    """
+    import cv2
+    import numpy as np
+
+    if image.dtype.kind == "f":
+        image = np.rint(np.clip(image, 0.0, 1.0) * 255.0).astype(np.uint8)
+    if image.ndim == 3:
+        image = image[..., ::-1]
+    with replacing(path) as temporary:
+        if not cv2.imwrite(str(temporary), np.ascontiguousarray(image)):
+            raise InputError(f"{path}: OpenCV could not write the image; is the suffix a picture format?")
