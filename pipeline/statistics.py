@@ -47,12 +47,12 @@ def inliers(values: ArrayLike) -> NDArray[np.bool_]:
     Returns:
         (N,) booleans.
     """
-    values = np.asarray(values, dtype=float)
-    finite = np.isfinite(values)
+    data = np.asarray(values, dtype=float)
+    finite = np.isfinite(data)
     if not finite.any():
         return finite
-    centre = np.median(values[finite])
-    deviation = np.abs(values - centre)
+    centre = np.median(data[finite])
+    deviation = np.abs(data - centre)
     mad = float(np.median(deviation[finite])) or 1.0
     return finite & (deviation / mad < REJECT_BEYOND_MAD)
 
@@ -76,18 +76,18 @@ def bootstrap_interval(
     Returns:
         lower and upper end; (nan, nan) without values.
     """
-    values = np.asarray(values, dtype=float)
-    values = values[np.isfinite(values)]
-    if len(values) == 0:
+    given = np.asarray(values, dtype=float)
+    data = given[np.isfinite(given)]
+    if len(data) == 0:
         return float("nan"), float("nan")
-    if len(values) == 1:
-        return float(values[0]), float(values[0])
-    block = max(1, 4_000_000 // len(values))  # bounds memory for long inputs
+    if len(data) == 1:
+        return float(data[0]), float(data[0])
+    block = max(1, 4_000_000 // len(data))  # bounds memory for long inputs
     results = []
     for start in range(0, draws, block):
         rows = min(block, draws - start)
-        picks = generator.integers(len(values), size=(rows, len(values)))
-        results.append(np.asarray(statistic(values[picks], axis=-1)))
+        picks = generator.integers(len(data), size=(rows, len(data)))
+        results.append(np.asarray(statistic(data[picks], axis=-1)))
     tail = 50.0 * (1.0 - level)
     low, high = np.percentile(np.concatenate(results), [tail, 100.0 - tail])
     return float(low), float(high)
@@ -104,10 +104,10 @@ def robust(values: ArrayLike, generator: np.random.Generator, draws: int = 500) 
     Returns:
         the statistics; all NaN where every value is an abstention.
     """
-    values = np.asarray(values, dtype=float)
-    kept = values[inliers(values)]
-    numbers = int(np.isfinite(values).sum())
-    abstained = len(values) - numbers
+    data = np.asarray(values, dtype=float)
+    kept = data[inliers(data)]
+    numbers = int(np.isfinite(data).sum())
+    abstained = len(data) - numbers
     if len(kept) == 0:
         nan = float("nan")
         return Robust(nan, nan, nan, nan, nan, numbers, numbers, abstained)

@@ -1,0 +1,42 @@
+# Everything from a fresh clone: `make repro` regenerates every table and figure, `make test` runs the tests.
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+
+.PHONY: help repro test smoke check lint bench params clean-venv
+.DEFAULT_GOAL := help
+
+help: ## show this list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | sort
+
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "error: Python 3.11 or newer is needed; try make PYTHON=python3.12" >&2; exit 2; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	@touch $@
+
+repro: $(READY) ## regenerate every table and figure, then say where the report is
+	@$(BIN)/python -m pipeline.config
+	@$(BIN)/dvc repro
+	@echo "report: reports/index.html"
+
+test: $(READY) ## run the whole test suite
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+smoke: $(READY) ## run everything, tiny, in a scratch copy, and check its metrics against the committed baselines
+	@.ci/smoke
+
+check: $(READY) lint ## lint, types, configuration in step
+	$(BIN)/mypy
+	$(BIN)/python -m pipeline.config --check
+
+lint: $(READY) ## style
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+bench: $(READY) ## measure speed side by side with peers; results in benchmarks/results
+	@for script in benchmarks/[a-z]*.py; do [ $$script = benchmarks/common.py ] || $(BIN)/python $$script || exit 1; done
+
+params: $(READY) ## compile params.yaml from conf/
+	@$(BIN)/python -m pipeline.config

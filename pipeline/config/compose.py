@@ -1,0 +1,131 @@
+"""Compile ``conf/`` into ``params.yaml``, and notice when the two have drifted apart.
+
+``dvc exp run`` composes by itself; ``dvc repro`` does not (it would silently run the old values after an edit of
+``conf/``), so `make repro` compiles first and the first stage of the DAG checks. The text written here is the
+same, byte for byte, as the one DVC writes.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pipeline.config.schema import Config, known_keys, validate
+from pipeline.errors import InputError, did_you_mean
+from pipeline.store import write_text
+
+PARAMS = Path("params.yaml")
+CONF = Path("conf")
+
+
+def compose(overrides: Sequence[str] = (), conf: Path = CONF) -> str:
+    """Compose ``conf/`` with Hydra overrides.
+
+    Args:
+        overrides: e.g. ``["profile=smoke", "seed=2"]``.
+        conf: the folder of groups.
+
+    Returns:
+        resolved YAML text.
+
+    Raises:
+        InputError: no such folder, or an override Hydra refuses.
+    """
+    from hydra import compose as hydra_compose
+    from hydra import initialize_config_dir
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.errors import HydraException
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    if not (conf / "config.yaml").is_file():
+        raise InputError(f"{conf}/config.yaml: no such file; run from the project's top folder")
+    GlobalHydra.instance().clear()
+    try:
+        with initialize_config_dir(config_dir=str(conf.resolve()), version_base=None):
+            composed = hydra_compose("config", overrides=list(overrides))
+            OmegaConf.resolve(composed)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise InputError(f"conf/ with overrides {list(overrides)}: {_explain(str(error))}") from None
+    return OmegaConf.to_yaml(composed)
+
+
+def _explain(message: str) -> str:
+    """Hydra's message on one line; for a key that does not exist, with the nearest one that does."""
+    refused = re.search(r"Could not override '([^']+)'", message)
+    if refused:
+        parts = refused.group(1).split(".")
+        depth = next((n for n in range(len(parts)) if parts[n] not in known_keys(parts[:n])), len(parts) - 1)
+        return f"unknown key '{'.'.join(parts)}'; {did_you_mean(parts[depth], known_keys(parts[:depth]))}"
+    lines = [line.strip() for line in message.splitlines()]
+    return " ".join(line for line in lines if line and not line.startswith(("full_key", "object_type", "Config search", "provider")))
+
+
+def parse(text: str, where: str) -> Config:
+    """Read YAML text and check it against the schema.
+
+    Raises:
+        InputError: not YAML, or not what the schema allows.
+    """
+    import yaml
+
+    try:
+        content: Any = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InputError(f"{where}: not valid YAML ({error})") from None
+    return validate(content, where)
+
+
+def load(path: Path = PARAMS) -> Config:
+    """Read and check ``params.yaml``.
+
+    Raises:
+        InputError: missing, not YAML, or not what the schema allows.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; run 'python -m pipeline.config' to compile it from conf/")
+    return parse(path.read_text(encoding="utf-8"), str(path))
+
+
+def compile_params(overrides: Sequence[str] = (), path: Path = PARAMS) -> bool:
+    """Write ``params.yaml`` from ``conf/`` if it would change.
+
+    Returns:
+        whether the file changed.
+
+    Raises:
+        InputError: the composed values are not what the schema allows; nothing is written.
+    """
+    text = compose(overrides)
+    parse(text, "conf/")
+    if path.is_file() and path.read_text(encoding="utf-8") == text:
+        return False
+    write_text(path, text)
+    return True
+
+
+def check(path: Path = PARAMS) -> None:
+    """Refuse to run on a ``params.yaml`` that ``conf/`` would not give.
+
+    Inside ``dvc exp run`` (DVC sets ``DVC_EXP_NAME``) the values may differ, since overrides were asked for; they
+    are still checked against the schema.
+
+    Raises:
+        InputError: the two differ, with the lines that do.
+    """
+    given = load(path)
+    if os.environ.get("DVC_EXP_NAME"):
+        return
+    expected = compose([f"profile={given.profile}"])
+    actual = path.read_text(encoding="utf-8")
+    if expected != actual:
+        lines = difflib.unified_diff(expected.splitlines(), actual.splitlines(), "conf/", str(path), n=0, lineterm="")
+        shown = "\n".join(list(lines)[:20])
+        raise InputError(
+            f"{path} is not what conf/ with profile={given.profile} gives:\n{shown}\n"
+            "run 'make params' (or 'python -m pipeline.config KEY=VALUE ...' for other values)"
+        )

@@ -1,0 +1,172 @@
+"""The decorator that gives a stage its two ways in.
+
+* ``python -m pipeline.stages.noise --params +job.dataset=sim`` (what ``dvc.yaml`` calls): reads ``params.yaml``,
+  writes to the paths DVC tracks.
+* ``python -m pipeline.stages.noise key=value ... [--multirun]``: composes ``conf/`` with Hydra, reads inputs from
+  the project, and writes below Hydra's output folder, so that a sweep never touches a tracked file.
+
+A stage sees only the sections it declares, which are those under ``params:`` in ``dvc.yaml`` (a test compares), so
+it cannot depend on a value whose change would not re-run it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.config.schema import Config, ExecutorSection
+from pipeline.errors import InputError, did_you_mean
+
+
+class Params:
+    """The declared part of the configuration, by attribute; anything else is refused."""
+
+    def __init__(self, stage: str, sections: Mapping[str, Any]) -> None:
+        self._stage, self._sections = stage, dict(sections)
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self.__dict__["_sections"][name]
+        except KeyError:
+            raise AttributeError(
+                f"stage '{self.__dict__['_stage']}' reads '{name}' without declaring it in reads=(...) and dvc.yaml"
+            ) from None
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a stage is given.
+
+    Attributes:
+        params: the declared sections.
+        job: what tells this stage of a matrix from its siblings, e.g. ``{"dataset": "sim"}``.
+        inputs: folder that input paths are relative to.
+        outputs: folder that output paths are relative to (the same under DVC, Hydra's folder in a sweep).
+        executor: where parallel work runs.
+    """
+
+    params: Params
+    job: Mapping[str, str]
+    inputs: Path
+    outputs: Path
+    executor: ExecutorSection
+
+    def map(self, function: Callable[..., Any], items: Sequence[Any], label: str = "") -> list[Any]:
+        """`pipeline.executor.run_map` with the configured executor."""
+        import os
+
+        from pipeline.executor import run_map
+
+        workers = self.executor.workers or len(os.sched_getaffinity(0))
+        backend, address = self.executor.backend, self.executor.address
+        return run_map(function, items, workers=workers, backend=backend, address=address, label=label)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A declared stage; calling it runs it from the command line's arguments."""
+
+    name: str
+    body: Callable[[Run], None]
+    reads: tuple[str, ...]
+    job: tuple[str, ...] = field(default=())
+
+    def declared(self, job: Mapping[str, str]) -> list[str]:
+        """The parameter paths this stage reads for one job, as ``dvc.yaml`` lists them."""
+        return [path.format(**job) for path in self.reads]
+
+    def run(self, config: Config, job: Mapping[str, str], inputs: Path, outputs: Path) -> None:
+        """Check the job, mask the configuration and call the stage's body.
+
+        Raises:
+            InputError: a job key is missing or unknown, or names nothing configured.
+        """
+        for key in job:
+            if key not in self.job:
+                raise InputError(f"job.{key}: stage '{self.name}' does not take it; {did_you_mean(key, self.job)}")
+        for key in self.job:
+            if key not in job:
+                raise InputError(f"stage '{self.name}' needs +job.{key}=NAME")
+        sections: dict[str, Any] = {}
+        for path in self.declared(job):
+            head, _, member = path.partition(".")
+            value = getattr(config, head)
+            if member:
+                if member not in value:
+                    hint = did_you_mean(member, value)
+                    raise InputError(f"stage '{self.name}': '{member}' is not among the configured {head}; {hint}")
+                sections.setdefault(head, {})[member] = value[member]
+            else:
+                sections[head] = value
+        self.body(Run(Params(self.name, sections), dict(job), inputs, outputs, config.executor))
+
+    def __call__(self, arguments: Sequence[str] | None = None) -> None:
+        """Entry point of ``python -m pipeline.stages.NAME``."""
+        arguments = list(sys.argv[1:] if arguments is None else arguments)
+        try:
+            if "--params" in arguments:
+                arguments.remove("--params")
+                self._from_params(arguments)
+            else:
+                self._from_hydra(arguments)
+        except InputError as error:
+            print(f"error: {error}", file=sys.stderr)
+            raise SystemExit(2) from None
+
+    def _from_params(self, arguments: Sequence[str]) -> None:
+        from pipeline.config.compose import load
+
+        job = {}
+        for argument in arguments:
+            key, equals, value = argument.partition("=")
+            if not equals or not key.startswith("+job."):
+                raise InputError(
+                    f"{argument}: with --params only +job.KEY=VALUE may be given (params.yaml is already resolved); "
+                    "leave --params away to override other keys"
+                )
+            job[key.removeprefix("+job.")] = value
+        self.run(load(), job, Path(), Path())
+
+    def _from_hydra(self, arguments: Sequence[str]) -> None:
+        import hydra
+        from omegaconf import DictConfig, OmegaConf
+
+        from pipeline.config.compose import CONF
+        from pipeline.config.schema import validate
+
+        def entry(composed: DictConfig) -> None:
+            from hydra.core.hydra_config import HydraConfig
+
+            outputs = Path(HydraConfig.get().runtime.output_dir)
+            content: Any = OmegaConf.to_container(composed, resolve=True)
+            job = {key: str(value) for key, value in (content.pop("job", None) or {}).items()}
+            try:
+                self.run(validate(content, "conf/"), job, Path(), outputs)
+            except InputError as error:
+                print(f"error: {error}", file=sys.stderr)
+                raise SystemExit(2) from None
+
+        if not (CONF / "config.yaml").is_file():
+            raise InputError(f"{CONF}/config.yaml: no such file; run from the project's top folder")
+        folders = [f"hydra.sweep.dir=multirun/{self.name}", f"hydra.run.dir=outputs/{self.name}"]
+        sys.argv[1:] = [f"hydra.job.name={self.name}", *folders, *arguments]  # the user's own come last and win
+        hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()
+
+
+def stage(name: str, *, reads: Sequence[str], job: Sequence[str] = ()) -> Callable[[Callable[[Run], None]], Stage]:
+    """Declare a stage.
+
+    Args:
+        name: as in ``dvc.yaml``.
+        reads: parameter paths it may read, exactly those under its ``params:``; ``{dataset}`` and the like are
+            filled from the job.
+        job: keys that tell the members of a matrix apart.
+    """
+
+    def declare(body: Callable[[Run], None]) -> Stage:
+        return Stage(name, body, tuple(reads), tuple(job))
+
+    return declare

@@ -1,0 +1,206 @@
+"""What may be set, in which unit and range: the strict schema of ``params.yaml``.
+
+Sections are named as in ``conf/``. An unknown key, a wrong type or a value out of range is one line that names
+the key and, for a typo, the nearest key.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from pipeline.errors import InputError, did_you_mean
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Count = Annotated[int, Field(ge=1)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$")]
+Level = Annotated[float, Field(ge=0, le=100)]
+Frequency = Annotated[float, Field(gt=0, le=0.5)]
+
+
+class Section(BaseModel):
+    """A strict section: unknown keys are errors, values do not change after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class CameraSection(Section):
+    """The camera that forms corrupted images."""
+
+    kind: Literal["physical", "authors"]
+    poisson: Literal["exact", "hybrid"]
+    sensor: dict[str, float]
+
+
+class PsfSection(Section):
+    """The bank of point spread functions (PSF)."""
+
+    source: Literal["generated", "paper"]
+    folder: str | None
+    kinds: list[Literal["defocus", "linear_motion", "nonlinear_motion"]] = Field(min_length=1)
+    sizes_px: list[Annotated[int, Field(ge=1, le=55)]] = Field(min_length=1)
+    angles_deg: list[Annotated[float, Field(ge=0, lt=360)]] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _folder_with_paper(self) -> PsfSection:
+        if self.source == "paper" and not self.folder:
+            raise ValueError("psf.folder must name the folder of the paper's kernels when psf.source is 'paper'")
+        return self
+
+
+class ScenesSection(Section):
+    """How much of the *Sim* dataset is rendered, and how finely."""
+
+    viewpoints: Count
+    samples: Annotated[int, Field(ge=1, le=8)]
+    width_px: Annotated[int, Field(ge=64, le=4096)]
+    height_px: Annotated[int, Field(ge=64, le=4096)]
+    radiance: bool
+    star_frequencies: list[Frequency] = Field(min_length=1)
+
+
+class DatasetSection(Section):
+    """One dataset: which reader, where it lies, how much of it is used."""
+
+    kind: Name
+    root: str
+    max_frames: Count | None = None
+    whitelist: str | None = None
+    max_bad_share: Share = 0.05
+    options: dict[str, Any] = Field(default_factory=dict)
+
+
+class GallerySection(Section):
+    """The picture of the image-formation chain."""
+
+    sigma_dn: Level
+    kernel_size_px: Annotated[int, Field(ge=1, le=55)]
+    crop_px: Annotated[int, Field(ge=32, le=1024)]
+
+
+class CorruptionSection(Section):
+    """Which effects at which levels."""
+
+    effects: list[Literal["photon", "dcsn", "readout", "combined"]] = Field(min_length=1)
+    levels_dn: list[Level] = Field(min_length=1)
+    gallery: GallerySection
+
+
+class EstimatorSection(Section):
+    """One estimator by its registry name, with the options its class takes."""
+
+    kind: Name
+    options: dict[str, Any] = Field(default_factory=dict)
+
+
+class NoiseSection(Section):
+    """The evaluation of noise estimators."""
+
+    tile_px: Annotated[int, Field(ge=16, le=1024)]
+    tiles_per_frame: Count | None
+    bootstrap_draws: Annotated[int, Field(ge=1, le=100_000)]
+    estimators: dict[Name, EstimatorSection] = Field(min_length=1)
+
+
+class BlurPatchSection(Section):
+    """The patches on objects that blur is measured on."""
+
+    patch_px: Annotated[int, Field(ge=32, le=1024)]
+
+
+class ExecutorSection(Section):
+    """Where parallel work runs; changes no result. ``workers: 0`` means one per core."""
+
+    backend: Literal["processes", "dask"]
+    workers: Annotated[int, Field(ge=0, le=1024)]
+    address: str | None
+
+
+class ReportSection(Section):
+    """What the report says of datasets that were not run: name -> the line that would run it."""
+
+    not_run: dict[str, str]
+    example_frames: Annotated[int, Field(ge=1, le=8)]
+
+
+class MatrixSection(Section):
+    """Lists that ``dvc.yaml`` expands into stages; derived from the sections above, not set by hand."""
+
+    datasets: list[Name]
+    noise_estimators: list[Name]
+
+
+class Config(Section):
+    """The whole of ``params.yaml``."""
+
+    profile: Literal["smoke", "default", "paper"]
+    seed: Annotated[int, Field(ge=0, lt=2**63)]
+    camera: CameraSection
+    psf: PsfSection
+    scenes: ScenesSection
+    datasets: dict[Name, DatasetSection] = Field(min_length=1)
+    corruption: CorruptionSection
+    blur: BlurPatchSection
+    noise: NoiseSection
+    executor: ExecutorSection
+    report: ReportSection
+    matrix: MatrixSection
+
+    @model_validator(mode="after")
+    def _matrix_follows(self) -> Config:
+        for key, listed, defined in (
+            ("matrix.datasets", self.matrix.datasets, list(self.datasets)),
+            ("matrix.noise_estimators", self.matrix.noise_estimators, list(self.noise.estimators)),
+        ):
+            if listed != defined:
+                raise ValueError(f"{key} is {listed} but should follow {defined}; it is derived, do not set it")
+        return self
+
+
+def validate(content: Mapping[str, Any], where: str = "params.yaml") -> Config:
+    """Check a configuration.
+
+    Args:
+        content: nested mapping, as read from YAML.
+        where: file or source named in the message.
+
+    Returns:
+        the typed configuration.
+
+    Raises:
+        InputError: one line per problem, each naming its key, what was expected and what was given.
+    """
+    if not isinstance(content, Mapping):
+        raise InputError(f"{where}: expected a mapping of sections, got {type(content).__name__}")
+    try:
+        return Config.model_validate(dict(content))
+    except ValidationError as error:
+        raise InputError("\n".join(f"{where}: {_line(problem)}" for problem in error.errors())) from None
+
+
+def _line(problem: Any) -> str:
+    path = ".".join(str(part) for part in problem["loc"] if part != "[key]")
+    if problem["type"] == "extra_forbidden":
+        return f"unknown key '{path}'; {did_you_mean(str(problem['loc'][-1]), known_keys(problem['loc'][:-1]))}"
+    if problem["type"] == "missing":
+        return f"'{path}' is missing"
+    given = problem.get("input")
+    shown = f" (given: {given!r})" if isinstance(given, (str, int, float, bool, type(None))) else ""
+    message = str(problem["msg"]).removeprefix("Value error, ")
+    key = f"'{path}': " if path else ""
+    return f"{key}{message[:1].lower()}{message[1:]}{shown if path else ''}"
+
+
+def known_keys(path: Sequence[Any]) -> list[str]:
+    """Keys the schema knows at a path; mapping members (datasets, estimators) count as one step."""
+    model: Any = Config
+    for part in path:
+        field = model.model_fields.get(part) if hasattr(model, "model_fields") else None
+        annotation = field.annotation if field is not None else model
+        inner = [a for a in getattr(annotation, "__args__", ()) if isinstance(a, type) and issubclass(a, BaseModel)]
+        model = inner[0] if inner else annotation
+    return list(getattr(model, "model_fields", {}))

@@ -1,0 +1,199 @@
+"""What every noise estimator takes and gives, and when it must abstain.
+
+A noise level is a standard deviation in digital numbers (DN), on a scale where white is 255. An estimator that cannot
+see the noise says so: a *saturated* patch has lost it to clipping, a *flat* one never showed any (a lens cap, a masked
+area, an area that the camera has smoothed away). Neither is a zero, and both are counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    import torch
+
+WHITE_DN = 255.0
+
+SATURATED = "saturated"
+"""Reason: at least half of the pixels (by default) lie within half a DN of black or white."""
+
+FLAT = "flat"
+"""Reason: the patch, or the part of it that the estimator relies on, does not vary."""
+
+SATURATED_FRACTION = 0.5
+"""Default share of clipped pixels, in (0, 1], from which a patch is saturated: clipping half of the pixels takes about
+30 % from a standard deviation (half-normal), beyond that an estimate says more about the clipping than the noise."""
+
+LEAST_SIGMA_DN = 1e-3
+"""Smaller estimates are rounding of float32 images (1.5e-5 DN at white), not noise; they count as flat."""
+
+_RANGE_SLACK = 1e-6  # float32 rounding of 1.0
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """Noise level of N patches.
+
+    Attributes:
+        sigma_dn: (N,) standard deviation, DN; NaN where abstained.
+        low_dn, high_dn: (N,) ends of a 95 % interval, DN; NaN where abstained or where the method has none.
+        abstained: (N,) bool.
+        reason: (N,) words for the abstention (``"saturated"``, ``"flat"``); empty where there is an estimate.
+    """
+
+    sigma_dn: NDArray[np.float64]
+    low_dn: NDArray[np.float64]
+    high_dn: NDArray[np.float64]
+    abstained: NDArray[np.bool_]
+    reason: NDArray[np.object_]
+
+    def __len__(self) -> int:
+        return len(self.sigma_dn)
+
+
+class NoiseEstimator(Protocol):
+    """Anything that estimates the noise level of patches."""
+
+    def estimate(self, patches: NDArray[np.floating] | torch.Tensor) -> NoiseEstimate:
+        """Estimate the noise level of each patch on its own.
+
+        Args:
+            patches: (N, 1, H, W) float, [0, 1], NumPy or torch (any device).
+
+        Raises:
+            InputError: wrong shape, size, type or range, or a NaN.
+        """
+        ...
+
+
+def as_stack(patches: NDArray[np.floating] | torch.Tensor, least_px: int) -> NDArray[np.floating]:
+    """Check patches and drop their channel axis.
+
+    Args:
+        patches: (N, 1, H, W) float, [0, 1], NumPy or torch; N may be 0.
+        least_px: smallest height and width the estimator works on.
+
+    Returns:
+        (N, H, W) float32 or float64 in [0, 1], not copied where that is possible.
+
+    Raises:
+        InputError: says what is wrong, with the index of the first offending patch.
+    """
+    if hasattr(patches, "detach"):
+        patches = patches.detach().cpu().numpy()
+    if not isinstance(patches, np.ndarray):
+        raise InputError(f"patches: expected a NumPy array or torch tensor, not {type(patches).__name__}")
+    if patches.ndim != 4 or patches.shape[1] != 1:
+        raise InputError(
+            f"patches: expected shape (N, 1, H, W), not {patches.shape}; for one picture use picture[None, None]"
+        )
+    if patches.dtype == np.float16:
+        patches = patches.astype(np.float32)
+    if patches.dtype not in (np.float32, np.float64):
+        raise InputError(f"patches: expected floats in [0, 1], not {patches.dtype}; divide 8-bit pictures by 255")
+    stack = patches[:, 0]
+    if min(stack.shape[1:]) < least_px:
+        raise InputError(f"patches: expected at least {least_px} x {least_px} px, not {stack.shape[1]} x {stack.shape[2]}")
+    if len(stack):
+        lowest, highest = stack.min(axis=(1, 2)), stack.max(axis=(1, 2))  # both carry NaN on
+        wrong = ~((lowest >= -_RANGE_SLACK) & (highest <= 1.0 + _RANGE_SLACK))
+        if wrong.any():
+            first = int(np.argmax(wrong))
+            raise InputError(
+                f"patches: patch {first} spans {lowest[first]:g} .. {highest[first]:g}; expected numbers in [0, 1]"
+                " (divide 8-bit pictures by 255; clip after filtering)"
+            )
+    return stack
+
+
+def check_fraction(name: str, value: float) -> float:
+    """An option that is a share in (0, 1].
+
+    Raises:
+        InputError: it is not.
+    """
+    if not 0.0 < value <= 1.0:
+        raise InputError(f"{name}: expected a share in (0, 1], not {value!r}")
+    return float(value)
+
+
+def screen(stack: NDArray[np.floating], saturated_fraction: float = SATURATED_FRACTION) -> NDArray[np.object_]:
+    """Reasons to abstain that hold for every estimator.
+
+    Args:
+        stack: (N, H, W) in [0, 1].
+        saturated_fraction: share of pixels within half a DN of 0 or 1 from which a patch is saturated.
+
+    Returns:
+        (N,) reasons, empty where the patch can be judged.
+    """
+    reason = np.full(len(stack), "", dtype=object)
+    if len(stack) == 0:
+        return reason
+    edge = 0.5 / WHITE_DN
+    lowest, highest = stack.min(axis=(1, 2)), stack.max(axis=(1, 2))
+    reason[lowest == highest] = FLAT
+    for index in np.flatnonzero((lowest <= edge) | (highest >= 1.0 - edge)):  # most patches touch neither end
+        patch = stack[index]
+        clipped = np.count_nonzero((patch <= edge) | (patch >= 1.0 - edge))
+        if clipped >= saturated_fraction * patch.size:
+            reason[index] = SATURATED
+    return reason
+
+
+def assemble(
+    sigma_dn: NDArray[np.float64],
+    reason: NDArray[np.object_],
+    low_dn: NDArray[np.float64] | None = None,
+    high_dn: NDArray[np.float64] | None = None,
+) -> NoiseEstimate:
+    """Join numbers and reasons; an estimate that is no number, or below `LEAST_SIGMA_DN`, becomes an abstention.
+
+    Args:
+        sigma_dn: (N,) raw estimates, DN; anything where there is a reason.
+        reason: (N,) reasons, empty where there is none.
+        low_dn, high_dn: (N,) interval; a patch whose interval reaches above `LEAST_SIGMA_DN` may have any estimate.
+
+    Returns:
+        the estimate, NaN wherever it abstains.
+    """
+    nothing = np.full(len(sigma_dn), np.nan)
+    low_dn = nothing if low_dn is None else low_dn
+    high_dn = nothing if high_dn is None else high_dn
+    reason = reason.copy()
+    seen = (sigma_dn >= LEAST_SIGMA_DN) | (high_dn >= LEAST_SIGMA_DN)
+    reason[(reason == "") & ~seen] = FLAT
+    abstained = reason != ""
+    return NoiseEstimate(
+        sigma_dn=np.where(abstained, np.nan, sigma_dn),
+        low_dn=np.where(abstained, np.nan, low_dn),
+        high_dn=np.where(abstained, np.nan, high_dn),
+        abstained=abstained,
+        reason=reason,
+    )
+
+
+def as_published(sigma_dn: NDArray[np.float64]) -> NoiseEstimate:
+    """The numbers that the authors' programs store: whole DN, truncated, and 0 where there is no estimate.
+
+    Their maps are 8-bit integers without a value for "unknown", so nothing abstains. This moves an isolated-noise table
+    by up to 1 DN and exists to compare with published numbers only.
+
+    Args:
+        sigma_dn: (N,) raw estimates, DN; NaN where there is none.
+    """
+    stored = np.trunc(np.nan_to_num(sigma_dn, nan=0.0))
+    nothing = np.full(len(stored), np.nan)
+    return NoiseEstimate(
+        sigma_dn=stored,
+        low_dn=nothing,
+        high_dn=nothing.copy(),
+        abstained=np.zeros(len(stored), dtype=bool),
+        reason=np.full(len(stored), "", dtype=object),
+    )

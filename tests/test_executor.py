@@ -1,0 +1,87 @@
+"""Executor: the same answer for any number of workers and after a worker's death; errors are not swallowed."""
+
+import functools
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.executor import run_map
+
+
+def square(x):
+    return x * x
+
+
+def refuse_three(x):
+    if x == 3:
+        raise InputError("item 3 is bad")
+    return x
+
+
+def die_once(folder, x):
+    """Kill this process the first time item 2 comes by; every call leaves a mark."""
+    mark = Path(folder) / f"died-{x}"
+    if x == 2 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return square(x)
+
+
+def always_die(x):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def threads(_):
+    import torch
+
+    return torch.get_num_threads(), os.environ["OMP_NUM_THREADS"]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_order_is_kept(workers):
+    assert run_map(square, range(7), workers=workers) == [x * x for x in range(7)]
+    assert run_map(square, [], workers=workers) == []
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_errors_come_through(workers):
+    with pytest.raises(InputError, match="item 3"):
+        run_map(refuse_three, range(5), workers=workers)
+
+
+def test_a_killed_worker_loses_nothing(tmp_path):
+    assert run_map(functools.partial(die_once, str(tmp_path)), range(6), workers=2) == [x * x for x in range(6)]
+    assert (tmp_path / "died-2").exists()
+
+
+def test_an_item_that_always_kills_is_named():
+    with pytest.raises(InputError, match="died 3 times"):
+        run_map(always_die, [1, 2], workers=2, label="poison")
+
+
+def test_workers_use_one_thread():
+    assert run_map(threads, range(2), workers=2) == [(1, "1")] * 2
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [({"backend": "cloud"}, "backend"), ({"workers": 0}, "workers"), ({"backend": "dask"}, "address")],
+)
+def test_bad_settings_are_named(options, word):
+    with pytest.raises(InputError, match=word):
+        run_map(square, [1, 2], **options)
+
+
+@pytest.mark.slow
+def test_dask_gives_the_same(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="the dask extra is not installed")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        function = functools.partial(die_once, str(tmp_path))
+        assert run_map(function, range(6), backend="dask", address=address) == [x * x for x in range(6)]
+        assert (tmp_path / "died-2").exists()
+    with pytest.raises(InputError, match="no Dask scheduler"):
+        run_map(square, [1], backend="dask", address="tcp://127.0.0.1:9")

@@ -1,0 +1,43 @@
+"""Registry: names, not import paths; typos get a hint."""
+
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.registry import Registry
+
+THINGS = Registry("thing", "pipeline.test_things", {"path": "pathlib:Path", "gone": "no_such_module_xyz:X"})
+
+
+def test_known_names_are_imported_on_demand():
+    from pathlib import Path
+
+    assert THINGS.get("path") is Path
+    assert THINGS.names() == ["gone", "path"]
+
+
+@pytest.mark.parametrize("name", ["pat", "os:system", "pathlib:Path"])
+def test_unknown_names_are_refused_with_a_hint(name):
+    with pytest.raises(InputError, match="unknown thing.*path"):
+        THINGS.get(name)
+
+
+def test_a_missing_package_is_named():
+    with pytest.raises(InputError, match="no_such_module_xyz"):
+        THINGS.get("gone")
+
+
+def test_a_wrong_option_is_named():
+    registry = Registry("fraction", "pipeline.test_things", {"fraction": "fractions:Fraction"})
+    with pytest.raises(InputError, match="fraction.*colour"):
+        registry.create("fraction", colour=1)
+
+
+def test_entry_points_of_third_parties_are_found(tmp_path, monkeypatch):
+    (tmp_path / "mine.py").write_text("class Mine:\n    pass\n")
+    info = tmp_path / "mine-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[pipeline.test_things]\nmine = mine:Mine\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert "mine" in THINGS.names()
+    assert THINGS.create("mine").__class__.__name__ == "Mine"

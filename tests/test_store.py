@@ -1,0 +1,103 @@
+"""Store: nothing half-written, the same bytes for the same content, schemas that refuse by name."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline import store
+from pipeline.errors import InputError
+
+SCHEMA = store.Schema("points", {"name": "string", "x": "float64"})
+TABLE = pd.DataFrame({"x": [1.0, np.nan], "name": ["a", "b"]})
+
+
+def test_a_failing_writer_leaves_the_old_file(tmp_path):
+    path = tmp_path / "a.txt"
+    store.write_text(path, "old")
+    with pytest.raises(RuntimeError), store.replacing(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_a_failing_folder_writer_leaves_the_old_folder(tmp_path):
+    path = tmp_path / "folder"
+    with store.replacing_folder(path) as temporary:
+        (temporary / "one").write_text("1")
+    with pytest.raises(RuntimeError), store.replacing_folder(path) as temporary:
+        (temporary / "two").write_text("2")
+        raise RuntimeError
+    assert [p.name for p in path.iterdir()] == ["one"]
+    assert [p.name for p in tmp_path.iterdir()] == ["folder"]
+
+
+@pytest.mark.parametrize("suffix", [".json", ".parquet", ".npz", ".png"])
+def test_same_content_same_bytes(tmp_path, suffix):
+    def write(name):
+        path = tmp_path / f"{name}{suffix}"
+        match suffix:
+            case ".json":
+                store.write_json(path, {"b": 1, "a": [1.5, float("nan")]})
+            case ".parquet":
+                store.write_table(path, TABLE, SCHEMA)
+            case ".npz":
+                store.write_arrays(path, a=np.arange(5), b=np.ones((2, 2), np.float32))
+            case ".png":
+                store.write_image(path, np.linspace(0, 1, 64).reshape(8, 8))
+        return path.read_bytes()
+
+    assert write("first") == write("second")
+
+
+def test_json_has_no_nan_and_sorted_keys(tmp_path):
+    store.write_json(tmp_path / "a.json", {"b": np.float64("nan"), "a": np.array([1, 2])})
+    text = (tmp_path / "a.json").read_text()
+    assert json.loads(text) == {"a": [1, 2], "b": None}
+    assert text.index('"a"') < text.index('"b"')
+
+
+def test_table_round_trip_orders_columns_and_keeps_nan(tmp_path):
+    store.write_table(tmp_path / "t.parquet", TABLE, SCHEMA)
+    back = store.read_table(tmp_path / "t.parquet", SCHEMA)
+    assert list(back.columns) == ["name", "x"]
+    assert back["x"].isna().tolist() == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("table", "word"),
+    [
+        (TABLE.drop(columns="x"), "missing \\['x'\\]"),
+        (TABLE.assign(y=1), "unknown \\['y'\\]"),
+        (TABLE.assign(x=["one", "two"]), "could not convert"),
+    ],
+)
+def test_schema_refuses_by_name(tmp_path, table, word):
+    with pytest.raises(InputError, match=word):
+        store.write_table(tmp_path / "t.parquet", table, SCHEMA)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("read", [lambda p: store.read_table(p, SCHEMA), store.read_json, store.read_arrays])
+def test_missing_and_broken_files_are_named(tmp_path, read):
+    path = tmp_path / "x.bin"
+    with pytest.raises(InputError, match="x.bin"):
+        read(path)
+    path.write_bytes(b"not what it should be")
+    with pytest.raises(InputError, match="x.bin"):
+        read(path)
+
+
+def test_pickled_arrays_are_refused(tmp_path):
+    np.savez(tmp_path / "a.npz", a=np.array([{"x": 1}], dtype=object))
+    with pytest.raises(InputError, match="a.npz"):
+        store.read_arrays(tmp_path / "a.npz")
+
+
+def test_images_are_rounded_not_truncated(tmp_path):
+    import cv2
+
+    store.write_image(tmp_path / "a.png", np.full((4, 4), 99.6 / 255))
+    assert (cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_UNCHANGED) == 100).all()
