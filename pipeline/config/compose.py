@@ -49,7 +49,7 @@ def compose(overrides: Sequence[str] = (), conf: Path = CONF) -> str:
         with initialize_config_dir(config_dir=str(conf.resolve()), version_base=None):
             composed = hydra_compose("config", overrides=list(overrides))
             OmegaConf.resolve(composed)
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, ValueError) as error:
         raise InputError(f"conf/ with overrides {list(overrides)}: {_explain(str(error))}") from None
     return OmegaConf.to_yaml(composed)
 
@@ -62,7 +62,8 @@ def _explain(message: str) -> str:
         depth = next((n for n in range(len(parts)) if parts[n] not in known_keys(parts[:n])), len(parts) - 1)
         return f"unknown key '{'.'.join(parts)}'; {did_you_mean(parts[depth], known_keys(parts[:depth]))}"
     lines = [line.strip() for line in message.splitlines()]
-    return " ".join(line for line in lines if line and not line.startswith(("full_key", "object_type", "Config search", "provider")))
+    noise = ("full_key", "object_type", "Config search", "provider")
+    return " ".join(line for line in lines if line and not line.startswith(noise))
 
 
 def parse(text: str, where: str) -> Config:

@@ -12,7 +12,7 @@ it cannot depend on a value whose change would not re-run it.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,18 +22,33 @@ from pipeline.errors import InputError, did_you_mean
 
 
 class Params:
-    """The declared part of the configuration, by attribute; anything else is refused."""
+    """The declared part of the configuration, by attribute or item; anything else is refused."""
 
-    def __init__(self, stage: str, sections: Mapping[str, Any]) -> None:
-        self._stage, self._sections = stage, dict(sections)
+    def __init__(self, stage: str, where: str = "") -> None:
+        self._stage, self._where, self._content = stage, where, {}  # type: tuple[str, str, dict[str, Any]]
+
+    def _admit(self, parts: Sequence[str], value: Any) -> None:
+        """Make ``value`` reachable under the path ``parts``."""
+        head, *rest = parts
+        if not rest:
+            self._content[head] = value
+        else:
+            self._content.setdefault(head, Params(self._stage, f"{self._where}{head}."))._admit(rest, value)
+
+    def __getitem__(self, name: str) -> Any:
+        content: dict[str, Any] = self.__dict__["_content"]
+        if name not in content:
+            key = f"{self.__dict__['_where']}{name}"
+            raise AttributeError(f"stage '{self._stage}' reads '{key}' without declaring it in reads and dvc.yaml")
+        return content[name]
 
     def __getattr__(self, name: str) -> Any:
-        try:
-            return self.__dict__["_sections"][name]
-        except KeyError:
-            raise AttributeError(
-                f"stage '{self.__dict__['_stage']}' reads '{name}' without declaring it in reads=(...) and dvc.yaml"
-            ) from None
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return self[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._content)
 
 
 @dataclass(frozen=True)
@@ -90,18 +105,23 @@ class Stage:
         for key in self.job:
             if key not in job:
                 raise InputError(f"stage '{self.name}' needs +job.{key}=NAME")
-        sections: dict[str, Any] = {}
+        params = Params(self.name)
         for path in self.declared(job):
-            head, _, member = path.partition(".")
-            value = getattr(config, head)
-            if member:
-                if member not in value:
-                    hint = did_you_mean(member, value)
-                    raise InputError(f"stage '{self.name}': '{member}' is not among the configured {head}; {hint}")
-                sections.setdefault(head, {})[member] = value[member]
+            params._admit(path.split("."), self._find(config, path))
+        self.body(Run(params, dict(job), inputs, outputs, config.executor))
+
+    def _find(self, config: Config, path: str) -> Any:
+        value: Any = config
+        for part in path.split("."):
+            if isinstance(value, Mapping):
+                if part not in value:
+                    head = path.rsplit(".", 1)[0]
+                    hint = did_you_mean(part, value)
+                    raise InputError(f"stage '{self.name}': '{part}' is not among the configured {head}; {hint}")
+                value = value[part]
             else:
-                sections[head] = value
-        self.body(Run(Params(self.name, sections), dict(job), inputs, outputs, config.executor))
+                value = getattr(value, part)
+        return value
 
     def __call__(self, arguments: Sequence[str] | None = None) -> None:
         """Entry point of ``python -m pipeline.stages.NAME``."""

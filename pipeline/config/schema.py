@@ -28,12 +28,20 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+class SensorSection(BaseModel):
+    """A sensor by name; any parameter of `pipeline.camera.sensor.Sensor` may be changed beside it."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    model: Name
+
+
 class CameraSection(Section):
     """The camera that forms corrupted images."""
 
     kind: Literal["physical", "authors"]
     poisson: Literal["exact", "hybrid"]
-    sensor: dict[str, float]
+    sensor: SensorSection
 
 
 class PsfSection(Section):
@@ -60,6 +68,7 @@ class ScenesSection(Section):
     width_px: Annotated[int, Field(ge=64, le=4096)]
     height_px: Annotated[int, Field(ge=64, le=4096)]
     radiance: bool
+    star_periods: Annotated[int, Field(ge=8, le=360)]
     star_frequencies: list[Frequency] = Field(min_length=1)
 
 
@@ -67,8 +76,9 @@ class DatasetSection(Section):
     """One dataset: which reader, where it lies, how much of it is used."""
 
     kind: Name
-    root: str
-    max_frames: Count | None = None
+    root: str | None
+    watch: str
+    limit: Count | None = None
     whitelist: str | None = None
     max_bad_share: Share = 0.05
     options: dict[str, Any] = Field(default_factory=dict)

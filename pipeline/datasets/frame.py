@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,6 +37,14 @@ class Box:
     def height_px(self) -> float:
         return self.y2 - self.y1
 
+    def clipped(self, width_px: int, height_px: int) -> Box | None:
+        """The part of the box inside an image of this size, or None where there is none."""
+        x1, x2 = max(self.x1, 0.0), min(self.x2, float(width_px))
+        y1, y2 = max(self.y1, 0.0), min(self.y2, float(height_px))
+        if x2 <= x1 or y2 <= y1:
+            return None
+        return replace(self, x1=x1, y1=y1, x2=x2, y2=y2)
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -48,6 +56,10 @@ class Frame:
         path: the picture.
         boxes: labelled objects.
         previous: pictures of the preceding frames, oldest first (for estimators that average four frames).
+        split: the dataset's own part the frame belongs to (``"training"``, ``"evaluation"``), or empty.
+        defect: why the frame must not be used (broken or missing labels), or empty. `pipeline.datasets.quarantine`
+            leaves such a frame out and counts it.
+        notes: what was mended while reading its labels, one entry per occurrence.
     """
 
     dataset: str
@@ -55,6 +67,9 @@ class Frame:
     path: Path
     boxes: tuple[Box, ...] = ()
     previous: tuple[Path, ...] = field(default=())
+    split: str = ""
+    defect: str = ""
+    notes: tuple[str, ...] = ()
 
     def image(self) -> np.ndarray:
         """The picture as grey levels: (H, W) float32 in [0, 1]. See `pipeline.datasets.pictures.read_grey`."""

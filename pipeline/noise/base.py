@@ -99,7 +99,9 @@ def as_stack(patches: NDArray[np.floating] | torch.Tensor, least_px: int) -> NDA
         raise InputError(f"patches: expected floats in [0, 1], not {patches.dtype}; divide 8-bit pictures by 255")
     stack = patches[:, 0]
     if min(stack.shape[1:]) < least_px:
-        raise InputError(f"patches: expected at least {least_px} x {least_px} px, not {stack.shape[1]} x {stack.shape[2]}")
+        raise InputError(
+            f"patches: expected at least {least_px} x {least_px} px, not {stack.shape[1]} x {stack.shape[2]}"
+        )
     if len(stack):
         lowest, highest = stack.min(axis=(1, 2)), stack.max(axis=(1, 2))  # both carry NaN on
         wrong = ~((lowest >= -_RANGE_SLACK) & (highest <= 1.0 + _RANGE_SLACK))
@@ -158,7 +160,8 @@ def assemble(
     Args:
         sigma_dn: (N,) raw estimates, DN; anything where there is a reason.
         reason: (N,) reasons, empty where there is none.
-        low_dn, high_dn: (N,) interval; a patch whose interval reaches above `LEAST_SIGMA_DN` may have any estimate.
+        low_dn: (N,) lower end of the interval, NaN where there is none; or None if the method has no interval.
+        high_dn: (N,) upper end; a patch whose interval reaches above `LEAST_SIGMA_DN` may have any estimate.
 
     Returns:
         the estimate, NaN wherever it abstains.

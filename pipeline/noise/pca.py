@@ -40,7 +40,6 @@ STRIDE_PX = 3
 LEAST_PX = 32
 """Smallest patch: 81 windows, more than the 64 dimensions."""
 
-_CHUNK = 8  # patches whose windows (0.4 to 0.9 MB each) are held at once
 _EXACT_WINDOWS = 1024  # so many products of numbers below 128 add up to at most 2**24, exact in float32
 _GRID_TOLERANCE_DN = 1e-4  # float32 pictures made from 8 bit are whole DN within 1.5e-5
 
@@ -73,17 +72,17 @@ class PrincipalComponents:
         """See `pipeline.noise.base.NoiseEstimator.estimate`; patches of at least 32 x 32 px."""
         stack = as_stack(patches, LEAST_PX)
         start = 0 if self.rule == "chen" else 1
-        sigma_dn = np.empty(len(stack))
-        for first in range(0, len(stack), _CHUNK):
-            values = np.linalg.eigvalsh(_covariances(stack[first : first + _CHUNK], self.quantise_like_paper))
-            variance = noise_variance(values, start)
-            sigma_dn[first : first + _CHUNK] = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
+        eigenvalues = np.empty((len(stack), WINDOW_PX * WINDOW_PX))
+        for index, patch in enumerate(stack):
+            eigenvalues[index] = np.linalg.eigvalsh(_covariance(patch, self.quantise_like_paper))
+        variance = noise_variance(eigenvalues, start)
+        sigma_dn = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
         if self.quantise_like_paper:
             return as_published(sigma_dn)
         return assemble(sigma_dn, screen(stack, self.saturated_fraction))
 
 
-def noise_variance(eigenvalues: NDArray[np.float64], start: int = 0) -> NDArray[np.float64]:
+def noise_variance(eigenvalues: NDArray[np.floating], start: int = 0) -> NDArray[np.floating]:
     """Mean of the eigenvalues that are noise alone.
 
     Args:
@@ -105,33 +104,27 @@ def noise_variance(eigenvalues: NDArray[np.float64], start: int = 0) -> NDArray[
     return tau[np.arange(count), stop]
 
 
-def _covariances(stack: NDArray[np.floating], eight_bit: bool) -> NDArray[np.float64]:
-    """Covariance (normalised by the number of windows) of the windows of each patch, (n, 64, 64), DN squared."""
-    picture = stack.astype(np.float64) * WHITE_DN
+def _covariance(patch: NDArray[np.floating], eight_bit: bool) -> NDArray[np.float64]:
+    """Covariance (normalised by their number) of the windows of a patch (H, W) in [0, 1]: (64, 64), DN squared."""
+    picture = patch.astype(np.float64) * WHITE_DN
     whole = np.rint(picture)
     if eight_bit or np.abs(picture - whole).max() < _GRID_TOLERANCE_DN:
-        return _from_windows((whole - 128.0).astype(np.float32), exact=True)
-    return _from_windows(picture - picture.mean(axis=(1, 2), keepdims=True), exact=False)
+        # Products of 8-bit numbers, added in float32 in groups small enough to be exact: twice as fast as float64 and
+        # free of rounding.
+        vectors = _windows((whole - 128.0).astype(np.float32))
+        groups = -(-vectors.shape[1] // _EXACT_WINDOWS)
+        moments = sum((part @ part.T).astype(np.float64) for part in np.array_split(vectors, groups, axis=1))
+    else:
+        vectors = _windows(picture - picture.mean())
+        moments = vectors @ vectors.T
+    count = vectors.shape[1]
+    mean = (vectors @ np.ones(count, dtype=vectors.dtype)).astype(np.float64) / count
+    covariance: NDArray[np.float64] = moments / count - mean[:, None] * mean[None, :]
+    return covariance
 
 
-def _from_windows(picture: NDArray[np.floating], exact: bool) -> NDArray[np.float64]:
-    """Second moments of the windows minus the product of their means.
-
-    Args:
-        picture: (n, H, W), DN, near zero mean.
-        exact: float32 whole numbers in [-128, 127]; products are added in float32 in groups small enough to be exact,
-            which is twice as fast as float64 and free of rounding.
-    """
-    windows = sliding_window_view(picture, (WINDOW_PX, WINDOW_PX), axis=(1, 2))[:, ::STRIDE_PX, ::STRIDE_PX]
-    rows, columns = windows.shape[1:3]
-    d = WINDOW_PX * WINDOW_PX
-    moments = np.empty((len(picture), d, d))
-    means = np.empty((len(picture), d))
-    for index, window in enumerate(windows):
-        # The long axis last: copying runs of one row of windows is faster than runs of eight pixels.
-        vectors = np.ascontiguousarray(window.transpose(2, 3, 0, 1)).reshape(d, rows * columns)
-        groups = -(-rows * columns // _EXACT_WINDOWS) if exact else 1
-        parts = np.array_split(vectors, groups, axis=1)
-        moments[index] = sum((part @ part.T).astype(np.float64) for part in parts)
-        means[index] = vectors.mean(axis=1, dtype=np.float64)
-    return moments / (rows * columns) - means[:, :, None] * means[:, None, :]
+def _windows(picture: NDArray[np.floating]) -> NDArray[np.floating]:
+    """All windows of a picture (H, W) as columns, (64, count)."""
+    windows = sliding_window_view(picture, (WINDOW_PX, WINDOW_PX))[::STRIDE_PX, ::STRIDE_PX]
+    # The long axis last: copying a run of one row of windows is faster than copying runs of eight pixels.
+    return np.ascontiguousarray(windows.transpose(2, 3, 0, 1)).reshape(WINDOW_PX * WINDOW_PX, -1)

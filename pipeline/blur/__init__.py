@@ -1,0 +1,33 @@
+"""Blur estimators: the MTF of a patch from its content. Source (estimators by name) on top, one per file.
+
+    from pipeline import blur
+    answer = blur.create("pmp", mode="fast", kernel_size=31).estimate(patches)
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.blur.base import BlurEstimate, BlurEstimator
+from pipeline.registry import Registry
+
+REGISTRY = Registry(
+    "blur estimator",
+    "pipeline.blur",
+    {
+        "gbb": "pipeline.blur.gbb:GraphBlindDeblurring",
+        "pmp": "pipeline.blur.pmp:PatchwiseMinimalPixels",
+    },
+)
+
+
+def create(name: str, **options: Any) -> BlurEstimator:
+    """Make an estimator by its registered name, with its own options.
+
+    Raises:
+        InputError: unknown name or option.
+    """
+    return REGISTRY.create(name, **options)  # type: ignore[no-any-return]
+
+
+__all__ = ["REGISTRY", "BlurEstimate", "BlurEstimator", "create"]

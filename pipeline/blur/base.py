@@ -1,0 +1,189 @@
+"""What every blur estimator takes and answers: patches in, an MTF per patch out, or an abstention with its reason.
+
+A blur estimator measures the modulation transfer function (MTF) of lens, motion and sensor together from image
+content alone, at the eight spatial frequencies of the paper, horizontally and vertically. Where a patch cannot
+tell (no structure, clipped), the answer is an abstention that is counted, never a silent zero.
+"""
+
+from __future__ import annotations
+
+import copy
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, Self, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.statistics import inliers
+
+PATCH_PX = 192
+FREQUENCIES = 8
+
+FLAT_DN = 1.0  # standard deviation, on the 0..255 scale, under which a patch shows no structure
+SATURATED_FRACTION = 0.5  # of pixels at black or white: more than that and edges are clipped, not blurred
+SHARP_FLOOR = 0.05  # below this the camera's own MTF is noise and is not divided by (the paper's epsilon)
+
+Floats = NDArray[np.float32] | NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BlurEstimate:
+    """The answer for N patches.
+
+    Attributes:
+        mtf: (N, 2, 8) in [0, 1]: horizontal then vertical, at the eight frequencies; NaN where abstained.
+        abstained: (N,) bool.
+        reason: (N,) str: why, "" where not abstained.
+        kernel: (N, k, k) blur kernels with unit sum (NaN where abstained), for estimators that have one.
+        low, high: (N, 2, 8) 95 % interval of ``mtf``, for estimators that have one.
+    """
+
+    mtf: Floats
+    abstained: NDArray[np.bool_]
+    reason: NDArray[np.str_]
+    kernel: Floats | None = None
+    low: Floats | None = None
+    high: Floats | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.mtf)
+        shapes = {"mtf": (count, 2, FREQUENCIES), "abstained": (count,), "reason": (count,)}
+        shapes |= {name: (count, 2, FREQUENCIES) for name in ("low", "high") if getattr(self, name) is not None}
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"BlurEstimate.{name}: shape {getattr(self, name).shape}, expected {shape}")
+        if self.kernel is not None and (self.kernel.ndim != 3 or len(self.kernel) != count):
+            raise ValueError(f"BlurEstimate.kernel: shape {self.kernel.shape}, expected ({count}, k, k)")
+        if not np.array_equal(np.isnan(self.mtf).all(axis=(1, 2)), self.abstained):
+            raise ValueError("BlurEstimate.mtf: NaN exactly where abstained")
+
+    def __len__(self) -> int:
+        return len(self.mtf)
+
+
+@runtime_checkable
+class BlurEstimator(Protocol):
+    """What `pipeline.blur.create` returns."""
+
+    def estimate(self, patches: Any) -> BlurEstimate:
+        """The MTF of each patch: (N, 1, 192, 192) float in [0, 1], linear, NumPy or torch."""
+        ...
+
+    def calibrated(self, sharp_patches: Any) -> BlurEstimator:
+        """The same estimator, relative to this camera's own sharp frames."""
+        ...
+
+
+def as_patches(patches: Any, name: str = "patches", size_px: int = PATCH_PX) -> NDArray[np.float32]:
+    """Check a batch of patches and give it as a NumPy array.
+
+    Args:
+        patches: (N, 1, size, size) float in [0, 1], NumPy or torch (any device).
+        name: what error messages call it.
+        size_px: expected height and width.
+
+    Returns:
+        (N, 1, size, size) float32, C-contiguous.
+
+    Raises:
+        InputError: not such an array, not floats, not finite, or outside [0, 1].
+    """
+    if hasattr(patches, "detach"):  # a torch tensor, told apart without importing torch
+        patches = patches.detach().cpu().numpy()
+    array = np.asarray(patches)
+    expected = f"expected (N, 1, {size_px}, {size_px}) floats in [0, 1]"
+    if array.ndim != 4 or array.shape[1:] != (1, size_px, size_px):
+        raise InputError(f"{name}: shape {array.shape}, {expected}; cut the frame into {size_px} px grey patches")
+    if not np.issubdtype(array.dtype, np.floating):
+        raise InputError(f"{name}: {array.dtype}, {expected}; divide 8-bit images by 255")
+    array = np.ascontiguousarray(array, dtype=np.float32)
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: holds NaN or infinity, {expected}")
+    if array.size and (array.min() < 0.0 or array.max() > 1.0):
+        raise InputError(f"{name}: values {array.min():g}..{array.max():g}, {expected}; scale or clip them")
+    return array
+
+
+def unusable(patches: NDArray[np.float32]) -> NDArray[np.str_]:
+    """Why a patch can tell nothing about blur: "flat", "saturated", or "" where it can.
+
+    Args:
+        patches: (N, 1, h, w) in [0, 1].
+    """
+    pixels = patches.reshape(len(patches), -1)
+    half_dn = 0.5 / 255.0
+    clipped = ((pixels <= half_dn) | (pixels >= 1.0 - half_dn)).mean(axis=1) > SATURATED_FRACTION
+    flat = pixels.std(axis=1, dtype=np.float64) * 255.0 < FLAT_DN
+    return np.select([clipped & ~flat, flat], ["saturated", "flat"], default="")
+
+
+class Estimator(ABC):
+    """Shared conduct of the estimators: check the input, abstain, calibrate. Subclasses measure.
+
+    Attributes:
+        sharp_mtf: (2, 8) this camera's own MTF that answers are divided by, or None.
+    """
+
+    sharp_mtf: NDArray[np.float64] | None = None
+
+    @abstractmethod
+    def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
+        """The uncalibrated answer.
+
+        Args:
+            patches: (N, 1, 192, 192) float32 in [0, 1], checked.
+            reason: (N,) "" or why a patch must be abstained from; the answer may add abstentions.
+        """
+
+    def estimate(self, patches: Any) -> BlurEstimate:
+        """The MTF of each patch.
+
+        Args:
+            patches: (N, 1, 192, 192) float in [0, 1], linear, NumPy or torch; N may be 0.
+
+        Returns:
+            the answer; flat and saturated patches are abstained from.
+
+        Raises:
+            InputError: the patches are not as expected.
+        """
+        batch = as_patches(patches)
+        found = self.measure(batch, unusable(batch))
+        if self.sharp_mtf is None:
+            return found
+        relative = {
+            name: np.clip(value / np.maximum(self.sharp_mtf, SHARP_FLOOR), 0.0, 1.0)
+            for name in ("mtf", "low", "high")
+            if (value := getattr(found, name)) is not None
+        }
+        return replace(found, **relative)
+
+    def calibrated(self, sharp_patches: Any) -> Self:
+        """The same estimator, its MTF divided by that of this camera's sharp frames, clipped to [0, 1].
+
+        What an estimator reads from an uncorrupted frame is the lens, the sensor and its own bias. Dividing
+        by it, per direction and frequency, leaves the blur that was added (MTFs of serial stages multiply).
+
+        Args:
+            sharp_patches: (N, 1, 192, 192) float in [0, 1] from frames known to be sharp.
+
+        Raises:
+            InputError: not as expected, or none of them can be measured.
+        """
+        plain = copy.copy(self)
+        plain.sharp_mtf = None
+        mtf = plain.estimate(as_patches(sharp_patches, "sharp_patches")).mtf
+        kept = mtf[~np.isnan(mtf).any(axis=(1, 2))]
+        if len(kept) == 0:
+            raise InputError(
+                f"sharp_patches: none of the {len(mtf)} can be measured (flat or saturated); "
+                "give patches with structure, from sharp frames"
+            )
+        made = copy.copy(self)
+        made.sharp_mtf = np.empty((2, FREQUENCIES))
+        for index in np.ndindex(2, FREQUENCIES):
+            values = kept[(slice(None), *index)]
+            made.sharp_mtf[index] = np.median(values[inliers(values)])
+        return made

@@ -1,0 +1,335 @@
+"""The ordered chain of image formation, each effect switchable.
+
+Order (Wischow et al. 2023, Sec. III)::
+
+    photon shot noise -> optics (blur) -> dark current -> [full well, whole electrons] -> readout -> quantisation
+
+Noise may be amplified: each source's noise, ``effect(e) - e``, enters multiplied by one common gain, at its own place
+in the chain. With gain 1 the frame is what the sensor would record; the paper's levels of 5 to 25 DN take gains of 10
+to 50 (`levels`). Clipping and rounding happen once, where a camera does them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.camera import draws
+from pipeline.camera.dark_current import dark_noise
+from pipeline.camera.photon import photon_shot
+from pipeline.camera.quantise import collect, digitise, full_range
+from pipeline.camera.readout import read_noise
+from pipeline.camera.sensor import FULL_SCALE_DN, Sensor
+from pipeline.camera.truth import Boundary, Corrupted, Float, through_optics
+from pipeline.errors import InputError, did_you_mean
+from pipeline.streams import KeyPart
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Which effects are on, and the conditions they happen in.
+
+    Attributes:
+        photon: photon shot noise.
+        dark: dark-current shot noise.
+        reset: reset (kTC) noise.
+        source_follower: source-follower noise.
+        temperature_k: range from which the sensor temperature is drawn evenly; equal ends fix it.
+        exposure_s: range of the exposure time, likewise; it acts on dark current only.
+        zero_mean_dark: subtract the mean dark signal.
+        quantise: full well, whole electrons, rounding and clipping to 8 bit.
+    """
+
+    photon: bool = False
+    dark: bool = False
+    reset: bool = False
+    source_follower: bool = False
+    temperature_k: Range = (293.15, 293.15)
+    exposure_s: Range = (0.00014, 0.00014)
+    zero_mean_dark: bool = True
+    quantise: bool = True
+
+    @property
+    def noisy(self) -> bool:
+        """Whether any source of noise is on."""
+        return self.photon or self.dark or self.reset or self.source_follower
+
+
+_ANY_TEMPERATURE_K: Range = (300.0, 330.0)
+_ANY_EXPOSURE_S: Range = (1.0 / 500.0, 1.0)
+
+PRESETS: dict[str, Effects] = {
+    "photon": Effects(photon=True),
+    "dcsn": Effects(dark=True, temperature_k=(330.0, 330.0), exposure_s=(0.1, 0.1)),
+    "readout": Effects(reset=True, source_follower=True, temperature_k=(330.0, 330.0)),
+    "combined": Effects(True, True, True, True, _ANY_TEMPERATURE_K, _ANY_EXPOSURE_S),
+    "sensor": Effects(False, True, True, True, _ANY_TEMPERATURE_K, _ANY_EXPOSURE_S),
+}
+"""The paper's effects: isolated sources, all of them, and all but photon noise, in the conditions of its program."""
+
+
+def preset(effect: str | Sequence[str]) -> tuple[str, Effects]:
+    """The effects behind a name or several names.
+
+    Args:
+        effect: a key of `PRESETS`, or several: their sources together, in the random conditions of ``combined``
+            where there are two or more.
+
+    Returns:
+        the name (several joined by ``+``) and the effects.
+
+    Raises:
+        InputError: an unknown name.
+    """
+    names = [effect] if isinstance(effect, str) else list(effect)
+    for name in names:
+        if name not in PRESETS:
+            raise InputError(f"noise effect '{name}' is unknown; {did_you_mean(name, PRESETS)}")
+    if len(names) == 1:
+        return names[0], PRESETS[names[0]]
+    chosen = [PRESETS[name] for name in names]
+    together = Effects(
+        photon=any(item.photon for item in chosen),
+        dark=any(item.dark for item in chosen),
+        reset=any(item.reset for item in chosen),
+        source_follower=any(item.source_follower for item in chosen),
+        temperature_k=_ANY_TEMPERATURE_K,
+        exposure_s=_ANY_EXPOSURE_S,
+    )
+    return "+".join(names), together
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Noise of one frame as drawn, natural size.
+
+    Attributes:
+        noise_e: (H, W) e- of ``photon``, ``dark`` and ``readout``, those that are on.
+        temperature_k, exposure_s: the conditions drawn.
+    """
+
+    noise_e: dict[str, Float]
+    temperature_k: float
+    exposure_s: float
+
+
+def draw(
+    signal_e: Float,
+    effects: Effects,
+    sensor: Sensor,
+    generator: np.random.Generator,
+    *,
+    poisson: draws.PoissonMethod = "exact",
+) -> Drawn:
+    """Draw conditions and noise of every source that is on.
+
+    Each source has its own stream, forked in a fixed order: switching one off leaves the others' noise unchanged.
+
+    Args:
+        signal_e: (H, W) mean electrons, at least 0.
+        effects: what is on.
+        sensor: the sensor.
+        generator: where everything comes from.
+        poisson: see `draws.poisson`.
+
+    Raises:
+        InputError: conditions or signal out of range.
+    """
+    conditions, photons, heat, electronics = draws.fork(generator, 4)
+    temperature_k = float(conditions.uniform(*effects.temperature_k))
+    exposure_s = float(conditions.uniform(*effects.exposure_s))
+    noise: dict[str, Float] = {}
+    if effects.photon:
+        noise["photon"] = photon_shot(signal_e, photons, poisson)
+        noise["photon"] -= signal_e
+    if effects.dark:
+        noise["dark"] = dark_noise(
+            signal_e.shape,
+            sensor,
+            temperature_k,
+            exposure_s,
+            heat,
+            zero_mean=effects.zero_mean_dark,
+            method=poisson,
+        )
+    if effects.reset or effects.source_follower:
+        noise["readout"] = read_noise(
+            signal_e.shape,
+            sensor,
+            temperature_k,
+            electronics,
+            reset=effects.reset,
+            source_follower=effects.source_follower,
+        )
+    return Drawn(noise, temperature_k, exposure_s)
+
+
+def develop(
+    signal_e: Float,
+    drawn: Drawn,
+    sensor: Sensor,
+    *,
+    gain: float = 1.0,
+    psf: NDArray[np.floating] | None = None,
+    boundary: Boundary = "reflect",
+    quantise: bool = True,
+    effect: str = "",
+    level_dn: float = float("nan"),
+    poisson: str = "exact",
+    key: tuple[KeyPart, ...] = (),
+) -> Corrupted:
+    """Run the chain with noise already drawn.
+
+    Args:
+        signal_e: (H, W) mean electrons.
+        drawn: the noise; its arrays are multiplied by ``gain`` in place.
+        sensor: the sensor.
+        gain: factor on all noise.
+        psf: kernel of the optics, unit sum; None for none.
+        boundary: what the blur sees beyond the frame.
+        quantise: full well, whole electrons, rounding and clipping to 8 bit.
+        effect, level_dn, poisson, key: recorded in the result.
+
+    Returns:
+        the frame and its truth.
+    """
+    noise = drawn.noise_e
+    if gain != 1.0:
+        for source in noise.values():
+            source *= np.float32(gain)
+    light = signal_e + noise["photon"] if "photon" in noise else signal_e
+    if psf is not None:
+        light = through_optics(light, psf, boundary)
+    charge = light + noise["dark"] if "dark" in noise else light
+    unclipped = charge + noise["readout"] if "readout" in noise else charge
+    clipped = 0.0
+    if quantise:
+        full = np.float32(sensor.electrons_at_full_scale)
+        clipped = float(np.count_nonzero(unclipped < 0.0) + np.count_nonzero(unclipped > full)) / unclipped.size
+        electrons = collect(charge, sensor)
+        if "readout" in noise:
+            electrons += noise["readout"]
+        image = full_range(digitise(electrons, sensor))
+    else:
+        electrons = unclipped
+        image = sensor.dn(electrons) / np.float32(FULL_SCALE_DN)
+    return Corrupted(
+        image=image,
+        effect=effect,
+        level_dn=level_dn,
+        gain=gain if noise else 0.0,
+        sensor=sensor,
+        temperature_k=drawn.temperature_k,
+        exposure_s=drawn.exposure_s,
+        signal_e=signal_e,
+        electrons=electrons,
+        noise_e=noise,
+        psf=psf,
+        boundary=boundary,
+        clipped_fraction=clipped,
+        poisson=poisson,
+        key=key,
+    )
+
+
+def as_image(image: ArrayLike) -> Float:
+    """An image as (H, W) float32 in [0, 1]; uint8 is divided by 255, float32 is passed on unchanged.
+
+    Raises:
+        InputError: another shape or type, a value outside [0, 1] or not a number.
+    """
+    given = np.asarray(image)
+    if given.ndim != 2 or given.size == 0:
+        raise InputError(f"an image is (height, width) grey levels, got shape {given.shape}; convert colour first")
+    if given.dtype == np.uint8:
+        return full_range(given.astype(np.float32))
+    if given.dtype.kind != "f":
+        raise InputError(f"an image is uint8, or float in [0, 1], got {given.dtype}; divide by its full scale")
+    scaled = given.astype(np.float32, copy=False)
+    lowest, highest = float(scaled.min()), float(scaled.max())
+    if not (lowest >= 0.0 and highest <= 1.0):
+        raise InputError(f"a float image lies in [0, 1], got {lowest:g} .. {highest:g}; divide by its full scale")
+    return scaled
+
+
+def expose(
+    image: ArrayLike,
+    effects: Effects,
+    generator: np.random.Generator,
+    *,
+    sensor: Sensor | None = None,
+    psf: NDArray[np.floating] | None = None,
+    gain: float = 1.0,
+    boundary: Boundary = "reflect",
+    poisson: draws.PoissonMethod = "exact",
+    key: tuple[KeyPart, ...] = (),
+) -> Corrupted:
+    """Form one frame with noise of its natural size, or multiplied by a given gain.
+
+    With nothing on and no kernel the frame is returned as it came, bit for bit.
+
+    Args:
+        image: (H, W) uint8, or float32 in [0, 1].
+        effects: what is on.
+        generator: where everything comes from.
+        sensor: the paper's if None.
+        psf: kernel of the optics, unit sum; None for none.
+        gain: factor on all noise; 0 switches it off.
+        boundary: what the blur sees beyond the frame.
+        poisson: see `draws.poisson`.
+        key: of the random stream, recorded in the result.
+
+    Returns:
+        the frame and its truth.
+
+    Raises:
+        InputError: wrong image, gain, kernel or conditions.
+    """
+    if not 0.0 <= gain < float("inf"):
+        raise InputError(f"gain is a factor of at least 0 on the noise, got {gain!r}")
+    used = sensor or Sensor()
+    scene = as_image(image)
+    signal_e = used.electrons(scene)
+    on = effects if gain > 0.0 else Effects(quantise=effects.quantise)
+    if not on.noisy and psf is None and used.over_exposure == 1.0:
+        return untouched(scene, signal_e, used, key=key)
+    drawn = draw(signal_e, on, used, generator, poisson=poisson)
+    return develop(
+        signal_e,
+        drawn,
+        used,
+        gain=gain,
+        psf=psf,
+        boundary=boundary,
+        quantise=effects.quantise,
+        poisson=poisson,
+        key=key,
+    )
+
+
+def untouched(
+    scene: Float, signal_e: Float, sensor: Sensor, *, effect: str = "", key: tuple[KeyPart, ...] = ()
+) -> Corrupted:
+    """A frame to which nothing happened: the image itself, bit for bit.
+
+    Args:
+        scene: (H, W) float32 in [0, 1].
+        signal_e: (H, W) its electrons.
+        sensor, effect, key: recorded in the result.
+    """
+    return Corrupted(
+        image=scene,
+        effect=effect,
+        level_dn=0.0,
+        gain=0.0,
+        sensor=sensor,
+        temperature_k=float("nan"),
+        exposure_s=float("nan"),
+        signal_e=signal_e,
+        key=key,
+    )

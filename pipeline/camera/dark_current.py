@@ -1,0 +1,73 @@
+"""Dark-current shot noise: electrons freed by heat, counted together with those freed by light.
+
+``e' = e + Poisson(D) [- D]`` with the mean dark signal ``D(T, t)`` of `Sensor.dark_electrons`, the same for every
+pixel (no fixed pattern). Subtracting the mean, as cameras do with a dark frame, leaves zero-mean dark-current shot
+noise (DCSN) of variance D: the paper's setting (Wischow et al. 2023, Sec. III).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.camera import draws
+from pipeline.camera.sensor import Sensor
+
+
+def dark_noise(
+    shape: tuple[int, ...],
+    sensor: Sensor,
+    temperature_k: float,
+    exposure_s: float,
+    generator: np.random.Generator,
+    *,
+    zero_mean: bool = True,
+    method: draws.PoissonMethod = "exact",
+) -> NDArray[np.float32]:
+    """Dark electrons of every pixel.
+
+    Args:
+        shape: of the frame.
+        sensor: its dark-current figure and pixel size count.
+        temperature_k: sensor temperature.
+        exposure_s: exposure time.
+        generator: where the draws come from.
+        zero_mean: subtract the mean dark signal.
+        method: see `draws.poisson`.
+
+    Returns:
+        float32 e-, of that shape; negative where the mean is subtracted and fewer came.
+
+    Raises:
+        InputError: temperature or time out of range, or a dark signal beyond 2^20 e-.
+    """
+    mean_e = sensor.dark_electrons(temperature_k, exposure_s)
+    noise = draws.poisson(mean_e, generator, method, shape)
+    if zero_mean:
+        noise -= np.float32(mean_e)
+    return noise
+
+
+def dark_current_shot(
+    electrons: NDArray[np.float32],
+    sensor: Sensor,
+    temperature_k: float,
+    exposure_s: float,
+    generator: np.random.Generator,
+    *,
+    zero_mean: bool = True,
+    method: draws.PoissonMethod = "exact",
+) -> NDArray[np.float32]:
+    """Add dark electrons to a signal.
+
+    Args:
+        electrons: (..., H, W) e-.
+        sensor, temperature_k, exposure_s, generator, zero_mean, method: see `dark_noise`.
+
+    Returns:
+        float32 e-, same shape.
+    """
+    noise = dark_noise(
+        electrons.shape, sensor, temperature_k, exposure_s, generator, zero_mean=zero_mean, method=method
+    )
+    return np.add(noise, electrons, out=noise)

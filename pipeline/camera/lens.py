@@ -1,0 +1,129 @@
+"""The thin lens: how much an object out of focus is blurred.
+
+Circle of confusion on the sensor (paper, Sec. III), all lengths in metres:
+
+    c = A f / (S1 - f) * |S2 - S1| / S2
+
+A aperture diameter, f focal length, S1 distance in focus, S2 distance of the object, both from the lens. Divided by
+the pixel pitch it is the diameter in pixels of the disc in `pipeline.camera.psf.defocus`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.errors import InputError
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A thin lens in front of a sensor.
+
+    Attributes:
+        focal_length_m: f, metres, > 0.
+        aperture_m: A, diameter of the entrance pupil, metres, > 0 (focal length over f-number).
+        focus_m: S1, distance in focus, metres, > f; ``math.inf`` for the horizon.
+        pixel_pitch_m: side of a pixel, metres, > 0.
+
+    Raises:
+        InputError: a length that is not positive, or focus not beyond the focal length.
+    """
+
+    focal_length_m: float
+    aperture_m: float
+    focus_m: float
+    pixel_pitch_m: float
+
+    def __post_init__(self) -> None:
+        for name in ("focal_length_m", "aperture_m", "pixel_pitch_m"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"{name} is {value!r}; expected a positive length in metres")
+        if not self.focus_m > self.focal_length_m:
+            raise InputError(
+                f"focus_m is {self.focus_m!r}; expected a distance beyond the focal length of {self.focal_length_m} m"
+            )
+
+    @classmethod
+    def from_f_number(cls, focal_length_m: float, f_number: float, focus_m: float, pixel_pitch_m: float) -> Lens:
+        """A lens by its f-number N = f / A, > 0.
+
+        Raises:
+            InputError: see the class; or an f-number that is not positive.
+        """
+        if not (math.isfinite(f_number) and f_number > 0):
+            raise InputError(f"f_number is {f_number!r}; expected a positive number such as 2.8")
+        return cls(focal_length_m, focal_length_m / f_number, focus_m, pixel_pitch_m)
+
+    @property
+    def infinity_blur_px(self) -> float:
+        """Diameter of the blur of objects at infinity, pixels."""
+        return float(self.blur_diameter_px(math.inf))
+
+    def blur_diameter_px(self, distance_m: Any) -> np.ndarray:
+        """Diameter of the circle of confusion.
+
+        Args:
+            distance_m: (...) distance S2 of the object, metres, > 0; may be infinite.
+
+        Returns:
+            (...) pixels, >= 0; 0 in focus.
+
+        Raises:
+            InputError: a distance that is not positive.
+        """
+        distance_m = np.asarray(distance_m, dtype=np.float64)
+        if not np.all(distance_m > 0):
+            raise InputError("distance_m of an object is not positive; expected metres from the lens")
+        # |S2 - S1| / S2 / (S1 - f) = |1 / S1 - 1 / S2| / (1 - f / S1): finite where a distance is infinite.
+        defocus = np.abs(1 / self.focus_m - 1 / distance_m) / (1 - self.focal_length_m / self.focus_m)
+        return self.aperture_m * self.focal_length_m * defocus / self.pixel_pitch_m
+
+    def distances_m(self, diameter_px: float) -> tuple[float, float]:
+        """The two object distances with a given blur, the inverse of `blur_diameter_px`.
+
+        Args:
+            diameter_px: diameter, pixels, >= 0.
+
+        Returns:
+            (nearer, farther) than the focus, metres. The farther one is infinite where objects at infinity are blurred
+            by exactly this much, and NaN where no object beyond the focus is blurred as much.
+
+        Raises:
+            InputError: a negative diameter.
+        """
+        if not (math.isfinite(diameter_px) and diameter_px >= 0):
+            raise InputError(f"diameter_px is {diameter_px!r}; expected a finite number of pixels, 0 or more")
+        scale = self.aperture_m * self.focal_length_m / self.pixel_pitch_m
+        step = diameter_px * (1 - self.focal_length_m / self.focus_m) / scale
+        nearer, farther = 1 / self.focus_m + step, 1 / self.focus_m - step
+        if abs(farther) <= 1e-12 * max(step, 1 / self.focus_m):
+            farther = 0.0
+        far_m = math.nan if farther < 0 else math.inf if farther == 0 else 1 / farther
+        return (math.inf if nearer == 0 else 1 / nearer), far_m
+
+    def focus_for_m(self, diameter_px: float, distance_m: float) -> float:
+        """Where to focus, nearer than the object, so that the object is blurred by a given diameter.
+
+        Args:
+            diameter_px: diameter, pixels, >= 0.
+            distance_m: distance S2 of the object, metres, > f; may be infinite.
+
+        Returns:
+            focus distance S1, metres, f < S1 <= S2.
+
+        Raises:
+            InputError: a negative diameter, or an object not beyond the focal length.
+        """
+        if not (math.isfinite(diameter_px) and diameter_px >= 0):
+            raise InputError(f"diameter_px is {diameter_px!r}; expected a finite number of pixels, 0 or more")
+        if not distance_m > self.focal_length_m:
+            raise InputError(f"distance_m is {distance_m!r}; expected a distance beyond the focal length")
+        # With u = 1 / S1 and S1 <= S2: d = k (u - 1 / S2) / (1 - f u), linear in u.
+        scale = self.aperture_m * self.focal_length_m / self.pixel_pitch_m
+        inverse = (diameter_px + scale / distance_m) / (scale + diameter_px * self.focal_length_m)
+        return math.inf if inverse == 0 else 1 / inverse

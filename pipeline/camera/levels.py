@@ -1,0 +1,265 @@
+"""Corruption by target: noise of a wanted sigma, blur of a wanted MTF50. The public entry to the camera model.
+
+Noise is scaled as in the paper (Wischow et al. 2023, Sec. III): the frame's own noise map ``n`` is multiplied by
+``g = sigma / std(n)``, the deviation taken over the whole frame. Here ``n`` is taken before the 8-bit range cuts it, so
+that where nothing clips the level is met exactly, and where something does the truth says by how much (`truth`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.camera import chain, draws
+from pipeline.camera.sensor import Sensor
+from pipeline.camera.truth import Boundary, Corrupted, through_optics
+from pipeline.errors import InputError, did_you_mean
+from pipeline.streams import KeyPart, stream
+
+Camera = Literal["physical", "authors", "authors_2022"]
+Reach = Literal["source", "frame"]
+CAMERAS = ("physical", "authors", "authors_2022")
+
+
+def gain_to_reach(
+    drawn: chain.Drawn,
+    sigma_dn: float,
+    sensor: Sensor,
+    *,
+    psf: NDArray[np.floating] | None = None,
+    boundary: Boundary = "reflect",
+) -> float:
+    """Factor that brings noise to a target: ``g = sigma_dn / std(n)``, over the whole frame.
+
+    Args:
+        drawn: noise of natural size.
+        sigma_dn: target, DN.
+        sensor: for the conversion to DN.
+        psf: with it, photon noise counts as it leaves the optics; without, as it enters them.
+        boundary: of that blur.
+
+    Raises:
+        InputError: the effects give no noise on this frame (photon noise of a black one, for instance).
+    """
+    maps = dict(drawn.noise_e)
+    if psf is not None and "photon" in maps:
+        maps["photon"] = through_optics(maps["photon"], psf, boundary)
+    arrays = list(maps.values())
+    total = arrays[0]
+    for other in arrays[1:]:
+        total = total + other
+    natural_dn = float(np.std(total)) * sensor.dn_per_electron
+    if not natural_dn > 0.0:
+        raise InputError(
+            f"no gain reaches {sigma_dn:g} DN: the effects {sorted(maps)} give no noise on this frame; "
+            "leave black frames out or add another source"
+        )
+    return sigma_dn / natural_dn
+
+
+def corrupt(
+    image: ArrayLike,
+    effect: str | Sequence[str],
+    *,
+    sigma_dn: float,
+    generator: np.random.Generator,
+    sensor: Sensor | None = None,
+    psf: NDArray[np.floating] | None = None,
+    camera: Camera = "physical",
+    poisson: draws.PoissonMethod = "exact",
+    reach: Reach = "source",
+    boundary: Boundary = "reflect",
+    temperature_k: float | None = None,
+    exposure_s: float | None = None,
+    key: tuple[KeyPart, ...] = (),
+) -> Corrupted:
+    """Corrupt a frame with noise of a given sigma, and blur.
+
+    Level 0 without a kernel returns the frame as it came, bit for bit. Two calls with equal streams draw the same
+    noise, whatever the level: levels of one frame differ in size only.
+
+    Args:
+        image: (H, W) uint8, or float32 in [0, 1].
+        effect: ``photon``, ``dcsn``, ``readout``, ``combined`` or ``sensor`` (all but photon), or several.
+        sigma_dn: standard deviation of the noise over the frame before clipping, DN on the 0..255 scale.
+        generator: where everything comes from (`pipeline.streams.stream`).
+        sensor: the paper's if None.
+        psf: (h, w) kernel of the optics, unit sum; photon noise passes it, the other sources come after.
+        camera: ``physical``; ``authors`` follows the paper's published program with its quirks, ``authors_2022`` the
+            same before December 2022 (see `authors`).
+        poisson: ``exact`` or ``hybrid``; see `draws.poisson`.
+        reach: with a kernel, whether sigma is that of the noise as it enters (``source``, the paper's: photon noise
+            is scaled, then blurred) or as it arrives in the ``frame``.
+        boundary: what the blur sees beyond the frame (physical camera; the authors' sees darkness).
+        temperature_k: fixes the sensor temperature instead of the effect's own.
+        exposure_s: fixes the exposure time, likewise.
+        key: of the random stream, recorded in the result.
+
+    Returns:
+        the frame and its truth.
+
+    Raises:
+        InputError: wrong image, effect, level, kernel, camera or conditions.
+    """
+    if not 0.0 <= sigma_dn < float("inf"):
+        raise InputError(f"sigma_dn is a level of at least 0 DN, got {sigma_dn!r}")
+    if camera not in CAMERAS:
+        raise InputError(f"camera '{camera}' is unknown; {did_you_mean(str(camera), CAMERAS)}")
+    if reach not in ("source", "frame"):
+        raise InputError(f"reach is 'source' or 'frame', got '{reach}'")
+    name, effects = conditioned(effect, temperature_k, exposure_s)
+    used = sensor or Sensor()
+    scene = chain.as_image(image)
+    signal_e = used.electrons(scene)
+    if sigma_dn == 0.0 and psf is None and used.over_exposure == 1.0:
+        return chain.untouched(scene, signal_e, used, effect=name, key=key)
+    if camera != "physical":
+        from pipeline.camera import authors
+
+        return authors.corrupt(
+            signal_e, name, effects, sigma_dn, generator, used, psf=psf, program=authors.PROGRAMS[camera], key=key
+        )
+    if sigma_dn == 0.0:
+        drawn, gain = chain.Drawn({}, float("nan"), float("nan")), 0.0
+    else:
+        drawn = chain.draw(signal_e, effects, used, generator, poisson=poisson)
+        blurred = psf if reach == "frame" else None
+        gain = gain_to_reach(drawn, sigma_dn, used, psf=blurred, boundary=boundary)
+    return chain.develop(
+        signal_e,
+        drawn,
+        used,
+        gain=gain,
+        psf=psf,
+        boundary=boundary,
+        effect=name,
+        level_dn=float(sigma_dn),
+        poisson=poisson,
+        key=key,
+    )
+
+
+def conditioned(
+    effect: str | Sequence[str], temperature_k: float | None = None, exposure_s: float | None = None
+) -> tuple[str, chain.Effects]:
+    """`chain.preset` with fixed conditions where given.
+
+    Raises:
+        InputError: unknown effect.
+    """
+    from dataclasses import replace
+
+    name, effects = chain.preset(effect)
+    if temperature_k is not None:
+        effects = replace(effects, temperature_k=(temperature_k, temperature_k))
+    if exposure_s is not None:
+        effects = replace(effects, exposure_s=(exposure_s, exposure_s))
+    return name, effects
+
+
+def corrupt_frames(
+    frames: Iterable[tuple[str, ArrayLike]],
+    effect: str | Sequence[str],
+    *,
+    sigma_dn: float,
+    seed: int,
+    dataset: str = "",
+    **options: Any,
+) -> Iterator[tuple[str, Corrupted]]:
+    """Corrupt many frames, each from the stream of its own name.
+
+    The result for a frame depends neither on the order nor on which other frames are given.
+
+    Args:
+        frames: (name, image) pairs; images as for `corrupt`.
+        effect, sigma_dn: see `corrupt`.
+        seed: the experiment's root seed.
+        dataset: part of every stream's key.
+        options: further arguments of `corrupt`.
+
+    Yields:
+        (name, frame and truth), one at a time.
+    """
+    name = effect if isinstance(effect, str) else "+".join(effect)
+    for frame, image in frames:
+        key: tuple[KeyPart, ...] = (int(seed), "corrupt", dataset, frame, name, float(sigma_dn))
+        generator = stream(int(seed), "corrupt", *key[2:])
+        yield frame, corrupt(image, effect, sigma_dn=sigma_dn, generator=generator, key=key, **options)
+
+
+def psf_for_mtf50(
+    kind: str,
+    mtf50: float,
+    *,
+    angle_deg: float = 0.0,
+    unit: Literal["nyquist", "cycles_per_px"] = "nyquist",
+    **options: Any,
+) -> tuple[float, NDArray[np.floating]]:
+    """The size at which a blur halves the contrast of a given frequency.
+
+    Args:
+        kind: ``defocus``, ``linear_motion`` or ``gaussian``: kinds whose MTF50 falls steadily with size.
+        mtf50: frequency at which the MTF is to be 0.5, in the worse of the two directions.
+        angle_deg: direction of motion.
+        unit: ``nyquist`` (1 = half a cycle per pixel) or ``cycles_per_px``.
+        options: further options of `psf.create`.
+
+    Returns:
+        size in px and the kernel; the kernel's MTF50 is within 0.1 % of the target.
+
+    Raises:
+        InputError: unknown kind or unit, or no size between 1 and 101 px gives that MTF50.
+    """
+    from scipy.optimize import bisect
+
+    from pipeline.camera import mtf
+    from pipeline.camera import psf as psfs
+
+    kinds = ("defocus", "gaussian", "linear_motion")
+    if kind not in kinds:
+        raise InputError(f"blur '{kind}' cannot be found by its MTF50; {did_you_mean(kind, kinds)}")
+    if unit not in ("nyquist", "cycles_per_px"):
+        raise InputError(f"unit is 'nyquist' or 'cycles_per_px', got '{unit}'")
+    target = mtf50 if unit == "nyquist" else 2.0 * mtf50
+
+    def excess(size_px: float) -> float:
+        worse = float(np.min(mtf.mtf50(psfs.create(kind, size_px, angle_deg, **options))))
+        return min(worse, 1.0 + 1e-3) - target  # beyond Nyquist counts as just beyond it
+
+    smallest, largest = 1.0, 101.0
+    if not (0.0 < target < 1.0 and excess(smallest) > 0.0 > excess(largest)):
+        raise InputError(
+            f"no {kind} of {smallest:g} to {largest:g} px has its MTF50 at {mtf50!r} {unit}; "
+            "ask for a value further inside (0, Nyquist)"
+        )
+    size_px = float(bisect(excess, smallest, largest, xtol=1e-4, rtol=1e-6))
+    return size_px, psfs.create(kind, size_px, angle_deg, **options)
+
+
+def corrupt_to_mtf50(
+    image: ArrayLike,
+    kind: str,
+    mtf50: float,
+    *,
+    generator: np.random.Generator,
+    effect: str | Sequence[str] = "photon",
+    sigma_dn: float = 0.0,
+    angle_deg: float = 0.0,
+    unit: Literal["nyquist", "cycles_per_px"] = "nyquist",
+    **options: Any,
+) -> Corrupted:
+    """Corrupt a frame with blur of a given MTF50 and, where wanted, noise of a given sigma.
+
+    Args:
+        image, effect, sigma_dn, generator: see `corrupt`.
+        kind, mtf50, angle_deg, unit: see `psf_for_mtf50`.
+        options: further arguments of `corrupt`.
+
+    Returns:
+        the frame and its truth; its ``psf`` is the kernel found.
+    """
+    _, kernel = psf_for_mtf50(kind, mtf50, angle_deg=angle_deg, unit=unit)
+    return corrupt(image, effect, sigma_dn=sigma_dn, generator=generator, psf=kernel, **options)

@@ -1,0 +1,66 @@
+"""From charge to numbers: the full well, whole electrons, the converter's gain, and eight bits.
+
+Two steps, on either side of the readout: `collect` (charge: saturates at the full well, comes in whole electrons)
+and `digitise` (voltage to number: gain, rounding, clipping). Wischow et al. 2023, Sec. III; the paper's program
+truncates to 8 bit, here numbers are rounded (see `authors` for its behaviour).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.camera.sensor import FULL_SCALE_DN, Sensor
+
+
+def collect(electrons: NDArray[np.float32], sensor: Sensor) -> NDArray[np.float32]:
+    """Charge held by the pixels: ``floor(clip(e, 0, N_fw))``.
+
+    Args:
+        electrons: (..., H, W) e-, any real numbers.
+        sensor: its full well counts.
+
+    Returns:
+        float32 whole electrons, same shape.
+    """
+    held = np.clip(electrons, np.float32(0.0), np.float32(sensor.full_well_e))
+    return np.floor(held, out=held)
+
+
+def digitise(electrons: NDArray[np.float32], sensor: Sensor) -> NDArray[np.float32]:
+    """Numbers of the converter: ``clip(round(K e), 0, 255)``.
+
+    Args:
+        electrons: (..., H, W) e-, read noise included.
+        sensor: its gain ``K`` counts.
+
+    Returns:
+        float32 whole DN, 0..255, same shape; halves round to even.
+    """
+    dn = electrons * np.float32(sensor.dn_per_electron)
+    np.rint(dn, out=dn)
+    return np.clip(dn, np.float32(0.0), np.float32(FULL_SCALE_DN), out=dn)
+
+
+def full_range(dn: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Whole DN as an image: ``dn / 255``, the nearest float32 to the exact quotient.
+
+    Args:
+        dn: (..., H, W) 0..255.
+
+    Returns:
+        float32 in [0, 1].
+    """
+    return dn / np.float32(FULL_SCALE_DN)
+
+
+def to_8bit(image: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """An image's 8-bit numbers, rounded.
+
+    Args:
+        image: (..., H, W) in [0, 1]; values outside are clipped.
+
+    Returns:
+        uint8, same shape.
+    """
+    return np.rint(np.clip(image * np.float32(FULL_SCALE_DN), 0.0, FULL_SCALE_DN)).astype(np.uint8)

@@ -1,0 +1,60 @@
+"""One corrupted frame taken apart: what it looked like after each step of the chain, for people to look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.camera.sensor import FULL_SCALE_DN
+from pipeline.camera.truth import Corrupted, Float, through_optics
+
+
+@dataclass(frozen=True)
+class Step:
+    """The frame after one step.
+
+    Attributes:
+        name: of the array in a file.
+        title: for a picture's heading.
+        caption: what happened, in one sentence.
+        image: (H, W) float32; clipped to [0, 1] for display.
+    """
+
+    name: str
+    title: str
+    caption: str
+    image: NDArray[np.float32]
+
+
+def steps(shown: Corrupted) -> list[Step]:
+    """The frame after each step, in the order light meets them.
+
+    Args:
+        shown: a corrupted frame; steps that were off are left out.
+
+    Returns:
+        the input first, the 8-bit frame last.
+    """
+    electrons = shown.signal_e
+    found = [_step("input", "scene", "The sharp frame.", electrons, shown)]
+    if "photon" in shown.noise_e:
+        electrons = electrons + shown.noise_e["photon"]
+        found.append(_step("photon", "photons", "Photon shot noise grows with the root of the light.", electrons, shown))
+    if shown.psf is not None:
+        electrons = through_optics(electrons, shown.psf, shown.boundary)
+        found.append(_step("optics", "optics", "Blur spreads light and smooths the photon noise.", electrons, shown))
+    if "dark" in shown.noise_e:
+        electrons = electrons + shown.noise_e["dark"]
+        found.append(_step("dark", "dark current", "Dark-current shot noise is the same everywhere.", electrons, shown))
+    if "readout" in shown.noise_e:
+        electrons = electrons + shown.noise_e["readout"]
+        found.append(_step("readout", "readout", "Reset and source-follower noise of the electronics.", electrons, shown))
+    last = Step("quantised", "quantisation", "Full well, conversion and rounding to 8 bit.", shown.image)
+    return [*found, last]
+
+
+def _step(name: str, title: str, caption: str, electrons: Float, shown: Corrupted) -> Step:
+    image = np.clip(shown.sensor.dn(electrons) / np.float32(FULL_SCALE_DN), 0.0, 1.0)
+    return Step(name, title, caption, image.astype(np.float32))

@@ -1,0 +1,94 @@
+"""A plain folder of pictures, labelled or not: the way to a user's own images, and to the authors' *Sim* frames.
+
+::
+
+    <root>/<stem>.png                  or <root>/images/<stem>.png
+    <root>/labels/<stem>.txt           optional: class x1 y1 x2 y2 [difficult]
+
+One object a line, absolute pixel corners. The class may hold spaces (``traffic light``); a last word ``difficult``
+(or 1; 0 for none) makes the box ignored, as in the Pascal VOC rules. Without a folder ``labels`` the frames have no
+boxes; with it, each picture needs a file, which may be empty. The authors' *Sim* frames (MIT licence,
+https://github.com/MaikWischow/Camera-Condition-Monitoring) come in this layout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from pipeline.datasets.dataset import Dataset, pictures_in
+from pipeline.datasets.frame import Box, Frame
+from pipeline.datasets.labels import BadLabels, numbers, read_lines
+
+_DIFFICULT = {"difficult": True, "1": True, "0": False}
+
+
+class Folder(Dataset):
+    """A folder of pictures; see the module for the layout. Arguments as `Dataset`."""
+
+    kind: ClassVar[str] = "folder"
+    source: ClassVar[str] = "Any folder of PNG, JPEG, TIFF, BMP, WebP or PGM pictures will do."
+
+    def __init__(
+        self, name: str, root: str | Path, *, whitelist: str | Path | None = None, limit: int | None = None
+    ) -> None:
+        super().__init__(name, root, whitelist=whitelist, limit=limit)
+        below = self.root / "images"
+        self.images = below if below.is_dir() else self.root
+        self.labelled = (self.root / "labels").is_dir()
+
+    def _read(self) -> Iterable[Frame]:
+        for path in pictures_in(self.images):
+            boxes: list[Box] = []
+            defect = ""
+            if self.labelled:
+                try:
+                    boxes = read_box_labels(self.root / "labels" / f"{path.stem}.txt")
+                except BadLabels as error:
+                    defect = str(error)
+            yield self._frame(path, boxes, defect=defect)
+
+
+def read_box_labels(path: Path) -> list[Box]:
+    """The boxes of one label file, not yet clipped.
+
+    Raises:
+        BadLabels: the file is missing, or a line is not ``class x1 y1 x2 y2 [difficult]``.
+    """
+    boxes = []
+    for line, where in read_lines(path):
+        words = line.split()
+        # with a flag there are six words; a class of two words and no flag also has six, so ask the last one
+        flagged = len(words) > 5 and words[-1] in _DIFFICULT and _is_number(words[-5:-1])
+        corners = words[-5:-1] if flagged else words[-4:]
+        label = words[: -5 if flagged else -4]
+        if not label:
+            raise BadLabels(f"{where}: expected 'class x1 y1 x2 y2 [difficult]', got {line!r}")
+        x1, y1, x2, y2 = numbers(corners, where)
+        boxes.append(Box(" ".join(label), x1, y1, x2, y2, flagged and _DIFFICULT[words[-1]]))
+    return boxes
+
+
+def write_box_labels(path: Path, boxes: Sequence[Box]) -> None:
+    """Write boxes in this layout; `read_box_labels` gives them back."""
+    from pipeline.store import write_text
+
+    rows = [
+        " ".join([box.label, *map(_exact, (box.x1, box.y1, box.x2, box.y2)), *(["difficult"] if box.ignore else [])])
+        for box in boxes
+    ]
+    write_text(path, "".join(f"{row}\n" for row in rows))
+
+
+def _exact(value: float) -> str:
+    """The shortest text that reads back as the same number; whole numbers without a point."""
+    return repr(float(value)).removesuffix(".0")
+
+
+def _is_number(words: Sequence[str]) -> bool:
+    try:
+        [float(word) for word in words]
+    except ValueError:
+        return False
+    return True

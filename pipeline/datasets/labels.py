@@ -1,0 +1,99 @@
+"""What all label files have in common: numbers, boxes that must lie in the image, words that must be known.
+
+Mended and noted: a box that reaches past the image is clipped; one that is wholly outside, or has no area, is
+dropped; one of a class the dataset does not define becomes an ignored region. Not mended: text where a number
+belongs makes the whole frame defective.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path
+
+from pipeline.datasets.frame import Box
+from pipeline.errors import InputError
+
+CLIPPED = "box clipped at the image border"
+OUTSIDE = "box outside the image dropped"
+EMPTY = "box without area dropped"
+UNKNOWN = "box of an unknown class ignored"
+
+
+class BadLabels(InputError):
+    """A label file that cannot be read; the message names the file and line."""
+
+
+def numbers(words: Sequence[str | float], where: str) -> tuple[float, ...]:
+    """Words as finite numbers.
+
+    Args:
+        words: each number, or its text.
+        where: file and line, for the message.
+
+    Raises:
+        BadLabels: a word is not a finite number.
+    """
+    values = []
+    for word in words:
+        try:
+            value = float(word)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise BadLabels(f"{where}: {word!r} is not a number")
+        values.append(value)
+    return tuple(values)
+
+
+def read_lines(path: Path) -> list[tuple[str, str]]:
+    """The non-empty lines of a text file, each with ``"file, line n"`` for messages.
+
+    Raises:
+        BadLabels: the file is missing or not text.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise BadLabels(f"{path}: missing label file") from None
+    except (OSError, UnicodeDecodeError):
+        raise BadLabels(f"{path}: label file cannot be read as text") from None
+    return [(line.strip(), f"{path}, line {row}") for row, line in enumerate(text.splitlines(), 1) if line.strip()]
+
+
+def tidy(
+    boxes: Iterable[Box], size_px: tuple[int, int] | None, classes: Collection[str] | None
+) -> tuple[tuple[Box, ...], tuple[str, ...]]:
+    """Boxes that lie in the image and have a known class.
+
+    Args:
+        boxes: as read from the label file.
+        size_px: width and height of the image, or None where its header cannot be read (nothing is clipped then:
+            the frame is left out for its picture anyway).
+        classes: words the dataset defines, or None if any word will do.
+
+    Returns:
+        the boxes, in their order, and one note per change.
+    """
+    kept: list[Box] = []
+    notes: list[str] = []
+    for box in boxes:
+        if box.width_px <= 0 or box.height_px <= 0:
+            notes.append(EMPTY)
+            continue
+        inside = box.clipped(*size_px) if size_px else box
+        if inside is None:
+            notes.append(OUTSIDE)
+            continue
+        if not _same(inside, box):
+            notes.append(CLIPPED)
+        if classes is not None and inside.label not in classes:
+            notes.append(UNKNOWN)
+            inside = dataclasses.replace(inside, ignore=True)
+        kept.append(inside)
+    return tuple(kept), tuple(notes)
+
+
+def _same(one: Box, other: Box) -> bool:
+    return (one.x1, one.y1, one.x2, one.y2) == (other.x1, other.y1, other.x2, other.y2)

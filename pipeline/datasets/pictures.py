@@ -1,0 +1,248 @@
+"""Pictures: any common file to grey levels, or a clear word on why not.
+
+| file | what happens |
+|---|---|
+| 8-bit grey | divided by 255 |
+| 16-bit grey or colour | divided by 65535, whatever part of the range it uses |
+| float (TIFF) | taken as it is; every value must be a number in [0, 1] |
+| colour (RGB, palette, CMYK) | BT.601 luma: 0.299 R + 0.587 G + 0.114 B, not rounded |
+| alpha channel | dropped; the colour beneath counts |
+| EXIF rotation | not applied: labels refer to the pixels as stored |
+| empty, truncated, not a picture, several pages, NaN, out of range, too small | `BadPicture` with the reason |
+
+Pillow decodes, because it notices files that end early: OpenCV returns a JPEG whose lower half is missing
+as if it were whole, and writes to standard error about harmless oddities of TIFF directories. Where Pillow would
+squeeze 16-bit colour to 8 bit, OpenCV decodes the file after Pillow has found it whole.
+
+``channel_order="authors"`` repeats a slip in the authors' program, which gives pixels read as BGR to a
+conversion from RGB: the red and blue weights change places and the result is rounded to 8 bit.
+"""
+
+from __future__ import annotations
+
+import io
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"})
+CHANNEL_ORDERS = ("rgb", "authors")
+PNG_END = b"IEND\xaeB`\x82"  # the last chunk with its checksum
+SMALLEST_PX = 16  # below this neither side holds enough pixels for any filter in this package
+
+_ALPHA_MODES = {"LA", "RGBA", "PA", "La", "RGBa"}
+_PAGED_FORMATS = {"TIFF", "GIF", "PNG", "WEBP"}  # not MPO: a telephone's JPEG with a small second picture
+
+
+class BadPicture(InputError):
+    """A picture that cannot be used.
+
+    Attributes:
+        path: the file.
+        reason: why, in a few words.
+    """
+
+    def __init__(self, path: str | Path, reason: str) -> None:
+        self.path, self.reason = Path(path), reason
+        super().__init__(f"{path}: {reason}")
+
+    def __reduce__(self) -> tuple[type[BadPicture], tuple[Path, str]]:
+        return BadPicture, (self.path, self.reason)  # so that it crosses from a worker process
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A decoded picture.
+
+    Attributes:
+        pixels: (H, W) or (H, W, 3) RGB; uint8, uint16, or float32 in [0, 1].
+        alpha: whether the file had an alpha channel (dropped).
+    """
+
+    pixels: np.ndarray
+    alpha: bool = False
+
+    @property
+    def colour(self) -> bool:
+        return self.pixels.ndim == 3
+
+    @property
+    def bits(self) -> int:
+        return 8 * self.pixels.dtype.itemsize
+
+    def unit(self) -> np.ndarray:
+        """The pixels as float32 in [0, 1], same shape."""
+        if self.pixels.dtype.kind == "f":
+            return self.pixels
+        return self.pixels.astype(np.float32) / np.float32(np.iinfo(self.pixels.dtype).max)
+
+    def grey(self, channel_order: str = "rgb") -> np.ndarray:
+        """Grey levels; see `read_grey`."""
+        import cv2
+
+        if channel_order not in CHANNEL_ORDERS:
+            raise InputError(f"channel_order={channel_order!r}: expected one of {', '.join(CHANNEL_ORDERS)}")
+        if channel_order == "authors":
+            eight = self.pixels if self.pixels.dtype == np.uint8 else to_eight_bit(self.unit())
+            swapped = cv2.cvtColor(eight, cv2.COLOR_BGR2GRAY) if self.colour else eight
+            return swapped.astype(np.float32) / np.float32(255)
+        values = self.unit()
+        return np.clip(cv2.cvtColor(values, cv2.COLOR_RGB2GRAY), 0, 1) if self.colour else values
+
+
+def to_eight_bit(image: np.ndarray) -> np.ndarray:
+    """Float in [0, 1] to uint8: clipped and rounded, not truncated."""
+    return np.rint(np.clip(image, 0, 1) * np.float32(255)).astype(np.uint8)
+
+
+def read_grey(path: str | Path, *, channel_order: str = "rgb", smallest_px: int = SMALLEST_PX) -> np.ndarray:
+    """A picture file as grey levels.
+
+    Args:
+        path: a picture in one of the formats `SUFFIXES`.
+        channel_order: ``"rgb"`` for BT.601 luma, or ``"authors"`` for 0.299 B + 0.587 G + 0.114 R rounded to 8 bit.
+        smallest_px: both sides must be at least this long.
+
+    Returns:
+        (H, W) float32 in [0, 1].
+
+    Raises:
+        BadPicture: the file cannot be used; the reason is named.
+    """
+    return read_picture(path, smallest_px=smallest_px).grey(channel_order)
+
+
+def read_grey8(path: str | Path, *, channel_order: str = "rgb", smallest_px: int = SMALLEST_PX) -> np.ndarray:
+    """A picture file as 8-bit grey levels: `read_grey` times 255, rounded. (H, W) uint8."""
+    return to_eight_bit(read_grey(path, channel_order=channel_order, smallest_px=smallest_px))
+
+
+def picture_size(path: str | Path) -> tuple[int, int] | None:
+    """Width and height in pixels from the header alone, or None where it cannot be read. Costs no decoding."""
+    from PIL import Image, UnidentifiedImageError
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            with Image.open(path) as opened:
+                return int(opened.width), int(opened.height)
+        except (UnidentifiedImageError, OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+            return None
+
+
+def read_picture(path: str | Path, *, smallest_px: int = SMALLEST_PX) -> Picture:
+    """Decode a picture file completely, or say why it cannot be used.
+
+    Args:
+        path: the file.
+        smallest_px: both sides must be at least this long.
+
+    Returns:
+        the picture, colour channels in the order red, green, blue.
+
+    Raises:
+        BadPicture: see the table above.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError:
+        raise BadPicture(path, "no such file") from None
+    except OSError as error:
+        raise BadPicture(path, f"cannot be read ({error.strerror})") from None
+    if not data:
+        raise BadPicture(path, "empty file (0 bytes)")
+    picture = _decode(path, data)
+    height, width = picture.pixels.shape[:2]
+    if min(height, width) < smallest_px:
+        raise BadPicture(path, f"too small: {width}x{height} px, expected at least {smallest_px} px on either side")
+    if picture.pixels.dtype not in (np.uint8, np.uint16, np.float32):
+        raise BadPicture(path, f"pixels are {picture.pixels.dtype}, expected 8 or 16 bit, or 32-bit float in [0, 1]")
+    if picture.pixels.dtype == np.float32:
+        _check_range(path, picture.pixels)
+    return picture
+
+
+def _decode(path: str | Path, data: bytes) -> Picture:
+    from PIL import Image, UnidentifiedImageError
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Pillow's remarks on metadata; what matters is raised
+        try:
+            with Image.open(io.BytesIO(data)) as opened:
+                pages = getattr(opened, "n_frames", 1)
+                if opened.format in _PAGED_FORMATS and pages > 1:
+                    raise BadPicture(path, f"holds {pages} pages or frames, expected one")
+                opened.load()
+                if opened.format == "PNG" and PNG_END not in data:
+                    raise BadPicture(path, "truncated: the PNG end marker is missing")
+                return Picture(
+                    _pixels(path, data, opened), opened.mode in _ALPHA_MODES or "transparency" in opened.info
+                )
+        except UnidentifiedImageError:
+            raise BadPicture(path, "not a picture, or its header is broken") from None
+        except Image.DecompressionBombError as error:
+            raise BadPicture(path, f"too large ({error})") from None
+        except (OSError, SyntaxError, ValueError, EOFError) as error:
+            what = "truncated" if "truncated" in str(error).lower() else "cannot be decoded"
+            raise BadPicture(path, f"{what} ({error})") from None
+
+
+def _pixels(path: str | Path, data: bytes, opened: Image.Image) -> np.ndarray:
+    """(H, W) or (H, W, 3) uint8, uint16 or float32 from an opened picture that has loaded without an error."""
+    mode = opened.mode
+    if _deep_colour(opened, data):
+        return _read_deep(path, data)
+    if mode == "L":
+        return np.asarray(opened)
+    if mode in {"1", "LA", "La"}:
+        return np.asarray(opened.convert("L"))
+    if mode.startswith("I;16") or (mode == "I" and opened.format == "PNG"):  # older Pillow opens 16-bit PNG as "I"
+        return np.asarray(opened).astype(np.uint16)
+    if mode == "F":
+        return np.asarray(opened, dtype=np.float32)
+    if mode in {"RGB", "RGBA", "RGBX", "RGBa", "P", "PA", "CMYK", "YCbCr"}:
+        return np.asarray(opened.convert("RGB"))
+    raise BadPicture(path, f"pixel format {mode!r} is not supported, expected 8 or 16 bit, or float in [0, 1]")
+
+
+def _deep_colour(opened: Image.Image, data: bytes) -> bool:
+    """Whether the file holds 16 bits a channel that Pillow has reduced to 8."""
+    if opened.mode.startswith(("I", "F")):
+        return False
+    if opened.format == "PNG":
+        return data[24] == 16  # bit depth in the IHDR chunk
+    if opened.format == "TIFF":
+        bits = opened.tag_v2.get(258, (8,))  # type: ignore[attr-defined]
+        return max(bits) > 8
+    return False
+
+
+def _read_deep(path: str | Path, data: bytes) -> np.ndarray:
+    """(H, W, 3) uint16 from a PNG or TIFF with 16 bits a channel."""
+    import cv2
+
+    told = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # it remarks on odd TIFF tags
+    try:
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    finally:
+        cv2.utils.logging.setLogLevel(told)
+    if decoded is None:
+        raise BadPicture(path, "holds 16-bit colour that cannot be decoded")
+    return decoded if decoded.ndim == 2 else np.ascontiguousarray(decoded[..., 2::-1])  # BGR, BGRA to RGB
+
+
+def _check_range(path: str | Path, pixels: np.ndarray) -> None:
+    if not np.isfinite(pixels).all():
+        raise BadPicture(path, f"{int((~np.isfinite(pixels)).sum())} values are NaN or infinite")
+    low, high = float(pixels.min()), float(pixels.max())
+    if low < 0 or high > 1:
+        raise BadPicture(path, f"float values from {low:g} to {high:g}, expected [0, 1]; rescale or store as integers")

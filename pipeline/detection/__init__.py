@@ -1,0 +1,36 @@
+"""Object detectors, one per file, and how well they do.
+
+>>> from pipeline import detection
+>>> detector = detection.create("yolox", weights="yolox_nano.onnx", input_px=1280)
+>>> found = detector.detect([image])[0]                  # image: (H, W) float in [0, 1]
+>>> found.boxes, found.score, found.label                # (M, 4) x1 y1 x2 y2 in pixels, (M,), (M,)
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pipeline.registry import Registry
+
+if TYPE_CHECKING:
+    from pipeline.detection.base import Detector
+
+REGISTRY = Registry(
+    kind="detector",
+    group="pipeline.detection",
+    builtin={"yolox": "pipeline.detection.yolox:Yolox"},
+)
+
+
+def create(name: str, **options: Any) -> Detector:
+    """A detector by name.
+
+    Args:
+        name: one of ``REGISTRY.names()``.
+        options: the detector's own, as in its class.
+
+    Raises:
+        InputError: unknown name or option, or a model file that cannot be used.
+    """
+    detector: Detector = REGISTRY.create(name, **options)
+    return detector

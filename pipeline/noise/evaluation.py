@@ -1,0 +1,134 @@
+"""How well a noise estimator does on one frame: every source and level, tile by tile, beside the truth.
+
+The paper's noise figure (Wischow et al. 2023, Sec. IV-B): noise of one source is scaled to a level, the estimator
+sees 128 x 128 px tiles, and the robust median, minimum and maximum over all tiles are drawn over the level. Beside
+the level asked for, each tile keeps the standard deviation of the noise that is really in it: clipping and, for photon
+noise, local brightness make the two differ, and an estimator must be judged by the noise it was shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.camera.truth import local_sigma
+from pipeline.datasets.corrupted import CameraSettings, corrupted
+from pipeline.datasets.patches import Patch, cut
+from pipeline.noise.base import NoiseEstimator
+from pipeline.statistics import robust
+from pipeline.streams import stream
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.datasets.frame import Frame
+
+
+def evaluate_frame(
+    frame: Frame,
+    tiles: Sequence[Patch],
+    estimator: NoiseEstimator,
+    effects: Sequence[str],
+    levels_dn: Sequence[float],
+    camera: CameraSettings,
+    seed: int,
+) -> list[dict[str, Any]]:
+    """Estimate the noise of every tile of one frame under every effect and level.
+
+    Args:
+        frame: a sharp frame.
+        tiles: where to look.
+        estimator: takes (N, 1, H, W).
+        effects: names of noise sources, as in `pipeline.camera.chain`.
+        levels_dn: standard deviations asked for, DN.
+        camera: the camera that adds the noise.
+        seed: root of the random streams; the noise depends on dataset, frame, effect and level only.
+
+    Returns:
+        rows of `pipeline.tables.NOISE_ESTIMATES`, but for the estimator's name.
+    """
+    sharp = frame.image()
+    rows: list[dict[str, Any]] = []
+    for effect in effects:
+        for level in levels_dn:
+            shown = corrupted(sharp, frame, effect, level, camera, seed)
+            truth = local_sigma(shown, tiles)
+            estimate = estimator.estimate(cut(shown.image, tiles))
+            for index in range(len(tiles)):
+                rows.append(
+                    {
+                        "dataset": frame.dataset,
+                        "effect": effect,
+                        "level_dn": float(level),
+                        "frame": frame.name,
+                        "patch": index,
+                        "true_sigma_dn": float(truth[index]),
+                        "sigma_dn": float(estimate.sigma_dn[index]),
+                        "low_dn": float(estimate.low_dn[index]),
+                        "high_dn": float(estimate.high_dn[index]),
+                        "abstained": bool(estimate.abstained[index]),
+                        "reason": str(estimate.reason[index]),
+                    }
+                )
+    return rows
+
+
+def summarise(estimates: pd.DataFrame, seed: int, draws: int) -> pd.DataFrame:
+    """Robust statistics per dataset, estimator, effect and level.
+
+    Args:
+        estimates: `pipeline.tables.NOISE_ESTIMATES`.
+        seed: root of the bootstrap's streams.
+        draws: bootstrap resamples.
+
+    Returns:
+        `pipeline.tables.NOISE_SUMMARY`.
+    """
+    import pandas as pd
+
+    rows = []
+    keys = ["dataset", "estimator", "effect", "level_dn"]
+    for (dataset, estimator, effect, level), group in estimates.groupby(keys, sort=False):
+        key = (str(dataset), str(estimator), str(effect), float(level))
+        values = group["sigma_dn"].to_numpy(float)
+        truth = group["true_sigma_dn"].to_numpy(float)
+        found = robust(values, stream(seed, "bootstrap", "noise", *key), draws)
+        present = robust(truth, stream(seed, "bootstrap", "noise truth", *key), 1)
+        error = np.abs(values - truth)
+        rows.append(
+            {
+                **dict(zip(keys, key, strict=True)),
+                "median_dn": found.median,
+                "minimum_dn": found.minimum,
+                "maximum_dn": found.maximum,
+                "low_dn": found.low,
+                "high_dn": found.high,
+                "true_median_dn": present.median,
+                "patch_error_dn": float(np.nanmean(error)) if np.isfinite(error).any() else float("nan"),
+                "count": found.count,
+                "rejected": found.rejected,
+                "abstained": found.abstained,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def metrics(summary: pd.DataFrame) -> dict[str, Any]:
+    """What continuous integration compares: medians, errors and abstentions, nested by effect and level.
+
+    Args:
+        summary: `pipeline.tables.NOISE_SUMMARY` of one dataset and estimator.
+    """
+    nested: dict[str, Any] = {}
+    for row in summary.itertuples(index=False):
+        cell = nested.setdefault(str(row.effect), {})
+        cell[f"{row.level_dn:g}"] = {
+            "median_dn": row.median_dn,
+            "true_median_dn": row.true_median_dn,
+            "patch_error_dn": row.patch_error_dn,
+            "abstained": int(row.abstained),
+            "count": int(row.count),
+        }
+    return nested

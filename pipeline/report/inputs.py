@@ -1,0 +1,143 @@
+"""What a report is made from: where each stage left its files. What is absent is shown as not run, never dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline import tables
+from pipeline.errors import InputError
+from pipeline.store import Schema, read_arrays, read_json, read_table
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+SUMMARY_SUFFIX = "summary.parquet"
+
+
+@dataclass(frozen=True)
+class ReportInputs:
+    """Folders and files of the stages before the report. A folder that does not exist counts as not run.
+
+    Attributes:
+        paper: folder of published numbers (``data/paper``).
+        index: dataset -> folder with ``frames.parquet``, ``patches.parquet``, ``quarantine.parquet``,
+            ``samples.npz`` (up to four arrays ``frame_<name>``, (H, W) uint8) and ``boxes.json``
+            (frame name -> list of ``{label, x1, y1, x2, y2, ignore}``).
+        psf: folder with ``kernels.parquet`` and ``kernels.npz`` (kernel name -> (k, k)).
+        corrupt: dataset -> folder with ``corruption.parquet``, ``gallery.npz`` (named (H, W) arrays, uint8 or float
+            in [0, 1]) and ``gallery.json``: ``{"chain": [{"array", "title", "caption"}], "effects": [{"array",
+            "effect", "level_dn"}], "frame": name}``, both lists in the order shown.
+        noise: folder, searched with its sub-folders, of ``<dataset>-<estimator>.parquet`` (estimates) and files ending
+            in ``summary.parquet``.
+        star: folder with ``star.npz`` (``image``, (H, W)) and ``star.json`` (``frequency`` in fractions of Nyquist,
+            ``measured``, ``formula``).
+        formation: JSON of our image-formation constants and moments, quantity -> number.
+        results: ledger item -> table (CSV or Parquet) with the key and value columns of that item's published file.
+        runtime: table (CSV or Parquet) of run times on declared hardware.
+        absent: dataset without data -> the line that would run it.
+        lock: ``dvc.lock``, for the hashes of what went in.
+        code_version: of the package.
+        profile: name of the profile that ran.
+        runs: stage -> the line that re-runs it, where that is not ``dvc repro <stage>``.
+    """
+
+    paper: Path
+    index: Mapping[str, Path] = field(default_factory=dict)
+    psf: Path | None = None
+    corrupt: Mapping[str, Path] = field(default_factory=dict)
+    noise: Path | None = None
+    star: Path | None = None
+    formation: Path | None = None
+    results: Mapping[str, Path] = field(default_factory=dict)
+    runtime: Path | None = None
+    absent: Mapping[str, str] = field(default_factory=dict)
+    lock: Path | None = None
+    code_version: str = ""
+    profile: str = "default"
+    runs: Mapping[str, str] = field(default_factory=dict)
+
+    def line(self, stage: str) -> str:
+        """The command that runs a stage again."""
+        return self.runs.get(stage, f"dvc repro {stage}")
+
+    @property
+    def datasets(self) -> list[str]:
+        """Every dataset named, run or absent, in the paper's order."""
+        from pipeline.report.wording import DATASETS, in_order
+
+        return in_order([*self.index, *self.corrupt, *self.absent], DATASETS)
+
+
+def existing(path: Path | None) -> Path | None:
+    """The path if something is there, else None."""
+    return path if path is not None and path.exists() else None
+
+
+def optional_table(folder: Path | None, name: str, schema: Schema) -> pd.DataFrame | None:
+    """A table of a stage's folder, or None where the stage has not run."""
+    path = existing(folder / name if folder is not None else None)
+    return None if path is None else read_table(path, schema)
+
+
+def optional_arrays(folder: Path | None, name: str) -> dict[str, np.ndarray]:
+    """The arrays of a stage's folder; empty where the stage has not run."""
+    path = existing(folder / name if folder is not None else None)
+    return {} if path is None else read_arrays(path)
+
+
+def optional_json(folder: Path | None, name: str) -> Any:
+    """JSON of a stage's folder, or None where the stage has not run."""
+    path = existing(folder / name if folder is not None else None)
+    return None if path is None else read_json(path)
+
+
+def any_table(path: Path) -> pd.DataFrame:
+    """A CSV or Parquet table without a declared schema.
+
+    Raises:
+        InputError: the file is absent, of another kind, or broken.
+    """
+    import pandas as pd
+
+    try:
+        if path.suffix == ".csv":
+            return pd.read_csv(path)
+        if path.suffix == ".parquet":
+            return pd.read_parquet(path)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such table; run the stage that makes it (dvc repro)") from None
+    except (ValueError, OSError) as error:
+        raise InputError(f"{path}: not a readable table ({error}); delete it and run dvc repro") from None
+    raise InputError(f"{path}: expected a .csv or .parquet table")
+
+
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows of a table as dictionaries of plain Python values."""
+    return [{str(name): cell for name, cell in row.items()} for row in table.to_dict("records")]
+
+
+def noise_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Every noise summary and every patch-wise estimate found, each as one table (empty where none is).
+
+    Returns:
+        summary (`pipeline.tables.NOISE_SUMMARY`), estimates (`pipeline.tables.NOISE_ESTIMATES`).
+    """
+    import pandas as pd
+
+    folder = existing(inputs.noise)
+    paths = sorted(folder.rglob("*.parquet")) if folder is not None else []
+    found: dict[bool, list[pd.DataFrame]] = {True: [], False: []}
+    for path in paths:
+        is_summary = path.name.endswith(SUMMARY_SUFFIX)
+        found[is_summary].append(read_table(path, tables.NOISE_SUMMARY if is_summary else tables.NOISE_ESTIMATES))
+
+    def joined(parts: list[pd.DataFrame], schema: Schema) -> pd.DataFrame:
+        if not parts:
+            return schema.conform(pd.DataFrame({name: [] for name in schema.columns}))
+        return pd.concat(parts, ignore_index=True)
+
+    return joined(found[True], tables.NOISE_SUMMARY), joined(found[False], tables.NOISE_ESTIMATES)

@@ -1,0 +1,148 @@
+"""Where the ledger's own numbers come from: each function reads one stage's files; None where it has not run.
+
+Each returns a table with the key and value columns of one ledger item (`pipeline.report.ledger_items`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline import tables
+from pipeline.errors import InputError
+from pipeline.report.inputs import ReportInputs, existing, noise_tables, optional_json, optional_table
+from pipeline.store import read_json
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
+PAPER_LEVELS_DN = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
+
+
+def formation(inputs: ReportInputs) -> pd.DataFrame | None:
+    """Constants and moments of our sensor, from the JSON that names them: columns quantity, value."""
+    import pandas as pd
+
+    path = existing(inputs.formation)
+    if path is None:
+        return None
+    numbers = read_json(path)
+    if not isinstance(numbers, dict) or not all(isinstance(value, (int, float)) for value in numbers.values()):
+        raise InputError(f"{path}: expected one JSON object that maps quantities to numbers; run the stage again")
+    return pd.DataFrame({"quantity": list(numbers), "value": [float(value) for value in numbers.values()]})
+
+
+def levels(inputs: ReportInputs) -> pd.DataFrame | None:
+    """Median over frames of the noise added, before the 8-bit range clips it: dataset, effect, level_dn, sigma_dn."""
+    import pandas as pd
+
+    parts = [optional_table(folder, "corruption.parquet", tables.CORRUPTION) for folder in inputs.corrupt.values()]
+    found = [part for part in parts if part is not None]
+    if not found:
+        return None
+    together = pd.concat(found, ignore_index=True)
+    keys = ["dataset", "effect", "level_dn"]
+    return together[[*keys, "sigma_dn"]].groupby(keys, as_index=False).median()
+
+
+def expected_levels(inputs: ReportInputs) -> pd.DataFrame:
+    """The level asked for is what the paper's scaling promises: the "published" side of `levels`.
+
+    Datasets that have not run are listed with the paper's effects and levels.
+    """
+    import pandas as pd
+
+    own = levels(inputs)
+    rows = []
+    ran = set() if own is None else set(own["dataset"])
+    if own is not None:
+        rows = own[["dataset", "effect", "level_dn"]].to_dict("records")
+    for dataset in inputs.datasets:
+        if dataset not in ran:
+            rows += [
+                {"dataset": dataset, "effect": effect, "level_dn": level}
+                for effect in PAPER_EFFECTS
+                for level in PAPER_LEVELS_DN
+            ]
+    table = pd.DataFrame(rows, columns=["dataset", "effect", "level_dn"])
+    return table.assign(sigma_dn=table["level_dn"].astype(float))
+
+
+def sizes(inputs: ReportInputs) -> pd.DataFrame | None:
+    """Frames and patches of each dataset: dataset, quantity, value."""
+    import pandas as pd
+
+    rows = []
+    for dataset, folder in inputs.index.items():
+        frames = optional_table(folder, "frames.parquet", tables.FRAMES)
+        patches = optional_table(folder, "patches.parquet", tables.PATCHES)
+        if frames is not None and len(frames):
+            found = {
+                "frames_noise": len(frames),
+                "width_px": frames["width_px"].median(),
+                "height_px": frames["height_px"].median(),
+            }
+            rows += [{"dataset": dataset, "quantity": name, "value": value} for name, value in found.items()]
+        if patches is not None:
+            blur = patches[patches["purpose"] == "blur"]
+            noise = patches[patches["purpose"] == "noise"].groupby("frame").size()
+            rows.append({"dataset": dataset, "quantity": "frames_blur", "value": blur["frame"].nunique()})
+            if len(noise):
+                rows.append({"dataset": dataset, "quantity": "noise_patches_per_frame", "value": noise.median()})
+    return pd.DataFrame(rows) if rows else None
+
+
+def noise_medians(inputs: ReportInputs) -> pd.DataFrame | None:
+    """Robust medians of every noise estimator: dataset, effect, level_dn, estimator, sigma_dn."""
+    summary, _ = noise_tables(inputs)
+    if summary.empty:
+        return None
+    return summary[["dataset", "effect", "level_dn", "estimator", "median_dn"]].rename(
+        columns={"median_dn": "sigma_dn"}
+    )
+
+
+def star_curve(inputs: ReportInputs) -> dict[str, np.ndarray] | None:
+    """Sim's star: ``frequency`` as fraction of Nyquist (the file says cycles per pixel), ``measured``, ``formula``.
+
+    Raises:
+        InputError: a curve is missing or of another length.
+    """
+    content = optional_json(inputs.star, "star.json")
+    if content is None:
+        return None
+    names = ("frequency", "measured", "formula")
+    curves = {name: np.asarray(content.get(name, []), dtype=float) for name in names}
+    if len({values.shape for values in curves.values()}) != 1 or not curves["frequency"].size:
+        raise InputError(
+            f"{inputs.star}/star.json: expected equally long lists {', '.join(names)}; run the stage again"
+        )
+    return {**curves, "frequency": 2.0 * curves["frequency"]}
+
+
+def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:
+    """Our Sim's ground truth at the paper's frequencies: dataset, estimator, statistic, frequency, mtf.
+
+    The measured curve is interpolated linearly, from one at frequency zero on; frequencies beyond it are left out.
+    """
+    import pandas as pd
+
+    curves = star_curve(inputs)
+    if curves is None:
+        return None
+    wanted = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6])
+    order = np.argsort(curves["frequency"])
+    frequency = np.concatenate([[0.0], curves["frequency"][order]])
+    measured = np.concatenate([[1.0], curves["measured"][order]])
+    wanted = wanted[wanted <= frequency[-1] + 1e-9]
+    return pd.DataFrame(
+        {
+            "dataset": "sim",
+            "estimator": "ground_truth",
+            "statistic": "value",
+            "frequency": wanted,
+            "mtf": np.interp(wanted, frequency, measured),
+        }
+    )

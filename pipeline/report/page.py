@@ -1,0 +1,117 @@
+"""The page: one self-contained HTML file with figures, tables, ledger and provenance inside.
+
+Nothing is loaded from elsewhere, and nothing in it depends on the time, the machine or the place of the files:
+the bytes follow from the inputs. It reads without JavaScript; with it, tables sort and series switch off.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pipeline.report import style, templates
+from pipeline.report.ledger import VERDICTS, LedgerRow, score, summary_table, to_table
+from pipeline.report.ledger_items import ITEMS, PICTURES_ONLY
+from pipeline.report.provenance import Provenance
+from pipeline.report.sections.base import NotRun, Section, ShownFigure
+from pipeline.report.table_formats import to_html
+from pipeline.report.tables import Table
+from pipeline.report.wording import word
+
+# The figures' neutral colours become the page's, which follow light or dark.
+_COLOURS = {style.INK: "var(--ink)", style.MUTED: "var(--muted)", style.GRID: "var(--rule)", style.PAPER: "var(--page)"}
+
+
+def inline_svg(svg: str, name: str, alt: str) -> str:
+    """An SVG file as an element of the page: ids made unique, neutral colours themed, described for all readers.
+
+    Args:
+        svg: content of a file written by `pipeline.report.style.save`.
+        name: of the figure; prefixes every id, so that figures on one page do not share any.
+        alt: description.
+    """
+    body = svg[svg.index("<svg") :]
+    body = re.sub(r"\s*<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', body)
+    body = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', body)
+    body = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", body)
+    for colour, variable in _COLOURS.items():
+        body = body.replace(colour, variable)
+    head, rest = body.split(">", 1)
+    head = re.sub(r'\s(?:width|height|version)="[^"]*"', "", head)
+    label = html.escape(alt, quote=True)
+    return f'{head} role="img" aria-label="{label}"><title>{label}</title>{rest}'
+
+
+def _ledger_parts(rows: Sequence[LedgerRow]) -> list[dict[str, Any]]:
+    """The ledger item by item: its table, its counts, and the lines that would run what is missing."""
+    parts = []
+    for item in ITEMS:
+        own = [row for row in rows if row.item == item.name]
+        if not own:
+            continue
+        found = score(own)
+        missing = sorted({(row.why, row.line) for row in own if row.verdict == "not run"})
+        table = to_table(own, f"ledger_{item.name}", f"{item.title}.")
+        parts.append(
+            {
+                "title": item.title,
+                "score": found,
+                "any": found.total > found.counts["not run"],
+                "missing": missing,
+                "table": to_html(Table(table.name, table.caption, table.columns, table.rows)),
+            }
+        )
+    return parts
+
+
+def render(
+    sections: Sequence[Section],
+    rows: Sequence[LedgerRow],
+    origins: Sequence[Provenance],
+    svgs: Mapping[str, str],
+    profile: str,
+    code_version: str,
+) -> str:
+    """The whole page.
+
+    Args:
+        sections: in order.
+        rows: the whole ledger.
+        origins: of every figure and table.
+        svgs: figure name -> its SVG file.
+        profile: that ran.
+        code_version: of the package.
+
+    Returns:
+        HTML.
+    """
+    titles = {item.name: item.title for item in ITEMS}
+    runs = [run for section in sections for run in section.runs]
+    return (
+        templates.environment()
+        .get_template("page.html.j2")
+        .render(
+            sections=sections,
+            score=score(rows),
+            verdicts=VERDICTS,
+            ledger=_ledger_parts(rows),
+            ledger_summary=to_html(summary_table(rows, titles)),
+            pictures_only=PICTURES_ONLY,
+            runs=runs,
+            ran=sum(run.ran for run in runs),
+            origins=origins,
+            profile=profile,
+            code_version=code_version,
+            css=templates.text("style.css"),
+            script=templates.text("script.js"),
+            svg=lambda figure: inline_svg(svgs[figure.name], figure.name, figure.drawing.alt),
+            table=to_html,
+            is_figure=lambda block: isinstance(block, ShownFigure),
+            is_missing=lambda block: isinstance(block, NotRun),
+            word=word,
+            colour=lambda name, position: style.series_look(name, position)["color"],
+        )
+    )

@@ -1,0 +1,86 @@
+"""Where each item of the report comes from: its stage, parameters and input hashes, read from ``dvc.lock``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+from pipeline.errors import InputError
+from pipeline.report.inputs import ReportInputs, existing
+
+SHOWN_HASH = 10  # letters of a hash that are shown
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """The origin of one figure or table.
+
+    Attributes:
+        item: name of the figure or table.
+        stage: of DVC.
+        line: command that makes it again.
+        inputs: path -> hash of what the stage read; empty where ``dvc.lock`` does not hold the stage.
+        parameters: of the stage, as one line of JSON each.
+    """
+
+    item: str
+    stage: str
+    line: str
+    inputs: Mapping[str, str]
+    parameters: Sequence[str]
+
+
+def read_lock(path: Path | None) -> dict[str, Any]:
+    """The stages of a ``dvc.lock``; empty where there is none.
+
+    Raises:
+        InputError: the file is not a DVC lock file.
+    """
+    import yaml
+
+    found = existing(path)
+    if found is None:
+        return {}
+    try:
+        content = yaml.safe_load(found.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise InputError(f"{found}: not valid YAML ({error}); restore it from git or run dvc repro") from None
+    if content is None:
+        return {}
+    stages = content.get("stages", {}) if isinstance(content, dict) else None
+    if not isinstance(stages, dict):
+        raise InputError(f"{found}: expected a mapping with 'stages'; restore it from git or run dvc repro")
+    return stages
+
+
+def shown_path(path: str) -> str:
+    """A path as the report shows it: an absolute one, which belongs to one machine, keeps its last part only."""
+    for kind in (PurePosixPath, PureWindowsPath):
+        if kind(path).is_absolute():
+            return f"…/{kind(path).name}"
+    return path
+
+
+def origin(item: str, stage: str, stages: Mapping[str, Any], inputs: ReportInputs) -> Provenance:
+    """The origin of one item.
+
+    Args:
+        item: name of the figure or table.
+        stage: of DVC, e.g. ``"noise@sim-pca"``.
+        stages: from `read_lock`.
+        inputs: of the report.
+    """
+    entry = stages.get(stage) or {}
+    hashes = {}
+    for dependency in entry.get("deps", []):
+        digest = dependency.get("md5") or dependency.get("etag") or dependency.get("checksum") or ""
+        hashes[shown_path(str(dependency.get("path", "")))] = str(digest).removesuffix(".dir")[:SHOWN_HASH]
+    parameters = []
+    for values in (entry.get("params") or {}).values():
+        parameters += [
+            f"{key} = {json.dumps(value, sort_keys=True, ensure_ascii=False)}" for key, value in sorted(values.items())
+        ]
+    return Provenance(item, stage, inputs.line(stage), dict(sorted(hashes.items())), parameters)

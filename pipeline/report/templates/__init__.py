@@ -1,0 +1,30 @@
+"""The page's templates, style sheet and script, and the engine that fills them in."""
+
+from __future__ import annotations
+
+import functools
+from importlib import resources
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+@functools.cache
+def environment() -> Environment:
+    """Jinja with every value escaped unless marked as safe; an unknown name is an error, not an empty string."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=PackageLoader("pipeline.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+
+
+def text(name: str) -> str:
+    """The content of one template file as it is, e.g. ``"style.css"``."""
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")

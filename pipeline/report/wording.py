@@ -1,0 +1,53 @@
+"""Words shown to readers for the names used in tables: datasets, estimators, noise effects, kinds of blur."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+DATASETS = {"sim": "Sim", "photos": "Photos", "kitti": "KITTI", "udacity": "Udacity"}
+ESTIMATORS = {
+    "pca": "PCA",
+    "bf": "B+F",
+    "cnn": "CNN",
+    "cellwise": "Cell-wise",
+    "wavelet": "Wavelet",
+    "immerkaer": "Immerkær",
+    "pmp": "PMP",
+    "gbb": "GBB",
+    "spectral": "Spectral",
+    "ground_truth": "Ground truth",
+}
+EFFECTS = {
+    "photon": "Photon",
+    "dcsn": "DCSN",
+    "readout": "Readout",
+    "combined": "Combined",
+    "sensor": "Dark current + readout",
+}
+BLURS = {"defocus": "Defocus", "linear_motion": "Linear motion", "nonlinear_motion": "Non-linear motion"}
+_WORDS = {**DATASETS, **ESTIMATORS, **EFFECTS, **BLURS}
+
+
+def word(name: str) -> str:
+    """The word for a name; a name not listed here is shown as it is, with spaces for underscores."""
+    return _WORDS.get(name, name.replace("_", " "))
+
+
+def in_order(names: Iterable[str], order: Iterable[str]) -> list[str]:
+    """Names without repeats: those of ``order`` first, in its order, then the others alphabetically."""
+    present = set(names)
+    known = [name for name in order if name in present]
+    return known + sorted(present - set(known))
+
+
+def listing(words: Iterable[str]) -> str:
+    """``"a"``, ``"a and b"``, ``"a, b and c"``; ``"none"`` without words."""
+    items = list(words)
+    if len(items) < 2:
+        return items[0] if items else "none"
+    return f"{', '.join(items[:-1])} and {items[-1]}"
+
+
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """``"1 frame"``, ``"2 frames"``, with thousands set apart."""
+    return f"{number:,} {noun if number == 1 else plural or noun + 's'}"

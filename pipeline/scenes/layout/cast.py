@@ -1,0 +1,101 @@
+"""The objects of a scene as actors: each drawn from its own random stream, and where it stands claimed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+
+from pipeline.scenes.layout.plan import Key
+from pipeline.scenes.layout.site import Footprint, Site, footprint_of
+from pipeline.scenes.objects import bicycle, car, person, tree
+from pipeline.scenes.objects.base import SceneObject
+from pipeline.scenes.traffic import Actor, Stance, Straight, Track, fixed
+from pipeline.streams import stream
+
+CAR_KINDS = ("sedan", "hatch", "suv", "van", "wagon")
+_CAR_SHARES = (0.25, 0.30, 0.20, 0.10, 0.15)
+_PERSON_RADIUS_M = 0.32
+_TRIES = 40
+
+Draw = Callable[[np.random.Generator], Track]
+
+
+@lru_cache(maxsize=2)
+def trees(seed: int, split: str) -> tuple[tuple[SceneObject, ...], tuple[SceneObject, ...]]:
+    """Prototypes of near and of far trees, shared by all scenes of a split; kept for the process."""
+    near = tuple(tree.make(stream(seed, "sim", split, "near tree", index)) for index in range(5))
+    far = tuple(tree.make(stream(seed, "sim", split, "far tree", index), far=True) for index in range(4))
+    return near, far
+
+
+def plant(
+    key: Key, name: str, x_m: float, y_m: float, z_m: float = 0.0, *, far: bool = False, size: tuple[float, float]
+) -> Actor:
+    """A tree at a place; size is the range of factors on the prototype's size."""
+    generator = key.stream(name)
+    kinds = trees(key.seed, key.split)[int(far)]
+    thing = kinds[int(generator.integers(len(kinds)))]
+    stance = Stance(x_m, y_m, z_m, float(generator.uniform(0.0, 2 * np.pi)))
+    return fixed(name, thing, stance, float(generator.uniform(*size)))
+
+
+def drive(key: Key, name: str, site: Site, draw: Draw, gap_m: float = 0.9) -> Actor | None:
+    """A car on the first free of the tracks drawn, or None if none of them is free.
+
+    Args:
+        key: of the viewpoint.
+        name: of the car.
+        site: footprints at t = 0; the car's is added.
+        draw: draws a track; a speed of 0 parks it.
+        gap_m: distance to keep.
+    """
+    place = key.stream(name, "place")
+    kind = str(place.choice(CAR_KINDS, p=_CAR_SHARES))
+    still = car.make(kind, key.stream(name))
+    for _ in range(_TRIES):
+        track = draw(place)
+        stance = track.at(0.0)
+        if site.claim(footprint_of(still.mesh, stance.x_m, stance.y_m, stance.yaw_rad), gap_m):
+            if track.speed_mps == 0.0:
+                return Actor(name, track, lambda _: still)
+            return Actor(name, track, lambda way: car.make(kind, key.stream(name), travel_m=way))
+    return None
+
+
+def walk(key: Key, name: str, site: Site, draw: Draw, gap_m: float = 0.35) -> Actor | None:
+    """A person on the first free track; walks where the track has a speed, else stands."""
+    place = key.stream(name, "place")
+    begin = float(place.uniform(0.0, 2 * np.pi))
+    for _ in range(_TRIES):
+        track = draw(place)
+        stance = track.at(0.0)
+        if site.claim(Footprint(stance.x_m, stance.y_m, 0.0, _PERSON_RADIUS_M, _PERSON_RADIUS_M), gap_m):
+            return Actor(name, track, lambda way: person.make(key.stream(name), begin, way))
+    return None
+
+
+def cycle(key: Key, name: str, site: Site, draw: Draw, gap_m: float = 0.5) -> list[Actor]:
+    """A bicycle on the first free track: with a rider if it moves, else on its stand; nothing if none is free."""
+    place = key.stream(name, "place")
+    for _ in range(_TRIES):
+        track = draw(place)
+        stance = track.at(0.0)
+        if not site.claim(Footprint(stance.x_m, stance.y_m, stance.yaw_rad, 0.95, 0.35), gap_m):
+            continue
+        if track.speed_mps == 0.0:
+            still = bicycle.make(key.stream(name))
+            return [Actor(name, track, lambda _: still)]
+        return [
+            Actor(name, track, lambda way: bicycle.make(key.stream(name), travel_m=way)),
+            Actor(f"{name}-rider", track, lambda way: bicycle.make_rider(key.stream(name), travel_m=way)),
+        ]
+    return []
+
+
+def stand(name: str, thing: SceneObject, site: Site, stance: Stance, gap_m: float = 0.3) -> Actor | None:
+    """A fixed object if its footprint is free."""
+    if site.claim(footprint_of(thing.mesh, stance.x_m, stance.y_m, stance.yaw_rad), gap_m):
+        return Actor(name, Straight(stance), lambda _: thing)
+    return None

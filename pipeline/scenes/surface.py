@@ -1,0 +1,164 @@
+"""What rays hit: albedo, mirror reflectance and shading normal at the points of first hits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.scenes.objects.base import Surface
+from pipeline.scenes.objects.materials import MATERIALS
+from pipeline.scenes.textures import library
+from pipeline.scenes.world import NAMES, Hits, World
+
+Array = NDArray[np.float32]
+
+# material -> (size of the second layer in metres, its strength): hides the repetition of tiles
+_SECOND_LAYER = {
+    "asphalt": (23.0, 0.10),
+    "litter": (23.0, 0.18),
+    "dirt": (23.0, 0.18),
+    "grass": (23.0, 0.20),
+    "paver": (23.0, 0.12),
+    "cobble": (23.0, 0.15),
+    "concrete": (23.0, 0.10),
+    "brick": (7.3, 0.18),
+    "stone": (7.3, 0.18),
+    "plaster": (7.3, 0.18),
+    "plank": (7.3, 0.18),
+    "tile": (7.3, 0.20),
+    "shingle": (7.3, 0.20),
+}
+_F0 = np.array([MATERIALS[name].f0 for name in NAMES], np.float32)
+_TWO_SIDED = np.array([MATERIALS[name].two_sided for name in NAMES], np.bool_)
+_LARGEST_ALBEDO = 0.92
+
+
+@dataclass(frozen=True)
+class Points:
+    """K surface points ready for light.
+
+    Attributes:
+        position: (K, 3) world coordinates, metres.
+        normal: (K, 3) unit shading normals, on the viewer's side (leaves: either).
+        geometric: (K, 3) unit normals of the faces, on the viewer's side.
+        albedo: (K,) diffuse albedo.
+        f0: (K,) mirror reflectance at normal incidence.
+        thin: (K,) lit from both sides (leaves).
+        material: (K,) codes.
+        distance_m: (K,) from the ray's origin.
+    """
+
+    position: Array
+    normal: Array
+    geometric: Array
+    albedo: Array
+    f0: Array
+    thin: NDArray[np.bool_]
+    material: NDArray[np.int16]
+    distance_m: Array
+
+
+def surface_points(world: World, origin: Array, direction: Array, hits: Hits, angle_rad: float) -> Points:
+    """Interpolate, texture and paint the points rays hit.
+
+    Args:
+        world: what was hit.
+        origin: (3,) or (K, 3) where the rays began.
+        direction: (K, 3) unit vectors.
+        hits: all of which hit something.
+        angle_rad: angle between neighbouring samples; times distance it is the footprint of a sample.
+    """
+    thing, face = hits.thing, hits.face
+    weight = np.stack([1.0 - hits.u - hits.v, hits.u, hits.v], axis=1)
+    blended = np.einsum("kc,kca->ka", weight, world.corners[face])
+    geometric = _unit(hits.geometric)
+    facing = np.einsum("ka,ka->k", geometric, direction)
+    geometric *= np.where(facing > 0, np.float32(-1), np.float32(1))[:, None]
+    # a surface seen at a grazing angle covers more of its texture; the mean of both directions is taken
+    slant = np.sqrt(np.maximum(np.abs(facing), np.float32(0.02)))
+    footprint = (hits.distance_m * np.float32(0.8 * angle_rad) / slant).astype(np.float32)
+    footprint /= world.scale[thing]
+    material = world.material[face]
+    normal = _unit(blended[:, 0:3])
+    albedo = np.empty(len(thing), np.float32)
+    f0 = _F0[material]
+    tangents = world.tangents
+    for code, painter, rows in _groups(world, thing, material):
+        name = NAMES[code]
+        local, uv, foot = blended[rows, 3:6], blended[rows, 6:8], footprint[rows]
+        tone, slope = _textured(name, uv, foot)
+        tone = tone * world.tint[thing[rows], code]
+        if painter >= 0:
+            towards = _turned(direction[rows], world.cos[thing[rows]], -world.sin[thing[rows]])
+            surface = Surface(local, normal[rows], uv, tone, foot, towards)
+            tone, f0[rows] = world.painters[painter](surface)
+        albedo[rows] = tone
+        if slope is not None:
+            both = tangents[face[rows]]
+            bent = normal[rows] - both[:, 0:3] * slope[:, :1] - both[:, 3:6] * slope[:, 1:]
+            normal[rows] = _unit(bent)
+    normal = _turned(normal, world.cos[thing], world.sin[thing])
+    thin = _TWO_SIDED[material]
+    # smooth normals may lean away from a face that is seen edge on; a closed surface shows its outer side
+    wrong = (np.einsum("ka,ka->k", normal, geometric) < 0) & ~thin
+    normal[wrong] *= -1
+    position = origin + direction * hits.distance_m[:, None]
+    return Points(
+        position=position.astype(np.float32, copy=False),
+        normal=normal,
+        geometric=geometric,
+        albedo=np.clip(albedo, 0.005, _LARGEST_ALBEDO),
+        f0=f0,
+        thin=thin,
+        material=material,
+        distance_m=hits.distance_m,
+    )
+
+
+def mean_albedo(world: World, hits: Hits) -> Array:
+    """(K,) albedo of hits without textures or painters: what mirrors show."""
+    code = world.material[hits.face]
+    constants = np.array([MATERIALS[name].albedo for name in NAMES], np.float32)
+    return constants[code] * world.tint[hits.thing, code]
+
+
+def _groups(world: World, thing: NDArray[np.int32], material: NDArray[np.int16]) -> list[tuple[int, int, NDArray]]:
+    """Rows that share a material and a painter: (code, painter or -1, row numbers)."""
+    painter = world.painter[thing, material]
+    key = np.where(painter >= 0, painter.astype(np.int32) + len(NAMES), material.astype(np.int32))
+    order = np.argsort(key.astype(np.int16) if len(world.painters) < 30_000 else key, kind="stable")
+    cuts = np.flatnonzero(np.diff(key[order])) + 1
+    return [(int(material[rows[0]]), int(painter[rows[0]]), rows) for rows in np.split(order, cuts) if len(rows)]
+
+
+def _textured(name: str, uv: Array, footprint: Array) -> tuple[Array, Array | None]:
+    """Albedo (K,) and, where there is relief, slope (K, 2) of a material."""
+    material = MATERIALS[name]
+    if material.texture is None:
+        return np.full(len(uv), material.albedo, np.float32), None
+    textures = library()
+    texture = textures[material.texture]
+    albedo, slope = texture.sample(uv, footprint)
+    if name in _SECOND_LAYER:
+        size_m, strength = _SECOND_LAYER[name]
+        broad = textures["fbm"]
+        factor = np.float32(broad.size_m / size_m)
+        layer, _ = broad.sample(uv * factor + np.float32(0.37), footprint * factor)
+        albedo = albedo * np.exp(np.float32(strength) * layer)
+    if material.bump == 0.0:
+        return albedo, None
+    fade = np.clip(1.5 - footprint / np.float32(24.0 * texture.texel_m), 0.15, 1.0)
+    return albedo, slope * (np.float32(material.bump) * fade)[:, None]
+
+
+def _unit(vectors: Array) -> Array:
+    length = np.sqrt(np.einsum("ka,ka->k", vectors, vectors))
+    return vectors / np.maximum(length, np.float32(1e-12))[:, None]
+
+
+def _turned(vectors: Array, cos: Array, sin: Array) -> Array:
+    """(K, 3) vectors turned about z, each by its own angle."""
+    x, y = vectors[:, 0], vectors[:, 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y, vectors[:, 2]], axis=1)

@@ -1,0 +1,61 @@
+"""Stage `corrupt`: corruption levels with their truth on every frame, and the gallery of the image-formation chain."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from pipeline.config.entry import Run, stage
+
+if TYPE_CHECKING:
+    from pipeline.datasets.corrupted import CameraSettings
+    from pipeline.datasets.frame import Frame
+
+
+@stage("corrupt", reads=["seed", "camera", "corruption", "datasets.{dataset}"], job=["dataset"])
+def run(run: Run) -> None:
+    """Corrupt every frame by every effect and level; keep the truth, and pictures of one frame."""
+    import pandas as pd
+
+    from pipeline import store, tables
+    from pipeline.datasets.corrupted import CameraSettings
+    from pipeline.datasets.gallery import gallery
+    from pipeline.datasets.index import indexed_frames
+
+    name, params = run.job["dataset"], run.params
+    camera = CameraSettings.from_section(params.camera)
+    frames = indexed_frames(run.inputs / "data/index" / name, name, params.datasets[name])
+    effects, levels = params.corruption.effects, params.corruption.levels_dn
+    work = partial(truth_of_frame, effects=effects, levels_dn=levels, camera=camera, seed=params.seed)
+    rows = [row for found in run.map(work, frames, f"corruption of {name}") for row in found]
+    truth = tables.CORRUPTION.conform(pd.DataFrame(rows))
+    section = params.corruption.gallery
+    arrays, description = gallery(
+        frames[0], effects, levels, camera, params.seed, section.sigma_dn, section.kernel_size_px, section.crop_px
+    )
+    with store.replacing_folder(run.outputs / "data/corrupt" / name) as folder:
+        store.write_table(folder / "corruption.parquet", truth, tables.CORRUPTION)
+        store.write_arrays(folder / "gallery.npz", **arrays)
+        store.write_json(folder / "gallery.json", description)
+    cells = truth.groupby(["effect", "level_dn"])[["gain", "sigma_dn", "sigma_clipped_dn", "clipped_fraction"]].mean()
+    metrics = {f"{effect}-{level:g}": row.to_dict() for (effect, level), row in cells.iterrows()}
+    store.write_json(run.outputs / f"reports/metrics/corrupt/{name}.json", metrics)
+
+
+def truth_of_frame(
+    frame: Frame, *, effects: list[str], levels_dn: list[float], camera: CameraSettings, seed: int
+) -> list[dict[str, Any]]:
+    """What one worker does: the truth of all effects and levels of one frame."""
+    from pipeline.datasets.corrupted import corrupted
+
+    sharp = frame.image()
+    place = {"dataset": frame.dataset, "frame": frame.name}
+    return [
+        {**place, **corrupted(sharp, frame, effect, level, camera, seed).row()}
+        for effect in effects
+        for level in levels_dn
+    ]
+
+
+if __name__ == "__main__":
+    run()

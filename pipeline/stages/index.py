@@ -1,0 +1,68 @@
+"""Stage `index`: the frames and patches used of one dataset, and what was set aside and why."""
+
+from __future__ import annotations
+
+import hashlib
+
+from pipeline.config.entry import Run, stage
+
+READS = ["datasets.{dataset}", "noise.tile_px", "blur", "report.example_frames"]
+
+
+@stage("index", reads=READS, job=["dataset"])
+def run(run: Run) -> None:
+    """Scan the dataset, write the tables, a few example frames and a manifest of content hashes."""
+    from pipeline import store, tables
+    from pipeline.datasets.index import index
+    from pipeline.datasets.open import open_section
+
+    name, params = run.job["dataset"], run.params
+    dataset = open_section(name, params.datasets[name])
+    found = index(
+        dataset,
+        tile_px=params.noise.tile_px,
+        patch_px=params.blur.patch_px,
+        max_bad_share=params.datasets[name].max_bad_share,
+        run_map=run.map,
+    )
+    shown = found.usable[:: max(1, len(found.usable) // params.report.example_frames)][: params.report.example_frames]
+    boxes = {
+        frame.name: [
+            {"label": b.label, "x1": b.x1, "y1": b.y1, "x2": b.x2, "y2": b.y2, "ignore": b.ignore} for b in frame.boxes
+        ]
+        for frame in shown
+    }
+    with store.replacing_folder(run.outputs / "data/index" / name) as folder:
+        store.write_table(folder / "frames.parquet", found.frames, tables.FRAMES)
+        store.write_table(folder / "patches.parquet", found.patches, tables.PATCHES)
+        store.write_table(folder / "quarantine.parquet", found.quarantine, tables.QUARANTINE)
+        store.write_json(folder / "boxes.json", boxes)
+        store.write_arrays(folder / "samples.npz", **{f"frame_{f.name}": to_8_bit(f.image()) for f in shown})
+        store.write_json(folder / "manifest.json", {f.name: content_hash(f.path) for f in found.usable})
+    patches = found.patches.groupby("purpose").size()
+    store.write_json(
+        run.outputs / f"reports/metrics/index/{name}.json",
+        {
+            "frames": len(found.frames),
+            "quarantined": len(found.quarantine),
+            "objects": int(found.frames["objects"].sum()),
+            "patches": {purpose: int(count) for purpose, count in patches.items()},
+            "statistics": found.frames.select_dtypes("float").mean().to_dict(),
+        },
+    )
+
+
+def to_8_bit(image):  # type: ignore[no-untyped-def]
+    """A float picture in [0, 1] as rounded 8 bit."""
+    import numpy as np
+
+    return np.rint(image * 255.0).astype(np.uint8)
+
+
+def content_hash(path):  # type: ignore[no-untyped-def]
+    """SHA-256 of a file, so that what depends on this index notices other pictures under the same names."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+if __name__ == "__main__":
+    run()

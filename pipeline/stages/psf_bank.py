@@ -1,0 +1,48 @@
+"""Stage `psf_bank`: the blur kernels of Table I with their true MTF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.config.entry import Run, stage
+
+OUT = "data/psf"
+
+
+@stage("psf_bank", reads=["seed", "camera", "psf"])
+def run(run: Run) -> None:
+    """Draw or load the kernels, sample their MTF, write both and a summary."""
+    import numpy as np
+    import pandas as pd
+
+    from pipeline import store, tables
+    from pipeline.camera import mtf
+    from pipeline.camera.paper_kernels import load
+    from pipeline.camera.psf.bank import bank
+
+    psf = run.params.psf
+    if psf.source == "paper":
+        kernels = [k for k in load(Path(psf.folder)) if k.kind in psf.kinds and k.size_px in psf.sizes_px]
+    else:
+        kernels = bank(psf.kinds, psf.sizes_px, psf.angles_deg, run.params.seed, camera=run.params.camera.kind)
+    rows = []
+    for kernel in kernels:
+        sampled = mtf.sample(kernel.psf)
+        for axis, values in zip("HV", sampled, strict=True):
+            for frequency, value in zip(mtf.FREQUENCIES, values, strict=True):
+                name = {"kernel": kernel.name, "kind": kernel.kind, "size_px": kernel.size_px}
+                angle = {"angle_deg": float(kernel.angle_deg), "source": psf.source, "axis": axis}
+                rows.append({**name, **angle, "frequency": float(frequency), "mtf": float(value)})
+    table = tables.KERNELS.conform(pd.DataFrame(rows))
+    with store.replacing_folder(run.outputs / OUT) as folder:
+        store.write_table(folder / "kernels.parquet", table, tables.KERNELS)
+        store.write_arrays(folder / "kernels.npz", **{k.name: k.psf.astype(np.float32) for k in kernels})
+    means = table.groupby(["kind", "size_px"])["mtf"].mean()
+    store.write_json(
+        run.outputs / "reports/metrics/psf.json",
+        {"kernels": len(kernels), "mean_mtf": {f"{kind}-{size}": value for (kind, size), value in means.items()}},
+    )
+
+
+if __name__ == "__main__":
+    run()

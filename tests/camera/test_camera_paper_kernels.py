@@ -1,0 +1,106 @@
+"""The paper's kernels: read from its tree, and their published MTF reproduced."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.camera import mtf, paper_kernels
+from pipeline.camera.psf import centroid_px, defocus
+from pipeline.errors import InputError
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """A small tree in the authors' layout, with one motion kernel two pixels off centre."""
+    for name, size in (("defocusBlur/3/3.png", 5), ("motionBlur/linear/0.0+7_45/7.png", 7)):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True)
+        picture = np.zeros((size, size), np.uint8)
+        picture[1, 1] = 100
+        picture[1, 2] = 50
+        cv2.imwrite(str(path), picture)
+    folder = tmp_path / "motionBlur/linear/0.0+7_45/MTF"
+    folder.mkdir()
+    for row, name in zip(mtf.sample(picture), ("MTF-Rad7.npz", "MTF-TangmotionBlurKernel.npz"), strict=True):
+        np.savez(folder / name, row.reshape(1, 1, 8))
+    return tmp_path
+
+
+def test_tree_is_read(tree: Path) -> None:
+    disc, motion = paper_kernels.load(tree)
+    assert (disc.name, disc.kind, disc.size_px, disc.angle_deg) == ("defocus_3", "defocus", 3, 0)
+    assert (motion.name, motion.kind, motion.size_px, motion.angle_deg) == (
+        "linear_motion_7_45",
+        "linear_motion",
+        7,
+        45,
+    )
+    assert motion.psf.dtype == np.float32 and motion.psf.sum() == pytest.approx(1)
+    assert motion.psf[1, 1] == pytest.approx(2 / 3)
+    assert np.allclose(paper_kernels.published_mtf(motion), mtf.sample(motion.psf))
+
+
+def test_kernels_can_be_chosen(tree: Path) -> None:
+    assert [k.name for k in paper_kernels.load(tree, kinds=["defocus"])] == ["defocus_3"]
+    assert [k.name for k in paper_kernels.load(tree, sizes_px=[7])] == ["linear_motion_7_45"]
+    assert [k.name for k in paper_kernels.load(tree, angles_deg=[90])] == ["defocus_3"]
+    with pytest.raises(InputError, match="sizes 21"):
+        paper_kernels.load(tree, sizes_px=[21])
+
+
+def test_centred_kernels_keep_their_mtf(tree: Path) -> None:
+    for loose, centred in zip(paper_kernels.load(tree), paper_kernels.load(tree, centred=True), strict=True):
+        assert max(map(abs, centroid_px(loose.psf))) > 0.6
+        assert max(map(abs, centroid_px(centred.psf))) <= 0.5
+        assert np.allclose(mtf.sample(loose.psf), mtf.sample(centred.psf), atol=1e-7)
+
+
+def test_bad_input_is_named(tree: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no kernels of the paper in"):
+        paper_kernels.load(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="cannot read the kernel"):
+        paper_kernels.read_psf(tmp_path / "absent.png")
+    (tmp_path / "text.png").write_text("no picture")
+    with pytest.raises(InputError, match="not a picture"):
+        paper_kernels.read_psf(tmp_path / "text.png")
+    cv2.imwrite(str(tmp_path / "black.png"), np.zeros((3, 3), np.uint8))
+    with pytest.raises(InputError, match="all black"):
+        paper_kernels.read_psf(tmp_path / "black.png")
+    cv2.imwrite(str(tmp_path / "even.png"), np.ones((4, 3), np.uint8))
+    with pytest.raises(InputError, match="odd sides"):
+        paper_kernels.read_psf(tmp_path / "even.png")
+    with pytest.raises(InputError, match="0 files MTF-H or MTF-Rad"):
+        paper_kernels.published_mtf(paper_kernels.load(tree)[0])
+
+
+@pytest.mark.shared
+def test_all_published_mtf_are_reproduced(shared: Path) -> None:
+    kernels = paper_kernels.load(shared / "vectors/kernels")
+    assert len(kernels) == 50
+    assert {k.kind: sum(one.kind == k.kind for one in kernels) for k in kernels} == {
+        "defocus": 6,
+        "linear_motion": 24,
+        "nonlinear_motion": 20,
+    }
+    for one in kernels:
+        assert np.abs(mtf.sample(one.psf) - paper_kernels.published_mtf(one)).max() < 1e-5, one.name
+
+
+@pytest.mark.shared
+def test_rotations_of_the_paper_are_counter_clockwise(shared: Path) -> None:
+    kernels = {k.name: k.psf for k in paper_kernels.load(shared / "vectors/kernels")}
+    for name, psf in kernels.items():
+        if name.endswith("_0"):
+            assert np.array_equal(kernels[name.removesuffix("_0") + "_90"], np.rot90(psf)), name
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(("size_px", "levels"), [(3, 1), (5, 0), (7, 0), (11, 0), (15, 1), (21, 1)])
+def test_authors_discs_are_redrawn(shared: Path, size_px: int, levels: int) -> None:
+    path = shared / f"vectors/kernels/defocusBlur/{size_px}/{size_px}.png"
+    published = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE).astype(int)
+    assert np.abs(defocus.authors_disc_grey(size_px).astype(int) - published).max() <= levels

@@ -1,0 +1,105 @@
+"""The Siemens star gives back the MTF of a known blur."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline import streams
+from pipeline.camera import mtf, star
+from pipeline.camera.blur import blur
+from pipeline.camera.psf import create
+from pipeline.errors import InputError
+
+HEIGHT, WIDTH, CENTRE, PERIODS, AMPLITUDE = 768, 896, (447.5, 383.5), 60, 0.35
+
+
+@pytest.fixture(scope="module")
+def points() -> np.ndarray:
+    """A star sampled at points: a camera with an MTF of 1."""
+    return star.synthesise(HEIGHT, WIDTH, PERIODS, amplitude=AMPLITUDE)
+
+
+def test_a_perfect_star_has_full_contrast(points: np.ndarray) -> None:
+    assert np.abs(star.measure_mtf(points, CENTRE, PERIODS, amplitude=AMPLITUDE) - 1).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("kind", "size_px", "angle_deg"),
+    [("defocus", 3, 0), ("defocus", 7, 0), ("gaussian", 4, 0), ("linear_motion", 7, 0), ("linear_motion", 9, 30)],
+)
+def test_a_known_blur_is_measured(points: np.ndarray, kind: str, size_px: float, angle_deg: float) -> None:
+    psf = create(kind, size_px, angle_deg)
+    found = star.measure_mtf(blur(points, psf), CENTRE, PERIODS, amplitude=AMPLITUDE)
+    assert np.abs(found - mtf.sample(psf)).max() < 0.005
+
+
+def test_the_aperture_of_a_square_pixel_is_measured() -> None:
+    image = star.synthesise(HEIGHT, WIDTH, PERIODS, amplitude=AMPLITUDE, supersample=6)
+    # Mean of six points per pixel: sin(6 x) / (6 sin x) with x = pi f / 6, close to sinc(f).
+    x = np.pi * mtf.FREQUENCIES / 2 / 6
+    expected = np.sin(6 * x) / (6 * np.sin(x))
+    found = star.measure_mtf(image, CENTRE, PERIODS, amplitude=AMPLITUDE)
+    assert np.abs(found - expected).max() < 0.005
+
+
+def test_a_fine_blur_before_sampling_is_measured() -> None:
+    # A star four times as fine, blurred there by a disc of 20 fine pixels and averaged to pixels.
+    fine = star.synthesise(4 * 480, 4 * 480, 40, amplitude=AMPLITUDE)
+    psf = create("defocus", 20)
+    image = blur(fine, psf).reshape(480, 4, 480, 4).mean(axis=(1, 3))
+    frequencies = np.array([0.05, 0.1, 0.15, 0.2, 0.25])
+    x = np.pi * frequencies / 4
+    expected = mtf.curve(psf, 2 * frequencies / 4) * np.sin(4 * x) / (4 * np.sin(x))
+    for row, direction in enumerate(mtf.DIRECTIONS):
+        found = star.measure(image, (239.5, 239.5), 40, frequencies, amplitude=AMPLITUDE, direction=direction)
+        assert np.abs(found - expected[row]).max() < 0.005
+
+
+def test_all_directions_of_a_round_blur_agree(points: np.ndarray) -> None:
+    psf = create("defocus", 5)
+    image = blur(points, psf)
+    frequencies = mtf.FREQUENCIES[:7] / 2
+    found = star.measure(image, CENTRE, PERIODS, frequencies, amplitude=AMPLITUDE)
+    assert np.abs(found - mtf.curve(psf, 2 * frequencies)[0]).max() < 0.005
+
+
+def test_a_wrong_centre_and_a_shift_cost_little(points: np.ndarray) -> None:
+    psf = create("defocus", 5)
+    image = np.roll(blur(points, psf), (1, -1), axis=(0, 1))
+    found = star.measure_mtf(image, CENTRE, PERIODS, amplitude=AMPLITUDE)
+    assert np.abs(found - mtf.sample(psf)).max() < 0.01
+
+
+def test_noise_averages_out(points: np.ndarray) -> None:
+    psf = create("defocus", 5)
+    noise = streams.stream(0, "noise").normal(0, 5 / 255, points.shape)
+    found = star.measure_mtf(blur(points, psf) + noise, CENTRE, PERIODS, amplitude=AMPLITUDE)
+    assert np.abs(found - mtf.sample(psf)).max() < 0.06
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"frequencies_cycles_per_px": [0.01]}, "the picture ends after"),
+        ({"frequencies_cycles_per_px": [0.6]}, "Nyquist"),
+        ({"periods": 2}, "periods"),
+        ({"amplitude": 0}, "amplitude"),
+        ({"direction": "horizontl"}, "did you mean 'horizontal'"),
+        ({"periods": 8, "frequencies_cycles_per_px": [0.4]}, "too few to fit"),
+        ({"image": np.zeros((9, 9, 3))}, "expected .H, W."),
+    ],
+)
+def test_bad_input_is_named(options: dict, message: str) -> None:
+    arguments = {
+        "image": np.zeros((200, 200)),
+        "centre_px": (99.5, 99.5),
+        "periods": 30,
+        "frequencies_cycles_per_px": [0.2],
+        "amplitude": 0.35,
+        **options,
+    }
+    with pytest.raises(InputError, match=message):
+        star.measure(**arguments)
+    with pytest.raises(InputError, match="at least 1"):
+        star.synthesise(0, 10, 5)

@@ -1,0 +1,119 @@
+"""Configuration: every option composes, params.yaml is in step, mistakes are one clear line."""
+
+import itertools
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline.config import compose as compiling
+from pipeline.config.compose import compile_params, compose, load, parse
+from pipeline.errors import InputError
+
+ROOT = Path(__file__).resolve().parents[2]
+CONF = ROOT / "conf"
+GROUPS = {
+    folder.relative_to(CONF).as_posix(): sorted(path.stem for path in folder.glob("*.yaml"))
+    for folder in CONF.rglob("*")
+    if folder.is_dir() and list(folder.glob("*.yaml"))
+}
+TOP = {group: options for group, options in GROUPS.items() if group not in ("dataset", "estimator/noise")}
+PLACED = [f"+dataset@datasets.extra={name}" for name in GROUPS["dataset"]] + [
+    f"+estimator/noise@noise.estimators.extra={name}" for name in GROUPS["estimator/noise"]
+]
+
+
+@pytest.fixture(autouse=True)
+def at_top(monkeypatch):
+    monkeypatch.chdir(ROOT)
+
+
+@pytest.mark.parametrize(
+    "override", [f"{group}={option}" for group, options in TOP.items() for option in options] + PLACED
+)
+def test_every_group_option_composes_and_is_valid(override):
+    config = parse(compose([override]), "conf/")
+    assert list(config.datasets) == config.matrix.datasets
+    assert list(config.noise.estimators) == config.matrix.noise_estimators
+
+
+@pytest.mark.parametrize("profile", GROUPS["profile"])
+def test_profiles_know_their_name(profile):
+    assert parse(compose([f"profile={profile}"]), "conf/").profile == profile
+
+
+def test_params_yaml_is_what_conf_gives():
+    assert (ROOT / "params.yaml").read_text() == compose()
+
+
+def test_the_text_is_the_one_dvc_writes(tmp_path):
+    from dvc.utils.hydra import compose_and_dump
+
+    compose_and_dump(tmp_path / "params.yaml", str(CONF), None, "config", None, ["profile=smoke"])
+    assert (tmp_path / "params.yaml").read_text() == compose(["profile=smoke"])
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("noise.tile=64", ["noise.tile", "tile_px"]),
+        ("+noise.tile=64", ["noise.tile", "tile_px"]),
+        ("scene.samples=1", ["scene", "scenes"]),
+        ("noise.tile_px=-4", ["noise.tile_px", "-4"]),
+        ("noise.tile_px=many", ["noise.tile_px", "many"]),
+        ("profile=smok", ["profile", "smoke"]),
+        ("camera.kind=pinhole", ["camera.kind", "pinhole", "authors"]),
+        ("corruption.levels_dn=[]", ["corruption.levels_dn"]),
+        ("psf.source=paper", ["psf.folder"]),
+        ("matrix.datasets=[sim]", ["matrix.datasets", "derived"]),
+        ("noise=3", ["noise"]),
+        ("~camera", ["camera"]),
+    ],
+)
+def test_mistakes_name_the_key_and_the_remedy(override, words, tmp_path):
+    path = tmp_path / "params.yaml"
+    with pytest.raises(InputError) as caught:
+        compile_params([override], path)
+    message = str(caught.value)
+    assert all(word in message for word in words), message
+    assert len(message.splitlines()) <= 2
+    assert not path.exists()
+
+
+def test_drift_between_conf_and_params_is_shown(tmp_path, monkeypatch):
+    path = tmp_path / "params.yaml"
+    compile_params([], path)
+    compiling.check(path)
+    path.write_text(path.read_text().replace("seed: 1", "seed: 2"))
+    with pytest.raises(InputError, match=r"\+seed: 2"):
+        compiling.check(path)
+    monkeypatch.setenv("DVC_EXP_NAME", "an-experiment")
+    compiling.check(path)
+
+
+def test_compiling_twice_writes_once(tmp_path):
+    path = tmp_path / "params.yaml"
+    assert compile_params([], path)
+    assert not compile_params([], path)
+    assert load(path).seed == 1
+
+
+@pytest.mark.parametrize("text", ["[1, 2]", "a: [", ""])
+def test_broken_params_are_refused(tmp_path, text):
+    path = tmp_path / "params.yaml"
+    with pytest.raises(InputError, match=r"params\.yaml"):
+        load(path)
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"params\.yaml"):
+        load(path)
+
+
+def test_command_line_says_one_line_and_fails():
+    for arguments, word in itertools.product([["noise.tile=1"]], ["tile_px"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "pipeline.config", *arguments], capture_output=True, text=True, cwd=ROOT
+        )
+        assert done.returncode == 2
+        assert word in done.stderr
+        assert "Traceback" not in done.stderr

@@ -1,0 +1,63 @@
+"""Stages: both ways in, only declared parameters, clear words for a wrong job."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline.config.compose import compose, parse
+from pipeline.config.entry import stage
+from pipeline.errors import InputError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def config():
+    import os
+
+    here = Path.cwd()
+    os.chdir(ROOT)
+    try:
+        return parse(compose(), "conf/")
+    finally:
+        os.chdir(here)
+
+
+def run_stage(config, reads, body, job=(), **given):
+    stage("probe", reads=reads, job=job)(body).run(config, given, Path("in"), Path("out"))
+
+
+def test_declared_parameters_are_seen_and_no_others(config):
+    seen = {}
+
+    def body(run):
+        seen["levels"] = run.params.corruption.levels_dn
+        seen["datasets"] = list(run.params.datasets)
+        with pytest.raises(AttributeError, match="without declaring"):
+            _ = run.params.seed
+        with pytest.raises(AttributeError, match="corruption.effects"):
+            _ = run.params.corruption.effects
+
+    run_stage(config, ["corruption.levels_dn", "datasets.{dataset}"], body, ["dataset"], dataset="sim")
+    assert seen == {"levels": config.corruption.levels_dn, "datasets": ["sim"]}
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [({}, r"\+job.dataset"), ({"dataset": "simm"}, "did you mean 'sim'"), ({"dataset": "sim", "x": "1"}, "job.x")],
+)
+def test_a_wrong_job_is_named(config, given, word):
+    with pytest.raises(InputError, match=word):
+        run_stage(config, ["datasets.{dataset}"], lambda run: None, ["dataset"], **given)
+
+
+def test_params_mode_takes_job_keys_only():
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline.stages.psf_bank", "--params", "seed=2"],
+        capture_output=True, text=True, cwd=ROOT,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "seed=2" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,114 @@
+"""Statistics of a frame: closed forms on made images, and the measured rows of the paper's three sets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from pipeline.datasets.image_statistics import measure, radial_power, spectrum_slope
+from pipeline.datasets.pictures import read_grey
+from pipeline.streams import stream
+
+
+def coloured_noise(shape, exponent):
+    """Gaussian noise whose power falls with frequency to the given exponent."""
+    white = np.fft.fft2(stream(0, "statistics", exponent).normal(size=shape))
+    radius = np.hypot(np.fft.fftfreq(shape[0])[:, None], np.fft.fftfreq(shape[1])[None])
+    radius[0, 0] = 1
+    return np.fft.ifft2(white * radius ** (exponent / 2)).real
+
+
+@pytest.mark.parametrize("exponent", [0.0, -1.0, -2.0])
+@pytest.mark.parametrize("shape", [(512, 512), (375, 1242)])
+def test_slope_recovers_the_exponent(shape, exponent):
+    assert spectrum_slope(coloured_noise(shape, exponent)) == pytest.approx(exponent, abs=0.12)
+
+
+def test_slope_does_not_see_scale_or_offset():
+    image = coloured_noise((200, 300), -2.0)
+    assert spectrum_slope(40 * image + 1000) == pytest.approx(spectrum_slope(image), abs=1e-3)
+
+
+def test_power_of_a_wave_lies_in_its_ring():
+    x = np.arange(512)
+    frequency, power = radial_power(np.tile(np.sin(2 * np.pi * 0.1 * x), (512, 1)))
+    assert frequency[np.argmax(power)] == pytest.approx(0.1, rel=0.06)  # rings are 9 % wide
+
+
+def test_ramp_and_steps():
+    ramp = np.tile(np.arange(100) * 2.0, (60, 1)) / 255  # 2 DN a pixel to the right, none downwards
+    found = measure(ramp)
+    assert found.gradient_mean_dn == pytest.approx(2, rel=1e-4)
+    assert found.gradient_median_dn == found.gradient_p99_dn == pytest.approx(2, rel=1e-4)
+    assert (found.flat_fraction, found.strong_fraction) == (0, 0)
+    assert found.mean_dn == pytest.approx(99, rel=1e-5)
+    assert found.std_dn == pytest.approx(2 * math.sqrt((100**2 - 1) / 12), rel=1e-5)
+    assert found.dark_fraction == pytest.approx(0.02)
+    checks = np.indices((50, 50)).sum(0) % 2 * 1.0  # both differences are 255 DN everywhere
+    found = measure(checks)
+    assert found.gradient_mean_dn == pytest.approx(255 * math.sqrt(2), rel=1e-5)
+    assert (found.strong_fraction, found.dark_fraction, found.saturated_fraction) == (1, 0.5, 0.5)
+
+
+def test_flat_frame_has_no_slope():
+    found = measure(np.full((64, 64), 0.5, np.float32))
+    assert math.isnan(found.spectrum_slope)
+    assert (found.flat_fraction, found.std_dn, found.gradient_p99_dn) == (1, 0, 0)
+
+
+# mean over ten frames of each set as measured when the renderer was calibrated; other frames of the same sets here
+MEASURED = {
+    "kitti": (
+        "kitti/training/image_2/*.png",
+        {
+            "spectrum_slope": (-2.50, 0.15),
+            "mean_dn": (90, 15),
+            "std_dn": (78, 6),
+            "gradient_mean_dn": (10.1, 2.5),
+            "gradient_median_dn": (4.6, 1.5),
+            "gradient_p90_dn": (25, 7),
+            "gradient_p99_dn": (85, 10),
+            "flat_fraction": (0.28, 0.08),
+            "strong_fraction": (0.08, 0.03),
+        },
+    ),
+    "sim": (
+        "sim_authors/images/*.tiff",
+        {
+            "spectrum_slope": (-2.03, 0.1),
+            "mean_dn": (104, 5),
+            "std_dn": (44, 3),
+            "gradient_mean_dn": (19.2, 1),
+            "gradient_median_dn": (14.6, 1),
+            "gradient_p90_dn": (40, 2),
+            "gradient_p99_dn": (79, 3),
+            "flat_fraction": (0.03, 0.01),
+            "strong_fraction": (0.19, 0.01),
+        },
+    ),
+    "udacity": (
+        "udacity/object-dataset/*.jpg",
+        {
+            "spectrum_slope": (-2.63, 0.15),
+            "std_dn": (73, 5),
+            "gradient_mean_dn": (6.4, 1.2),
+            "gradient_median_dn": (1.9, 0.5),
+            "gradient_p90_dn": (18, 4),
+            "gradient_p99_dn": (64, 10),
+            "flat_fraction": (0.47, 0.05),
+            "strong_fraction": (0.05, 0.02),
+        },
+    ),
+}
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", list(MEASURED))
+def test_near_the_measured_rows(shared, name):
+    pattern, expected = MEASURED[name]
+    rows = [asdict(measure(read_grey(path))) for path in sorted((shared / "realdata").glob(pattern))]
+    for column, (value, margin) in expected.items():
+        assert np.mean([row[column] for row in rows]) == pytest.approx(value, abs=margin), column

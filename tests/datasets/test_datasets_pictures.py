@@ -1,0 +1,205 @@
+"""Pictures: every format the same grey levels, every broken file a reason."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import re
+
+import cv2
+import numpy as np
+import pytest
+from data_makers import picture
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from pipeline.datasets.pictures import (
+    BadPicture,
+    picture_size,
+    read_grey,
+    read_grey8,
+    read_picture,
+    to_eight_bit,
+)
+from pipeline.errors import InputError
+
+GREY = picture("pictures", 61, 45)
+COLOUR = np.stack([GREY, GREY[::-1], np.roll(GREY, 7, axis=1)], axis=2)
+LUMA = np.tensordot(COLOUR.astype(float), [0.299, 0.587, 0.114], axes=1) / 255
+
+
+def encoded(image: np.ndarray, file_format: str, **options) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, file_format, **options)
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize("suffix", ["png", "tiff", "bmp", "pgm"])
+def test_eight_bit_grey_is_read_exactly(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    cv2.imwrite(str(path), GREY)
+    grey = read_grey(path)
+    assert grey.dtype == np.float32
+    assert np.array_equal(grey, GREY.astype(np.float32) / np.float32(255))
+    assert np.array_equal(read_grey8(path), GREY)
+    assert picture_size(path) == (61, 45)
+
+
+@pytest.mark.parametrize("file_format", ["PNG", "TIFF", "BMP"])
+def test_colour_becomes_luma(tmp_path, file_format):
+    path = tmp_path / f"a.{file_format.lower()}"
+    path.write_bytes(encoded(COLOUR, file_format))
+    assert np.allclose(read_grey(path), LUMA, atol=1e-6)
+    assert read_picture(path).colour
+
+
+def test_jpeg_decodes_as_opencv_does(tmp_path):
+    path = tmp_path / "a.jpg"
+    path.write_bytes(encoded(COLOUR, "JPEG", quality=95))
+    theirs = cv2.cvtColor(cv2.imread(str(path)).astype(np.float32), cv2.COLOR_BGR2GRAY)
+    assert np.abs(read_grey(path) * 255 - theirs).max() < 1.01  # decoders may differ by a rounding
+
+
+def test_authors_channel_order_equals_their_call(tmp_path):
+    path = tmp_path / "a.png"
+    path.write_bytes(encoded(COLOUR, "PNG"))
+    theirs = cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_RGB2GRAY)  # pixels are BGR: the slip
+    assert np.array_equal(read_grey8(path, channel_order="authors"), theirs)
+    assert not np.array_equal(theirs, read_grey8(path))
+    with pytest.raises(InputError, match="channel_order='bgr'"):
+        read_grey(path, channel_order="bgr")
+
+
+@pytest.mark.parametrize("suffix", ["png", "tiff"])
+@pytest.mark.parametrize("colour", [False, True])
+def test_sixteen_bits_are_scaled_by_their_range(tmp_path, suffix, colour):
+    deep = (COLOUR if colour else GREY).astype(np.uint16) * 257 - (np.arange(61) % 3).astype(np.uint16)[
+        None, :, *([None] if colour else [])
+    ] * (np.asarray(COLOUR if colour else GREY) > 0)
+    path = tmp_path / f"a.{suffix}"
+    cv2.imwrite(str(path), deep[..., ::-1] if colour else deep)
+    expected = deep.astype(float) / 65535
+    if colour:
+        expected = np.tensordot(expected, [0.299, 0.587, 0.114], axes=1)
+    assert np.allclose(read_grey(path), expected, atol=1e-6)  # finer than 8 bits: 1/65535 = 1.5e-5
+    assert read_picture(path).pixels.dtype == np.uint16
+
+
+@pytest.mark.parametrize("mode", ["RGBA", "LA"])
+def test_alpha_is_dropped_and_said(tmp_path, mode):
+    opaque = Image.fromarray(COLOUR if mode == "RGBA" else GREY)
+    opaque.putalpha(Image.fromarray(GREY))
+    assert opaque.mode == mode
+    path = tmp_path / "a.png"
+    opaque.save(path)
+    assert read_picture(path).alpha
+    assert np.allclose(read_grey(path), LUMA if mode == "RGBA" else GREY / 255, atol=1e-6)
+
+
+def test_sixteen_bit_alpha_png(tmp_path):
+    path = tmp_path / "a.png"
+    deep = np.dstack([COLOUR[..., ::-1].astype(np.uint16) * 257, np.full(GREY.shape, 65535, np.uint16)])
+    cv2.imwrite(str(path), deep)
+    assert np.allclose(read_grey(path), LUMA, atol=1e-6)
+
+
+@pytest.mark.parametrize("mode", ["1", "P", "CMYK"])
+def test_other_pixel_formats(tmp_path, mode):
+    path = tmp_path / ("a.tiff" if mode == "CMYK" else "a.png")
+    converted = Image.fromarray(COLOUR).convert(mode)
+    converted.save(path)
+    luma = np.asarray(converted.convert("RGB")).astype(float) @ [0.299, 0.587, 0.114] / 255
+    assert np.allclose(read_grey(path), luma, atol=1e-6)
+
+
+def test_float_tiff(tmp_path):
+    path = tmp_path / "a.tiff"
+    values = (GREY / 255).astype(np.float32)
+    Image.fromarray(values).save(path)
+    assert np.array_equal(read_grey(path), values)
+    values[3, 4] = np.nan
+    Image.fromarray(values).save(path)
+    with pytest.raises(BadPicture, match="1 values are NaN"):
+        read_grey(path)
+    Image.fromarray((GREY * 2.0).astype(np.float32)).save(path)
+    with pytest.raises(BadPicture, match=r"expected \[0, 1\]"):
+        read_grey(path)
+
+
+ENCODINGS = [
+    ("PNG", {}),
+    ("JPEG", {}),
+    ("JPEG", {"progressive": True}),
+    ("TIFF", {}),
+    ("TIFF", {"compression": "tiff_lzw"}),
+    ("BMP", {}),
+    ("WEBP", {}),
+]
+
+
+@pytest.mark.parametrize(("file_format", "options"), ENCODINGS)
+@given(data=st.data())
+def test_any_truncation_is_noticed(tmp_path_factory, file_format, options, data):
+    whole = encoded(COLOUR, file_format, **options)
+    # JPEG ends with its end marker, whose own loss is noticed too; a TIFF may carry unused bytes at its very end
+    spare = 8 if file_format == "TIFF" else 1
+    kept = data.draw(st.integers(1, len(whole) - spare))
+    path = tmp_path_factory.mktemp("cut") / "a.bin"
+    path.write_bytes(whole[:kept])
+    with pytest.raises(BadPicture) as caught:
+        read_grey(path)
+    assert str(path) in str(caught.value)
+    assert caught.value.reason
+
+
+def test_broken_files_say_why(tmp_path):
+    cases = {
+        "empty.png": (b"", "empty file (0 bytes)"),
+        "text.png": (b"this is no picture at all", "not a picture"),
+        "small.png": (encoded(GREY[:9, :], "PNG"), "too small: 61x9 px"),
+    }
+    for name, (content, reason) in cases.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(BadPicture, match=re.escape(reason)):
+            read_grey(tmp_path / name)
+    with pytest.raises(BadPicture, match="no such file"):
+        read_grey(tmp_path / "absent.png")
+    with pytest.raises(BadPicture, match="cannot be read"):
+        read_grey(tmp_path)
+
+
+def test_pages_are_refused(tmp_path):
+    path = tmp_path / "a.tiff"
+    first = Image.fromarray(GREY)
+    first.save(path, save_all=True, append_images=[first, first])
+    with pytest.raises(BadPicture, match="3 pages"):
+        read_grey(path)
+
+
+def test_bad_picture_crosses_processes():
+    error = pickle.loads(pickle.dumps(BadPicture("a/b.png", "truncated")))
+    assert (str(error), error.reason) == ("a/b.png: truncated", "truncated")
+
+
+def test_size_of_what_is_no_picture(tmp_path):
+    (tmp_path / "a.png").write_bytes(b"no")
+    assert picture_size(tmp_path / "a.png") is None
+    assert picture_size(tmp_path / "absent.png") is None
+
+
+@given(st.floats(-1, 2, width=32))
+def test_eight_bit_rounds_to_nearest(value):
+    level = int(to_eight_bit(np.array([value], np.float32))[0])
+    assert abs(level - min(max(value, 0), 1) * 255) <= 0.5 + 1e-4
+
+
+@pytest.mark.shared
+def test_odd_tiff_directory_without_a_word(shared, capfd):
+    path = sorted((shared / "realdata" / "sim_authors" / "images").glob("*.tiff"))[0]
+    grey = read_grey(path)
+    assert grey.shape == (768, 896)
+    assert np.array_equal(read_grey8(path), cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), 0))
+    capfd.readouterr()  # OpenCV's remarks
+    read_grey(path)
+    assert capfd.readouterr() == ("", "")

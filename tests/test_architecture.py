@@ -1,0 +1,124 @@
+"""The shape of the house: floors, file sizes, where randomness begins, what a light command may import."""
+
+import ast
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "pipeline"
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+FLOORS = {
+    "errors": 0, "streams": 0, "store": 0, "registry": 0, "executor": 0, "statistics": 0, "tables": 0, "config": 0,
+    "camera": 1,
+    "scenes": 2,
+    "datasets": 3,
+    "blur": 4, "noise": 4, "detection": 4,
+    "condition": 5, "curves": 5,
+    "control": 6,
+    "report": 7,
+    "stages": 8, "cli": 8,
+}  # fmt: skip
+
+
+def folder(path):
+    """The top-level folder or module of the package a file belongs to."""
+    parts = path.relative_to(PACKAGE).parts
+    return Path(parts[0]).stem
+
+
+def imports(path):
+    """Names of the package's folders a file imports, anywhere in it, but for type checking."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    skipped = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module] if node.module != "pipeline" else [f"pipeline.{alias.name}" for alias in node.names]
+        for name in names:
+            if name.startswith("pipeline."):
+                yield name.split(".")[1], node.lineno
+
+
+def calls(path):
+    """Dotted names of everything a file calls."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call):
+            yield ast.unparse(node.func), node.lineno
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_modules_import_only_from_lower_floors(path):
+    own = folder(path)
+    if own == "__init__":
+        return
+    assert own in FLOORS, f"{own} has no floor; say where it belongs"
+    for other, line in imports(path):
+        if other != own:
+            below = FLOORS[other] < FLOORS[own] or FLOORS[own] == FLOORS[other] == 0
+            assert below, f"{path.relative_to(ROOT)}:{line} reaches from floor {FLOORS[own]} to {other}"
+
+
+def test_files_are_one_idea_long():
+    lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in FILES}
+    assert max(lengths.values()) <= 500, max(lengths, key=lengths.get)
+    assert statistics.median(n for path, n in lengths.items() if path.name != "__init__.py") <= 150
+
+
+def test_stage_files_hold_no_science():
+    for path in (PACKAGE / "stages").glob("*.py"):
+        assert len(path.read_text(encoding="utf-8").splitlines()) <= 110, path.name
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_randomness_begins_in_streams_only(path):
+    if path.name == "streams.py":
+        return
+    banned = ("np.random.", "numpy.random.", "random.", "torch.manual_seed", "torch.seed", "cv2.setRNGSeed", "cv2.randn")
+    for name, line in calls(path):
+        assert not name.startswith(banned), f"{path.relative_to(ROOT)}:{line} calls {name}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_nothing_is_swallowed_or_unpickled(path):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ExceptHandler):
+            everything = node.type is None or ast.unparse(node.type) in ("Exception", "BaseException")
+            swallowed = all(isinstance(step, (ast.Pass, ast.Continue, ast.Return)) for step in node.body)
+            assert not (everything and swallowed), f"{path.relative_to(ROOT)}:{node.lineno} swallows every error"
+    for name, line in calls(path):
+        assert name not in ("yaml.load", "pickle.load", "pickle.loads", "eval", "exec", "torch.load"), f"{path}:{line}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_every_module_and_public_name_says_what_it_is(path):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    assert ast.get_docstring(tree), f"{path.relative_to(ROOT)} has no docstring"
+    for node in tree.body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
+            assert ast.get_docstring(node), f"{path.relative_to(ROOT)}:{node.lineno} {node.name} has no docstring"
+
+
+def test_light_commands_stay_light():
+    """Configuration and the command line's help load neither torch nor anything that draws."""
+    code = (
+        "import sys, pipeline.config.entry, pipeline.cli\n"
+        "heavy = {'torch', 'kornia', 'matplotlib', 'cv2', 'skimage', 'scipy', 'embreex', 'onnxruntime', 'hydra'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert found.stdout.strip() == "[]"

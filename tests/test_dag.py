@@ -1,0 +1,50 @@
+"""The graph of stages: what a stage reads is what dvc.yaml declares, and every file it depends on exists."""
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+GRAPH = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+STAGES = {name: body.get("do", body) for name, body in GRAPH.items() if name != "config"}
+
+
+def plain(template):
+    """``datasets.${item.dataset}`` and ``datasets.${key}`` both name the job's dataset."""
+    return re.sub(r"\$\{(?:item\.)?(\w+)\}", lambda m: "{%s}" % m[1].replace("key", "dataset"), template)
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_declared_parameters_are_those_the_stage_reads(name):
+    module = importlib.import_module(f"pipeline.stages.{name}")
+    assert module.run.name == name
+    assert sorted(module.run.reads) == sorted(plain(path) for path in STAGES[name]["params"])
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_jobs_are_those_of_the_matrix(name):
+    module = importlib.import_module(f"pipeline.stages.{name}")
+    keys = re.findall(r"\+job\.(\w+)=", STAGES[name]["cmd"])
+    assert list(module.run.job) == keys
+
+
+@pytest.mark.parametrize("name", GRAPH)
+def test_code_dependencies_exist(name):
+    body = GRAPH[name].get("do", GRAPH[name])
+    for path in body["deps"]:
+        if path.startswith(("pipeline", "conf", "params")):
+            assert (ROOT / path).exists(), path
+
+
+def test_every_stage_file_is_in_the_graph():
+    files = {path.stem for path in (ROOT / "pipeline" / "stages").glob("*.py")} - {"__init__"}
+    assert files == set(STAGES)
+
+
+def test_real_data_is_no_dependency_of_the_default_graph():
+    """A fresh machine has none, and a missing dependency would stop the whole run."""
+    params = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
+    assert set(params["datasets"]) == {"sim", "photos"}
