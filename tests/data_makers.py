@@ -40,13 +40,13 @@ def write(path: Path, image: np.ndarray) -> None:
 
 
 def make_kitti(path: Path, frames: int = 3, previous: int = 3, width_px: int = 448, height_px: int = 320) -> Path:
-    """KITTI's layout: colour PNG, 15-field labels (one Car, one Pedestrian, one small Car, DontCare), previous frames."""
+    """KITTI's layout: colour PNG, 15-field labels (a Car, a Pedestrian, a low Car, DontCare), previous frames."""
     root = Path(path)
     labels = root / "training" / "label_2"
     labels.mkdir(parents=True, exist_ok=True)
     for number in range(frames):
         stem = f"{number:06d}"
-        x = 60 + 20 * number
+        x = 60 + 20 * (number % 6)
         car, walker = (x, 120, x + 110, 190), (300, 100, 340, 210)
         grey = picture(f"kitti {stem}", width_px, height_px, (car, walker))
         write(root / "training" / "image_2" / f"{stem}.png", np.repeat(grey[..., None], 3, axis=2))
@@ -76,7 +76,8 @@ def make_udacity(path: Path, frames: int = 3, layout: str = "both", width_px: in
     wanted = [folder for name, folder in folders.items() if layout in (name, "both")]
     for number in range(frames):
         file = f"{1478020193690486111 + number * 500_000_000}.jpg"
-        car, truck = (50 + 10 * number, 110, 150 + 10 * number, 180), (260, 90, 400, 220)
+        x = 50 + 10 * (number % 10)
+        car, truck = (x, 110, x + 100, 180), (260, 90, 400, 220)
         objects = (car, truck) if number < frames - 1 else ()
         image = picture(f"udacity {number}", width_px, height_px, objects)
         for folder in wanted:
@@ -95,7 +96,8 @@ def make_folder(path: Path, frames: int = 3, labels: bool = True, width_px: int 
     """A plain folder: ``images/frame-N.png`` and ``labels/frame-N.txt`` (a car, and a difficult traffic light)."""
     root = Path(path)
     for number in range(frames):
-        car = (40 + 30 * number, 130, 170 + 30 * number, 200)
+        x = 40 + 30 * (number % 8)
+        car = (x, 130, x + 130, 200)
         write(root / "images" / f"frame-{number}.png", picture(f"folder {number}", width_px, height_px, (car,)))
         if labels:
             (root / "labels").mkdir(exist_ok=True)

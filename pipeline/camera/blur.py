@@ -87,42 +87,43 @@ def _blur_plane(plane: np.ndarray, psf: np.ndarray, boundary: str, out: np.ndarr
         out[:] = plane
         return
     border = cv2.BORDER_REFLECT_101 if boundary == "reflect" else cv2.BORDER_CONSTANT
-    if max(psf.shape) <= DIRECT_MAX_PX and min(plane.shape) > max(psf.shape):
-        # filter2D correlates: the kernel turned by half a turn makes it a convolution.
-        cv2.filter2D(plane, -1, np.ascontiguousarray(psf[::-1, ::-1]), dst=out, borderType=border)
-    else:
-        _blur_strips(plane, psf, border, out)
+    low, high = -np.inf, np.inf
     if psf.min() >= 0:
         low, high = float(plane.min()), float(plane.max())
         if boundary == "zero":
             low, high = min(low, 0.0), max(high, 0.0)
+    if max(psf.shape) <= DIRECT_MAX_PX and min(plane.shape) > max(psf.shape):
+        # filter2D correlates: the kernel turned by half a turn makes it a convolution.
+        cv2.filter2D(plane, -1, np.ascontiguousarray(psf[::-1, ::-1]), dst=out, borderType=border)
         np.clip(out, low, high, out=out)
+    else:
+        _blur_strips(plane, psf, border, low, high, out)
 
 
-def _blur_strips(plane: np.ndarray, psf: np.ndarray, border: int, out: np.ndarray) -> None:
+def _blur_strips(plane: np.ndarray, psf: np.ndarray, border: int, low: float, high: float, out: np.ndarray) -> None:
     """Overlap-save: strips of rows, each with the kernel's height of context, through one real FFT."""
     import cv2
     from scipy.fft import irfft2, next_fast_len, rfft2
 
     (height, width), (rows_psf, columns_psf) = plane.shape, psf.shape
     above, left = rows_psf // 2, columns_psf // 2
-    padded = cv2.copyMakeBorder(plane, above, above, left, left, border)
-    columns = next_fast_len(padded.shape[1], real=True)
-    wanted = max(STRIP_VALUES // columns, 4 * rows_psf)
-    strips = max(round(height / wanted), 1)
-    rows = next_fast_len(-(-height // strips) + rows_psf - 1)
+    columns = next_fast_len(width + 2 * left, real=True)
+    strips = max(round(height / max(STRIP_VALUES // columns, 4 * rows_psf)), 1)
+    rows = next_fast_len(-(-height // strips) + 2 * above)
+    step = rows - 2 * above
+    strips = -(-height // step)
     transfer = _transfer_function(psf.tobytes(), psf.shape, (rows, columns))
-    step = rows - rows_psf + 1
+    # Padded far enough for whole strips of a fast length; what lies beyond the border's width is never used.
+    below, right = strips * step + above - height, columns - left - width
+    padded = cv2.copyMakeBorder(plane, above, below, left, right, border)
     for top in range(0, height, step):
-        piece = padded[top : top + rows]
-        strip = np.zeros((rows, columns), np.float32)
-        strip[: piece.shape[0], : piece.shape[1]] = piece
-        spectrum = rfft2(strip, overwrite_x=True)
+        spectrum = rfft2(padded[top : top + rows])
         spectrum *= transfer
         result = irfft2(spectrum, (rows, columns), overwrite_x=True)
         # The first h - 1 rows and w - 1 columns of a circular convolution wrap round; the rest is exact.
         here = min(step, height - top)
-        out[top : top + here] = result[rows_psf - 1 : rows_psf - 1 + here, columns_psf - 1 : columns_psf - 1 + width]
+        inside = result[2 * above : 2 * above + here, 2 * left : 2 * left + width]
+        np.clip(inside, low, high, out=out[top : top + here])
 
 
 @lru_cache(maxsize=32)

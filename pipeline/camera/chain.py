@@ -20,14 +20,17 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.camera import draws
 from pipeline.camera.dark_current import dark_noise
 from pipeline.camera.photon import photon_shot
+from pipeline.camera.memory import blocks, keep_freed_memory
 from pipeline.camera.quantise import collect, digitise, full_range
 from pipeline.camera.readout import read_noise
-from pipeline.camera.sensor import FULL_SCALE_DN, Sensor
+from pipeline.camera.sensor import Sensor
 from pipeline.camera.truth import Boundary, Corrupted, Float, through_optics
 from pipeline.errors import InputError, did_you_mean
 from pipeline.streams import KeyPart
 
 Range = tuple[float, float]
+
+keep_freed_memory()
 
 
 @dataclass(frozen=True)
@@ -155,7 +158,6 @@ def draw(
             exposure_s,
             heat,
             zero_mean=effects.zero_mean_dark,
-            method=poisson,
         )
     if effects.reset or effects.source_follower:
         noise["readout"] = read_noise(
@@ -205,19 +207,7 @@ def develop(
     light = signal_e + noise["photon"] if "photon" in noise else signal_e
     if psf is not None:
         light = through_optics(light, psf, boundary)
-    charge = light + noise["dark"] if "dark" in noise else light
-    unclipped = charge + noise["readout"] if "readout" in noise else charge
-    clipped = 0.0
-    if quantise:
-        full = np.float32(sensor.electrons_at_full_scale)
-        clipped = float(np.count_nonzero(unclipped < 0.0) + np.count_nonzero(unclipped > full)) / unclipped.size
-        electrons = collect(charge, sensor)
-        if "readout" in noise:
-            electrons += noise["readout"]
-        image = full_range(digitise(electrons, sensor))
-    else:
-        electrons = unclipped
-        image = sensor.dn(electrons) / np.float32(FULL_SCALE_DN)
+    image, clipped = record(light, noise.get("dark"), noise.get("readout"), sensor, quantise=quantise)
     return Corrupted(
         image=image,
         effect=effect,
@@ -227,7 +217,6 @@ def develop(
         temperature_k=drawn.temperature_k,
         exposure_s=drawn.exposure_s,
         signal_e=signal_e,
-        electrons=electrons,
         noise_e=noise,
         psf=psf,
         boundary=boundary,
@@ -235,6 +224,44 @@ def develop(
         poisson=poisson,
         key=key,
     )
+
+
+def record(
+    light_e: Float, dark_e: Float | None, read_e: Float | None, sensor: Sensor, *, quantise: bool = True
+) -> tuple[Float, float]:
+    """From the light behind the optics to the image: everything after the blur, block by block.
+
+    Args:
+        light_e: (H, W) electrons freed by light.
+        dark_e, read_e: (H, W) noise of dark current and readout, e-, or None.
+        sensor: the sensor.
+        quantise: full well, whole electrons, rounding and clipping to 8 bit.
+
+    Returns:
+        (H, W) image in [0, 1], and the share of pixels that would lie outside without clipping.
+    """
+    image = np.empty_like(light_e)
+    full = np.float32(sensor.electrons_at_full_scale)
+    nothing: list[Float | None] = [None] * len(blocks(image))
+    outside = 0.0
+    for out, light, dark, read in zip(
+        blocks(image),
+        blocks(light_e),
+        nothing if dark_e is None else blocks(dark_e),
+        nothing if read_e is None else blocks(read_e),
+        strict=True,
+    ):
+        charge = light if dark is None else light + dark
+        unclipped = charge if read is None else charge + read
+        if not quantise:
+            np.divide(unclipped, full, out=out)
+            continue
+        outside += np.count_nonzero(unclipped < 0.0) + np.count_nonzero(unclipped > full)
+        collect(charge, sensor, out=out)
+        if read is not None:
+            out += read
+        full_range(digitise(out, sensor, out=out), out=out)
+    return image, float(outside) / image.size
 
 
 def as_image(image: ArrayLike) -> Float:

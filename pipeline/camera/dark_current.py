@@ -22,7 +22,6 @@ def dark_noise(
     generator: np.random.Generator,
     *,
     zero_mean: bool = True,
-    method: draws.PoissonMethod = "exact",
 ) -> NDArray[np.float32]:
     """Dark electrons of every pixel.
 
@@ -33,7 +32,6 @@ def dark_noise(
         exposure_s: exposure time.
         generator: where the draws come from.
         zero_mean: subtract the mean dark signal.
-        method: see `draws.poisson`.
 
     Returns:
         float32 e-, of that shape; negative where the mean is subtracted and fewer came.
@@ -42,7 +40,7 @@ def dark_noise(
         InputError: temperature or time out of range, or a dark signal beyond 2^20 e-.
     """
     mean_e = sensor.dark_electrons(temperature_k, exposure_s)
-    noise = draws.poisson(mean_e, generator, method, shape)
+    noise = draws.poisson_even(mean_e, shape, generator)
     if zero_mean:
         noise -= np.float32(mean_e)
     return noise
@@ -56,18 +54,15 @@ def dark_current_shot(
     generator: np.random.Generator,
     *,
     zero_mean: bool = True,
-    method: draws.PoissonMethod = "exact",
 ) -> NDArray[np.float32]:
     """Add dark electrons to a signal.
 
     Args:
         electrons: (..., H, W) e-.
-        sensor, temperature_k, exposure_s, generator, zero_mean, method: see `dark_noise`.
+        sensor, temperature_k, exposure_s, generator, zero_mean: see `dark_noise`.
 
     Returns:
         float32 e-, same shape.
     """
-    noise = dark_noise(
-        electrons.shape, sensor, temperature_k, exposure_s, generator, zero_mean=zero_mean, method=method
-    )
+    noise = dark_noise(electrons.shape, sensor, temperature_k, exposure_s, generator, zero_mean=zero_mean)
     return np.add(noise, electrons, out=noise)

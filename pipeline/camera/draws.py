@@ -15,11 +15,13 @@ drawn from the same stream at different light levels have *common* noise and dif
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.camera.memory import blocks
 from pipeline.errors import InputError, did_you_mean
 
 Float = NDArray[np.float32]
@@ -29,9 +31,9 @@ PoissonMethod = Literal["exact", "hybrid"]
 HYBRID_FROM = 64.0
 """Mean count from which the normal approximation (``hybrid``) or the expansion (``exact``) serves."""
 
-_BLOCK = 1 << 16  # normals made at a time: the work arrays stay in the processor's cache
-_FARTHEST = 6.8  # no 32-bit Box-Muller normal lies farther out than sqrt(2 ln 2^33) = 6.77
+_FARTHEST = 6.8  # no 32-bit Box-Muller normal lies beyond sqrt(2 ln 2^33) = 6.77
 _LARGEST_RATE = 2.0**20  # whole counts and rounding bounds hold in float32 below this
+_CELLS = 1 << 16
 
 
 def fork(generator: np.random.Generator, count: int) -> list[np.random.Generator]:
@@ -51,151 +53,223 @@ def fork(generator: np.random.Generator, count: int) -> list[np.random.Generator
     return [np.random.Generator(np.random.SFC64(row.tolist())) for row in words]
 
 
-def normals(shape: int | tuple[int, ...], generator: np.random.Generator) -> Float:
-    """Standard normal numbers: ``sqrt(-2 ln u) cos(2 pi v)`` and the same with sine.
+def normals(shape: int | tuple[int, ...], generator: np.random.Generator, sigma: float = 1.0) -> Float:
+    """Normal numbers of mean 0: ``sqrt(-2 ln u) cos(2 pi v)`` and the same with sine, times sigma.
 
     ``u`` has 32 bits, so the tails reach 6.7 standard deviations; NumPy's own float32 sampler is as exact but
-    takes more than twice as long.
+    takes three times as long.
 
     Args:
         shape: of the result.
         generator: where the words come from.
+        sigma: standard deviation.
 
     Returns:
         float32 array of that shape.
     """
-    total = int(np.prod(shape))
-    half = (total + 1) // 2
+    out = np.empty(shape, np.float32)
+    for part in blocks(out):
+        _fill_normals(part, generator)
+        if sigma != 1.0:
+            part *= np.float32(sigma)
+    return out
+
+
+def _fill_normals(out: Float, generator: np.random.Generator) -> None:
+    """Standard normals into ``out`` (B,), from B words of 32 bits: the first half radii, the second half angles."""
+    half = (out.size + 1) // 2
     words = generator.integers(0, 2**64 - 1, size=half, dtype=np.uint64, endpoint=True).view(np.uint32)
-    out = np.empty(2 * half, np.float32)
-    for start in range(0, half, _BLOCK):
-        stop = min(start + _BLOCK, half)
-        radius = words[start:stop].astype(np.float32)
-        radius += np.float32(0.5)  # u in (0, 1]: the logarithm never sees zero
-        radius *= np.float32(2.0**-32)
-        np.log(radius, out=radius)
-        radius *= np.float32(-2.0)
-        np.sqrt(radius, out=radius)
-        angle = words[half + start : half + stop].astype(np.float32)
-        angle *= np.float32(2.0 * np.pi * 2.0**-32)
-        np.multiply(np.cos(angle), radius, out=out[start:stop])
-        np.multiply(np.sin(angle), radius, out=out[half + start : half + stop])
-    return out[:total].reshape(shape)
+    radius = words[:half].astype(np.float32)
+    radius += np.float32(0.5)  # u in (0, 1]: the logarithm never sees zero
+    radius *= np.float32(2.0**-32)
+    np.log(radius, out=radius)
+    radius *= np.float32(-2.0)
+    np.sqrt(radius, out=radius)
+    angle = words[half:].astype(np.float32)
+    angle *= np.float32(2.0 * np.pi * 2.0**-32)
+    np.multiply(np.cos(angle), radius, out=out[:half])
+    rest = out.size - half
+    np.multiply(np.sin(angle[:rest]), radius[:rest], out=out[half:])
 
 
-def poisson(
-    rate: ArrayLike,
-    generator: np.random.Generator,
-    method: PoissonMethod = "exact",
-    shape: tuple[int, ...] | None = None,
-) -> Float:
-    """Poisson counts with the given means.
+def poisson(rate: ArrayLike, generator: np.random.Generator, method: PoissonMethod = "exact") -> Float:
+    """Poisson counts, each with its own mean.
 
     Args:
-        rate: means, at least 0; an array, or one number for all pixels together with ``shape``.
+        rate: means, at least 0, any shape.
         generator: where the draws come from; one normal per pixel, plus library draws for means below 64.
         method: ``exact``: Poisson distributed, by inversion (to the 32-bit resolution of the normals) where the
             mean is 64 or more and by NumPy's sampler below. ``hybrid``: a rounded normal with the same mean and
             variance from 64 upwards, exact below; to be declared wherever its frames are used.
-        shape: of the result when ``rate`` is one number.
 
     Returns:
-        float32 counts, whole numbers.
+        float32 counts, whole numbers, same shape.
 
     Raises:
         InputError: a mean is negative, not a number or above 2^20, or the method is unknown.
     """
     if method not in ("exact", "hybrid"):
         raise InputError(f"poisson method '{method}' is unknown; {did_you_mean(str(method), ('exact', 'hybrid'))}")
-    means = np.asarray(rate, dtype=np.float32)
+    means = np.ascontiguousarray(rate, dtype=np.float32)
     lowest, highest = (float(means.min()), float(means.max())) if means.size else (0.0, 0.0)
-    if not (lowest >= 0.0 and highest <= _LARGEST_RATE):
-        raise InputError(f"Poisson means lie in [0, {_LARGEST_RATE:.0f}], got {lowest:g} .. {highest:g}")
-    size = means.shape if shape is None else shape
-    if means.ndim == 0 and highest < HYBRID_FROM:
-        return generator.poisson(highest, size).astype(np.float32)
-    score = normals(size, generator)
-    safe = np.maximum(means, np.float32(HYBRID_FROM)) if lowest < HYBRID_FROM else means
-    counts = _quantile(safe, score, highest) if method == "exact" else _rounded_normal(safe, score)
+    _check_means(lowest, highest)
+    counts = np.empty(means.shape, np.float32)
+    rounding = 1e-5 + 3e-7 * _FARTHEST * highest**0.5
+    doubts: list[tuple[Float, NDArray[np.intp], Double, Double, Double]] = []
+    for part, mean in zip(blocks(counts), blocks(means), strict=True):
+        _fill_normals(part, generator)
+        safe = np.maximum(mean, np.float32(HYBRID_FROM)) if lowest < HYBRID_FROM else mean
+        if method == "exact":
+            doubts.append(_to_quantile(part, safe, rounding))
+        else:
+            _to_rounded_normal(part, safe)
+    _settle(doubts)
     if lowest < HYBRID_FROM:
         few = means < HYBRID_FROM
         counts[few] = generator.poisson(means[few])
     return counts
 
 
-def _rounded_normal(rate: Float, score: Float) -> Float:
-    """Whole numbers near ``rate + sqrt(rate - 1/12) * score``: rounding adds the missing 1/12 of variance."""
-    counts = np.sqrt(rate - np.float32(1.0 / 12.0)) * score
-    counts += rate
-    np.rint(counts, out=counts)
-    return np.maximum(counts, np.float32(0.0), out=counts)
+def poisson_even(mean: float, shape: tuple[int, ...], generator: np.random.Generator) -> Float:
+    """Poisson counts that all have the same mean, by table.
 
+    The distribution function is inverted at evenly spaced probabilities once; 16 random bits look a count up. A cell
+    of the table within which the count changes is settled by 53 more bits and a search (guide table, Chen and Asau
+    1974). Exact to 2^-69 in probability.
 
-def _quantile(rate: Float, score: Float, highest: float) -> Float:
-    """Poisson quantile of ``Phi(score)``; rate at least 64 (one number or like score), score (...).
+    Args:
+        mean: at least 0.
+        shape: of the result.
+        generator: where the words come from.
 
-    ``Q = rate + s w + 1/3 + w^2/6 - (w/36 + w^3/72)/s + (-8/405 + 7 w^2/810 + w^4/270)/s^2``, ``s = sqrt(rate)``
-    (Giles 2016, the expansion "N2" and its next term). The whole part of the rate is added last, so float32
-    errors stay near 1e-4 for 20 000 electrons. The expansion's own error was measured against a root search on
-    the regularised gamma function; it stays below ``(0.017 w^4 + 0.015) / s^3`` for |w| < 6.8 and rate >= 64.
+    Returns:
+        float32 counts, whole numbers.
+
+    Raises:
+        InputError: the mean is negative, not a number or above 2^20.
     """
-    counts = np.empty_like(score)
-    flat_counts, flat_score = counts.reshape(-1), score.reshape(-1)
-    flat_rate = rate.reshape(-1)
-    rounding = 1e-5 + 3e-7 * _FARTHEST * highest**0.5
-    for start in range(0, flat_score.size, _BLOCK):
-        part = slice(start, start + _BLOCK)
-        means = flat_rate if flat_rate.size == 1 else flat_rate[part]
-        flat_counts[part] = _quantile_block(means, flat_score[part], rounding)
-    return counts
+    _check_means(mean, mean)
+    out = np.zeros(shape, np.float32)
+    if mean == 0.0 or out.size == 0:
+        return out
+    first, distribution, table = _guide_table(float(mean))
+    flat = out.reshape(-1)
+    words = generator.integers(0, 2**64 - 1, size=(flat.size + 3) // 4, dtype=np.uint64, endpoint=True)
+    cells = words.view(np.uint16)[: flat.size]
+    np.take(table, cells, out=flat, mode="clip")
+    split = np.flatnonzero(np.isnan(flat))
+    probability = (cells[split] + generator.random(split.size)) / _CELLS
+    found = np.searchsorted(distribution, probability, side="right")
+    flat[split] = np.minimum(found, distribution.size - 1) + first
+    return out
 
 
-def _quantile_block(rate: Float, w: Float, rounding: float) -> Float:
-    """`_quantile` of one block; rate (1,) or (B,), w (B,); ``rounding`` bounds the float32 error of ``Q``."""
+@lru_cache(maxsize=8)
+def _guide_table(mean: float) -> tuple[int, Double, Float]:
+    """Inverse of a Poisson distribution function for `poisson_even`.
+
+    Returns:
+        the first count considered, the distribution function from there on, and for each of 2^16 cells of
+        probability the count it belongs to, NaN where it belongs to several.
+    """
+    from scipy import special
+
+    reach = 9.0 * mean**0.5 + 40.0  # beyond it lies less than 1e-17 of the distribution, for any mean
+    first = max(0, int(mean - reach))
+    distribution = special.pdtr(np.arange(first, int(mean + reach) + 1, dtype=np.float64), mean)
+    cuts = distribution * _CELLS
+    steps = np.bincount(np.ceil(cuts).astype(np.int64), minlength=_CELLS + 1)[:_CELLS]
+    table = np.cumsum(steps).astype(np.float32)
+    table += np.float32(first)
+    table[np.floor(cuts[cuts % 1.0 > 0.0]).astype(np.int64)] = np.nan
+    table[-1] = np.nan  # the upper tail
+    return first, distribution, table
+
+
+def _check_means(lowest: float, highest: float) -> None:
+    if not (lowest >= 0.0 and highest <= _LARGEST_RATE):
+        raise InputError(f"Poisson means lie in [0, {_LARGEST_RATE:.0f}], got {lowest:g} .. {highest:g}")
+
+
+def _to_rounded_normal(w: Float, rate: Float) -> None:
+    """Normals ``w`` (B,) become whole numbers near ``rate + sqrt(rate - 1/12) w``: rounding adds 1/12 of variance."""
+    w *= np.sqrt(rate - np.float32(1.0 / 12.0))
+    w += rate
+    np.rint(w, out=w)
+    np.maximum(w, np.float32(0.0), out=w)
+
+
+def _to_quantile(w: Float, rate: Float, rounding: float) -> tuple[Float, NDArray[np.intp], Double, Double, Double]:
+    """Normals ``w`` (B,) become the Poisson quantiles of ``Phi(w)``, in place, but for a few doubtful ones.
+
+    ``Q = rate + s w + 1/3 + w^2/6 - (w/36 + w^3/72)/s``, ``s = sqrt(rate)`` (Giles 2016), rounded down. The whole part
+    of the rate is added last, so float32 errors stay near 1e-4 for 20 000 electrons. The expansion's own error was
+    measured against a root search on the regularised gamma function; it stays below
+    ``(0.006 w^4 + 0.01 w^2 + 0.021) / rate`` for |w| < 6.8 and rate >= 64. Where ``Q`` is nearer than that to a whole
+    number its rounding is doubtful.
+
+    Args:
+        w: (B,) normals; counts on return.
+        rate: (B,) means, at least 64.
+        rounding: bound of the float32 error of ``Q``.
+
+    Returns:
+        what `_settle` needs: ``w``, indices of doubtful counts (D,), their normals (D,), the whole numbers in question
+        (D,) and their means (D,).
+    """
     one = np.float32
     whole = np.floor(rate)
     root = np.sqrt(rate)
     inverse = one(1.0) / root
     square = w * w
-    fourth = square * square
-    # terms in 1/s^2, then 1/s, then 1, by Horner's rule
-    x = fourth * one(1.0 / 270.0)
-    x += one(7.0 / 810.0) * square
-    x -= one(8.0 / 405.0)
+    x = square * one(-1.0 / 72.0)
+    x -= one(1.0 / 36.0)
+    x *= w
     x *= inverse
-    x -= (square * one(1.0 / 72.0) + one(1.0 / 36.0)) * w
-    x *= inverse
-    square *= one(1.0 / 6.0)
-    x += square
+    term = square * one(1.0 / 6.0)
+    x += term
+    np.multiply(root, w, out=term)
+    x += term
     x += rate - whole + one(1.0 / 3.0)
-    x += root * w
-    # within this band of a whole number the rounding direction is not certain
-    fourth *= one(0.017)
-    fourth += one(0.015)
-    fourth *= inverse * inverse * inverse
-    fourth += one(rounding)
-    boundary = np.rint(x)
-    doubtful = np.flatnonzero(np.abs(x - boundary) < fourth)
-    np.floor(x, out=x)
-    x += whole
-    if doubtful.size:
-        mean, base = (rate, whole) if rate.size == 1 else (rate[doubtful], whole[doubtful])
-        x[doubtful] = _decide(mean.astype(float), w[doubtful].astype(float), boundary[doubtful].astype(float) + base)
-    return np.maximum(x, one(0.0), out=x)
+    # how near a whole number is too near: 0.5 less the bound, against the distance from the middle
+    np.multiply(square, one(-0.006), out=term)
+    term -= one(0.01)
+    term *= square
+    term -= one(0.021)
+    term *= inverse
+    term *= inverse
+    term += one(0.5 - rounding)
+    np.floor(x, out=square)
+    x -= square
+    x -= one(0.5)
+    doubtful = np.flatnonzero(np.abs(x) > term)
+    step = (square[doubtful] + whole[doubtful]).astype(np.float64) + (x[doubtful] > 0.0)
+    score = w[doubtful].astype(np.float64)
+    np.add(square, whole, out=w)
+    return w, doubtful, score, step, rate[doubtful].astype(np.float64)
 
 
-def _decide(rate: Double, w: Double, step: Double) -> Double:
-    """``step`` or ``step - 1``, by the distribution function: ``k >= m`` exactly if ``Phi(w) > F(m - 1)``.
+def _settle(doubts: list[tuple[Float, NDArray[np.intp], Double, Double, Double]]) -> None:
+    """Decide doubtful counts by the distribution function: ``k >= m`` exactly if ``Phi(w) > F(m - 1)``, else m - 1.
 
     Args:
-        rate: means, (1,) or (D,).
-        w: normals, (D,).
-        step: the whole number ``m`` that the expansion came too near, (D,).
+        doubts: per block: its counts (written in place), indices, normals, whole numbers ``m``, means.
     """
+    if not any(where.size for _, where, _, _, _ in doubts):
+        return
     from scipy import special
 
-    below = np.maximum(step - 1.0, 0.0)
-    # compare the smaller of the two tails, where float64 has all its digits
-    lower = special.ndtr(w) > special.pdtr(below, rate)
-    upper = special.ndtr(-w) < special.pdtrc(below, rate)
-    return np.where(np.where(w < 0.0, lower, upper), step, step - 1.0)
+    w = np.concatenate([score for _, _, score, _, _ in doubts])
+    step = np.concatenate([number for _, _, _, number, _ in doubts])
+    rate = np.concatenate([mean for _, _, _, _, mean in doubts])
+    below = step - 1.0
+    # the smaller of the two tails, where float64 has all its digits
+    reached = np.empty(w.shape, bool)
+    left, right = np.flatnonzero(w < 0.0), np.flatnonzero(w >= 0.0)
+    reached[left] = special.ndtr(w[left]) > special.pdtr(below[left], rate[left])
+    reached[right] = special.ndtr(-w[right]) < special.pdtrc(below[right], rate[right])
+    sure = np.where(reached, step, below).astype(np.float32)
+    start = 0
+    for part, where, _, _, _ in doubts:
+        part[where] = sure[start : start + where.size]
+        start += where.size

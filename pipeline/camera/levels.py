@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.camera import chain, draws
+from pipeline.camera.memory import blocks
 from pipeline.camera.sensor import Sensor
 from pipeline.camera.truth import Boundary, Corrupted, through_optics
 from pipeline.errors import InputError, did_you_mean
@@ -47,17 +48,26 @@ def gain_to_reach(
     maps = dict(drawn.noise_e)
     if psf is not None and "photon" in maps:
         maps["photon"] = through_optics(maps["photon"], psf, boundary)
-    arrays = list(maps.values())
-    total = arrays[0]
-    for other in arrays[1:]:
-        total = total + other
-    natural_dn = float(np.std(total)) * sensor.dn_per_electron
+    natural_dn = _deviation(list(maps.values())) * sensor.dn_per_electron
     if not natural_dn > 0.0:
         raise InputError(
             f"no gain reaches {sigma_dn:g} DN: the effects {sorted(maps)} give no noise on this frame; "
             "leave black frames out or add another source"
         )
     return sigma_dn / natural_dn
+
+
+def _deviation(maps: list[NDArray[np.float32]]) -> float:
+    """Standard deviation of the sum of maps (H, W), in their unit; block by block, summed in double precision."""
+    total = squares = 0.0
+    for parts in zip(*(blocks(each) for each in maps), strict=True):
+        noise = parts[0].copy()
+        for other in parts[1:]:
+            noise += other
+        total += float(noise.sum())
+        squares += float(np.square(noise, out=noise).sum())
+    count = maps[0].size
+    return max(squares / count - (total / count) ** 2, 0.0) ** 0.5
 
 
 def corrupt(

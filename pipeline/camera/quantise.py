@@ -13,45 +13,52 @@ from numpy.typing import NDArray
 from pipeline.camera.sensor import FULL_SCALE_DN, Sensor
 
 
-def collect(electrons: NDArray[np.float32], sensor: Sensor) -> NDArray[np.float32]:
+def collect(
+    electrons: NDArray[np.float32], sensor: Sensor, out: NDArray[np.float32] | None = None
+) -> NDArray[np.float32]:
     """Charge held by the pixels: ``floor(clip(e, 0, N_fw))``.
 
     Args:
         electrons: (..., H, W) e-, any real numbers.
         sensor: its full well counts.
+        out: where to put the result; a new array if None.
 
     Returns:
         float32 whole electrons, same shape.
     """
-    held = np.clip(electrons, np.float32(0.0), np.float32(sensor.full_well_e))
+    held = np.clip(electrons, np.float32(0.0), np.float32(sensor.full_well_e), out=out)
     return np.floor(held, out=held)
 
 
-def digitise(electrons: NDArray[np.float32], sensor: Sensor) -> NDArray[np.float32]:
+def digitise(
+    electrons: NDArray[np.float32], sensor: Sensor, out: NDArray[np.float32] | None = None
+) -> NDArray[np.float32]:
     """Numbers of the converter: ``clip(round(K e), 0, 255)``.
 
     Args:
         electrons: (..., H, W) e-, read noise included.
         sensor: its gain ``K`` counts.
+        out: where to put the result; a new array if None.
 
     Returns:
         float32 whole DN, 0..255, same shape; halves round to even.
     """
-    dn = electrons * np.float32(sensor.dn_per_electron)
+    dn = np.multiply(electrons, np.float32(sensor.dn_per_electron), out=out)
     np.rint(dn, out=dn)
     return np.clip(dn, np.float32(0.0), np.float32(FULL_SCALE_DN), out=dn)
 
 
-def full_range(dn: NDArray[np.float32]) -> NDArray[np.float32]:
+def full_range(dn: NDArray[np.float32], out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
     """Whole DN as an image: ``dn / 255``, the nearest float32 to the exact quotient.
 
     Args:
         dn: (..., H, W) 0..255.
+        out: where to put the result; a new array if None.
 
     Returns:
         float32 in [0, 1].
     """
-    return dn / np.float32(FULL_SCALE_DN)
+    return np.divide(dn, np.float32(FULL_SCALE_DN), out=out)
 
 
 def to_8bit(image: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -41,9 +41,7 @@ def read_noise(
         InputError: temperature out of range.
     """
     sigma_e = sensor.readout_sigma_e(temperature_k, reset=reset, source_follower=source_follower)
-    noise = draws.normals(shape, generator)
-    noise *= np.float32(sigma_e)
-    return noise
+    return draws.normals(shape, generator, sigma_e)
 
 
 def readout(

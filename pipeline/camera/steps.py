@@ -41,7 +41,9 @@ def steps(shown: Corrupted) -> list[Step]:
     found = [_step("input", "scene", "The sharp frame.", electrons, shown)]
     if "photon" in shown.noise_e:
         electrons = electrons + shown.noise_e["photon"]
-        found.append(_step("photon", "photons", "Photon shot noise grows with the root of the light.", electrons, shown))
+        found.append(
+            _step("photon", "photons", "Photon shot noise grows with the root of the light.", electrons, shown)
+        )
     if shown.psf is not None:
         electrons = through_optics(electrons, shown.psf, shown.boundary)
         found.append(_step("optics", "optics", "Blur spreads light and smooths the photon noise.", electrons, shown))
@@ -50,7 +52,9 @@ def steps(shown: Corrupted) -> list[Step]:
         found.append(_step("dark", "dark current", "Dark-current shot noise is the same everywhere.", electrons, shown))
     if "readout" in shown.noise_e:
         electrons = electrons + shown.noise_e["readout"]
-        found.append(_step("readout", "readout", "Reset and source-follower noise of the electronics.", electrons, shown))
+        found.append(
+            _step("readout", "readout", "Reset and source-follower noise of the electronics.", electrons, shown)
+        )
     last = Step("quantised", "quantisation", "Full well, conversion and rounding to 8 bit.", shown.image)
     return [*found, last]
 

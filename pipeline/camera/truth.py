@@ -35,7 +35,6 @@ class Corrupted:
         sensor: the sensor.
         temperature_k, exposure_s: conditions used, drawn where the effect says so.
         signal_e: (H, W) mean electrons before any effect.
-        electrons: (H, W) electrons before the converter, or None where the frame passed no sensor.
         noise_e: noise of each source as it was added, ``gain`` included, e-: ``photon`` (before the optics),
             ``dark`` and ``readout`` (after).
         psf: (h, w) kernel, or None for no blur.
@@ -54,7 +53,6 @@ class Corrupted:
     temperature_k: float
     exposure_s: float
     signal_e: Float
-    electrons: Float | None = None
     noise_e: dict[str, Float] = field(default_factory=dict)
     psf: NDArray[np.floating] | None = None
     boundary: Boundary = "reflect"
@@ -67,6 +65,11 @@ class Corrupted:
     def image_8bit(self) -> NDArray[np.uint8]:
         """(H, W) the frame's 8-bit numbers."""
         return to_8bit(self.image)
+
+    @cached_property
+    def electrons(self) -> Float:
+        """(H, W) electrons at the converter: noise included, neither saturated nor whole, e-."""
+        return (self.clean_dn + self.noise_dn) * np.float32(self.sensor.electrons_per_dn)
 
     @cached_property
     def clean_dn(self) -> Float:

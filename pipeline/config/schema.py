@@ -39,7 +39,7 @@ class SensorSection(BaseModel):
 class CameraSection(Section):
     """The camera that forms corrupted images."""
 
-    kind: Literal["physical", "authors"]
+    kind: Literal["physical", "authors", "authors_2022"]
     poisson: Literal["exact", "hybrid"]
     sensor: SensorSection
 

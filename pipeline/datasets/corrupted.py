@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pipeline.camera.levels import corrupt
+from pipeline.camera.draws import PoissonMethod
+from pipeline.camera.levels import Camera, corrupt
 from pipeline.camera.sensor import Sensor, named
 from pipeline.camera.truth import Corrupted
 from pipeline.streams import stream
@@ -31,8 +32,8 @@ class CameraSettings:
         sensor: parameters that differ from the paper's.
     """
 
-    kind: str = "physical"
-    poisson: str = "exact"
+    kind: Camera = "physical"
+    poisson: PoissonMethod = "exact"
     sensor: Sensor = field(default_factory=Sensor)
 
     @classmethod

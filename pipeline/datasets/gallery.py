@@ -28,7 +28,8 @@ def gallery(
 
     Args:
         frame: the frame shown.
-        effects, levels_dn: noise shown, as in the experiment.
+        effects: noise sources shown, as in the experiment.
+        levels_dn: their levels, DN.
         camera: the camera.
         seed: root seed.
         sigma_dn: level of the chain's combined noise, DN.

@@ -136,7 +136,9 @@ def gather(dataset: Dataset, inspections: Sequence[Inspection], max_bad_share: f
     if not 0 <= max_bad_share <= 1:
         raise InputError(f"quarantine.max_bad_share={max_bad_share}: expected a share between 0 and 1")
     left_out = [
-        LeftOut(dataset.name, _relative(str(found.frame.path), dataset), _relative(found.reason, dataset))
+        LeftOut(
+            dataset.name, *(_relative(text, found.frame, dataset) for text in (str(found.frame.path), found.reason))
+        )
         for found in inspections
         if found.reason
     ]
@@ -181,6 +183,6 @@ def _without_pixels(frame: Frame, smallest_px: int) -> Inspection:
     return dataclasses.replace(inspect(frame, smallest_px), grey=None)  # pixels stay in the worker
 
 
-def _relative(text: str, dataset: Dataset) -> str:
-    """Paths in a text, made relative to the dataset's root: tables name no folder of this machine."""
-    return text.replace(f"{dataset.root}/", "")
+def _relative(text: str, frame: Frame, dataset: Dataset) -> str:
+    """Paths in a text without the folders of this machine: below the dataset's root, else beside the picture."""
+    return text.replace(f"{dataset.root}/", "").replace(f"{frame.path.parent}/", "")

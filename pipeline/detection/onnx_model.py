@@ -98,27 +98,23 @@ def resized_model(path: Path, size: tuple[int, int]) -> bytes:
     works for fully convolutional networks that do not bake their input size into a constant.
 
     Args:
-        path: ONNX file.
+        path: an ONNX file that ONNX Runtime can open.
         size: height and width, pixels.
 
     Returns:
         the serialised network.
 
     Raises:
-        InputError: the package `onnx` is not installed, or the file cannot be read.
+        InputError: the package `onnx` is not installed.
     """
     try:
         import onnx
-        from google.protobuf.message import DecodeError
     except ImportError as error:
         raise InputError(
             f"{path}: its input size is fixed; changing it needs the package 'onnx' (pip install onnx), or leave"
             " input_px unset to use the file's own size"
         ) from error
-    try:
-        model = onnx.load(str(path))
-    except DecodeError as error:
-        raise InputError(f"{path}: not an ONNX file: {_first_line(error)}") from error
+    model = onnx.load(str(path))
     constants = {tensor.name for tensor in model.graph.initializer}
     image = next(entry for entry in model.graph.input if entry.name not in constants)
     for dimension, length in zip(image.type.tensor_type.shape.dim[2:4], size, strict=True):

@@ -90,8 +90,9 @@ def summarise(estimates: pd.DataFrame, seed: int, draws: int) -> pd.DataFrame:
 
     rows = []
     keys = ["dataset", "estimator", "effect", "level_dn"]
-    for (dataset, estimator, effect, level), group in estimates.groupby(keys, sort=False):
-        key = (str(dataset), str(estimator), str(effect), float(level))
+    for cell, group in estimates.groupby(keys, sort=False):
+        dataset, estimator, effect, level = cell if isinstance(cell, tuple) else (cell,)
+        key = (str(dataset), str(estimator), str(effect), float(str(level)))
         values = group["sigma_dn"].to_numpy(float)
         truth = group["true_sigma_dn"].to_numpy(float)
         found = robust(values, stream(seed, "bootstrap", "noise", *key), draws)
@@ -122,13 +123,8 @@ def metrics(summary: pd.DataFrame) -> dict[str, Any]:
         summary: `pipeline.tables.NOISE_SUMMARY` of one dataset and estimator.
     """
     nested: dict[str, Any] = {}
-    for row in summary.itertuples(index=False):
-        cell = nested.setdefault(str(row.effect), {})
-        cell[f"{row.level_dn:g}"] = {
-            "median_dn": row.median_dn,
-            "true_median_dn": row.true_median_dn,
-            "patch_error_dn": row.patch_error_dn,
-            "abstained": int(row.abstained),
-            "count": int(row.count),
-        }
+    for row in summary.to_dict("records"):
+        cell = nested.setdefault(str(row["effect"]), {})
+        numbers = {name: row[name] for name in ("median_dn", "true_median_dn", "patch_error_dn")}
+        cell[f"{row['level_dn']:g}"] = {**numbers, "abstained": int(row["abstained"]), "count": int(row["count"])}
     return nested

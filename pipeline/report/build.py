@@ -12,7 +12,7 @@ from pipeline.report.provenance import Provenance
 from pipeline.report.sections import datasets, formation, noise, optics, published, runtime
 from pipeline.report.sections.base import Section, ShownFigure
 from pipeline.report.tables import Table
-from pipeline.store import replacing_folder, write_json, write_text
+from pipeline.store import replacing_folder, write_text
 
 __all__ = ["ReportInputs", "build"]
 
@@ -46,14 +46,14 @@ def build(inputs: ReportInputs, out_dir: str | Path) -> Score:
     """Write the report into a folder; what an earlier run left in its sub-folders is replaced.
 
     Writes ``index.html``, ``figures/`` (SVG, PNG, values as CSV), ``tables/`` (CSV, Markdown, LaTeX; the whole ledger
-    among them) and ``ledger.json`` (the score). The bytes depend on the inputs only.
+    among them). The bytes depend on the inputs only.
 
     Args:
         inputs: where the stages left their files.
         out_dir: usually ``reports``.
 
     Returns:
-        the ledger's score.
+        the ledger's score, whose `Score.metrics` suit a metrics file.
 
     Raises:
         InputError: a stage's file is broken or incomplete. A stage that has not run is no error: it is shown as such.
@@ -73,8 +73,6 @@ def build(inputs: ReportInputs, out_dir: str | Path) -> Score:
         for block in [*blocks, to_table(rows), summary_table(rows, titles)]:
             if isinstance(block, Table):
                 table_formats.save(block, folder)
-    found = score(rows)
-    write_json(out / "ledger.json", {**found.counts, "total": found.total, "compared": found.compared})
     text = page.render(sections, rows, _origins(sections, inputs), svgs, inputs.profile, inputs.code_version)
     write_text(out / "index.html", text)
-    return found
+    return score(rows)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-SHOWN_PX = 420  # longest side of a picture inside the figure
+SHOWN_PX = 300  # longest side of a picture inside the figure
 MOST_FRAMES = 4
 
 
@@ -89,7 +89,7 @@ def _picture(axes: Axes, sample: DatasetSample, frame: str) -> None:
         here = sample.patches[(sample.patches["frame"] == frame) & (sample.patches["purpose"] == "blur")]
         for patch in records(here):
             side = patch["size_px"]
-            outline(patch["x_px"], patch["y_px"], side, side, edgecolor=style.PALETTE[5], lw=0.5, ls=(0, (2, 1)))
+            outline(patch["x_px"], patch["y_px"], side, side, edgecolor=style.PALETTE[5], lw=0.7, ls=(0, (2.5, 1.5)))
     for box in sample.boxes.get(frame, ()):
         colour, dash = (style.MUTED, ":") if box.get("ignore") else (style.PALETTE[4], "-")
         width, height = box["x2"] - box["x1"], box["y2"] - box["y1"]
@@ -154,5 +154,5 @@ def draw(samples: Sequence[DatasetSample]) -> Drawing:
         f"Sample frames of {listing(words)} with {boxes} object boxes drawn; below, the radially averaged power "
         "spectrum and the grey-level histogram of the frames shown."
     )
-    series = tuple((sample.name, word(sample.name)) for sample in samples)
-    return Drawing(figure, alt, pd.DataFrame(rows), series if len(series) > 1 else ())
+    series = style.switches(sample.name for sample in samples) if len(samples) > 1 else ()
+    return Drawing(figure, alt, pd.DataFrame(rows), series)

@@ -13,13 +13,17 @@ from pipeline.report import style
 from pipeline.report.style import Drawing
 from pipeline.report.wording import EFFECTS, in_order, listing, word
 
+CHAIN_PX, EFFECTS_PX = 144, 96  # side of the square shown from a picture's middle, pixel for pixel
 
-def _array(arrays: Mapping[str, np.ndarray], entry: Mapping[str, Any]) -> np.ndarray:
-    """The picture an entry names, in DN."""
+
+def _array(arrays: Mapping[str, np.ndarray], entry: Mapping[str, Any], side_px: int) -> np.ndarray:
+    """The middle of the picture an entry names, in DN. Shrinking it instead would average the noise away."""
     name = str(entry["array"])
     if name not in arrays:
         raise InputError(f"gallery.json names array '{name}', which gallery.npz lacks; {did_you_mean(name, arrays)}")
     picture = np.asarray(arrays[name])
+    top, left = (max(0, (side - side_px) // 2) for side in picture.shape)
+    picture = picture[top : top + side_px, left : left + side_px]
     return picture.astype(float) * (255.0 if picture.dtype.kind == "f" else 1.0)
 
 
@@ -41,9 +45,9 @@ def draw_chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, 
     """
     import pandas as pd
 
-    pictures = [_array(arrays, entry) for entry in entries]
-    figure = style.new_figure(style.TWO_COLUMNS_IN, 2 * style.TWO_COLUMNS_IN / max(len(entries), 3) + 0.55)
-    axes = figure.subplots(2, len(entries), squeeze=False)
+    pictures = [_array(arrays, entry, CHAIN_PX) for entry in entries]
+    cell_in = style.sheet_cell_in(len(entries))
+    figure, axes = style.sheet(len(entries), [cell_in, cell_in], bottom_in=0.2, row_gaps_in=[0.08])
     rows = []
     changes = [after - before for before, after in itertools.pairwise(pictures)]
     span = max([float(np.percentile(np.abs(change), 99.5)) for change in changes if change.size] + [1.0])
@@ -85,10 +89,11 @@ def draw_effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str
 
     effects = in_order((str(entry["effect"]) for entry in entries), EFFECTS)
     levels = sorted({float(entry["level_dn"]) for entry in entries})
-    placed = {(str(entry["effect"]), float(entry["level_dn"])): _array(arrays, entry) for entry in entries}
-    cell = (style.TWO_COLUMNS_IN - 0.3) / len(levels)
-    figure = style.new_figure(style.TWO_COLUMNS_IN, len(effects) * (cell + 0.14) + 0.2)
-    axes = figure.subplots(len(effects), len(levels), squeeze=False)
+    placed = {(str(entry["effect"]), float(entry["level_dn"])): _array(arrays, entry, EFFECTS_PX) for entry in entries}
+    cell_in = style.sheet_cell_in(len(levels), margins_in=0.24)
+    figure, axes = style.sheet(
+        len(levels), [cell_in] * len(effects), left_in=0.22, bottom_in=0.16, row_gaps_in=[0.19] * (len(effects) - 1)
+    )
     rows = []
     for across, level in enumerate(levels):
         axes[0, across].set_title(f"σ = {level:g} DN", pad=3)

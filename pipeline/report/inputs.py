@@ -25,17 +25,18 @@ class ReportInputs:
     Attributes:
         paper: folder of published numbers (``data/paper``).
         index: dataset -> folder with ``frames.parquet``, ``patches.parquet``, ``quarantine.parquet``,
-            ``samples.npz`` (up to four arrays ``frame_<name>``, (H, W) uint8) and ``boxes.json``
+            ``samples.npz`` (up to four arrays ``frame_<name>``, (H, W) uint8) and ``samples.json``
             (frame name -> list of ``{label, x1, y1, x2, y2, ignore}``).
         psf: folder with ``kernels.parquet`` and ``kernels.npz`` (kernel name -> (k, k)).
         corrupt: dataset -> folder with ``corruption.parquet``, ``gallery.npz`` (named (H, W) arrays, uint8 or float
             in [0, 1]) and ``gallery.json``: ``{"chain": [{"array", "title", "caption"}], "effects": [{"array",
             "effect", "level_dn"}], "frame": name}``, both lists in the order shown.
-        noise: folder, searched with its sub-folders, of ``<dataset>-<estimator>.parquet`` (estimates) and files ending
-            in ``summary.parquet``.
+        noise: folder whose sub-folders hold ``summary.parquet`` and ``estimates.parquet``; one per dataset
+            and estimator.
         star: folder with ``star.npz`` (``image``, (H, W)) and ``star.json`` (``frequency`` in fractions of Nyquist,
             ``measured``, ``formula``).
-        formation: JSON of our image-formation constants and moments, quantity -> number.
+        sensor: folder with ``formation.json`` (constants and moments of image formation, quantity -> number) and
+            ``photon_transfer.json`` (see `pipeline.report.photon_transfer_figure`).
         results: ledger item -> table (CSV or Parquet) with the key and value columns of that item's published file.
         runtime: table (CSV or Parquet) of run times on declared hardware.
         absent: dataset without data -> the line that would run it.
@@ -51,7 +52,7 @@ class ReportInputs:
     corrupt: Mapping[str, Path] = field(default_factory=dict)
     noise: Path | None = None
     star: Path | None = None
-    formation: Path | None = None
+    sensor: Path | None = None
     results: Mapping[str, Path] = field(default_factory=dict)
     runtime: Path | None = None
     absent: Mapping[str, str] = field(default_factory=dict)

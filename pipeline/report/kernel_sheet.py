@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
+AXES = {"H": "horizontal", "V": "vertical"}
 KEYS = ["kind", "angle_deg", "size_px"]
 
 
@@ -52,19 +53,16 @@ def draw(table: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: str) ->
     kinds = in_order(table["kind"], BLURS)
     columns = [(kind, angle) for kind in kinds for angle in sorted(set(names.xs(kind).index.get_level_values(0)))]
     sizes = sorted(set(table["size_px"]))
-    width = style.TWO_COLUMNS_IN
-    cell = (width - 0.5) / max(len(columns), 6)
-    figure = style.new_figure(
-        width,
-        len(sizes) * (cell + 0.62 * cell + 0.1) + 0.5,
-        {"w_pad": 0.015, "h_pad": 0.02, "hspace": 0.02, "wspace": 0.02},
-    )
-    axes = figure.subplots(
-        2 * len(sizes), len(columns), squeeze=False, height_ratios=[1, 0.62] * len(sizes), sharex=False
-    )
+    shape = {"left_in": 0.42, "right_in": 0.06, "gap_in": 0.07}
+    cell_in = style.sheet_cell_in(len(columns), margins_in=0.48, gap_in=0.07)
+    cell_in = min(cell_in, 1.0)
+    figure, axes = style.sheet(
+        len(columns), [cell_in, 0.6 * cell_in] * len(sizes), top_in=0.4, bottom_in=0.3,
+        row_gaps_in=([0.05, 0.12] * len(sizes))[:-1], **shape,
+    )  # fmt: skip
     for across, (kind, angle) in enumerate(columns):
-        heading = word(kind) if kind == "defocus" else f"{word(kind)}\n{angle:g}°"
-        axes[0, across].set_title(heading, fontsize=6.0, pad=3)
+        heading = word(kind) if kind == "defocus" else f"{word(kind)}, {angle:g}°".replace(" motion", "\nmotion")
+        axes[0, across].set_title(heading, fontsize=5.8, pad=3)
         for down, size in enumerate(sizes):
             picture, curve = axes[2 * down, across], axes[2 * down + 1, across]
             name = names.get((kind, angle, size))
@@ -96,7 +94,8 @@ def draw(table: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: str) ->
         f"{word(kinds[0]).lower()}: {first.mean():.2f} at {sizes[0]} px, {last.mean():.2f} at {sizes[-1]} px."
     )
     values = table.drop(columns="source").sort_values([*KEYS, "axis", "frequency"])
-    return Drawing(figure, alt, values, (("H", "horizontal"), ("V", "vertical")))
+    series = [(axis, title, str(style.series_look(axis)["color"])) for axis, title in AXES.items()]
+    return Drawing(figure, alt, values, tuple(series))
 
 
 def _framed(kernel: np.ndarray, side: int) -> np.ndarray:

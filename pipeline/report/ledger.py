@@ -101,6 +101,12 @@ class Score:
         return self.counts[MATCH] + self.counts[CLOSE] + self.counts[DIFFERS]
 
     @property
+    def metrics(self) -> dict[str, int]:
+        """The counts under names that suit a metrics file."""
+        found = {verdict.replace(" ", "_"): count for verdict, count in self.counts.items()}
+        return {**found, "total": self.total, "compared": self.compared}
+
+    @property
     def sentence(self) -> str:
         """The top line of the report."""
         if not self.compared:
@@ -135,8 +141,8 @@ def to_table(rows: Sequence[LedgerRow], name: str = "ledger", caption: str = "")
     """
     items = {row.item for row in rows}
     columns = [
-        Column("quantity", "Quantity"),
-        Column("unit", "Unit"),
+        Column("quantity", "Quantity", wide=True),
+        *([Column("unit", "Unit")] if any(row.unit for row in rows) else []),
         Column("paper", "Paper"),
         Column("ours", "Ours"),
         Column("difference", "Difference"),
@@ -154,7 +160,7 @@ def to_table(rows: Sequence[LedgerRow], name: str = "ledger", caption: str = "")
             "unit": row.unit,
             "paper": row.paper,
             "ours": row.ours,
-            "difference": row.difference,
+            "difference": _rounded(row.difference),
             "tolerance": row.tolerance,
             "verdict": row.verdict,
             "why": row.why,
@@ -165,6 +171,11 @@ def to_table(rows: Sequence[LedgerRow], name: str = "ledger", caption: str = "")
         "Difference is ours minus the paper's.",
     )
     return Table(name, caption or "Published numbers beside ours.", columns, lines, notes)
+
+
+def _rounded(value: float) -> float:
+    """Three significant digits: more would be digits of the subtraction, not of the numbers."""
+    return float(f"{value:.3g}") if math.isfinite(value) else value
 
 
 def summary_table(rows: Sequence[LedgerRow], titles: dict[str, str]) -> Table:

@@ -11,21 +11,20 @@ import numpy as np
 
 from pipeline import tables
 from pipeline.errors import InputError
-from pipeline.report.inputs import ReportInputs, existing, noise_tables, optional_json, optional_table
+from pipeline.report.inputs import ReportInputs, existing, noise_tables, optional_json, optional_table, records
 from pipeline.store import read_json
 
 if TYPE_CHECKING:
     import pandas as pd
 
 PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
-PAPER_LEVELS_DN = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
 
 
 def formation(inputs: ReportInputs) -> pd.DataFrame | None:
     """Constants and moments of our sensor, from the JSON that names them: columns quantity, value."""
     import pandas as pd
 
-    path = existing(inputs.formation)
+    path = existing(inputs.sensor / "formation.json" if inputs.sensor is not None else None)
     if path is None:
         return None
     numbers = read_json(path)
@@ -35,7 +34,10 @@ def formation(inputs: ReportInputs) -> pd.DataFrame | None:
 
 
 def levels(inputs: ReportInputs) -> pd.DataFrame | None:
-    """Median over frames of the noise added, before the 8-bit range clips it: dataset, effect, level_dn, sigma_dn."""
+    """By how much, at most, the noise added misses the level asked for: dataset, effect, miss_percent.
+
+    The standard deviation is taken over a frame before the 8-bit range clips it; level 0 must be exact.
+    """
     import pandas as pd
 
     parts = [optional_table(folder, "corruption.parquet", tables.CORRUPTION) for folder in inputs.corrupt.values()]
@@ -43,31 +45,25 @@ def levels(inputs: ReportInputs) -> pd.DataFrame | None:
     if not found:
         return None
     together = pd.concat(found, ignore_index=True)
-    keys = ["dataset", "effect", "level_dn"]
-    return together[[*keys, "sigma_dn"]].groupby(keys, as_index=False).median()
+    miss = 100.0 * (together["sigma_dn"] - together["level_dn"]).abs() / together["level_dn"].clip(lower=1.0)
+    keys = ["dataset", "effect"]
+    return together.assign(miss_percent=miss)[[*keys, "miss_percent"]].groupby(keys, as_index=False).max()
 
 
 def expected_levels(inputs: ReportInputs) -> pd.DataFrame:
-    """The level asked for is what the paper's scaling promises: the "published" side of `levels`.
+    """What the paper's scaling of the noise promises, no miss at all: the published side of `levels`.
 
-    Datasets that have not run are listed with the paper's effects and levels.
+    Datasets that have not run are listed with the paper's effects.
     """
     import pandas as pd
 
     own = levels(inputs)
-    rows = []
-    ran = set() if own is None else set(own["dataset"])
-    if own is not None:
-        rows = own[["dataset", "effect", "level_dn"]].to_dict("records")
-    for dataset in inputs.datasets:
-        if dataset not in ran:
-            rows += [
-                {"dataset": dataset, "effect": effect, "level_dn": level}
-                for effect in PAPER_EFFECTS
-                for level in PAPER_LEVELS_DN
-            ]
-    table = pd.DataFrame(rows, columns=["dataset", "effect", "level_dn"])
-    return table.assign(sigma_dn=table["level_dn"].astype(float))
+    rows = [] if own is None else records(own[["dataset", "effect"]])
+    ran = {row["dataset"] for row in rows}
+    absent = [dataset for dataset in inputs.datasets if dataset not in ran]
+    rows += [{"dataset": dataset, "effect": effect} for dataset in absent for effect in PAPER_EFFECTS]
+    rows.sort(key=lambda row: inputs.datasets.index(row["dataset"]))  # stable: effects keep their order
+    return pd.DataFrame(rows, columns=["dataset", "effect"]).assign(miss_percent=0.0)
 
 
 def sizes(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -105,7 +101,7 @@ def noise_medians(inputs: ReportInputs) -> pd.DataFrame | None:
 
 
 def star_curve(inputs: ReportInputs) -> dict[str, np.ndarray] | None:
-    """Sim's star: ``frequency`` as fraction of Nyquist (the file says cycles per pixel), ``measured``, ``formula``.
+    """Sim's star: ``frequency`` as fraction of Nyquist, ``measured`` and ``formula``, each (K,).
 
     Raises:
         InputError: a curve is missing or of another length.
@@ -119,7 +115,7 @@ def star_curve(inputs: ReportInputs) -> dict[str, np.ndarray] | None:
         raise InputError(
             f"{inputs.star}/star.json: expected equally long lists {', '.join(names)}; run the stage again"
         )
-    return {**curves, "frequency": 2.0 * curves["frequency"]}
+    return curves
 
 
 def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:

@@ -46,7 +46,7 @@ def _panel(axes: Axes, rows: pd.DataFrame, estimators: Sequence[str], top: float
         if abstained:
             axes.text(
                 0.03, 0.97 - 0.085 * lines, f"{word(estimator)} abstained {abstained:,} of {asked:,}", fontsize=4.6,
-                color=look["color"], transform=axes.transAxes, va="top", gid=style.series_id(estimator, "abstained"),
+                color=style.MUTED, transform=axes.transAxes, va="top", gid=style.series_id(estimator, "abstained"),
             )  # fmt: skip
             lines += 1
 
@@ -93,7 +93,7 @@ def draw(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
     figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 8))
     columns = ["dataset", "effect", "estimator", "level_dn", "true_median_dn", "median_dn", "minimum_dn", "maximum_dn"]
     values = summary[[*columns, "low_dn", "high_dn", "count", "rejected", "abstained"]].sort_values(columns[:4])
-    return Drawing(figure, _alt(summary, estimators), values, tuple((name, word(name)) for name in estimators))
+    return Drawing(figure, _alt(summary, estimators), values, style.switches(estimators))
 
 
 def _alt(summary: pd.DataFrame, estimators: Sequence[str]) -> str:

@@ -15,13 +15,26 @@ from pipeline.report import style, templates
 from pipeline.report.ledger import VERDICTS, LedgerRow, score, summary_table, to_table
 from pipeline.report.ledger_items import ITEMS, PICTURES_ONLY
 from pipeline.report.provenance import Provenance
-from pipeline.report.sections.base import NotRun, Section, ShownFigure
+from pipeline.report.sections.base import NotRun, Run, Section, ShownFigure
 from pipeline.report.table_formats import to_html
 from pipeline.report.tables import Table
-from pipeline.report.wording import word
+from pipeline.report.wording import DATASETS, in_order, listing, word
 
-# The figures' neutral colours become the page's, which follow light or dark.
-_COLOURS = {style.INK: "var(--ink)", style.MUTED: "var(--muted)", style.GRID: "var(--rule)", style.PAPER: "var(--page)"}
+# The figures' neutral colours, and the blue that is too dark on a dark page, become the page's own.
+_COLOURS = {
+    style.INK: "var(--ink)",
+    style.MUTED: "var(--muted)",
+    style.GRID: "var(--rule)",
+    style.PAPER: "var(--page)",
+    style.PALETTE[0]: "var(--blue)",
+}
+
+
+def themed(colours: str) -> str:
+    """Text with the figures' colours replaced by the page's, which follow light or dark."""
+    for colour, variable in _COLOURS.items():
+        colours = colours.replace(colour, variable)
+    return colours
 
 
 def inline_svg(svg: str, name: str, alt: str) -> str:
@@ -37,9 +50,7 @@ def inline_svg(svg: str, name: str, alt: str) -> str:
     body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', body)
     body = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', body)
     body = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", body)
-    for colour, variable in _COLOURS.items():
-        body = body.replace(colour, variable)
-    head, rest = body.split(">", 1)
+    head, rest = themed(body).split(">", 1)
     head = re.sub(r'\s(?:width|height|version)="[^"]*"', "", head)
     label = html.escape(alt, quote=True)
     return f'{head} role="img" aria-label="{label}"><title>{label}</title>{rest}'
@@ -65,6 +76,27 @@ def _ledger_parts(rows: Sequence[LedgerRow]) -> list[dict[str, Any]]:
             }
         )
     return parts
+
+
+def _matrix(runs: Sequence[Run]) -> dict[str, Any]:
+    """The overview: experiments down, datasets across; each cell a run or None."""
+    datasets = in_order((run.dataset for run in runs if run.dataset), DATASETS)
+    rows: dict[str, dict[str, Run]] = {}
+    for run in runs:
+        rows.setdefault(run.experiment, {})[run.dataset] = run
+    return {"datasets": datasets, "rows": rows}
+
+
+def _not_run(runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """What did not run, by the line that would run it: the cause and the experiments."""
+    lines: dict[tuple[str, str], list[str]] = {}
+    for run in runs:
+        if not run.ran:
+            lines.setdefault((run.why, run.line), []).append(run.experiment)
+    return [
+        {"why": why, "line": line, "what": listing(dict.fromkeys(experiments))}
+        for (why, line), experiments in lines.items()
+    ]
 
 
 def render(
@@ -112,6 +144,9 @@ def render(
             is_figure=lambda block: isinstance(block, ShownFigure),
             is_missing=lambda block: isinstance(block, NotRun),
             word=word,
-            colour=lambda name, position: style.series_look(name, position)["color"],
+            themed=themed,
+            width=lambda figure: round(100 * figure.drawing.figure.get_figwidth() / style.TWO_COLUMNS_IN),
+            matrix=_matrix(runs),
+            not_run=_not_run(runs),
         )
     )

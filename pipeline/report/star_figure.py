@@ -59,13 +59,13 @@ def draw(
         curves["frequency"], curves["measured"], color=style.PALETTE[0], marker="o", linestyle="none",
         label="measured on the star", gid=style.series_id("measured", "points"),
     )  # fmt: skip
-    series = [("formula", "formula"), ("measured", "measured")]
+    series = [("formula", "formula", style.INK), ("measured", "measured", style.PALETTE[0])]
     if published is not None and not published.empty:
         right.plot(
             published["frequency"], published["mtf"], color=style.PALETTE[1], marker="s", linestyle=(0, (3, 2)),
             linewidth=0.8, label="the paper's Sim", gid=style.series_id("published", "line"),
         )  # fmt: skip
-        series.append(("published", "the paper's Sim"))
+        series.append(("published", "the paper's Sim", style.PALETTE[1]))
     right.set(xlabel="spatial frequency [fraction of Nyquist]", ylabel="MTF", ylim=(0, 1.05), xlim=(0, None))
     right.legend(loc="lower left")
     error = np.abs(curves["measured"] - curves["formula"])

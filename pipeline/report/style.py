@@ -8,11 +8,14 @@ as outlines with the font that comes with matplotlib, so a figure does not depen
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+import numpy as np
+
+from pipeline.report.wording import word
 from pipeline.store import replacing, write_text
 
 if TYPE_CHECKING:
@@ -93,13 +96,13 @@ class Drawing:
         figure: the matplotlib figure, drawn in this style.
         alt: what it shows, said with numbers from the data, for readers who do not see it.
         values: the numbers plotted, long format; None where the figure shows pictures only.
-        series: name -> word of the series that a reader may switch off; their artists' ids come from `series_id`.
+        series: name, word and colour of each series that a reader may switch off; see `series_id`.
     """
 
     figure: Figure
     alt: str
     values: pd.DataFrame | None = None
-    series: tuple[tuple[str, str], ...] = ()
+    series: tuple[tuple[str, str, str], ...] = ()
 
 
 def styled(draw: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
@@ -117,26 +120,83 @@ def styled(draw: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]
     return wrapper
 
 
-def new_figure(width_in: float, height_in: float, padding: dict[str, float] | None = None) -> Figure:
+def new_figure(width_in: float, height_in: float) -> Figure:
     """An empty figure on the Agg canvas, outside pyplot's global list, with constrained layout.
 
     Args:
-        width_in, height_in: size in inches.
-        padding: ``w_pad`` and ``h_pad`` in inches, ``wspace`` and ``hspace`` as shares; matplotlib's own if None.
+        width_in: width in inches.
+        height_in: height in inches.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure = Figure(figsize=(width_in, height_in), layout=ConstrainedLayoutEngine(**(padding or {})))
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def sheet(
+    columns: int,
+    row_heights_in: Sequence[float],
+    *,
+    width_in: float = TWO_COLUMNS_IN,
+    left_in: float = 0.02,
+    right_in: float = 0.02,
+    top_in: float = 0.2,
+    bottom_in: float = 0.05,
+    gap_in: float = 0.06,
+    row_gaps_in: Sequence[float] = (),
+) -> tuple[Figure, np.ndarray]:
+    """A contact sheet: axes of exactly these sizes, placed without a layout engine (which is slow for many axes).
+
+    Args:
+        columns: equally wide.
+        row_heights_in: height of each row of axes, inches.
+        width_in: of the figure.
+        left_in: margin.
+        right_in: margin.
+        top_in: margin, for headings.
+        bottom_in: margin.
+        gap_in: between columns.
+        row_gaps_in: beneath each row but the last; `gap_in` where empty.
+
+    Returns:
+        figure, (rows, columns) axes.
+    """
+    gaps = list(row_gaps_in) or [gap_in] * (len(row_heights_in) - 1)
+    height_in = top_in + sum(row_heights_in) + sum(gaps) + bottom_in
+    figure = new_figure(width_in, height_in)
+    figure.set_layout_engine("none")
+    cell_in = sheet_cell_in(columns, width_in, left_in + right_in, gap_in)
+    axes = np.empty((len(row_heights_in), columns), dtype=object)
+    upper_in = height_in - top_in
+    for row, tall_in in enumerate(row_heights_in):
+        for column in range(columns):
+            start_in = left_in + column * (cell_in + gap_in)
+            place = (
+                start_in / width_in, (upper_in - tall_in) / height_in, cell_in / width_in, tall_in / height_in
+            )  # fmt: skip
+            axes[row, column] = figure.add_axes(place)
+        upper_in -= tall_in + (gaps[row] if row < len(gaps) else 0.0)
+    return figure, axes
+
+
+def sheet_cell_in(
+    columns: int, width_in: float = TWO_COLUMNS_IN, margins_in: float = 0.04, gap_in: float = 0.06
+) -> float:
+    """Width of one cell of a `sheet`, inches."""
+    return (width_in - margins_in - (columns - 1) * gap_in) / columns
 
 
 def series_look(name: str, position: int = 0) -> dict[str, Any]:
     """Colour, marker and line style of a series: fixed for the project's own names, else by position."""
     place = _PLACES.get(name, position) % len(PALETTE)
     return {"color": PALETTE[place], "marker": _MARKERS[place], "linestyle": _DASHES[place]}
+
+
+def switches(names: Iterable[str]) -> tuple[tuple[str, str, str], ...]:
+    """`Drawing.series` of the project's own names, in the order given."""
+    return tuple((name, word(name), str(series_look(name, place)["color"])) for place, name in enumerate(names))
 
 
 def series_id(name: str, part: str) -> str:

@@ -129,6 +129,7 @@ def to_html(table: Table) -> str:
         .get_template("table.html.j2")
         .render(
             table=table,
+            numeric={column.name: table.is_numeric(column) for column in table.columns},
             is_estimate=lambda cell: isinstance(cell, Estimate),
             number=format_number,
             interval=format_interval,

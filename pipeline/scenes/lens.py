@@ -29,14 +29,14 @@ def taps(samples: int, sigma_px: float = LENS_SIGMA_PX) -> tuple[NDArray[np.floa
 
     Args:
         samples: N, samples of a pixel along the axis, at least 1.
-        sigma_px: standard deviation of the lens, pixels; 0 for none.
+        sigma_px: standard deviation of the lens, pixels; 0 (or below 1e-3) for none.
 
     Returns:
         (T,) weights of unit sum and (T,) positions, pixels from the pixel's centre; T has the parity of N.
     """
     half = int(np.ceil(_REACH * sigma_px * samples))
     offsets = np.arange(-half, half + 1) / samples
-    lens = np.exp(-0.5 * (offsets / sigma_px) ** 2) if sigma_px > 0 else np.ones(1)
+    lens = np.exp(-0.5 * (offsets / sigma_px) ** 2) if sigma_px > 1e-3 else np.ones(1)
     weights = np.convolve(lens / lens.sum(), np.full(samples, 1.0 / samples))
     positions = (np.arange(len(weights)) - (len(weights) - 1) / 2) / samples
     return weights, positions

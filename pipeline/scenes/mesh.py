@@ -97,28 +97,25 @@ def soup(
         normals: (V, 3) unit vertex normals for smooth shading; flat shading without.
         uv: (V, 2) texture coordinates in metres; box mapping by the dominant axis without.
     """
-    vertices = np.asarray(vertices, np.float64)
-    faces = np.asarray(faces, np.int64)
-    corners = vertices[faces]
+    shared = np.asarray(vertices, np.float64)
+    index = np.asarray(faces, np.int64)
+    corners = shared[index]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(cross, axis=1)
     keep = length > 1e-12
-    faces, corners, flat = faces[keep], corners[keep], cross[keep] / length[keep, None]
-    if normals is None:
-        normal = np.repeat(flat[:, None], 3, axis=1)
-    else:
-        normal = np.asarray(normals, np.float64)[faces]
+    index, corners, flat = index[keep], corners[keep], cross[keep] / length[keep, None]
+    normal = np.repeat(flat[:, None], 3, axis=1) if normals is None else np.asarray(normals, np.float64)[index]
     if uv is None:
         across = np.array([[1, 2], [0, 2], [0, 1]])[np.abs(flat).argmax(axis=1)]
         mapped = np.take_along_axis(corners, np.repeat(across[:, None, :], 3, axis=1), axis=2)
     else:
-        mapped = np.asarray(uv, np.float64)[faces]
+        mapped = np.asarray(uv, np.float64)[index]
     position = corners.astype(np.float32)
     return Mesh(
         position=position,
         normal=normal.astype(np.float32),
         local=position.copy(),
         uv=mapped.astype(np.float32),
-        material=np.zeros(len(faces), np.int16),
+        material=np.zeros(len(index), np.int16),
         materials=(material,),
     )

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pipeline.scenes.light import Light, ambient_directions
 from pipeline.scenes.sky import sky_radiance
 from pipeline.scenes.surface import Points, mean_albedo, surface_points
+from pipeline.scenes.vectors import dot, unit
 from pipeline.scenes.world import Hits, World
 
 Array = NDArray[np.float32]
@@ -103,12 +104,12 @@ def _sun(
 ) -> tuple[Array, Array]:
     """(K,) irradiance from the sun and (K,) its visibility, 0 or 1."""
     towards = light.towards_sun
-    cosine = points.normal @ towards
+    cosine = dot(points.normal, towards)
     thin = points.thin
     received = np.maximum(cosine, 0.0)
     received[thin] = np.where(cosine < 0, -cosine * _TRANSMITTED, cosine)[thin] * 0.8 + 0.12
     # a face turned away from the sun is dark whatever its smooth normal says
-    reachable = (received > 0) & ((points.geometric @ towards > 0) | thin)
+    reachable = (received > 0) & ((dot(points.geometric, towards) > 0) | thin)
     rows = np.flatnonzero(reachable)
     visible = np.zeros(len(cosine), np.float32)
     if len(rows):
@@ -124,9 +125,9 @@ def _ambient(
     gathered = np.zeros(len(start), np.float32)
     for ray in range(rays):
         towards = directions.ambient[sample, ray]
-        cosine = np.maximum(np.einsum("ka,ka->k", points.normal, towards), 0.0)
+        cosine = np.maximum(dot(points.normal, towards), 0.0)
         cosine[points.thin] = cosine[points.thin] * 0.5 + 0.25
-        outside = (np.einsum("ka,ka->k", points.geometric, towards) > 0) | points.thin
+        outside = (dot(points.geometric, towards) > 0) | points.thin
         rows = np.flatnonzero((cosine > 0.02) & outside)
         free = ~world.occluded(start[rows], towards[rows], AMBIENT_REACH_M)
         gathered[rows] += cosine[rows] * free
@@ -147,11 +148,10 @@ def _mirrored(
 ) -> Array:
     """(R,) radiance of the chosen points with their mirror image of the surroundings and the sun's glint."""
     normal, view = points.normal[rows], seen[rows]
-    cosine = np.clip(-np.einsum("ka,ka->k", normal, view), 0.0, 1.0)
+    cosine = np.clip(-dot(normal, view), 0.0, 1.0)
     f0 = points.f0[rows]
     share = f0 + (1.0 - f0) * (1.0 - cosine) ** 5
-    reflected = view + 2.0 * cosine[:, None] * normal
-    reflected /= np.linalg.norm(reflected, axis=1, keepdims=True)
+    reflected = unit(view + 2.0 * cosine[:, None] * normal)
     hits = world.trace(start[rows], reflected)
     image = np.empty(len(rows), np.float32)
     sky = hits.thing < 0
@@ -159,15 +159,15 @@ def _mirrored(
     solid = np.flatnonzero(~sky)
     if len(solid):
         image[solid] = _plain(world, light, _chosen(hits, solid), reflected[solid])
-    sun = np.clip(reflected @ light.towards_sun, 0.0, 1.0) ** 900 * visible[rows] * _GLINT * np.float32(light.sun / 3.1)
+    sun = np.clip(dot(reflected, light.towards_sun), 0.0, 1.0) ** 900 * visible[rows] * _GLINT * np.float32(light.sun / 3.1)
     return diffuse * (1.0 - share) + share * (image + sun)
 
 
 def _plain(world: World, light: Light, hits: Hits, direction: Array) -> Array:
     """(R,) radiance of hits with mean albedo, unshadowed: good enough for what a mirror shows."""
-    normal = hits.geometric / np.maximum(np.linalg.norm(hits.geometric, axis=1, keepdims=True), 1e-12)
-    normal *= np.where(np.einsum("ka,ka->k", normal, direction) > 0, -1.0, 1.0)[:, None]
-    sun = 0.75 * light.sun * np.maximum(normal @ light.towards_sun, 0.0)
+    normal = unit(hits.geometric)
+    normal *= np.where(dot(normal, direction) > 0, -1.0, 1.0)[:, None]
+    sun = 0.75 * light.sun * np.maximum(dot(normal, light.towards_sun), 0.0)
     ambient = light.ambient * (0.35 + 0.35 * normal[:, 2])
     return np.asarray(mean_albedo(world, hits) * (sun + ambient), np.float32)
 

@@ -5,6 +5,8 @@ All are closed and face outwards unless said otherwise.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -87,9 +89,7 @@ def loft(sections: ArrayLike, material: str, apexes: ArrayLike | None = None, uv
         centres = sections.mean(axis=1)
         along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1))]
         count, number, _ = sections.shape
-        grid = np.stack(
-            [np.tile(np.arange(number) / number * around, count), np.repeat(along, number)], axis=1
-        )
+        grid = np.stack([np.tile(np.arange(number) / number * around, count), np.repeat(along, number)], axis=1)
         uv = np.concatenate([grid, [[0.0, along[0]], [0.0, along[-1]]]])
     return soup(vertices, faces, material, vertex_normals(vertices, faces), uv)
 
@@ -233,10 +233,17 @@ def panel(corners: ArrayLike, material: str, uv: ArrayLike | None = None) -> Mes
     return soup(corners, np.stack([np.zeros_like(middle), middle, middle + 1], axis=1), material, uv=uv)
 
 
+def panels(corners: ArrayLike, material: str, uv: ArrayLike | None = None) -> Mesh:
+    """Many flat quadrilaterals (Q, 4, 3) at once, each counter-clockwise from its front; uv (Q, 4, 2)."""
+    corners = np.asarray(corners, np.float64)
+    first = 4 * np.arange(len(corners))[:, None]
+    faces = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
+    flat_uv = None if uv is None else np.asarray(uv, np.float64).reshape(-1, 2)
+    return soup(corners.reshape(-1, 3), faces, material, uv=flat_uv)
+
+
 def mirrored(mesh: Mesh) -> Mesh:
     """The same thing on the other side of the x-z plane; local coordinates are mirrored too."""
-    from dataclasses import replace
-
     flip = np.array([1, -1, 1], np.float32)
     return replace(
         mesh,
@@ -253,6 +260,7 @@ def both_sides(mesh: Mesh) -> Mesh:
 
 
 __all__ = [
-    "both_sides", "box", "boxes", "ellipsoid", "grid_faces", "lathe", "loft", "mirrored", "panel", "rotation",
+    "both_sides", "box", "boxes", "ellipsoid", "grid_faces", "lathe", "loft", "mirrored", "panel", "panels",
+    "rotation",
     "skin", "torus", "tube", "vertex_normals", "volume",
 ]  # fmt: skip

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.scenes.field import field
 from pipeline.scenes.light import Light
-from pipeline.scenes.textures import library
+from pipeline.scenes.vectors import dot
 
 Array = NDArray[np.float32]
 
@@ -29,18 +30,17 @@ def sky_radiance(direction: Array, light: Light, angle_rad: float = 0.0015) -> A
     Returns:
         (K,) radiance in the scene's unit.
     """
-    noise = library()["cloud"]
     z = np.clip(direction[:, 2], 0.0, 1.0)
     reach = 1.0 / (z + np.float32(0.25))
-    layer = direction[:, :2] * (reach * np.float32(_CLOUD_SCALE * noise.size_m))[:, None]
-    layer += np.asarray(light.clouds, np.float32) * np.float32(noise.size_m)
+    layer = direction[:, :2] * (reach * np.float32(_CLOUD_SCALE))[:, None]
+    layer += np.asarray(light.clouds, np.float32)
     # near the horizon a sample covers more of the layer
-    footprint = (reach * reach * np.float32(angle_rad * _CLOUD_SCALE * noise.size_m)).astype(np.float32)
-    broad, _ = noise.sample(layer, footprint)
-    fine, _ = noise.sample(layer * np.float32(_DETAIL_SCALE) + np.float32(0.3), footprint * np.float32(_DETAIL_SCALE))
+    footprint = reach * reach * np.float32(angle_rad * _CLOUD_SCALE)
+    broad = field(layer, footprint, 1.0, name="cloud", level=0)
+    fine = field(layer, footprint, 1.0 / _DETAIL_SCALE, 0.3, name="cloud", level=0)
     cover = 1.0 / (1.0 + np.exp(-2.2 * (broad - np.float32(2.0 * (0.5 - light.cover) + 0.1))))
     detail = 0.55 + 0.12 * fine
     clear = 2.0 - 1.15 * z**0.45
     radiance = clear * (1.0 - 0.8 * cover) + 0.8 * cover * (1.75 + 0.75 * detail)
-    towards = np.clip(direction @ light.towards_sun, 0.0, 1.0)
+    towards = np.clip(dot(direction, light.towards_sun), 0.0, 1.0)
     return ((radiance + 0.35 * towards**8 + 1.5 * towards**90) * light.sky).astype(np.float32)

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.scenes.field import field
 from pipeline.scenes.objects.base import Surface
 from pipeline.scenes.objects.materials import MATERIALS
 from pipeline.scenes.textures import library
+from pipeline.scenes.vectors import dot, turned, unit
 from pipeline.scenes.world import NAMES, Hits, World
 
 Array = NDArray[np.float32]
@@ -72,16 +74,17 @@ def surface_points(world: World, origin: Array, direction: Array, hits: Hits, an
     """
     thing, face = hits.thing, hits.face
     weight = np.stack([1.0 - hits.u - hits.v, hits.u, hits.v], axis=1)
-    blended = np.einsum("kc,kca->ka", weight, world.corners[face])
-    geometric = _unit(hits.geometric)
-    facing = np.einsum("ka,ka->k", geometric, direction)
+    corners = world.corners[face]
+    blended = corners[:, 0] * weight[:, 0:1] + corners[:, 1] * weight[:, 1:2] + corners[:, 2] * weight[:, 2:3]
+    geometric = unit(hits.geometric)
+    facing = dot(geometric, direction)
     geometric *= np.where(facing > 0, np.float32(-1), np.float32(1))[:, None]
     # a surface seen at a grazing angle covers more of its texture; the mean of both directions is taken
     slant = np.sqrt(np.maximum(np.abs(facing), np.float32(0.02)))
     footprint = (hits.distance_m * np.float32(0.8 * angle_rad) / slant).astype(np.float32)
     footprint /= world.scale[thing]
     material = world.material[face]
-    normal = _unit(blended[:, 0:3])
+    normal = unit(blended[:, 0:3])
     albedo = np.empty(len(thing), np.float32)
     f0 = _F0[material]
     tangents = world.tangents
@@ -91,18 +94,18 @@ def surface_points(world: World, origin: Array, direction: Array, hits: Hits, an
         tone, slope = _textured(name, uv, foot)
         tone = tone * world.tint[thing[rows], code]
         if painter >= 0:
-            towards = _turned(direction[rows], world.cos[thing[rows]], -world.sin[thing[rows]])
+            towards = turned(direction[rows], world.cos[thing[rows]], -world.sin[thing[rows]])
             surface = Surface(local, normal[rows], uv, tone, foot, towards)
             tone, f0[rows] = world.painters[painter](surface)
         albedo[rows] = tone
         if slope is not None:
             both = tangents[face[rows]]
             bent = normal[rows] - both[:, 0:3] * slope[:, :1] - both[:, 3:6] * slope[:, 1:]
-            normal[rows] = _unit(bent)
-    normal = _turned(normal, world.cos[thing], world.sin[thing])
+            normal[rows] = unit(bent)
+    normal = turned(normal, world.cos[thing], world.sin[thing])
     thin = _TWO_SIDED[material]
     # smooth normals may lean away from a face that is seen edge on; a closed surface shows its outer side
-    wrong = (np.einsum("ka,ka->k", normal, geometric) < 0) & ~thin
+    wrong = (dot(normal, geometric) < 0) & ~thin
     normal[wrong] *= -1
     position = origin + direction * hits.distance_m[:, None]
     return Points(
@@ -138,27 +141,13 @@ def _textured(name: str, uv: Array, footprint: Array) -> tuple[Array, Array | No
     material = MATERIALS[name]
     if material.texture is None:
         return np.full(len(uv), material.albedo, np.float32), None
-    textures = library()
-    texture = textures[material.texture]
+    texture = library()[material.texture]
     albedo, slope = texture.sample(uv, footprint)
     if name in _SECOND_LAYER:
         size_m, strength = _SECOND_LAYER[name]
-        broad = textures["fbm"]
-        factor = np.float32(broad.size_m / size_m)
-        layer, _ = broad.sample(uv * factor + np.float32(0.37), footprint * factor)
+        layer = field(uv, footprint, size_m, 0.37)
         albedo = albedo * np.exp(np.float32(strength) * layer)
     if material.bump == 0.0:
         return albedo, None
     fade = np.clip(1.5 - footprint / np.float32(24.0 * texture.texel_m), 0.15, 1.0)
     return albedo, slope * (np.float32(material.bump) * fade)[:, None]
-
-
-def _unit(vectors: Array) -> Array:
-    length = np.sqrt(np.einsum("ka,ka->k", vectors, vectors))
-    return vectors / np.maximum(length, np.float32(1e-12))[:, None]
-
-
-def _turned(vectors: Array, cos: Array, sin: Array) -> Array:
-    """(K, 3) vectors turned about z, each by its own angle."""
-    x, y = vectors[:, 0], vectors[:, 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y, vectors[:, 2]], axis=1)

@@ -37,8 +37,9 @@ def run(run: Run) -> None:
         store.write_table(folder / "corruption.parquet", truth, tables.CORRUPTION)
         store.write_arrays(folder / "gallery.npz", **arrays)
         store.write_json(folder / "gallery.json", description)
-    cells = truth.groupby(["effect", "level_dn"])[["gain", "sigma_dn", "sigma_clipped_dn", "clipped_fraction"]].mean()
-    metrics = {f"{effect}-{level:g}": row.to_dict() for (effect, level), row in cells.iterrows()}
+    columns = ["gain", "sigma_dn", "sigma_clipped_dn", "clipped_fraction"]
+    cells = truth.groupby(["effect", "level_dn"], as_index=False)[columns].mean().to_dict("records")
+    metrics = {f"{cell['effect']}-{cell['level_dn']:g}": {name: cell[name] for name in columns} for cell in cells}
     store.write_json(run.outputs / f"reports/metrics/corrupt/{name}.json", metrics)
 
 

@@ -36,7 +36,8 @@ def run(run: Run) -> None:
         store.write_table(folder / "frames.parquet", found.frames, tables.FRAMES)
         store.write_table(folder / "patches.parquet", found.patches, tables.PATCHES)
         store.write_table(folder / "quarantine.parquet", found.quarantine, tables.QUARANTINE)
-        store.write_json(folder / "boxes.json", boxes)
+        store.write_json(folder / "notes.json", found.notes)
+        store.write_json(folder / "samples.json", boxes)
         store.write_arrays(folder / "samples.npz", **{f"frame_{f.name}": to_8_bit(f.image()) for f in shown})
         store.write_json(folder / "manifest.json", {f.name: content_hash(f.path) for f in found.usable})
     patches = found.patches.groupby("purpose").size()
@@ -45,6 +46,7 @@ def run(run: Run) -> None:
         {
             "frames": len(found.frames),
             "quarantined": len(found.quarantine),
+            "notes": found.notes,
             "objects": int(found.frames["objects"].sum()),
             "patches": {purpose: int(count) for purpose, count in patches.items()},
             "statistics": found.frames.select_dtypes("float").mean().to_dict(),

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.config.entry import Run, stage
+
+if TYPE_CHECKING:
+    from pipeline.camera.psf.kernel import Kernel
 
 OUT = "data/psf"
 
@@ -21,6 +26,7 @@ def run(run: Run) -> None:
     from pipeline.camera.psf.bank import bank
 
     psf = run.params.psf
+    kernels: Sequence[Kernel]
     if psf.source == "paper":
         kernels = [k for k in load(Path(psf.folder)) if k.kind in psf.kinds and k.size_px in psf.sizes_px]
     else:
@@ -37,10 +43,10 @@ def run(run: Run) -> None:
     with store.replacing_folder(run.outputs / OUT) as folder:
         store.write_table(folder / "kernels.parquet", table, tables.KERNELS)
         store.write_arrays(folder / "kernels.npz", **{k.name: k.psf.astype(np.float32) for k in kernels})
-    means = table.groupby(["kind", "size_px"])["mtf"].mean()
+    means = table.groupby(["kind", "size_px"], as_index=False)[["mtf"]].mean().to_dict("records")
     store.write_json(
         run.outputs / "reports/metrics/psf.json",
-        {"kernels": len(kernels), "mean_mtf": {f"{kind}-{size}": value for (kind, size), value in means.items()}},
+        {"kernels": len(kernels), "mean_mtf": {f"{m['kind']}-{m['size_px']}": m["mtf"] for m in means}},
     )
 
 

@@ -45,13 +45,13 @@ def test_at_most_one_pixel_is_no_blur(kind: str, size_px: float) -> None:
     assert create(kind, size_px, 30, streams.stream(0, "psf")).tolist() == [[1.0]]
 
 
-@given(diameter_px=st.floats(2.0, 30.0))
+@given(diameter_px=st.floats(3.0, 30.0))
 def test_disc_covers_its_area_and_has_the_moments_of_a_disc(diameter_px: float) -> None:
     psf = defocus.disc(diameter_px).astype(np.float64)
     # Fully covered pixels all hold 1 / area.
     assert 1 / psf.max() == pytest.approx(np.pi * diameter_px**2 / 4, rel=1e-5)
-    # r^2 / 4 for the disc; its sampling by square pixels adds 1 / 12.
-    assert np.diag(covariance(psf)) == pytest.approx(diameter_px**2 / 16 + 1 / 12, abs=0.02)
+    # r^2 / 4 for the disc; its sampling by square pixels adds about 1 / 12, less where their edges coincide.
+    assert np.diag(covariance(psf)) == pytest.approx(diameter_px**2 / 16 + 1 / 12, abs=0.02 + 0.2 / diameter_px)
     assert np.allclose(psf, psf.T, atol=1e-8) and np.allclose(psf, psf[::-1], atol=1e-8)
 
 
@@ -107,12 +107,13 @@ def test_straight_motion_along_an_axis_is_a_row_of_equal_weights() -> None:
         assert psf.sum() == pytest.approx(row.sum())
 
 
-@given(length_px=st.floats(2.0, 25.0), angle_deg=st.floats(0.0, 180.0))
+@given(length_px=st.floats(3.0, 25.0), angle_deg=st.floats(0.0, 180.0))
 def test_straight_motion_has_its_direction_and_length(length_px: float, angle_deg: float) -> None:
     values, vectors = np.linalg.eigh(covariance(linear_motion.segment(length_px, angle_deg)))
-    # Long axis: L^2 / 12 of the line and up to 1 / 12 of the pixel; short axis: 1 / 12 of its width and the pixel.
-    assert values[1] == pytest.approx(length_px**2 / 12 + 1 / 12, abs=0.12)
-    assert values[0] == pytest.approx(1 / 12, abs=0.1)
+    # Long axis: L^2 / 12 of the line, short axis 1 / 12 of its width; the pixels add up to 1 / 6, and take 1 / 12
+    # where edges coincide (equal weights on L pixels have a variance of (L^2 - 1) / 12).
+    assert values[1] == pytest.approx(length_px**2 / 12, abs=0.18)
+    assert values[0] == pytest.approx(1 / 12, abs=0.12)
     found = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
     assert abs((found - angle_deg + 90) % 180 - 90) < (0.6 if length_px > 5 else 5)
 
@@ -233,7 +234,7 @@ def test_paper_match_is_close_to_the_papers_kernels(shared) -> None:  # type: ig
         (lambda: create("defocus", 3, colour="red"), "colour"),
         (lambda: create("linear_motion", 3, float("inf")), "angle_deg"),
         (lambda: create("linear_motion", 3, width_px=0), "width_px"),
-        (lambda: create("linear_motion", 9, match="paper"), "only 3, 7, 11, 13, 15, 21"),
+        (lambda: create("linear_motion", 9, match="paper"), "it has 3, 7, 11, 13, 15, 21"),
         (lambda: create("linear_motion", 9, match="best"), "unknown match"),
         (lambda: create("nonlinear_motion", 9), "generator"),
         (lambda: create("nonlinear_motion", 9, 0, streams.stream(0, "x"), intensity=2), "intensity"),

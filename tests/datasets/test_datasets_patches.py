@@ -24,7 +24,7 @@ def covered(shape, patches):
 
 def inside(shape, patches):
     return all(
-        0 <= p.x_px and p.x_px + p.size_px <= shape[1] and 0 <= p.y_px and p.y_px + p.size_px <= shape[0]
+        p.x_px >= 0 and p.x_px + p.size_px <= shape[1] and p.y_px >= 0 and p.y_px + p.size_px <= shape[0]
         for p in patches
     )
 

@@ -81,7 +81,7 @@ def _area_beyond(x: np.ndarray, y: np.ndarray, radius: float) -> np.ndarray:
     The integral of sqrt(r^2 - t^2) - y over t from x to sqrt(r^2 - y^2), zero where the corner lies outside.
     """
     x, y = np.broadcast_arrays(np.minimum(x, radius), np.minimum(y, radius))
-    end = np.sqrt(radius**2 - y**2)
+    end = np.sqrt(np.maximum(radius**2 - y**2, 0.0))
 
     def primitive(t: np.ndarray) -> np.ndarray:
         return 0.5 * (t * np.sqrt(np.maximum(radius**2 - t**2, 0.0)) + radius**2 * np.arcsin(t / radius))

@@ -51,7 +51,8 @@ def create(
     """The PSF of linear motion.
 
     Args:
-        size_px: length of the motion, pixels, >= 0; at most 1 px is no blur.
+        size_px: length of the motion, pixels, >= 0; at most 1 px is no blur, and between 1 and 2 px the line fades
+            in, so that nothing jumps at any angle.
         angle_deg: rotation, degrees, counter-clockwise as seen in the image; at 0 the motion is horizontal.
         generator: not used (nothing is random); here because all kinds are called alike.
         tilt_deg: direction at rotation 0, degrees.
@@ -73,9 +74,15 @@ def create(
                 f"no linear motion kernel of {size_px:g} px in the paper; it has {known}; use match='nominal'"
             )
         line = PAPER_LINES[int(size_px)]
+        return segment(line.length_px, line.tilt_deg + angle_deg, line.width_px)
     elif match != "nominal":
         raise InputError(f"unknown match '{match}'; known: nominal, paper")
-    return segment(line.length_px, line.tilt_deg + angle_deg, line.width_px)
+    psf = segment(line.length_px, line.tilt_deg + angle_deg, line.width_px)
+    # Even a unit square covers its neighbours once it is turned.
+    share = min(max(line.length_px - 1.0, 0.0), 1.0)
+    sharp = np.zeros_like(psf)
+    sharp[len(psf) // 2, len(psf) // 2] = 1.0
+    return finished(share * psf + (1 - share) * sharp)
 
 
 def segment(length_px: float, angle_deg: float, width_px: float = 1.0) -> np.ndarray:

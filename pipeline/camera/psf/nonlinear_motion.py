@@ -24,7 +24,7 @@ from pipeline.camera.psf.kernel import checked_size, finished
 from pipeline.camera.psf.raster import quarter_turns, splat
 from pipeline.errors import InputError
 
-STEPS = 2048
+STEPS = 1024
 
 PAPER_MTF = {
     3: (0.992, 0.968, 0.943, 0.895, 0.789, 0.635, 0.501, 0.360),
@@ -43,11 +43,11 @@ def create(
     generator: np.random.Generator | None = None,
     *,
     intensity: float = 1.0,
-    bend: float = 0.5,
-    smoothness: float = 0.08,
+    bend: float = 0.4,
+    smoothness: float = 0.06,
     dwell: float = 0.4,
     match: str = "nominal",
-    candidates: int = 128,
+    candidates: int = 64,
 ) -> np.ndarray:
     """The PSF of one random bent motion.
 

@@ -39,7 +39,7 @@ def _samples(inputs: ReportInputs) -> list[DatasetSample]:
         arrays = optional_arrays(folder, "samples.npz")
         frames = {name.removeprefix(PREFIX): array for name, array in arrays.items() if name.startswith(PREFIX)}
         if frames:
-            boxes = optional_json(folder, "boxes.json") or {}
+            boxes = optional_json(folder, "samples.json") or {}
             patches = optional_table(folder, "patches.parquet", tables.PATCHES)
             found.append(DatasetSample(dataset, frames, boxes, patches))
     return found
@@ -52,7 +52,7 @@ def _sizes(frames: dict[str, pd.DataFrame], inputs: ReportInputs) -> Table:
         quarantine = optional_table(inputs.index[dataset], "quarantine.parquet", tables.QUARANTINE)
         purposes = patches["purpose"].value_counts().to_dict() if patches is not None else {}
         sizes = table.groupby(["width_px", "height_px"]).size().sort_values(ascending=False, kind="stable")
-        size = " × ".join(str(side) for side in sizes.index[0]) if len(sizes) else ""
+        size = "\u00a0×\u00a0".join(str(side) for side in sizes.index[0]) if len(sizes) else ""
         rows.append(
             {
                 "dataset": word(dataset),

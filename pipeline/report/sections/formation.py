@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from pipeline import tables
 from pipeline.errors import InputError
-from pipeline.report import formation_gallery
+from pipeline.report import formation_gallery, photon_transfer_figure
 from pipeline.report.inputs import ReportInputs, existing, optional_arrays, optional_json, optional_table
-from pipeline.report.sections.base import Block, Section, ShownFigure, missing, overview
+from pipeline.report.sections.base import Block, NotRun, Run, Section, ShownFigure, missing, overview
 from pipeline.report.tables import Cell, Column, Estimate, Table
 from pipeline.report.wording import EFFECTS, in_order, word
 from pipeline.statistics import robust
@@ -17,7 +17,7 @@ from pipeline.streams import stream
 if TYPE_CHECKING:
     import pandas as pd
 
-STAGE = "corrupt@{dataset}"
+STAGE, SENSOR_STAGE = "corrupt@{dataset}", "sensor"
 
 
 def _galleries(dataset: str, inputs: ReportInputs) -> list[Block]:
@@ -44,25 +44,36 @@ def _galleries(dataset: str, inputs: ReportInputs) -> list[Block]:
     return blocks
 
 
+def _sensor(inputs: ReportInputs) -> list[Block]:
+    curve = optional_json(inputs.sensor, "photon_transfer.json")
+    if curve is None:
+        return [NotRun("Photon transfer of the sensor", "stage absent", inputs.line(SENSOR_STAGE))]
+    caption = (
+        "Photon transfer. Variance over mean of evenly lit frames drawn from the sensor: the slope is its gain, so "
+        "photon noise, conversion and scale fit together."
+    )
+    return [ShownFigure("photon_transfer", photon_transfer_figure.draw(curve), caption, (SENSOR_STAGE,))]
+
+
 def _level_table(dataset: str, corruption: pd.DataFrame) -> Table:
     rows: list[dict[str, Cell]] = []
     effects = in_order(corruption["effect"], EFFECTS)
-    parts = (("sigma_dn", "before"), ("sigma_clipped_dn", "after"))
     for level in sorted(set(corruption["level_dn"])):
-        row: dict[str, Cell] = {"level_dn": level}
+        here = corruption[corruption["level_dn"] == level]
+        row: dict[str, Cell] = {"level_dn": level, "off_percent": None}
+        if level > 0:
+            row["off_percent"] = 100.0 * float((here["sigma_dn"] / level - 1.0).abs().max())
         for effect in effects:
-            chosen = corruption[(corruption["effect"] == effect) & (corruption["level_dn"] == level)]
-            for name, part in parts:
-                found = robust(chosen[name], stream(0, "report", "levels", dataset, effect, float(level), name))
-                row[f"{effect}_{part}"] = Estimate(found.median, found.low, found.high, found.count or None)
+            values = here.loc[here["effect"] == effect, "sigma_clipped_dn"]
+            found = robust(values, stream(0, "report", "levels", dataset, effect, float(level)))
+            row[effect] = Estimate(found.median, found.low, found.high, found.count or None)
         rows.append(row)
-    columns = [Column("level_dn", "Level asked for", "DN")]
-    for effect in effects:
-        columns.append(Column(f"{effect}_before", word(effect), "DN", 2))
-        columns.append(Column(f"{effect}_after", "clipped", "DN", 2))
+    columns = [Column("level_dn", "Level", "DN"), Column("off_percent", "Missed before clipping", "%", 2)]
+    columns += [Column(effect, word(effect), "DN", 2) for effect in effects]
     notes = (
-        "Standard deviation of the noise over a whole frame: as added, and after clipping to 0..255 and rounding. "
-        "Median over frames with bootstrap 95 % interval and number of frames. At level 0 the frame is left as it is.",
+        "Standard deviation of the noise over a whole frame after clipping to 0..255 and rounding: median over frames "
+        "with bootstrap 95 % interval and number of frames. Missed before clipping: by how much, at most, the noise as "
+        "added misses the level in any frame. At level 0 the frame is left as it is.",
     )
     caption = f"Noise really present on {word(dataset)} at each level."
     return Table(f"noise_levels_{dataset}", caption, columns, rows, notes, STAGE.format(dataset=dataset))
@@ -83,10 +94,16 @@ def section(inputs: ReportInputs) -> Section:
         blocks += _galleries(dataset, inputs)
         level_tables.append(_level_table(dataset, corruption))
     runs = overview("Image formation", STAGE, ran, inputs)
+    done = existing(inputs.sensor) is not None
+    sensor_run = Run("Sensor", "", done, "" if done else "stage absent", inputs.line(SENSOR_STAGE))
     text = (
         "Frames are corrupted at the level of electrons, in the order light meets the camera: photon noise, blur by "
         "the optics, dark-current shot noise, readout noise, quantisation.",
     )
     return Section(
-        "formation", "Image formation", text, [*blocks, *level_tables, *missing("Image formation", runs)], runs
+        "formation",
+        "Image formation",
+        text,
+        [*blocks, *level_tables, *_sensor(inputs), *missing("Image formation", runs)],
+        [sensor_run, *runs],
     )

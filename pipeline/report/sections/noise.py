@@ -102,15 +102,16 @@ def section(inputs: ReportInputs) -> Section:
             done = (dataset, estimator) in ran
             absent = inputs.absent.get(dataset) if not done else None
             why = "" if done else "data absent" if absent else "stage absent"
-            runs.append(Run(f"Noise, {word(estimator)}", dataset, done, why, absent or inputs.line(stage)))
+            runs.append(Run(f"Noise by {word(estimator)}", dataset, done, why, absent or inputs.line(stage)))
     if not summary.empty:
         caption = (
             "Noise estimation. Median (line) and range of the inliers (band) of the estimates over the level asked "
             "for. Thin diagonal: that level. Dashed: the noise really present after clipping to 8 bit."
         )
         stages = tuple(sorted(STAGE.format(dataset=dataset, estimator=estimator) for dataset, estimator in ran))
-        blocks.append(ShownFigure("noise", noise_figure.draw(summary, inputs.datasets), caption, stages))
-        blocks += [_medians(name, summary, inputs) for name in in_order(summary["dataset"], inputs.datasets)]
+        done_on = in_order(summary["dataset"], inputs.datasets)
+        blocks.append(ShownFigure("noise", noise_figure.draw(summary, done_on), caption, stages))
+        blocks += [_medians(name, summary, inputs) for name in done_on]
         blocks.append(_abstentions(summary, estimates))
     shown: set[tuple[str, str]] = set()
     for run in runs:

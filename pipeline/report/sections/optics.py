@@ -10,7 +10,7 @@ from pipeline.report.ledger_sources import sharp_mtf, star_curve
 from pipeline.report.sections.base import Block, NotRun, Run, Section, ShownFigure
 from pipeline.report.tables import Cell, Column, Table
 
-BANK_STAGE, STAR_STAGE = "psf_bank", "render_sim"
+BANK_STAGE, STAR_STAGE = "psf_bank", "star"
 SOURCES = {"generated": "generated here", "paper": "the paper's own"}
 
 

@@ -88,8 +88,8 @@ def cycle(key: Key, name: str, site: Site, draw: Draw, gap_m: float = 0.5) -> li
             still = bicycle.make(key.stream(name))
             return [Actor(name, track, lambda _: still)]
         return [
-            Actor(name, track, lambda way: bicycle.make(key.stream(name), travel_m=way)),
-            Actor(f"{name}-rider", track, lambda way: bicycle.make_rider(key.stream(name), travel_m=way)),
+            Actor(name, track, lambda way: bicycle.make(key.stream(name), way)),
+            Actor(f"{name}-rider", track, lambda way: bicycle.make_rider(key.stream(name), way)),
         ]
     return []
 

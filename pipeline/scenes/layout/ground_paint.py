@@ -7,18 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.scenes.field import field
 from pipeline.scenes.objects.base import Surface
 from pipeline.scenes.textures import library
 
 Array = NDArray[np.float32]
-
-
-def field(uv: Array, footprint_m: Array, size_m: float, shift: float = 0.0) -> Array:
-    """(K,) zero-mean, unit-deviation 1/f field whose tile is `size_m` wide."""
-    noise = library()["fbm"]
-    factor = np.float32(noise.size_m / size_m)
-    value, _ = noise.sample(uv * factor + np.float32(shift), footprint_m * factor)
-    return value
 
 
 @dataclass(frozen=True)
@@ -46,17 +39,32 @@ class RoadPaint:
     def __call__(self, surface: Surface) -> tuple[Array, Array]:
         """See `pipeline.scenes.objects.base.Painter`."""
         s, d = surface.uv[:, 0], surface.uv[:, 1]
-        foot = surface.footprint_m
-        albedo = surface.albedo.copy()
         off = np.abs(d)
         # wheels polish and darken two tracks of each lane; parked cars leave oil
         tracks = np.exp(-(((np.abs(off - self.lane_m) - 0.75) / 0.35) ** 2))
-        stains = field(surface.uv, foot, 9.0, self.shift + 0.2)
-        albedo *= (1.0 - 0.22 * tracks) * np.exp(-0.22 * np.clip(stains - 0.8, 0.0, 2.0))
-        patch = (np.abs(d + 1.9) < 1.1) & (np.abs(np.mod(s - self.patch_m + 18.5, 37.0) - 18.5) < 2.4)
-        albedo = np.where(patch, albedo * 0.66, albedo)
-        seam = (np.abs(off - 0.02 * np.sin(s * 0.9) - 0.28) < 0.012) & (field(surface.uv, foot, 31.0, 0.6) > -0.3)
-        albedo = np.where(seam, albedo * 0.55, albedo)
+        stains = field(surface.uv, surface.footprint_m, 9.0, self.shift + 0.2)
+        albedo = surface.albedo * (1.0 - 0.22 * tracks) * np.exp(-0.22 * np.clip(stains - 0.8, 0.0, 2.0))
+        patch = (np.abs(d + 1.9) < 1.1) & (np.abs(_phase(s, self.patch_m, 37.0)) < 2.4)
+        albedo[patch] *= 0.66
+        seam = np.flatnonzero(np.abs(off - 0.02 * np.sin(s * 0.9) - 0.28) < 0.012)
+        albedo[seam] *= np.where(self._noise(surface, seam, 31.0, 0.6) > -0.3, 0.55, 1.0)
+        marked = np.flatnonzero(self._marked(s, d))
+        wear = np.clip(0.80 + 0.30 * self._noise(surface, marked, 1.7, self.shift), 0.0, 1.0)
+        albedo[marked] = albedo[marked] * (1.0 - wear) + 0.62 * wear
+        along = _phase(s, self.manhole_m, 29.0)
+        radius = np.hypot(along, d + 0.4)
+        lid = np.flatnonzero(radius < 0.33)
+        cast = np.where(np.mod(s[lid] * 12.0, 1.0) < 0.35, 0.15, 0.09)
+        albedo[lid] = np.where(radius[lid] > 0.30, 0.04, cast)
+        # leaves and dust gather along the kerb
+        near = np.flatnonzero(off > self.half_width_m - 0.35)
+        dust = 1.0 - (self.half_width_m - off[near]) / 0.35
+        albedo[near] *= 1.0 + 0.35 * dust * (self._noise(surface, near, 2.3, 0.4) > 0.0)
+        return albedo.astype(np.float32), np.zeros(len(albedo), np.float32)
+
+    def _marked(self, s: Array, d: Array) -> NDArray[np.bool_]:
+        """(K,) where paint was laid: centre dashes, edge lines, the zebra crossing (which interrupts the others)."""
+        off = np.abs(d)
         marked = (off < 0.07) & (np.mod(s, 6.0) < 3.0)
         if self.edge:
             marked |= np.abs(off - (self.half_width_m - 2.25)) < 0.05
@@ -64,16 +72,17 @@ class RoadPaint:
             stripes = (np.mod(d + 0.25, 1.0) < 0.5) & (off < self.half_width_m - 0.3)
             near = np.abs(s - self.crossing_m)
             marked = np.where(near < 3.0, (near < 1.6) & stripes, marked)
-        wear = np.clip(0.80 + 0.30 * field(surface.uv, foot, 1.7, self.shift), 0.0, 1.0)
-        albedo = np.where(marked, albedo * (1.0 - wear) + 0.62 * wear, albedo)
-        along = np.mod(s - self.manhole_m + 14.5, 29.0) - 14.5
-        lid = np.hypot(along, d + 0.4)
-        cast = np.where(np.mod(s * 12.0, 1.0) < 0.35, 0.15, 0.09)
-        albedo = np.where(lid < 0.33, np.where(lid > 0.30, 0.04, cast), albedo)
-        # leaves and dust gather along the kerb
-        dust = np.clip(1.0 - (self.half_width_m - off) / 0.35, 0.0, 1.0)
-        albedo *= 1.0 + 0.35 * dust * (field(surface.uv, foot, 2.3, 0.4) > 0.0)
-        return albedo.astype(np.float32), np.zeros(len(albedo), np.float32)
+        return np.asarray(marked, np.bool_)
+
+    @staticmethod
+    def _noise(surface: Surface, rows: NDArray[np.intp], size_m: float, shift: float) -> Array:
+        """The 1/f field at some of the points only."""
+        return field(surface.uv[rows], surface.footprint_m[rows], size_m, shift)
+
+
+def _phase(value: Array, first: float, period: float) -> Array:
+    """(K,) signed distance to the nearest of first, first + period, ..."""
+    return np.mod(value - first + period / 2, period) - period / 2
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.scenes.mesh import Mesh, join, rotation
+from pipeline.scenes.mesh import Mesh, join
 from pipeline.scenes.objects.base import SceneObject
 from pipeline.scenes.objects.brush import Flat
 from pipeline.scenes.objects.figure import FOREARM, SHANK, THIGH, UPPER_ARM, Figure
+from pipeline.scenes.objects.materials import MATERIALS
 from pipeline.scenes.objects.person import dressed
 from pipeline.scenes.objects.pose import Limb, Pose, reach, shoulder_m
 from pipeline.scenes.shapes import box, ellipsoid, lathe, torus, tube
@@ -78,33 +80,36 @@ class Build:
         return self.bar + np.array([-0.09, side * 0.27, 0.025])
 
 
-def make(generator: np.random.Generator, travel_m: float = 0.0, rider: bool = False) -> tuple[SceneObject, ...]:
-    """A bicycle at the origin, facing +x, wheels on z = 0; and, if ridden, its rider in the same coordinates.
+def make(generator: np.random.Generator, travel_m: float = 0.0) -> SceneObject:
+    """A bicycle at the origin, facing +x, wheels on z = 0.
 
     Args:
-        generator: random numbers; the bicycle is drawn before the rider, so both kinds agree.
+        generator: random numbers.
         travel_m: distance ridden: wheels and cranks have turned accordingly.
-        rider: somebody rides it.
-
-    Returns:
-        ``(bicycle,)`` or ``(bicycle, person)``; place both alike.
     """
-    build = Build.draw(generator)
-    crank_rad = travel_m / WHEEL_M / _GEAR + float(generator.uniform(0, 2 * np.pi))
-    thing = SceneObject(
+    build, crank_rad = _draw(generator, travel_m)
+    return SceneObject(
         mesh=join(_parts(build, travel_m / WHEEL_M, crank_rad)),
         label="bicycle",
         kind="step-through" if build.step_through else "diamond",
-        tint={"frame": build.frame / 0.2},
+        tint={"frame": build.frame / MATERIALS["frame"].albedo},
         paint={"frame": Flat(build.frame, 0.04)},
     )
-    if not rider:
-        return (thing,)
+
+
+def make_rider(generator: np.random.Generator, travel_m: float = 0.0) -> SceneObject:
+    """The person who rides the bicycle that `make` returns for the same generator state; place both alike."""
+    build, crank_rad = _draw(generator, travel_m)
     figure = Figure.draw(generator)
     outfit = figure.outfit if figure.outfit == "shorts" else "trousers"
     figure = replace(figure, outfit=outfit, bag="none" if figure.bag == "shoulder" else figure.bag)
-    person = dressed(figure, riding(figure, build, crank_rad))
-    return thing, replace(person, kind="rider")
+    return replace(dressed(figure, riding(figure, build, crank_rad)), kind="rider")
+
+
+def _draw(generator: np.random.Generator, travel_m: float) -> tuple[Build, float]:
+    """The bicycle and the angle of its left crank, forward from the top."""
+    build = Build.draw(generator)
+    return build, travel_m / WHEEL_M / _GEAR + float(generator.uniform(0, 2 * np.pi))
 
 
 def riding(figure: Figure, build: Build, crank_rad: float) -> Pose:
@@ -124,7 +129,9 @@ def riding(figure: Figure, build: Build, crank_rad: float) -> Pose:
         knee, ankle = reach(hip, ankle, THIGH * k, SHANK * k, (1.0, 0.0, 0.25))
         legs.append(Limb(hip, knee, ankle, 0.18))
         shoulder = shoulder_m(figure, pelvis, lean, side)
-        elbow, wrist = reach(shoulder, grip + np.array([-0.06, 0.0, 0.02]), UPPER_ARM * k, FOREARM * k, (-0.2, 0.5 * side, -1.0))
+        elbow, wrist = reach(
+            shoulder, grip + np.array([-0.06, 0.0, 0.02]), UPPER_ARM * k, FOREARM * k, (-0.2, 0.5 * side, -1.0)
+        )
         arms.append(Limb(shoulder, elbow, wrist))
     return Pose(pelvis, lean, (legs[0], legs[1]), (arms[0], arms[1]), 0.5)
 
@@ -161,7 +168,11 @@ def _wheel(centre: Array, roll_rad: float, spokes: int = 20) -> list[Mesh]:
 
 
 def _rod(start: ArrayLike, end: ArrayLike, radius_m: float, material: str = "frame") -> Mesh:
-    return tube([start, end], radius_m, material, 8, round_ends=False)
+    return tube(np.stack([np.asarray(start), np.asarray(end)]), radius_m, material, 8, round_ends=False)
+
+
+def _around(centre: Array, half: tuple[float, float, float]) -> tuple[Array, Array]:
+    return centre - np.array(half), centre + np.array(half)
 
 
 def _frame(build: Build) -> list[Mesh]:
@@ -178,16 +189,27 @@ def _frame(build: Build) -> list[Mesh]:
         drop = _REAR + np.array([0.0, side, 0.0])
         parts += [_rod(drop, _BRACKET, 0.011), _rod(drop, low_joint if build.step_through else joint, 0.010)]
         parts.append(_rod(_FRONT + np.array([0.0, side, 0.0]), _CROWN + np.array([0.0, 0.6 * side, -0.03]), 0.014))
-    parts += [_rod(joint, saddle + np.array([0.01, 0, -0.01]), 0.0135, "chrome"), _rod(_HEAD, build.bar, 0.014, "chrome")]
+    parts += [
+        _rod(joint, saddle + np.array([0.01, 0, -0.01]), 0.0135, "chrome"),
+        _rod(_HEAD, build.bar, 0.014, "chrome"),
+    ]
     parts.append(ellipsoid(saddle + np.array([-0.035, 0, 0.01]), (0.10, 0.085, 0.035), "black", 12, 7))
     parts.append(ellipsoid(saddle + np.array([0.075, 0, 0.01]), (0.10, 0.030, 0.025), "black", 10, 6))
     for side in (1, -1):
         outer = build.bar + np.array([-0.02, side * 0.20, 0.03])
-        parts.append(tube([build.bar, build.bar + np.array([0.0, side * 0.08, 0.01]), outer, build.grip(side)], 0.0125, "chrome", 8))
-        parts.append(tube([build.grip(side) + np.array([0.04, -side * 0.02, 0]), build.grip(side) - np.array([0.07, 0, 0])],
-                          0.018, "black", 8))  # fmt: skip
+        parts.append(
+            tube(
+                [build.bar, build.bar + np.array([0.0, side * 0.08, 0.01]), outer, build.grip(side)],
+                0.0125,
+                "chrome",
+                8,
+            )
+        )
+        grip = [build.grip(side) + np.array([0.04, -side * 0.02, 0.0]), build.grip(side) - np.array([0.07, 0.0, 0.0])]
+        parts.append(tube(grip, 0.018, "black", 8))
     parts.append(ellipsoid(_HEAD + np.array([0.075, 0, -0.02]), (0.035, 0.03, 0.03), "lens", 8, 6))
-    parts.append(box(_REAR + (-0.39, -0.03, 0.22), _REAR + (-0.375, 0.03, 0.27), "lens"))
+    lamp = saddle + np.array([-0.05, 0.0, -0.10])
+    parts.append(box(*_around(lamp, (0.012, 0.025, 0.02)), "lens"))
     return parts
 
 
@@ -198,7 +220,7 @@ def _drive(crank_rad: float) -> list[Mesh]:
         pedal = _pedal(crank_rad, side)
         arm = np.array([0.0, -side * 0.06, 0.0])
         parts.append(_rod(_BRACKET + np.array([0.0, side * 0.07, 0.0]), pedal + arm, 0.011, "chrome"))
-        parts.append(box(pedal - (0.045, 0.045, 0.012), pedal + (0.045, 0.045, 0.012), "black"))
+        parts.append(box(*_around(pedal, (0.045, 0.045, 0.012)), "black"))
     for height in (0.06, -0.06):
         back = _REAR + np.array([0.0, -0.05, 0.55 * height])
         parts.append(_rod(_BRACKET + np.array([0.0, -0.05, 1.5 * height]), back, 0.006, "black"))
@@ -226,7 +248,7 @@ def _basket(build: Build) -> list[Mesh]:
         x, y = 0.13 + 0.15 * height, 0.16 + 0.2 * height
         corners = low + np.array([[-x, -y, height], [x, -y, height], [x, y, height], [-x, y, height], [-x, -y, height]])
         corners[:, 0] += 0.10
-        parts += [_rod(a, b, 0.004, "black") for a, b in zip(corners[:-1], corners[1:], strict=True)]
+        parts += [_rod(a, b, 0.004, "black") for a, b in pairwise(corners)]
     for part in np.linspace(-1, 1, 7):
         for x in (-0.03, 0.23):
             foot = low + np.array([x, 0.16 * part, 0.0])

@@ -120,7 +120,8 @@ class CarBody:
         y = np.concatenate([low_y, high_y, crown_y], axis=1)
         z = np.concatenate([low_z, high_z, crown_z], axis=1)
         # wings swell a little round the wheels
-        swell = sum(np.exp(-(((self.x(along) - axle) / (1.25 * self.type.wheel_m)) ** 2)) for axle in self.axles_m)
+        from_axle = self.x(along)[:, None] - np.array(self.axles_m)
+        swell = np.exp(-((from_axle / (1.25 * self.type.wheel_m)) ** 2)).sum(axis=1)
         y = y + 0.014 * swell[:, None] * np.exp(-(((z - 0.55) / 0.22) ** 2)) * (y > 0.3)
         around = y.shape[1]
         x = np.repeat(self.x(along)[:, None], 2 * around - 2, axis=1)

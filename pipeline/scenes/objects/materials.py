@@ -52,7 +52,7 @@ MATERIALS: dict[str, Material] = {
     # plants
     "bark": Material("bark", 0.17),
     "leaf": Material("leaf", 0.15, 0.3, 0.0, True),
-    "hedge": Material(None, 0.03, 0.0),
+    "hedge": Material(None, 0.045, 0.0),
     # fences and street furniture
     "picket": Material("plank", 0.35, 0.5),
     "bench": Material("plank", 0.35, 0.5),

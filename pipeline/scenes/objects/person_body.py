@@ -89,7 +89,9 @@ def _trunk(figure: Figure, pose: Pose) -> list[Mesh]:
         rows = np.concatenate([low, rows])
     elif figure.outfit == "skirt":
         drop = np.array([0.205, 0.130, 0.060, -0.050])
-        skirt = np.stack([-drop, [0.128, 0.120, 0.108, 0.090], np.maximum(drop, 0) * reach + 0.064, np.zeros(4)], axis=1)
+        skirt = np.stack(
+            [-drop, [0.128, 0.120, 0.108, 0.090], np.maximum(drop, 0) * reach + 0.064, np.zeros(4)], axis=1
+        )
         parts.append(_plain(_stack(skirt * k, "trousers", rings=8).turned(np.eye(3), pose.pelvis)))
     if figure.outfit != "coat":
         seat = np.array([[-0.080, 0.050, 0.040, -0.010], [-0.030, 0.096, 0.066, -0.010], [0.022, 0.097, 0.072, -0.006]])
@@ -175,8 +177,8 @@ def _arm(figure: Figure, arm: Limb, side: int) -> list[Mesh]:
     else:
         parts = [_plain(tube(path, cloth, "top", 12))]
     tilt = float(np.arctan2(-fore[0], -fore[2]))
-    hand = ellipsoid(wrist + 0.030 * k * fore / np.linalg.norm(fore), np.array([0.021, 0.013, 0.042]) * k, "skin", 10, 7,
-                     rotation(tilt, "y"))  # fmt: skip
+    palm = wrist + 0.030 * k * fore / np.linalg.norm(fore)
+    hand = ellipsoid(palm, np.array([0.021, 0.013, 0.042]) * k, "skin", 10, 7, rotation(tilt, "y"))
     return [*parts, _plain(hand)]
 
 
@@ -184,16 +186,18 @@ def _bag(figure: Figure, pose: Pose) -> list[Mesh]:
     k, b = figure.height_m, figure.build
     turn = rotation(pose.lean_rad, "y")
     if figure.bag == "backpack":
-        pack = ellipsoid((-0.115 * k * b, 0, 0.19 * k), np.array([0.058, 0.085, 0.115]) * k, "bag", 14, 9, exponent=0.55)
-        strap = [
-            tube([(-0.06 * k, s * 0.06 * k, 0.30 * k), (0.0, s * 0.066 * k, 0.325 * k), (0.074 * k * b, s * 0.062 * k, 0.25 * k),
-                  (0.066 * k * b, s * 0.075 * k, 0.15 * k)], 0.010 * k, "bag", 6)
-            for s in (1, -1)
-        ]  # fmt: skip
+        pack = ellipsoid(
+            (-0.115 * k * b, 0, 0.19 * k), np.array([0.058, 0.085, 0.115]) * k, "bag", 14, 9, exponent=0.55
+        )
+        over = np.array([[-0.06, 0.060, 0.30], [0.0, 0.066, 0.325], [0.074 * b, 0.062, 0.25], [0.066 * b, 0.075, 0.15]])
+        strap = [tube(over * (k, side * k, k), 0.010 * k, "bag", 6) for side in (1, -1)]
         return [_plain(part.turned(turn, pose.pelvis)) for part in (pack, *strap)]
     side = 0.135 * k * b
     body = ellipsoid((0.0, side, -0.02 * k), np.array([0.085, 0.030, 0.065]) * k, "bag", 12, 8, exponent=0.6)
     strap_over = tube(
-        [(0.0, side, 0.03 * k), (0.07 * k * b, 0.03 * k, 0.20 * k), (0.02 * k, -0.075 * k, 0.315 * k)], 0.008 * k, "bag", 6
+        [(0.0, side, 0.03 * k), (0.07 * k * b, 0.03 * k, 0.20 * k), (0.02 * k, -0.075 * k, 0.315 * k)],
+        0.008 * k,
+        "bag",
+        6,
     )
     return [_plain(part.turned(turn, pose.pelvis)) for part in (body, strap_over)]

@@ -98,7 +98,9 @@ def shoulder_m(figure: Figure, pelvis: Array, lean_rad: float, side: int) -> Arr
     return pelvis + rotation(lean_rad, "y") @ np.array([0.0, side * width * k, SHOULDER * k])
 
 
-def reach(root: ArrayLike, target: ArrayLike, upper_m: float, lower_m: float, towards: ArrayLike) -> tuple[Array, Array]:
+def reach(
+    root: ArrayLike, target: ArrayLike, upper_m: float, lower_m: float, towards: ArrayLike
+) -> tuple[Array, Array]:
     """Middle and end joints of a limb that reaches for a point (law of cosines).
 
     Args:

@@ -57,9 +57,7 @@ def blades(
     step = np.stack([np.cos(angle), np.sin(angle)], axis=1) * reach[:, None]
     ends = np.round(np.concatenate([places, places + step[which]], axis=1) * 2**_SHIFT).astype(int)
     ends += margin << _SHIFT
-    for (x0, y0, x1, y1), tone, thick in zip(
-        ends.tolist(), value[which].tolist(), width[which].tolist(), strict=True
-    ):
+    for (x0, y0, x1, y1), tone, thick in zip(ends.tolist(), value[which].tolist(), width[which].tolist(), strict=True):
         cv2.line(canvas, (x0, y0), (x1, y1), tone, thick, cv2.LINE_8, _SHIFT)
     return canvas[margin:-margin, margin:-margin].copy()
 

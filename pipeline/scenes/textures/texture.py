@@ -58,7 +58,8 @@ class Texture:
         self.levels: list[Array] = [np.ascontiguousarray(level, np.float32)]
         while side > _SMALLEST_PX:
             side //= 2
-            self.levels.append(cv2.resize(self.levels[-1], (side, side), interpolation=cv2.INTER_AREA))
+            smaller = cv2.resize(self.levels[-1], (side, side), interpolation=cv2.INTER_AREA)
+            self.levels.append(np.asarray(smaller, np.float32))
 
     def sample(self, uv: ArrayLike, footprint_m: ArrayLike) -> tuple[Array, Array]:
         """Albedo and slope at K points, averaged over about the footprint.
@@ -90,9 +91,8 @@ class Texture:
         where = np.mod(uv / np.float32(self.size_m), np.float32(1.0)) * np.float32(len(pixels)) - np.float32(0.5)
         count = len(where)
         rows = -(-count // _ROW)
-        folded = np.zeros((rows * _ROW, 2), np.float32)
-        folded[:count] = where
-        folded = folded.reshape(rows, _ROW, 2)
-        across, along = folded[..., 0].copy(), folded[..., 1].copy()
+        folded = np.zeros((2, rows * _ROW), np.float32)
+        folded[:, :count] = where.T
+        across, along = folded.reshape(2, rows, _ROW)
         looked_up = cv2.remap(pixels, across, along, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
         return np.asarray(looked_up.reshape(-1, 3)[:count], np.float32)

@@ -1,0 +1,32 @@
+"""``camera-monitor render``: frames of the procedural dataset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command("render")
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option(
+    "--number", "numbers", multiple=True, type=int, default=(0,), show_default=True, help="viewpoint; repeatable"
+)
+@click.option(
+    "--moment", default=0, show_default=True, type=click.IntRange(0, 3), help="0..3, a tenth of a second apart"
+)
+@click.option("--samples", default=3, show_default=True, type=click.IntRange(1, 8), help="per pixel and axis")
+@click.option("--seed", default=1, show_default=True, help="another seed, another world")
+@click.option("--split", default="train", show_default=True, type=click.Choice(["train", "evaluation"]))
+def command(out: Path, numbers: tuple[int, ...], moment: int, samples: int, seed: int, split: str) -> None:
+    """Render frames with their boxes into the folder OUT."""
+    from tqdm import tqdm
+
+    from pipeline.executor import one_thread
+    from pipeline.scenes.dataset import Viewpoint, render
+    from pipeline.scenes.files import write
+
+    one_thread()
+    for number in tqdm(numbers, delay=2, leave=False):
+        write(render(Viewpoint(split, number), moment, seed, samples=samples), out)
+    click.echo(f"written to {out}")

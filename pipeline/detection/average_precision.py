@@ -1,0 +1,201 @@
+"""Average precision of one class over many images, with what it rests on.
+
+With detections sorted by score, precision is the share of right ones among those so far, recall the share of objects
+found. Average precision is the area under precision as a function of recall, after precision has been made monotone
+(the best at this recall or beyond). ``rule="paper"`` takes the whole area; ``rule="coco"`` the mean at 101 recalls
+0, 0.01 .. 1. See `pipeline.detection.matching` for what is right.
+
+A class without a single object has no average precision: it is NaN, with a count of 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.detection.base import Detections
+from pipeline.detection.matching import COCO_MOST, NEITHER, RIGHT, RULES, WRONG, Rule, Truth, judge
+from pipeline.errors import InputError
+
+COCO_RECALLS = np.linspace(0.0, 1.0, 101)
+
+
+@dataclass(frozen=True)
+class ClassResult:
+    """How well one class was found.
+
+    Attributes:
+        label: the class.
+        average_precision: in [0, 1]; NaN where there is no object.
+        low, high: bootstrap 95 % interval over images; NaN where it was not asked for or there is no object.
+        images: images looked at.
+        objects: objects to be found.
+        objects_ignored: ignored objects and regions of this class.
+        detections: all of this class (with ``coco``, the 100 best of each image).
+        right, wrong, neither: of these.
+        score: (right + wrong,) scores, highest first.
+        precision, recall: (right + wrong,) after each of these detections; recall is NaN where there is no object.
+    """
+
+    label: str
+    average_precision: float
+    low: float
+    high: float
+    images: int
+    objects: int
+    objects_ignored: int
+    detections: int
+    right: int
+    wrong: int
+    neither: int
+    score: NDArray[np.float64]
+    precision: NDArray[np.float64]
+    recall: NDArray[np.float64]
+
+
+def evaluate(
+    detections: Sequence[Detections],
+    truths: Sequence[Truth],
+    labels: Iterable[str] | None = None,
+    rule: Rule = "paper",
+    overlap: float = 0.5,
+    generator: np.random.Generator | None = None,
+    draws: int = 500,
+) -> dict[str, ClassResult]:
+    """Average precision of each class.
+
+    Args:
+        detections: one entry per image.
+        truths: one entry per image, in the same order.
+        labels: classes to judge; None takes every class that has an object, as the paper's program does.
+        rule: ``"paper"`` or ``"coco"``.
+        overlap: least intersection over union of a right detection, in (0, 1].
+        generator: for the bootstrap over images; None leaves the intervals out.
+        draws: resamples.
+
+    Returns:
+        results by class, in the order of the labels (sorted if None).
+
+    Raises:
+        InputError: the two lists differ in length, or an argument is out of range.
+    """
+    if len(detections) != len(truths):
+        raise InputError(f"detections for {len(detections)} images, truth for {len(truths)}; expected as many")
+    if rule not in RULES:
+        raise InputError(f"rule: expected one of {', '.join(RULES)}, not {rule!r}")
+    if not 0.0 < overlap <= 1.0:
+        raise InputError(f"overlap: expected a number in (0, 1], not {overlap!r}")
+    if labels is None:
+        labels = sorted({str(word) for truth in truths for word in truth.label[~truth.ignore]})
+    return {label: _evaluate_class(label, detections, truths, rule, overlap, generator, draws) for label in labels}
+
+
+def mean_average_precision(results: Iterable[ClassResult]) -> float:
+    """Mean over the classes that have an object; NaN if none has."""
+    values = [result.average_precision for result in results if result.objects]
+    return float(np.mean(values)) if values else float("nan")
+
+
+def _evaluate_class(
+    label: str,
+    detections: Sequence[Detections],
+    truths: Sequence[Truth],
+    rule: Rule,
+    overlap: float,
+    generator: np.random.Generator | None,
+    draws: int,
+) -> ClassResult:
+    scores: list[NDArray[np.float64]] = [np.zeros(0)]
+    verdicts: list[NDArray[np.int8]] = [np.zeros(0, dtype=np.int8)]
+    images: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
+    objects = np.zeros(len(truths), dtype=np.int64)
+    ignored = 0
+    for image, (found, truth) in enumerate(zip(detections, truths, strict=True)):
+        wanted, mine = truth.called(label), found.called(label)
+        order = np.argsort(-mine.score, kind="stable")[: COCO_MOST if rule == "coco" else None]
+        scores.append(mine.score[order])
+        verdicts.append(judge(mine.boxes[order], wanted, rule, overlap))
+        images.append(np.full(len(order), image, dtype=np.int64))
+        objects[image] = np.count_nonzero(~wanted.ignore)
+        ignored += int(np.count_nonzero(wanted.ignore))
+    score, verdict, image_of = np.concatenate(scores), np.concatenate(verdicts), np.concatenate(images)
+    counted = np.flatnonzero(verdict != NEITHER)
+    order = counted[np.argsort(-score[counted], kind="stable")]
+    hit, image_of = verdict[order] == RIGHT, image_of[order]
+    total = int(objects.sum())
+    found_so_far = np.cumsum(hit)
+    low = high = float("nan")
+    if generator is not None and total:
+        low, high = _interval(hit, image_of, objects, rule, generator, draws)
+    return ClassResult(
+        label=label,
+        average_precision=float(area(hit[None].astype(float), np.ones((1, len(hit))), np.array([total]), rule)[0]),
+        low=low,
+        high=high,
+        images=len(truths),
+        objects=total,
+        objects_ignored=ignored,
+        detections=len(verdict),
+        right=int(hit.sum()),
+        wrong=int(np.count_nonzero(verdict == WRONG)),
+        neither=int(np.count_nonzero(verdict == NEITHER)),
+        score=score[order],
+        precision=found_so_far / np.arange(1, len(hit) + 1),
+        recall=found_so_far / total if total else np.full(len(hit), np.nan),
+    )
+
+
+def area(
+    right: NDArray[np.float64], counted: NDArray[np.float64], objects: NDArray[np.integer], rule: Rule
+) -> NDArray[np.float64]:
+    """Area under monotone precision over recall, for several weightings of the same sorted detections.
+
+    Args:
+        right: (B, D) weight of a detection if it is right, else 0; highest score first.
+        counted: (B, D) weight of a detection.
+        objects: (B,) objects, weighted.
+        rule: ``"paper"`` for the whole area, ``"coco"`` for 101 recalls.
+
+    Returns:
+        (B,) average precision; NaN without objects.
+    """
+    result = np.full(len(right), np.nan)
+    some = np.asarray(objects) > 0
+    if right.shape[1] == 0:
+        result[some] = 0.0
+        return result
+    found, shown = np.cumsum(right[some], axis=1), np.cumsum(counted[some], axis=1)
+    precision = np.divide(found, shown, out=np.zeros_like(found), where=shown > 0)
+    best = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
+    recall = found / np.asarray(objects)[some, None]
+    if rule == "paper":
+        result[some] = (np.diff(recall, axis=1, prepend=0.0) * best).sum(axis=1)
+    else:
+        padded = np.concatenate([best, np.zeros((len(best), 1))], axis=1)
+        result[some] = [row[np.searchsorted(at, COCO_RECALLS)].mean() for row, at in zip(padded, recall, strict=True)]
+    return result
+
+
+def _interval(
+    hit: NDArray[np.bool_],
+    image_of: NDArray[np.int64],
+    objects: NDArray[np.int64],
+    rule: Rule,
+    generator: np.random.Generator,
+    draws: int,
+) -> tuple[float, float]:
+    """Percentile bootstrap over images: an image drawn twice counts twice, with its objects and its detections."""
+    values = []
+    block = max(1, 4_000_000 // max(1, len(hit), len(objects)))  # bounds memory
+    for start in range(0, draws, block):
+        rows = min(block, draws - start)
+        times = generator.multinomial(len(objects), np.full(len(objects), 1.0 / len(objects)), size=rows)
+        weight = times[:, image_of].astype(float)
+        values.append(area(weight * hit, weight, times @ objects, rule))
+    drawn = np.concatenate(values)
+    drawn = drawn[np.isfinite(drawn)]  # a draw may hold no object at all
+    low, high = np.percentile(drawn, [2.5, 97.5]) if len(drawn) else (np.nan, np.nan)
+    return float(low), float(high)

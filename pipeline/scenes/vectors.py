@@ -1,0 +1,24 @@
+"""Vectors by rows. Sums are written out, so a row's result does not depend on how many rows there are (BLAS's may)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float32]
+
+
+def dot(a: Array, b: Array) -> Array:
+    """(K,) scalar products of (K, 3) with (K, 3) or (3,)."""
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+
+
+def unit(vectors: Array) -> Array:
+    """(K, 3) vectors of length 1; zero stays zero."""
+    return vectors / np.maximum(np.sqrt(dot(vectors, vectors)), np.float32(1e-20))[:, None]
+
+
+def turned(vectors: Array, cos: Array, sin: Array) -> Array:
+    """(K, 3) vectors turned about z, each by its own angle."""
+    x, y = vectors[:, 0], vectors[:, 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y, vectors[:, 2]], axis=1)

@@ -1,0 +1,46 @@
+"""Stage `render_sim`: the evaluation frames of the dataset Sim, four moments per viewpoint."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from pipeline.config.entry import Run, stage
+
+
+@stage("render_sim", reads=["seed", "scenes"])
+def run(run: Run) -> None:
+    """Render all frames, one viewpoint per piece of work, and write them with their boxes."""
+    from pipeline import store
+
+    scenes = run.params.scenes
+    with store.replacing_folder(run.outputs / "data/sim") as folder:
+        work = partial(
+            render_viewpoint,
+            folder=folder / "evaluation",
+            seed=run.params.seed,
+            samples=scenes.samples,
+            width_px=scenes.width_px,
+            height_px=scenes.height_px,
+            radiance=scenes.radiance,
+        )
+        work_items = [(number, moment) for number in range(scenes.viewpoints) for moment in range(4)]
+        run.map(work, work_items, "render Sim")
+
+
+def render_viewpoint(
+    item: tuple[int, int], *, folder: Path, seed: int, samples: int, width_px: int, height_px: int, radiance: bool
+) -> None:
+    """What one worker does: one moment of one viewpoint."""
+    from pipeline.scenes.dataset import Viewpoint, render
+    from pipeline.scenes.files import write
+
+    number, moment = item
+    frame = render(
+        Viewpoint("evaluation", number), moment, seed, samples=samples, width_px=width_px, height_px=height_px
+    )
+    write(frame, folder, radiance=radiance)
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,44 @@
+"""Stage `report`: tables, figures, ledger and the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.config.entry import Run, stage
+
+READS = [
+    "profile", "seed", "camera", "scenes", "datasets", "corruption", "noise", "report", "matrix",
+]  # fmt: skip
+
+
+@stage("report", reads=READS)
+def run(run: Run) -> None:
+    """Hand the stages' folders to the report and write the ledger's score."""
+    from importlib.metadata import version
+
+    from pipeline import store
+    from pipeline.report.build import ReportInputs, build
+
+    params = run.params
+    data = run.inputs / "data"
+    listed = list(params.datasets)
+    absent = {name: line for name, line in params.report.not_run.items() if name not in listed}
+    inputs = ReportInputs(
+        paper=data / "paper",
+        index={name: data / "index" / name for name in listed},
+        psf=data / "psf",
+        corrupt={name: data / "corrupt" / name for name in listed},
+        noise=data / "noise",
+        star=data / "star",
+        sensor=data / "sensor",
+        absent=absent,
+        lock=Path("dvc.lock"),
+        code_version=version("camera-condition-pipeline"),
+        profile=params.profile,
+    )
+    score = build(inputs, run.outputs / "reports")
+    store.write_json(run.outputs / "reports/metrics/report.json", score.metrics)
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,178 @@
+"""Quarantine and index: broken files are counted and named, tables follow their schemas and depend on nothing else."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import cv2
+import numpy as np
+import pytest
+from data_makers import make_folder, make_kitti, make_sim, make_udacity, picture, write
+
+from pipeline import datasets
+from pipeline.datasets.index import index, indexed_patches, usable_frames
+from pipeline.datasets.labels import CLIPPED, UNKNOWN
+from pipeline.datasets.patches import Patch, object_patches, tiles
+from pipeline.datasets.quarantine import ALPHA, COLOUR, DEEP, ODD_SIZE, PREVIOUS, scan
+from pipeline.errors import InputError
+from pipeline.executor import run_map
+from pipeline.store import write_table
+from pipeline.tables import FRAMES, PATCHES, QUARANTINE
+
+
+def test_clean_dataset(tmp_path):
+    found = scan(datasets.open_dataset("sim", "sim", make_sim(tmp_path)))
+    assert [f.name for f in found.usable] == ["evaluation-0000-3", "evaluation-0001-3"]
+    assert (found.quarantined, found.notes) == ([], {})
+
+
+def broken_kitti(tmp_path):
+    """Twenty frames, seven of them broken in seven ways, six worth a note."""
+    root = make_kitti(tmp_path, frames=20, previous=1)
+    images, labels = root / "training" / "image_2", root / "training" / "label_2"
+    whole = (images / "000000.png").read_bytes()
+    (images / "000000.png").write_bytes(whole[: len(whole) // 2])
+    (images / "000001.png").write_bytes(b"")
+    (images / "000002.png").write_text("not a picture")
+    write(images / "000003.png", picture("small", 448, 191))
+    (labels / "000004.txt").unlink()
+    (labels / "000005.txt").write_text("Car 0 0 0 one 2 3 4 5 6 7 8 9 10 11\n")
+    first = picture("a")
+    (images / "000006.png").write_bytes(cv2.imencode(".tiff", first.astype(np.float32))[1].tobytes())
+    write(images / "000007.png", first.astype(np.uint16) * 257)
+    write(images / "000008.png", picture("odd", 447, 321))
+    cv2.imwrite(str(images / "000009.png"), np.dstack([first, first, first, first]))
+    rest = "1.5 1.6 3.9 1.0 1.7 20.0 0.1"
+    (labels / "000010.txt").write_text(f"Car 0 0 0 400 10 500 90 {rest}\nPlane 0 0 0 10 10 80 90 {rest}\n")
+    (root / "training" / "prev_2" / "000011_01.png").write_bytes(whole[:200])
+    write(root / "training" / "prev_2" / "000012_01.png", picture("small", 400, 320))
+    return root
+
+
+def test_every_case_is_handled_and_counted(tmp_path):
+    root = broken_kitti(tmp_path)
+    dataset = datasets.open_dataset("kitti", "kitti", root)
+    found = scan(dataset, max_bad_share=0.35)
+    reasons = {row.file: row.reason for row in found.quarantined}
+    expected = {
+        "training/image_2/000000.png": "truncated",
+        "training/image_2/000001.png": "empty file",
+        "training/image_2/000002.png": "not a picture",
+        "training/image_2/000003.png": "too small: 448x191",
+        "training/image_2/000004.png": "training/label_2/000004.txt: missing label file",
+        "training/image_2/000005.png": "training/label_2/000005.txt, line 1: 'one' is not a number",
+        "training/image_2/000006.png": "float values from",
+    }
+    assert reasons.keys() == expected.keys()
+    for file, reason in expected.items():
+        assert reasons[file].startswith(reason), (file, reasons[file])
+    assert str(root) not in " ".join(reasons.values())
+    assert len(found.usable) == 13
+    grey = {"000007", "000008"}  # written in one channel
+    assert found.notes == {
+        COLOUR: 13 - len(grey),
+        DEEP: 1,
+        ODD_SIZE: 1,
+        ALPHA: 1,
+        CLIPPED: 1,
+        UNKNOWN: 1,
+        PREVIOUS: 3,  # two that were broken, and one that is smaller than the odd-sized frame
+    }
+    without = {f.name for f in found.usable if not f.previous}
+    assert without == {"000008", "000011", "000012"}
+
+
+def test_too_many_bad_frames_stop_the_run(tmp_path):
+    dataset = datasets.open_dataset("kitti", "kitti", broken_kitti(tmp_path))
+    with pytest.raises(InputError) as caught:
+        scan(dataset)
+    message = str(caught.value)
+    assert "7 of 20 frames cannot be used" in message
+    assert "quarantine.max_bad_share" in message
+    assert message.count(".png (") == 3  # the first three files
+    with pytest.raises(InputError, match="share between 0 and 1"):
+        scan(dataset, max_bad_share=1.5)
+
+
+def test_index_tables(tmp_path):
+    dataset = datasets.open_dataset("kitti", "kitti", make_kitti(tmp_path))
+    found = index(dataset)
+    assert found.frames.equals(FRAMES.conform(found.frames))
+    assert found.patches.equals(PATCHES.conform(found.patches))
+    assert found.quarantine.equals(QUARANTINE.conform(found.quarantine))
+    assert list(found.frames["frame"]) == ["000000", "000001", "000002"]
+    row = found.frames.iloc[0]
+    assert (row["objects"], row["objects_ignored"], row["previous_frames"], row["split"]) == (2, 2, 3, "training")
+    assert row["mean_dn"] == pytest.approx(found.usable[0].image().mean() * 255, rel=1e-6)
+    counts = found.patches.groupby("purpose").size()
+    assert counts["noise"] == 3 * len(tiles((320, 448)))
+    assert counts["blur"] == sum(len(object_patches((320, 448), f.boxes)) for f in dataset.frames())
+    assert set(found.patches.loc[found.patches["purpose"] == "blur", "label"]) == {"Car", "Pedestrian"}
+    for (_, _), group in found.patches.groupby(["frame", "purpose"]):
+        assert list(group["patch"]) == list(range(len(group)))
+
+
+def test_index_of_unlabelled_frames_takes_the_whole_frame(tmp_path):
+    dataset = datasets.open_dataset("folder", "mine", make_folder(tmp_path, labels=False))
+    blur = index(dataset).patches.query("purpose == 'blur'")
+    assert len(blur) == 3 * len(tiles((320, 448), 192))
+    assert set(blur["label"]) == {""}
+    assert index(dataset, patches_from="objects").patches.query("purpose == 'blur'").empty
+    with pytest.raises(InputError, match="patches_from='boxes'"):
+        index(dataset, patches_from="boxes")
+
+
+def test_index_options(tmp_path):
+    dataset = datasets.open_dataset("sim", "sim", make_sim(tmp_path, viewpoints=1))
+    found = index(dataset, patch_px=96, tile_px=64, tile_policy="cover", patches_from="frame")
+    assert set(found.patches["size_px"]) == {96, 64}
+    counts = found.patches.groupby("purpose").size()
+    assert (counts["noise"], counts["blur"]) == (7 * 5, 4 * 3)
+
+
+def test_index_without_bad_frames_has_an_empty_quarantine_of_the_right_shape(tmp_path):
+    found = index(datasets.open_dataset("udacity", "u", make_udacity(tmp_path)))
+    assert list(found.quarantine.columns) == list(QUARANTINE.columns)
+    assert found.quarantine.empty
+
+
+@pytest.mark.slow
+def test_index_does_not_depend_on_workers(tmp_path):
+    dataset = datasets.open_dataset("kitti", "kitti", broken_kitti(tmp_path))
+    one = index(dataset, max_bad_share=0.4)
+    two = index(dataset, max_bad_share=0.4, run_map=partial(run_map, workers=2))
+    for left, right in zip(one[:3], two[:3], strict=True):
+        assert left.equals(right)
+    assert [f.name for f in one.usable] == [f.name for f in two.usable]
+    assert one.notes == two.notes
+
+
+def test_index_of_a_subset_has_the_same_rows(tmp_path):
+    root = make_folder(tmp_path / "data", frames=4)
+    (tmp_path / "list.txt").write_text("frame-1\nframe-3\n")
+    every = index(datasets.open_dataset("folder", "m", root))
+    some = index(datasets.open_dataset("folder", "m", root, whitelist=tmp_path / "list.txt"))
+    for whole, part in ((every.frames, some.frames), (every.patches, some.patches)):
+        expected = whole[whole["frame"].isin(["frame-1", "frame-3"])].reset_index(drop=True)
+        assert expected.equals(part)
+
+
+def test_usable_frames_come_back_from_the_table(tmp_path):
+    dataset = datasets.open_dataset("kitti", "kitti", broken_kitti(tmp_path))
+    found = index(dataset, max_bad_share=0.4)
+    assert usable_frames(dataset, found.frames) == found.usable
+    with pytest.raises(InputError, match="no frame '000019' any more"):
+        (dataset.root / "training" / "image_2" / "000019.png").unlink()
+        usable_frames(dataset, found.frames)
+
+
+def test_indexed_patches(tmp_path):
+    found = index(datasets.open_dataset("sim", "sim", make_sim(tmp_path / "sim")))
+    write_table(tmp_path / "patches.parquet", found.patches, PATCHES)
+    noise = indexed_patches(tmp_path, "noise")
+    assert list(noise) == ["evaluation-0000-3", "evaluation-0001-3"]
+    assert noise["evaluation-0000-3"] == tiles((320, 448))
+    few = indexed_patches(tmp_path, "noise", per_frame=3)
+    assert few["evaluation-0001-3"] == [noise["evaluation-0001-3"][number] for number in (0, 2, 4)]
+    blur = indexed_patches(tmp_path, "blur")["evaluation-0000-3"]
+    assert blur[0] == Patch(98, 128, 192, "car")

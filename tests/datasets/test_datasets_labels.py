@@ -1,0 +1,127 @@
+"""Labels, whitelists and class maps."""
+
+from __future__ import annotations
+
+import pytest
+from data_makers import make_folder
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline import datasets
+from pipeline.datasets.classes import KITTI, PLAIN, UDACITY, class_map
+from pipeline.datasets.folder import read_box_labels, write_box_labels
+from pipeline.datasets.frame import Box
+from pipeline.datasets.labels import BadLabels, tidy
+from pipeline.datasets.whitelist import read_whitelist, select
+from pipeline.errors import InputError
+
+words = st.text(st.characters(whitelist_categories=("L",)), min_size=1, max_size=8)
+labels = st.lists(words, min_size=1, max_size=3).map(" ".join)
+coordinates = st.floats(-1e6, 1e6, allow_nan=False)
+boxes = st.builds(Box, labels, coordinates, coordinates, coordinates, coordinates, st.booleans(), st.just(0.5))
+
+
+@given(st.lists(boxes, max_size=6))
+def test_labels_round_trip(tmp_path_factory, found):
+    path = tmp_path_factory.mktemp("labels") / "a.txt"
+    write_box_labels(path, found)
+    again = read_box_labels(path)
+    keys = ("label", "x1", "y1", "x2", "y2", "ignore")
+    assert [[getattr(b, key) for key in keys] for b in again] == [[getattr(b, key) for key in keys] for b in found]
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("car 1 2 3 4", Box("car", 1, 2, 3, 4)),
+        ("car 1 2 3 4 1", Box("car", 1, 2, 3, 4, True)),
+        ("car 1 2 3 4 0", Box("car", 1, 2, 3, 4)),
+        ("car 1 2 3 1", Box("car", 1, 2, 3, 1)),
+        ("traffic light 1 2 3 1", Box("traffic light", 1, 2, 3, 1)),
+        ("traffic light 1 2 3 4 difficult", Box("traffic light", 1, 2, 3, 4, True)),
+        ("7 1 2 3 4", Box("7", 1, 2, 3, 4)),
+    ],
+)
+def test_rows_of_plain_labels(tmp_path, line, expected):
+    (tmp_path / "a.txt").write_text(line)
+    (found,) = read_box_labels(tmp_path / "a.txt")
+    assert found == expected
+
+
+@pytest.mark.parametrize("line", ["car 1 2 3", "1 2 3 4", "car 1 2 3 x", "car 1 2 inf 4", "car"])
+def test_rows_that_are_refused(tmp_path, line):
+    (tmp_path / "a.txt").write_text("car 1 2 3 4\n" + line)
+    with pytest.raises(BadLabels, match=r"a\.txt, line 2"):
+        read_box_labels(tmp_path / "a.txt")
+
+
+def test_label_file_that_is_no_text(tmp_path):
+    (tmp_path / "a.txt").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(BadLabels, match="cannot be read as text"):
+        read_box_labels(tmp_path / "a.txt")
+
+
+@given(st.lists(boxes, max_size=8), st.integers(1, 500), st.integers(1, 500))
+def test_tidy_boxes_lie_in_the_image(found, width, height):
+    kept, notes = tidy(found, (width, height), None)
+    for box in kept:
+        assert 0 <= box.x1 < box.x2 <= width
+        assert 0 <= box.y1 < box.y2 <= height
+    again, more = tidy(kept, (width, height), None)
+    assert (again, more) == (kept, ())
+    assert len(found) - len(kept) == sum("dropped" in note for note in notes)
+
+
+def test_whitelist(tmp_path):
+    path = tmp_path / "list.txt"
+    path.write_text("# the first two\n\nframe-1 \r\nframe-0")
+    assert read_whitelist(path) == ["frame-1", "frame-0"]
+    frames = datasets.open_dataset("folder", "m", make_folder(tmp_path), whitelist=path).frames()
+    assert [f.name for f in frames] == ["frame-0", "frame-1"]
+    with pytest.raises(
+        InputError, match=r"2 of 3 names are no frames here: frame-7, frame-8; did you mean 'frame-[01]'"
+    ):
+        select(frames, ["frame-8", "frame-7", "frame-0"])
+    path.write_text("frame-0\nframe-0\n")
+    with pytest.raises(InputError, match="named more than once: frame-0"):
+        read_whitelist(path)
+    path.write_text("# nothing\n")
+    with pytest.raises(InputError, match="names no frame"):
+        read_whitelist(path)
+    with pytest.raises(InputError, match="no such whitelist"):
+        read_whitelist(tmp_path / "absent.txt")
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(InputError, match="not a text file"):
+        read_whitelist(path)
+
+
+def summary(found):
+    return [(box.label, int(box.x1), box.ignore) for box in found]
+
+
+def test_kitti_classes():
+    kitti = ["Car", "Van", "Truck", "Tram", "Pedestrian", "Person_sitting", "Cyclist", "Misc", "DontCare", "Spaceship"]
+    found = [Box(label, x, 0, x + 1, 1) for x, label in enumerate(kitti)]
+    found.append(Box("Car", 20, 0, 21, 1, ignore=True))
+    assert summary(KITTI.truth(found, "car")) == [
+        ("car", 0, False),
+        *[("car", x, True) for x in (1, 2, 3, 7, 8, 9)],
+        ("car", 20, True),
+    ]
+    assert summary(KITTI.truth(found, "person")) == [
+        ("person", 4, False),
+        *[("person", x, True) for x in (5, 6, 7, 8, 9)],
+    ]
+    assert KITTI.coco_words(found) == ("car", "person")
+
+
+def test_udacity_and_plain_classes():
+    found = [Box(label, x, 0, x + 1, 1) for x, label in enumerate(["car", "pedestrian", "biker", "trafficlight"])]
+    assert summary(UDACITY.truth(found, "person")) == [("person", 1, False), ("person", 2, True)]
+    assert summary(UDACITY.truth(found, "car")) == [("car", 0, False)]
+    assert UDACITY.coco_words(found) == ("car", "person", "traffic light")
+    plain = [Box(label, x, 0, x + 1, 1) for x, label in enumerate(["car", "person", "pedestrian", "DontCare"])]
+    assert summary(PLAIN.truth(plain, "person")) == [("person", 1, False), ("person", 2, False), ("person", 3, True)]
+    assert class_map("sim") is PLAIN
+    with pytest.raises(InputError, match="did you mean 'kitti'"):
+        class_map("kittt")

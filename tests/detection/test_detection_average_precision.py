@@ -1,0 +1,307 @@
+"""Average precision: published digits, an independent writing of the paper's rules, two peers, and hand-made cases."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.detection.average_precision import evaluate, mean_average_precision
+from pipeline.detection.base import Detections
+from pipeline.detection.matching import Truth
+from pipeline.detection.text_files import read_detections
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+Case = tuple[list[Detections], list[Truth]]
+
+
+def truth(*entries: tuple[str, float, float, float, float, bool]) -> Truth:
+    return Truth(
+        np.array([entry[1:5] for entry in entries], dtype=float).reshape(-1, 4),
+        np.array([entry[0] for entry in entries], dtype=np.str_),
+        np.array([entry[5] for entry in entries], dtype=bool),
+    )
+
+
+def found(*entries: tuple[str, float, float, float, float, float]) -> Detections:
+    return Detections.of([e[2:] for e in entries], [e[1] for e in entries], [e[0] for e in entries])
+
+
+@st.composite
+def scenes(draw: st.DrawFn, ignored: bool = True) -> Case:
+    """A few images with objects of two classes, some ignored, and detections on, beside and away from them.
+
+    Corners are whole pixels and some scores are equal, so that ties occur.
+    """
+    numbers = np.random.Generator(np.random.Philox(draw(st.integers(0, 2**32))))
+    detections, truths = [], []
+    for _ in range(draw(st.integers(1, 5))):
+        objects, claims = [], []
+        for _ in range(draw(st.integers(0, 5))):
+            x, y = numbers.integers(0, 60, 2)
+            w, h = numbers.integers(8, 40, 2)
+            label = "car" if numbers.random() < 0.7 else "person"
+            objects.append((label, x, y, x + w, y + h, bool(ignored and numbers.random() < 0.3)))
+            for _ in range(numbers.integers(0, 4)):
+                dx, dy, dw, dh = numbers.integers(-8, 9, 4)
+                score = round(float(numbers.random()), 2)
+                said = label if numbers.random() < 0.9 else "car"
+                claims.append((said, score, x + dx, y + dy, x + dx + max(3, w + dw), y + dy + max(3, h + dh)))
+        for _ in range(draw(st.integers(0, 3))):
+            x, y = numbers.integers(0, 90, 2)
+            claims.append(("car", round(float(numbers.random()), 2), x, y, x + 12, y + 9))
+        detections.append(found(*claims))
+        truths.append(truth(*objects))
+    return detections, truths
+
+
+def cartucho(detections: list[Detections], truths: list[Truth], label: str) -> float:
+    """The paper's rules from their description, one detection after another (no ignored regions but 'difficult')."""
+    claims = [
+        (score, image, box)
+        for image, entry in enumerate(detections)
+        for score, box, word in zip(entry.score, entry.boxes, entry.label, strict=True)
+        if word == label
+    ]
+    claims.sort(key=lambda claim: claim[0], reverse=True)
+    used: set[tuple[int, int]] = set()
+    hits = []
+    for _, image, box in claims:
+        best, owner = -1.0, -1
+        for index, (other, word) in enumerate(zip(truths[image].boxes, truths[image].label, strict=True)):
+            if word != label:
+                continue
+            w = min(box[2], other[2]) - max(box[0], other[0]) + 1
+            h = min(box[3], other[3]) - max(box[1], other[1]) + 1
+            if w > 0 and h > 0:
+                union = (
+                    (box[2] - box[0] + 1) * (box[3] - box[1] + 1)
+                    + (other[2] - other[0] + 1) * (other[3] - other[1] + 1)
+                    - w * h
+                )
+                if w * h / union > best:
+                    best, owner = w * h / union, index
+        right = best >= 0.5 and (image, owner) not in used
+        if right:
+            used.add((image, owner))
+        hits.append(right)
+    objects = sum(int(np.count_nonzero(entry.label == label)) for entry in truths)
+    if objects == 0:
+        return math.nan
+    recall, precision, right = [0.0], [0.0], 0
+    for count, hit in enumerate(hits, 1):
+        right += hit
+        recall.append(right / objects)
+        precision.append(right / count)
+    recall.append(1.0)
+    precision.append(0.0)
+    for index in range(len(precision) - 2, -1, -1):
+        precision[index] = max(precision[index], precision[index + 1])
+    return sum((recall[i] - recall[i - 1]) * precision[i] for i in range(1, len(recall)) if recall[i] != recall[i - 1])
+
+
+@given(case=scenes(ignored=False))
+def test_equals_the_papers_rules_written_out(case: Case) -> None:
+    results = evaluate(*case, labels=["car", "person"])
+    for label, result in results.items():
+        np.testing.assert_allclose(result.average_precision, cartucho(*case, label), atol=1e-12)
+
+
+def coco_peer(case: Case, label: str, package: str) -> float:
+    """AP at intersection over union 0.5 by pycocotools or faster-coco-eval; ignored objects are its crowds."""
+    if package == "pycocotools":
+        coco_module = pytest.importorskip("pycocotools.coco")
+        evaluator = pytest.importorskip("pycocotools.cocoeval").COCOeval
+        coco_class = coco_module.COCO
+    else:
+        peer = pytest.importorskip("faster_coco_eval")
+        evaluator, coco_class = peer.COCOeval_faster, peer.COCO
+    detections, truths = case
+    boxes, answers = [], []
+    for image, (entry, wanted) in enumerate(zip(detections, truths, strict=True), 1):
+        for box, word, ignore in zip(wanted.boxes, wanted.label, wanted.ignore, strict=True):
+            if word == label:
+                x, y, w, h = (float(v) for v in (*box[:2], *(box[2:] - box[:2])))
+                boxes.append(
+                    {"id": len(boxes) + 1, "image_id": image, "category_id": 1, "bbox": [x, y, w, h], "area": w * h}
+                    | {"iscrowd": int(ignore), "ignore": int(ignore)}
+                )
+        for box, score, word in zip(entry.boxes, entry.score, entry.label, strict=True):
+            if word == label:
+                size = [float(v) for v in (*box[:2], *(box[2:] - box[:2]))]
+                answers.append({"image_id": image, "category_id": 1, "bbox": size, "score": float(score)})
+    if not answers:
+        return math.nan if not any(not entry["iscrowd"] for entry in boxes) else 0.0
+    images = [{"id": index + 1, "width": 200, "height": 200} for index in range(len(truths))]
+    with contextlib.redirect_stdout(io.StringIO()):
+        base = coco_class()
+        base.dataset = {"images": images, "annotations": boxes, "categories": [{"id": 1, "name": label}], "info": {}}
+        base.createIndex()
+        run = evaluator(base, base.loadRes(answers), iouType="bbox")
+        run.params.iouThrs = np.array([0.5])
+        run.evaluate()
+        run.accumulate()
+    precision = run.eval["precision"][0, :, 0, 0, -1]
+    return math.nan if (precision == -1).any() else float(precision.mean())
+
+
+@pytest.mark.parametrize("package", ["pycocotools", "faster_coco_eval"])
+@settings(max_examples=25)
+@given(case=scenes())
+def test_coco_rule_equals_peers(package: str, case: Case) -> None:
+    results = evaluate(*case, labels=["car", "person"], rule="coco")
+    for label, result in results.items():
+        np.testing.assert_allclose(result.average_precision, coco_peer(case, label, package), atol=1e-6)
+
+
+@pytest.mark.parametrize("package", ["pycocotools", "faster_coco_eval"])
+def test_coco_rule_breaks_ties_as_peers_do(package: str) -> None:
+    """The first detection overlaps both objects alike; only if it leaves the second one is the other right."""
+    truths = [truth(("car", 0, 0, 10, 10, False), ("car", 4, 0, 14, 10, False))]
+    case = [found(("car", 0.9, 2, 0, 12, 10), ("car", 0.8, 7, 0, 17, 10))], truths
+    ours = evaluate(*case, rule="coco")["car"].average_precision
+    assert ours == pytest.approx(coco_peer(case, "car", package), abs=1e-6)
+    assert ours < 0.6
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    ("detector", "percent", "right", "wrong"), [("faster-RCNN", "32.44", 12, 11), ("YOLOv4", "10.42", 5, 3)]
+)
+def test_published_detections_give_the_published_digits(
+    shared: Path, detector: str, percent: str, right: int, wrong: int
+) -> None:
+    folder = shared / "vectors" / "detection"
+    names = sorted(path.name for path in (folder / "GT").glob("*.txt"))
+    truths = []
+    for name in names:
+        rows = [line.split() for line in (folder / "GT" / name).read_text().splitlines() if line.strip()]
+        truths.append(truth(*[(row[0], *map(float, row[1:5]), False) for row in rows]))  # type: ignore[arg-type]
+    detections = [read_detections(folder / detector / "GT" / name) for name in names]
+    results = evaluate(detections, truths, generator=stream(0, "bootstrap"))
+    assert list(results) == ["car"]
+    car = results["car"]
+    assert f"{100 * car.average_precision:.2f}" == percent
+    assert (car.objects, car.right, car.wrong, car.images) == (30, right, wrong, 10)
+    assert car.low < car.average_precision < car.high
+    assert mean_average_precision(results.values()) == car.average_precision
+    if detector == "faster-RCNN":
+        stored = (folder / "faster_rcnn_map_output.txt").read_text()
+        for word, ours in (("Precision", car.precision), ("Recall", car.recall)):
+            line = next(line for line in stored.splitlines() if line.strip().startswith(word))
+            assert [f"{value:.2f}" for value in ours] == re.findall(r"\d\.\d\d", line)
+
+
+def test_hand_made_curve() -> None:
+    """Right, wrong, right of three objects: precision 1, 1/2, 2/3 at recall 1/3, 1/3, 2/3."""
+    truths = [truth(("car", 0, 0, 10, 10, False), ("car", 50, 0, 60, 10, False), ("car", 0, 50, 10, 60, False))]
+    claims = [found(("car", 0.9, 0, 0, 10, 10), ("car", 0.8, 90, 90, 99, 99), ("car", 0.7, 50, 0, 60, 10))]
+    paper, coco = (evaluate(claims, truths, rule=rule)["car"] for rule in ("paper", "coco"))  # type: ignore[arg-type]
+    assert paper.average_precision == pytest.approx(1 / 3 + 2 / 3 / 3)
+    assert coco.average_precision == pytest.approx((34 * 1 + 33 * 2 / 3) / 101)
+    np.testing.assert_allclose(paper.precision, [1, 1 / 2, 2 / 3])
+    np.testing.assert_allclose(paper.recall, [1 / 3, 1 / 3, 2 / 3])
+
+
+def test_the_second_claim_on_an_object_is_wrong_or_goes_to_a_free_one() -> None:
+    """The paper's rule looks at the best object only; COCO's takes the next free one."""
+    truths = [truth(("car", 0, 0, 100, 100, False), ("car", 0, 0, 100, 60, False))]
+    claims = [found(("car", 0.9, 0, 0, 100, 100), ("car", 0.8, 0, 0, 100, 90))]
+    assert evaluate(claims, truths, rule="paper")["car"].right == 1
+    assert evaluate(claims, truths, rule="coco")["car"].right == 2
+
+
+@pytest.mark.parametrize("rule", ["paper", "coco"])
+def test_ignored_regions_count_neither_way(rule: str) -> None:
+    truths = [
+        truth(("car", 0, 0, 20, 20, False), ("car", 100, 100, 200, 200, True), ("car", 300, 0, 320, 20, True)),
+    ]
+    claims = [
+        found(
+            ("car", 0.95, 0, 0, 20, 20),
+            ("car", 0.9, 110, 110, 130, 130),  # small, wholly in the region
+            ("car", 0.8, 92, 150, 108, 160),  # half of it inside
+            ("car", 0.7, 88, 150, 106, 160),  # a third of it inside
+            ("car", 0.6, 301, 0, 321, 20),  # an ignored object
+        )
+    ]
+    result = evaluate(claims, truths, rule=rule)["car"]  # type: ignore[arg-type]
+    assert (result.right, result.wrong, result.neither) == (1, 1, 3)
+    assert (result.objects, result.objects_ignored, result.detections) == (1, 2, 5)
+    assert result.average_precision == 1.0
+
+
+def test_a_class_without_objects_is_nan_with_a_count() -> None:
+    claims = [found(("car", 0.9, 0, 0, 10, 10)), Detections.none()]
+    truths = [truth(), truth(("car", 0, 0, 10, 10, True))]
+    result = evaluate(claims, truths, ["car", "person"], generator=stream(0, "bootstrap"))
+    assert np.isnan([result["car"].average_precision, result["car"].low, result["person"].high]).all()
+    assert (result["car"].objects, result["car"].objects_ignored, result["car"].wrong) == (0, 1, 1)
+    assert np.isnan(result["car"].recall).all()
+    assert np.isnan(mean_average_precision(result.values()))
+    assert evaluate([], [], ["car"])["car"].images == 0
+
+
+def test_objects_without_detections_are_zero() -> None:
+    result = evaluate([Detections.none()], [truth(("car", 0, 0, 10, 10, False))], generator=stream(0, "bootstrap"))
+    assert (result["car"].average_precision, result["car"].low, result["car"].high) == (0.0, 0.0, 0.0)
+
+
+@given(case=scenes(), shift=st.integers(-50, 50))
+def test_order_of_images_place_and_score_scale_do_not_matter(case: Case, shift: int) -> None:
+    detections, truths = case
+    for index, entry in enumerate(detections):  # distinct scores: equal ones are ranked by image order, as in the paper
+        numbers = np.arange(len(entry)) + 100 * index
+        detections[index] = Detections(entry.boxes, entry.score * 0.5 + numbers * 1e-6, entry.label)
+    before = evaluate(detections, truths, ["car"])["car"].average_precision
+    moved = [Detections(e.boxes + shift, np.sqrt(e.score), e.label) for e in reversed(detections)]
+    there = [Truth(t.boxes + shift, t.label, t.ignore) for t in reversed(truths)]
+    np.testing.assert_allclose(evaluate(moved, there, ["car"])["car"].average_precision, before, atol=1e-12)
+
+
+@given(case=scenes())
+def test_more_wrong_detections_never_help_and_bounds_hold(case: Case) -> None:
+    detections, truths = case
+    before = evaluate(detections, truths, ["car"])["car"]
+    extra = [
+        Detections.of(np.vstack([entry.boxes, [[900, 900, 950, 950]]]), [*entry.score, 1.0], [*entry.label, "car"])
+        for entry in detections
+    ]
+    after = evaluate(extra, truths, ["car"])["car"]
+    assert after.wrong == before.wrong + len(detections)
+    if before.objects:
+        assert 0.0 <= after.average_precision <= before.average_precision <= 1.0
+    assert before.right + before.wrong + before.neither == before.detections
+    assert before.right <= before.objects
+
+
+def test_interval_shrinks_with_more_images_and_repeats() -> None:
+    """Half of the images are found, half are not: the AP is 1/2 with a standard error of 1/2 / sqrt(n)."""
+    hit, miss = found(("car", 0.9, 0, 0, 10, 10)), Detections.none()
+    one = truth(("car", 0, 0, 10, 10, False))
+    widths = []
+    for images in (40, 640):
+        result = evaluate([hit, miss] * (images // 2), [one] * images, generator=stream(3, "bootstrap"))["car"]
+        again = evaluate([hit, miss] * (images // 2), [one] * images, generator=stream(3, "bootstrap"))["car"]
+        assert (result.low, result.high) == (again.low, again.high)
+        assert result.average_precision == 0.5
+        widths.append(result.high - result.low)
+        assert widths[-1] == pytest.approx(2 * 1.96 * 0.5 / math.sqrt(images), rel=0.2)
+    assert widths[1] < widths[0] / 3
+
+
+def test_wrong_arguments_are_named() -> None:
+    with pytest.raises(InputError, match="1 images, truth for 0"):
+        evaluate([Detections.none()], [])
+    with pytest.raises(InputError, match="rule"):
+        evaluate([], [], rule="voc")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="overlap"):
+        evaluate([], [], overlap=0.0)

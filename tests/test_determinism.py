@@ -1,0 +1,124 @@
+"""Same inputs, same bytes: every stage twice, with one and two workers, shuffled, on a subset."""
+
+import hashlib
+import random
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from data_makers import make_kitti
+
+from pipeline import store, tables
+from pipeline.config.compose import compose
+from pipeline.config.schema import validate
+from pipeline.datasets.corrupted import CameraSettings, corrupted
+from pipeline.datasets.frame import Frame
+from pipeline.stages import corrupt, index, noise, psf_bank, render_sim, report, sensor, star
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def tiny(folder, workers, **changes):
+    """The smoke profile on three made-up KITTI frames and one small Sim viewpoint."""
+    overrides = ["profile=smoke", "+dataset@datasets.kitti=kitti", f"executor.workers={workers}"]
+    content = yaml.safe_load(compose(overrides, ROOT / "conf"))
+    content["datasets"] = {"kitti": {**content["datasets"]["kitti"], "root": str(folder / "kitti"), **changes}}
+    content["matrix"]["datasets"] = ["kitti"]
+    content["corruption"]["levels_dn"] = [0, 10]
+    content["scenes"] |= {"viewpoints": 1, "samples": 1, "width_px": 256, "height_px": 256, "star_periods": 40}
+    content["scenes"]["star_frequencies"] = [0.1, 0.2]
+    content["corruption"]["effects"] = ["photon", "combined"]
+    return validate(content)
+
+
+def run_all(config, out):
+    """Every stage but rendering, in the graph's order, into a folder."""
+    inputs = out
+    for module, jobs in (
+        (sensor, [{}]),
+        (psf_bank, [{}]),
+        (star, [{}]),
+        (index, [{"dataset": "kitti"}]),
+        (corrupt, [{"dataset": "kitti"}]),
+        (noise, [{"dataset": "kitti", "estimator": name} for name in ("pca", "bf")]),
+    ):
+        for job in jobs:
+            module.run.run(config, job, inputs, out)
+
+
+def digests(folder):
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data")
+    make_kitti(folder / "kitti", frames=3)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def once(data, tmp_path_factory):
+    """Everything once, with one worker."""
+    folder = tmp_path_factory.mktemp("once")
+    run_all(tiny(data, 1), folder)
+    return folder
+
+
+def test_every_stage_gives_the_same_bytes_for_one_and_two_workers(data, once, tmp_path):
+    before = digests(once)
+    run_all(tiny(data, 2), tmp_path)
+    assert len(before) > 15
+    assert before == digests(tmp_path)
+
+
+@pytest.mark.slow
+def test_rendering_gives_the_same_bytes_for_one_and_two_workers(data, tmp_path):
+    for name, workers in (("one", 1), ("two", 2)):
+        render_sim.run.run(tiny(data, workers), {}, tmp_path, tmp_path / name)
+    one = digests(tmp_path / "one")
+    assert len([name for name in one if name.endswith(".png")]) == 4
+    assert one == digests(tmp_path / "two")
+
+
+def test_a_subset_gives_the_same_rows(data, once, tmp_path):
+    run_all(tiny(data, 1, limit=1), tmp_path)
+    for name, schema in (
+        ("corrupt/kitti/corruption.parquet", tables.CORRUPTION),
+        ("noise/kitti-pca/estimates.parquet", tables.NOISE_ESTIMATES),
+    ):
+        everything = store.read_table(once / "data" / name, schema)
+        some = store.read_table(tmp_path / "data" / name, schema)
+        same = everything[everything["frame"].isin(some["frame"].unique())].reset_index(drop=True)
+        assert 0 < len(some) < len(everything)
+        assert some.equals(same)
+
+
+def test_corruption_does_not_depend_on_the_order_of_frames(data):
+    frames = [Frame("kitti", path.stem, path) for path in sorted((data / "kitti/training/image_2").iterdir())]
+    shuffled = random.Random(3).sample(frames, len(frames))
+    camera = CameraSettings()
+
+    def noise_of(some):
+        return {f.name: corrupted(f.image(), f, "combined", 10.0, camera, 1).image.tobytes() for f in some}
+
+    assert noise_of(frames) == noise_of(shuffled)
+    assert len(set(noise_of(frames).values())) == len(frames)
+
+
+def test_the_report_is_a_pure_function_of_its_inputs(data, once, tmp_path):
+    shutil.copytree(once, tmp_path / "run")
+    shutil.copytree(ROOT / "data/paper", tmp_path / "run/data/paper")
+    for name in ("first", "second"):
+        report.run.run(tiny(data, 1), {}, tmp_path / "run", tmp_path / name)
+    first = digests(tmp_path / "first")
+    assert "reports/index.html" in first
+    assert first == digests(tmp_path / "second")
+    page = (tmp_path / "first/reports/index.html").read_text()
+    assert str(tmp_path) not in page
+    assert "not run" in page
