@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.camera.memory import blocks
 from pipeline.errors import InputError, did_you_mean
+from pipeline.streams import stream
 
 Float = NDArray[np.float32]
 Double = NDArray[np.float64]
@@ -37,10 +38,9 @@ _CELLS = 1 << 16
 
 
 def fork(generator: np.random.Generator, count: int) -> list[np.random.Generator]:
-    """Independent generators, one per noise source, seeded by 256 bits each from ``generator``.
+    """Independent generators, one per noise source, each keyed by 256 bits of ``generator``.
 
-    Every source has its own, so switching one source on or off does not change the noise of the others. The
-    children are SFC64 generators (Doty-Humphrey; in NumPy): for filling frames the fastest NumPy offers.
+    Every source has its own, so switching one source on or off does not change the noise of the others.
 
     Args:
         generator: parent stream (`pipeline.streams.stream`); it advances by ``4 * count`` words.
@@ -50,7 +50,7 @@ def fork(generator: np.random.Generator, count: int) -> list[np.random.Generator
         the children; the same parent state gives the same children.
     """
     words = generator.integers(0, 2**64 - 1, size=(count, 4), dtype=np.uint64, endpoint=True)
-    return [np.random.Generator(np.random.SFC64(row.tolist())) for row in words]
+    return [stream(first, "fork", *rest) for first, *rest in words.tolist()]
 
 
 def normals(shape: int | tuple[int, ...], generator: np.random.Generator, sigma: float = 1.0) -> Float:

@@ -22,6 +22,7 @@ from pipeline.scenes.world import Hits, World
 Array = NDArray[np.float32]
 
 AMBIENT_REACH_M = 12.0
+_FEW_RAYS_BEYOND_M = 45.0
 _TRANSMITTED = np.float32(0.55)  # share of the sun a leaf lets through
 _HAZE_RADIANCE = np.float32(1.4)
 _GLINT = np.float32(25.0)
@@ -123,15 +124,20 @@ def _ambient(
     """(K,) irradiance from the sky within reach of fixed directions, plus light from below and all around."""
     rays = directions.ambient.shape[1]
     gathered = np.zeros(len(start), np.float32)
+    # leaves and far things are so broken up that one ray of each sample does
+    few = points.thin | (points.distance_m > _FEW_RAYS_BEYOND_M)
     for ray in range(rays):
-        towards = directions.ambient[sample, ray]
-        cosine = np.maximum(dot(points.normal, towards), 0.0)
-        cosine[points.thin] = cosine[points.thin] * 0.5 + 0.25
-        outside = (dot(points.geometric, towards) > 0) | points.thin
-        rows = np.flatnonzero((cosine > 0.02) & outside)
-        free = ~world.occluded(start[rows], towards[rows], AMBIENT_REACH_M)
-        gathered[rows] += cosine[rows] * free
-    gathered *= np.float32(2.0 * light.ambient / rays)
+        asking = np.flatnonzero(~few) if ray else np.arange(len(start))
+        towards = directions.ambient[sample[asking], ray]
+        thin = points.thin[asking]
+        cosine = np.maximum(dot(points.normal[asking], towards), 0.0)
+        cosine = np.where(thin, cosine * 0.5 + 0.25, cosine)
+        outside = (dot(points.geometric[asking], towards) > 0) | thin
+        chosen = np.flatnonzero((cosine > 0.02) & outside)
+        rows = asking[chosen]
+        free = ~world.occluded(start[rows], towards[chosen], AMBIENT_REACH_M)
+        gathered[rows] += cosine[chosen] * free
+    gathered *= np.float32(2.0 * light.ambient) / np.where(few, 1, rays).astype(np.float32)
     level = points.normal[:, 2]
     return gathered + np.float32(light.ambient) * (np.float32(0.12) * (1.0 - 0.6 * level) + np.float32(0.05))
 

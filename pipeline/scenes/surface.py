@@ -74,8 +74,7 @@ def surface_points(world: World, origin: Array, direction: Array, hits: Hits, an
     """
     thing, face = hits.thing, hits.face
     weight = np.stack([1.0 - hits.u - hits.v, hits.u, hits.v], axis=1)
-    corners = world.corners[face]
-    blended = corners[:, 0] * weight[:, 0:1] + corners[:, 1] * weight[:, 1:2] + corners[:, 2] * weight[:, 2:3]
+    blended = _blended(world.corners[face], weight)
     geometric = unit(hits.geometric)
     facing = dot(geometric, direction)
     geometric *= np.where(facing > 0, np.float32(-1), np.float32(1))[:, None]
@@ -90,10 +89,11 @@ def surface_points(world: World, origin: Array, direction: Array, hits: Hits, an
     tangents = world.tangents
     for code, painter, rows in _groups(world, thing, material):
         name = NAMES[code]
-        local, uv, foot = blended[rows, 3:6], blended[rows, 6:8], footprint[rows]
+        uv, foot = blended[rows, 3:5], footprint[rows]
         tone, slope = _textured(name, uv, foot)
         tone = tone * world.tint[thing[rows], code]
         if painter >= 0:
+            local = _blended(world.local[face[rows]], weight[rows])
             towards = turned(direction[rows], world.cos[thing[rows]], -world.sin[thing[rows]])
             surface = Surface(local, normal[rows], uv, tone, foot, towards)
             tone, f0[rows] = world.painters[painter](surface)
@@ -125,6 +125,11 @@ def mean_albedo(world: World, hits: Hits) -> Array:
     code = world.material[hits.face]
     constants = np.array([MATERIALS[name].albedo for name in NAMES], np.float32)
     return constants[code] * world.tint[hits.thing, code]
+
+
+def _blended(corners: Array, weight: Array) -> Array:
+    """(K, A) attributes of points from those of three corners (K, 3, A) and their weights (K, 3)."""
+    return corners[:, 0] * weight[:, 0:1] + corners[:, 1] * weight[:, 1:2] + corners[:, 2] * weight[:, 2:3]
 
 
 def _groups(world: World, thing: NDArray[np.int32], material: NDArray[np.int16]) -> list[tuple[int, int, NDArray]]:

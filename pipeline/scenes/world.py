@@ -73,7 +73,8 @@ class World:
 
     Attributes:
         placed: the objects.
-        corners: (F, 3, 8) per distinct triangle and corner: normal (3), local coordinates (3), uv (2).
+        corners: (F, 3, 5) per distinct triangle and corner: normal (3), uv (2).
+        local: (F, 3, 3) local coordinates of the corners; apart, since only painters ask for them.
         tangents: (F, 6) unit vectors along u and v in object coordinates.
         material: (F,) codes of materials (index into `NAMES`).
         cos, sin, scale: (O,) how each object is turned and scaled.
@@ -107,14 +108,15 @@ class World:
                 starts[id(mesh)], meshes[id(mesh)] = total, mesh
                 total += len(mesh)
         self._start = np.array([starts[id(one.thing.mesh)] for one in self.placed], np.int64)
-        self.corners = np.empty((total, 3, 8), np.float32)
+        self.corners = np.empty((total, 3, 5), np.float32)
+        self.local = np.empty((total, 3, 3), np.float32)
         self.tangents = np.empty((total, 6), np.float32)
         self.material = np.empty(total, np.int16)
         for key, mesh in meshes.items():
             rows = slice(starts[key], starts[key] + len(mesh))
             self.corners[rows, :, 0:3] = mesh.normal
-            self.corners[rows, :, 3:6] = mesh.local
-            self.corners[rows, :, 6:8] = mesh.uv
+            self.corners[rows, :, 3:5] = mesh.uv
+            self.local[rows] = mesh.local
             self.tangents[rows] = _tangents(mesh)
             self.material[rows] = _codes(mesh)[mesh.material]
         self._tables()

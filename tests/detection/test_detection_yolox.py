@@ -78,6 +78,13 @@ def test_boxes_come_back_from_a_scaled_and_padded_canvas(tmp_path: Path) -> None
     np.testing.assert_allclose(found.boxes, [[12, 8, 16, 12]], atol=1e-5)
 
 
+def test_the_margin_is_filled_with_114(tmp_path: Path) -> None:
+    """White fills the upper 40 of 64 rows: the lower cell of 32 px is a quarter white and three quarters margin."""
+    detector = detection.create("yolox", weights=tiny_yolox(tmp_path / "t.onnx"), labels=LABELS, score_floor=0.5)
+    score = detector.detect([np.ones((20, 32), np.float32)])[0].score
+    assert np.abs(score - (0.25 + 0.75 * 114 / 255)).min() < 1e-4
+
+
 @pytest.mark.parametrize("size", [64, "side"])
 def test_input_size_follows_the_request(tmp_path: Path, size: int | str) -> None:
     """A file with a fixed size is rewritten, one with an open size is used as it is; both give the same."""

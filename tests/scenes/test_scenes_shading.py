@@ -11,6 +11,7 @@ from pipeline.errors import InputError
 from pipeline.scenes.light import Light, ambient_directions
 from pipeline.scenes.mesh import soup
 from pipeline.scenes.objects.base import SceneObject
+from pipeline.scenes.objects.materials import MATERIALS
 from pipeline.scenes.shading import Directions, shade
 from pipeline.scenes.sky import sky_radiance
 from pipeline.scenes.world import Placed, World
@@ -21,7 +22,7 @@ MATTE = "hedge"  # no texture, no mirror
 
 def slab(half: float, height: float, material: str = MATTE) -> SceneObject:
     corners = [[-half, -half, height], [half, -half, height], [half, half, height], [-half, half, height]]
-    return SceneObject(soup(corners, [[0, 1, 2], [0, 2, 3]], material), tint={material: 0.3 / 0.03})
+    return SceneObject(soup(corners, [[0, 1, 2], [0, 2, 3]], material), tint={material: 0.3 / MATERIALS[material].albedo})
 
 
 def look_down(world: World, light: Light, at=(0.0, 0.0), height=5.0, samples=1, ambient=64) -> float:

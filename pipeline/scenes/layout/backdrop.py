@@ -63,8 +63,8 @@ def closing(key: Key, site: Site, road: Road, clear_m: float) -> list[Actor]:
         s, d = road.locate(x, y)
         return abs(float(d[0])) > clear_m or float(s[0]) > road.last_m - 5.0
 
-    behind = woods(key, "garden-tree", 50, 18.0, 95.0, site, lambda x, y: keep(x, y) and _off(road, x, y) > clear_m + 10)
-    end = woods(key, "wood", 70, 95.0, 190.0, site, keep)
+    behind = woods(key, "garden-tree", 34, 18.0, 95.0, site, lambda x, y: keep(x, y) and _off(road, x, y) > clear_m + 10)
+    end = woods(key, "wood", 50, 95.0, 190.0, site, keep)
     return [*behind, *end, horizon(key)]
 
 

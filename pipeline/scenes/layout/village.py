@@ -38,7 +38,7 @@ def village(key: Key) -> Plan:
     actors += _walls(key, site)
     actors += scatter(key, site)
     actors += _trees(key, site)
-    actors += woods(key, "wood", 110, 52.0, 115.0, site, lambda x, y: True)
+    actors += woods(key, "wood", 75, 52.0, 105.0, site, lambda x, y: True)
     actors.append(horizon(key))
     light, tone = weather(key, camera.turn_rad)
     return Plan(tuple(actors), camera, light, tone)

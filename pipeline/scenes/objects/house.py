@@ -14,6 +14,8 @@ from pipeline.scenes.objects.materials import MATERIALS
 from pipeline.scenes.shapes import box, boxes, panel, tube
 
 STOREY_M = 2.65
+# Part of a front that a wing hides, from y to y; here none.
+_NOTHING = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -72,16 +74,14 @@ def make(generator: np.random.Generator) -> SceneObject:
     )
     style = _Style.draw(generator)
     sideways = not main.hipped and generator.random() < 0.25
-    parts = _block(main, style, generator, front=1 if sideways else 0)
-    body = join(parts)
+    wing, covered = _wing(main, style, generator) if not sideways and generator.random() < 0.3 else ([], _NOTHING)
+    body = join(_block(main, style, generator, 1 if sideways else 0, covered))
     if sideways:
         body = body.placed(-np.pi / 2)
-    parts = [body]
+    parts = [body, *wing]
     deep = (main.width_m if sideways else main.depth_m) / 2
     if not sideways:
-        parts += _dormers(main, generator)
-        if generator.random() < 0.3:
-            parts.append(_wing(main, style, generator))
+        parts += _dormers(main, generator, covered)
     parts += _chimneys(main, generator, sideways)
     if generator.random() < 0.4:
         front = main.depth_m if sideways else main.width_m
@@ -133,7 +133,9 @@ class _Style:
         return int(np.clip(round((self.door_y + 0.5) * count - 0.5), 0, count - 1))
 
 
-def _block(block: Block, style: _Style, generator: np.random.Generator, front: int) -> list[Mesh]:
+def _block(
+    block: Block, style: _Style, generator: np.random.Generator, front: int, covered: tuple[float, float] = _NOTHING
+) -> list[Mesh]:
     """Walls, windows and roof; the door is in wall number `front` (0 the +x eaves side, 1 the +y gable), or -1."""
     w, d = block.width_m, block.depth_m
     sides = (
@@ -144,7 +146,7 @@ def _block(block: Block, style: _Style, generator: np.random.Generator, front: i
     )
     parts = []
     for number, (yaw, place, length) in enumerate(sides):
-        faces = _side(block, style, generator, length, number == front, number % 2 == 1, front < 0)
+        faces = _side(block, style, generator, length, number == front, number % 2 == 1, front < 0, covered)
         parts.append(join(faces).placed(yaw, place))
     make_roof = roof.hip if block.hipped else roof.gable
     parts += make_roof(w, d, block.eaves_m, block.rise_m, block.cover)
@@ -164,8 +166,9 @@ def _side(
     with_door: bool,
     gabled: bool,
     fronts: bool,
+    covered: tuple[float, float],
 ) -> list[Mesh]:
-    """One wall in its own coordinates."""
+    """One wall in its own coordinates; windows behind a wing are left out of the wall with the door."""
     count = style.columns(length)
     wide, tall = style.window_m
     # open shutters of neighbours must not meet
@@ -181,6 +184,8 @@ def _side(
             if storey == 0 and column == door_at:
                 openings.append(Opening(middle - 0.5, middle + 0.5, floor, floor + 2.05, door=True))
                 parts.append(door(openings[-1], style.glazed_door))
+            elif with_door and covered[0] - wide / 2 < middle < covered[1] + wide / 2 and covered != _NOTHING:
+                continue
             elif with_door or not gabled or fronts or generator.random() < 0.75:
                 openings.append(Opening(middle - wide / 2, middle + wide / 2, floor + 0.9, floor + 0.9 + tall))
                 parts.append(window(openings[-1], style.panes, chance, shutter))
@@ -224,12 +229,16 @@ def _timber(block: Block, length: float, openings: list[Opening]) -> Mesh:
     return join(parts)
 
 
-def _dormers(block: Block, generator: np.random.Generator) -> list[Mesh]:
-    """None, or one to three on the front slope."""
+def _dormers(block: Block, generator: np.random.Generator, covered: tuple[float, float]) -> list[Mesh]:
+    """None, or one to three on the front slope, beside a wing."""
     count = int(generator.choice([0, 0, 1, 2, 3]))
     pitched, chances = bool(generator.random() < 0.6), generator.random(3)
     steep = block.rise_m / (block.depth_m / 2)
-    room = block.width_m - (block.depth_m * 0.9 if block.hipped else 1.6)
+    margin = block.depth_m * 0.45 if block.hipped else 0.8
+    left, right = -block.width_m / 2 + margin, block.width_m / 2 - margin
+    if covered[0] < covered[1]:
+        left, right = (covered[1] + 0.3, right) if covered[0] < 0 else (left, covered[0] - 0.3)
+    room, middle = right - left, (left + right) / 2
     count = min(count, int(room / 2.2))
     if block.rise_m < 2.5 or count < 1:
         return []
@@ -238,14 +247,14 @@ def _dormers(block: Block, generator: np.random.Generator) -> list[Mesh]:
     clad = "shingle" if block.cover == "shingle" else "plank"
     return [
         roof.dormer(
-            x, z, (number + 0.5 - count / 2) * room / count, steep, block.cover, clad, float(chances[number]), pitched
+            x, z, middle + (number + 0.5 - count / 2) * room / count, steep, block.cover, clad, float(chances[number]), pitched
         )
         for number in range(count)
     ]
 
 
-def _wing(main: Block, style: _Style, generator: np.random.Generator) -> Mesh:
-    """A lower block that stands forward at one end, its gable to the front."""
+def _wing(main: Block, style: _Style, generator: np.random.Generator) -> tuple[list[Mesh], tuple[float, float]]:
+    """A lower block that stands forward at the end away from the door, its gable to the front; and where it is."""
     wide = main.width_m * float(generator.uniform(0.32, 0.42))
     out = float(generator.uniform(1.2, 2.6))
     side = 1 if style.door_y < 0 else -1
@@ -254,7 +263,9 @@ def _wing(main: Block, style: _Style, generator: np.random.Generator) -> Mesh:
     block = Block(depth, wide, main.storeys, main.plinth_m, rise, main.walls, main.cover, False, main.timber)
     # its ridge runs along y; turned by a quarter its +y gable looks to +x
     built = join(_block(block, style, generator, front=-1)).placed(-np.pi / 2)
-    return built.placed(0.0, (main.depth_m / 2 + out - depth / 2, side * (main.width_m / 2 - wide / 2 - 0.02), 0))
+    y = side * (main.width_m / 2 - wide / 2 - 0.02)
+    place = (main.depth_m / 2 + out - depth / 2, y, 0)
+    return [built.placed(0.0, place)], (y - wide / 2 - 0.1, y + wide / 2 + 0.1)
 
 
 def _chimneys(block: Block, generator: np.random.Generator, sideways: bool) -> list[Mesh]:
