@@ -62,7 +62,8 @@ def expected_levels(inputs: ReportInputs) -> pd.DataFrame:
     ran = {row["dataset"] for row in rows}
     absent = [dataset for dataset in inputs.datasets if dataset not in ran]
     rows += [{"dataset": dataset, "effect": effect} for dataset in absent for effect in PAPER_EFFECTS]
-    rows.sort(key=lambda row: inputs.datasets.index(row["dataset"]))  # stable: effects keep their order
+    place = {dataset: number for number, dataset in enumerate(inputs.datasets)}
+    rows.sort(key=lambda row: place.get(row["dataset"], len(place)))  # stable: effects keep their order
     return pd.DataFrame(rows, columns=["dataset", "effect"]).assign(miss_percent=0.0)
 
 

@@ -209,12 +209,14 @@ stages:
 """
 
 
-def make_all(root: Path, datasets: tuple[str, ...] = ("sim", "photos")) -> ReportInputs:
+def make_all(
+    root: Path, datasets: tuple[str, ...] = ("sim", "photos"), estimators: tuple[str, ...] = tuple(ESTIMATORS)
+) -> ReportInputs:
     """Everything a report can show at this stage, small."""
     for dataset in datasets:
         make_index(root / "index" / dataset, dataset)
         make_corrupt(root / "corrupt" / dataset, dataset)
-        for estimator in ESTIMATORS:
+        for estimator in estimators:
             make_noise(root / "noise", dataset, estimator)
     make_psf(root / "psf")
     make_star(root / "star")

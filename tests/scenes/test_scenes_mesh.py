@@ -16,7 +16,7 @@ def test_rotation_is_proper_and_right_handed(angle, axis):
     matrix = rotation(angle, axis).astype(float)
     np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-6)
     assert np.linalg.det(matrix) == pytest.approx(1, abs=1e-6)
-    ahead = np.roll(np.eye(3), "xyz".index(axis) + 1, axis=0)[0]
+    ahead = np.eye(3)[("xyz".index(axis) + 1) % 3]
     turned = rotation(np.pi / 2, axis) @ ahead
     np.testing.assert_allclose(turned, np.cross(np.eye(3)["xyz".index(axis)], ahead), atol=1e-6)
 

@@ -40,12 +40,20 @@ def between(value_m: ArrayLike, low_m: ArrayLike, high_m: ArrayLike, footprint_m
 
 
 def grating(value_m: ArrayLike, period_m: float, part: float, footprint_m: ArrayLike) -> Array:
-    """Coverage of bars that fill `part` of each period; fades to `part` where the period is below the footprint."""
-    value = np.asarray(value_m, np.float32)
-    phase = (np.mod(value / np.float32(period_m), 1) - np.float32(0.5)) * np.float32(period_m)
-    sharp = stripe(phase, 0.5 * part * period_m, footprint_m)
-    fade = np.clip(1.5 - np.asarray(footprint_m, np.float32) / np.float32(period_m), 0, 1)
-    return np.asarray(part + (sharp - part) * fade, np.float32)
+    """Coverage of bars that fill `part` of each period, each in the middle of its period.
+
+    ``(I(v + f/2) - I(v - f/2)) / f`` with I the integral of the bars, so distant gratings fade to `part`.
+    """
+    value = np.asarray(value_m, np.float64) / period_m
+    width = np.maximum(np.asarray(footprint_m, np.float64) / period_m, 1e-6)
+    covered = _bars(value + width / 2, part) - _bars(value - width / 2, part)
+    return np.clip(covered / width, 0, 1).astype(np.float32)
+
+
+def _bars(place: NDArray[np.float64], part: float) -> NDArray[np.float64]:
+    """Integral of bars of unit period from 0 to a place."""
+    whole = np.floor(place)
+    return np.asarray(whole * part + np.clip(place - whole - 0.5 * (1 - part), 0, part))
 
 
 @dataclass

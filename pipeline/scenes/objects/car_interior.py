@@ -89,10 +89,11 @@ class Cabin:
             to_end = np.where(direction[:, 0] > 0, x_front - origin[:, 0], x_rear - origin[:, 0]) / direction[:, 0]
             to_dash = (belt + 0.03 - origin[:, 2]) / direction[:, 2]
         far = np.float32(9.0)
+        to_dash = np.where(np.isfinite(to_dash) & (to_dash > 0), to_dash, far)
         to_side = np.where(np.isfinite(to_side) & (to_side > 0.02), to_side, far)
         to_end = np.where(np.isfinite(to_end) & (to_end > 0.02), to_end, far)
         dash_x = origin[:, 0] + to_dash * direction[:, 0]
-        dash = np.isfinite(to_dash) & (to_dash > 0) & (dash_x > x_dash)
+        dash = dash_x > x_dash
         reach = np.minimum(to_side, to_end)
         z = origin[:, 2] + reach * direction[:, 2]
         x = origin[:, 0] + reach * direction[:, 0]

@@ -58,7 +58,7 @@ def sole(figure: Figure) -> Array:
 def walking(figure: Figure, phase_rad: float) -> Pose:
     """A pose of the gait; the lowest point of the soles is on z = 0.
 
-    Thighs swing as ``A sin(phase)``; a knee bends by up to about 50 degrees while its leg swings forward
+    A thigh swings forward as ``A sin(phase)`` and back so that its foot, on the ground, keeps pace; a knee bends by up to about 50 degrees while its leg swings forward
     (Winter 2009); heels strike with the toes up, and push off with the toes down; arms oppose the legs.
     """
     k, swing = figure.height_m, figure.swing_rad
@@ -66,7 +66,7 @@ def walking(figure: Figure, phase_rad: float) -> Pose:
     pelvis = np.array([0.0, 0.0, HIP * k])
     legs = []
     for side, phase in ((1, phase_rad), (-1, phase_rad + np.pi)):
-        thigh = swing * np.sin(phase) + 0.05 * effort
+        thigh = float(np.arcsin(np.sin(swing) * _step(phase))) + 0.05 * effort
         knee = 0.07 + 0.85 * effort * max(0.0, np.cos(phase + 0.45)) ** 1.5
         shank = thigh - knee
         hip = pelvis + np.array([0.0, side * 0.050 * k, 0.0])
@@ -81,7 +81,7 @@ def walking(figure: Figure, phase_rad: float) -> Pose:
     pelvis = pelvis + lift
     arms = []
     for side, phase in ((1, phase_rad + np.pi), (-1, phase_rad)):
-        upper = 0.85 * swing * np.sin(phase) - 0.03
+        upper = 0.85 * swing * float(np.sin(phase)) - 0.03
         bend = 0.22 + 0.45 * effort * max(0.0, np.sin(phase))
         shoulder = shoulder_m(figure, pelvis, figure.lean_rad, side)
         out = 0.16 + 0.05 * figure.build
@@ -119,6 +119,14 @@ def reach(
     along = (upper_m**2 - lower_m**2 + distance**2) / (2 * distance)
     across = np.sqrt(max(upper_m**2 - along**2, 0.0))
     return root + along * line + across * bend, root + distance * line
+
+
+def _step(phase_rad: float) -> float:
+    """Place of a foot between its last (-1) and its foremost (1) point: a sine forward, a straight line back."""
+    phase = float(np.mod(phase_rad, 2 * np.pi))
+    if np.pi / 2 < phase < 3 * np.pi / 2:
+        return 2.0 - 2.0 * phase / np.pi
+    return float(np.sin(phase))
 
 
 def _sole_height(figure: Figure, leg: Limb) -> float:

@@ -56,7 +56,7 @@ class Texture:
             ]
         )
         self.levels: list[Array] = [np.ascontiguousarray(level, np.float32)]
-        while side > _SMALLEST_PX:
+        while side > 1:
             side //= 2
             smaller = cv2.resize(self.levels[-1], (side, side), interpolation=cv2.INTER_AREA)
             self.levels.append(np.asarray(smaller, np.float32))

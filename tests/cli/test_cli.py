@@ -1,0 +1,133 @@
+"""The command line as people meet it: quick help, one clear line for mistakes, files that are what they say."""
+
+import json
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from data_makers import make_folder, make_kitti, picture
+
+from pipeline.cli import COMMANDS, main
+from pipeline.streams import stream
+
+
+def call(*arguments):
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def noisy(path, sigma_dn, name="a"):
+    smooth = cv2.GaussianBlur(picture(name), (0, 0), 3).astype(float)
+    image = np.clip(smooth * 0.6 + 50 + stream(0, "cli test", name).normal(0, sigma_dn, smooth.shape), 0, 255)
+    assert cv2.imwrite(str(path), np.rint(image).astype(np.uint8))
+    return path
+
+
+def test_help_names_every_command_and_is_quick():
+    start = time.perf_counter()
+    done = subprocess.run([sys.executable, "-m", "pipeline.cli", "--help"], capture_output=True, text=True)
+    assert time.perf_counter() - start < 10  # a second on an idle machine; see benchmarks for the figure
+    assert done.returncode == 0
+    assert all(name in done.stdout for name in COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(name):
+    done = call(name, "--help")
+    assert done.exit_code == 0
+    assert len(done.output.splitlines()) > 5
+
+
+def test_a_typo_gets_a_hint():
+    done = call("nois", "x.png")
+    assert done.exit_code == 2
+    assert "did you mean 'noise'" in done.output
+
+
+@pytest.mark.parametrize("sigma_dn", [5.0, 15.0])
+def test_noise_finds_what_was_added(tmp_path, sigma_dn):
+    done = call("noise", noisy(tmp_path / "a.png", sigma_dn), "--csv", tmp_path / "t.csv", "--map", tmp_path / "maps")
+    assert done.exit_code == 0, done.output
+    assert abs(float(done.output.splitlines()[1].split()[0]) - sigma_dn) < 0.1 * sigma_dn
+    assert len((tmp_path / "t.csv").read_text().splitlines()) == 1 + 12  # 448 x 320 covered by 4 x 3 tiles
+    assert cv2.imread(str(tmp_path / "maps/a.png.noise.png")).shape == (320, 448, 3)
+
+
+def test_noise_reads_videos(tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 10, (448, 320))
+    for number in range(4):
+        writer.write(cv2.cvtColor(picture(str(number)), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    done = call("noise", tmp_path / "v.avi", "--every", 2)
+    assert done.exit_code == 0, done.output
+    assert "v.avi#0" in done.output
+    assert "v.avi#2" in done.output
+    assert "v.avi#1" not in done.output
+
+
+def test_noise_sets_a_broken_file_aside_and_fails(tmp_path):
+    noisy(tmp_path / "good.png", 5.0)
+    (tmp_path / "bad.png").write_bytes((tmp_path / "good.png").read_bytes()[:2000])
+    done = call("noise", tmp_path)
+    assert done.exit_code == 2
+    assert "good.png" in done.output
+    assert "set aside" in done.output
+    assert "bad.png" in done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["noise", "absent.png"], "absent.png"),
+        (["noise", "{}", "--estimator", "pcaa"], "did you mean 'pca'"),
+        (["corrupt", "{}", "--out", "{}/out", "--effect", "fotons"], "photon"),
+        (["corrupt", "{}", "--out", "{}/out", "--blur", "defocus"], "--size-px"),
+        (["corrupt", "{}", "--out", "{}/out", "--size-px", "3"], "--blur"),
+        (["corrupt", "{}", "--out", "{}/out", "--sigma-dn", "-3"], "sigma_dn"),
+        (["dataset", "kity", "{}"], "did you mean 'kitti'"),
+        (["dataset", "kitti", "{}/nothing"], "nothing"),
+    ],
+)
+def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):
+    noisy(tmp_path / "a.png", 5.0)
+    done = call(*(argument.replace("{}", str(tmp_path)) for argument in arguments))
+    assert done.exit_code == 2
+    assert word in done.output
+    assert "Traceback" not in done.output
+
+
+def test_corrupt_writes_the_picture_and_its_truth(tmp_path):
+    source = noisy(tmp_path / "a.png", 0.0)
+    options = ["--effect", "dcsn", "--sigma-dn", 8, "--blur", "defocus", "--mtf50", 0.3]
+    done = call("corrupt", source, "--out", tmp_path / "out", *options)
+    assert done.exit_code == 0, done.output
+    truth = json.loads((tmp_path / "out/a.json").read_text())
+    assert abs(truth["sigma_dn"] - 8) < 0.16
+    assert np.allclose(truth["mtf50"], 0.3, atol=0.02)
+    assert abs(np.sum(truth["kernel"]) - 1) < 1e-5
+    first = (tmp_path / "out/a.png").read_bytes()
+    assert call("corrupt", source, "--out", tmp_path / "again", *options).exit_code == 0
+    assert (tmp_path / "again/a.png").read_bytes() == first
+
+
+def test_corrupt_at_level_zero_changes_nothing_and_never_overwrites_its_input(tmp_path):
+    source = noisy(tmp_path / "a.png", 3.0)
+    assert call("corrupt", source, "--out", tmp_path / "out").exit_code == 0
+    assert (cv2.imread(str(tmp_path / "out/a.png"), 0) == cv2.imread(str(source), 0)).all()
+    done = call("corrupt", source, "--out", tmp_path)
+    assert done.exit_code == 2
+    assert "overwrite" in done.output
+
+
+def test_dataset_says_what_it_found(tmp_path):
+    done = call("dataset", "kitti", make_kitti(tmp_path / "kitti", frames=3))
+    assert done.exit_code == 0, done.output
+    assert "3 usable frames" in done.output
+    make_folder(tmp_path / "folder", frames=4)
+    next((tmp_path / "folder").rglob("*.png")).write_bytes(b"")
+    done = call("dataset", "folder", tmp_path / "folder")
+    assert done.exit_code == 2
+    assert "set aside" in done.output

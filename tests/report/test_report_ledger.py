@@ -1,0 +1,190 @@
+"""The ledger: verdicts, scores, and that no published number is ever left out."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from report_makers import ABSENT, REPO
+
+from pipeline import store
+from pipeline.errors import InputError
+from pipeline.report import ledger_sources
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.ledger import LedgerRow, Tolerance, score, summary_table, to_table
+from pipeline.report.ledger_items import ITEMS, UNEXPLAINED, all_rows, rows_of
+from pipeline.report.tables import format_number
+
+PAPER = REPO / "data/paper"
+NOTHING = ReportInputs(paper=PAPER, absent=ABSENT)
+BY_NAME = {item.name: item for item in ITEMS}
+
+
+def row(**changes: object) -> LedgerRow:
+    return LedgerRow(**{"item": "i", "quantity": "q", "unit": "", "paper": 0.3, "tolerance": 0.05, **changes})
+
+
+@pytest.mark.parametrize(
+    ("ours", "verdict"),
+    [(0.3, "match"), (0.35, "match"), (0.25, "match"), (0.36, "close"), (0.4, "close"), (0.401, "differs")],
+)
+def test_verdict_at_its_borders(ours: float, verdict: str) -> None:
+    assert row(ours=ours).verdict == verdict
+
+
+def test_without_ours_nothing_has_run_and_comparability_comes_before_tolerance() -> None:
+    assert row().verdict == "not run"
+    assert row(ours=math.inf).verdict == "not run"
+    assert row(ours=0.3, comparable=False).verdict == "not comparable"
+
+
+def test_tiny_published_values_are_not_swamped_by_the_rounding_allowance() -> None:
+    assert row(paper=3.2e-14, ours=3.2e-14, tolerance=0.0).verdict == "match"
+    assert row(paper=3.2e-14, ours=3.3e-14, tolerance=0.0).verdict == "differs"
+
+
+@given(st.floats(-100, 100), st.floats(-100, 100), st.floats(0, 10), st.floats(1, 5))
+def test_a_wider_tolerance_never_worsens_the_verdict(paper: float, ours: float, bound: float, factor: float) -> None:
+    order = ["match", "close", "differs"]
+    tight, wide = (row(paper=paper, ours=ours, tolerance=bound * f).verdict for f in (1.0, factor))
+    assert order.index(wide) <= order.index(tight)
+
+
+def test_tolerance_takes_the_larger_bound() -> None:
+    assert Tolerance(absolute=0.5, relative=0.1).around(-20.0) == 2.0
+    assert Tolerance(absolute=0.5, relative=0.1).around(1.0) == 0.5
+
+
+def test_score_counts_and_speaks() -> None:
+    found = score([row(ours=0.3), row(ours=0.4), row(ours=9.0), row(ours=0.3, comparable=False), row()])
+    assert found.sentence == "1 of 3 numbers compared lie within tolerance (1 close, 1 differ)."
+    assert found.rest == "5 published numbers in all: 1 not run, 1 not comparable."
+    assert found.metrics["not_comparable"] == 1 and found.metrics["total"] == 5
+    assert score([row()]).sentence == "None of 1 published numbers has been compared yet."
+
+
+def test_every_file_of_published_numbers_is_followed_to_its_last_number() -> None:
+    followed = {item.file for item in ITEMS if item.file}
+    assert followed == {path.name for path in PAPER.glob("*.csv")}
+    for item in ITEMS:
+        if item.file:
+            table = pd.read_csv(PAPER / item.file)
+            numbers = int(sum(np.isfinite(pd.to_numeric(table[value])).sum() for value in item.values))
+            assert len(rows_of(item, NOTHING)) == numbers
+            assert not table.duplicated(list(item.keys)).any()  # keys tell the numbers apart
+
+
+def test_with_nothing_run_every_row_is_there_and_says_what_would_run_it() -> None:
+    rows = all_rows(NOTHING)
+    assert len(rows) > 900
+    assert {entry.verdict for entry in rows} == {"not run"}
+    assert all(entry.line and entry.why in ("data absent", "stage absent") for entry in rows)
+    kitti = next(entry for entry in rows if entry.quantity.startswith("KITTI, PMP"))
+    assert (kitti.why, kitti.line) == ("data absent", ABSENT["kitti"])
+    sim = next(entry for entry in rows if entry.quantity.startswith("Sim, PMP, Defocus, 3 px"))
+    assert (sim.why, sim.line) == ("stage absent", "dvc repro blur@sim-pmp")
+
+
+def test_a_results_table_with_the_same_keys_is_compared(tmp_path: Path) -> None:
+    published = pd.read_csv(PAPER / "blur_amae.csv")
+    ours = published[published["dataset"] == "sim"].copy()
+    ours["size_px"] = ours["size_px"].astype(float)  # 3.0 and 3 are the same key
+    ours["amae_percent"] -= 5.0
+    ours.to_parquet(tmp_path / "amae.parquet")
+    inputs = dataclasses.replace(NOTHING, results={"blur_amae": tmp_path / "amae.parquet"})
+    rows = rows_of(BY_NAME["blur_amae"], inputs)
+    assert score(rows).counts == {"match": 0, "close": 0, "differs": 45, "not comparable": 0, "not run": 90}
+    first = rows[0]
+    assert first.difference == pytest.approx(-5.0)
+    assert first.why == "ours is lower, which is better"
+
+
+def test_a_difference_without_a_cause_says_that_none_is_known(tmp_path: Path) -> None:
+    published = pd.read_csv(PAPER / "controller_ap.csv").assign(car_ap_percent=1.0)
+    published.to_csv(tmp_path / "ap.csv", index=False)
+    rows = rows_of(
+        BY_NAME["controller_ap"], dataclasses.replace(NOTHING, results={"controller_ap": tmp_path / "ap.csv"})
+    )
+    assert {entry.why for entry in rows} == {UNEXPLAINED}
+
+
+def test_results_without_a_key_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "bad.csv").write_text("estimator,seconds\npca,1\n")
+    inputs = dataclasses.replace(NOTHING, results={"runtime": tmp_path / "bad.csv"})
+    with pytest.raises(InputError, match="column 'unit' is missing"):
+        rows_of(BY_NAME["runtime"], inputs)
+
+
+def test_run_times_of_other_hardware_are_not_comparable(tmp_path: Path) -> None:
+    inputs = dataclasses.replace(NOTHING, results={"runtime": PAPER / "runtime.csv"})
+    rows = rows_of(BY_NAME["runtime"], inputs)
+    assert {entry.verdict for entry in rows} == {"not comparable"}
+    assert all("hardware" in entry.why for entry in rows)
+
+
+def test_sensor_constants_match_and_the_known_slip_of_the_program_differs(report_inputs: ReportInputs) -> None:
+    rows = rows_of(BY_NAME["image_formation"], report_inputs)
+    differing = [entry for entry in rows if entry.verdict != "match"]
+    assert [entry.quantity for entry in differing] == ["source-follower noise"]
+    assert "frequency step" in differing[0].why
+
+
+def test_noise_levels_count_the_largest_miss(tmp_path: Path, report_inputs: ReportInputs) -> None:
+    rows = rows_of(BY_NAME["noise_levels"], report_inputs)
+    ran = [entry for entry in rows if entry.verdict != "not run"]
+    assert len(ran) == 4 and all(entry.ours == 0 for entry in ran)
+    assert len(rows) == 12  # KITTI and Udacity are listed as well
+    table = pd.read_parquet(report_inputs.corrupt["sim"] / "corruption.parquet")
+    table.loc[(table["effect"] == "photon") & (table["level_dn"] == 20), "sigma_dn"] = 19.0
+    table.to_parquet(tmp_path / "corruption.parquet")
+    moved = dataclasses.replace(report_inputs, corrupt={"sim": tmp_path})
+    photon = next(entry for entry in rows_of(BY_NAME["noise_levels"], moved) if entry.quantity == "Sim, Photon")
+    assert photon.ours == pytest.approx(5.0) and photon.verdict == "differs"
+
+
+def test_noise_of_our_own_sim_is_not_compared_with_the_authors_frames(report_inputs: ReportInputs) -> None:
+    rows = rows_of(BY_NAME["noise_reference"], report_inputs)
+    sim = [entry for entry in rows if entry.quantity.startswith("Sim")]
+    assert len(sim) == 10 and {entry.verdict for entry in sim} == {"not comparable"}
+
+
+def test_frame_counts_are_a_choice_unless_the_paper_profile_runs(report_inputs: ReportInputs) -> None:
+    def frames(inputs: ReportInputs) -> LedgerRow:
+        return next(e for e in rows_of(BY_NAME["dataset_sizes"], inputs) if e.quantity.endswith("noise estimation"))
+
+    assert frames(report_inputs).verdict == "not comparable" and frames(report_inputs).ours == 5
+    assert frames(dataclasses.replace(report_inputs, profile="paper")).verdict == "differs"
+
+
+def test_the_star_is_interpolated_at_the_papers_frequencies(tmp_path: Path) -> None:
+    frequency = np.array([0.5, 0.1, 0.3])  # any order
+    store.write_json(
+        tmp_path / "star.json", {"frequency": frequency, "measured": 1 - frequency, "formula": 1 - frequency}
+    )
+    found = ledger_sources.sharp_mtf(dataclasses.replace(NOTHING, star=tmp_path))
+    assert found is not None
+    assert found["mtf"].to_numpy() == pytest.approx(1 - found["frequency"].to_numpy())
+    assert found["frequency"].max() == 0.5  # 0.6 lies beyond what was measured
+    store.write_json(tmp_path / "star.json", {"frequency": [0.1], "measured": [1, 2]})
+    with pytest.raises(InputError, match="equally long"):
+        ledger_sources.star_curve(dataclasses.replace(NOTHING, star=tmp_path))
+
+
+def test_tables_of_the_ledger_hold_every_row() -> None:
+    rows = all_rows(NOTHING)
+    assert len(to_table(rows).rows) == len(rows)
+    assert [column.name for column in to_table(rows).columns][0] == "item"
+    summary = summary_table(rows, {item.name: item.title for item in ITEMS})
+    assert sum(int(line["numbers"]) for line in summary.rows) == len(rows)  # type: ignore[arg-type]
+    assert format_number(0.0) == "0"
+
+
+def test_missing_published_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="image_formation.csv"):
+        all_rows(ReportInputs(paper=tmp_path))

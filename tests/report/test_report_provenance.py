@@ -1,0 +1,45 @@
+"""Provenance read from dvc.lock."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from report_makers import LOCK
+
+from pipeline.errors import InputError
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.provenance import origin, read_lock, shown_path
+
+
+def test_hashes_parameters_and_lines(tmp_path: Path) -> None:
+    (tmp_path / "dvc.lock").write_text(LOCK)
+    inputs = ReportInputs(paper=tmp_path, runs={"star": "dvc repro -s star"})
+    stages = read_lock(tmp_path / "dvc.lock")
+    found = origin("noise", "noise@sim-pca", stages, inputs)
+    assert found.inputs == {"data/index/sim": "0123456789", "…/kitti": "ffffffffff"}
+    assert found.parameters == ["noise.tile_px = 128", "seed = 1"]
+    assert found.line == "dvc repro noise@sim-pca"
+    unknown = origin("star", "star", stages, inputs)
+    assert (unknown.inputs, unknown.parameters, unknown.line) == ({}, [], "dvc repro -s star")
+
+
+def test_no_lock_file_means_no_record(tmp_path: Path) -> None:
+    assert read_lock(None) == {} and read_lock(tmp_path / "dvc.lock") == {}
+    (tmp_path / "dvc.lock").write_text("")
+    assert read_lock(tmp_path / "dvc.lock") == {}
+
+
+@pytest.mark.parametrize("content", ["- a list", "stages: [1]", "a: b: c"])
+def test_a_broken_lock_file_is_refused(tmp_path: Path, content: str) -> None:
+    (tmp_path / "dvc.lock").write_text(content)
+    with pytest.raises(InputError, match=r"dvc\.lock"):
+        read_lock(tmp_path / "dvc.lock")
+
+
+@pytest.mark.parametrize(
+    ("path", "shown"),
+    [("data/index/sim", "data/index/sim"), ("/home/me/kitti", "…/kitti"), ("C:\\data\\kitti", "…/kitti")],
+)
+def test_absolute_paths_lose_the_machines_part(path: str, shown: str) -> None:
+    assert shown_path(path) == shown
