@@ -4,25 +4,25 @@
 
 Every implementation blurs the same float32 frame by the same disc. One that differs from SciPy's direct convolution
 in double precision by more than 1e-5 is reported as wrong and not timed. Timed calls take turns, so that a busy
-moment of the machine hits all alike. ``ratio`` is a peer's least time over ours; below 1 we lose. Peers that are
-not installed are named as absent.
+moment of the machine hits all alike. ``ratio`` is a peer's least processor time over ours; below 1 we lose. Peers
+that are not installed are named as absent.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import platform
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_name] = "1"  # before NumPy loads its libraries
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
+
+from benchmarks import common  # noqa: E402
+
+common.one_thread()
 
 import numpy as np  # noqa: E402
 
@@ -31,8 +31,8 @@ from pipeline.camera.blur import blur  # noqa: E402
 from pipeline.camera.psf import create  # noqa: E402
 
 TOLERANCE = 1e-5
-LIMIT_MS = 2000
-"""A contestant that has used this much time after five turns is not called again for the same kernel."""
+SLOW_MS = 40.0
+"""A contestant whose first call takes longer is timed in few turns."""
 Call = Callable[[], np.ndarray]
 
 
@@ -112,53 +112,31 @@ def compare(image: np.ndarray, psf: np.ndarray, boundary: str, repeats: int) -> 
         records[name] = {"status": "ok" if right else "wrong output, not timed", "max_difference": difference}
         if right:
             running[name] = call
-    times: dict[str, list[float]] = {name: [] for name in running}
-    for turn in range(repeats):
-        for name, call in running.items():
-            if turn >= 5 and sum(times[name]) > LIMIT_MS:
-                continue
-            start = time.perf_counter()
-            call()
-            times[name].append((time.perf_counter() - start) * 1e3)
+    slow = {name for name, call in running.items() if name != "ours" and first_ms(call) > SLOW_MS}
+    times = common.take_turns({name: running[name] for name in running.keys() - slow}, repeats)
+    times |= common.take_turns({name: running[name] for name in slow}, max(3, repeats // 20))
     for name, taken in times.items():
-        records[name] |= {
-            "least_ms": round(min(taken), 3),
-            "turns": len(taken),
-            "median_ms": round(float(np.median(taken)), 3),
-            "ratio": round(min(taken) / min(times["ours"]), 2),
-        }
+        ratio = taken["processor_least_ms"] / times["ours"]["processor_least_ms"]
+        records[name] |= {**taken, "ratio": round(ratio, 2)}
     return records
 
 
-def machine() -> dict[str, Any]:
-    """What the times were measured on."""
-    from importlib.metadata import version
-
-    packages = ("numpy", "scipy", "torch", "opencv-python-headless", "kornia")
-    return {
-        "processor": platform.processor() or platform.machine(),
-        "threads": 1,
-        "load": [round(value, 2) for value in os.getloadavg()],
-        "python": platform.python_version(),
-        **{name: version(name) for name in packages},
-    }
+def first_ms(call: Call) -> float:
+    """Processor time of one call, ms."""
+    start = time.thread_time()
+    call()
+    return (time.thread_time() - start) * 1e3
 
 
 def main() -> None:
     """Compare, time, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results" / "blur.json")
+    parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/blur.json")
     parser.add_argument("--repeats", type=int, default=100)
     parser.add_argument("--sizes", default="3,7,11,15,21,31", help="disc diameters, odd pixels")
     parser.add_argument("--frame", default="1242x375", help="width x height, pixels")
     arguments = parser.parse_args()
-    import cv2
-    import torch
-
-    from pipeline.store import write_json
-
-    cv2.setNumThreads(1)
-    torch.set_num_threads(1)
+    common.hold_loaded_libraries()
     width, height = map(int, arguments.frame.split("x"))
     image = streams.stream(0, "blur benchmark").random((height, width), dtype=np.float32)
     results: dict[str, dict[str, dict[str, dict[str, Any]]]] = {}
@@ -172,8 +150,8 @@ def main() -> None:
                 if "ratio" in record:
                     times = f"{record['least_ms']:8.2f} ms   median {record['median_ms']:8.2f}   x {record['ratio']}"
                 print(f"{boundary:8s}{size:>4s} px  {name:26s}{times}", flush=True)
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    write_json(arguments.out, {"machine": machine(), "frame": arguments.frame, "results": results})
+    about = common.machine("torch", "opencv-python-headless", "kornia", "deepinv")
+    common.write("blur", {"machine": about, "frame": arguments.frame, "results": results}, arguments.out)
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera import draws
-from pipeline.camera.chain import Effects
+from pipeline.camera.effects import Effects
 from pipeline.camera.quantise import full_range
 from pipeline.camera.sensor import BOLTZMANN_J_PER_K, ELECTRON_CHARGE_C, FULL_SCALE_DN, Sensor
 from pipeline.camera.truth import Corrupted, Float
@@ -73,7 +73,8 @@ def raw_dn(
         signal_e: (H, W) mean electrons.
         effects: what is on.
         sensor: the sensor, at gain 1.
-        temperature_k, exposure_s: conditions.
+        temperature_k: sensor temperature.
+        exposure_s: exposure time.
         generator: where the draws come from.
         full_scale: of the converter, DN.
 
@@ -160,7 +161,8 @@ def corrupt(
 
     Args:
         signal_e: (H, W) mean electrons of the frame.
-        name, effects: see `chain.preset`.
+        name: of the effects, recorded.
+        effects: what is on.
         sigma_dn: the level; 0 leaves noise out.
         generator: forked as in the physical chain, so that both draw the same conditions.
         sensor: the sensor, at gain 1 and without a measured read noise.

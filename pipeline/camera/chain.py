@@ -11,7 +11,6 @@ to 50 (`levels`). Clipping and rounding happen once, where a camera does them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,92 +18,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.camera import draws
 from pipeline.camera.dark_current import dark_noise
-from pipeline.camera.photon import photon_shot
+from pipeline.camera.effects import PRESETS, Effects, preset
 from pipeline.camera.memory import blocks, keep_freed_memory
-from pipeline.camera.quantise import collect, digitise, full_range
+from pipeline.camera.photon import photon_shot
+from pipeline.camera.quantise import as_image, collect, digitise, full_range
 from pipeline.camera.readout import read_noise
 from pipeline.camera.sensor import Sensor
 from pipeline.camera.truth import Boundary, Corrupted, Float, through_optics
-from pipeline.errors import InputError, did_you_mean
+from pipeline.errors import InputError
 from pipeline.streams import KeyPart
 
-Range = tuple[float, float]
+__all__ = ["PRESETS", "Drawn", "Effects", "as_image", "develop", "draw", "expose", "preset", "record", "untouched"]
 
 keep_freed_memory()
-
-
-@dataclass(frozen=True)
-class Effects:
-    """Which effects are on, and the conditions they happen in.
-
-    Attributes:
-        photon: photon shot noise.
-        dark: dark-current shot noise.
-        reset: reset (kTC) noise.
-        source_follower: source-follower noise.
-        temperature_k: range from which the sensor temperature is drawn evenly; equal ends fix it.
-        exposure_s: range of the exposure time, likewise; it acts on dark current only.
-        zero_mean_dark: subtract the mean dark signal.
-        quantise: full well, whole electrons, rounding and clipping to 8 bit.
-    """
-
-    photon: bool = False
-    dark: bool = False
-    reset: bool = False
-    source_follower: bool = False
-    temperature_k: Range = (293.15, 293.15)
-    exposure_s: Range = (0.00014, 0.00014)
-    zero_mean_dark: bool = True
-    quantise: bool = True
-
-    @property
-    def noisy(self) -> bool:
-        """Whether any source of noise is on."""
-        return self.photon or self.dark or self.reset or self.source_follower
-
-
-_ANY_TEMPERATURE_K: Range = (300.0, 330.0)
-_ANY_EXPOSURE_S: Range = (1.0 / 500.0, 1.0)
-
-PRESETS: dict[str, Effects] = {
-    "photon": Effects(photon=True),
-    "dcsn": Effects(dark=True, temperature_k=(330.0, 330.0), exposure_s=(0.1, 0.1)),
-    "readout": Effects(reset=True, source_follower=True, temperature_k=(330.0, 330.0)),
-    "combined": Effects(True, True, True, True, _ANY_TEMPERATURE_K, _ANY_EXPOSURE_S),
-    "sensor": Effects(False, True, True, True, _ANY_TEMPERATURE_K, _ANY_EXPOSURE_S),
-}
-"""The paper's effects: isolated sources, all of them, and all but photon noise, in the conditions of its program."""
-
-
-def preset(effect: str | Sequence[str]) -> tuple[str, Effects]:
-    """The effects behind a name or several names.
-
-    Args:
-        effect: a key of `PRESETS`, or several: their sources together, in the random conditions of ``combined``
-            where there are two or more.
-
-    Returns:
-        the name (several joined by ``+``) and the effects.
-
-    Raises:
-        InputError: an unknown name.
-    """
-    names = [effect] if isinstance(effect, str) else list(effect)
-    for name in names:
-        if name not in PRESETS:
-            raise InputError(f"noise effect '{name}' is unknown; {did_you_mean(name, PRESETS)}")
-    if len(names) == 1:
-        return names[0], PRESETS[names[0]]
-    chosen = [PRESETS[name] for name in names]
-    together = Effects(
-        photon=any(item.photon for item in chosen),
-        dark=any(item.dark for item in chosen),
-        reset=any(item.reset for item in chosen),
-        source_follower=any(item.source_follower for item in chosen),
-        temperature_k=_ANY_TEMPERATURE_K,
-        exposure_s=_ANY_EXPOSURE_S,
-    )
-    return "+".join(names), together
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +121,10 @@ def develop(
         psf: kernel of the optics, unit sum; None for none.
         boundary: what the blur sees beyond the frame.
         quantise: full well, whole electrons, rounding and clipping to 8 bit.
-        effect, level_dn, poisson, key: recorded in the result.
+        effect: name of the effects, recorded in the result.
+        level_dn: the level asked for, recorded.
+        poisson: how counts were drawn, recorded.
+        key: of the random stream, recorded.
 
     Returns:
         the frame and its truth.
@@ -233,7 +162,8 @@ def record(
 
     Args:
         light_e: (H, W) electrons freed by light.
-        dark_e, read_e: (H, W) noise of dark current and readout, e-, or None.
+        dark_e: (H, W) noise of dark current, e-, or None.
+        read_e: (H, W) noise of readout, e-, or None.
         sensor: the sensor.
         quantise: full well, whole electrons, rounding and clipping to 8 bit.
 
@@ -262,26 +192,6 @@ def record(
             out += read
         full_range(digitise(out, sensor, out=out), out=out)
     return image, float(outside) / image.size
-
-
-def as_image(image: ArrayLike) -> Float:
-    """An image as (H, W) float32 in [0, 1]; uint8 is divided by 255, float32 is passed on unchanged.
-
-    Raises:
-        InputError: another shape or type, a value outside [0, 1] or not a number.
-    """
-    given = np.asarray(image)
-    if given.ndim != 2 or given.size == 0:
-        raise InputError(f"an image is (height, width) grey levels, got shape {given.shape}; convert colour first")
-    if given.dtype == np.uint8:
-        return full_range(given.astype(np.float32))
-    if given.dtype.kind != "f":
-        raise InputError(f"an image is uint8, or float in [0, 1], got {given.dtype}; divide by its full scale")
-    scaled = given.astype(np.float32, copy=False)
-    lowest, highest = float(scaled.min()), float(scaled.max())
-    if not (lowest >= 0.0 and highest <= 1.0):
-        raise InputError(f"a float image lies in [0, 1], got {lowest:g} .. {highest:g}; divide by its full scale")
-    return scaled
 
 
 def expose(
@@ -347,7 +257,9 @@ def untouched(
     Args:
         scene: (H, W) float32 in [0, 1].
         signal_e: (H, W) its electrons.
-        sensor, effect, key: recorded in the result.
+        sensor: recorded in the result.
+        effect: name of the effects, recorded.
+        key: of the random stream, recorded.
     """
     return Corrupted(
         image=scene,

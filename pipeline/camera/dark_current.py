@@ -59,7 +59,11 @@ def dark_current_shot(
 
     Args:
         electrons: (..., H, W) e-.
-        sensor, temperature_k, exposure_s, generator, zero_mean: see `dark_noise`.
+        sensor: its dark-current figure and pixel size count.
+        temperature_k: sensor temperature.
+        exposure_s: exposure time.
+        generator: where the draws come from.
+        zero_mean: subtract the mean dark signal.
 
     Returns:
         float32 e-, same shape.

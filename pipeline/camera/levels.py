@@ -185,7 +185,8 @@ def corrupt_frames(
 
     Args:
         frames: (name, image) pairs; images as for `corrupt`.
-        effect, sigma_dn: see `corrupt`.
+        effect: see `corrupt`.
+        sigma_dn: see `corrupt`.
         seed: the experiment's root seed.
         dataset: part of every stream's key.
         options: further arguments of `corrupt`.
@@ -264,8 +265,14 @@ def corrupt_to_mtf50(
     """Corrupt a frame with blur of a given MTF50 and, where wanted, noise of a given sigma.
 
     Args:
-        image, effect, sigma_dn, generator: see `corrupt`.
-        kind, mtf50, angle_deg, unit: see `psf_for_mtf50`.
+        image: see `corrupt`.
+        kind: see `psf_for_mtf50`, like the next three.
+        mtf50: frequency of half contrast.
+        angle_deg: direction of motion.
+        unit: of ``mtf50``.
+        effect: see `corrupt`.
+        sigma_dn: see `corrupt`; 0 for blur alone.
+        generator: where everything comes from.
         options: further arguments of `corrupt`.
 
     Returns:

@@ -8,9 +8,10 @@ truncates to 8 bit, here numbers are rounded (see `authors` for its behaviour).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pipeline.camera.sensor import FULL_SCALE_DN, Sensor
+from pipeline.errors import InputError
 
 
 def collect(
@@ -71,3 +72,26 @@ def to_8bit(image: NDArray[np.float32]) -> NDArray[np.uint8]:
         uint8, same shape.
     """
     return np.rint(np.clip(image * np.float32(FULL_SCALE_DN), 0.0, FULL_SCALE_DN)).astype(np.uint8)
+
+
+def as_image(image: ArrayLike) -> NDArray[np.float32]:
+    """An image as (H, W) float32 in [0, 1]; uint8 is divided by 255, float32 is passed on unchanged.
+
+    Args:
+        image: (H, W) uint8, or float in [0, 1].
+
+    Raises:
+        InputError: another shape or type, a value outside [0, 1] or not a number.
+    """
+    given = np.asarray(image)
+    if given.ndim != 2 or given.size == 0:
+        raise InputError(f"an image is (height, width) grey levels, got shape {given.shape}; convert colour first")
+    if given.dtype == np.uint8:
+        return full_range(given.astype(np.float32))
+    if given.dtype.kind != "f":
+        raise InputError(f"an image is uint8, or float in [0, 1], got {given.dtype}; divide by its full scale")
+    scaled = given.astype(np.float32, copy=False)
+    lowest, highest = float(scaled.min()), float(scaled.max())
+    if not (lowest >= 0.0 and highest <= 1.0):
+        raise InputError(f"a float image lies in [0, 1], got {lowest:g} .. {highest:g}; divide by its full scale")
+    return scaled

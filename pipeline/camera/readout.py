@@ -57,12 +57,14 @@ def readout(
 
     Args:
         electrons: (..., H, W) e-.
-        sensor, temperature_k, generator, reset, source_follower: see `read_noise`.
+        sensor: see `Sensor.readout_sigma_e`.
+        temperature_k: sensor temperature.
+        generator: where the draws come from.
+        reset: with reset noise.
+        source_follower: with source-follower noise.
 
     Returns:
         float32 e-, same shape.
     """
-    noise = read_noise(
-        electrons.shape, sensor, temperature_k, generator, reset=reset, source_follower=source_follower
-    )
+    noise = read_noise(electrons.shape, sensor, temperature_k, generator, reset=reset, source_follower=source_follower)
     return np.add(noise, electrons, out=noise)

@@ -194,8 +194,8 @@ class Sensor:
         turn = 2.0 * np.pi * frequency_hz
         spectrum = self.thermal_noise_v_per_sqrt_hz**2 * (1.0 + self.flicker_corner_hz / frequency_hz)
         if self.kind == "cmos":
-            spectrum += 2.0 * self.current_modulation_a**2 * self.telegraph_time_s / (
-                4.0 + (turn * self.telegraph_time_s) ** 2
+            spectrum += (
+                2.0 * self.current_modulation_a**2 * self.telegraph_time_s / (4.0 + (turn * self.telegraph_time_s) ** 2)
             )
         tau_s = self.cds_time_factor * self.cds_interval_s
         transfer = (2.0 - 2.0 * np.cos(turn * self.cds_interval_s)) / (1.0 + (turn * tau_s) ** 2)
@@ -258,7 +258,7 @@ SENSORS: dict[str, dict[str, Any]] = {
 }
 
 
-def named(name: str, **changes: Any) -> Sensor:  # noqa: ANN401 - any field of Sensor
+def named(name: str, **changes: Any) -> Sensor:
     """A sensor by name, with changed fields.
 
     Args:

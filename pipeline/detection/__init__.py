@@ -18,7 +18,12 @@ if TYPE_CHECKING:
 REGISTRY = Registry(
     kind="detector",
     group="pipeline.detection",
-    builtin={"yolox": "pipeline.detection.yolox:Yolox"},
+    builtin={
+        "faster_rcnn": "pipeline.detection.faster_rcnn:FasterRcnn",
+        "yolov4": "pipeline.detection.yolov4:Yolov4",
+        "yolov7": "pipeline.detection.yolov7:Yolov7",
+        "yolox": "pipeline.detection.yolox:Yolox",
+    },
 )
 
 

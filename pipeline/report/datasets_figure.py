@@ -135,7 +135,7 @@ def draw(samples: Sequence[DatasetSample]) -> Drawing:
             gid=style.series_id(sample.name, "spectrum"),
         )  # fmt: skip
         histogram_axes.stairs(
-            100 * share, np.arange(0, 257, 4), color=look["color"], linestyle=look["linestyle"],
+            100 * share, np.arange(0, 257, 4), color=look["color"],
             label=word(sample.name), gid=style.series_id(sample.name, "histogram"), linewidth=1.0,
         )  # fmt: skip
         rows += [

@@ -55,8 +55,9 @@ def draw_chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, 
         upper, lower = axes[0, number], axes[1, number]
         upper.imshow(picture, cmap="gray", vmin=0, vmax=255)
         style.bare(upper)
-        upper.set_title(f"{number}  {entry['title']}" if number else str(entry["title"]), pad=3)
-        row = {"step": number, "title": entry["title"], "mean_dn": picture.mean(), "change_std_dn": float("nan")}
+        title = str(entry["title"])[:1].upper() + str(entry["title"])[1:]
+        upper.set_title(f"{number}  {title}" if number else title, pad=3)
+        row = {"step": number, "title": title, "mean_dn": picture.mean(), "change_std_dn": float("nan")}
         if number == 0:
             lower.set_axis_off()
             lower.text(
@@ -76,7 +77,7 @@ def draw_chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, 
 
 @style.styled
 def draw_effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]) -> Drawing:
-    """Effects down, levels across; beneath each patch the standard deviation really added to it.
+    """Effects down, levels across; beneath each patch the standard deviation of what it received itself.
 
     Args:
         arrays: name -> (H, W), uint8 or float in [0, 1].

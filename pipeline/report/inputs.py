@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SUMMARY_SUFFIX = "summary.parquet"
+NO_STAGE = "(no stage of this version makes it)"
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class ReportInputs:
             "effect", "level_dn"}], "frame": name}``, both lists in the order shown.
         noise: folder whose sub-folders hold ``summary.parquet`` and ``estimates.parquet``; one per dataset
             and estimator.
+        noise_members: names of those sub-folders that belong to this run; None takes all.
         star: folder with ``star.npz`` (``image``, (H, W)) and ``star.json`` (``frequency`` in fractions of Nyquist,
             ``measured``, ``formula``).
         sensor: folder with ``formation.json`` (constants and moments of image formation, quantity -> number) and
@@ -41,6 +43,7 @@ class ReportInputs:
         runtime: table (CSV or Parquet) of run times on declared hardware.
         absent: dataset without data -> the line that would run it.
         lock: ``dvc.lock``, for the hashes of what went in.
+        stages: names of the stages that this version has; None if unknown.
         code_version: of the package.
         profile: name of the profile that ran.
         runs: stage -> the line that re-runs it, where that is not ``dvc repro <stage>``.
@@ -51,18 +54,22 @@ class ReportInputs:
     psf: Path | None = None
     corrupt: Mapping[str, Path] = field(default_factory=dict)
     noise: Path | None = None
+    noise_members: frozenset[str] | None = None
     star: Path | None = None
     sensor: Path | None = None
     results: Mapping[str, Path] = field(default_factory=dict)
     runtime: Path | None = None
     absent: Mapping[str, str] = field(default_factory=dict)
     lock: Path | None = None
+    stages: frozenset[str] | None = None
     code_version: str = ""
     profile: str = "default"
     runs: Mapping[str, str] = field(default_factory=dict)
 
     def line(self, stage: str) -> str:
-        """The command that runs a stage again."""
+        """The command that runs a stage again, or `NO_STAGE` where this version has no such stage."""
+        if self.stages is not None and stage.split("@")[0] not in self.stages:
+            return NO_STAGE
         return self.runs.get(stage, f"dvc repro {stage}")
 
     @property
@@ -131,6 +138,8 @@ def noise_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame]:
 
     folder = existing(inputs.noise)
     paths = sorted(folder.rglob("*.parquet")) if folder is not None else []
+    if inputs.noise_members is not None:
+        paths = [path for path in paths if path.parent.name in inputs.noise_members]
     found: dict[bool, list[pd.DataFrame]] = {True: [], False: []}
     for path in paths:
         is_summary = path.name.endswith(SUMMARY_SUFFIX)

@@ -72,7 +72,7 @@ def draw(table: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: str) ->
                 continue
             kernel = np.asarray(kernels[name], dtype=float)
             # A kernel is shown in a frame a little larger than its nominal size, whatever its array's margin.
-            frame = max(int(size * 1.5) | 1, *(side for side in kernel.shape if side <= 1.5 * size), 7)
+            frame = max(int(size * 1.6) | 1, *(side for side in kernel.shape if side <= 1.6 * size), 7)
             picture.imshow(_framed(kernel, frame), cmap="gray", vmin=0, vmax=max(kernel.max(), 1e-12))
             style.bare(picture)
             _curves(curve, table[table["kernel"] == name])

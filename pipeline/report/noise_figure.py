@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
 
 
-def _panel(axes: Axes, rows: pd.DataFrame, estimators: Sequence[str], top: float) -> None:
+def _panel(axes: Axes, rows: pd.DataFrame, estimators: Sequence[str], top: float, place: str) -> None:
     axes.plot([0, top], [0, top], color=style.MUTED, linewidth=0.6, zorder=1)
     if rows.empty:
         axes.text(0.5, 0.5, "not run", transform=axes.transAxes, ha="center", va="center", color=style.MUTED)
@@ -39,14 +39,17 @@ def _panel(axes: Axes, rows: pd.DataFrame, estimators: Sequence[str], top: float
         level = own["level_dn"].to_numpy()
         axes.fill_between(
             level, own["minimum_dn"].to_numpy(), own["maximum_dn"].to_numpy(), color=look["color"], alpha=0.13,
-            linewidth=0, gid=style.series_id(estimator, "band"),
+            linewidth=0, gid=style.series_id(estimator, f"band {place}"),
         )  # fmt: skip
-        axes.plot(level, own["median_dn"].to_numpy(), gid=style.series_id(estimator, "median"), zorder=3, **look)
+        axes.plot(
+            level, own["median_dn"].to_numpy(), gid=style.series_id(estimator, f"median {place}"), zorder=3, **look
+        )
         abstained, asked = int(own["abstained"].sum()), int(own["abstained"].sum() + own["count"].sum())
         if abstained:
             axes.text(
                 0.03, 0.97 - 0.085 * lines, f"{word(estimator)} abstained {abstained:,} of {asked:,}", fontsize=4.6,
-                color=style.MUTED, transform=axes.transAxes, va="top", gid=style.series_id(estimator, "abstained"),
+                color=style.MUTED, transform=axes.transAxes, va="top",
+                gid=style.series_id(estimator, f"abstained {place}"),
             )  # fmt: skip
             lines += 1
 
@@ -63,7 +66,9 @@ def draw(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
 
     effects = in_order([*PAPER_EFFECTS, *summary["effect"]], EFFECTS)
     estimators = in_order(summary["estimator"], ESTIMATORS)
-    highest = float(np.nanmax([25.0, summary["level_dn"].max(), summary["median_dn"].max()]))
+    # The bands are shown up to 40 DN; a single runaway estimate must not flatten every panel.
+    tops = [25.0, summary["level_dn"].max(), summary["median_dn"].max(), min(40.0, summary["maximum_dn"].max())]
+    highest = float(np.nanmax(tops))
     top = 5.0 * np.ceil(highest / 5.0)
     side = style.TWO_COLUMNS_IN / len(effects)
     figure = style.new_figure(style.TWO_COLUMNS_IN, len(datasets) * side * 0.98 + 0.45)
@@ -72,7 +77,7 @@ def draw(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
         for across, effect in enumerate(effects):
             panel = axes[down, across]
             chosen = (summary["dataset"] == dataset) & (summary["effect"] == effect)
-            _panel(panel, summary[chosen], estimators, top)
+            _panel(panel, summary[chosen], estimators, top, f"{dataset} {effect}")
             panel.set(
                 xlim=(0, max(25.0, summary["level_dn"].max())), ylim=(0, top + 3), yticks=np.arange(0, top + 1, 5)
             )

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.scenes.mesh import Mesh, join, rotation, soup
+from pipeline.scenes.mesh import Mesh, join, soup
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
@@ -257,10 +257,3 @@ def mirrored(mesh: Mesh) -> Mesh:
 def both_sides(mesh: Mesh) -> Mesh:
     """A part and its mirror image across the x-z plane."""
     return join([mesh, mirrored(mesh)])
-
-
-__all__ = [
-    "both_sides", "box", "boxes", "ellipsoid", "grid_faces", "lathe", "loft", "mirrored", "panel", "panels",
-    "rotation",
-    "skin", "torus", "tube", "vertex_normals", "volume",
-]  # fmt: skip

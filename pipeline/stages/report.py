@@ -16,6 +16,8 @@ def run(run: Run) -> None:
     """Hand the stages' folders to the report and write the ledger's score."""
     from importlib.metadata import version
 
+    import yaml
+
     from pipeline import store
     from pipeline.report.build import ReportInputs, build
 
@@ -29,10 +31,12 @@ def run(run: Run) -> None:
         psf=data / "psf",
         corrupt={name: data / "corrupt" / name for name in listed},
         noise=data / "noise",
+        noise_members=frozenset(f"{name}-{method}" for name in listed for method in params.noise.estimators),
         star=data / "star",
         sensor=data / "sensor",
         absent=absent,
         lock=Path("dvc.lock"),
+        stages=frozenset(yaml.safe_load(Path("dvc.yaml").read_text(encoding="utf-8"))["stages"]),
         code_version=version("camera-condition-pipeline"),
         profile=params.profile,
     )

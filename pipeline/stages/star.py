@@ -22,7 +22,9 @@ def run(run: Run) -> None:
     centre = (star.centre_px[0] - 0.5, star.centre_px[1] - 0.5)  # from pixel edges to pixel middles
     frequencies = np.asarray(scenes.star_frequencies)
     measured = [
-        measure(image, centre, star.periods, frequencies, amplitude=star.amplitude, direction=direction)
+        measure(
+            image, centre, star.periods, frequencies, amplitude=star.amplitude, direction=direction, sector_deg=20.0
+        )
         for direction in ("horizontal", "vertical")
     ]
     formula = true_mtf(frequencies, scenes.samples)

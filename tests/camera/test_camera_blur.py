@@ -41,7 +41,7 @@ def test_equals_scipy(height: int, width: int, rows: int, columns: int, boundary
 @pytest.mark.parametrize("side", [3, 11, 13, 21, 55])
 @pytest.mark.parametrize("boundary", ["reflect", "zero"])
 def test_equals_scipy_on_frames_of_several_strips(side: int, boundary: str) -> None:
-    image, psf = picture(701, 640), lopsided(side, side, 1)
+    image, psf = picture(501, 1300)[:, : 60 + 8 * side], lopsided(side, side, 1)
     expected = ndimage.convolve(image, psf, mode=MODES[boundary])
     assert np.abs(blur(image, psf, boundary) - expected).max() < 1e-6
 

@@ -45,7 +45,7 @@ def test_chain_with_nothing_on_returns_the_frame_bit_for_bit():
 def test_chain_natural_noise_equals_its_closed_form(effect, variance_e2):
     formed = chain.expose(GREY, chain.PRESETS[effect], stream(3, "chain", effect))
     count = GREY.size
-    expected_dn2 = variance_e2 * Sensor().dn_per_electron**2
+    expected_dn2 = variance_e2 * Sensor().dn_per_electron ** 2
     assert abs(formed.sigma_dn**2 - expected_dn2) < 3 * expected_dn2 * np.sqrt(2 / count) + 1e-3 * expected_dn2
     assert abs(formed.noise_dn.mean(dtype=float)) < 3 * np.sqrt(expected_dn2 / count)
 
@@ -64,7 +64,9 @@ def test_chain_combined_noise_adds_in_squares_and_quantisation_adds_a_twelfth():
 
 @pytest.mark.parametrize("effect", ["combined", "sensor"])
 def test_chain_draws_conditions_in_the_papers_ranges(effect):
-    found = [chain.draw(GREY[:2, :2] * 20_000, chain.PRESETS[effect], Sensor(), stream(5, "chain", n)) for n in range(60)]
+    found = [
+        chain.draw(GREY[:2, :2] * 20_000, chain.PRESETS[effect], Sensor(), stream(5, "chain", n)) for n in range(60)
+    ]
     temperatures, times = np.array([[f.temperature_k, f.exposure_s] for f in found]).T
     assert 300 <= temperatures.min() < 305 and 325 < temperatures.max() <= 330
     assert 0.002 <= times.min() < 0.1 and 0.9 < times.max() <= 1.0

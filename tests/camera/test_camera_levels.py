@@ -97,7 +97,10 @@ def test_levels_reach_source_or_frame():
 
 
 def test_levels_hybrid_is_declared_and_near_the_exact():
-    made = {p: levels.corrupt(frame(), "photon", sigma_dn=10.0, generator=stream(10, "x"), poisson=p) for p in ("exact", "hybrid")}
+    made = {
+        p: levels.corrupt(frame(), "photon", sigma_dn=10.0, generator=stream(10, "x"), poisson=p)
+        for p in ("exact", "hybrid")
+    }
     assert {name: each.poisson for name, each in made.items()} == {"exact": "exact", "hybrid": "hybrid"}
     difference = made["exact"].noise_dn - made["hybrid"].noise_dn
     assert 0 < difference.std() < 0.3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def test_sensor_source_follower_sum_equals_the_integral():
         return noise * (2 - 2 * np.cos(turn * s.cds_interval_s)) / (1 + (turn * tau) ** 2)
 
     edges = np.linspace(1, s.clock_hz, 81)  # one piece per quarter period of the transfer function
-    power = sum(integrate.quad(density, a, b, limit=200)[0] for a, b in zip(edges[:-1], edges[1:], strict=True))
+    power = sum(integrate.quad(density, a, b, limit=200)[0] for a, b in itertools.pairwise(edges))
     sigma = np.sqrt(power) / (s.sense_node_gain_v_per_e * (1 - np.exp(-s.cds_interval_s / tau)))
     assert s.source_follower_sigma_e() == pytest.approx(sigma, rel=3e-3)
 

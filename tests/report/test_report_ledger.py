@@ -179,7 +179,7 @@ def test_the_star_is_interpolated_at_the_papers_frequencies(tmp_path: Path) -> N
 def test_tables_of_the_ledger_hold_every_row() -> None:
     rows = all_rows(NOTHING)
     assert len(to_table(rows).rows) == len(rows)
-    assert [column.name for column in to_table(rows).columns][0] == "item"
+    assert to_table(rows).columns[0].name == "item"
     summary = summary_table(rows, {item.name: item.title for item in ITEMS})
     assert sum(int(line["numbers"]) for line in summary.rows) == len(rows)  # type: ignore[arg-type]
     assert format_number(0.0) == "0"

@@ -91,7 +91,7 @@ def test_nothing_of_this_machine_or_of_the_time_is_in_the_report(
 
     for path in report_folder.rglob("*"):
         if path.is_file() and path.suffix != ".png":
-            content = path.read_text(encoding="utf-8")
+            content = re.sub(r"base64,[^\"]*", "", path.read_text(encoding="utf-8"))  # any word may occur in there
             for secret in (str(report_inputs.paper), "/tmp", "/home", "/somewhere", str(Path.cwd())):
                 assert secret not in content, (path.name, secret)
             assert datetime.datetime.now().strftime("%Y-%m-%d") not in content

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.scenes.layout.ground import hills, kerb, plane, ribbon
+from pipeline.scenes.layout.ground import kerb, plane, ribbon
 from pipeline.scenes.layout.ground_paint import RoadPaint, SoilPaint
+from pipeline.scenes.layout.hills import hills
 from pipeline.scenes.layout.plan import Key
 from pipeline.scenes.layout.road import Road
 from pipeline.scenes.layout.site import Footprint, Site, footprint_of
@@ -104,13 +105,23 @@ def test_ground_faces_up_and_carries_road_coordinates(road):
         assert ((stone.normal[upright][near][:, 0, :2] * towards[near]).sum(axis=1) > 0).all()
 
 
-def test_plane_and_hills_face_the_scene():
+def test_planes_face_up():
     assert (plane((-1, -2), (3, 4), 0.0, "grass").normal[..., 2] == 1).all()
-    ring = hills(np.random.default_rng(1), 300.0, 20.0)
-    inward = -(ring.normal[:, 0, :2] * ring.position.mean(axis=1)[:, :2]).sum(axis=1)
-    assert (inward > 0).mean() > 0.9
-    assert 10 < ring.position[..., 2].max() < 60
-    assert np.ptp(ring.uv[..., 0], axis=1).max() < 20.0
+
+
+def test_hills_close_the_view_and_their_faces_look_out():
+    mesh = hills(np.random.default_rng(1), 300.0, 20.0)
+    reach = np.hypot(mesh.position[..., 0], mesh.position[..., 1])
+    assert 290 < reach.min() and reach.max() < 400
+    assert 15 < mesh.position[..., 2].max() < 90
+    # from the origin, faces and shading normals agree on which side is out, but for the roughness of crowns
+    cross = np.cross(mesh.position[:, 1] - mesh.position[:, 0], mesh.position[:, 2] - mesh.position[:, 0])
+    assert ((cross * mesh.normal.mean(axis=1)).sum(axis=1) > 0).mean() > 0.9
+    # no gap in the skyline: every direction meets something above the eye
+    angle = np.arctan2(mesh.position[..., 1], mesh.position[..., 0]).ravel()
+    height = mesh.position[..., 2].ravel()
+    bins = np.digitize(angle, np.linspace(-0.95, 0.95, 60))
+    assert min(height[bins == k].max() for k in range(1, 60)) > 4.0
 
 
 def surface(uv: np.ndarray, albedo: float = 0.18) -> Surface:

@@ -31,7 +31,7 @@ MAKERS = {
 }
 # lowest and highest length (x), width (y) and height (z), metres
 SIZES = {
-    "car": ((3.8, 5.3), (1.9, 2.35), (1.35, 2.15)),
+    "car": ((3.8, 5.3), (1.9, 2.4), (1.35, 2.15)),
     "person": ((0.25, 1.2), (0.35, 0.8), (1.45, 2.0)),
     "rider": ((0.5, 1.1), (0.4, 0.8), (1.2, 1.75)),
     "bicycle": ((1.6, 1.85), (0.5, 0.7), (0.9, 1.2)),
@@ -307,7 +307,7 @@ def test_the_standing_foot_hardly_slides():
     st.floats(0.2, 0.6),
 )
 def test_reaching_keeps_bones_and_meets_what_is_in_reach(target, upper, lower):
-    bend = np.cross(target, (0.3, -0.5, 0.8)) + (1e-3, 0, 0)
+    bend = np.cross(target, (0.3, -0.5, 0.8)) + np.array([1e-3, 0, 0])
     middle, end = reach((0, 0, 0), target, upper, lower, bend)
     assert np.linalg.norm(middle) == pytest.approx(upper, rel=1e-6)
     assert np.linalg.norm(end - middle) == pytest.approx(lower, rel=1e-6)

@@ -101,7 +101,7 @@ def test_superellipsoids_lie_in_their_box_and_outside_the_ellipsoid(exponent, ra
 def test_a_skin_faces_outwards_whichever_way_its_rings_run():
     angle = np.arange(12) / 12 * 2 * np.pi
     ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    sections = np.stack([ring, ring + [0, 0, 1.0]])
+    sections = np.stack([ring, ring + np.array([0, 0, 1.0])])
     for turned in (sections, sections[::-1], sections[:, ::-1]):
         vertices, faces = skin(turned)
         assert volume(vertices, faces) == pytest.approx(3.0, rel=1e-6)  # a regular dodecagon of radius 1
@@ -118,7 +118,7 @@ def test_vertex_normals_of_a_ball_are_radial():
 def test_loft_measures_its_texture_in_metres():
     angle = np.arange(64) / 64 * 2 * np.pi
     ring = 0.5 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    mesh = loft(np.stack([ring, ring + [0, 0, 3.0]]), "brick")
+    mesh = loft(np.stack([ring, ring + np.array([0, 0, 3.0])]), "brick")
     assert np.ptp(mesh.uv[..., 1]) == pytest.approx(3.0)
     assert mesh.uv[..., 0].max() == pytest.approx(np.pi * 63 / 64, rel=1e-3)
 

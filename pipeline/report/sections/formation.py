@@ -37,7 +37,8 @@ def _galleries(dataset: str, inputs: ReportInputs) -> list[Block]:
         blocks.append(ShownFigure(f"formation_chain_{dataset}", drawing, caption.strip(), stages))
     if order["effects"]:
         caption = (
-            f"Noise effects and levels on {word(dataset)}. Each patch is brought to the standard deviation above it."
+            f"Noise effects and levels on {word(dataset)}. Each frame is brought to the standard deviation above its "
+            "column; beneath each patch, the part shown, stands what it received itself after clipping."
         )
         drawing = formation_gallery.draw_effects(arrays, order["effects"])
         blocks.append(ShownFigure(f"formation_effects_{dataset}", drawing, caption, stages))

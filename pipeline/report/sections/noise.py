@@ -49,11 +49,12 @@ def _medians(dataset: str, summary: pd.DataFrame, inputs: ReportInputs) -> Table
             rows.append(row)
     columns = [Column("effect", "Effect"), Column("level_dn", "Level", "DN"), Column("present_dn", "Present", "DN", 2)]
     columns += [Column(name, word(name), "DN", 2) for name in estimators]
-    notes = (
+    notes = [
         "Median of the inliers (3.5 MAD) with bootstrap 95 % interval; n: inliers. Present: robust median of the noise "
-        "really in the patches, after clipping, against which an estimator is to be judged.",
-        "Code: the same statistic from the authors' published program, on its own frames.",
-    )
+        "really in the patches, after clipping, against which an estimator is to be judged."
+    ]
+    if any(isinstance(cell, Estimate) and cell.reference is not None for row in rows for cell in row.values()):
+        notes.append("Code: the same statistic from the authors' published program, on its own frames.")
     caption = f"Noise estimated on {word(dataset)}."
     stage = STAGE.format(dataset=dataset, estimator="<estimator>")
     return Table(f"noise_{dataset}", caption, columns, rows, notes, stage, "code")

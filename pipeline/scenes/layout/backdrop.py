@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.scenes.layout import cast
-from pipeline.scenes.layout.ground import hills
+from pipeline.scenes.layout.hills import hills
 from pipeline.scenes.layout.plan import Key
 from pipeline.scenes.layout.road import Road
 from pipeline.scenes.layout.site import Footprint, Site
@@ -18,10 +18,10 @@ _VIEW_RAD = 0.85  # woods are planted this far to either side of the camera's he
 
 
 def horizon(key: Key) -> Actor:
-    """Wooded hills all around, 330 to 420 m away."""
+    """Wooded hills ahead, 330 to 420 m away."""
     generator = key.stream("hills")
-    mesh = hills(generator, float(generator.uniform(330, 420)), float(generator.uniform(14, 30)))
-    thing = SceneObject(mesh, kind="hills", tint={"leaf": float(generator.uniform(0.6, 1.0))})
+    mesh = hills(generator, float(generator.uniform(330, 420)), float(generator.uniform(12, 26)))
+    thing = SceneObject(mesh, kind="hills", tint={"leaf": float(generator.uniform(0.5, 0.9))})
     return fixed("hills", thing, Stance(0.0, 0.0, 0.0, 0.0))
 
 

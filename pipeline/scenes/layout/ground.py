@@ -1,8 +1,6 @@
-"""What everything stands on: road, pavements, kerbs, yards, and the wooded hills that close the view."""
+"""What everything stands on: road, pavements, kerbs and yards."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,45 +72,3 @@ def plane(low: ArrayLike, high: ArrayLike, height_m: float, material: str) -> Me
     (x0, y0), (x1, y1) = np.asarray(low, float), np.asarray(high, float)
     corners = [[x0, y0, height_m], [x1, y0, height_m], [x1, y1, height_m], [x0, y1, height_m]]
     return soup(corners, [[0, 1, 2], [0, 2, 3]], material, uv=np.array(corners)[:, :2])
-
-
-def hills(
-    generator: np.random.Generator, radius_m: float, height_m: float, material: str = "leaf", spread_m: float = 60.0
-) -> Mesh:
-    """A ring of wooded hills around the origin.
-
-    The skyline is the sum of a smooth profile (random harmonics, amplitude ~ 1/k) and crowns of trees two to
-    five metres wide; the slope leans back so that sun and sky light it.
-
-    Args:
-        generator: random stream.
-        radius_m: of the foot of the hills.
-        height_m: mean height of the skyline.
-        material: of the slope.
-        spread_m: depth of the slope.
-    """
-    count = int(2 * np.pi * radius_m / 1.6)
-    angle = np.arange(count) / count * 2 * np.pi
-    profile = np.zeros(count)
-    for k in range(2, 40):
-        profile += generator.normal() / k * np.cos(k * angle + generator.uniform(0, 2 * np.pi))
-    profile = profile / max(profile.std(), 1e-9) * 0.35
-    crowns = np.repeat(generator.uniform(0, 1, -(-count // 3)), 3)[:count] + 0.5 * generator.uniform(0, 1, count)
-    top = height_m * np.maximum(0.25, 1.0 + profile) + 2.2 * crowns
-    levels = np.array([0.0, 0.35, 0.7, 1.0])
-    grid = []
-    for level in levels:
-        radius = radius_m + spread_m * level + (generator.uniform(-2, 2, count) if level > 0 else 0.0)
-        z = top * level**0.8 - 1.5 + (generator.uniform(-1, 1, count) * 1.2 if 0 < level < 1 else 0.0)
-        grid.append(np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1))
-    vertices = np.concatenate(grid)
-    i, j = np.meshgrid(np.arange(len(levels) - 1), np.arange(count), indexing="ij")
-    a, b = (i * count + j).ravel(), (i * count + (j + 1) % count).ravel()
-    faces = np.concatenate([np.stack([a, a + count, b], 1), np.stack([b, a + count, b + count], 1)])
-    uv = np.stack([np.tile(angle * radius_m, len(levels)), np.repeat(levels * spread_m, count)], axis=1)
-    mesh = soup(vertices, faces, material, uv=uv)
-    # wrap-around faces would run the texture backwards through the whole tile
-    wrapped = mesh.uv.copy()
-    back = wrapped[..., 0].max(axis=1) - wrapped[..., 0].min(axis=1) > np.pi * radius_m
-    wrapped[back, :, 0] += np.where(wrapped[back, :, 0] < np.pi * radius_m, 2 * np.pi * radius_m, 0.0)
-    return replace(mesh, uv=wrapped.astype(np.float32))

@@ -94,11 +94,11 @@ def weather(key: Key, heading_rad: float) -> tuple[Light, Tone]:
     light = Light(
         azimuth_rad=heading_rad + np.pi + side * generator.uniform(0.3, 1.45),
         elevation_rad=generator.uniform(0.42, 0.95),
-        sun=2.6 + 1.2 * clear,
-        ambient=0.78 - 0.22 * clear,
-        sky=generator.uniform(1.0, 1.45),
+        sun=2.8 + 1.2 * clear,
+        ambient=0.68 - 0.20 * clear,
+        sky=generator.uniform(1.1, 1.7),
         cover=generator.uniform(0.25, 0.75),
         clouds=(float(generator.uniform()), float(generator.uniform())),
         haze_m=generator.uniform(500.0, 1100.0),
     )
-    return light, Tone(exposure=generator.uniform(0.36, 0.48), gamma=2.2)
+    return light, Tone(exposure=float(generator.uniform(0.38, 0.50)), gamma=float(generator.uniform(1.5, 2.0)))

@@ -33,12 +33,6 @@ def beyond(distance_m: ArrayLike, footprint_m: ArrayLike) -> Array:
     return np.clip(np.asarray(distance_m, np.float32) / width + np.float32(0.5), 0, 1).astype(np.float32)
 
 
-def between(value_m: ArrayLike, low_m: ArrayLike, high_m: ArrayLike, footprint_m: ArrayLike) -> Array:
-    """Coverage of the slab low < value < high."""
-    value, low, high = (np.asarray(item, np.float32) for item in (value_m, low_m, high_m))
-    return stripe(value - (low + high) / 2, np.maximum((high - low) / 2, 0), footprint_m)
-
-
 def grating(value_m: ArrayLike, period_m: float, part: float, footprint_m: ArrayLike) -> Array:
     """Coverage of bars that fill `part` of each period, each in the middle of its period.
 

@@ -57,7 +57,7 @@ class Trim:
             grille_part=float(generator.uniform(0.19, 0.27)),
             chrome=bool(generator.random() < 0.55),
             lamp=float(generator.uniform(0.5, 0.9)),
-            tail=float(generator.uniform(0.10, 0.22)),
+            tail=float(generator.uniform(0.05, 0.14)),
             slant=float(generator.uniform(0.02, 0.22)),
             cladding=bool(generator.random() < (0.7 if body.kind == "suv" else 0.15)),
             plate_m=((low - 0.15) * body.rise, (high - 0.02 if body.kind != "sedan" else high + 0.02) * body.rise),
@@ -187,7 +187,7 @@ class BodyPaint:
         )  # fmt: skip
         screen = np.minimum.reduce(
             [
-                (0.5 - at.t) * body.length_m, (at.nx - 0.26) * _TURN_M, at.z - cowl - 0.05, roof - 0.075 - at.z,
+                (0.5 - at.t) * body.length_m, (at.nx - 0.26) * _TURN_M, at.z - cowl - 0.05, roof - 0.105 - at.z,
                 (0.66 - at.any) * _TURN_M,
             ]
         )  # fmt: skip

@@ -247,7 +247,14 @@ def _dormers(block: Block, generator: np.random.Generator, covered: tuple[float,
     clad = "shingle" if block.cover == "shingle" else "plank"
     return [
         roof.dormer(
-            x, z, middle + (number + 0.5 - count / 2) * room / count, steep, block.cover, clad, float(chances[number]), pitched
+            x,
+            z,
+            middle + (number + 0.5 - count / 2) * room / count,
+            steep,
+            block.cover,
+            clad,
+            float(chances[number]),
+            pitched,
         )
         for number in range(count)
     ]

@@ -69,8 +69,8 @@ MATERIALS: dict[str, Material] = {
     "rim": Material(None, 0.40, 0.0, 0.12),
     "plate": Material(None, 0.60, 0.0, 0.02),
     # people and bicycles
-    "top": Material("fabric", 1.0),
-    "trousers": Material("fabric", 1.0),
+    "top": Material("fabric", 1.0, 0.6),
+    "trousers": Material("fabric", 1.0, 0.7),
     "skin": Material("fabric", 1.0, 0.1),
     "hair": Material("hair", 1.0, 0.5),
     "shoe": Material(None, 0.08, 0.0, 0.02),

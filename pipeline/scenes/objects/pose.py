@@ -58,8 +58,9 @@ def sole(figure: Figure) -> Array:
 def walking(figure: Figure, phase_rad: float) -> Pose:
     """A pose of the gait; the lowest point of the soles is on z = 0.
 
-    A thigh swings forward as ``A sin(phase)`` and back so that its foot, on the ground, keeps pace; a knee bends by up to about 50 degrees while its leg swings forward
-    (Winter 2009); heels strike with the toes up, and push off with the toes down; arms oppose the legs.
+    A thigh swings forward as ``A sin(phase)`` and back so that its foot, on the ground, keeps pace with the body;
+    a knee bends by up to about 50 degrees while its leg swings forward (Winter 2009); heels strike with the toes
+    up, and push off with the toes down; arms oppose the legs.
     """
     k, swing = figure.height_m, figure.swing_rad
     effort = min(swing / 0.4, 1.0)

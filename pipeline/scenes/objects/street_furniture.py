@@ -12,6 +12,7 @@ from pipeline.errors import InputError, did_you_mean
 from pipeline.scenes.mesh import Mesh, join
 from pipeline.scenes.objects.base import SceneObject, Surface
 from pipeline.scenes.objects.brush import Coat, Flat, beyond, stripe
+from pipeline.scenes.objects.materials import MATERIALS
 from pipeline.scenes.shapes import box, boxes, ellipsoid, lathe, loft, tube
 
 Array = NDArray[np.float32]
@@ -178,7 +179,8 @@ def _bin(generator: np.random.Generator) -> SceneObject:
     mesh = join(
         [_flat(loft(sections, "bin")), lid, *wheels, tube([(-0.36, -0.2, 0.98), (-0.36, 0.2, 0.98)], 0.018, "bin", 6)]
     )
-    return SceneObject(mesh, None, "bin", {"bin": tone / 0.08}, {"bin": Flat(tone, 0.04)})
+    mesh = mesh.placed(scale=float(generator.uniform(0.92, 1.08))).as_local()
+    return SceneObject(mesh, None, "bin", {"bin": tone / MATERIALS["bin"].albedo}, {"bin": Flat(tone, 0.04)})
 
 
 def _flat(mesh: Mesh) -> Mesh:
@@ -209,15 +211,16 @@ def _bench(generator: np.random.Generator) -> SceneObject:
 
 
 def _letter_box(generator: np.random.Generator) -> SceneObject:
+    wide = float(generator.uniform(0.16, 0.24))
     post = tube([(0, 0, 0), (0, 0, 1.0)], 0.04, "metal", 8)
-    case = box((-0.16, -0.22, 0.95), (0.16, 0.22, 1.45), "bin")
-    slot = box((0.155, -0.15, 1.30), (0.168, 0.15, 1.34), "black")
+    case = box((-0.16, -wide, 0.95), (0.16, wide, 1.45), "bin")
+    slot = box((0.155, 0.06 - wide, 1.30), (0.168, wide - 0.06, 1.34), "black")
     tone = float(generator.choice([0.12, 0.45]))
     return SceneObject(
         join([post, case, slot]),
         None,
         "letter box",
-        {"bin": tone / 0.08},
+        {"bin": tone / MATERIALS["bin"].albedo},
         {"bin": Flat(tone, 0.05), "metal": Flat(0.05, 0.05)},
     )
 

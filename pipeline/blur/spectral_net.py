@@ -1,0 +1,93 @@
+"""The spectral network: maps and profiles of log power to the MTF with its uncertainty, both directions at once.
+
+Three convolutional stages on the maps (width 24, 40, 56; the last two halve the size), a 1 x 1 reduction to 32
+channels, then together with the profiles two hidden layers of 256 and 34 outputs: 16 MTF values (sigmoid), 16 scales of
+their Laplace distribution, noise sigma and its scale. 1.35 million parameters.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as functional
+from torch import nn
+
+from pipeline.blur.spectral_features import MAPS_SHAPE, VECTOR_LENGTH
+
+ARCHITECTURE = "mtf-spectral-1"
+FREQUENCIES = 8
+WIDTHS = (24, 40, 56)
+REDUCED = 32
+HIDDEN = 256
+SMALLEST_SCALE = 0.004
+SCALE_FACTOR = 0.1
+SIGMA_FACTOR = 10.0
+SMALLEST_SIGMA_SCALE = 0.1
+BRANCH_START = 0.3  # initial weight of a residual branch
+
+
+class Residual(nn.Module):
+    """relu(shortcut(x) + w * conv(relu(conv(x)))), halving the size; w is learned per channel."""
+
+    def __init__(self, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(inputs, outputs, 3, 2, 1)
+        self.second = nn.Conv2d(outputs, outputs, 3, 1, 1)
+        self.shortcut = nn.Conv2d(inputs, outputs, 1, 2)
+        self.weight = nn.Parameter(torch.full((1, outputs, 1, 1), BRANCH_START))
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """(N, inputs, H, W) -> (N, outputs, H / 2, W / 2)."""
+        branch = self.second(functional.relu(self.first(x)))
+        return functional.relu(self.shortcut(x) + self.weight.to(branch.dtype) * branch)
+
+
+class SpectralNet(nn.Module):
+    """See the module.
+
+    Args:
+        half_precision: run the convolutions in bfloat16 where that is faster (training); answers move by about 0.001.
+    """
+
+    def __init__(self, half_precision: bool = False) -> None:
+        super().__init__()
+        channels, height, width = MAPS_SHAPE
+        self.half_precision = half_precision
+        self.body = nn.Sequential(
+            nn.Conv2d(channels, WIDTHS[0], 3, padding=1),
+            nn.ReLU(),
+            Residual(WIDTHS[0], WIDTHS[1]),
+            Residual(WIDTHS[1], WIDTHS[2]),
+            nn.Conv2d(WIDTHS[2], REDUCED, 1),
+            nn.ReLU(),
+        )
+        self.head = nn.Sequential(
+            nn.Linear(REDUCED * (height // 4) * (width // 4) + VECTOR_LENGTH, HIDDEN),
+            nn.ReLU(),
+            nn.Linear(HIDDEN, HIDDEN),
+            nn.ReLU(),
+            nn.Linear(HIDDEN, 4 * FREQUENCIES + 2),
+        )
+
+    def forward(
+        self, maps: torch.Tensor, vector: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+        """The answer for features (`spectral_features.features`).
+
+        Returns:
+            mtf: (N, 2, 8) in (0, 1); scale: (N, 2, 8) > 0, mean absolute error expected; sigma_dn: (N,) noise added
+            after the blur; sigma_scale_dn: (N,).
+        """
+        maps = maps.contiguous(memory_format=torch.channels_last)
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.half_precision):
+            seen = self.body(maps)
+        out = self.head(torch.cat([seen.float().flatten(1), vector], dim=1))
+        count = 2 * FREQUENCIES
+        mtf = torch.sigmoid(out[:, :count]).unflatten(1, (2, FREQUENCIES))
+        scale = functional.softplus(out[:, count : 2 * count]) * SCALE_FACTOR + SMALLEST_SCALE
+        sigma_dn = functional.softplus(out[:, -2]) * SIGMA_FACTOR
+        return mtf, scale.unflatten(1, (2, FREQUENCIES)), sigma_dn, functional.softplus(out[:, -1]) + SMALLEST_SIGMA_SCALE
+
+
+def laplace_loss(mean: torch.Tensor, scale: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Negative log likelihood of a Laplace distribution, |y - m| / b + log b, averaged; its best b is the mean error."""
+    return ((mean - truth).abs() / scale + scale.log()).mean()

@@ -1,0 +1,1 @@
+"""Training from scratch on procedural images: pictures, kernels, labelled samples, the loop, and weight files."""

@@ -1,0 +1,143 @@
+"""Feeding a trainer: chunks made ahead by worker processes, in order, each used more than once.
+
+Step t takes chunks tF .. tF + F - 1 fresh, and for each of them R - 1 others picked evenly from the W before; so every
+chunk serves about R times, far enough apart. Which ones is a pure function of (seed, t): a run that is resumed at step
+t sees what the uninterrupted run would have seen. Making samples costs about as much as a training step, and without
+repetition the trainer would wait half the time.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import queue
+import traceback
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from pipeline.streams import stream
+
+Arrays = dict[str, np.ndarray]
+Maker = Callable[[int], Arrays]
+
+WAIT_S = 5.0
+
+
+class ProducerDied(RuntimeError):
+    """A process that made chunks has gone; its last words, if any, are in the message."""
+
+
+class Feed:
+    """Batches by step.
+
+    Args:
+        make: chunk number -> arrays of equal first length; picklable, a pure function of the number.
+        seed: of the choice of repeated chunks.
+        fresh: F, fresh chunks in a batch.
+        uses: R, how often a chunk is used, on average.
+        window: W, chunks kept for repetition.
+        producers: worker processes that make chunks ahead; 0 makes them here.
+        ahead: chunks a producer may be ahead.
+    """
+
+    def __init__(
+        self,
+        make: Maker,
+        seed: int,
+        *,
+        fresh: int = 1,
+        uses: int = 2,
+        window: int = 256,
+        producers: int = 1,
+        ahead: int = 16,
+    ) -> None:
+        self.make, self.seed, self.fresh, self.uses, self.window = make, seed, fresh, uses, window
+        self.producers, self.ahead = producers, ahead
+        self._kept: dict[int, Arrays] = {}
+        self._next: int | None = None
+        self._workers: list[tuple[Any, Any]] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def numbers(self, step: int) -> list[int]:
+        """The chunks of one step: fresh ones first."""
+        first = step * self.fresh
+        chosen = list(range(first, first + self.fresh))
+        generator = stream(self.seed, "repeated chunks", step)
+        repeats = self.fresh * (self.uses - 1)
+        oldest = max(first - self.window, 0)
+        # At the very beginning there is nothing before: the fresh ones are repeated.
+        span = (oldest, first) if first > 0 else (0, self.fresh)
+        return chosen + [int(generator.integers(*span)) for _ in range(repeats)]
+
+    def batch(self, step: int) -> Arrays:
+        """The batch of a step; steps must not decrease.
+
+        Raises:
+            ProducerDied: a worker process ended or failed.
+        """
+        wanted = self.numbers(step)
+        first = step * self.fresh
+        if self._next is None:
+            self._next = max(first - self.window, 0) if self.uses > 1 else first
+            self._start(self._next)
+        while self._next < first + self.fresh:
+            self._kept[self._next] = self._receive(self._next)
+            self._next += 1
+        for old in [number for number in self._kept if number < first - self.window]:
+            del self._kept[old]
+        chunks = [self._kept[number] for number in wanted]
+        return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
+
+    def close(self) -> None:
+        """Stop the workers."""
+        for process, _ in self._workers:
+            process.terminate()
+            process.join()
+        self._workers = []
+
+    def _start(self, first: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        for worker in range(self.producers):
+            out = context.Queue(self.ahead)
+            begin = first + (worker - first) % self.producers  # worker w makes the numbers equal to w, modulo
+            process = context.Process(target=_produce, args=(self.make, begin, self.producers, out), daemon=True)
+            process.start()
+            self._workers.append((process, out))
+
+    def _receive(self, number: int) -> Arrays:
+        if not self._workers:
+            return self.make(number)
+        process, out = self._workers[number % self.producers]
+        while True:
+            try:
+                made = out.get(timeout=WAIT_S)
+            except queue.Empty:
+                if not process.is_alive():
+                    raise ProducerDied(f"the process that makes training samples ended ({process.exitcode})") from None
+                continue
+            if isinstance(made, str):
+                raise ProducerDied(f"making training samples failed:\n{made}")
+            return made  # type: ignore[no-any-return]
+
+
+def _produce(make: Maker, first: int, step: int, out: Any) -> None:
+    """What a worker process does: numbers first, first + step, ... until it is stopped."""
+    from pipeline.executor import one_thread
+
+    one_thread()
+    number = first
+    while True:
+        try:
+            made: Arrays | str = make(number)
+        except Exception:
+            out.put(traceback.format_exc())
+            raise
+        out.put(made)
+        number += step

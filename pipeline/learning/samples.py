@@ -1,0 +1,200 @@
+"""Labelled samples: a sharp view, blurred by a kernel, with noise, in 8 bit; the label is the MTF.
+
+    D = round_or_floor(clip(255 (I * h * G_a) + n)),    label(f) = |H(f)| exp(-2 pi^2 a^2 f^2)
+
+I is a procedural view, h a training kernel, G_a the intrinsic blur that any lens and sensor have: a Gaussian of a px, a
+uniform in its range. The label is the *total* MTF, as a real sharp frame is not perfectly sharp either; what was added
+to it is found by dividing by the camera's own. Noise n is added after the blur (dark current, readout, photon-like,
+mixed), or enters before it (photon noise of the scene, which the blur then smooths); sigma counts what came after.
+
+Samples come in chunks; chunk c is a pure function of (seed, purpose, c), so it may be made ahead, by any process.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.camera import mtf
+from pipeline.learning import images, kernels
+from pipeline.streams import stream, torch_stream
+
+if TYPE_CHECKING:
+    import torch
+
+PATCH_PX = 192
+MARGIN_PX = 24  # the blur wraps round within it; it is cut away
+FIELD_PX = PATCH_PX + 2 * MARGIN_PX
+FULL_WELL_E = 20_000.0
+READOUT_E = 75.5
+DARK_E = 1428.0
+KINDS = ("photon", "dcsn", "readout", "combined")
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What samples are drawn from.
+
+    Attributes:
+        views: views in a chunk.
+        kernels_per_view: samples made of each view, by different kernels.
+        anisotropy: see `images.view`.
+        intrinsic_px: range of the intrinsic Gaussian's standard deviation, pixels.
+        clean_share, before_share: shares of samples without noise and with photon noise before the blur; the others
+            have noise after it.
+        largest_sigma_dn: of the noise; half of the levels are even, half logarithmic from 1 DN.
+    """
+
+    views: int = 16
+    kernels_per_view: int = 2
+    anisotropy: float = 0.7
+    intrinsic_px: tuple[float, float] = (0.0, 0.7)
+    clean_share: float = 0.45
+    before_share: float = 0.15
+    largest_sigma_dn: float = 30.0
+
+    @property
+    def chunk(self) -> int:
+        """Samples in a chunk."""
+        return self.views * self.kernels_per_view
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A batch of labelled samples.
+
+    Attributes:
+        patches_dn: (N, 192, 192) uint8.
+        mtf: (N, 2, 8) float32 in [0, 1]: total MTF, horizontal then vertical.
+        sigma_dn: (N,) float32, noise added after the blur, DN before clipping.
+    """
+
+    patches_dn: NDArray[np.uint8]
+    mtf: NDArray[np.float32]
+    sigma_dn: NDArray[np.float32]
+
+
+@dataclass
+class Samples:
+    """Makes chunks.
+
+    Attributes:
+        tiles: (M, T, T) uint8 bank of pictures.
+        kernels: (K, 49, 49) bank of kernels.
+        recipe: shares and ranges.
+        seed, purpose: of the random streams.
+    """
+
+    tiles: NDArray[np.uint8]
+    kernels: NDArray[np.floating]
+    recipe: Recipe
+    seed: int
+    purpose: str = "training samples"
+    _waves: tuple[torch.Tensor, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        import torch
+
+        place = torch.arange(kernels.CANVAS_PX) - kernels.CANVAS_PX // 2
+        rows, columns = torch.fft.fftfreq(FIELD_PX), torch.fft.rfftfreq(FIELD_PX)
+        bins = torch.from_numpy(mtf.FREQUENCIES / 2).float()  # cycles per pixel
+        wave = [torch.exp(-2j * torch.pi * torch.outer(axis, place)) for axis in (rows, columns, bins)]
+        self._waves = (*wave, rows[:, None] ** 2, columns[:, None] ** 2, bins**2)
+
+    def chunk(self, index: int) -> Chunk:
+        """Chunk `index`."""
+        import torch
+
+        recipe = self.recipe
+        generator = stream(self.seed, self.purpose, index)
+        torch_generator = torch_stream(self.seed, self.purpose, index)
+        views = np.stack(
+            [
+                images.view(self.tiles[int(generator.integers(len(self.tiles)))], generator, FIELD_PX, recipe.anisotropy)
+                for _ in range(recipe.views)
+            ]
+        )
+        scene = torch.from_numpy(views)
+        before = torch.from_numpy(generator.random(recipe.views) < recipe.before_share)
+        if before.any():
+            sigma = self._levels(generator, int(before.sum()))
+            noisy = noise_e(scene[before], torch.zeros(len(sigma), dtype=torch.long), torch_generator)
+            scene[before] = (scene[before] + scaled(noisy, sigma) / 255).clamp(0, 1)
+        blurred, label = self._blurred(scene, generator)
+        kind = torch.from_numpy(generator.integers(len(KINDS), size=recipe.chunk))
+        share = recipe.clean_share / max(1 - recipe.before_share, 1e-9)
+        after = torch.from_numpy(generator.random(recipe.chunk) >= share)
+        after &= ~before.repeat(recipe.kernels_per_view)
+        sigma = self._levels(generator, recipe.chunk) * after
+        image_dn = blurred * 255
+        if after.any():
+            image_dn[after] += scaled(noise_e(blurred[after], kind[after], torch_generator), sigma[after])
+        half = torch.from_numpy(np.where(generator.random((recipe.chunk, 1, 1)) < 0.5, 0.5, 0.0).astype(np.float32))
+        whole = (image_dn.clamp(0, 255) + half).floor().clamp(0, 255).to(torch.uint8)  # rounded, or cut as by many
+        return Chunk(whole.numpy(), label.numpy(), sigma.float().numpy())
+
+    def _levels(self, generator: np.random.Generator, count: int) -> torch.Tensor:
+        """Noise levels, DN: half even, half logarithmic."""
+        import torch
+
+        largest = self.recipe.largest_sigma_dn
+        even, logarithmic = generator.uniform(0, largest, count), np.exp(generator.uniform(0, np.log(largest), count))
+        return torch.from_numpy(np.where(generator.random(count) < 0.5, even, logarithmic).astype(np.float32))
+
+    def _blurred(self, scene: torch.Tensor, generator: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
+        """Every view under its kernels: (N, 192, 192) in [0, 1], and the total MTF (N, 2, 8)."""
+        import torch
+
+        count = self.recipe.chunk
+        picked = self.kernels[np.sort(generator.integers(len(self.kernels), size=count))[generator.permutation(count)]]
+        kernel = torch.from_numpy(np.asarray(picked, dtype=np.float32))
+        kernel = torch.where(torch.from_numpy(generator.random((count, 1, 1)) < 0.5), kernel.flip(1), kernel)
+        kernel = torch.where(torch.from_numpy(generator.random((count, 1, 1)) < 0.5), kernel.flip(2), kernel)
+        kernel = torch.where(torch.from_numpy(generator.random((count, 1, 1)) < 0.5), kernel.transpose(1, 2), kernel)
+        rows, columns, bins, rows_squared, columns_squared, bins_squared = self._waves
+        wide = kernel.to(torch.complex64)
+        curves = torch.stack([(kernel.sum(axis).to(torch.complex64) @ bins.T).abs() for axis in (1, 2)], dim=1)
+        low, high = self.recipe.intrinsic_px
+        spread = torch.from_numpy(generator.uniform(low, high, (count, 1, 1)).astype(np.float32)) ** 2
+        decay = -2 * torch.pi**2 * spread  # of a Gaussian, which is separable
+        transfer = (rows * torch.exp(decay * rows_squared) @ wide) @ (columns * torch.exp(decay * columns_squared)).mT
+        spectrum = torch.fft.rfft2(scene).repeat(self.recipe.kernels_per_view, 1, 1)
+        image = torch.fft.irfft2(spectrum * transfer, s=(FIELD_PX, FIELD_PX))
+        inside = slice(MARGIN_PX, MARGIN_PX + PATCH_PX)
+        return image[:, inside, inside].clamp(0, 1), curves * torch.exp(decay * bins_squared)
+
+
+def noise_e(image: torch.Tensor, kind: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
+    """Electrons of noise, natural size, in the normal approximation (counts here are large).
+
+    Photon noise has the variance of the signal; all charge saturates at the full well, so bright parts get one-sided
+    noise; readout comes after that.
+
+    Args:
+        image: (N, H, W) in [0, 1].
+        kind: (N,) index into `KINDS`.
+        generator: source of randomness.
+
+    Returns:
+        (N, H, W) electrons.
+    """
+    import torch
+
+    kind = kind.view(-1, 1, 1)
+    signal = image * FULL_WELL_E
+    photon, dark, readout = (kind == 0) | (kind == 3), (kind == 1) | (kind == 3), kind >= 2
+    variance = signal * photon + DARK_E * dark
+    charge = signal + torch.randn(image.shape, generator=generator) * variance.sqrt()
+    noise = charge.clamp(0, FULL_WELL_E) - signal
+    if readout.any():
+        noise = noise + torch.randn(image.shape, generator=generator) * (READOUT_E * readout)
+    return noise
+
+
+def scaled(noise: torch.Tensor, sigma_dn: torch.Tensor) -> torch.Tensor:
+    """Noise maps (N, H, W) brought to standard deviations (N,), DN; a map without noise stays as it is."""
+    deviation = noise.flatten(1).norm(dim=1) / noise[0].numel() ** 0.5  # noise is of mean 0, or nearly
+    return noise * (sigma_dn / deviation.clamp_min(1e-3)).view(-1, 1, 1)

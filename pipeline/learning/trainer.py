@@ -1,0 +1,262 @@
+"""The training loop: AdamW or Adam, cosine schedule, moving average of the weights, checkpoints, resume.
+
+Learning rate at step t of T:   lr(t) = lr min(1, (t + 1) / warm-up) (e + (1 - e) (1 + cos(pi t / T)) / 2)
+Averaged weights:               w' <- d w' + (1 - d) w,   d = min(decay, (1 + t) / (10 + t))
+
+A run that is stopped and started again goes on from its last checkpoint and ends with the same weights, bit for bit (one
+thread, same machine and libraries): batches are a function of the step, and nothing else is random.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from pipeline.errors import InputError
+from pipeline.learning import weights
+from pipeline.learning.feed import Feed
+
+if TYPE_CHECKING:
+    import torch
+
+CHECKPOINT = "checkpoint.safetensors"
+ARCHITECTURE = "training-checkpoint-1"
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How a network is trained.
+
+    Attributes:
+        steps: T; the schedule ends there.
+        learning_rate: its greatest value.
+        optimiser: ``adamw`` or ``adam``.
+        betas, epsilon, weight_decay: of the optimiser.
+        warm_up: steps.
+        final_share: e, of the learning rate at the end; 1 keeps it constant.
+        average_decay: of the moving average of the weights; 0 keeps the weights themselves.
+        clip: greatest norm of the gradient; None leaves it.
+        checkpoint_every, report_every: steps.
+    """
+
+    steps: int
+    learning_rate: float = 2e-3
+    optimiser: Literal["adamw", "adam"] = "adamw"
+    betas: tuple[float, float] = (0.9, 0.99)
+    epsilon: float = 1e-8
+    weight_decay: float = 1e-3
+    warm_up: int = 150
+    final_share: float = 0.01
+    average_decay: float = 0.998
+    clip: float | None = 1.0
+    checkpoint_every: int = 1000
+    report_every: int = 100
+
+    def rate(self, step: int) -> float:
+        """Learning rate of a step."""
+        cosine = 0.5 * (1 + math.cos(math.pi * min(step / self.steps, 1)))
+        warm = min(1.0, (step + 1) / max(self.warm_up, 1))
+        return self.learning_rate * warm * (self.final_share + (1 - self.final_share) * cosine)
+
+
+@dataclass
+class Trained:
+    """The outcome.
+
+    Attributes:
+        model: with the averaged weights of the step that validated best (the last, without validation).
+        curve: one row every so many steps: step, learning rate, mean of each measure since the row before, and
+            validation measures where there are some (prefix ``validation_``).
+        best_step: which step that was.
+    """
+
+    model: torch.nn.Module
+    curve: list[dict[str, float]]
+    best_step: int
+
+
+@dataclass
+class _State:
+    """Everything that a checkpoint keeps."""
+
+    model: torch.nn.Module
+    optimiser: torch.optim.Optimizer
+    average: dict[str, torch.Tensor]
+    best: dict[str, torch.Tensor] = field(default_factory=dict)
+    best_score: float = math.inf
+    best_step: int = 0
+    step: int = 0
+    curve: list[dict[str, float]] = field(default_factory=list)
+    sums: dict[str, float] = field(default_factory=dict)
+
+
+Loss = Callable[["torch.nn.Module", Mapping[str, Any]], tuple["torch.Tensor", dict[str, float]]]
+
+
+def train(
+    model: torch.nn.Module,
+    loss: Loss,
+    feed: Feed,
+    schedule: Schedule,
+    *,
+    folder: Path | None = None,
+    validate: Callable[[torch.nn.Module], dict[str, float]] | None = None,
+    score: str = "",
+    report: Callable[[dict[str, float]], None] | None = None,
+    stop_after: int | None = None,
+) -> Trained:
+    """Train a network, or go on training it.
+
+    Args:
+        model: freshly initialised, in the same way on every start.
+        loss: (model, batch) -> loss to minimise, and measures to record; the batch holds the feed's arrays as tensors.
+        feed: batches by step.
+        schedule: how.
+        folder: where checkpoints are kept; None keeps none.
+        validate: measures of a model, taken at checkpoints on the averaged weights.
+        score: which of them selects the best checkpoint (smallest); "" takes the last.
+        report: called with every new row of the curve.
+        stop_after: stop at this step as if interrupted (a checkpoint is written).
+
+    Raises:
+        InputError: the checkpoint is broken or belongs to another training.
+    """
+    import torch
+
+    kinds = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
+    options: dict[str, Any] = {"lr": schedule.learning_rate, "betas": schedule.betas, "eps": schedule.epsilon}
+    optimiser = kinds[schedule.optimiser](model.parameters(), weight_decay=schedule.weight_decay, **options)
+    state = _State(model, optimiser, {name: value.clone() for name, value in model.state_dict().items()})
+    path = None if folder is None else Path(folder) / CHECKPOINT
+    if path is not None and path.is_file():
+        _restore(path, state, schedule)
+    model.train()
+    while state.step < schedule.steps:
+        if stop_after is not None and state.step >= stop_after:
+            break
+        _one_step(state, loss, feed, schedule)
+        row = _row(state, schedule)
+        if state.step % schedule.checkpoint_every == 0 or state.step == schedule.steps:
+            found = _validated(state, validate, score)
+            if row is not None:
+                row |= found
+            if path is not None:
+                _keep(path, state, schedule)
+        if row is not None and report is not None:
+            report(row)
+    if stop_after is not None and state.step < schedule.steps and path is not None:
+        _keep(path, state, schedule)
+    chosen = state.best if state.best else state.average
+    model.load_state_dict(chosen)
+    return Trained(model.eval(), state.curve, state.best_step or state.step)
+
+
+def _one_step(state: _State, loss: Loss, feed: Feed, schedule: Schedule) -> None:
+    import torch
+
+    for group in state.optimiser.param_groups:
+        group["lr"] = schedule.rate(state.step)
+    batch = {name: torch.from_numpy(values) for name, values in feed.batch(state.step).items()}
+    value, measures = loss(state.model, batch)
+    state.optimiser.zero_grad(set_to_none=True)
+    value.backward()  # type: ignore[no-untyped-call]
+    if schedule.clip is not None:
+        torch.nn.utils.clip_grad_norm_(state.model.parameters(), schedule.clip)
+    state.optimiser.step()
+    decay = min(schedule.average_decay, (1 + state.step) / (10 + state.step)) if schedule.average_decay else 0.0
+    with torch.no_grad():
+        for name, tensor in state.model.state_dict().items():
+            if tensor.dtype.is_floating_point:
+                state.average[name].lerp_(tensor, 1 - decay)
+            else:
+                state.average[name].copy_(tensor)
+    state.step += 1
+    for name, number in {"loss": float(value.detach()), **measures}.items():
+        state.sums[name] = state.sums.get(name, 0.0) + number
+
+
+def _row(state: _State, schedule: Schedule) -> dict[str, float] | None:
+    """A new row of the curve, where one is due."""
+    if state.step % schedule.report_every and state.step != schedule.steps:
+        return None
+    count = state.step % schedule.report_every or schedule.report_every
+    row = {"step": float(state.step), "learning_rate": schedule.rate(state.step - 1)}
+    row |= {name: total / count for name, total in state.sums.items()}
+    state.sums = {}
+    state.curve.append(row)
+    return row
+
+
+def _validated(state: _State, validate: Callable[..., dict[str, float]] | None, score: str) -> dict[str, float]:
+    """Measures of the averaged weights; remembers the best."""
+    import torch
+
+    if validate is None:
+        return {}
+    kept = {name: value.clone() for name, value in state.model.state_dict().items()}
+    state.model.load_state_dict(state.average)
+    state.model.eval()
+    with torch.no_grad():
+        found = validate(state.model)
+    if score and found[score] < state.best_score:
+        state.best_score, state.best_step = found[score], state.step
+        state.best = {name: value.clone() for name, value in state.average.items()}
+    state.model.load_state_dict(kept)
+    state.model.train()
+    return {f"validation_{name}": value for name, value in found.items()}
+
+
+def _identity(schedule: Schedule) -> dict[str, Any]:
+    """What must be the same for a checkpoint to be gone on from: the schedule, but for how often it is kept."""
+    content = asdict(schedule)
+    del content["checkpoint_every"]
+    return json.loads(json.dumps(content))  # type: ignore[no-any-return]
+
+
+def _keep(path: Path, state: _State, schedule: Schedule) -> None:
+    """Write a checkpoint; the one before stays until this one is complete."""
+    import torch
+
+    tensors = {f"model.{name}": value for name, value in state.model.state_dict().items()}
+    tensors |= {f"average.{name}": value for name, value in state.average.items()}
+    tensors |= {f"best.{name}": value for name, value in state.best.items()}
+    for index, moments in state.optimiser.state_dict()["state"].items():
+        tensors |= {f"optimiser.{index}.{name}": torch.as_tensor(value) for name, value in moments.items()}
+    weights.save(
+        path,
+        tensors,
+        ARCHITECTURE,
+        schedule=_identity(schedule),
+        step=state.step,
+        curve=state.curve,
+        sums=state.sums,
+        best_score=None if math.isinf(state.best_score) else state.best_score,
+        best_step=state.best_step,
+    )
+
+
+def _restore(path: Path, state: _State, schedule: Schedule) -> None:
+    tensors, header = weights.load(path, ARCHITECTURE)
+    if header["schedule"] != _identity(schedule):
+        raise InputError(f"{path}: belongs to a training with another schedule; delete its folder to begin anew")
+
+    def part(prefix: str) -> dict[str, torch.Tensor]:
+        return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+    try:
+        state.model.load_state_dict(part("model."))
+    except RuntimeError:
+        raise InputError(f"{path}: belongs to another network; delete its folder to begin anew") from None
+    moments: dict[int, dict[str, torch.Tensor]] = {}
+    for name, value in part("optimiser.").items():
+        index, _, kind = name.partition(".")
+        moments.setdefault(int(index), {})[kind] = value
+    state.optimiser.load_state_dict({"state": moments, "param_groups": state.optimiser.state_dict()["param_groups"]})
+    state.average, state.best = part("average."), part("best.")
+    state.step, state.curve, state.sums = header["step"], header["curve"], header["sums"]
+    state.best_step = header["best_step"]
+    state.best_score = math.inf if header["best_score"] is None else header["best_score"]
