@@ -55,9 +55,35 @@ def stream(seed: int, purpose: str, *parts: KeyPart) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(key=key))
 
 
+_TWISTER_WORDS = 624
+_TWISTER_STATE = np.dtype(
+    [
+        ("seed", "<u8"),
+        ("left", "<i4"),
+        ("seeded", "<i4"),
+        ("next", "<u8"),
+        ("words", "<u8", _TWISTER_WORDS),
+        ("rest", "V40"),
+    ]
+)  # the layout of torch's CPU generator
+
+
 def torch_stream(seed: int, purpose: str, *parts: KeyPart) -> torch.Generator:
-    """A torch CPU generator for one named draw; see `stream`."""
+    """A torch CPU generator for one named draw; see `stream`.
+
+    torch seeds its Mersenne twister with 32 bits only, so that among 65,000 streams two would likely be the same;
+    here all 624 words of its state come from the draw's own Philox stream.
+
+    Raises:
+        RuntimeError: this version of torch keeps the state in another layout.
+    """
     import torch
 
-    value = int.from_bytes(digest(seed, purpose, *parts)[:8], "little") >> 1
-    return torch.Generator().manual_seed(value)
+    generator = torch.Generator()
+    state = np.zeros(1, _TWISTER_STATE)
+    if generator.get_state().numel() != state.nbytes:
+        raise RuntimeError(f"torch {torch.__version__} keeps its random state in a layout unknown here; pin torch 2.13")
+    state["left"], state["seeded"] = 1, 1  # the next draw mixes the words first
+    state["words"] = stream(seed, purpose, *parts).integers(0, 1 << 32, _TWISTER_WORDS, dtype=np.uint64)
+    generator.set_state(torch.from_numpy(state.view(np.uint8)))
+    return generator

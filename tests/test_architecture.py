@@ -16,7 +16,7 @@ FLOORS = {
     "errors": 0, "streams": 0, "store": 0, "registry": 0, "executor": 0, "statistics": 0, "tables": 0, "config": 0,
     "camera": 1,
     "scenes": 2,
-    "datasets": 3,
+    "datasets": 3, "learning": 3,
     "blur": 4, "noise": 4, "detection": 4,
     "condition": 5, "curves": 5,
     "control": 6,

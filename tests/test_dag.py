@@ -14,7 +14,7 @@ STAGES = {name: body.get("do", body) for name, body in GRAPH.items() if name != 
 
 def plain(template):
     """``datasets.${item.dataset}`` and ``datasets.${key}`` both name the job's dataset."""
-    return re.sub(r"\$\{(?:item\.)?(\w+)\}", lambda m: "{%s}" % m[1].replace("key", "dataset"), template)
+    return re.sub(r"\$\{(?:item\.)?(\w+)\}", lambda m: "{" + m[1].replace("key", "dataset") + "}", template)
 
 
 @pytest.mark.parametrize("name", STAGES)

@@ -64,3 +64,20 @@ def test_global_state_is_untouched():
 def test_unfit_key_is_refused():
     with pytest.raises(TypeError, match="list"):
         stream(1, "x", [1])
+
+
+def test_torch_streams_are_uniform_normal_and_unrelated():
+    draws = torch.stack([torch.rand(4000, generator=torch_stream(0, "net", n)) for n in range(20)])
+    assert abs(draws.mean() - 0.5) < 4 / np.sqrt(12 * draws.numel())
+    correlation = torch.corrcoef(draws)[~torch.eye(20, dtype=bool)]
+    assert correlation.abs().max() < 5 / np.sqrt(4000)
+    normal = torch.randn(100_000, generator=torch_stream(0, "net", "normal"))
+    assert abs(normal.std() - 1) < 0.01
+    assert abs(torch.poisson(torch.full((10_000,), 9.0), generator=torch_stream(0, "p")).mean() - 9) < 0.12
+
+
+def test_torch_streams_use_more_than_32_bits():
+    """Two streams whose 32-bit seeds would have met still differ."""
+    assert not torch.equal(
+        torch.rand(4, generator=torch_stream(1, "x")), torch.rand(4, generator=torch_stream(1 + 2**32, "x"))
+    )

@@ -55,6 +55,9 @@ def steps(shown: Corrupted) -> list[Step]:
         found.append(
             _step("readout", "readout", "Reset and source-follower noise of the electronics.", electrons, shown)
         )
+    if "total" in shown.noise_e:  # the authors' program adds all sensor noise in one piece
+        electrons = electrons + shown.noise_e["total"]
+        found.append(_step("total", "sensor noise", "Dark current and readout, added together.", electrons, shown))
     last = Step("quantised", "quantisation", "Full well, conversion and rounding to 8 bit.", shown.image)
     return [*found, last]
 

@@ -17,6 +17,7 @@ COMMANDS = {
     "corrupt": "Corrupt pictures to a noise level or a blur, with the truth beside them.",
     "dataset": "Check a dataset: what is usable, what would be set aside and why.",
     "render": "Render frames of the procedural dataset Sim.",
+    "weights": "List, download and verify published detector weights.",
 }
 
 

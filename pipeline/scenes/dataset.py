@@ -108,7 +108,8 @@ def render(
         moment: 0 to 3, in steps of 0.1 s.
         seed: root seed of the dataset.
         samples: N of N x N samples a pixel; the MTF is `lens.true_mtf` of it.
-        width_px, height_px: size; the horizontal field of view stays.
+        width_px: width of the frame; the horizontal field of view does not depend on it.
+        height_px: height of the frame.
         lens_sigma_px: standard deviation of the Gaussian lens, pixels.
 
     Raises:

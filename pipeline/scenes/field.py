@@ -55,6 +55,7 @@ def field(
     # texel centres lie at half integers, and the border adds one
     np.multiply(where, np.float32(side), out=folded[:count])
     folded[:count] += np.float32(0.5)
-    found = cv2.remap(values, folded.reshape(rows, _ROW, 2), None, cv2.INTER_LINEAR).reshape(-1)[:count]
+    across, down = cv2.split(folded.reshape(rows, _ROW, 2))
+    found = np.asarray(cv2.remap(values, across, down, cv2.INTER_LINEAR)).reshape(-1)[:count]
     coarse = footprint_m * np.float32(side / (6.0 * size_m))
     return np.asarray(found / (1.0 + coarse * coarse), np.float32)

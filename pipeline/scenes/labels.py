@@ -84,7 +84,8 @@ def boxes(world: World, pose: Pose, picture: Picture, labels: Sequence[str] = LA
     counts = np.bincount(seen[seen >= 0], minlength=len(world.placed))
     found: list[SimBox] = []
     for index, one in enumerate(world.placed):
-        if one.thing.label not in labels or counts[index] == 0:
+        label = one.thing.label
+        if label is None or label not in labels or counts[index] == 0:
             continue
         rows, columns = np.divmod(np.flatnonzero(seen == index), width)
         corners = one.corners().reshape(-1, 3)
@@ -95,7 +96,7 @@ def boxes(world: World, pose: Pose, picture: Picture, labels: Sequence[str] = LA
         whole = _area_alone(one, pose, low, high)
         found.append(
             SimBox(
-                label=one.thing.label,
+                label=label,
                 name=one.name,
                 kind=one.thing.kind,
                 x1=float(columns.min() / per_pixel),
@@ -124,6 +125,7 @@ def _area_alone(one: Placed, pose: Pose, low: NDArray[np.float64], high: NDArray
     cell = size / counts
     columns, rows = (low[axis] + (np.arange(counts[axis]) + 0.5) * cell[axis] for axis in (0, 1))
     alone = World([one])
-    hit = alone.occluded(np.broadcast_to(np.asarray(pose.position_m, np.float32), (counts.prod(), 3)),
-                         pose.rays(columns, rows))
+    hit = alone.occluded(
+        np.broadcast_to(np.asarray(pose.position_m, np.float32), (counts.prod(), 3)), pose.rays(columns, rows)
+    )
     return float(hit.mean() * size[0] * size[1])

@@ -76,7 +76,8 @@ def transfer(frequencies: ArrayLike, samples: int, sigma_px: float = LENS_SIGMA_
 
     Args:
         frequencies: cycles per pixel, any shape, any sign.
-        samples, sigma_px: see `taps`.
+        samples: see `taps`.
+        sigma_px: see `taps`.
 
     Returns:
         H(f), real, the shape of `frequencies`.

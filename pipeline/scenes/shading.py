@@ -165,7 +165,12 @@ def _mirrored(
     solid = np.flatnonzero(~sky)
     if len(solid):
         image[solid] = _plain(world, light, _chosen(hits, solid), reflected[solid])
-    sun = np.clip(dot(reflected, light.towards_sun), 0.0, 1.0) ** 900 * visible[rows] * _GLINT * np.float32(light.sun / 3.1)
+    sun = (
+        np.clip(dot(reflected, light.towards_sun), 0.0, 1.0) ** 900
+        * visible[rows]
+        * _GLINT
+        * np.float32(light.sun / 3.1)
+    )
     return diffuse * (1.0 - share) + share * (image + sun)
 
 

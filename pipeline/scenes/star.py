@@ -100,7 +100,8 @@ def render_star(
 
     Args:
         samples: N of N x N samples a pixel.
-        width_px, height_px: size of the image.
+        width_px: width of the image.
+        height_px: height of the image.
         periods: of the sinusoid around the circle.
         lens_sigma_px: standard deviation of the Gaussian lens, pixels.
 

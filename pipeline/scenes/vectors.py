@@ -15,7 +15,8 @@ def dot(a: Array, b: Array) -> Array:
 
 def unit(vectors: Array) -> Array:
     """(K, 3) vectors of length 1; zero stays zero."""
-    return vectors / np.maximum(np.sqrt(dot(vectors, vectors)), np.float32(1e-20))[:, None]
+    length = np.maximum(np.sqrt(dot(vectors, vectors)), np.float32(1e-20))
+    return np.asarray(vectors / length[:, None], np.float32)
 
 
 def turned(vectors: Array, cos: Array, sin: Array) -> Array:

@@ -51,3 +51,10 @@ def test_steps_that_were_off_are_left_out():
     image = picture("a").astype(np.float32) / np.float32(255)
     found = steps(corrupt(image, "photon", sigma_dn=10, generator=stream(1, "steps")))
     assert [step.name for step in found] == ["input", "photon", "quantised"]
+
+
+def test_steps_of_the_authors_program_show_its_noise_in_one_piece():
+    image = picture("a").astype(np.float32) / np.float32(255)
+    found = steps(corrupt(image, "dcsn", sigma_dn=10, generator=stream(1, "steps"), camera="authors"))
+    assert [step.name for step in found] == ["input", "total", "quantised"]
+    assert np.abs(found[1].image - found[2].image).max() < 1.5 / 255

@@ -59,7 +59,7 @@ def network(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_boxes_are_divided_by_the_scale(network: Path) -> None:
-    """400 px become 800: a corner at (100, 200) of the image lies at (200, 400), its box is 40 x 80 there, 20 x 40 here."""
+    """400 px become 800: the corner (100, 200) lies at (200, 400), its box is 40 x 80 px there, 20 x 40 here."""
     image = bright(400, 600, (100, 200, 104, 204), 0.9)
     found = detection.create("faster_rcnn", weights=network).detect([image])[0]
     assert list(found.label) == ["car", "person"]

@@ -62,7 +62,7 @@ def tiny_yolov7(path: Path, form: Form, size: tuple[int, int] = (640, 640), open
     elif form == "tensorrt":
         names = ["num_dets", "det_boxes", "det_scores", "det_classes"]
         nodes.append(node("EfficientNMS_TRT", ["output"], names, domain="TRT"))
-        outputs = {name: ((1, 100), 7) for name in names}
+        outputs = dict.fromkeys(names, ((1, 100), 7))
     sides = ("height", "width") if open_size else (height, width)
     return save(path, nodes, constants, {"images": ((1, 3, *sides), 1)}, outputs)
 

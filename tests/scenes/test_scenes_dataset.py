@@ -25,7 +25,7 @@ def test_frames_have_the_stated_form(frames):
         for frame in (first, last):
             assert frame.grey.shape == frame.radiance.shape == (96, 112)
             assert frame.grey.dtype == frame.radiance.dtype == np.float32
-            assert 0 <= frame.grey.min() and frame.grey.max() <= 1
+            assert frame.grey.min() >= 0 and frame.grey.max() <= 1
             assert (frame.radiance > 0).all() and np.isfinite(frame.radiance).all()
             assert frame.eight_bit().dtype == np.uint8
             assert 40 < frame.eight_bit().mean() < 200 and frame.eight_bit().std() > 30
@@ -44,7 +44,9 @@ def test_boxes_are_of_known_classes_and_lie_in_the_frame(frames):
                 assert box.pixels <= (box.x2 - box.x1) * (box.y2 - box.y1) + 1e-9
                 # the visible part lies within the whole (to one sample)
                 low, high = np.array(box.amodal[:2]), np.array(box.amodal[2:])
-                assert (np.array([box.x1, box.y1]) > low - 1.01).all() and (np.array([box.x2, box.y2]) < high + 1.01).all()
+                assert (np.array([box.x1, box.y1]) > low - 1.01).all() and (
+                    np.array([box.x2, box.y2]) < high + 1.01
+                ).all()
     assert kinds == set(LABELS)
 
 

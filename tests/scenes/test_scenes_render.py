@@ -30,7 +30,7 @@ def test_pictures_have_the_stated_shape_and_range(world):
     picture = render(world, Light(), POSE, Tone(), samples=2)
     assert picture.grey.shape == picture.radiance.shape == (50, 70)
     assert picture.grey.dtype == picture.radiance.dtype == np.float32
-    assert 0.0 <= picture.grey.min() and picture.grey.max() <= 1.0
+    assert picture.grey.min() >= 0.0 and picture.grey.max() <= 1.0
     assert (picture.radiance > 0).all()
     assert picture.things.shape == (100, 140)
     assert set(np.unique(picture.things)) == {-1, 0, 1, 2}

@@ -22,7 +22,9 @@ MATTE = "hedge"  # no texture, no mirror
 
 def slab(half: float, height: float, material: str = MATTE) -> SceneObject:
     corners = [[-half, -half, height], [half, -half, height], [half, half, height], [-half, half, height]]
-    return SceneObject(soup(corners, [[0, 1, 2], [0, 2, 3]], material), tint={material: 0.3 / MATERIALS[material].albedo})
+    return SceneObject(
+        soup(corners, [[0, 1, 2], [0, 2, 3]], material), tint={material: 0.3 / MATERIALS[material].albedo}
+    )
 
 
 def look_down(world: World, light: Light, at=(0.0, 0.0), height=5.0, samples=1, ambient=64) -> float:

@@ -34,7 +34,8 @@ def woods(
         key: of the viewpoint.
         name: of the wood.
         count: trees tried; those on claimed or kept ground are left out.
-        near_m, far_m: distances from the origin.
+        near_m: least distance from the origin.
+        far_m: largest distance.
         site: claimed ground.
         keep: (x, y) -> whether a tree may stand there.
     """
@@ -63,11 +64,9 @@ def closing(key: Key, site: Site, road: Road, clear_m: float) -> list[Actor]:
         s, d = road.locate(x, y)
         return abs(float(d[0])) > clear_m or float(s[0]) > road.last_m - 5.0
 
-    behind = woods(key, "garden-tree", 34, 18.0, 95.0, site, lambda x, y: keep(x, y) and _off(road, x, y) > clear_m + 10)
+    def garden(x: float, y: float) -> bool:
+        return keep(x, y) and abs(float(road.locate(x, y)[1][0])) > clear_m + 10.0
+
+    behind = woods(key, "garden-tree", 34, 18.0, 95.0, site, garden)
     end = woods(key, "wood", 50, 95.0, 190.0, site, keep)
     return [*behind, *end, horizon(key)]
-
-
-def _off(road: Road, x: float, y: float) -> float:
-    """Distance from the centreline."""
-    return abs(float(road.locate(x, y)[1][0]))

@@ -84,14 +84,18 @@ def cycle(key: Key, name: str, site: Site, draw: Draw, gap_m: float = 0.5) -> li
         stance = track.at(0.0)
         if not site.claim(Footprint(stance.x_m, stance.y_m, stance.yaw_rad, 0.95, 0.35), gap_m):
             continue
-        if track.speed_mps == 0.0:
-            still = bicycle.make(key.stream(name))
-            return [Actor(name, track, lambda _: still)]
-        return [
-            Actor(name, track, lambda way: bicycle.make(key.stream(name), way)),
-            Actor(f"{name}-rider", track, lambda way: bicycle.make_rider(key.stream(name), way)),
-        ]
+        return _bicycle(key, name, track)
     return []
+
+
+def _bicycle(key: Key, name: str, track: Track) -> list[Actor]:
+    if track.speed_mps == 0.0:
+        still = bicycle.make(key.stream(name))
+        return [Actor(name, track, lambda _: still)]
+    return [
+        Actor(name, track, lambda way: bicycle.make(key.stream(name), way)),
+        Actor(f"{name}-rider", track, lambda way: bicycle.make_rider(key.stream(name), way)),
+    ]
 
 
 def stand(name: str, thing: SceneObject, site: Site, stance: Stance, gap_m: float = 0.3) -> Actor | None:

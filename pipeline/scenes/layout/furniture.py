@@ -36,13 +36,15 @@ def furnish(key: Key, road: Road, pavement_m: float, site: Site) -> list[Actor]:
             if not site.claim(Footprint(x, y, heading, 0.25, 0.25), 0.0):
                 continue
             if leafy and index % 3 != 2:
-                actors.append(cast.plant(key, f"tree-{name}", x, y, PAVEMENT_M, far=s > 55, size=(0.55, 0.9)))
+                actors.append(cast.plant(key, f"tree-{name}", x, y, PAVEMENT_M, far=bool(s > 55), size=(0.55, 0.9)))
             else:
                 lamp = street_furniture.make("lamp", key.stream(f"lamp-side{side}"))
                 actors.append(fixed(f"lamp-{name}", lamp, Stance(x, y, PAVEMENT_M, heading - side * np.pi / 2)))
             if generator.random() < 0.5:
                 kind = str(generator.choice(_SMALL))
-                actors += _beside(key, f"{kind}-{name}", kind, road, s + float(generator.uniform(2, 5)), back, side, site)
+                actors += _beside(
+                    key, f"{kind}-{name}", kind, road, s + float(generator.uniform(2, 5)), back, side, site
+                )
         if generator.random() < 0.7:
             # signs face the traffic of their own side: drivers on the right come from smaller s
             s = float(generator.uniform(9.0, 26.0))
@@ -54,13 +56,15 @@ def furnish(key: Key, road: Road, pavement_m: float, site: Site) -> list[Actor]:
     return actors
 
 
-def _beside(
-    key: Key, name: str, kind: str, road: Road, s_m: float, d_m: float, side: int, site: Site
-) -> list[Actor]:
+def _beside(key: Key, name: str, kind: str, road: Road, s_m: float, d_m: float, side: int, site: Site) -> list[Actor]:
     """A small thing against the gardens, facing the road."""
     x, y, heading = (float(value) for value in road.at(s_m, d_m))
     placed = cast.stand(
-        name, street_furniture.make(kind, key.stream(name)), site, Stance(x, y, PAVEMENT_M, heading - side * np.pi / 2), 0.1
+        name,
+        street_furniture.make(kind, key.stream(name)),
+        site,
+        Stance(x, y, PAVEMENT_M, heading - side * np.pi / 2),
+        0.1,
     )
     return [] if placed is None else [placed]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -21,7 +23,8 @@ def ribbon(
 
     Args:
         road: its course.
-        inner_m, outer_m: its sides, metres to the left of the centreline.
+        inner_m: one side, metres to the left of the centreline.
+        outer_m: the other side.
         height_m: above the road.
         material: name.
         first_m: where it begins; the road's own beginning without.
@@ -64,7 +67,7 @@ def _sheet(road: Road, s: Array64, profile: list[tuple[float, float]], material:
 
 
 def _pairs(items: list[tuple[float, float]]) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-    return list(zip(items[:-1], items[1:], strict=True))
+    return list(itertools.pairwise(items))
 
 
 def plane(low: ArrayLike, high: ArrayLike, height_m: float, material: str) -> Mesh:

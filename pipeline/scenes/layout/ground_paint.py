@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,7 +123,7 @@ class SoilPaint:
 def _to_path(points: Array, corners: Array) -> Array:
     """(K,) distance to the nearest segment of a polyline."""
     best = np.full(len(points), np.inf, np.float32)
-    for a, b in zip(corners[:-1], corners[1:], strict=True):
+    for a, b in itertools.pairwise(corners):
         way = b - a
         along = np.clip(((points - a) @ way) / max(float(way @ way), 1e-9), 0.0, 1.0)
         best = np.minimum(best, np.linalg.norm(points - a - along[:, None] * way, axis=1))

@@ -43,7 +43,9 @@ def hills(
     angle = generator.uniform(-view_rad, view_rad, count)
     depth = _DEPTH_M * generator.random(count)
     size = generator.uniform(2.2, 5.0, count)
-    foot = np.stack([(radius_m + depth) * np.cos(angle), (radius_m + depth) * np.sin(angle), rise(angle, depth)], axis=1)
+    foot = np.stack(
+        [(radius_m + depth) * np.cos(angle), (radius_m + depth) * np.sin(angle), rise(angle, depth)], axis=1
+    )
     return join([_slope(radius_m, view_rad, rise, material), _crowns(generator, foot, size, material)])
 
 
@@ -57,9 +59,7 @@ def _slope(radius_m: float, view_rad: float, rise: Callable[[Array64, Array64], 
     columns = len(angle)
     i, j = np.meshgrid(np.arange(len(depth) - 1), np.arange(columns - 1), indexing="ij")
     a = (i * columns + j).ravel()
-    faces = np.concatenate(
-        [np.stack([a, a + columns, a + 1], 1), np.stack([a + 1, a + columns, a + columns + 1], 1)]
-    )
+    faces = np.concatenate([np.stack([a, a + columns, a + 1], 1), np.stack([a + 1, a + columns, a + columns + 1], 1)])
     return soup(vertices, faces, material, uv=np.stack([across * radius_m, along], axis=-1).reshape(-1, 2))
 
 
@@ -74,7 +74,9 @@ def _crowns(generator: np.random.Generator, foot: Array64, size_m: Array64, mate
     ).reshape(-1, 3)  # fmt: skip
     lumps = 1.0 + 0.22 * generator.standard_normal((count, len(unit), 1))
     stretch = np.stack([np.ones(count), np.ones(count), generator.uniform(0.9, 1.7, count)], axis=1)
-    vertices = foot[:, None] + [0.0, 0.0, 1.0] * size_m[:, None, None] + unit * lumps * (size_m[:, None] * stretch)[:, None]
+    vertices = (
+        foot[:, None] + [0.0, 0.0, 1.0] * size_m[:, None, None] + unit * lumps * (size_m[:, None] * stretch)[:, None]
+    )
     normals = unit / stretch[:, None]
     normals = normals + 0.3 * generator.standard_normal(normals.shape)
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)

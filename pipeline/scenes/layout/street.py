@@ -98,7 +98,9 @@ def _ground(key: Key, width: _Width, crossing: float | None) -> list[Actor]:
     lane = SceneObject(ribbon(road, -half, half, 0.0, "asphalt"), kind="road", paint={"asphalt": paint})
     soil = str(generator.choice(["grass", "litter", "grass", "grass"]))
     bare = SoilPaint(
-        "litter" if soil == "grass" else "dirt", bias=float(generator.uniform(-0.9, 0.1)), shift=float(generator.uniform())
+        "litter" if soil == "grass" else "dirt",
+        bias=float(generator.uniform(-0.9, 0.1)),
+        shift=float(generator.uniform()),
     )
     paved = [str(generator.choice(["paver", "cobble", "paver", "concrete"])) for _ in range(2)]
     strips = [kerb(road, side) for side in (1, -1)]

@@ -1,0 +1,95 @@
+"""Spectral estimator: the MTF of a patch, with an interval, from a small network on log power spectra.
+
+Both directions come from one pass (`spectral_features`, `spectral_net`); trained on procedural pictures only
+(`spectral_training`). Answers are *total* MTFs: lens, sensor and motion together. The blur that was added to a camera's
+own sharp frames is what `calibrated` gives.
+
+It expects scenes the right way up: it knows that street scenes hold less detail across than along, so frames of a
+rolled camera must be turned upright first.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.blur.base import BlurEstimate, Estimator
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    import torch
+
+RELEASED = Path(__file__).resolve().parents[2] / "data/weights/mtf_spectral.safetensors"
+INTERVAL = 3.0  # of a Laplace distribution, ln 20 scales hold 95 %; weight files carry their measured factor
+
+
+class Spectral(Estimator):
+    """See the module.
+
+    Args:
+        weights: file of `pipeline.learning.weights`; None for the released one.
+        mirrored: average the answers for the patch and its mirror image (whose spectrum is known already).
+        batch: patches computed together.
+        device: where, e.g. ``"cpu"`` or ``"cuda"``.
+
+    Raises:
+        InputError: a weight file that is absent, broken or of another network, or a batch under 1.
+    """
+
+    def __init__(
+        self, weights: str | Path | None = None, *, mirrored: bool = True, batch: int = 32, device: str = "cpu"
+    ) -> None:
+        import torch
+
+        from pipeline.blur.spectral_net import ARCHITECTURE, SpectralNet
+        from pipeline.learning.weights import into
+
+        if batch < 1:
+            raise InputError(f"blur estimator 'spectral': batch={batch}, expected at least 1")
+        self.mirrored, self.batch, self.device = mirrored, batch, device
+        network = SpectralNet()
+        header = into(network, weights or RELEASED, ARCHITECTURE)
+        self.interval = float(header.get("interval", INTERVAL))
+        self.network = network.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
+        """The uncalibrated answer; see `pipeline.blur.base.Estimator.measure`."""
+        mtf, scale, _ = self._predict(patches)
+        abstained = reason != ""
+        mtf[abstained] = scale[abstained] = np.nan
+        low, high = (np.clip(mtf + sign * self.interval * scale, 0.0, 1.0) for sign in (-1, 1))
+        return BlurEstimate(mtf, abstained, reason, low=low, high=high)
+
+    def sigma_dn(self, patches: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The noise the network takes to have been added after the blur, DN: (N,) for (N, 1, 192, 192).
+
+        A by-product, by which a caller may decide whether to remove noise first; `pipeline.noise` measures better.
+        """
+        return self._predict(patches)[2]
+
+    def _predict(
+        self, patches: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """MTF (N, 2, 8), its Laplace scale, and noise sigma in DN (N,)."""
+        import torch
+
+        from pipeline.blur.spectral_features import features, mirrored
+
+        count = len(patches)
+        mtf, scale = np.empty((count, 2, 8), np.float32), np.empty((count, 2, 8), np.float32)
+        sigma_dn = np.empty(count, np.float32)
+        with torch.inference_mode():
+            for first in range(0, count, self.batch):
+                part = slice(first, first + self.batch)
+                # To whole numbers: the network knows 8-bit images, whose rounding has a power of its own.
+                image = torch.from_numpy(np.rint(patches[part, 0] * 255)).to(self.device)
+                maps, vector = features(image)
+                found: list[torch.Tensor] = list(self.network(maps, vector)[:3])
+                if self.mirrored:
+                    other = self.network(mirrored(maps), vector)[:3]
+                    found = [0.5 * (one + two) for one, two in zip(found, other, strict=True)]
+                mtf[part], scale[part], sigma_dn[part] = (value.cpu().numpy() for value in found)
+        return mtf, scale, sigma_dn
