@@ -49,6 +49,7 @@ class PsfSection(Section):
 
     source: Literal["generated", "paper"]
     folder: str | None
+    match: Literal["nominal", "paper"]
     kinds: list[Literal["defocus", "linear_motion", "nonlinear_motion"]] = Field(min_length=1)
     sizes_px: list[Annotated[int, Field(ge=1, le=55)]] = Field(min_length=1)
     angles_deg: list[Annotated[float, Field(ge=0, lt=360)]] = Field(min_length=1)

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import hashlib
 import http.client
-import os
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from http import HTTPStatus
 from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
@@ -83,11 +83,10 @@ def get(entry: Published, folder: str | Path, sha256: str | None = None, progres
     expected, trust = _expected(entry, folder, sha256)
     if target.is_file():
         found = file_sha256(target)
-        if expected is not None and found != expected:
-            raise InputError(
-                f"{target}: SHA-256 is {found}, {trust} is {expected}; not the published file: move it away and run again"
-            )
-        _record(folder, entry, found, None if trust == "first use" else trust)
+        problem = _problem(entry, target, found, expected)
+        if problem:
+            raise InputError(f"{target}: {problem}; move it away and run again")
+        _record(folder, entry, found, trust, "placed by hand")
         return Fetched(target, found, trust, downloaded=False)
     part = target.with_name(f".{target.name}.part")
     source = _download_any(entry, part, target, progress)
@@ -96,9 +95,9 @@ def get(entry: Published, folder: str | Path, sha256: str | None = None, progres
     if problem:
         _forget(part)
         raise InputError(f"{source}: {problem}; the download was thrown away")
-    os.replace(part, target)
+    part.replace(target)
     _forget(part)
-    _record(folder, entry, found, None if trust == "first use" else trust, source)
+    _record(folder, entry, found, trust, source)
     return Fetched(target, found, trust, downloaded=True)
 
 
@@ -138,15 +137,15 @@ def _expected(entry: Published, folder: Path, given: str | None) -> tuple[str | 
     return known[0][1], known[0][0]
 
 
-def _problem(entry: Published, part: Path, found: str, expected: str | None) -> str | None:
-    """Why a complete download is not the file, or None."""
-    with part.open("rb") as file:
+def _problem(entry: Published, path: Path, found: str, expected: str | None) -> str | None:
+    """Why a complete file is not the published one, or None."""
+    with path.open("rb") as file:
         start = file.read(32).lstrip().lower()
     if start.startswith(_NO_WEIGHTS):
-        return "gave a web page or a Git LFS pointer instead of the file"
+        return "a web page or a Git LFS pointer instead of the file"
     if expected is not None and found != expected:
         return f"SHA-256 is {found}, expected {expected}"
-    size = part.stat().st_size
+    size = path.stat().st_size
     if entry.size_bytes is not None and size != entry.size_bytes:
         return f"{size} bytes, expected {entry.size_bytes}"
     return None
@@ -155,6 +154,8 @@ def _problem(entry: Published, part: Path, found: str, expected: str | None) -> 
 def _download_any(entry: Published, part: Path, target: Path, progress: Progress | None) -> str:
     """Download from the first source that answers; returns its address."""
     part.parent.mkdir(parents=True, exist_ok=True)
+    if part.is_file() and part.stat().st_size == entry.size_bytes:
+        return str(part)  # all there; only the check was cut off
     reasons = []
     for url in entry.urls:
         if urlsplit(url).scheme not in ("https", "http"):
@@ -169,7 +170,8 @@ def _download_any(entry: Published, part: Path, target: Path, progress: Progress
                         f"{url}: {error}, {ATTEMPTS} times; run the same command again, it goes on from there"
                     ) from error
             except (urllib.error.URLError, OSError, http.client.HTTPException) as error:
-                reasons.append(f"{urlsplit(url).netloc}: {getattr(error, 'reason', None) or error}")
+                reason = error if isinstance(error, urllib.error.HTTPError) else getattr(error, "reason", error)
+                reasons.append(f"{urlsplit(url).netloc}: {reason}")
                 break
     raise InputError(f"{target.name}: no source can be reached ({'; '.join(reasons)}); {by_hand(entry, target.parent)}")
 
@@ -192,15 +194,15 @@ def _download(url: str, part: Path, progress: Progress | None) -> None:
     try:
         response = urllib.request.urlopen(request, timeout=TIMEOUT_S)
     except urllib.error.HTTPError as error:
-        if error.code != http.HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE or not there:
+        if error.code != HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE or not there:
             raise
         _forget(part)  # nothing follows what is there: it is complete or wrong, which only a new start can tell
         raise _Interrupted(f"the server has nothing after byte {there}") from error
     with response:
-        resumed = response.status == http.HTTPStatus.PARTIAL_CONTENT and (
+        resumed = response.status == HTTPStatus.PARTIAL_CONTENT and (
             response.headers.get("Content-Range", "").startswith(f"bytes {there}-")
         )
-        if response.status == http.HTTPStatus.PARTIAL_CONTENT and not resumed:
+        if response.status == HTTPStatus.PARTIAL_CONTENT and not resumed:
             raise _Interrupted("the server sent another part than was asked for")
         there = there if resumed else 0
         length = response.headers.get("Content-Length")
@@ -239,9 +241,9 @@ def _lock(folder: Path) -> dict[str, dict[str, str]]:
     return dict(read_json(path)) if path.is_file() else {}
 
 
-def _record(folder: Path, entry: Published, sha256: str, trust: Trust | None, source: str = "placed by hand") -> None:
+def _record(folder: Path, entry: Published, sha256: str, trust: Trust, source: str) -> None:
     """Write the hash of a file without a published one into the lock file, once."""
     lock = _lock(folder)
     if entry.sha256 is None and entry.file not in lock:
-        lock[entry.file] = {"sha256": sha256, "source": source, "trust": trust or "first use"}
+        lock[entry.file] = {"sha256": sha256, "source": source, "trust": trust}
         write_json(folder / LOCK, lock)

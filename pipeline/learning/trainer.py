@@ -1,6 +1,7 @@
 """The training loop: AdamW or Adam, cosine schedule, moving average of the weights, checkpoints, resume.
 
-Learning rate at step t of T:   lr(t) = lr min(1, (t + 1) / warm-up) (e + (1 - e) (1 + cos(pi t / T)) / 2)
+Learning rate at step t of T:   lr(t) = lr min(1, (t + 1) / warm-up) (e + (1 - e) (1 + cos(pi s)) / 2),
+                                s = max(0, t / T - hold) / (1 - hold)
 Averaged weights:               w' <- d w' + (1 - d) w,   d = min(decay, (1 + t) / (10 + t))
 
 A run that is stopped and started again goes on from its last checkpoint and ends with the same weights, bit for bit (one
@@ -37,6 +38,8 @@ class Schedule:
         optimiser: ``adamw`` or ``adam``.
         betas, epsilon, weight_decay: of the optimiser.
         warm_up: steps.
+        hold: share of the steps before the rate begins to fall, in [0, 1). Until then the length of the training makes
+            no difference, so it can still be changed.
         final_share: e, of the learning rate at the end; 1 keeps it constant.
         average_decay: of the moving average of the weights; 0 keeps the weights themselves.
         clip: greatest norm of the gradient; None leaves it.
@@ -50,6 +53,7 @@ class Schedule:
     epsilon: float = 1e-8
     weight_decay: float = 1e-3
     warm_up: int = 150
+    hold: float = 0.0
     final_share: float = 0.01
     average_decay: float = 0.998
     clip: float | None = 1.0
@@ -58,7 +62,8 @@ class Schedule:
 
     def rate(self, step: int) -> float:
         """Learning rate of a step."""
-        cosine = 0.5 * (1 + math.cos(math.pi * min(step / self.steps, 1)))
+        fall = max(0.0, step / self.steps - self.hold) / (1 - self.hold)
+        cosine = 0.5 * (1 + math.cos(math.pi * min(fall, 1.0)))
         warm = min(1.0, (step + 1) / max(self.warm_up, 1))
         return self.learning_rate * warm * (self.final_share + (1 - self.final_share) * cosine)
 

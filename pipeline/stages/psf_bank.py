@@ -30,7 +30,8 @@ def run(run: Run) -> None:
     if psf.source == "paper":
         kernels = [k for k in load(Path(psf.folder)) if k.kind in psf.kinds and k.size_px in psf.sizes_px]
     else:
-        kernels = bank(psf.kinds, psf.sizes_px, psf.angles_deg, run.params.seed, camera=run.params.camera.kind)
+        camera = "physical" if run.params.camera.kind == "physical" else "authors"
+        kernels = bank(psf.kinds, psf.sizes_px, psf.angles_deg, run.params.seed, match=psf.match, camera=camera)
     rows = []
     for kernel in kernels:
         sampled = mtf.sample(kernel.psf)

@@ -38,10 +38,10 @@ def test_equals_scipy(height: int, width: int, rows: int, columns: int, boundary
         assert np.abs(blur(torch.from_numpy(image), psf, boundary).numpy() - expected).max() < 1e-6
 
 
-@pytest.mark.parametrize("side", [3, 11, 13, 21, 55])
+@pytest.mark.parametrize("side", [3, 11, 13, 21, 41])
 @pytest.mark.parametrize("boundary", ["reflect", "zero"])
 def test_equals_scipy_on_frames_of_several_strips(side: int, boundary: str) -> None:
-    image, psf = picture(501, 1300)[:, : 60 + 8 * side], lopsided(side, side, 1)
+    image, psf = picture(2003, 120), lopsided(side, side, 1)
     expected = ndimage.convolve(image, psf, mode=MODES[boundary])
     assert np.abs(blur(image, psf, boundary) - expected).max() < 1e-6
 
