@@ -22,7 +22,7 @@ repro: $(READY) ## regenerate every table and figure, then say where the report 
 	@echo "report: reports/index.html"
 
 test: $(READY) ## run the whole test suite
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 smoke: $(READY) ## run everything, tiny, in a scratch copy, and check its metrics against the committed baselines
 	@.ci/smoke

@@ -15,8 +15,10 @@ REGISTRY = Registry(
     "blur estimator",
     "pipeline.blur",
     {
+        "cnn": "pipeline.blur.cnn:Cnn",
         "gbb": "pipeline.blur.gbb:GraphBlindDeblurring",
         "pmp": "pipeline.blur.pmp:PatchwiseMinimalPixels",
+        "spectral": "pipeline.blur.spectral:Spectral",
     },
 )
 

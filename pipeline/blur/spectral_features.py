@@ -2,8 +2,8 @@
 
     log |D(f)|^2 = log |I(f)|^2 + 2 log |H(f)|  (+ noise),
 
-so a kernel adds the same pattern to the log spectrum of any content. Three maps of 64 x 32 values over the half plane of
-frequencies (vertical from -1/2, horizontal from 0, cycles per pixel):
+so a kernel adds the same pattern to the log spectrum of any content. Three maps of 64 x 32 values over the half plane
+of frequencies (vertical from -1/2, horizontal from 0, cycles per pixel):
 
 * the Hann periodogram of the whole patch, averaged over 3 x 3 bins: fine ripples of long kernels;
 * mean and minimum over the log periodograms of nine 64 px blocks: what all parts of the patch have in common.
@@ -62,7 +62,9 @@ def features(patches_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     rolled = torch.roll(power, PATCH_PX // 2 + 1, 1)
     left = torch.roll(power[:, :, 1:2].flip(1), PATCH_PX // 2 + 2, 1)  # a real image's spectrum: P(-x, y) = P(x, -y)
     whole = functional.avg_pool2d(torch.cat([left, rolled[:, :, : BINS - 2]], dim=2)[:, None], 3)[:, 0]
-    blocks = patches_dn.unfold(1, BLOCK_PX, BLOCK_PX).unfold(2, BLOCK_PX, BLOCK_PX).reshape(count, -1, BLOCK_PX, BLOCK_PX)
+    blocks = (
+        patches_dn.unfold(1, BLOCK_PX, BLOCK_PX).unfold(2, BLOCK_PX, BLOCK_PX).reshape(count, -1, BLOCK_PX, BLOCK_PX)
+    )
     blocks = blocks - blocks.mean((-1, -2), keepdim=True)
     local = (_power(torch.fft.rfft2(blocks * _window(BLOCK_PX)), BLOCK_PX) + POWER_FLOOR).log()
     local = torch.roll(local, BLOCK_PX // 2, 2)[..., : BLOCK_PX // 2]

@@ -85,9 +85,14 @@ class SpectralNet(nn.Module):
         mtf = torch.sigmoid(out[:, :count]).unflatten(1, (2, FREQUENCIES))
         scale = functional.softplus(out[:, count : 2 * count]) * SCALE_FACTOR + SMALLEST_SCALE
         sigma_dn = functional.softplus(out[:, -2]) * SIGMA_FACTOR
-        return mtf, scale.unflatten(1, (2, FREQUENCIES)), sigma_dn, functional.softplus(out[:, -1]) + SMALLEST_SIGMA_SCALE
+        return (
+            mtf,
+            scale.unflatten(1, (2, FREQUENCIES)),
+            sigma_dn,
+            functional.softplus(out[:, -1]) + SMALLEST_SIGMA_SCALE,
+        )
 
 
 def laplace_loss(mean: torch.Tensor, scale: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    """Negative log likelihood of a Laplace distribution, |y - m| / b + log b, averaged; its best b is the mean error."""
+    """Mean negative log likelihood of a Laplace distribution, |y - m| / b + log b; the best b is the mean error."""
     return ((mean - truth).abs() / scale + scale.log()).mean()

@@ -32,9 +32,7 @@ TERMS: dict[str, Callable[[Floats, Floats], Floats]] = {
     "c8": lambda x, y: 1.0 / y,
 }
 """Coefficient -> what it multiplies."""
-FORMULAS = dict(
-    zip(TERMS, ("x y", "x", "y", "sqrt(y)", "1", "1 / (x y)", "1 / x", "1 / y"), strict=True)
-)
+FORMULAS = dict(zip(TERMS, ("x y", "x", "y", "sqrt(y)", "1", "1 / (x y)", "1 / x", "1 / y"), strict=True))
 """Coefficient -> the same in words."""
 
 

@@ -62,7 +62,9 @@ class Feed:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     def numbers(self, step: int) -> list[int]:
@@ -124,7 +126,7 @@ class Feed:
                 continue
             if isinstance(made, str):
                 raise ProducerDied(f"making training samples failed:\n{made}")
-            return made  # type: ignore[no-any-return]
+            return made
 
 
 def _produce(make: Maker, first: int, step: int, out: Any) -> None:

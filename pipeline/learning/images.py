@@ -103,7 +103,7 @@ def view(
         else:
             width = long_px
     y, x = (int(generator.integers(side - length + 1)) for length in (height, width))
-    crop = np.ascontiguousarray(tile[y : y + height, x : x + width])
+    crop: NDArray[Any] = np.ascontiguousarray(tile[y : y + height, x : x + width])
     if (height, width) != (size_px, size_px):
         crop = cv2.resize(crop, (size_px, size_px), interpolation=cv2.INTER_AREA)
     if generator.random() < 0.5 * anisotropy:
@@ -115,7 +115,7 @@ def view(
     return _tone(crop.astype(np.float32) / np.float32(255), generator)
 
 
-def _bars(image: NDArray[np.uint8], generator: np.random.Generator) -> None:
+def _bars(image: NDArray[Any], generator: np.random.Generator) -> None:
     """Many thin bars of one orientation, drawn in place: kerbs, window rows, wires, or poles."""
     target = image if generator.random() < UPRIGHT_SHARE else image.T
     size = image.shape[0]

@@ -16,7 +16,8 @@ def initialise(model: nn.Module, seed: int, name: str, rule: Literal["torch", "g
 
     Args:
         model: changed in place.
-        seed, name: of the stream; the same two give the same weights, whatever was drawn before.
+        seed: of the stream.
+        name: of the stream; the same two give the same weights, whatever was drawn before.
         rule: ``torch``: weights and biases uniform in +-1/sqrt(inputs), torch's own rule; ``glorot``: weights uniform
             in +-sqrt(6 / (inputs + outputs)), biases zero, Keras' rule (Glorot and Bengio 2010).
     """

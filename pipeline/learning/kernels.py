@@ -11,8 +11,8 @@ Families and their shares::
     both .05      motion and defocus together
     sharp .04     hardly any blur
 
-Paths of light are spread bilinearly over pixels; some are softened, some cut at a greatest value (light drawn as an even
-line does not pile up where it crosses itself).
+Paths of light are spread bilinearly over pixels; some are softened, some cut at a greatest value (light drawn as an
+even line does not pile up where it crosses itself).
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ POINTS = 512  # of light on a path
 BLOCK = 250  # kernels drawn from one stream
 
 Kernel = NDArray[np.float32]
-Path = NDArray[np.complex128]
-Light = NDArray[np.float64]
+Path = NDArray[Any]
+Light = NDArray[Any]
 
 _FAMILIES = ("disc", "drawn disc", "gaussian", "straight", "bent", "both", "sharp")
 _SHARES = (0.17, 0.08, 0.06, 0.23, 0.37, 0.05, 0.04)
@@ -191,7 +191,7 @@ def _jitter(generator: np.random.Generator) -> Path:
     return noise * generator.uniform(0.01, 0.12)
 
 
-def _along(generator: np.random.Generator, path: Path, light: Light, size_px: float) -> NDArray[np.float64]:
+def _along(generator: np.random.Generator, path: Path, light: Light, size_px: float) -> NDArray[Any]:
     """A path as a kernel whose bounding box has a longer side of `size_px`, at a random sub-pixel place."""
     import cv2
 
@@ -206,7 +206,7 @@ def _along(generator: np.random.Generator, path: Path, light: Light, size_px: fl
     return kernel
 
 
-def _disc(generator: np.random.Generator, diameter_px: float) -> NDArray[np.float64]:
+def _disc(generator: np.random.Generator, diameter_px: float) -> NDArray[Any]:
     """A disc at a random sub-pixel place, 5 x 5 samples a pixel; some are squeezed, some softened."""
     import cv2
 
@@ -221,21 +221,21 @@ def _disc(generator: np.random.Generator, diameter_px: float) -> NDArray[np.floa
     return kernel
 
 
-def _gaussian(sigma_px: float) -> NDArray[np.float64]:
+def _gaussian(sigma_px: float) -> NDArray[Any]:
     """A sampled Gaussian."""
     place = np.arange(CANVAS_PX) - CANVAS_PX // 2
     profile = np.exp(-0.5 * (place / sigma_px) ** 2)
     return np.outer(profile, profile)
 
 
-def _convolved(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+def _convolved(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
     """Two kernels in sequence, cut to the canvas."""
     from scipy.signal import fftconvolve
 
     return np.maximum(fftconvolve(first, second, mode="same"), 0.0)
 
 
-def _on_canvas(kernel: NDArray[np.float64]) -> NDArray[np.float64]:
+def _on_canvas(kernel: NDArray[Any]) -> NDArray[Any]:
     """A square kernel of odd side in the middle of the canvas, cut where it is larger."""
     add = (CANVAS_PX - len(kernel)) // 2
     if add >= 0:

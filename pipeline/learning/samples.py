@@ -113,7 +113,9 @@ class Samples:
         torch_generator = torch_stream(self.seed, self.purpose, index)
         views = np.stack(
             [
-                images.view(self.tiles[int(generator.integers(len(self.tiles)))], generator, FIELD_PX, recipe.anisotropy)
+                images.view(
+                    self.tiles[int(generator.integers(len(self.tiles)))], generator, FIELD_PX, recipe.anisotropy
+                )
                 for _ in range(recipe.views)
             ]
         )

@@ -114,7 +114,7 @@ class _Street:
         def disc(share_x: float, radius: float, grey: float) -> None:
             turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
             circle = np.stack([np.cos(turn), np.sin(turn)], axis=1) * radius * width
-            fill(self.image, circle + [x + share_x * width, bottom - 0.06 * height], grey)
+            fill(self.image, circle + np.array([x + share_x * width, bottom - 0.06 * height]), grey)
 
         part([[-0.05, 0.95], [1.05, 0.95], [1.1, 1.06], [-0.1, 1.06]], max(self.road_dn - 40, 0))
         body = [[0, 0.5], [0.12, 0.42], [0.25, 0], [0.75, 0], [0.9, 0.42], [1, 0.5], [1, 0.92], [0, 0.92]]
@@ -175,7 +175,9 @@ class _Street:
             shadow = np.zeros((self.size, self.size), np.uint8)
             for _ in range(int(self.generator.integers(1, 6))):
                 centre = (self.some(0, self.size), self.some(0, self.size))
-                fill(shadow, outline(self.generator, str(self.generator.choice(KINDS)), centre, self.some(30, 250)), 255)
+                fill(
+                    shadow, outline(self.generator, str(self.generator.choice(KINDS)), centre, self.some(30, 250)), 255
+                )
             soft = cv2.GaussianBlur(shadow, (0, 0), self.some(0.5, 6) * supersampling)
             self.image *= 1 - soft.astype(np.float32) / 255 * np.float32(self.some(0.1, 0.6))
         grain = power_law(self.generator, self.size, self.some(0.4, 1.2))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-Plane = NDArray[np.float32]
+Plane = NDArray[Any]
 
 SUBPIXEL_BITS = 4  # coordinates of outlines are handed to OpenCV in sixteenths of a pixel
 
@@ -71,7 +73,7 @@ def shading(generator: np.random.Generator, size_px: int) -> Plane:
     return ramp * np.float32(generator.uniform(0, 80)) + clouds * np.float32(generator.uniform(0, 15))
 
 
-def fill(plane: Plane | NDArray[np.uint8], corners: NDArray[np.float64], value: float) -> None:
+def fill(plane: Plane, corners: NDArray[np.float64], value: float) -> None:
     """Fill a polygon in place.
 
     Args:

@@ -4,8 +4,8 @@ Learning rate at step t of T:   lr(t) = lr min(1, (t + 1) / warm-up) (e + (1 - e
                                 s = max(0, t / T - hold) / (1 - hold)
 Averaged weights:               w' <- d w' + (1 - d) w,   d = min(decay, (1 + t) / (10 + t))
 
-A run that is stopped and started again goes on from its last checkpoint and ends with the same weights, bit for bit (one
-thread, same machine and libraries): batches are a function of the step, and nothing else is random.
+A run that is stopped and started again goes on from its last checkpoint and ends with the same weights, bit for bit
+(one thread, same machine and libraries): batches are a function of the step, and nothing else is random.
 """
 
 from __future__ import annotations
@@ -59,6 +59,18 @@ class Schedule:
     clip: float | None = 1.0
     checkpoint_every: int = 1000
     report_every: int = 100
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "checkpoint_every", "report_every"):
+            if getattr(self, name) < 1:
+                raise InputError(f"schedule.{name} is {getattr(self, name)}; expected at least 1")
+        if not 0 <= self.hold < 1:
+            raise InputError(f"schedule.hold is {self.hold}; expected a share in [0, 1)")
+        if self.checkpoint_every % self.report_every:
+            raise InputError(
+                f"schedule.checkpoint_every is {self.checkpoint_every}; expected a multiple of report_every, "
+                f"{self.report_every}, so that validation has a row in the learning curve"
+            )
 
     def rate(self, step: int) -> float:
         """Learning rate of a step."""
@@ -168,7 +180,7 @@ def _one_step(state: _State, loss: Loss, feed: Feed, schedule: Schedule) -> None
     batch = {name: torch.from_numpy(values) for name, values in feed.batch(state.step).items()}
     value, measures = loss(state.model, batch)
     state.optimiser.zero_grad(set_to_none=True)
-    value.backward()  # type: ignore[no-untyped-call]
+    value.backward()
     if schedule.clip is not None:
         torch.nn.utils.clip_grad_norm_(state.model.parameters(), schedule.clip)
     state.optimiser.step()
@@ -216,10 +228,20 @@ def _validated(state: _State, validate: Callable[..., dict[str, float]] | None, 
 
 
 def _identity(schedule: Schedule) -> dict[str, Any]:
-    """What must be the same for a checkpoint to be gone on from: the schedule, but for how often it is kept."""
+    """A schedule as a checkpoint remembers it, but for how often one is kept."""
     content = asdict(schedule)
     del content["checkpoint_every"]
-    return json.loads(json.dumps(content))  # type: ignore[no-any-return]
+    return json.loads(json.dumps(content))
+
+
+def _continues(kept: dict[str, Any], schedule: Schedule, step: int) -> bool:
+    """Whether a run of one schedule, stopped at a step, may go on with another.
+
+    They must be the same, but for the length as long as the rate has not begun to fall in either.
+    """
+    own = _identity(schedule)
+    lengths = kept.pop("steps", 0), own.pop("steps")
+    return kept == own and (lengths[0] == lengths[1] or step <= schedule.hold * min(lengths))
 
 
 def _keep(path: Path, state: _State, schedule: Schedule) -> None:
@@ -246,7 +268,7 @@ def _keep(path: Path, state: _State, schedule: Schedule) -> None:
 
 def _restore(path: Path, state: _State, schedule: Schedule) -> None:
     tensors, header = weights.load(path, ARCHITECTURE)
-    if header["schedule"] != _identity(schedule):
+    if not _continues(header["schedule"], schedule, header["step"]):
         raise InputError(f"{path}: belongs to a training with another schedule; delete its folder to begin anew")
 
     def part(prefix: str) -> dict[str, torch.Tensor]:

@@ -90,7 +90,8 @@ def _read(path: str | Path, tensors: bool) -> tuple[dict[str, Any], dict[str, to
     try:
         with safe_open(path, framework="pt") as file:
             header = json.loads((file.metadata() or {}).get("pipeline", "null"))
-            content = {name: file.get_tensor(name) for name in file.keys()} if tensors else {}
+            names = list(file.keys()) if tensors else []
+            content = {name: file.get_tensor(name) for name in names}
     except (SafetensorError, OSError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: not a readable safetensors file ({error}); restore or train it anew") from None
     if not isinstance(header, dict) or "architecture" not in header:

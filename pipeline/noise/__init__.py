@@ -21,6 +21,8 @@ REGISTRY = Registry(
         "pca": "pipeline.noise.pca:PrincipalComponents",
         "bf": "pipeline.noise.bf:BlockAndFilter",
         "wavelet": "pipeline.noise.wavelet:WaveletMedian",
+        "cellwise": "pipeline.noise.cellwise:Cellwise",
+        "cnn": "pipeline.noise.cnn:PixelCnn",
         "immerkaer": "pipeline.noise.immerkaer:Immerkaer",
     },
 )

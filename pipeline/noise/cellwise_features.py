@@ -5,10 +5,10 @@ filters have unit norm, so on white noise each answer has the noise's own standa
 tells texture from noise. Noise has the same power at every frequency and scale, texture falls off with frequency, and
 an image that was blurred, interpolated or compressed has next to none at the finest.
 
-Per cell: mean square of eight 3 x 3 filters, mean modulus of three of them, the same on the image halved and quartered
-(averaged 2 x 2, scaled so that white noise keeps its size), spread over quarter cells, power in bands of the cell's
-8 x 8 discrete cosine transform, share of equal neighbours, mean, spread, extremes, and shares of black and white
-pixels: noise that white has clipped is one-sided, and those tell how much was cut.
+Per cell: mean square of six 3 x 3 filters, of three of them also on the image halved and quartered (averaged 2 x 2,
+scaled so that white noise keeps its size), least and greatest power of its quarters, power in bands of the cell's 8 x 8
+discrete cosine transform, share of equal neighbours, mean, spread, extremes, and shares of black and white pixels:
+noise that white has clipped is one-sided, and those tell how much was cut.
 """
 
 from __future__ import annotations
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     import torch
 
 CELL_PX = 8
-FILTERS = 8
-BANDS = 18
-CHANNELS = 64
+FILTERS = 6
+CHANNELS = 45
 """Numbers per cell."""
 
 _POWER_FLOOR = 0.02  # DN squared, under the 1/12 of rounding
@@ -39,7 +38,7 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         image_dn: (N, H, W) float32, whole numbers 0..255; H and W multiples of 8.
 
     Returns:
-        statistics: (N, 64, H / 8, W / 8), of size about one.
+        statistics: (N, CHANNELS, H / 8, W / 8), of size about one.
         base_dn: (N, H / 8, W / 8), the cell's noise by the difference of two Laplacians (Immerkaer 1996), DN.
     """
     import torch
@@ -47,28 +46,25 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
     image = image_dn[:, None]
     pool, peak = functional.avg_pool2d, functional.max_pool2d
-    fine = functional.conv2d(functional.pad(image, (1, 1, 1, 1), mode="reflect"), _filters())
+    fine = _answers(image, _filters())
     square = fine * fine
     quarters = pool(square[:, :1], CELL_PX // 2)
     power = pool(square, CELL_PX)
-    modulus = pool(fine[:, :3].abs(), CELL_PX) * _ROOT_HALF_PI
-    equal = pool((fine[:, 3:5].abs() < 0.5).float().mean(1, keepdim=True), CELL_PX)
+    modulus = pool(fine[:, :1].abs(), CELL_PX) * _ROOT_HALF_PI
+    equal = pool((fine[:, 3:4].abs() < 0.5).float(), CELL_PX)
     half = pool(image, 2) * 2
     half_power = pool(_answers(half, _filters()[:3]) ** 2, CELL_PX // 2)
     quarter_power = pool(_answers(pool(half, 2) * 2, _filters()[:3]) ** 2, CELL_PX // 4)
     cosine = functional.conv2d(image - 128, _cosines(), stride=CELL_PX) ** 2
-    bands = functional.conv2d(cosine, _bands())
     mean, lowest, highest = pool(image, CELL_PX), -peak(-image, CELL_PX), peak(image, CELL_PX)
-    variance = (pool((image - 128) ** 2, CELL_PX) - (mean - 128) ** 2).clamp_min(0)
-    shares = [pool(kept.float(), CELL_PX) for kept in (image >= 254.5, image >= 253.5, image <= 0.5, image <= 1.5)]
+    white, black = (pool(clipped.float(), CELL_PX) for clipped in (image >= 254.5, image <= 0.5))
     base = torch.minimum(power[:, :1].sqrt(), modulus[:, :1])
-    powers = [power, half_power, quarter_power, -peak(-quarters, 2), peak(quarters, 2), bands, variance, modulus**2]
+    powers = [power, half_power, quarter_power, -peak(-quarters, 2), peak(quarters, 2), modulus**2]
+    powers += [functional.conv2d(cosine, _bands()), cosine.sum(1, keepdim=True) / CELL_PX**2]
     logs = (torch.cat(powers, 1) + _POWER_FLOOR).log() * 0.5 - 1
-    headroom = torch.cat([255 - mean, 255 - lowest, mean, highest], 1)
-    rest = [(headroom + 0.5).log() * 0.5 - 1, equal * 2 - 1, mean / 128 - 1, lowest / 128 - 1, highest / 128 - 1]
-    rest += [share * 2 for share in shares]
-    positions = [(base + 0.5).log()]
-    found = torch.cat([logs, *rest, *positions], 1)
+    room = (torch.cat([255 - mean, 255 - lowest, mean, highest], 1) + 0.5).log() * 0.5 - 1
+    levels = torch.cat([mean, lowest, highest], 1) / 128 - 1
+    found = torch.cat([logs, room, levels, equal * 2 - 1, white * 2, black * 2, (base + 0.5).log()], 1)
     return found, base[:, 0]
 
 
@@ -81,8 +77,7 @@ def _answers(image: torch.Tensor, filters: torch.Tensor) -> torch.Tensor:
 
 @cache
 def _filters() -> torch.Tensor:
-    """(8, 1, 3, 3): Immerkaer's mask, second differences in two directions, first differences, the Haar diagonal,
-    second differences along the diagonals; unit norm."""
+    """(6, 1, 3, 3): Immerkaer's mask, second and first differences in both directions, Haar's diagonal; unit norm."""
     import torch
 
     bank = np.zeros((FILTERS, 3, 3))
@@ -90,8 +85,6 @@ def _filters() -> torch.Tensor:
     bank[1, 1] = bank[2, :, 1] = [1, -2, 1]
     bank[3, 1, 1:] = bank[4, 1:, 1] = [1, -1]
     bank[5, 1:, 1:] = [[1, -1], [-1, 1]]
-    bank[6] = np.diag([1, -2, 1])
-    bank[7] = bank[6][::-1]
     bank /= np.sqrt((bank**2).sum(axis=(1, 2), keepdims=True))
     return torch.from_numpy(bank[:, None].astype(np.float32))
 

@@ -40,17 +40,22 @@ class StarGeometry:
     """
 
     centre_px: tuple[float, float]
-    periods: int = 72
+    periods: int = 60
     mean: float = 0.5
     amplitude: float = 0.35
     radius_px: float = 360.0
+
+    @property
+    def centre_index_px(self) -> tuple[float, float]:
+        """The centre counted from the middle of the top left pixel, as `pipeline.camera.star.measure` counts."""
+        return self.centre_px[0] - 0.5, self.centre_px[1] - 0.5
 
     def frequency_range(self) -> tuple[float, float]:
         """Lowest frequency on the target and 0.5, the highest that pixels can carry, cycles per pixel."""
         return self.periods / (2 * np.pi * self.radius_px), 0.5
 
 
-def star_geometry(width_px: int = 896, height_px: int = 768, periods: int = 72) -> StarGeometry:
+def star_geometry(width_px: int = 896, height_px: int = 768, periods: int = 60) -> StarGeometry:
     """Where the star is in a frame of this size."""
     return StarGeometry((width_px / 2, height_px / 2), periods, radius_px=0.47 * min(width_px, height_px))
 
@@ -93,7 +98,7 @@ def render_star(
     *,
     width_px: int = 896,
     height_px: int = 768,
-    periods: int = 72,
+    periods: int = 60,
     lens_sigma_px: float = lens.LENS_SIGMA_PX,
 ) -> Array:
     """The Siemens star as the dataset's camera sees it.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 import threading
 from collections.abc import Iterator
@@ -13,14 +14,18 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 
 from pipeline import detection
 from pipeline.cli import main
+from pipeline.cli.weights import FOLDER
+from pipeline.config.schema import EstimatorSection
 from pipeline.detection import weights
 from pipeline.detection.weights_table import TABLE, Published
 from pipeline.errors import InputError
 
+ROOT = Path(__file__).resolve().parents[2]
 BYTES = np.random.Generator(np.random.Philox(5)).bytes(600_000)
 SHA256 = hashlib.sha256(BYTES).hexdigest()
 
@@ -231,6 +236,21 @@ def test_the_table_is_pinned_and_names_real_detectors() -> None:
         assert "/main/" not in " ".join(row.urls) and "/master/" not in " ".join(row.urls), "not a fixed revision"
         assert row.sha256 is None or (len(row.sha256) == 64 and int(row.sha256, 16))
     assert len({row.file for row in TABLE.values()}) == len(TABLE)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "conf" / "detector").glob("*.yaml")), ids=lambda path: path.stem)
+def test_configured_detectors_take_their_options(path: Path) -> None:
+    """Every option is one of the class's own, and the file is one that ``weights get`` brings (or its export)."""
+    section = EstimatorSection(**yaml.safe_load(path.read_text(encoding="utf-8")))
+    assert section.kind == path.stem
+    taken = inspect.signature(detection.REGISTRY.get(section.kind)).parameters
+    assert set(section.options) <= set(taken)
+    folder, file = Path(section.options["weights"]).parent, Path(section.options["weights"])
+    assert folder == FOLDER
+    row = next(row for row in TABLE.values() if row.detector == section.kind)
+    assert file.stem == Path(row.file).stem and file.suffix == ".onnx"
+    with pytest.raises(InputError, match="no such model file"):
+        detection.create(section.kind, **{**section.options, "weights": "absent.onnx"})
 
 
 @pytest.mark.shared

@@ -11,18 +11,19 @@ from pipeline.errors import InputError
 from pipeline.scenes.dataset import MOMENT_S, MOMENTS, Viewpoint, plan, render
 from pipeline.scenes.labels import LABELS
 
+SHOWN = ((0, (0,)), (1, (0, 3)))  # viewpoints and their moments
 TINY = {"samples": 1, "width_px": 112, "height_px": 96}
 
 
 @pytest.fixture(scope="module")
 def frames():
-    return {number: [render(Viewpoint("train", number), m, 7, **TINY) for m in (0, 3)] for number in (0, 1)}
+    return {number: [render(Viewpoint("train", number), m, 7, **TINY) for m in moments] for number, moments in SHOWN}
 
 
 def test_frames_have_the_stated_form(frames):
-    for number, (first, last) in frames.items():
-        assert first.name == f"train-{number:04d}-0" and last.name == f"train-{number:04d}-3"
-        for frame in (first, last):
+    for number, moments in SHOWN:
+        for moment, frame in zip(moments, frames[number], strict=True):
+            assert frame.name == f"train-{number:04d}-{moment}"
             assert frame.grey.shape == frame.radiance.shape == (96, 112)
             assert frame.grey.dtype == frame.radiance.dtype == np.float32
             assert frame.grey.min() >= 0 and frame.grey.max() <= 1
@@ -33,8 +34,8 @@ def test_frames_have_the_stated_form(frames):
 
 def test_boxes_are_of_known_classes_and_lie_in_the_frame(frames):
     kinds = set()
-    for pair in frames.values():
-        for frame in pair:
+    for several in frames.values():
+        for frame in several:
             assert len(frame.boxes) > 3
             for box in frame.boxes:
                 kinds.add(box.label)
@@ -69,14 +70,10 @@ def test_the_same_bytes_in_another_process(frames):
     assert there == frames[0][0].radiance.tobytes()
 
 
-def test_splits_seeds_and_numbers_give_different_scenes():
-    cameras = {
-        (split, number, seed): plan(Viewpoint(split, number), seed).camera.focal_px
-        for split in ("train", "evaluation")
-        for number in (1, 3)
-        for seed in (0, 1)
-    }
-    assert len(set(cameras.values())) == len(cameras)
+def test_splits_and_numbers_give_different_scenes():
+    scenes = [("train", 1), ("train", 3), ("evaluation", 1)]
+    focal = {plan(Viewpoint(split, number), 7).camera.focal_px for split, number in scenes}
+    assert len(focal) == len(scenes)
 
 
 def test_streets_and_villages_alternate():
@@ -112,11 +109,11 @@ def test_the_same_objects_at_every_moment(number):
             assert a.position_m == b.position_m
 
 
-@pytest.mark.parametrize("number", [0, 1, 2, 3])
+@pytest.mark.parametrize("number", [0, 1])
 def test_cars_do_not_stand_in_each_other(number):
     from pipeline.scenes.layout.site import footprint_of
 
-    scene = plan(Viewpoint("evaluation", number), 7)
+    scene = plan(Viewpoint("train", number), 7)
     cars = [p for p in (a.placed(0.0) for a in scene.actors) if p.thing.label == "car"]
     prints = [footprint_of(c.thing.mesh, c.position_m[0], c.position_m[1], c.yaw_rad) for c in cars]
     assert len(cars) >= 2

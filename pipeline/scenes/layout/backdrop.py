@@ -46,7 +46,7 @@ def woods(
         distance = np.sqrt(generator.uniform(near_m**2, far_m**2))
         x, y = float(distance * np.cos(angle)), float(distance * np.sin(angle))
         if keep(x, y) and site.free(Footprint(x, y, 0.0, 0.5, 0.5), 0.6):
-            actors.append(cast.plant(key, f"{name}-{index}", x, y, far=True, size=(0.75, 1.45)))
+            actors.append(cast.plant(key, f"{name}-{index}", x, y, size=(0.75, 1.45)))
     return actors
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from pipeline.scenes.layout.plan import Key
 from pipeline.scenes.layout.site import Footprint, Site, footprint_of
+from pipeline.scenes.mesh import Mesh
 from pipeline.scenes.objects import bicycle, car, person, tree
 from pipeline.scenes.objects.base import SceneObject
 from pipeline.scenes.traffic import Actor, Stance, Straight, Track, fixed
@@ -22,20 +24,48 @@ _TRIES = 40
 Draw = Callable[[np.random.Generator], Track]
 
 
+_NEAR_M, _FAR_M = 42.0, 75.0
+
+
 @lru_cache(maxsize=2)
-def trees(seed: int, split: str) -> tuple[tuple[SceneObject, ...], tuple[SceneObject, ...]]:
-    """Prototypes of near and of far trees, shared by all scenes of a split; kept for the process."""
-    near = tuple(tree.make(stream(seed, "sim", split, "near tree", index)) for index in range(5))
-    far = tuple(tree.make(stream(seed, "sim", split, "far tree", index), far=True) for index in range(4))
-    return near, far
+def trees(seed: int, split: str) -> tuple[tuple[SceneObject, ...], ...]:
+    """Prototypes of near, far and distant trees, shared by all scenes of a split; kept for the process."""
+    near = tuple(tree.make(stream(seed, "sim", split, "near tree", index)) for index in range(7))
+    far = tuple(tree.make(stream(seed, "sim", split, "far tree", index), far=True) for index in range(6))
+    thin = stream(seed, "sim", split, "distant tree")
+    return near, far, tuple(replace(one, mesh=thinned(one.mesh, 0.35, thin)) for one in far)
 
 
-def plant(
-    key: Key, name: str, x_m: float, y_m: float, z_m: float = 0.0, *, far: bool = False, size: tuple[float, float]
-) -> Actor:
-    """A tree at a place; size is the range of factors on the prototype's size."""
+def thinned(mesh: Mesh, share: float, generator: np.random.Generator) -> Mesh:
+    """A tree with fewer, larger leaves, covering the same area, for where a leaf is smaller than a pixel.
+
+    Args:
+        mesh: the tree.
+        share: of its leaf triangles to keep, in (0, 1]; all else is kept.
+        generator: which to keep.
+    """
+    leaf = np.isin(mesh.material, [code for code, name in enumerate(mesh.materials) if name == "leaf"])
+    keep = ~leaf | (generator.random(len(mesh)) < share)
+    chosen = {name: getattr(mesh, name)[keep] for name in ("position", "normal", "local", "uv", "material")}
+    grown, leaf = chosen["position"], leaf[keep]
+    middle = grown[leaf].mean(axis=1, keepdims=True)
+    grown[leaf] = middle + (grown[leaf] - middle) * np.float32(share**-0.5)
+    return replace(mesh, **chosen)
+
+
+def plant(key: Key, name: str, x_m: float, y_m: float, z_m: float = 0.0, *, size: tuple[float, float]) -> Actor:
+    """A tree at a place, as detailed as its distance from the origin asks for.
+
+    Args:
+        key: of the viewpoint.
+        name: of the tree.
+        x_m: where it stands.
+        y_m: where it stands.
+        z_m: height of the ground.
+        size: range of factors on the prototype's size.
+    """
     generator = key.stream(name)
-    kinds = trees(key.seed, key.split)[int(far)]
+    kinds = trees(key.seed, key.split)[int(np.digitize(np.hypot(x_m, y_m), (_NEAR_M, _FAR_M)))]
     thing = kinds[int(generator.integers(len(kinds)))]
     stance = Stance(x_m, y_m, z_m, float(generator.uniform(0.0, 2 * np.pi)))
     return fixed(name, thing, stance, float(generator.uniform(*size)))

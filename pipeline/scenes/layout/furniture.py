@@ -36,7 +36,7 @@ def furnish(key: Key, road: Road, pavement_m: float, site: Site) -> list[Actor]:
             if not site.claim(Footprint(x, y, heading, 0.25, 0.25), 0.0):
                 continue
             if leafy and index % 3 != 2:
-                actors.append(cast.plant(key, f"tree-{name}", x, y, PAVEMENT_M, far=bool(s > 55), size=(0.55, 0.9)))
+                actors.append(cast.plant(key, f"tree-{name}", x, y, PAVEMENT_M, size=(0.55, 0.9)))
             else:
                 lamp = street_furniture.make("lamp", key.stream(f"lamp-side{side}"))
                 actors.append(fixed(f"lamp-{name}", lamp, Stance(x, y, PAVEMENT_M, heading - side * np.pi / 2)))

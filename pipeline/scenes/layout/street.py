@@ -21,7 +21,7 @@ from pipeline.scenes.traffic import Actor, Along, Stance, Straight, Track, fixed
 
 _LANE_M = 1.75
 _GARDEN_M = 30.0
-_BUILT_TO_M = 120.0
+_BUILT_TO_M = 105.0
 _PARKED, _MOVING, _PEOPLE, _PARKED_BIKES, _RIDERS = (6, 9), (1, 3), (5, 8), (1, 2), (0, 2)
 
 
@@ -146,9 +146,7 @@ def _houses(key: Key, width: _Width, site: Site) -> list[Actor]:
                 d = side * (width.wall_m + float(generator.uniform(1.2, 3.0)))
                 x, y, _ = width.road.at(s - gap / 2, d)
                 if site.claim(Footprint(float(x), float(y), 0.0, 0.4, 0.4), 0.2):
-                    actors.append(
-                        cast.plant(key, f"{name}-tree", float(x), float(y), PAVEMENT_M, size=(0.6, 1.1), far=s > 70)
-                    )
+                    actors.append(cast.plant(key, f"{name}-tree", float(x), float(y), PAVEMENT_M, size=(0.6, 1.1)))
     return actors
 
 

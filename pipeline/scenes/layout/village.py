@@ -160,5 +160,5 @@ def _trees(key: Key, site: Site) -> list[Actor]:
         angle, distance = generator.uniform(-0.8, 0.8), generator.uniform(17, 50)
         x, y = float(distance * np.cos(angle)), float(distance * np.sin(angle))
         if site.claim(Footprint(x, y, 0.0, 0.5, 0.5), 0.5):
-            actors.append(cast.plant(key, f"tree-{number}", x, y, far=distance > 38, size=(0.75, 1.25)))
+            actors.append(cast.plant(key, f"tree-{number}", x, y, size=(0.75, 1.25)))
     return actors

@@ -1,0 +1,92 @@
+"""CNN estimator: the paper's learned estimator, with features averaged over consecutive frames.
+
+The network is the paper's to the letter (`cnn_net`); the weights are our own (`cnn_training`), since the published ones
+cannot be redistributed and were trained on photographs. It has no interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.blur.base import SHARP_FLOOR, BlurEstimate, Estimator, as_patches, unusable
+from pipeline.errors import InputError
+
+RELEASED = Path(__file__).resolve().parents[2] / "data/weights/mtf_cnn.safetensors"
+
+
+class Cnn(Estimator):
+    """See the module.
+
+    Args:
+        weights: file of `pipeline.learning.weights`; None for the released one.
+        batch: patches computed together.
+        device: where, e.g. ``"cpu"`` or ``"cuda"``.
+
+    Raises:
+        InputError: a weight file that is absent, broken or of another network, or a batch under 1.
+    """
+
+    def __init__(self, weights: str | Path | None = None, *, batch: int = 16, device: str = "cpu") -> None:
+        import torch
+
+        from pipeline.blur.cnn_net import ARCHITECTURE, MtfCnn
+        from pipeline.learning.weights import into
+
+        if batch < 1:
+            raise InputError(f"blur estimator 'cnn': batch={batch}, expected at least 1")
+        self.batch, self.device = batch, device
+        network = MtfCnn()
+        into(network, weights or RELEASED, ARCHITECTURE)
+        self.network = network.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
+        """The uncalibrated answer from single frames; see `pipeline.blur.base.Estimator.measure`."""
+        return self._answer(patches[:, None], reason)
+
+    def estimate_sequences(self, patches: Any) -> BlurEstimate:
+        """The MTF of places seen in several consecutive frames (the paper: four).
+
+        Args:
+            patches: (N, F, 1, 192, 192) float in [0, 1], NumPy or torch.
+
+        Returns:
+            one answer per place; abstains where any of its frames is flat or saturated.
+
+        Raises:
+            InputError: the patches are not as expected.
+        """
+        if hasattr(patches, "detach"):
+            patches = patches.detach().cpu().numpy()
+        array = np.asarray(patches)
+        if array.ndim != 5 or array.shape[1] < 1:
+            raise InputError(f"patches: shape {array.shape}, expected (places, frames, 1, 192, 192)")
+        count, frames = array.shape[:2]
+        flat = as_patches(array.reshape(-1, *array.shape[2:]))
+        reasons = unusable(flat).reshape(count, frames)
+        bad = (reasons != "").any(axis=1)
+        first = reasons[np.arange(count), (reasons != "").argmax(axis=1)]
+        found = self._answer(flat.reshape(count, frames, *flat.shape[1:]), np.where(bad, first, ""))
+        if self.sharp_mtf is None:
+            return found
+        return replace(found, mtf=np.clip(found.mtf / np.maximum(self.sharp_mtf, SHARP_FLOOR), 0.0, 1.0))
+
+    def _answer(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
+        """Answers for (N, F, 1, 192, 192)."""
+        import torch
+
+        count, frames = patches.shape[:2]
+        places = max(self.batch // frames, 1)
+        mtf = np.empty((count, 2, 8), np.float32)
+        with torch.inference_mode():
+            for first in range(0, count, places):
+                part = patches[first : first + places, :, 0].reshape(-1, *patches.shape[3:])
+                image = torch.from_numpy(np.ascontiguousarray(part)).to(self.device)
+                mtf[first : first + places] = self.network.both_directions(image, frames).cpu().numpy()
+        abstained = reason != ""
+        mtf[abstained] = np.nan
+        return BlurEstimate(mtf, abstained, reason)

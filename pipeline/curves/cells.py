@@ -1,0 +1,155 @@
+"""Tuples (sigma~, MTF~, AP) gathered in bins, with a bootstrap.
+
+The paper measures, for each corruption, the average precision of a detector, and the median noise and MTF that the
+estimators report for the same frames; the tuples are gathered in bins of noise (0, 5, .. 25 DN) and MTF (0.1, 0.2, ..
+1). A tuple belongs to the nearest bin. A bin's average precision is the mean of its tuples; its place is their mean
+noise and MTF, which need not be the bin's centre.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.errors import InputError
+
+Floats = NDArray[np.float64]
+
+SIGMA_BINS_DN: tuple[float, ...] = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
+MTF_BINS: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+BRIDGE_BINS = 1
+"""Empty bins in a row that are interpolated over: five sizes of blur do not fill ten bins of MTF."""
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Binned tuples; S noise bins, M MTF bins. Empty bins are NaN with a count of 0.
+
+    Attributes:
+        sigma_bins_dn: (S,) centres, rising.
+        mtf_bins: (M,) centres, rising.
+        count: (S, M) tuples.
+        sigma_dn: (S, M) mean noise of the tuples.
+        mtf: (S, M) mean MTF of the tuples.
+        ap_percent: (S, M) mean average precision.
+        draws: (B, S, M) bootstrap of the same; NaN where nothing says how uncertain a bin is.
+        left_out: tuples that had a NaN, or lay more than half a bin beyond the outermost bins.
+    """
+
+    sigma_bins_dn: Floats
+    mtf_bins: Floats
+    count: NDArray[np.int64]
+    sigma_dn: Floats
+    mtf: Floats
+    ap_percent: Floats
+    draws: Floats
+    left_out: int
+
+    @property
+    def interval(self) -> tuple[Floats, Floats]:
+        """Ends of the bootstrap 95 % interval of each bin, (S, M) each."""
+        low, high = np.percentile(self.draws, [2.5, 97.5], axis=0)
+        return low, high
+
+
+def gather(
+    sigma_dn: ArrayLike,
+    mtf: ArrayLike,
+    ap_percent: ArrayLike,
+    generator: np.random.Generator,
+    ap_draws: ArrayLike | None = None,
+    draws: int = 500,
+    sigma_bins_dn: ArrayLike = SIGMA_BINS_DN,
+    mtf_bins: ArrayLike = MTF_BINS,
+) -> Cells:
+    """Gather tuples in bins.
+
+    Args:
+        sigma_dn: (n,) estimated noise; NaN leaves a tuple out.
+        mtf: (n,) estimated MTF (mean of H and V at the second frequency).
+        ap_percent: (n,) average precision, 0..100.
+        generator: of the bootstrap.
+        ap_draws: (n, B) each tuple's average precision on resampled frames, the same frames for all tuples; see also
+            `draws_of_intervals`. None resamples the tuples of a bin, which says nothing where there is only one.
+        draws: resamples if ``ap_draws`` is None.
+        sigma_bins_dn: centres, rising.
+        mtf_bins: centres, rising.
+
+    Raises:
+        InputError: lengths differ, bins do not rise, an average precision is not in 0..100, or no tuple is left.
+    """
+    sigma, contrast, precision = (np.asarray(values, dtype=float) for values in (sigma_dn, mtf, ap_percent))
+    if sigma.ndim != 1 or not sigma.shape == contrast.shape == precision.shape:
+        shapes = f"{sigma.shape}, {contrast.shape}, {precision.shape}"
+        raise InputError(f"sigma_dn, mtf, ap_percent: expected three lists of one length, not shapes {shapes}")
+    finite = np.isfinite(sigma) & np.isfinite(contrast) & np.isfinite(precision)
+    if ((precision[finite] < 0) | (precision[finite] > 100)).any():
+        raise InputError("ap_percent: expected numbers in 0..100")
+    resampled = None if ap_draws is None else np.asarray(ap_draws, dtype=float)
+    if resampled is not None and (resampled.ndim != 2 or len(resampled) != len(sigma)):
+        raise InputError(f"ap_draws: expected shape ({len(sigma)}, draws), not {resampled.shape}")
+    sigma_centres, mtf_centres = _rising("sigma_bins_dn", sigma_bins_dn), _rising("mtf_bins", mtf_bins)
+    row, column = nearest_bin(sigma, sigma_centres), nearest_bin(contrast, mtf_centres)
+    used = finite & (row >= 0) & (column >= 0)
+    if not used.any():
+        raise InputError("no tuple lies in any bin; are noise in DN (0..255) and MTF in 0..1?")
+    shape = (len(sigma_centres), len(mtf_centres))
+    count = np.zeros(shape, dtype=np.int64)
+    means = np.full((3, *shape), np.nan)
+    drawn = np.full((draws if resampled is None else resampled.shape[1], *shape), np.nan)
+    for s, m in sorted(set(zip(row[used].tolist(), column[used].tolist(), strict=True))):
+        mine = np.flatnonzero(used & (row == s) & (column == m))
+        count[s, m] = len(mine)
+        means[:, s, m] = sigma[mine].mean(), contrast[mine].mean(), precision[mine].mean()
+        if resampled is not None:
+            drawn[:, s, m] = resampled[mine].mean(axis=0)
+        elif len(mine) > 1:
+            picks = generator.integers(len(mine), size=(draws, len(mine)))
+            drawn[:, s, m] = precision[mine][picks].mean(axis=1)
+    left_out = int(len(sigma) - used.sum())
+    return Cells(sigma_centres, mtf_centres, count, means[0], means[1], means[2], drawn, left_out)
+
+
+def draws_of_intervals(
+    ap_percent: ArrayLike, low: ArrayLike, high: ArrayLike, generator: np.random.Generator, draws: int = 500
+) -> Floats:
+    """Bootstrap draws for tuples of which only the 95 % interval is known: two half normals, independent of each other.
+
+    Args:
+        ap_percent: (n,).
+        low: (n,) lower ends.
+        high: (n,) upper ends.
+        generator: of the draws.
+        draws: per tuple.
+
+    Returns:
+        (n, draws), in 0..100; NaN where an end is.
+    """
+    centre, below, above = (np.asarray(values, dtype=float)[:, None] for values in (ap_percent, low, high))
+    normal = generator.standard_normal((len(centre), draws))
+    side = np.where(normal < 0, centre - below, above - centre) / 1.959964
+    return np.clip(centre + normal * side, 0.0, 100.0)
+
+
+def nearest_bin(values: ArrayLike, centres: Floats) -> NDArray[np.int64]:
+    """Number of the bin (n,) whose centre is nearest; -1 for NaN and beyond half a bin outside."""
+    given = np.asarray(values, dtype=float)
+    borders = bin_borders(centres)
+    slack = 1e-9 * (borders[-1] - borders[0])
+    inside = (given >= borders[0] - slack) & (given <= borders[-1] + slack)
+    return np.where(inside, np.searchsorted(borders[1:-1], given, side="right"), -1).astype(np.int64)
+
+
+def bin_borders(centres: Floats) -> Floats:
+    """Ends of the bins (K + 1,): halfway between centres, and as far beyond the outermost ones."""
+    middle = (centres[1:] + centres[:-1]) / 2
+    return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])
+
+
+def _rising(name: str, centres: ArrayLike) -> Floats:
+    array = np.asarray(centres, dtype=float)
+    if array.ndim != 1 or len(array) < 2 or not (np.diff(array) > 0).all():
+        raise InputError(f"{name}: expected at least two rising bin centres, not {centres!r}")
+    return array

@@ -1,0 +1,122 @@
+"""One effect at a time: average precision over noise alone, or over blur alone (the paper's isolated curves)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.curves.cells import BRIDGE_BINS, Cells, bin_borders
+from pipeline.curves.monotonic import rises
+from pipeline.errors import InputError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Average precision over one quantity; K points, rising in it.
+
+    Attributes:
+        quantity: ``"sigma_dn"`` or ``"mtf"``.
+        at: (K,) mean noise or MTF of the tuples of each bin.
+        ap_percent: (K,).
+        low, high: (K,) bootstrap 95 % interval; NaN where unknown.
+        count: (K,) tuples.
+        non_monotonic: (K,) better than at the next less noisy or less blurred point.
+        draws: (B, K) bootstrap.
+        edges: (K, 2) ends of each point's bin, as far as it speaks for its surroundings.
+        joined: (K - 1,) whether the curve goes on to the next point, or too many bins between them are empty.
+    """
+
+    quantity: str
+    at: Floats
+    ap_percent: Floats
+    low: Floats
+    high: Floats
+    count: NDArray[np.int64]
+    non_monotonic: NDArray[np.bool_]
+    draws: Floats
+    edges: Floats
+    joined: NDArray[np.bool_]
+
+    def query(self, value: float) -> tuple[float, float, float]:
+        """Average precision and its interval, linear between points.
+
+        Raises:
+            InputError: outside of the measured range by more than half a bin, or in a gap of empty bins.
+        """
+        if not np.isfinite(value):
+            raise InputError(f"{self.quantity}: expected a number, not {value!r}")
+        if not self.edges[0, 0] <= value <= self.edges[-1, 1]:
+            raise InputError(
+                f"{self.quantity} {value:g} is outside of what was measured, {self.at[0]:g} .. {self.at[-1]:g};"
+                " it is not extrapolated"
+            )
+        right = int(np.searchsorted(self.at, value))
+        left = right - 1
+        if left < 0 or right == len(self.at):
+            weights = {min(right, len(self.at) - 1): 1.0}  # beyond the outermost point, within its bin
+        elif self.joined[left]:
+            share = float((value - self.at[left]) / (self.at[right] - self.at[left]))
+            weights = {left: 1.0 - share, right: share}
+        elif value <= self.edges[left, 1]:
+            weights = {left: 1.0}
+        elif value >= self.edges[right, 0]:
+            weights = {right: 1.0}
+        else:
+            raise InputError(
+                f"{self.quantity} {value:g} lies in a gap between {self.at[left]:g} and {self.at[right]:g}, where"
+                " nothing was measured"
+            )
+        used, shares = list(weights), np.array(list(weights.values()))
+        low, high = np.percentile(self.draws[:, used] @ shares, [2.5, 97.5])
+        return float(self.ap_percent[used] @ shares), float(low), float(high)
+
+
+def isolated(
+    cells: Cells, quantity: str, other: float | None = None, tolerance: float = 0.0, bridge: int = BRIDGE_BINS
+) -> Curve:
+    """The curve through one row or column of the bins.
+
+    Args:
+        cells: binned tuples.
+        quantity: ``"sigma_dn"`` or ``"mtf"``, the axis of the curve.
+        other: bin centre of the other quantity; None for no blur (the highest MTF) or no noise (the lowest sigma).
+        tolerance: see `pipeline.curves.monotonic.rises`.
+        bridge: empty bins in a row over which the curve goes on.
+
+    Raises:
+        InputError: an unknown quantity, no such bin, or no tuple in it.
+    """
+    along_sigma = quantity == "sigma_dn"
+    if quantity not in ("sigma_dn", "mtf"):
+        raise InputError(f"quantity: expected sigma_dn or mtf, not {quantity!r}")
+    fixed = cells.mtf_bins if along_sigma else cells.sigma_bins_dn
+    wanted = (fixed[-1] if along_sigma else fixed[0]) if other is None else other
+    index = int(np.argmin(np.abs(fixed - wanted)))
+    if not abs(fixed[index] - wanted) < 1e-6:
+        raise InputError(f"other: {wanted:g} is not the centre of a bin; known: {', '.join(f'{c:g}' for c in fixed)}")
+    pick = (slice(None), index) if along_sigma else (index, slice(None))
+    centres = cells.sigma_bins_dn if along_sigma else cells.mtf_bins
+    place = (cells.sigma_dn if along_sigma else cells.mtf)[pick]
+    full = np.flatnonzero(cells.count[pick] > 0)
+    if not len(full):
+        raise InputError(f"no tuple lies in the {'MTF' if along_sigma else 'noise'} bin {wanted:g}")
+    precision, (low, high) = cells.ap_percent[pick], cells.interval
+    worse = rises(precision if along_sigma else precision[::-1], 0, tolerance)
+    worse = worse if along_sigma else worse[::-1]
+    borders = bin_borders(centres)
+    return Curve(
+        quantity=quantity,
+        at=place[full],
+        ap_percent=precision[full],
+        low=low[pick][full],
+        high=high[pick][full],
+        count=cells.count[pick][full],
+        non_monotonic=worse[full],
+        draws=cells.draws[:, *pick][:, full],
+        edges=np.stack([borders[full], borders[full + 1]], axis=1),
+        joined=np.diff(full) <= 1 + bridge,
+    )

@@ -1,0 +1,53 @@
+"""Cells that do better than they should: average precision that rises where noise or blur grows.
+
+The paper marks such cells, for a controller that climbs a curve step by step can be caught there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def rises(ap_percent: Floats, axis: int, tolerance: float = 0.0) -> NDArray[np.bool_]:
+    """Cells above the nearest cell before them that has a value.
+
+    Args:
+        ap_percent: any shape; NaN is an empty cell. Along the axis the condition grows worse.
+        axis: along which to compare.
+        tolerance: rises up to this are none, percent points.
+
+    Returns:
+        the same shape; never true for an empty cell or the first one.
+    """
+    ahead = np.moveaxis(np.asarray(ap_percent, dtype=float), axis, 0)
+    before = previous(ahead)
+    with np.errstate(invalid="ignore"):
+        marked = ahead - before > tolerance
+    return np.moveaxis(marked, 0, axis)
+
+
+def rise_share(draws: Floats, axis: int) -> Floats:
+    """Share of bootstrap draws in which a cell is above the nearest one before it.
+
+    Args:
+        draws: (B, ...) NaN for an empty cell.
+        axis: of the cells, not counting that of the draws.
+
+    Returns:
+        (...) in [0, 1]; NaN for an empty cell, the first one, and cells without draws.
+    """
+    ahead = np.moveaxis(np.asarray(draws, dtype=float), axis + 1, 0)  # (along, B, ...)
+    before = previous(ahead)
+    share = np.where(np.isfinite(ahead - before), ahead > before, np.nan).mean(axis=1)
+    return np.moveaxis(share, 0, axis)
+
+
+def previous(ahead: Floats) -> Floats:
+    """For each entry along the first axis, the last finite one before it; NaN where there is none."""
+    result = np.full_like(ahead, np.nan)
+    for i in range(1, len(ahead)):
+        result[i] = np.where(np.isfinite(ahead[i - 1]), ahead[i - 1], result[i - 1])
+    return result

@@ -1,0 +1,240 @@
+"""The IOPC as a surface: average precision for a noise and an MTF, with confidence, where it was measured.
+
+The knots are the full bins, each at the mean place of its tuples. Three or four of them around a corner span one or two
+triangles, on which the surface is linear. A noise or MTF at which nothing at all was measured (a whole row or column of
+empty bins) is interpolated over if it is a single one; a single empty bin elsewhere is a hole. A query outside of all
+triangles is answered only within a full bin, by the nearest point of the surface; anywhere else it is refused: the
+surface is never extrapolated. The interval is that of the same mixture of the knots' bootstrap draws.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.curves.cells import BRIDGE_BINS, MTF_BINS, SIGMA_BINS_DN, Cells, gather, nearest_bin
+from pipeline.curves.monotonic import rise_share, rises
+from pipeline.errors import InputError
+from pipeline.store import read_arrays, write_arrays
+
+Floats = NDArray[np.float64]
+
+CERTAIN_SHARE = 0.975
+_EDGE_SLACK = 1e-9
+_LEAST_AREA = 1e-6
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the surface says; refused queries are NaN with a reason.
+
+    Attributes:
+        ap_percent: (...) average precision.
+        low, high: (...) bootstrap 95 % interval; NaN where unknown.
+        reason: (...) str, empty where there is an answer.
+    """
+
+    ap_percent: Floats
+    low: Floats
+    high: Floats
+    reason: NDArray[np.str_]
+
+
+class Surface:
+    """Average precision over noise and MTF.
+
+    Args:
+        cells: binned tuples with at least three full bins around a corner.
+        bridge: empty rows or columns of bins, one after the other, that are interpolated over.
+
+    Raises:
+        InputError: too few full bins for a surface.
+    """
+
+    def __init__(self, cells: Cells, bridge: int = BRIDGE_BINS) -> None:
+        self.cells = cells
+        rows, columns = np.nonzero(cells.count)
+        self._scale = np.array([np.diff(cells.sigma_bins_dn).mean(), np.diff(cells.mtf_bins).mean()])
+        self._knots = np.stack([cells.sigma_dn[rows, columns], cells.mtf[rows, columns]], axis=1) / self._scale
+        self._ap = cells.ap_percent[rows, columns]
+        self._draws = cells.draws[:, rows, columns]
+        self._triangles = triangulate(cells.count > 0, self._knots, bridge)
+        if not len(self._triangles):
+            raise InputError(
+                f"{len(rows)} full bins make no surface; expected at least three that meet, not all of one noise or"
+                " MTF (for a single effect see pipeline.curves.isolated)"
+            )
+
+        corners = self._knots[self._triangles]
+        self._origin = corners[:, 0]
+        self._shares = np.linalg.inv(np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 2))
+
+    def non_monotonic(self, tolerance: float = 0.0) -> NDArray[np.bool_]:
+        """(S, M) bins with a higher average precision than the next less noisy or the next sharper full bin."""
+        precision = self.cells.ap_percent
+        return rises(precision, 0, tolerance) | rises(precision[:, ::-1], 1, tolerance)[:, ::-1]
+
+    def certainly_non_monotonic(self) -> NDArray[np.bool_]:
+        """(S, M) bins of which at least 97.5 % of the bootstrap draws say so, along one of the axes."""
+        draws = self.cells.draws
+        with np.errstate(invalid="ignore"):
+            noise = rise_share(draws, 0) >= CERTAIN_SHARE
+            blur = rise_share(draws[:, :, ::-1], 1)[:, ::-1] >= CERTAIN_SHARE
+        return noise | blur
+
+    def query(self, sigma_dn: ArrayLike, mtf: ArrayLike) -> Answer:
+        """The average precision at any number of places; what lies outside of the measured is NaN with a reason."""
+        sigma, contrast = np.broadcast_arrays(np.asarray(sigma_dn, dtype=float), np.asarray(mtf, dtype=float))
+        entries = [self._answer(s, m) for s, m in zip(sigma.ravel(), contrast.ravel(), strict=True)]
+        numbers = np.array([entry[:3] for entry in entries], dtype=float).reshape(-1, 3).T
+        reasons = np.array([entry[3] for entry in entries], dtype=np.str_)
+        shaped = [part.reshape(sigma.shape) for part in (*numbers, reasons)]
+        return Answer(*shaped)
+
+    def at(self, sigma_dn: float, mtf: float) -> tuple[float, float, float]:
+        """Average precision in percent, and the ends of its interval, at one place.
+
+        Raises:
+            InputError: nothing was measured there.
+        """
+        precision, low, high, reason = self._answer(float(sigma_dn), float(mtf))
+        if reason:
+            raise InputError(reason)
+        return precision, low, high
+
+    def save(self, path: str | Path) -> None:
+        """Write the bins as ``.npz``; `load` gives the same surface back."""
+        cells = {name: np.asarray(value) for name, value in vars(self.cells).items()}
+        write_arrays(path, **cells)
+
+    @classmethod
+    def load(cls, path: str | Path, bridge: int = BRIDGE_BINS) -> Surface:
+        """Read a surface; ``bridge`` as above.
+
+        Raises:
+            InputError: the file is missing, broken, or holds no surface.
+        """
+        arrays = read_arrays(path)
+        names = set(Cells.__dataclass_fields__)
+        if set(arrays) != names:
+            raise InputError(f"{path}: expected arrays {sorted(names)}, found {sorted(arrays)}; not a surface")
+        left_out = int(arrays.pop("left_out"))
+        return cls(Cells(**arrays, left_out=left_out), bridge)
+
+    def _answer(self, sigma_dn: float, mtf: float) -> tuple[float, float, float, str]:
+        nan = float("nan")
+        if not (np.isfinite(sigma_dn) and np.isfinite(mtf)):
+            return nan, nan, nan, f"sigma {sigma_dn:g} DN, MTF {mtf:g}: expected finite numbers"
+        place = np.array([sigma_dn, mtf]) / self._scale
+        weights = self._inside(place)
+        if weights is None:
+            row = int(nearest_bin(sigma_dn, self.cells.sigma_bins_dn))
+            column = int(nearest_bin(mtf, self.cells.mtf_bins))
+            if row < 0 or column < 0 or not self.cells.count[row, column]:
+                known = self.cells.count > 0
+                sigmas, mtfs = self.cells.sigma_dn[known], self.cells.mtf[known]
+                return (
+                    nan,
+                    nan,
+                    nan,
+                    (
+                        f"sigma {sigma_dn:g} DN, MTF {mtf:g}: nothing was measured there (noise {sigmas.min():.3g} .."
+                        f" {sigmas.max():.3g} DN, MTF {mtfs.min():.2f} .. {mtfs.max():.2f}); it is not extrapolated"
+                    ),
+                )
+            weights = self._nearest(place)
+        low, high = np.percentile(self._draws[:, weights > 0] @ weights[weights > 0], [2.5, 97.5])
+        return float(self._ap @ weights), float(low), float(high), ""
+
+    def _inside(self, place: Floats) -> Floats | None:
+        """Weights of the knots (K,) in the triangle around a place, or None."""
+        two = (self._shares @ (place - self._origin)[:, :, None])[:, :, 0]
+        shares = np.concatenate([1.0 - two.sum(axis=1, keepdims=True), two], axis=1)
+        best = int(np.argmax(shares.min(axis=1)))
+        if shares[best].min() < -_EDGE_SLACK:
+            return None
+        weights = np.zeros(len(self._knots))
+        weights[self._triangles[best]] = np.clip(shares[best], 0.0, None)
+        return weights / weights.sum()
+
+    def _nearest(self, place: Floats) -> Floats:
+        """Weights of the knots (K,) at the point of the surface nearest to a place outside of it."""
+        pairs = np.concatenate([self._triangles[:, [0, 1]], self._triangles[:, [1, 2]], self._triangles[:, [2, 0]]])
+        start, along = self._knots[pairs[:, 0]], self._knots[pairs[:, 1]] - self._knots[pairs[:, 0]]
+        length = np.maximum((along**2).sum(axis=1), 1e-30)
+        share = np.clip(((place - start) * along).sum(axis=1) / length, 0.0, 1.0)
+        distance = np.linalg.norm(start + share[:, None] * along - place, axis=1)
+        best = int(np.argmin(distance))
+        weights = np.zeros(len(self._knots))
+        weights[pairs[best]] = 1.0 - share[best], share[best]
+        return weights
+
+
+def triangulate(full: NDArray[np.bool_], knots: Floats, bridge: int = BRIDGE_BINS) -> NDArray[np.int64]:
+    """Triangles between full bins that meet, once empty rows and columns are taken out.
+
+    The knots of four bins around a corner form a quadrilateral without crossings, for each stays in its bin; it is cut
+    along the diagonal that leaves the larger of the smaller triangles. Three such bins give one triangle, unless their
+    knots lie in the wrong order.
+
+    Args:
+        full: (S, M) bins with a knot.
+        knots: (K, 2) places in units of bins, in the order of ``np.nonzero(full)``.
+        bridge: empty rows or columns, one after the other, that may be taken out.
+
+    Returns:
+        (T, 3) numbers of knots.
+    """
+    number = np.full(full.shape, -1)
+    number[full] = np.arange(len(knots))
+    found: list[tuple[int, int, int]] = []
+    rows, columns = np.nonzero(full)
+    for row, row_after in _neighbours(rows, bridge):
+        for column, column_after in _neighbours(columns, bridge):
+            around = number[[row, row_after, row_after, row], [column, column, column_after, column_after]]
+            corners = [int(corner) for corner in around if corner >= 0]
+            if len(corners) == 3:
+                choices = [[(corners[0], corners[1], corners[2])]]
+            elif len(corners) == 4:
+                a, b, c, d = corners
+                choices = [[(a, b, c), (a, c, d)], [(a, b, d), (b, c, d)]]
+            else:
+                continue
+            best = max(choices, key=lambda pair: min(_area(knots, triangle) for triangle in pair))
+            found += [triangle for triangle in best if _area(knots, triangle) > _LEAST_AREA]
+    return np.array(found, dtype=np.int64).reshape(-1, 3)
+
+
+def _neighbours(used: NDArray[np.int64], bridge: int) -> list[tuple[int, int]]:
+    """Each used row or column with the next one, unless too many between them are unused."""
+    pairs = itertools.pairwise(np.unique(used).tolist())
+    return [(one, other) for one, other in pairs if other - one <= 1 + bridge]
+
+
+def _area(knots: Floats, triangle: tuple[int, int, int]) -> float:
+    """Area of a triangle in square bins, negative if its corners run clockwise."""
+    (x0, y0), (x1, y1), (x2, y2) = knots[list(triangle)]
+    return float((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)) / 2
+
+
+def build(
+    sigma_dn: ArrayLike,
+    mtf: ArrayLike,
+    ap_percent: ArrayLike,
+    generator: np.random.Generator,
+    ap_draws: ArrayLike | None = None,
+    draws: int = 500,
+    sigma_bins_dn: ArrayLike = SIGMA_BINS_DN,
+    mtf_bins: ArrayLike = MTF_BINS,
+    bridge: int = BRIDGE_BINS,
+) -> Surface:
+    """The surface through measured tuples; the arguments are those of `pipeline.curves.cells.gather` and `Surface`.
+
+    Raises:
+        InputError: see `gather` and `Surface`.
+    """
+    return Surface(gather(sigma_dn, mtf, ap_percent, generator, ap_draws, draws, sigma_bins_dn, mtf_bins), bridge)

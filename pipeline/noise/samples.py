@@ -1,0 +1,225 @@
+"""Labelled samples for the noise networks: a clean procedural view, a sensor's noise, 8 bit; the label is sigma.
+
+    D = round_or_floor(clip(255 I + g n)),    var(n) = p I + c,    sigma^2 = g^2 mean(p I + c)
+
+I is a clean 8-bit image, n normal noise whose variance is affine in the signal: p for photon noise, c for dark current
+and readout (the counts behind them are large). **The label is the deviation before the 8-bit range cuts the noise**:
+that of the sensor, locally, which photon noise makes larger where it is bright. In a white sky half of the noise is
+cut away and the sensor's sigma is what the other half says it is.
+
+What the networks must not take for noise is in I: fine texture with the falling spectrum of natural surfaces,
+everywhere or by material; noise that a lens or a motion has blurred; what interpolation and compression leave.
+
+Samples come in chunks; chunk i is a pure function of (seed, purpose, i).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.learning import images
+from pipeline.learning.textures import power_law, smooth_field
+from pipeline.noise.cellwise_features import CELL_PX
+from pipeline.streams import stream
+
+MARGIN_PX = 16
+
+Plane = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What samples are drawn from.
+
+    Attributes:
+        size_px: side of a patch, pixels; a multiple of 8.
+        views: clean images in a chunk.
+        noises: samples made of each, with noise of their own.
+        sigma_dn: range of the noise, DN.
+        clean_share: share of samples without any.
+        low_share: share whose noise is spread evenly over the logarithm from 0.3 to 8 DN; the rest is even.
+        texture_share, blurred_noise_share: shares of clean images with fine texture, and with noise that came before a
+            blur, which does not count.
+        interpolated_share, compressed_share: shares enlarged from fewer pixels, and stored as JPEG.
+        sources: which noise: ``"any"`` (photon, constant and mixed) or ``"mixed"`` only.
+    """
+
+    size_px: int = 128
+    views: int = 8
+    noises: int = 4
+    sigma_dn: tuple[float, float] = (0.0, 42.0)
+    clean_share: float = 0.18
+    low_share: float = 0.22
+    texture_share: float = 0.5
+    blurred_noise_share: float = 0.15
+    interpolated_share: float = 0.12
+    compressed_share: float = 0.15
+    sources: str = "any"
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A batch of labelled samples.
+
+    Attributes:
+        patches_dn: (N, S, S) uint8.
+        sigma_dn: (N,) float32, root mean square over the patch, before clipping.
+        map_dn: (N, S / 8, S / 8) float32, the same per cell.
+    """
+
+    patches_dn: NDArray[np.uint8]
+    sigma_dn: Plane
+    map_dn: Plane
+
+
+def chunk(tiles: NDArray[np.uint8], recipe: Recipe, seed: int, purpose: str, index: int) -> Chunk:
+    """One chunk of samples.
+
+    Args:
+        tiles: (M, T, T) bank of pictures (`pipeline.learning.images`).
+        recipe: shares and ranges.
+        seed, purpose, index: name the chunk.
+    """
+    generator = stream(seed, purpose, index)
+    picked = generator.integers(len(tiles), size=recipe.views)
+    clean = [clean_view(tiles[int(number)], recipe, generator) for number in picked]
+    made = [noisy(view, recipe, generator) for view in clean for _ in range(recipe.noises)]
+    patches, sigma, maps = zip(*made, strict=True)
+    return Chunk(np.stack(patches), np.array(sigma, np.float32), np.stack(maps))
+
+
+def clean_view(tile: NDArray[np.uint8], recipe: Recipe, generator: np.random.Generator) -> Plane:
+    """A clean image: (S, S) float32, whole numbers 0..255."""
+    size_px = recipe.size_px + 2 * MARGIN_PX
+    image = images.view(tile, generator, min(size_px, len(tile))) * np.float32(255)
+    if generator.random() < recipe.texture_share:
+        image = _textured(image, generator)
+    if generator.random() < recipe.interpolated_share:
+        image = _interpolated(image, generator)
+    image = _exposed(image, generator)
+    if generator.random() < recipe.blurred_noise_share:
+        image = _with_blurred_noise(image, generator)
+    else:
+        image = _sharpness(image, generator)
+    inside = slice(MARGIN_PX, MARGIN_PX + recipe.size_px)
+    whole = np.rint(np.clip(image, 0, 255)).astype(np.uint8)
+    if generator.random() < recipe.compressed_share:
+        whole = _compressed(whole, generator)
+    return whole[inside, inside].astype(np.float32)
+
+
+def noisy(
+    clean: Plane, recipe: Recipe, generator: np.random.Generator
+) -> tuple[NDArray[np.uint8], float, Plane]:
+    """Sensor noise on a clean image: the 8-bit patch, its sigma, and the sigma of its cells.
+
+    Args:
+        clean: (S, S) whole numbers 0..255.
+        recipe: range of the noise.
+        generator: source of randomness.
+    """
+    cells = len(clean) // CELL_PX
+    low, high = recipe.sigma_dn
+    kind = generator.random()
+    if kind < recipe.clean_share:
+        return clean.astype(np.uint8), 0.0, np.zeros((cells, cells), np.float32)
+    if kind < recipe.clean_share + recipe.low_share:
+        sigma = float(np.exp(generator.uniform(np.log(max(low, 0.3)), np.log(8.0))))
+    else:
+        sigma = float(generator.uniform(low, high))
+    source = generator.integers(3) if recipe.sources == "any" else 2
+    signal = clean / np.float32(255)
+    if source == 0:
+        variance = signal + np.float32(1e-4)
+    elif source == 1:
+        variance = np.ones_like(clean)
+    else:
+        variance = signal + np.float32(np.exp(generator.uniform(np.log(0.02), np.log(3.0))))
+    # A patch in the dark of a frame whose noise is that of its bright parts: photon noise does not grow beyond reason.
+    gain = sigma / np.sqrt(max(float(variance.mean()), 0.02 if source == 0 else 0.0))
+    spread = np.sqrt(variance) * np.float32(gain)
+    image = clean + spread * generator.standard_normal(clean.shape, dtype=np.float32)
+    rounded = np.floor(image + 0.5) if generator.random() < 0.5 else np.floor(image)  # rounded, or cut as by many
+    power = np.square(spread).reshape(cells, CELL_PX, cells, CELL_PX).mean(axis=(1, 3))
+    return np.clip(rounded, 0, 255).astype(np.uint8), float(np.sqrt(power.mean())), np.sqrt(power)
+
+
+def _textured(image: Plane, generator: np.random.Generator) -> Plane:
+    """Fine texture over all, over some materials (ranges of grey), or in patches."""
+    field = power_law(generator, len(image), generator.uniform(0.6, 2.0))
+    if generator.random() < 0.3:
+        field = np.maximum(field, np.float32(generator.uniform(-0.5, 0.5))) * np.float32(1.5)
+    strength = np.float32(np.exp(generator.uniform(np.log(3), np.log(60))))
+    where = generator.integers(3)
+    if where == 1:
+        levels = generator.uniform(0, 1.5, 8).astype(np.float32)
+        strength = strength * levels[np.minimum(image // 32, 7).astype(int)]
+    elif where == 2:
+        strength = strength * np.clip(smooth_field(generator, len(image), 1.5) * 2 + generator.uniform(-1, 1), 0, 1.5)
+    if generator.random() < 0.4:  # as of a surface, in proportion to its light
+        strength = strength * image / np.float32(128)
+    return (image + field * strength).astype(np.float32)
+
+
+def _interpolated(image: Plane, generator: np.random.Generator) -> Plane:
+    """Enlarged by a random factor from its middle, as a renderer's near textures or a resized frame."""
+    import cv2
+
+    size = len(image)
+    inner = max(int(size / generator.uniform(1.1, 3.0)), 16)
+    start = (size - inner) // 2
+    method = cv2.INTER_CUBIC if generator.random() < 0.4 else cv2.INTER_LINEAR
+    crop = np.ascontiguousarray(image[start : start + inner, start : start + inner])
+    return np.asarray(cv2.resize(crop, (size, size), interpolation=method), dtype=np.float32)
+
+
+def _exposed(image: Plane, generator: np.random.Generator) -> Plane:
+    """Now and then of little contrast, or so bright or dark that a part of it or all is clipped; DN."""
+    kind = generator.random()
+    mean = image.mean()
+    if kind < 0.2:
+        image = (image - mean) * np.float32(np.exp(-generator.uniform(0, 4))) + mean
+    elif kind < 0.42:
+        image = image + np.float32(255 * generator.uniform(0, 0.9))
+    elif kind < 0.55:
+        image = (image - np.float32(generator.uniform(0, 100))) * np.float32(np.exp(generator.uniform(-2.5, 0)))
+    return np.clip(image, 0, 255)
+
+
+def _sharpness(image: Plane, generator: np.random.Generator) -> Plane:
+    """What every lens does, and now and then more: a Gaussian of up to 0.6 px, or up to 1.5."""
+    import cv2
+
+    spread_px = generator.uniform(0, 1.5) if generator.random() < 0.3 else generator.uniform(0, 0.6)
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), max(spread_px, 0.05)), dtype=np.float32)
+
+
+def _with_blurred_noise(image: Plane, generator: np.random.Generator) -> Plane:
+    """Noise of the scene's light, then a blur that is wide enough to leave its mark on it."""
+    import cv2
+
+    from pipeline.camera import psf
+
+    sigma_dn = np.float32(np.exp(generator.uniform(np.log(2), np.log(30))))
+    light = np.sqrt(np.maximum(image, 1) / 128) if generator.random() < 0.6 else np.float32(1)
+    image = image + light * sigma_dn * generator.standard_normal(image.shape, dtype=np.float32)
+    kind = str(generator.choice(["defocus", "linear_motion", "gaussian"]))
+    size_px = float(generator.uniform(2.5, 9)) if kind == "gaussian" else float(generator.uniform(3, 21))
+    angle = float(generator.uniform(0, 360)) if generator.random() < 0.5 else float(90 * generator.integers(2))
+    kernel = psf.create(kind, size_px, 0.0 if kind == "gaussian" else angle)
+    return np.asarray(cv2.filter2D(image, -1, kernel, borderType=cv2.BORDER_REFLECT), dtype=np.float32)
+
+
+def _compressed(image: NDArray[np.uint8], generator: np.random.Generator) -> NDArray[np.uint8]:
+    """Stored and read again as JPEG of a random quality, with its 8 px blocks anywhere."""
+    import cv2
+
+    corner = generator.integers(8, size=2)
+    kept = image[corner[0] :, corner[1] :]
+    coded = cv2.imencode(".jpg", kept, [cv2.IMWRITE_JPEG_QUALITY, int(generator.integers(60, 98))])[1]
+    result = image.copy()
+    result[corner[0] :, corner[1] :] = cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE)
+    return result

@@ -1,0 +1,291 @@
+"""Training the noise networks: what they are fed, what they minimise, how they are validated.
+
+Pictures are procedural only (`pipeline.learning.images`), noise is drawn anew for every sample (`samples`). The
+cell-wise network gets the fixed statistics of whole patches; the paper's gets 48 px crops, which is all that its
+17 GFLOP a patch leave time for on a processor.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from pipeline.learning.trainer import Schedule, Trained
+from pipeline.noise import samples
+from pipeline.noise.samples import Recipe
+
+if TYPE_CHECKING:
+    import torch
+
+Kind = Literal["cellwise", "cnn"]
+
+COVERAGE = 0.95
+SPREAD_LEVELS_DN = (0.0, 0.5, 2.0, 5.0, 10.0, 20.0, 60.0)
+"""Ends of the ranges of true sigma over which validation reports the error."""
+
+PAPER_SCHEDULE: dict[str, Any] = {
+    "optimiser": "adam",
+    "learning_rate": 1e-4,
+    "betas": (0.9, 0.999),
+    "epsilon": 1e-7,
+    "weight_decay": 0.0,
+    "warm_up": 1,
+    "final_share": 1.0,
+    "average_decay": 0.0,
+    "clip": None,
+}
+"""The paper's optimiser: Adam at 1e-4 throughout (with Keras' epsilon), nothing else."""
+
+PAPER_RECIPE = Recipe(
+    size_px=48,
+    views=2,
+    noises=4,
+    sigma_dn=(0.01, 30.0),
+    clean_share=0.0,
+    low_share=0.0,
+    texture_share=0.0,
+    blurred_noise_share=0.0,
+    interpolated_share=0.0,
+    compressed_share=0.0,
+    sources="mixed",
+)
+"""The paper's samples: all sources together, sigma even between 0.01 and 30 DN, nothing made to mislead."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """A training of one of the noise networks.
+
+    Attributes:
+        kind: ``"cellwise"`` or ``"cnn"``.
+        schedule: of the optimiser.
+        recipe: of the samples.
+        images, validation_images: pictures in the banks.
+        fresh, uses, window: see `pipeline.learning.feed`; a batch has fresh * uses chunks.
+        validation_chunks: chunks that weights are selected on, of pictures never trained on.
+        seed: of everything.
+    """
+
+    kind: Kind
+    schedule: Schedule
+    recipe: Recipe = field(default_factory=Recipe)
+    images: int = 480
+    validation_images: int = 120
+    fresh: int = 1
+    uses: int = 3
+    window: int = 128
+    validation_chunks: int = 40
+    seed: int = 1
+
+
+@dataclass
+class Maker:
+    """Makes chunks: number -> arrays. Opens its bank on first use, in whichever process that is.
+
+    Arrays are ``sigma_dn`` (N,), and for the cell-wise network ``statistics`` (N, C, h, w) in half precision,
+    ``base_dn`` and ``map_dn`` (N, h, w), else ``image`` (N, 1, S, S) uint8.
+    """
+
+    settings: Settings
+    cache: Path
+    validation: bool = False
+    _tiles: np.ndarray | None = None
+
+    def __call__(self, number: int) -> dict[str, np.ndarray]:
+        """Chunk `number`."""
+        import torch
+
+        from pipeline.noise.cellwise_features import features
+
+        settings = self.settings
+        if self._tiles is None:
+            self._tiles = self.bank()
+        purpose = f"{'validation' if self.validation else 'training'} noise {settings.kind}"
+        made = samples.chunk(self._tiles, settings.recipe, settings.seed, purpose, number)
+        if settings.kind == "cnn":
+            return {"image": made.patches_dn[:, None], "sigma_dn": made.sigma_dn}
+        with torch.no_grad():
+            pieces = [features(part) for part in torch.from_numpy(made.patches_dn).float().split(8)]
+        statistics, base = (torch.cat(parts) for parts in zip(*pieces, strict=True))
+        return {
+            "statistics": statistics.half().numpy(),
+            "base_dn": base.numpy(),
+            "map_dn": made.map_dn,
+            "sigma_dn": made.sigma_dn,
+        }
+
+    def bank(self, executor: Mapping[str, Any] | None = None) -> np.ndarray:
+        """The pictures, drawn if they are not in the cache."""
+        from pipeline.learning import images
+
+        count = self.settings.validation_images if self.validation else self.settings.images
+        purpose = f"{'validation' if self.validation else 'training'} image"
+        return images.bank(count, self.settings.seed, purpose=purpose, folder=self.cache / "images", executor=executor)
+
+
+def cellwise_loss(
+    model: torch.nn.Module, batch: Mapping[str, torch.Tensor]
+) -> tuple[torch.Tensor, dict[str, float]]:
+    """See `cellwise_net.loss`."""
+    from pipeline.noise.cellwise_net import loss
+
+    sigma, scale, cells = model(batch["statistics"].float(), batch["base_dn"])
+    value = loss(sigma, scale, cells, batch["sigma_dn"], batch["map_dn"])
+    return value, {"sigma_error_dn": float((sigma - batch["sigma_dn"]).detach().abs().mean())}
+
+
+def cnn_loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, float]]:
+    """See `cnn_net.loss`."""
+    from pipeline.noise.cnn_net import loss
+
+    found = model(batch["image"].float() / 255)
+    truth = batch["sigma_dn"] / 255
+    error = 255 * (found.detach().flatten(1).median(1).values - truth).abs().mean()
+    return loss(found, truth), {"sigma_error_dn": float(error)}
+
+
+def validation(settings: Settings, cache: Path) -> Callable[[torch.nn.Module], dict[str, float]]:
+    """Measures of a network on samples held out: errors over all and by true sigma, and what interval holds 95 %.
+
+    ``interval`` is the factor k for which t +- k b holds ln(1 + sigma) in 95 % of the patches (cell-wise only);
+    ``score_dn`` is what weights are selected by, the mean of |s - s'| / (1 + s' / 10).
+    """
+    import torch
+
+    make = Maker(settings, cache, validation=True)
+    made = [make(number) for number in range(settings.validation_chunks)]
+    data = {name: torch.from_numpy(np.concatenate([one[name] for one in made])) for name in made[0]}
+    truth = data["sigma_dn"]
+
+    def answers(model: torch.nn.Module) -> tuple[torch.Tensor, torch.Tensor | None]:
+        if settings.kind == "cnn":
+            maps = [model(image.float() / 255) for image in data["image"].split(16)]
+            return 255 * torch.cat(maps).flatten(1).median(1).values, None
+        pieces = zip(data["statistics"].split(64), data["base_dn"].split(64), strict=True)
+        found = [model(statistics.float(), base)[:2] for statistics, base in pieces]
+        sigma, scale = (torch.cat(parts) for parts in zip(*found, strict=True))
+        return sigma, scale
+
+    def measure(model: torch.nn.Module) -> dict[str, float]:
+        sigma, scale = answers(model)
+        error = (sigma - truth).abs()
+        found = {"score_dn": float((error / (1 + truth / 10)).mean()), "sigma_error_dn": float(error.mean())}
+        clean = truth == 0
+        if clean.any():
+            found["clean_sigma_dn"] = float(sigma[clean].mean())
+        for low, high in zip(SPREAD_LEVELS_DN, SPREAD_LEVELS_DN[1:], strict=False):
+            inside = (truth > low) & (truth <= high)
+            if inside.any():
+                found[f"sigma_error_to_{high:g}_dn"] = float(error[inside].mean())
+        if scale is not None:
+            miss = (torch.log1p(sigma) - torch.log1p(truth)).abs() / scale
+            found["interval"] = float(torch.quantile(miss, COVERAGE))
+        return found
+
+    return measure
+
+
+def fingerprint(settings: Settings) -> str:
+    """What a training depends on, hashed: its settings and the source of its code."""
+    import pipeline.learning
+
+    text = hashlib.blake2b(json.dumps(asdict(settings), sort_keys=True).encode(), digest_size=8)
+    own = Path(__file__).parent
+    names = ["samples", "training"]
+    names += ["cellwise_features", "cellwise_net"] if settings.kind == "cellwise" else ["cnn_net"]
+    sources = [own / f"{name}.py" for name in names]
+    for path in [*sorted(Path(pipeline.learning.__file__).parent.glob("*.py")), *sources]:
+        text.update(path.read_bytes())
+    return text.hexdigest()
+
+
+def network(kind: Kind, seed: int) -> torch.nn.Module:
+    """A network with fresh weights; the paper's are drawn by Keras' rule."""
+    from pipeline.learning.initial import initialise
+
+    model: torch.nn.Module
+    if kind == "cellwise":
+        from pipeline.noise.cellwise_net import CellwiseNet
+
+        model = CellwiseNet()
+        initialise(model, seed, "cell-wise noise network")
+    else:
+        from pipeline.noise.cnn_net import PixelNet
+
+        model = PixelNet()
+        initialise(model, seed, "pixel noise network", "glorot")
+    return model
+
+
+def train(
+    settings: Settings,
+    cache: Path,
+    *,
+    folder: Path | None = None,
+    producers: int = 0,
+    executor: Mapping[str, Any] | None = None,
+    report: Callable[[dict[str, float]], None] | None = None,
+    stop_after: int | None = None,
+) -> Trained:
+    """Train a noise network, or go on training it.
+
+    Args:
+        settings: all that the result depends on.
+        cache: folder for banks and checkpoints, outside of any stage's outputs.
+        folder: of the checkpoints; None names it by the `fingerprint`.
+        producers: processes that make samples ahead; 0 makes them in this one. Does not change the result.
+        executor: of `pipeline.executor.run_map`, for the banks.
+        report: called with every new row of the learning curve.
+        stop_after: see `pipeline.learning.trainer.train`.
+
+    Returns:
+        the network that validated best, and its learning curve.
+    """
+    from pipeline.executor import one_thread
+    from pipeline.learning.feed import Feed
+    from pipeline.learning.trainer import train as run
+
+    one_thread()
+    for held_out in (False, True):
+        Maker(settings, cache, held_out).bank(executor)
+    if folder is None:
+        folder = cache / f"sigma-{settings.kind}-{fingerprint(settings)}"
+    options = {"fresh": settings.fresh, "uses": settings.uses, "window": settings.window, "producers": producers}
+    with Feed(Maker(settings, cache), settings.seed, **options) as feed:
+        return run(
+            network(settings.kind, settings.seed),
+            cellwise_loss if settings.kind == "cellwise" else cnn_loss,
+            feed,
+            settings.schedule,
+            folder=folder,
+            validate=validation(settings, cache),
+            score="score_dn",
+            report=report,
+            stop_after=stop_after,
+        )
+
+
+def keep(path: Path, trained: Trained, settings: Settings, validation_measures: Mapping[str, float]) -> None:
+    """Write a trained network with what made it.
+
+    Args:
+        path: ``.safetensors``.
+        trained: what `train` returned.
+        settings: its settings.
+        validation_measures: of the trained network, by `validation`.
+    """
+    from pipeline.learning import weights
+    from pipeline.noise import cellwise_net, cnn_net
+
+    architecture = cellwise_net.ARCHITECTURE if settings.kind == "cellwise" else cnn_net.ARCHITECTURE
+    details: dict[str, Any] = {"best_step": trained.best_step, "settings": json.loads(json.dumps(asdict(settings)))}
+    details["validation"] = {name: round(value, 6) for name, value in validation_measures.items()}
+    if "interval" in validation_measures:
+        details["interval"] = round(validation_measures["interval"], 6)
+    weights.save(path, trained.model.state_dict(), architecture, fingerprint=fingerprint(settings), **details)

@@ -1,0 +1,169 @@
+"""The regression c1..c8: the paper's coefficients and grids, known surfaces, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import curve_fit
+
+from pipeline.curves.regression import TERMS, design, evaluate, fit, leave_one_out
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+PAPER = Path(__file__).resolve().parents[2] / "data" / "paper"
+PUBLISHED = [("yolov4", 17.45, 0.9602), ("faster_rcnn", 16.9363, 0.9898)]
+
+
+def published(detector: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Coefficients with their deviations, and the printed grid (42 cells)."""
+    numbers = pd.read_csv(PAPER / "regression_coefficients.csv").set_index("parameter")
+    grid = pd.read_csv(PAPER / "fitted_ap_grid.csv")
+    numbers = numbers[numbers.detector == detector].loc[list(TERMS)]
+    return numbers, grid[grid.detector == detector]
+
+
+def settings() -> tuple[np.ndarray, np.ndarray]:
+    iso, exposure = np.meshgrid([100.0, 500, 1000, 1500, 2000, 2500], [1.0, 3, 7, 11, 13, 15, 21])
+    return iso.ravel(), exposure.ravel()
+
+
+@pytest.mark.parametrize("detector", ["yolov4", "faster_rcnn"])
+def test_published_coefficients_give_the_published_grid(detector: str) -> None:
+    numbers, grid = published(detector)
+    assert len(grid) == 42
+    difference = evaluate(numbers.value, grid.iso, grid.exposure_ms) - grid.ap_percent
+    assert np.abs(difference).max() < 0.07
+
+
+@pytest.mark.parametrize("detector", ["yolov4", "faster_rcnn"])
+def test_the_published_grid_gives_the_published_coefficients(detector: str) -> None:
+    """The grid is printed to 0.1 points, so its fit is not exact: measured, at most 0.12 published deviations off."""
+    numbers, grid = published(detector)
+    found = fit(grid.iso, grid.exposure_ms, grid.ap_percent)
+    assert found.r2 > 0.9999
+    assert (np.abs(found.value - numbers.value) / numbers.std_dev).max() < 0.2
+    assert np.abs(found.residual).max() < 0.06
+
+
+@pytest.mark.parametrize(("detector", "chi2", "r2"), PUBLISHED)
+def test_the_published_deviations_follow_from_the_published_chi2(detector: str, chi2: float, r2: float) -> None:
+    """Data with the published fit and the published chi2 on the 42 cells: same deviations, same R2."""
+    numbers, grid = published(detector)
+    rows = design(grid.iso, grid.exposure_ms)
+    noise = stream(1, "regression", detector).normal(size=len(grid))
+    scale = np.linalg.norm(rows, axis=0)
+    noise -= rows / scale @ np.linalg.lstsq(rows / scale, noise, rcond=None)[0]  # leaves the coefficients as they are
+    data = evaluate(numbers.value, grid.iso, grid.exposure_ms) + noise * np.sqrt(chi2 / (noise @ noise))
+    found = fit(grid.iso, grid.exposure_ms, data)
+    assert found.degrees == 34
+    assert found.chi2 == pytest.approx(chi2, rel=1e-9)
+    np.testing.assert_allclose(found.value, numbers.value, rtol=1e-6)
+    np.testing.assert_allclose(found.std_dev, numbers.std_dev, rtol=2e-4)
+    assert found.r2 == pytest.approx(r2, abs=3e-4)
+
+
+def test_equals_another_solver_with_and_without_errors() -> None:
+    iso, exposure = settings()
+    generator = stream(2, "regression")
+    errors = generator.uniform(0.2, 2.0, len(iso))
+    data = evaluate([-5e-5, -3e-3, -1.2, 6.6, 17, 980, -290, -2.6], iso, exposure) + errors * generator.normal(
+        size=len(iso)
+    )
+
+    def model(_: object, *coefficients: float) -> np.ndarray:
+        return evaluate(coefficients, iso, exposure)
+
+    for given_errors in (None, errors):
+        value, covariance = curve_fit(
+            model, None, data, np.ones(8), sigma=given_errors, absolute_sigma=given_errors is not None, xtol=1e-14
+        )
+        found = fit(iso, exposure, data, given_errors)
+        np.testing.assert_allclose(found.value, value, rtol=1e-4)
+        np.testing.assert_allclose(found.std_dev, np.sqrt(np.diag(covariance)), rtol=1e-4)
+
+
+@given(st.lists(st.floats(-1, 1), min_size=8, max_size=8))
+def test_recovers_any_surface_of_its_kind(shares: list[float]) -> None:
+    """Coefficients whose terms reach up to 30 points each are found to a billionth of that."""
+    iso, exposure = settings()
+    largest = np.abs(design(iso, exposure)).max(axis=0)
+    truth = 30 * np.array(shares) / largest
+    found = fit(iso, exposure, evaluate(truth, iso, exposure))
+    np.testing.assert_allclose(found.value * largest, truth * largest, atol=1e-8)
+    precision, deviation = found.predict(iso, exposure)
+    np.testing.assert_allclose(precision, evaluate(truth, iso, exposure), atol=1e-8)
+    assert np.isfinite(deviation).all()
+
+
+def test_deviations_are_those_of_repeated_measurements() -> None:
+    iso, exposure = settings()
+    truth = np.array([-5e-5, -3e-3, -1.2, 6.6, 17, 980, -290, -2.6])
+    generator = stream(3, "regression")
+    clean, errors = evaluate(truth, iso, exposure), np.full(len(iso), 0.7)
+    fits = [fit(iso, exposure, clean + generator.normal(0, 0.7, len(iso)), errors) for _ in range(400)]
+    pulls = np.array([(found.value - truth) / found.std_dev for found in fits])
+    assert np.abs(pulls.mean(axis=0)).max() < 0.2
+    assert np.abs(pulls.std(axis=0) - 1).max() < 0.12
+    assert np.mean([found.chi2 for found in fits]) == pytest.approx(34, rel=0.05)
+    predictions = np.array([found.predict(300.0, 5.0)[0] for found in fits])
+    assert predictions.std() == pytest.approx(float(fits[0].predict(300.0, 5.0)[1]), rel=0.15)
+
+
+def test_a_term_that_matters_is_missed_most() -> None:
+    iso, exposure = settings()
+    truth = [0, -3e-3, -1.2, 6.6, 17, 0, 0, 0]
+    data = evaluate(truth, iso, exposure) + stream(4, "regression").normal(0, 0.1, len(iso))
+    rows = leave_one_out(iso, exposure, data)
+    assert sorted(row.term for row in rows) == sorted(TERMS)
+    by_term = {row.term: row for row in rows}
+    assert {row.term for row in rows[:4]} == {"c2", "c3", "c4", "c5"}
+    for term in ("c2", "c3", "c4", "c5"):
+        assert by_term[term].p_value < 1e-6 and by_term[term].largest_change > 0.1
+    assert all(by_term[term].p_value > 1e-4 for term in ("c1", "c6", "c7", "c8"))
+    whole = fit(iso, exposure, data)
+    assert all(row.chi2 >= whole.chi2 and row.r2 <= whole.r2 for row in rows)
+    # F of one term is the square of its coefficient in units of its deviation.
+    for term, value, deviation in zip(whole.terms, whole.value, whole.std_dev, strict=True):
+        assert by_term[term].f == pytest.approx((value / deviation) ** 2, rel=1e-6)
+
+
+def test_prediction_does_not_extrapolate() -> None:
+    iso, exposure = settings()
+    found = fit(iso, exposure, evaluate([0, 0, -1, 0, 30, 0, 0, 0], iso, exposure))
+    assert found.predict([[100.0], [2500.0]], [1.0, 21.0])[0].shape == (2, 2)
+    with pytest.raises(InputError, match="iso: 3000 is outside of 100 .. 2500"):
+        found.predict(3000.0, 5.0)
+    with pytest.raises(InputError, match="exposure_ms: 0.5 is outside of 1 .. 21"):
+        found.predict(100.0, 0.5)
+    with pytest.raises(InputError, match="exposure_ms: nan"):
+        found.predict(100.0, float("nan"))
+
+
+def test_as_many_values_as_terms_leave_no_deviation() -> None:
+    iso, exposure = (values[[0, 8, 15, 20, 26, 33, 40, 37]] for values in settings())
+    found = fit(iso, exposure, np.arange(8.0))
+    assert found.degrees == 0 and np.isnan(found.std_dev).all() and np.isnan(found.adjusted_r2)
+
+
+def test_bad_input_is_named() -> None:
+    iso, exposure = settings()
+    data = np.linspace(10, 20, len(iso))
+    for arguments, words in (
+        ((iso[:7], exposure[:7], data[:7]), "7 values cannot determine 8"),
+        ((np.full(42, 100.0), exposure, data), "cannot tell the terms apart"),
+        ((iso, exposure, np.where(data > 19, np.nan, data)), "ap_percent: expected 42 finite"),
+        ((-iso, exposure, data), "iso: expected positive"),
+        ((iso, exposure * 0, data), "exposure_ms: expected positive"),
+        ((iso, exposure[:-1], data), "two lists of one length"),
+        ((iso, exposure, data, np.zeros(42)), "error_percent: expected 42 positive"),
+        ((iso, exposure, data, None, ["c1", "c9"]), "unknown term 'c9'"),
+    ):
+        with pytest.raises(InputError, match=words):
+            fit(*arguments)
+    with pytest.raises(InputError, match=r"expected c1 \.\. c8"):
+        evaluate([1.0, 2.0], iso, exposure)

@@ -1,0 +1,90 @@
+"""Training samples: the label is the MTF of what was done to the image, the noise has the sigma that is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.camera import mtf
+from pipeline.learning import kernels, samples
+from pipeline.streams import stream, torch_stream
+
+RECIPE = samples.Recipe(views=4, kernels_per_view=2)
+
+
+@pytest.fixture(scope="module")
+def bank():
+    return kernels.block(0, 1, count=40)
+
+
+def sampler(bank, recipe=RECIPE, seed=1):
+    tiles = stream(0, "tiles").integers(0, 256, (3, 300, 300)).astype(np.uint8)
+    return samples.Samples(tiles, bank, recipe, seed)
+
+
+def test_a_chunk_is_a_function_of_seed_and_number(bank):
+    made = sampler(bank)
+    forward = [made.chunk(number) for number in (0, 1)]
+    backward = [sampler(bank).chunk(number) for number in (1, 0)][::-1]
+    for one, two in zip(forward, backward, strict=True):
+        assert np.array_equal(one.patches_dn, two.patches_dn)
+        assert np.array_equal(one.mtf, two.mtf) and np.array_equal(one.sigma_dn, two.sigma_dn)
+    assert not np.array_equal(forward[0].patches_dn, forward[1].patches_dn)
+    assert not np.array_equal(forward[0].patches_dn, sampler(bank, seed=2).chunk(0).patches_dn)
+
+
+def test_shapes_and_ranges(bank):
+    chunk = sampler(bank).chunk(3)
+    assert chunk.patches_dn.shape == (8, 192, 192) and chunk.patches_dn.dtype == np.uint8
+    assert chunk.mtf.shape == (8, 2, 8) and chunk.mtf.dtype == np.float32
+    assert (chunk.mtf >= 0).all() and (chunk.mtf <= 1 + 1e-5).all()
+    assert (chunk.sigma_dn >= 0).all() and (chunk.sigma_dn <= RECIPE.largest_sigma_dn).all()
+
+
+def test_the_label_is_the_mtf_of_the_blur(bank):
+    """A point of light, blurred, is the total kernel; its MTF by the package's own transform is the label."""
+    scene = torch.zeros(4, samples.FIELD_PX, samples.FIELD_PX)
+    scene[:, samples.FIELD_PX // 2, samples.FIELD_PX // 2] = 1.0
+    image, label = sampler(bank)._blurred(scene, stream(1, "x"))
+    # Fourier ringing of the sampled kernels is cut at zero, which moves sums by less than 1 %.
+    assert np.abs(image.sum((1, 2)).numpy() - 1).max() < 0.01
+    assert np.abs(mtf.sample(image.numpy()) - label.numpy()).max() < 0.01
+
+
+def test_intrinsic_blur_is_part_of_the_label():
+    point = np.zeros((1, kernels.CANVAS_PX, kernels.CANVAS_PX), np.float32)
+    point[0, kernels.CANVAS_PX // 2, kernels.CANVAS_PX // 2] = 1
+    chunk = sampler(point, replace(RECIPE, intrinsic_px=(0.6, 0.6))).chunk(0)
+    assert np.abs(chunk.mtf - mtf.gaussian(0.6, mtf.FREQUENCIES)).max() < 1e-5
+
+
+def test_shares_of_clean_samples(bank):
+    chunks = [sampler(bank).chunk(number) for number in range(12)]
+    clean = np.concatenate([chunk.sigma_dn for chunk in chunks]) == 0
+    assert clean.mean() == pytest.approx(RECIPE.clean_share + RECIPE.before_share, abs=0.15)
+    none = sampler(bank, replace(RECIPE, clean_share=1.0, before_share=0.0)).chunk(0)
+    assert (none.sigma_dn == 0).all()
+
+
+@pytest.mark.parametrize("kind", range(4))
+def test_noise_has_the_variance_of_its_source(kind):
+    grey = torch.full((6, 128, 128), 0.4)
+    noise = samples.noise_e(grey, torch.full((6,), kind), torch_stream(1, "n", kind))
+    signal, dark, readout = 0.4 * samples.FULL_WELL_E, samples.DARK_E, samples.READOUT_E**2
+    expected = [signal, dark, readout, signal + dark + readout][kind]
+    assert float(noise.var()) == pytest.approx(expected, rel=0.02)
+    assert abs(float(noise.mean())) < 3 * (expected / noise.numel()) ** 0.5
+
+
+def test_charge_noise_of_white_pixels_is_one_sided():
+    noise = samples.noise_e(torch.ones(1, 64, 64), torch.tensor([0]), torch_stream(1, "n"))
+    assert float(noise.max()) == 0 and float(noise.mean()) < -50
+
+
+def test_noise_is_scaled_to_its_sigma():
+    noise = samples.noise_e(torch.full((5, 64, 64), 0.5), torch.arange(5) % 4, torch_stream(2, "n"))
+    wanted = torch.tensor([0.0, 1.0, 5.0, 10.0, 30.0])
+    assert torch.allclose(samples.scaled(noise, wanted).std((1, 2)), wanted, rtol=0.02, atol=1e-6)
+    silent = samples.scaled(torch.zeros(1, 8, 8), torch.tensor([5.0]))
+    assert float(silent.abs().max()) == 0

@@ -1,0 +1,139 @@
+"""The loop: it learns, resumes to the bit, keeps the best, refuses checkpoints of another training."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.errors import InputError
+from pipeline.learning.feed import Feed
+from pipeline.learning.initial import initialise
+from pipeline.learning.trainer import CHECKPOINT, Schedule, train
+from pipeline.streams import stream
+
+SCHEDULE = Schedule(60, learning_rate=0.02, warm_up=5, checkpoint_every=20, report_every=10)
+TRUTH = np.array([1.0, -2.0, 0.5, 3.0], np.float32)
+
+
+def lines(number):
+    """Points of a linear law."""
+    x = stream(1, "points", number).standard_normal((16, 4)).astype(np.float32)
+    return {"x": x, "y": x @ TRUTH}
+
+
+def network(seed=1):
+    made = torch.nn.Sequential(torch.nn.Linear(4, 8), torch.nn.Tanh(), torch.nn.Linear(8, 1))
+    initialise(made, seed, "test")
+    return made
+
+
+def loss(model, batch):
+    error = model(batch["x"])[:, 0] - batch["y"]
+    return error.square().mean(), {"error": float(error.detach().abs().mean())}
+
+
+def feed():
+    return Feed(lines, 1, uses=2, window=8, producers=0)
+
+
+def run(schedule=SCHEDULE, seed=1, **options):
+    return train(network(seed), loss, feed(), schedule, **options)
+
+
+def weights_of(trained):
+    return torch.cat([value.flatten() for value in trained.model.state_dict().values()])
+
+
+def test_it_learns_and_records():
+    trained = run(replace(SCHEDULE, steps=300))
+    assert trained.curve[-1]["error"] < 0.3 * trained.curve[0]["error"]
+    assert [row["step"] for row in trained.curve] == list(range(10, 301, 10))
+    assert trained.best_step == 300
+
+
+@pytest.mark.parametrize("optimiser", ["adamw", "adam"])
+def test_an_interrupted_run_ends_the_same_to_the_bit(tmp_path, optimiser):
+    schedule = replace(SCHEDULE, optimiser=optimiser)
+    options = {"validate": lambda model: {"first": float(next(model.parameters()).detach().sum())}, "score": "first"}
+    whole = run(schedule, **options)
+    for stop in (13, 40, 47):
+        run(schedule, folder=tmp_path, stop_after=stop, **options)
+    resumed = run(schedule, folder=tmp_path, **options)
+    assert torch.equal(weights_of(whole), weights_of(resumed))
+    assert whole.curve == resumed.curve and whole.best_step == resumed.best_step
+
+
+def test_a_run_killed_between_checkpoints_ends_the_same(tmp_path):
+    def dying(model, batch):
+        dying.calls += 1
+        if dying.calls == 35:
+            raise KeyboardInterrupt
+        return loss(model, batch)
+
+    dying.calls = 0
+    with pytest.raises(KeyboardInterrupt):
+        train(network(), dying, feed(), SCHEDULE, folder=tmp_path)
+    assert torch.equal(weights_of(run(folder=tmp_path)), weights_of(run()))
+
+
+def test_a_finished_run_is_not_repeated(tmp_path):
+    first = run(folder=tmp_path)
+    again = train(network(), None, feed(), SCHEDULE, folder=tmp_path)
+    assert torch.equal(weights_of(first), weights_of(again))
+
+
+def test_the_best_validated_weights_are_kept():
+    scores = iter([3.0, 1.0, 2.0])
+    trained = run(validate=lambda model: {"score": next(scores)}, score="score")
+    assert trained.best_step == 40
+    assert [row["validation_score"] for row in trained.curve if "validation_score" in row] == [3.0, 1.0, 2.0]
+    stopped = run(replace(SCHEDULE, hold=0.0), stop_after=40)
+    assert torch.equal(weights_of(trained), weights_of(stopped))
+
+
+def test_length_may_change_while_the_rate_is_held(tmp_path):
+    held = replace(SCHEDULE, hold=0.5)
+    run(replace(held, steps=200), folder=tmp_path, stop_after=30)
+    assert torch.equal(weights_of(run(held, folder=tmp_path)), weights_of(run(held)))
+    run(replace(held, steps=200), folder=tmp_path / "late", stop_after=40)
+    with pytest.raises(InputError, match="another schedule"):
+        run(held, folder=tmp_path / "late")
+
+
+def test_checkpoints_of_another_training_are_refused(tmp_path):
+    run(folder=tmp_path, stop_after=20)
+    with pytest.raises(InputError, match="another schedule"):
+        run(replace(SCHEDULE, learning_rate=0.5), folder=tmp_path)
+    with pytest.raises(InputError, match="another network"):
+        train(torch.nn.Linear(4, 1), loss, feed(), SCHEDULE, folder=tmp_path)
+    path = tmp_path / CHECKPOINT
+    path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(InputError, match="safetensors"):
+        run(folder=tmp_path)
+
+
+def test_the_rate_warms_up_holds_and_falls():
+    schedule = Schedule(100, learning_rate=1.0, warm_up=10, hold=0.5, final_share=0.01)
+    rates = [schedule.rate(step) for step in range(100)]
+    assert rates[0] == pytest.approx(0.1) and rates[10:51] == [1.0] * 41
+    assert all(a > b for a, b in zip(rates[50:], rates[51:], strict=False)) and rates[-1] < 0.02
+    assert Schedule(100, final_share=1.0, warm_up=1).rate(70) == 2e-3
+
+
+@pytest.mark.parametrize("wrong", [{"steps": 0}, {"hold": 1.0}, {"checkpoint_every": 15}])
+def test_impossible_schedules_are_refused(wrong):
+    with pytest.raises(InputError, match=f"schedule.{next(iter(wrong))}"):
+        replace(SCHEDULE, **wrong)
+
+
+@pytest.mark.parametrize("rule", ["torch", "glorot"])
+def test_initial_weights_are_named_draws(rule):
+    one, two = network(), network()
+    initialise(one, 3, "a", rule)
+    initialise(two, 3, "a", rule)
+    assert torch.equal(one[0].weight, two[0].weight)
+    initialise(two, 3, "b", rule)
+    assert not torch.equal(one[0].weight, two[0].weight)
+    bound = 0.5 if rule == "torch" else (6 / 12) ** 0.5
+    assert 0.8 * bound < float(one[0].weight.abs().max()) <= bound

@@ -1,0 +1,61 @@
+"""Weight files: what was saved comes back; anything else is refused in one line."""
+
+import json
+
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from pipeline.errors import InputError
+from pipeline.learning import weights
+
+
+@pytest.fixture
+def path(tmp_path):
+    where = tmp_path / "net.safetensors"
+    weights.save(where, torch.nn.Linear(3, 2).state_dict(), "net-1", steps=5, interval=2.5)
+    return where
+
+
+def test_round_trip(tmp_path):
+    layer = torch.nn.Linear(3, 2)
+    weights.save(tmp_path / "a.safetensors", layer.state_dict(), "net-1", steps=5, parameters={"b": 1, "a": [2]})
+    tensors, header = weights.load(tmp_path / "a.safetensors", "net-1")
+    assert all(torch.equal(tensors[name], value) for name, value in layer.state_dict().items())
+    assert header == {"architecture": "net-1", "steps": 5, "parameters": {"b": 1, "a": [2]}}
+    assert weights.details(tmp_path / "a.safetensors") == header
+    other = torch.nn.Linear(3, 2)
+    assert weights.into(other, tmp_path / "a.safetensors", "net-1") == header
+    assert torch.equal(other.weight, layer.weight)
+
+
+def test_same_content_same_bytes(tmp_path):
+    layer = torch.nn.Linear(3, 2)
+    for name in ("a", "b"):
+        weights.save(tmp_path / name, layer.state_dict(), "net-1", z=1, a=2)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+@pytest.mark.parametrize("keep", [0, 4, 100, -8])
+def test_cut_short(path, keep):
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(InputError, match=r"net\.safetensors: not a readable safetensors file"):
+        weights.load(path, "net-1")
+
+
+def test_foreign_files(path, tmp_path):
+    path.write_text(json.dumps({"hello": 1}))
+    with pytest.raises(InputError, match="not a readable safetensors file"):
+        weights.load(path, "net-1")
+    save_file({"x": torch.zeros(2)}, tmp_path / "other.safetensors")
+    with pytest.raises(InputError, match="says nothing of its architecture"):
+        weights.load(tmp_path / "other.safetensors", "net-1")
+    with pytest.raises(InputError, match="no such weight file"):
+        weights.load(tmp_path / "none.safetensors", "net-1")
+
+
+def test_another_architecture(path):
+    with pytest.raises(InputError, match="holds weights of 'net-1', expected 'net-2'"):
+        weights.load(path, "net-2")
+    with pytest.raises(InputError, match="does not fit the network"):
+        weights.into(torch.nn.Linear(4, 2), path, "net-1")
