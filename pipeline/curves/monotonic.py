@@ -29,19 +29,20 @@ def rises(ap_percent: Floats, axis: int, tolerance: float = 0.0) -> NDArray[np.b
     return np.moveaxis(marked, 0, axis)
 
 
-def rise_share(draws: Floats, axis: int) -> Floats:
+def rise_share(draws: Floats, axis: int, tolerance: float = 0.0) -> Floats:
     """Share of bootstrap draws in which a cell is above the nearest one before it.
 
     Args:
         draws: (B, ...) NaN for an empty cell.
         axis: of the cells, not counting that of the draws.
+        tolerance: rises up to this are none, percent points.
 
     Returns:
         (...) in [0, 1]; NaN for an empty cell, the first one, and cells without draws.
     """
     ahead = np.moveaxis(np.asarray(draws, dtype=float), axis + 1, 0)  # (along, B, ...)
     before = previous(ahead)
-    share = np.where(np.isfinite(ahead - before), ahead > before, np.nan).mean(axis=1)
+    share = np.where(np.isfinite(ahead - before), ahead - before > tolerance, np.nan).mean(axis=1)
     return np.moveaxis(share, 0, axis)
 
 

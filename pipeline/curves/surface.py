@@ -78,12 +78,12 @@ class Surface:
         precision = self.cells.ap_percent
         return rises(precision, 0, tolerance) | rises(precision[:, ::-1], 1, tolerance)[:, ::-1]
 
-    def certainly_non_monotonic(self) -> NDArray[np.bool_]:
+    def certainly_non_monotonic(self, tolerance: float = 0.0) -> NDArray[np.bool_]:
         """(S, M) bins of which at least 97.5 % of the bootstrap draws say so, along one of the axes."""
         draws = self.cells.draws
         with np.errstate(invalid="ignore"):
-            noise = rise_share(draws, 0) >= CERTAIN_SHARE
-            blur = rise_share(draws[:, :, ::-1], 1)[:, ::-1] >= CERTAIN_SHARE
+            noise = rise_share(draws, 0, tolerance) >= CERTAIN_SHARE
+            blur = rise_share(draws[:, :, ::-1], 1, tolerance)[:, ::-1] >= CERTAIN_SHARE
         return noise | blur
 
     def query(self, sigma_dn: ArrayLike, mtf: ArrayLike) -> Answer:

@@ -27,6 +27,9 @@ FILTERS = 6
 CHANNELS = 45
 """Numbers per cell."""
 
+POWERS = 34
+"""How many of them, the first, are logarithms of power."""
+
 _POWER_FLOOR = 0.02  # DN squared, under the 1/12 of rounding
 _ROOT_HALF_PI = math.sqrt(math.pi / 2)  # standard deviation over mean modulus of a normal distribution
 
@@ -61,11 +64,21 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     base = torch.minimum(power[:, :1].sqrt(), modulus[:, :1])
     powers = [power, half_power, quarter_power, -peak(-quarters, 2), peak(quarters, 2), modulus**2]
     powers += [functional.conv2d(cosine, _bands()), cosine.sum(1, keepdim=True) / CELL_PX**2]
-    logs = (torch.cat(powers, 1) + _POWER_FLOOR).log() * 0.5 - 1
+    logs = log_power(torch.cat(powers, 1))
     room = (torch.cat([255 - mean, 255 - lowest, mean, highest], 1) + 0.5).log() * 0.5 - 1
     levels = torch.cat([mean, lowest, highest], 1) / 128 - 1
     found = torch.cat([logs, room, levels, equal * 2 - 1, white * 2, black * 2, (base + 0.5).log()], 1)
     return found, base[:, 0]
+
+
+def log_power(power_dn2: torch.Tensor) -> torch.Tensor:
+    """How powers are shown to the network: half the logarithm, less one."""
+    return (power_dn2 + _POWER_FLOOR).log() * 0.5 - 1
+
+
+def power(statistics: torch.Tensor) -> torch.Tensor:
+    """The powers behind the first `POWERS` channels of statistics (N, CHANNELS, ...), DN squared."""
+    return ((statistics[:, :POWERS] + 1) * 2).exp() - _POWER_FLOOR
 
 
 def _answers(image: torch.Tensor, filters: torch.Tensor) -> torch.Tensor:

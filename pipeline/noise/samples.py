@@ -1,11 +1,12 @@
 """Labelled samples for the noise networks: a clean procedural view, a sensor's noise, 8 bit; the label is sigma.
 
-    D = round_or_floor(clip(255 I + g n)),    var(n) = p I + c,    sigma^2 = g^2 mean(p I + c)
+    D = round_or_floor(clip(clip(255 I + n) + m)),   var(n) = g^2 (p I + d),   var(m) = g^2 r,
+    sigma^2 = mean(var(n) + var(m))
 
-I is a clean 8-bit image, n normal noise whose variance is affine in the signal: p for photon noise, c for dark current
-and readout (the counts behind them are large). **The label is the deviation before the 8-bit range cuts the noise**:
-that of the sensor, locally, which photon noise makes larger where it is bright. In a white sky half of the noise is
-cut away and the sensor's sigma is what the other half says it is.
+I is a clean 8-bit image; n is the noise of the charge, photons p and dark current d, which the full well cuts; m is
+that of readout r, which comes after. All are normal (the counts behind them are large). **The label is the deviation
+before anything cuts the noise**: that of the sensor, locally, which photon noise makes larger where it is bright. In a
+white sky half of the noise is cut away and the sensor's sigma is what the other half says it is.
 
 What the networks must not take for noise is in I: fine texture with the falling spectrum of natural surfaces,
 everywhere or by material; noise that a lens or a motion has blurred; what interpolation and compression leave.
@@ -26,6 +27,8 @@ from pipeline.noise.cellwise_features import CELL_PX
 from pipeline.streams import stream
 
 MARGIN_PX = 16
+FULL_WELL_SHARE = 0.85
+"""How often the full well lies at white, as in the paper's sensor, so that charge cannot exceed it."""
 
 Plane = NDArray[np.float32]
 
@@ -130,21 +133,33 @@ def noisy(
         sigma = float(np.exp(generator.uniform(np.log(max(low, 0.3)), np.log(8.0))))
     else:
         sigma = float(generator.uniform(low, high))
-    source = generator.integers(3) if recipe.sources == "any" else 2
     signal = clean / np.float32(255)
-    if source == 0:
-        variance = signal + np.float32(1e-4)
-    elif source == 1:
-        variance = np.ones_like(clean)
-    else:
-        variance = signal + np.float32(np.exp(generator.uniform(np.log(0.02), np.log(3.0))))
+    photon, dark, readout = _source(generator, recipe.sources)
+    charge = photon * signal + np.float32(dark)
     # A patch in the dark of a frame whose noise is that of its bright parts: photon noise does not grow beyond reason.
-    gain = sigma / np.sqrt(max(float(variance.mean()), 0.02 if source == 0 else 0.0))
-    spread = np.sqrt(variance) * np.float32(gain)
-    image = clean + spread * generator.standard_normal(clean.shape, dtype=np.float32)
+    gain = np.float32(sigma / np.sqrt(max(float(charge.mean()) + readout, 0.02 * photon)))
+    image = clean + np.sqrt(charge) * gain * generator.standard_normal(clean.shape, dtype=np.float32)
+    if generator.random() < FULL_WELL_SHARE:
+        np.clip(image, 0, 255, out=image)
+    if readout:
+        image += gain * np.float32(np.sqrt(readout)) * generator.standard_normal(clean.shape, dtype=np.float32)
     rounded = np.floor(image + 0.5) if generator.random() < 0.5 else np.floor(image)  # rounded, or cut as by many
-    power = np.square(spread).reshape(cells, CELL_PX, cells, CELL_PX).mean(axis=(1, 3))
+    power = (charge + np.float32(readout)).reshape(cells, CELL_PX, cells, CELL_PX).mean(axis=(1, 3)) * gain**2
     return np.clip(rounded, 0, 255).astype(np.uint8), float(np.sqrt(power.mean())), np.sqrt(power)
+
+
+def _source(generator: np.random.Generator, sources: str) -> tuple[float, float, float]:
+    """Natural variances of photon noise at white, dark current and readout, as shares of the full well: p, d, r."""
+    kind = generator.integers(5) if sources == "any" else 4
+    if kind <= 1:
+        return 1.0, 0.0, 0.0
+    if kind == 2:
+        return 0.0, 1.0, 0.0
+    if kind == 3:
+        return 0.0, 0.0, 1.0
+    # The paper's sensor: readout 0.29, dark current 0.0002 (cool, short) to 0.7 (hot, long).
+    dark, readout = np.exp(generator.uniform((np.log(2e-4), np.log(0.05)), (np.log(1.0), np.log(1.5))))
+    return 1.0, float(dark), float(readout)
 
 
 def _textured(image: Plane, generator: np.random.Generator) -> Plane:
