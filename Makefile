@@ -2,6 +2,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+# the commands in dvc.yaml call `python`
+export PATH := $(CURDIR)/$(BIN):$(PATH)
 
 .PHONY: help repro test smoke check lint bench params clean-venv
 .DEFAULT_GOAL := help

@@ -48,21 +48,20 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     import torch.nn.functional as functional
 
     image = image_dn[:, None]
-    pool, peak = functional.avg_pool2d, functional.max_pool2d
     fine = _answers(image, _filters())
     square = fine * fine
-    quarters = pool(square[:, :1], CELL_PX // 2)
-    power = pool(square, CELL_PX)
-    modulus = pool(fine[:, :1].abs(), CELL_PX) * _ROOT_HALF_PI
-    equal = pool((fine[:, 3:4].abs() < 0.5).float(), CELL_PX)
-    half = pool(image, 2) * 2
-    half_power = pool(_answers(half, _filters()[:3]) ** 2, CELL_PX // 2)
-    quarter_power = pool(_answers(pool(half, 2) * 2, _filters()[:3]) ** 2, CELL_PX // 4)
+    quarters = _mean(square[:, :1], CELL_PX // 2)
+    power = _mean(square, CELL_PX)
+    modulus = _mean(fine[:, :1].abs(), CELL_PX) * _ROOT_HALF_PI
+    equal = _mean((fine[:, 3:4].abs() < 0.5).float(), CELL_PX)
+    half = _mean(image, 2) * 2
+    half_power = _mean(_answers(half, _filters()[:3]) ** 2, CELL_PX // 2)
+    quarter_power = _mean(_answers(_mean(half, 2) * 2, _filters()[:3]) ** 2, CELL_PX // 4)
     cosine = functional.conv2d(image - 128, _cosines(), stride=CELL_PX) ** 2
-    mean, lowest, highest = pool(image, CELL_PX), -peak(-image, CELL_PX), peak(image, CELL_PX)
-    white, black = (pool(clipped.float(), CELL_PX) for clipped in (image >= 254.5, image <= 0.5))
+    mean, lowest, highest = _mean(image, CELL_PX), _extreme(image, CELL_PX, -1), _extreme(image, CELL_PX, 1)
+    white, black = (_mean(clipped.float(), CELL_PX) for clipped in (image >= 254.5, image <= 0.5))
     base = torch.minimum(power[:, :1].sqrt(), modulus[:, :1])
-    powers = [power, half_power, quarter_power, -peak(-quarters, 2), peak(quarters, 2), modulus**2]
+    powers = [power, half_power, quarter_power, _extreme(quarters, 2, -1), _extreme(quarters, 2, 1), modulus**2]
     powers += [functional.conv2d(cosine, _bands()), cosine.sum(1, keepdim=True) / CELL_PX**2]
     logs = log_power(torch.cat(powers, 1))
     room = (torch.cat([255 - mean, 255 - lowest, mean, highest], 1) + 0.5).log() * 0.5 - 1
@@ -79,6 +78,18 @@ def log_power(power_dn2: torch.Tensor) -> torch.Tensor:
 def power(statistics: torch.Tensor) -> torch.Tensor:
     """The powers behind the first `POWERS` channels of statistics (N, CHANNELS, ...), DN squared."""
     return ((statistics[:, :POWERS] + 1) * 2).exp() - _POWER_FLOOR
+
+
+def _mean(x: torch.Tensor, size: int) -> torch.Tensor:
+    """Means of squares of a size; rows are added first, which is two to four times as fast as pooling."""
+    return x.unflatten(-2, (-1, size)).sum(-2).unflatten(-1, (-1, size)).sum(-1) / size**2
+
+
+def _extreme(x: torch.Tensor, size: int, sign: int) -> torch.Tensor:
+    """Greatest (sign 1) or least (sign -1) values of squares of a size."""
+    if sign > 0:
+        return x.unflatten(-2, (-1, size)).amax(-2).unflatten(-1, (-1, size)).amax(-1)
+    return x.unflatten(-2, (-1, size)).amin(-2).unflatten(-1, (-1, size)).amin(-1)
 
 
 def _answers(image: torch.Tensor, filters: torch.Tensor) -> torch.Tensor:

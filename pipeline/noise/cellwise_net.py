@@ -74,7 +74,11 @@ class CellwiseNet(nn.Module):
 
 
 def loss(
-    sigma_dn: torch.Tensor, scale: torch.Tensor, map_dn: torch.Tensor, truth_dn: torch.Tensor, truth_map_dn: torch.Tensor
+    sigma_dn: torch.Tensor,
+    scale: torch.Tensor,
+    map_dn: torch.Tensor,
+    truth_dn: torch.Tensor,
+    truth_map_dn: torch.Tensor,
 ) -> torch.Tensor:
     """What training minimises.
 

@@ -26,9 +26,7 @@ class PixelNet(nn.Module):
         self.enter = nn.ModuleList(
             nn.Conv2d(3 if stage == 0 else WIDTH, WIDTH, 3, padding=1) for stage in range(STAGES)
         )
-        self.blocks = nn.ModuleList(
-            nn.ModuleList(nn.Conv2d(WIDTH, WIDTH, 3, padding=1) for _ in range(BLOCK_LAYERS)) for _ in range(STAGES)
-        )
+        self.blocks = nn.ModuleList(nn.Sequential(*_layers()) for _ in range(STAGES))
         self.leave = nn.Conv2d(WIDTH, 1, 3, padding=1)
 
     def forward(self, image: torch.Tensor) -> torch.Tensor:
@@ -36,11 +34,13 @@ class PixelNet(nn.Module):
         x = image.expand(-1, 3, -1, -1)
         for enter, block in zip(self.enter, self.blocks, strict=True):
             x = functional.relu(enter(x))
-            kept = x
-            for layer in block:  # type: ignore[union-attr]
-                x = functional.relu(layer(x))
-            x = kept + x
+            x = x + block(x)
         return functional.relu(self.leave(x))[:, 0]
+
+
+def _layers() -> list[nn.Module]:
+    """Convolutions of a residual block, each with its ReLU."""
+    return [layer for _ in range(BLOCK_LAYERS) for layer in (nn.Conv2d(WIDTH, WIDTH, 3, padding=1), nn.ReLU())]
 
 
 def loss(found: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:

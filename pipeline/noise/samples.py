@@ -84,7 +84,9 @@ def chunk(tiles: NDArray[np.uint8], recipe: Recipe, seed: int, purpose: str, ind
     Args:
         tiles: (M, T, T) bank of pictures (`pipeline.learning.images`).
         recipe: shares and ranges.
-        seed, purpose, index: name the chunk.
+        seed: root of the streams.
+        purpose: of the streams; training and validation differ by it.
+        index: number of the chunk.
     """
     generator = stream(seed, purpose, index)
     picked = generator.integers(len(tiles), size=recipe.views)
@@ -114,9 +116,7 @@ def clean_view(tile: NDArray[np.uint8], recipe: Recipe, generator: np.random.Gen
     return whole[inside, inside].astype(np.float32)
 
 
-def noisy(
-    clean: Plane, recipe: Recipe, generator: np.random.Generator
-) -> tuple[NDArray[np.uint8], float, Plane]:
+def noisy(clean: Plane, recipe: Recipe, generator: np.random.Generator) -> tuple[NDArray[np.uint8], float, Plane]:
     """Sensor noise on a clean image: the 8-bit patch, its sigma, and the sigma of its cells.
 
     Args:
@@ -167,7 +167,7 @@ def _textured(image: Plane, generator: np.random.Generator) -> Plane:
     field = power_law(generator, len(image), generator.uniform(0.6, 2.0))
     if generator.random() < 0.3:
         field = np.maximum(field, np.float32(generator.uniform(-0.5, 0.5))) * np.float32(1.5)
-    strength = np.float32(np.exp(generator.uniform(np.log(3), np.log(60))))
+    strength = np.full_like(image, np.exp(generator.uniform(np.log(3), np.log(60))))
     where = generator.integers(3)
     if where == 1:
         levels = generator.uniform(0, 1.5, 8).astype(np.float32)
@@ -236,5 +236,5 @@ def _compressed(image: NDArray[np.uint8], generator: np.random.Generator) -> NDA
     kept = image[corner[0] :, corner[1] :]
     coded = cv2.imencode(".jpg", kept, [cv2.IMWRITE_JPEG_QUALITY, int(generator.integers(60, 98))])[1]
     result = image.copy()
-    result[corner[0] :, corner[1] :] = cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE)
+    result[corner[0] :, corner[1] :] = np.asarray(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE))
     return result

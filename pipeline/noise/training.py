@@ -11,11 +11,13 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from pipeline.errors import InputError, did_you_mean
 from pipeline.learning.trainer import Schedule, Trained
 from pipeline.noise import samples
 from pipeline.noise.samples import Recipe
@@ -28,34 +30,6 @@ Kind = Literal["cellwise", "cnn"]
 COVERAGE = 0.95
 SPREAD_LEVELS_DN = (0.0, 0.5, 2.0, 5.0, 10.0, 20.0, 60.0)
 """Ends of the ranges of true sigma over which validation reports the error."""
-
-PAPER_SCHEDULE: dict[str, Any] = {
-    "optimiser": "adam",
-    "learning_rate": 1e-4,
-    "betas": (0.9, 0.999),
-    "epsilon": 1e-7,
-    "weight_decay": 0.0,
-    "warm_up": 1,
-    "final_share": 1.0,
-    "average_decay": 0.0,
-    "clip": None,
-}
-"""The paper's optimiser: Adam at 1e-4 throughout (with Keras' epsilon), nothing else."""
-
-PAPER_RECIPE = Recipe(
-    size_px=48,
-    views=2,
-    noises=4,
-    sigma_dn=(0.01, 30.0),
-    clean_share=0.0,
-    low_share=0.0,
-    texture_share=0.0,
-    blurred_noise_share=0.0,
-    interpolated_share=0.0,
-    compressed_share=0.0,
-    sources="mixed",
-)
-"""The paper's samples: all sources together, sigma even between 0.01 and 30 DN, nothing made to mislead."""
 
 
 @dataclass(frozen=True)
@@ -75,13 +49,29 @@ class Settings:
     kind: Kind
     schedule: Schedule
     recipe: Recipe = field(default_factory=Recipe)
-    images: int = 480
-    validation_images: int = 120
+    images: int = 2400
+    validation_images: int = 160
     fresh: int = 1
     uses: int = 3
     window: int = 128
     validation_chunks: int = 40
     seed: int = 1
+
+    @classmethod
+    def from_section(cls, kind: str, section: Any, seed: int) -> Settings:
+        """From the section ``train.sigma.<kind>`` of the configuration.
+
+        Raises:
+            InputError: no network of that name.
+        """
+        if kind not in ("cellwise", "cnn"):
+            raise InputError(f"job.network={kind}: no such network of noise; {did_you_mean(kind, ('cellwise', 'cnn'))}")
+        content: dict[str, Any] = section.model_dump()
+        schedule, recipe = content.pop("schedule"), content.pop("recipe")
+        schedule["betas"] = tuple(schedule["betas"])
+        recipe["sigma_dn"] = tuple(recipe["sigma_dn"])
+        named: Kind = "cnn" if kind == "cnn" else "cellwise"
+        return cls(named, Schedule(**schedule), Recipe(**recipe), seed=seed, **content)
 
 
 @dataclass
@@ -129,9 +119,7 @@ class Maker:
         return images.bank(count, self.settings.seed, purpose=purpose, folder=self.cache / "images", executor=executor)
 
 
-def cellwise_loss(
-    model: torch.nn.Module, batch: Mapping[str, torch.Tensor]
-) -> tuple[torch.Tensor, dict[str, float]]:
+def cellwise_loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, float]]:
     """See `cellwise_net.loss`."""
     from pipeline.noise.cellwise_net import loss
 
@@ -173,13 +161,14 @@ def validation(settings: Settings, cache: Path) -> Callable[[torch.nn.Module], d
         return sigma, scale
 
     def measure(model: torch.nn.Module) -> dict[str, float]:
-        sigma, scale = answers(model)
+        with torch.no_grad():
+            sigma, scale = answers(model)
         error = (sigma - truth).abs()
         found = {"score_dn": float((error / (1 + truth / 10)).mean()), "sigma_error_dn": float(error.mean())}
         clean = truth == 0
         if clean.any():
             found["clean_sigma_dn"] = float(sigma[clean].mean())
-        for low, high in zip(SPREAD_LEVELS_DN, SPREAD_LEVELS_DN[1:], strict=False):
+        for low, high in pairwise(SPREAD_LEVELS_DN):
             inside = (truth > low) & (truth <= high)
             if inside.any():
                 found[f"sigma_error_to_{high:g}_dn"] = float(error[inside].mean())
@@ -271,21 +260,26 @@ def train(
         )
 
 
-def keep(path: Path, trained: Trained, settings: Settings, validation_measures: Mapping[str, float]) -> None:
-    """Write a trained network with what made it.
+def save(path: Path, trained: Trained, settings: Settings) -> None:
+    """Write the weight file of a training: weights, settings, measures, and for intervals their factor.
 
     Args:
         path: ``.safetensors``.
         trained: what `train` returned.
         settings: its settings.
-        validation_measures: of the trained network, by `validation`.
     """
     from pipeline.learning import weights
+    from pipeline.learning.training import final_measures
     from pipeline.noise import cellwise_net, cnn_net
 
-    architecture = cellwise_net.ARCHITECTURE if settings.kind == "cellwise" else cnn_net.ARCHITECTURE
-    details: dict[str, Any] = {"best_step": trained.best_step, "settings": json.loads(json.dumps(asdict(settings)))}
-    details["validation"] = {name: round(value, 6) for name, value in validation_measures.items()}
-    if "interval" in validation_measures:
-        details["interval"] = round(validation_measures["interval"], 6)
-    weights.save(path, trained.model.state_dict(), architecture, fingerprint=fingerprint(settings), **details)
+    measures = {name: float(f"{value:.6g}") for name, value in final_measures(trained).items()}
+    weights.save(
+        path,
+        trained.model.state_dict(),
+        cellwise_net.ARCHITECTURE if settings.kind == "cellwise" else cnn_net.ARCHITECTURE,
+        settings=json.loads(json.dumps(asdict(settings))),
+        fingerprint=fingerprint(settings),
+        step=trained.best_step,
+        measures=measures,
+        interval=measures.get("validation_interval"),
+    )

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.scenes.light import Light, ambient_directions
 from pipeline.scenes.sky import sky_radiance
-from pipeline.scenes.surface import Points, mean_albedo, surface_points
+from pipeline.scenes.surface import Points, grouped, mean_albedo, surface_points
 from pipeline.scenes.vectors import dot, unit
 from pipeline.scenes.world import Hits, World
 
@@ -76,6 +76,7 @@ def shade(
         radiance[missed] = _HAZE_RADIANCE if light.emissive else sky_radiance(direction[missed], light, angle_rad)
     rows = np.flatnonzero(~missed)
     if len(rows):
+        rows = grouped(world, hits, rows)
         seen = direction[rows]
         met = _chosen(hits, rows)
         points = surface_points(world, origin, seen, met, angle_rad)

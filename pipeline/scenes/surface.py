@@ -69,7 +69,7 @@ def surface_points(world: World, origin: Array, direction: Array, hits: Hits, an
         world: what was hit.
         origin: (3,) or (K, 3) where the rays began.
         direction: (K, 3) unit vectors.
-        hits: all of which hit something.
+        hits: all of which hit something; fastest if `grouped`.
         angle_rad: angle between neighbouring samples; times distance it is the footprint of a sample.
     """
     thing, face = hits.thing, hits.face
@@ -87,7 +87,9 @@ def surface_points(world: World, origin: Array, direction: Array, hits: Hits, an
     albedo = np.empty(len(thing), np.float32)
     f0 = _F0[material]
     tangents = world.tangents
-    for code, painter, rows in _groups(world, thing, material):
+    for rows in _runs(_group(world, thing, face)):
+        code = int(material[rows.start])
+        painter = int(world.painter[thing[rows.start], code])
         name = NAMES[code]
         uv, foot = blended[rows, 3:5], footprint[rows]
         tone, slope = _textured(name, uv, foot)
@@ -132,13 +134,28 @@ def _blended(corners: Array, weight: Array) -> Array:
     return corners[:, 0] * weight[:, 0:1] + corners[:, 1] * weight[:, 1:2] + corners[:, 2] * weight[:, 2:3]
 
 
-def _groups(world: World, thing: NDArray[np.int32], material: NDArray[np.int16]) -> list[tuple[int, int, NDArray]]:
-    """Rows that share a material and a painter: (code, painter or -1, row numbers)."""
+def grouped(world: World, hits: Hits, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The rows of hits, those of one material and painter after another (in their own order within).
+
+    Args:
+        world: what was hit.
+        hits: of rays.
+        rows: (R,) of them that hit something.
+    """
+    return rows[np.argsort(_group(world, hits.thing[rows], hits.face[rows]), kind="stable")]
+
+
+def _group(world: World, thing: NDArray[np.int32], face: NDArray[np.int64]) -> NDArray[np.int16]:
+    """(K,) number of the material and painter; the painter is told apart only where there is one."""
+    material = world.material[face]
     painter = world.painter[thing, material]
-    key = np.where(painter >= 0, painter.astype(np.int32) + len(NAMES), material.astype(np.int32))
-    order = np.argsort(key.astype(np.int16) if len(world.painters) < 30_000 else key, kind="stable")
-    cuts = np.flatnonzero(np.diff(key[order])) + 1
-    return [(int(material[rows[0]]), int(painter[rows[0]]), rows) for rows in np.split(order, cuts) if len(rows)]
+    return np.where(painter >= 0, painter + np.int16(len(NAMES)), material)
+
+
+def _runs(group: NDArray[np.int16]) -> list[slice]:
+    """Runs of equal numbers."""
+    cuts = [0, *(np.flatnonzero(np.diff(group)) + 1).tolist(), len(group)]
+    return [slice(begin, end) for begin, end in zip(cuts[:-1], cuts[1:], strict=True)]
 
 
 def _textured(name: str, uv: Array, footprint: Array) -> tuple[Array, Array | None]:

@@ -48,7 +48,7 @@ def test_views_are_in_range_and_repeatable():
     for number in range(20):
         view = images.view(tile, stream(number, "view"), 120)
         assert view.shape == (120, 120) and view.dtype == np.float32
-        assert 0 <= view.min() and view.max() <= 1
+        assert view.min() >= 0 and view.max() <= 1
         assert np.array_equal(view, images.view(tile, stream(number, "view"), 120))
     with pytest.raises(ValueError):
         images.view(tile[:100, :100], stream(0, "view"), 120)

@@ -1,5 +1,6 @@
 """The loop: it learns, resumes to the bit, keeps the best, refuses checkpoints of another training."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -46,10 +47,10 @@ def weights_of(trained):
 
 
 def test_it_learns_and_records():
-    trained = run(replace(SCHEDULE, steps=300))
+    trained = run(replace(SCHEDULE, steps=150))
     assert trained.curve[-1]["error"] < 0.3 * trained.curve[0]["error"]
-    assert [row["step"] for row in trained.curve] == list(range(10, 301, 10))
-    assert trained.best_step == 300
+    assert [row["step"] for row in trained.curve] == list(range(10, 151, 10))
+    assert trained.best_step == 150
 
 
 @pytest.mark.parametrize("optimiser", ["adamw", "adam"])
@@ -117,7 +118,7 @@ def test_the_rate_warms_up_holds_and_falls():
     schedule = Schedule(100, learning_rate=1.0, warm_up=10, hold=0.5, final_share=0.01)
     rates = [schedule.rate(step) for step in range(100)]
     assert rates[0] == pytest.approx(0.1) and rates[10:51] == [1.0] * 41
-    assert all(a > b for a, b in zip(rates[50:], rates[51:], strict=False)) and rates[-1] < 0.02
+    assert all(a > b for a, b in itertools.pairwise(rates)) and rates[-1] < 0.02
     assert Schedule(100, final_share=1.0, warm_up=1).rate(70) == 2e-3
 
 
@@ -136,4 +137,4 @@ def test_initial_weights_are_named_draws(rule):
     initialise(two, 3, "b", rule)
     assert not torch.equal(one[0].weight, two[0].weight)
     bound = 0.5 if rule == "torch" else (6 / 12) ** 0.5
-    assert 0.8 * bound < float(one[0].weight.abs().max()) <= bound
+    assert 0.8 * bound < float(one[0].weight.detach().abs().max()) <= bound
