@@ -11,18 +11,13 @@ from pipeline.config.entry import Run, stage
 if TYPE_CHECKING:
     from pipeline.camera.psf.kernel import Kernel
 
-OUT = "data/psf"
-
 
 @stage("psf_bank", reads=["seed", "camera", "psf"])
 def run(run: Run) -> None:
     """Draw or load the kernels, sample their MTF, write both and a summary."""
-    import numpy as np
-    import pandas as pd
-
-    from pipeline import store, tables
-    from pipeline.camera import mtf
+    from pipeline import store
     from pipeline.camera.paper_kernels import load
+    from pipeline.camera.psf import stored
     from pipeline.camera.psf.bank import bank
 
     psf = run.params.psf
@@ -32,19 +27,9 @@ def run(run: Run) -> None:
     else:
         camera = "physical" if run.params.camera.kind == "physical" else "authors"
         kernels = bank(psf.kinds, psf.sizes_px, psf.angles_deg, run.params.seed, match=psf.match, camera=camera)
-    rows = []
-    for kernel in kernels:
-        sampled = mtf.sample(kernel.psf)
-        for axis, values in zip("HV", sampled, strict=True):
-            for frequency, value in zip(mtf.FREQUENCIES, values, strict=True):
-                name = {"kernel": kernel.name, "kind": kernel.kind, "size_px": kernel.size_px}
-                angle = {"angle_deg": float(kernel.angle_deg), "source": psf.source, "axis": axis}
-                rows.append({**name, **angle, "frequency": float(frequency), "mtf": float(value)})
-    table = tables.KERNELS.conform(pd.DataFrame(rows))
-    with store.replacing_folder(run.outputs / OUT) as folder:
-        store.write_table(folder / "kernels.parquet", table, tables.KERNELS)
-        store.write_arrays(folder / "kernels.npz", **{k.name: k.psf.astype(np.float32) for k in kernels})
-    means = table.groupby(["kind", "size_px"], as_index=False)[["mtf"]].mean().to_dict("records")
+    with store.replacing_folder(run.outputs / "data/psf") as folder:
+        rows = stored.write(folder, kernels, psf.source)
+    means = rows.groupby(["kind", "size_px"], as_index=False)[["mtf"]].mean().to_dict("records")
     store.write_json(
         run.outputs / "reports/metrics/psf.json",
         {"kernels": len(kernels), "mean_mtf": {f"{m['kind']}-{m['size_px']}": m["mtf"] for m in means}},
