@@ -54,7 +54,8 @@ def read(folder: Path) -> list[Kernel]:
     rows = store.read_table(folder / "kernels.parquet", tables.KERNELS).drop_duplicates("kernel")
     if set(arrays) != set(rows["kernel"]):
         raise InputError(f"{folder}: kernels.npz and kernels.parquet name different kernels; run dvc repro psf_bank")
-    return [
-        Kernel(str(row["kernel"]), str(row["kind"]), float(row["size_px"]), float(row["angle_deg"]), arrays[row["kernel"]])
-        for row in rows.to_dict("records")
-    ]
+    found = []
+    for row in rows.to_dict("records"):
+        name, size_px, angle_deg = str(row["kernel"]), float(row["size_px"]), float(row["angle_deg"])
+        found.append(Kernel(name, str(row["kind"]), size_px, angle_deg, arrays[name]))
+    return found
