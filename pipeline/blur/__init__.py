@@ -1,7 +1,7 @@
 """Blur estimators: the MTF of a patch from its content. Source (estimators by name) on top, one per file.
 
-    from pipeline import blur
-    answer = blur.create("pmp", mode="fast", kernel_size=31).estimate(patches)
+from pipeline import blur
+answer = blur.create("pmp", mode="fast", kernel_size=31).estimate(patches)
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ def create(name: str, **options: Any) -> BlurEstimator:
     Raises:
         InputError: unknown name or option.
     """
-    return REGISTRY.create(name, **options)  # type: ignore[no-any-return]
+    made: BlurEstimator = REGISTRY.create(name, **options)
+    return made
 
 
 __all__ = ["REGISTRY", "BlurEstimate", "BlurEstimator", "create"]

@@ -15,11 +15,12 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.mtf import BINS
 from pipeline.errors import InputError
 from pipeline.statistics import inliers
 
 PATCH_PX = 192
-FREQUENCIES = 8
+FREQUENCIES = len(BINS)
 
 FLAT_DN = 1.0  # standard deviation, on the 0..255 scale, under which a patch shows no structure
 SATURATED_FRACTION = 0.5  # of pixels at black or white: more than that and edges are clipped, not blurred

@@ -1,0 +1,93 @@
+"""What the kernel-finding estimators share: options, patches in parallel, abstentions, and the MTF of kernels."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.blur.base import PATCH_PX, BlurEstimate, Estimator
+from pipeline.blur.deconvolution.failure import NoKernel
+from pipeline.camera import mtf
+from pipeline.errors import InputError, did_you_mean
+from pipeline.executor import run_map
+
+Finder = Callable[[NDArray[np.float64]], NDArray]
+
+SMALLEST_KERNEL, LARGEST_KERNEL = 7, 63  # pixels; larger ones leave too little of a patch inside
+
+
+def _double(patch: NDArray[np.float32]) -> NDArray[np.float64]:
+    """The patch in double precision; 8-bit values become exact again.
+
+    Both algorithms branch on thresholds, so that rounding 8-bit values to float32 shows in the kernel.
+    """
+    levels = patch.astype(np.float64) * 255.0
+    whole = np.rint(levels)
+    return (whole if np.abs(levels - whole).max() < 1e-4 else levels) / 255.0
+
+
+def _kernel_or_reason(patch: NDArray[np.float32], find: Finder) -> NDArray | str:
+    try:
+        return find(_double(patch))
+    except NoKernel as error:
+        return str(error)
+
+
+class KernelEstimator(Estimator):
+    """An estimator that finds a blur kernel and answers its MTF.
+
+    Args:
+        mode: "exact" (float64, reproduces the original program) or "fast" (float32, a cheaper schedule).
+        kernel_size: side of the kernel, odd, pixels. The paper's text says 31; its programs use 25.
+        workers: processes that share the patches.
+
+    Raises:
+        InputError: an unknown mode, an even or extreme kernel size, or no worker.
+    """
+
+    modes: tuple[str, ...] = ("exact", "fast")
+
+    def __init__(self, mode: str = "fast", kernel_size: int = 31, workers: int = 1) -> None:
+        if mode not in self.modes:
+            raise InputError(f"mode={mode!r}: {did_you_mean(str(mode), self.modes)}")
+        if not isinstance(kernel_size, int) or kernel_size % 2 == 0:
+            raise InputError(f"kernel_size={kernel_size!r}: expected an odd whole number of pixels, e.g. 31")
+        if not SMALLEST_KERNEL <= kernel_size <= LARGEST_KERNEL:
+            raise InputError(f"kernel_size={kernel_size}: expected {SMALLEST_KERNEL} to {LARGEST_KERNEL} pixels")
+        if not isinstance(workers, int) or workers < 1:
+            raise InputError(f"workers={workers!r}: expected a whole number of at least 1")
+        self.mode, self.kernel_size, self.workers = mode, kernel_size, workers
+
+    @abstractmethod
+    def finder(self) -> Finder:
+        """A picklable function from a (h, w) float64 image in [0, 1] to its kernel; it may raise `NoKernel`."""
+
+    def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
+        """See `Estimator.measure`; one kernel per patch that is not abstained from."""
+        count, size = len(patches), self.kernel_size
+        kernels = np.full((count, size, size), np.nan, np.float64 if self.mode == "exact" else np.float32)
+        answer = np.full((count, *mtf.sample(np.ones((1, 1))).shape), np.nan)
+        reasons: list[str] = [str(why) for why in reason]
+        usable = [index for index, why in enumerate(reasons) if not why]
+        found = run_map(
+            partial(_kernel_or_reason, find=self.finder()),
+            [patches[index].reshape(PATCH_PX, PATCH_PX) for index in usable],
+            workers=self.workers,
+            label="blur kernels",
+        )
+        for index, kernel in zip(usable, found, strict=True):
+            if isinstance(kernel, str):
+                reasons[index] = kernel
+            else:
+                kernels[index] = kernel
+                answer[index] = np.clip(mtf.sample(kernel), 0.0, 1.0)
+        return BlurEstimate(
+            mtf=answer,
+            abstained=np.array([bool(why) for why in reasons], dtype=bool),
+            reason=np.array(reasons, dtype=np.str_),
+            kernel=kernels,
+        )

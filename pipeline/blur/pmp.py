@@ -8,7 +8,7 @@ turn, five times per level of a coarse-to-fine pyramid.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from pipeline.blur.deconvolution.boundary import fast_length, smooth_wrap
 from pipeline.blur.deconvolution.failure import NoKernel
 from pipeline.blur.deconvolution.minimal_pixels import Schedule, latent_image
 from pipeline.blur.deconvolution.resample import fit, gaussian_reduce, resize
-#from pipeline.blur.kernel_estimator import KernelEstimator
+from pipeline.blur.kernel_estimator import Finder, KernelEstimator
 
 MINIMA_WEIGHT = 0.1  # lambda
 GRADIENT_WEIGHT = 4e-3  # mu
@@ -90,4 +90,12 @@ def find_kernel(image: NDArray[np.float64], kernel_size: int, schedule: Schedule
             minima_weight = max(minima_weight / WEIGHT_DECAY, LEAST_MINIMA_WEIGHT)
             gradient_weight = max(gradient_weight / WEIGHT_DECAY, LEAST_GRADIENT_WEIGHT)
         kernel = support.centre_mass(kernel)
+    assert kernel is not None
     return support.drop_weak(kernel)
+
+
+class PatchwiseMinimalPixels(KernelEstimator):
+    """The patch-wise minimal pixels prior as a blur estimator; see `KernelEstimator` for options."""
+
+    def finder(self) -> Finder:
+        return partial(find_kernel, kernel_size=self.kernel_size, schedule=SCHEDULES[self.mode])

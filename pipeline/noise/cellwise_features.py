@@ -30,6 +30,9 @@ CHANNELS = 45
 POWERS = 34
 """How many of them, the first, are logarithms of power."""
 
+MEAN = 38
+"""Which of them is the cell's mean, as DN / 128 - 1."""
+
 _POWER_FLOOR = 0.02  # DN squared, under the 1/12 of rounding
 _ROOT_HALF_PI = math.sqrt(math.pi / 2)  # standard deviation over mean modulus of a normal distribution
 
@@ -62,7 +65,7 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     white, black = (_mean(clipped.float(), CELL_PX) for clipped in (image >= 254.5, image <= 0.5))
     base = torch.minimum(power[:, :1].sqrt(), modulus[:, :1])
     powers = [power, half_power, quarter_power, _extreme(quarters, 2, -1), _extreme(quarters, 2, 1), modulus**2]
-    powers += [functional.conv2d(cosine, _bands()), cosine.sum(1, keepdim=True) / CELL_PX**2]
+    powers += [functional.conv2d(cosine, _bands()), cosine[:, 1:].sum(1, keepdim=True) / CELL_PX**2]
     logs = log_power(torch.cat(powers, 1))
     room = (torch.cat([255 - mean, 255 - lowest, mean, highest], 1) + 0.5).log() * 0.5 - 1
     levels = torch.cat([mean, lowest, highest], 1) / 128 - 1

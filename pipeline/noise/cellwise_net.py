@@ -1,13 +1,17 @@
 """The cell-wise network: statistics of cells to a map of the noise, and from the map to the patch.
 
-    sigma_cell  = (base + 0.5) exp(c)               c: the network's correction, base: Immerkaer's estimate
-    sigma_patch = sqrt(sum_cells w sigma_cell^2)    w: its weights, positive, of unit sum
-    ln(1 + sigma) is Laplace distributed about ln(1 + sigma_patch) with scale b, which the network gives as well
+    reference^2 = sum_cells w (base + 0.5)^2            I' = sum_cells w I
+    sigma_cell^2 = reference^2 ((1 - f) + f I / I') exp(2 s + 2 c)
+    sigma_patch^2 = mean_cells sigma_cell^2
+    ln(1 + sigma) is Laplace distributed about ln(1 + sigma_patch) with scale b
 
-Each cell sees its neighbours (two 3 x 3 layers) and summaries of the whole patch: attention heads average the cells'
-features with weights of their own, so that a wall full of texture can be judged by what a smooth piece of sky shows.
-They average the cells' *powers* as well: the spectrum of many cells together is known to a per cent, which is what it
-takes to tell a texture's fall from the level floor of noise. About 68 000 parameters; any number of cells.
+w are attention weights, which find the cells that show the noise best; base is Immerkaer's estimate there. A sensor's
+variance is affine in its signal I: f is the photons' share, with which what smooth dark cells show is carried over to
+bright and textured ones. s (of the patch) and c (of the cell) are the network's corrections, and it gives b as well.
+
+Each cell sees its neighbours (two 3 x 3 layers) and a summary of the whole patch: attention heads average the cells'
+features, and their *powers* as well: the spectrum of many cells together is known to a per cent, which is what it takes
+to tell a texture's fall from the level floor of noise. About 67 000 parameters; any number of cells.
 """
 
 from __future__ import annotations
@@ -16,13 +20,15 @@ import torch
 import torch.nn.functional as functional
 from torch import nn
 
-from pipeline.noise.cellwise_features import CHANNELS, POWERS, log_power, power
+from pipeline.noise.cellwise_features import CHANNELS, MEAN, POWERS, log_power, power
 
 ARCHITECTURE = "sigma-cellwise-1"
 WIDTH = 40
 HEADS = 4
 BASE_OFFSET_DN = 0.5
-CORRECTION = (-8.0, 5.0)  # range of c
+LIGHT_FLOOR = 0.005  # of the signal where it is black, as a share of mid grey
+PATCH_CORRECTION = (-8.0, 5.0)  # range of s
+CELL_CORRECTION = (-4.0, 4.0)  # range of c
 SMALLEST_SCALE = 0.003
 SCALE_START = -3.0  # of softplus: a scale of about 0.05 to begin with
 
@@ -41,7 +47,8 @@ class CellwiseNet(nn.Module):
         self.context = nn.Linear(WIDTH, WIDTH)
         self.join = nn.Conv2d(WIDTH, WIDTH, 3, padding=1)
         self.mix = nn.Conv2d(WIDTH, WIDTH, 1)
-        self.cell = nn.Conv2d(WIDTH, 2, 1)
+        self.cell = nn.Conv2d(WIDTH, 1, 1)
+        self.patch = nn.Linear(WIDTH, 2)
         self.spread = nn.Linear(3 * WIDTH, 1)
 
     def forward(
@@ -59,18 +66,28 @@ class CellwiseNet(nn.Module):
         seen = functional.relu(self.near(functional.relu(self.enter(statistics))))
         cells = seen.flatten(2)
         shares = torch.softmax(self.attention(seen).flatten(2), dim=2)
+        first = shares[:, 0]
         shares = torch.cat([shares, torch.full_like(shares[:, :1], 1 / shares.shape[2])], dim=1)
         spectra = log_power(shares @ power(statistics.flatten(2)).mT)
         summary = self.summary(torch.cat([(shares @ cells.mT).flatten(1), spectra.flatten(1)], dim=1))
         joined = functional.relu(self.join(seen) + self.context(summary)[:, :, None, None])
         mixed = functional.relu(self.mix(joined))
-        correction, score = self.cell(mixed).unbind(1)
-        map_dn = (base_dn + BASE_OFFSET_DN) * torch.exp(correction.clamp(*CORRECTION))
-        weights = torch.softmax(score.flatten(1), dim=1)
-        sigma_dn = ((weights * map_dn.flatten(1).square()).sum(1) + 1e-8).sqrt()
+        level, photons = self.patch(summary).unbind(1)
+        map_dn = self._carried(first, statistics[:, MEAN], base_dn, torch.sigmoid(photons))
+        correction = self.cell(mixed)[:, 0].clamp(*CELL_CORRECTION)
+        map_dn = map_dn * torch.exp(correction + level.clamp(*PATCH_CORRECTION)[:, None, None])
+        sigma_dn = (map_dn.square().mean((1, 2)) + 1e-8).sqrt()
         far = mixed.flatten(2)
         spread = self.spread(torch.cat([summary, far.mean(2), far.amax(2)], dim=1))[:, 0]
         return sigma_dn, functional.softplus(spread + SCALE_START) + SMALLEST_SCALE, map_dn
+
+    @staticmethod
+    def _carried(weights: torch.Tensor, mean: torch.Tensor, base_dn: torch.Tensor, share: torch.Tensor) -> torch.Tensor:
+        """The noise of the cells attended to, carried over to all by brightness: (N, h, w) DN."""
+        light = (mean + 1).flatten(1) + LIGHT_FLOOR
+        reference = (weights * (base_dn.flatten(1) + BASE_OFFSET_DN).square()).sum(1, keepdim=True)
+        relative = light / (weights * light).sum(1, keepdim=True)
+        return (reference * (1 + share[:, None] * (relative - 1))).sqrt().view_as(base_dn)
 
 
 def loss(

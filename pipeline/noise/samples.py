@@ -56,7 +56,7 @@ class Recipe:
     sigma_dn: tuple[float, float] = (0.0, 42.0)
     clean_share: float = 0.18
     low_share: float = 0.22
-    texture_share: float = 0.5
+    texture_share: float = 0.65
     blurred_noise_share: float = 0.15
     interpolated_share: float = 0.12
     compressed_share: float = 0.15
@@ -150,7 +150,7 @@ def noisy(clean: Plane, recipe: Recipe, generator: np.random.Generator) -> tuple
 
 def _source(generator: np.random.Generator, sources: str) -> tuple[float, float, float]:
     """Natural variances of photon noise at white, dark current and readout, as shares of the full well: p, d, r."""
-    kind = generator.integers(5) if sources == "any" else 4
+    kind = generator.integers(7) if sources == "any" else 4
     if kind <= 1:
         return 1.0, 0.0, 0.0
     if kind == 2:
@@ -164,7 +164,14 @@ def _source(generator: np.random.Generator, sources: str) -> tuple[float, float,
 
 def _textured(image: Plane, generator: np.random.Generator) -> Plane:
     """Fine texture over all, over some materials (ranges of grey), or in patches."""
-    field = power_law(generator, len(image), generator.uniform(0.6, 2.0))
+    import cv2
+
+    size = len(image)
+    field = power_law(generator, size, generator.uniform(0.6, 2.0))
+    if generator.random() < 0.3:  # grain of wood, grass, streaks
+        long = int(size * generator.uniform(1.2, 5))
+        sides = (long, size) if generator.random() < 0.5 else (size, long)
+        field = np.asarray(cv2.resize(field, sides, interpolation=cv2.INTER_LINEAR)[:size, :size], dtype=np.float32)
     if generator.random() < 0.3:
         field = np.maximum(field, np.float32(generator.uniform(-0.5, 0.5))) * np.float32(1.5)
     strength = np.full_like(image, np.exp(generator.uniform(np.log(3), np.log(60))))
@@ -173,7 +180,7 @@ def _textured(image: Plane, generator: np.random.Generator) -> Plane:
         levels = generator.uniform(0, 1.5, 8).astype(np.float32)
         strength = strength * levels[np.minimum(image // 32, 7).astype(int)]
     elif where == 2:
-        strength = strength * np.clip(smooth_field(generator, len(image), 1.5) * 2 + generator.uniform(-1, 1), 0, 1.5)
+        strength = strength * np.clip(smooth_field(generator, size, 1.5) * 2 + generator.uniform(-1, 1), 0, 1.5)
     if generator.random() < 0.4:  # as of a surface, in proportion to its light
         strength = strength * image / np.float32(128)
     return (image + field * strength).astype(np.float32)
@@ -197,8 +204,8 @@ def _exposed(image: Plane, generator: np.random.Generator) -> Plane:
     mean = image.mean()
     if kind < 0.2:
         image = (image - mean) * np.float32(np.exp(-generator.uniform(0, 4))) + mean
-    elif kind < 0.42:
-        image = image + np.float32(255 * generator.uniform(0, 0.9))
+    elif kind < 0.44:
+        image = image + np.float32(255 * generator.uniform(0, 0.95))
     elif kind < 0.55:
         image = (image - np.float32(generator.uniform(0, 100))) * np.float32(np.exp(generator.uniform(-2.5, 0)))
     return np.clip(image, 0, 255)

@@ -6,7 +6,7 @@ from the pixel's centre. Its transfer function is known exactly::
 
     H(f) = sum_k w_k cos(2 pi f x_k)  ~  exp(-2 pi^2 sigma^2 f^2) * sin(pi f) / (N sin(pi f / N))
 
-(lens times comb of N samples; equal to about 1e-5 for N >= 2 and sigma = 0.44 px). N samples are *not* the box
+(lens times comb of N samples; to 2e-4 for N = 2 and 1e-5 for N >= 3 at sigma = 0.44 px). N samples are *not* the box
 filter of an ideal pixel, sin(pi f) / (pi f), which they approach for large N only.
 """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,7 +156,7 @@ def _group(world: World, thing: NDArray[np.int32], face: NDArray[np.int64]) -> N
 def _runs(group: NDArray[np.int16]) -> list[slice]:
     """Runs of equal numbers."""
     cuts = [0, *(np.flatnonzero(np.diff(group)) + 1).tolist(), len(group)]
-    return [slice(begin, end) for begin, end in zip(cuts[:-1], cuts[1:], strict=True)]
+    return [slice(begin, end) for begin, end in pairwise(cuts)]
 
 
 def _textured(name: str, uv: Array, footprint: Array) -> tuple[Array, Array | None]:

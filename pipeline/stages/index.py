@@ -6,7 +6,7 @@ import hashlib
 
 from pipeline.config.entry import Run, stage
 
-READS = ["datasets.{dataset}", "noise.tile_px", "blur", "report.example_frames"]
+READS = ["datasets.{dataset}", "noise.tile_px", "blur.patch_px", "report.example_frames"]
 
 
 @stage("index", reads=READS, job=["dataset"])

@@ -118,7 +118,7 @@ def test_the_rate_warms_up_holds_and_falls():
     schedule = Schedule(100, learning_rate=1.0, warm_up=10, hold=0.5, final_share=0.01)
     rates = [schedule.rate(step) for step in range(100)]
     assert rates[0] == pytest.approx(0.1) and rates[10:51] == [1.0] * 41
-    assert all(a > b for a, b in itertools.pairwise(rates)) and rates[-1] < 0.02
+    assert all(a > b for a, b in itertools.pairwise(rates[50:])) and rates[-1] < 0.02
     assert Schedule(100, final_share=1.0, warm_up=1).rate(70) == 2e-3
 
 

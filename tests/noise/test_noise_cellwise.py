@@ -93,7 +93,7 @@ def test_the_network_takes_any_number_of_cells(cells: tuple[int, int]) -> None:
     assert (found > 0).all()
     assert (scale > 0).all()
     least, most = found.flatten(1).amin(1), found.flatten(1).amax(1)
-    assert ((sigma >= least * 0.999) & (sigma <= most * 1.001)).all()  # a weighted mean of the cells
+    assert ((sigma >= least * 0.999) & (sigma <= most * 1.001)).all()  # a mean of the cells
 
 
 # --- what the released weights can do -------------------------------------------------------------------------------

@@ -128,7 +128,7 @@ def test_a_painter_replaces_albedo_and_sees_object_coordinates():
     seen = {}
 
     def paint(surface):
-        seen.update(local=surface.local, normal=surface.normal, view=surface.view)
+        seen.update(local=surface.local.copy(), normal=surface.normal.copy(), view=surface.view.copy())
         return np.full(len(surface.local), 0.5, np.float32), np.zeros(len(surface.local), np.float32)
 
     thing = SceneObject(slab(2.0, 0.0, "brick").mesh, paint={"brick": paint})

@@ -67,8 +67,8 @@ class Blocks:
         size = self.size
         self.padded[:height, :width] = image
         # one row per block, pixels down columns
-        blocks = self.padded.reshape(self.rows, size, self.columns, size).transpose(0, 2, 3, 1)
-        blocks = blocks.reshape(self.rows * self.columns, size * size)
+        split = self.padded.reshape(self.rows, size, self.columns, size).transpose(0, 2, 3, 1)
+        blocks = split.reshape(self.rows * self.columns, size * size)
         where = blocks.argmin(axis=1)
         minima = blocks[np.arange(len(blocks)), where]
         if hard:
@@ -82,7 +82,13 @@ class Blocks:
 
 
 def latent_image(
-    wrapped: NDArray, kernel: NDArray, minima_weight: float, gradient_weight: float, block: int, hard: bool, schedule: Schedule
+    wrapped: NDArray,
+    kernel: NDArray,
+    minima_weight: float,
+    gradient_weight: float,
+    block: int,
+    hard: bool,
+    schedule: Schedule,
 ) -> NDArray:
     """The sharp image, given the blurred one and the kernel.
 

@@ -40,7 +40,8 @@ def resize_matrix(before: int, after: int, scale: float, method: str) -> NDArray
     Output sample i lies at u = (i + 1/2) / scale - 1/2 of the input; weights are normalised per sample.
 
     Args:
-        before, after: lengths.
+        before: input length.
+        after: output length.
         scale: output pixels per input pixel (its own argument, since ``after`` is rounded).
         method: "cubic" or "linear".
 
@@ -109,8 +110,8 @@ def gaussian_reduce(image: NDArray[np.float64], ratio: float) -> NDArray[np.floa
 def fit(kernel: NDArray, size: int) -> NDArray:
     """Trim or pad a kernel to size x size, a row and a column at a time.
 
-    Trimming drops the border row (column) with the smaller sum; padding adds zeros beside the border with the
-    smaller sum... of the opposite side, so that the mass stays in the middle.
+    Trimming drops the border row (column) with the smaller sum, the last one of equals. Padding adds a row of
+    zeros at the end where the first row is the lighter one, else at the start.
 
     Args:
         kernel: (h, w) non-negative.

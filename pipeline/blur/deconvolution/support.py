@@ -62,14 +62,14 @@ def centre_mass(kernel: NDArray) -> NDArray:
 
 
 def centre_box(kernel: NDArray, fraction: float = 0.1) -> NDArray:
-    """Move the box of rows and columns that matter to the middle.
+    """Move the box of rows and columns that matter to the middle; unit sum.
 
-    A row (column) matters when its sum exceeds ``fraction`` of the kernel's largest **value**.
+    A row (column) matters when its sum exceeds ``fraction`` of the kernel's largest **value**. A box whose middle
+    falls between two pixels comes to lie half a pixel down (right).
     """
     shifts = []
     for axis in (1, 0):
         sums = kernel.sum(axis=axis)
         found = np.flatnonzero(sums > fraction * kernel.max())
-        middle = (found[0] + found[-1]) / 2 if len(found) else (len(sums) - 1) / 2
-        shifts.append(_round_half_away((len(sums) - 1) / 2 - middle))
-    return shifted(kernel, *shifts)
+        shifts.append((len(sums) - 1) // 2 - int(found[0] + found[-1]) // 2)
+    return normalise(shifted(kernel, *shifts))
