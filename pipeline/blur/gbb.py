@@ -30,7 +30,7 @@ REFINED_LEVELS = 2  # the finest ones, where kernels are made sparse and centred
 
 SOLVERS = {
     "exact": Solver(),
-    "fast": Solver(periodic=True, steps=10, warm=True, dtype=np.float32),
+    "fast": Solver(periodic=True, steps=3, dtype=np.float32),
 }
 
 
@@ -60,13 +60,13 @@ def find_kernel(image: NDArray[np.float64], kernel_size: int, solver: Solver) ->
         NoKernel: the image has no gradients, or the kernel vanished.
     """
     pyramid = levels(kernel_size, (image.shape[0], image.shape[1]))
-    images = [denoise(image)]
+    images = [denoise(image.astype(solver.dtype))]
     for _, shape in pyramid[1:]:
         images.append(resize(images[-1], shape, "linear"))
     kernel: NDArray | None = None
     for level in reversed(range(len(pyramid))):
         size = pyramid[level][0]
-        blurred = images[level].astype(solver.dtype)
+        blurred = images[level]
         if kernel is None:
             kernel = np.zeros((size, size), solver.dtype)
             kernel[size // 2, size // 2] = 1

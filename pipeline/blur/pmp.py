@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.blur.deconvolution import kernel_update, salient, support
-from pipeline.blur.deconvolution.boundary import fast_length, smooth_wrap
+from pipeline.blur.deconvolution.boundary import smooth_wrap
 from pipeline.blur.deconvolution.failure import NoKernel
 from pipeline.blur.deconvolution.minimal_pixels import Schedule, latent_image
 from pipeline.blur.deconvolution.resample import fit, gaussian_reduce, resize
@@ -32,7 +32,7 @@ RATIO = math.sqrt(0.5)
 
 SCHEDULES = {
     "exact": Schedule(),
-    "fast": Schedule(inner=1, last_penalty=1e3, dtype=np.float32),
+    "fast": Schedule(inner=1, last_penalty=1e3, aligned=True, dtype=np.float32),
 }
 
 
@@ -75,8 +75,8 @@ def find_kernel(image: NDArray[np.float64], kernel_size: int, schedule: Schedule
             grown = resize(kernel, (side, side), "cubic", scale=1 / RATIO)
             kernel = support.normalise(fit(np.maximum(grown, 0), size))
         height, width = reduced.shape
-        wrapped = smooth_wrap(reduced, (fast_length(height + size - 1), fast_length(width + size - 1)))
-        wrapped = wrapped.astype(schedule.dtype)
+        room = [schedule.length(side + size - 1, block) for side in (height, width)]
+        wrapped = smooth_wrap(reduced, (room[0], room[1])).astype(schedule.dtype)
         observed = salient.gradients(wrapped[:height, :width])
         threshold = first_threshold
         hard = level + 1 < len(pyramid) / 2

@@ -11,16 +11,12 @@ rolled camera must be turned upright first.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.blur.base import BlurEstimate, Estimator
 from pipeline.errors import InputError
-
-if TYPE_CHECKING:
-    import torch
 
 RELEASED = Path(__file__).resolve().parents[2] / "data/weights/mtf_spectral.safetensors"
 INTERVAL = 3.0  # of a Laplace distribution, ln 20 scales hold 95 %; weight files carry their measured factor
@@ -87,9 +83,9 @@ class Spectral(Estimator):
                 # To whole numbers: the network knows 8-bit images, whose rounding has a power of its own.
                 image = torch.from_numpy(np.rint(patches[part, 0] * 255)).to(self.device)
                 maps, vector = features(image)
-                found: list[torch.Tensor] = list(self.network(maps, vector)[:3])
+                ways = 2 if self.mirrored else 1
                 if self.mirrored:
-                    other = self.network(mirrored(maps), vector)[:3]
-                    found = [0.5 * (one + two) for one, two in zip(found, other, strict=True)]
+                    maps, vector = torch.cat([maps, mirrored(maps)]), torch.cat([vector, vector])
+                found = [value.unflatten(0, (ways, -1)).mean(0) for value in self.network(maps, vector)[:3]]
                 mtf[part], scale[part], sigma_dn[part] = (value.cpu().numpy() for value in found)
         return mtf, scale, sigma_dn

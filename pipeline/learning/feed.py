@@ -141,5 +141,13 @@ def _produce(make: Maker, first: int, step: int, out: Any) -> None:
         except Exception:
             out.put(traceback.format_exc())
             raise
-        out.put(made)
+        while True:
+            try:
+                out.put(made, timeout=WAIT_S)
+                break
+            except queue.Full:
+                trainer = multiprocessing.parent_process()
+                if trainer is None or not trainer.is_alive():  # killed: nobody would ever stop this process
+                    out.cancel_join_thread()
+                    return
         number += step

@@ -1,17 +1,20 @@
 """The cell-wise network: statistics of cells to a map of the noise, and from the map to the patch.
 
-    reference^2 = sum_cells w (base + 0.5)^2            I' = sum_cells w I
-    sigma_cell^2 = reference^2 ((1 - f) + f I / I') exp(2 s + 2 c)
+    reference^2 = sum_cells w own^2                    own = base + 0.5,   I' = sum_cells w I
+    carried^2 = reference^2 ((1 - f) + f I / I') exp(2 s)
+    ln sigma_cell = g ln own + (1 - g) ln carried + c
     sigma_patch^2 = mean_cells sigma_cell^2
     ln(1 + sigma) is Laplace distributed about ln(1 + sigma_patch) with scale b
 
-w are attention weights, which find the cells that show the noise best; base is Immerkaer's estimate there. A sensor's
-variance is affine in its signal I: f is the photons' share, with which what smooth dark cells show is carried over to
-bright and textured ones. s (of the patch) and c (of the cell) are the network's corrections, and it gives b as well.
+base is Immerkaer's estimate in a cell; w are attention weights, which find the cells that show the noise best. A
+sensor's variance is affine in its signal I: f is the photons' share, with which what smooth dark cells show is carried
+over to bright and textured ones. The gate g says how far a cell's own estimate is trusted; s (of the patch) and c (of
+the cell) are corrections. All of these, and b, come from the network.
 
 Each cell sees its neighbours (two 3 x 3 layers) and a summary of the whole patch: attention heads average the cells'
 features, and their *powers* as well: the spectrum of many cells together is known to a per cent, which is what it takes
-to tell a texture's fall from the level floor of noise. About 67 000 parameters; any number of cells.
+to tell a texture's fall from the level floor of noise; two heads show how the noise goes with brightness. About 70 000
+parameters; any number of cells.
 """
 
 from __future__ import annotations
@@ -27,6 +30,10 @@ WIDTH = 40
 HEADS = 4
 BASE_OFFSET_DN = 0.5
 LIGHT_FLOOR = 0.005  # of the signal where it is black, as a share of mid grey
+TRACED = 2  # heads
+LEVELS = (0.02, 0.15, 0.4, 0.7, 1.0, 1.3, 1.6, 1.97)  # of brightness, mid grey = 1
+LEVEL_REACH = 0.3
+TRACE_FLOOR = 1e-4
 PATCH_CORRECTION = (-8.0, 5.0)  # range of s
 CELL_CORRECTION = (-4.0, 4.0)  # range of c
 SMALLEST_SCALE = 0.003
@@ -42,12 +49,15 @@ class CellwiseNet(nn.Module):
         self.near = nn.Conv2d(WIDTH, WIDTH, 3, padding=1)
         self.attention = nn.Conv2d(WIDTH, HEADS, 1)
         self.summary = nn.Sequential(
-            nn.Linear((WIDTH + POWERS) * (HEADS + 1), 2 * WIDTH), nn.ReLU(), nn.Linear(2 * WIDTH, WIDTH), nn.ReLU()
+            nn.Linear((WIDTH + POWERS) * (HEADS + 1) + 2 * TRACED * len(LEVELS), 2 * WIDTH),
+            nn.ReLU(),
+            nn.Linear(2 * WIDTH, WIDTH),
+            nn.ReLU(),
         )
         self.context = nn.Linear(WIDTH, WIDTH)
         self.join = nn.Conv2d(WIDTH, WIDTH, 3, padding=1)
         self.mix = nn.Conv2d(WIDTH, WIDTH, 1)
-        self.cell = nn.Conv2d(WIDTH, 1, 1)
+        self.cell = nn.Conv2d(WIDTH, 2, 1)
         self.patch = nn.Linear(WIDTH, 2)
         self.spread = nn.Linear(3 * WIDTH, 1)
 
@@ -66,28 +76,43 @@ class CellwiseNet(nn.Module):
         seen = functional.relu(self.near(functional.relu(self.enter(statistics))))
         cells = seen.flatten(2)
         shares = torch.softmax(self.attention(seen).flatten(2), dim=2)
+        own = (base_dn + BASE_OFFSET_DN).flatten(1)
+        light = statistics[:, MEAN].flatten(1) + 1
+        traces = self._traces(shares[:, :TRACED], light, own)
         first = shares[:, 0]
         shares = torch.cat([shares, torch.full_like(shares[:, :1], 1 / shares.shape[2])], dim=1)
         spectra = log_power(shares @ power(statistics.flatten(2)).mT)
-        summary = self.summary(torch.cat([(shares @ cells.mT).flatten(1), spectra.flatten(1)], dim=1))
+        summary = self.summary(torch.cat([(shares @ cells.mT).flatten(1), spectra.flatten(1), traces], dim=1))
         joined = functional.relu(self.join(seen) + self.context(summary)[:, :, None, None])
         mixed = functional.relu(self.mix(joined))
         level, photons = self.patch(summary).unbind(1)
-        map_dn = self._carried(first, statistics[:, MEAN], base_dn, torch.sigmoid(photons))
-        correction = self.cell(mixed)[:, 0].clamp(*CELL_CORRECTION)
-        map_dn = map_dn * torch.exp(correction + level.clamp(*PATCH_CORRECTION)[:, None, None])
+        carried = self._carried(first, light, own, torch.sigmoid(photons)).log()
+        carried = carried + level.clamp(*PATCH_CORRECTION)[:, None]
+        gate, correction = self.cell(mixed).flatten(2).unbind(1)
+        blend = torch.lerp(carried, own.log(), torch.sigmoid(gate)) + correction.clamp(*CELL_CORRECTION)
+        map_dn = blend.exp().view_as(base_dn)
         sigma_dn = (map_dn.square().mean((1, 2)) + 1e-8).sqrt()
         far = mixed.flatten(2)
         spread = self.spread(torch.cat([summary, far.mean(2), far.amax(2)], dim=1))[:, 0]
         return sigma_dn, functional.softplus(spread + SCALE_START) + SMALLEST_SCALE, map_dn
 
     @staticmethod
-    def _carried(weights: torch.Tensor, mean: torch.Tensor, base_dn: torch.Tensor, share: torch.Tensor) -> torch.Tensor:
-        """The noise of the cells attended to, carried over to all by brightness: (N, h, w) DN."""
-        light = (mean + 1).flatten(1) + LIGHT_FLOOR
-        reference = (weights * (base_dn.flatten(1) + BASE_OFFSET_DN).square()).sum(1, keepdim=True)
+    def _carried(weights: torch.Tensor, light: torch.Tensor, own: torch.Tensor, share: torch.Tensor) -> torch.Tensor:
+        """The noise of the cells attended to, carried over to all (N, cells) by brightness, DN."""
+        light = light + LIGHT_FLOOR
+        reference = (weights * own.square()).sum(1, keepdim=True)
         relative = light / (weights * light).sum(1, keepdim=True)
-        return (reference * (1 + share[:, None] * (relative - 1))).sqrt().view_as(base_dn)
+        return (reference * (1 + share[:, None] * (relative - 1))).sqrt()
+
+    @staticmethod
+    def _traces(weights: torch.Tensor, light: torch.Tensor, own: torch.Tensor) -> torch.Tensor:
+        """Noise by brightness, as the traced heads see it: ln sigma and ln weight at each level, (N, 4 levels)."""
+        levels = torch.tensor(LEVELS, device=light.device)
+        near = (1 - (light[:, None] - levels[:, None]).abs() / LEVEL_REACH).clamp_min(0)
+        mass = weights @ near.mT
+        power = weights @ (near * own.square()[:, None]).mT
+        known = mass + TRACE_FLOOR
+        return torch.cat([0.5 * ((power + TRACE_FLOOR) / known).log() - 1, 0.2 * known.log() + 1], dim=1).flatten(1)
 
 
 def loss(

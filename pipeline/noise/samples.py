@@ -199,16 +199,34 @@ def _interpolated(image: Plane, generator: np.random.Generator) -> Plane:
 
 
 def _exposed(image: Plane, generator: np.random.Generator) -> Plane:
-    """Now and then of little contrast, or so bright or dark that a part of it or all is clipped; DN."""
+    """Of much contrast, of little, or so bright or dark that a part of it or all is clipped; DN.
+
+    Outdoor frames span the whole range within a patch, from shadow to sky; how noise goes with brightness shows there.
+    """
+    if generator.random() < 0.35:
+        image = image * _light(len(image), generator)
     kind = generator.random()
-    mean = image.mean()
-    if kind < 0.2:
+    if kind < 0.35:
+        low, high = np.percentile(image, (generator.uniform(0, 25), generator.uniform(75, 100)))
+        stretch = generator.uniform(150, 330) / max(high - low, 16)
+        image = (image - np.float32(low)) * np.float32(stretch) + np.float32(generator.uniform(-15, 40))
+    elif kind < 0.5:
+        mean = image.mean()
         image = (image - mean) * np.float32(np.exp(-generator.uniform(0, 4))) + mean
-    elif kind < 0.44:
+    elif kind < 0.7:
         image = image + np.float32(255 * generator.uniform(0, 0.95))
-    elif kind < 0.55:
+    elif kind < 0.8:
         image = (image - np.float32(generator.uniform(0, 100))) * np.float32(np.exp(generator.uniform(-2.5, 0)))
     return np.clip(image, 0, 255)
+
+
+def _light(size_px: int, generator: np.random.Generator) -> Plane:
+    """Sun and shadow: a factor per pixel, (size, size), with edges from hard to very soft."""
+    field = smooth_field(generator, size_px, generator.uniform(1.2, 2.2)) + np.float32(generator.uniform(-1, 1))
+    sharpness = np.float32(np.exp(generator.uniform(0, np.log(30))))
+    shadow = np.float32(np.exp(generator.uniform(np.log(0.08), np.log(0.7))))
+    share = 1 / (1 + np.exp(-sharpness * field))
+    return np.asarray(shadow + (1 - shadow) * share, dtype=np.float32)
 
 
 def _sharpness(image: Plane, generator: np.random.Generator) -> Plane:

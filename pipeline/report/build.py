@@ -9,7 +9,7 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow, Score, score, summary_table, to_table
 from pipeline.report.ledger_items import ITEMS, all_rows
 from pipeline.report.provenance import Provenance
-from pipeline.report.sections import datasets, formation, noise, optics, published, runtime
+from pipeline.report.sections import blur, datasets, formation, noise, optics, published, runtime
 from pipeline.report.sections.base import Section, ShownFigure
 from pipeline.report.tables import Table
 from pipeline.store import replacing_folder, write_text
@@ -23,7 +23,7 @@ def _sections(inputs: ReportInputs, rows: list[LedgerRow]) -> list[Section]:
         datasets.section(inputs),
         formation.section(inputs),
         optics.section(inputs),
-        *(published.section(chapter, rows, inputs) for chapter in published.BEFORE_NOISE),
+        blur.section(inputs),
         noise.section(inputs),
         *(published.section(chapter, rows, inputs) for chapter in published.AFTER_NOISE),
         runtime.section(inputs),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
-SUMMARY_SUFFIX = "summary.parquet"
 NO_STAGE = "(no stage of this version makes it)"
 
 
@@ -35,6 +34,10 @@ class ReportInputs:
         noise: folder whose sub-folders hold ``summary.parquet`` and ``estimates.parquet``; one per dataset
             and estimator.
         noise_members: names of those sub-folders that belong to this run; None takes all.
+        blur: folder whose sub-folders ``<dataset>-<estimator>`` hold ``estimates.parquet`` and ``summary.parquet``
+            (`pipeline.blur.evaluation`) and, for estimators that find kernels, ``gallery.npz`` and ``gallery.json``
+            (`pipeline.blur.gallery`).
+        blur_members: names of those sub-folders that belong to this run; None takes all.
         star: folder with ``star.npz`` (``image``, (H, W)) and ``star.json`` (``frequency`` in fractions of Nyquist,
             ``measured``, ``formula``).
         sensor: folder with ``formation.json`` (constants and moments of image formation, quantity -> number) and
@@ -55,6 +58,8 @@ class ReportInputs:
     corrupt: Mapping[str, Path] = field(default_factory=dict)
     noise: Path | None = None
     noise_members: frozenset[str] | None = None
+    blur: Path | None = None
+    blur_members: frozenset[str] | None = None
     star: Path | None = None
     sensor: Path | None = None
     results: Mapping[str, Path] = field(default_factory=dict)
@@ -128,26 +133,50 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(name): cell for name, cell in row.items()} for row in table.to_dict("records")]
 
 
+def members(folder: Path | None, chosen: frozenset[str] | None) -> list[Path]:
+    """Folders of stage members that are there, the given one itself among them, sorted.
+
+    Args:
+        folder: that holds a sub-folder for each member, or None.
+        chosen: names of the sub-folders that count; None takes all.
+    """
+    place = existing(folder)
+    found = sorted({path.parent for path in place.rglob("*.parquet")}) if place is not None else []
+    return [path for path in found if chosen is None or path.name in chosen]
+
+
+def _joined(folders: Iterable[Path], name: str, schema: Schema) -> pd.DataFrame:
+    """One table of several folders; empty, with its columns, where none holds it."""
+    import pandas as pd
+
+    parts = [read_table(folder / name, schema) for folder in folders if (folder / name).exists()]
+    if not parts:
+        return schema.conform(pd.DataFrame({column: [] for column in schema.columns}))
+    return pd.concat(parts, ignore_index=True)
+
+
 def noise_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Every noise summary and every patch-wise estimate found, each as one table (empty where none is).
 
     Returns:
         summary (`pipeline.tables.NOISE_SUMMARY`), estimates (`pipeline.tables.NOISE_ESTIMATES`).
     """
-    import pandas as pd
+    found = members(inputs.noise, inputs.noise_members)
+    summary = _joined(found, "summary.parquet", tables.NOISE_SUMMARY)
+    return summary, _joined(found, "estimates.parquet", tables.NOISE_ESTIMATES)
 
-    folder = existing(inputs.noise)
-    paths = sorted(folder.rglob("*.parquet")) if folder is not None else []
-    if inputs.noise_members is not None:
-        paths = [path for path in paths if path.parent.name in inputs.noise_members]
-    found: dict[bool, list[pd.DataFrame]] = {True: [], False: []}
-    for path in paths:
-        is_summary = path.name.endswith(SUMMARY_SUFFIX)
-        found[is_summary].append(read_table(path, tables.NOISE_SUMMARY if is_summary else tables.NOISE_ESTIMATES))
 
-    def joined(parts: list[pd.DataFrame], schema: Schema) -> pd.DataFrame:
-        if not parts:
-            return schema.conform(pd.DataFrame({name: [] for name in schema.columns}))
-        return pd.concat(parts, ignore_index=True)
+def blur_summary(inputs: ReportInputs) -> pd.DataFrame:
+    """Every blur summary found, without noise beside the blur: `pipeline.blur.evaluation.SUMMARY`."""
+    from pipeline.blur.evaluation import SUMMARY
 
-    return joined(found[True], tables.NOISE_SUMMARY), joined(found[False], tables.NOISE_ESTIMATES)
+    summary = _joined(members(inputs.blur, inputs.blur_members), "summary.parquet", SUMMARY)
+    return summary[summary["level_dn"] == 0].reset_index(drop=True)
+
+
+def blur_estimates(inputs: ReportInputs) -> pd.DataFrame:
+    """Every patch-wise blur estimate found, without noise beside the blur: `pipeline.blur.evaluation.ESTIMATES`."""
+    from pipeline.blur.evaluation import ESTIMATES
+
+    estimates = _joined(members(inputs.blur, inputs.blur_members), "estimates.parquet", ESTIMATES)
+    return estimates[estimates["level_dn"] == 0].reset_index(drop=True)

@@ -11,13 +11,24 @@ import numpy as np
 
 from pipeline import tables
 from pipeline.errors import InputError
-from pipeline.report.inputs import ReportInputs, existing, noise_tables, optional_json, optional_table, records
+from pipeline.report.inputs import (
+    ReportInputs,
+    blur_estimates,
+    blur_summary,
+    existing,
+    noise_tables,
+    optional_json,
+    optional_table,
+    records,
+)
 from pipeline.store import read_json
 
 if TYPE_CHECKING:
     import pandas as pd
 
 PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
+NOMINAL_FREQUENCIES = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6)
+"""What the paper's figures call its eight frequencies (`pipeline.camera.mtf.FREQUENCIES`, 0.054 to 0.595)."""
 
 
 def formation(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -129,7 +140,7 @@ def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:
     curves = star_curve(inputs)
     if curves is None:
         return None
-    wanted = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6])
+    wanted = np.array(NOMINAL_FREQUENCIES)
     order = np.argsort(curves["frequency"])
     frequency = np.concatenate([[0.0], curves["frequency"][order]])
     measured = np.concatenate([[1.0], curves["measured"][order]])
@@ -143,3 +154,71 @@ def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:
             "mtf": np.interp(wanted, frequency, measured),
         }
     )
+
+
+def sharp_curves(estimates: pd.DataFrame) -> pd.DataFrame:
+    """What each estimator reads from sharp frames, the outliers among patches rejected.
+
+    Args:
+        estimates: `pipeline.blur.evaluation.ESTIMATES`; rows of other kernels are passed over.
+
+    Returns:
+        dataset, estimator, axis (H, V), frequency (one of `NOMINAL_FREQUENCIES`), place (its number, from 0), median,
+        min, max, count (patches with an answer), rejected and abstained (patches).
+    """
+    import pandas as pd
+
+    from pipeline.blur.evaluation import SHARP
+    from pipeline.statistics import inliers
+
+    columns = ["dataset", "estimator", "axis", "frequency", "place", "median", "min", "max"]
+    rows = []
+    sharp = estimates[estimates["kernel"] == SHARP]
+    for (dataset, estimator, axis), curve in sharp.groupby(["dataset", "estimator", "axis"], sort=True):
+        for place, (_, point) in enumerate(curve.groupby("frequency", sort=True)):
+            given = point["mtf"].to_numpy(float)
+            answers = given[np.isfinite(given)]
+            kept = answers[inliers(answers)] if answers.size else np.array([np.nan])
+            rows.append(
+                {
+                    "dataset": dataset,
+                    "estimator": estimator,
+                    "axis": axis,
+                    "frequency": NOMINAL_FREQUENCIES[place],
+                    "place": place,
+                    "median": float(np.median(kept)),
+                    "min": float(kept.min()),
+                    "max": float(kept.max()),
+                    "count": answers.size,
+                    "rejected": answers.size - (kept.size if answers.size else 0),
+                    "abstained": int(point["abstained"].sum()),
+                }
+            )
+    return pd.DataFrame(rows, columns=[*columns, "count", "rejected", "abstained"])
+
+
+def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
+    """MTF of uncorrupted frames, horizontal, as the paper publishes it: the star's, and what each estimator reads.
+
+    Returns:
+        dataset, estimator, statistic, frequency, mtf.
+    """
+    import pandas as pd
+
+    curves = sharp_curves(blur_estimates(inputs))
+    long = curves[curves["axis"] == "H"].melt(
+        ["dataset", "estimator", "frequency"], ["median", "min", "max"], "statistic", "mtf"
+    )
+    parts = [part for part in (sharp_mtf(inputs), long) if part is not None and len(part)]
+    return pd.concat(parts, ignore_index=True) if parts else None
+
+
+def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:
+    """AMAE of every blur estimator, uncalibrated as the paper's: dataset, estimator, blur, size_px, amae_percent."""
+    from pipeline.blur.evaluation import SHARP
+
+    summary = blur_summary(inputs)
+    own = summary[~summary["calibrated"] & (summary["kind"] != SHARP)]
+    if own.empty:
+        return None
+    return own.rename(columns={"kind": "blur"})[["dataset", "estimator", "blur", "size_px", "amae_percent"]]

@@ -1,5 +1,11 @@
 """Feeding: the same batches whoever makes the chunks and wherever a run begins; dead workers are reported."""
 
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -57,3 +63,29 @@ def test_a_failing_producer_is_reported():
     with Feed(failing, 1, uses=1, producers=1) as feed, pytest.raises(ProducerDied, match="no more"):
         for step in range(4):
             feed.batch(step)
+
+
+def test_producers_end_with_a_killed_trainer():
+    code = (
+        "import os, signal, time\n"
+        "from pipeline.learning.feed import Feed\n"
+        "if __name__ == '__main__':\n"
+        "    feed = Feed(time.gmtime, 1, uses=1, producers=1, ahead=2)\n"
+        "    feed._start(0)\n"
+        "    print(feed._workers[0][0].pid, flush=True)\n"
+        "    time.sleep(1.0)\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    root = Path(__file__).resolve().parents[2]
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=root)
+    assert ended.returncode == -9
+    worker = int(ended.stdout)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        try:
+            os.kill(worker, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.5)
+    os.kill(worker, 9)
+    pytest.fail("the producer outlived its trainer")

@@ -19,66 +19,32 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy import fft
 
-LARGEST_HARD_THRESHOLD = 0.1
+from pipeline.blur.deconvolution.block_minima import shrink_all, shrink_first
+from pipeline.blur.deconvolution.boundary import fast_length
+from pipeline.blur.deconvolution.periodic import Differences, kernel_spectrum, laplacian_spectrum, power
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """How often the splitting is solved.
+    """How often, and how exactly, the splitting is solved.
 
     Attributes:
         inner: solves per penalty.
         growth: of the penalty alpha.
         last_penalty: alpha stays below this.
+        aligned: make the periodic image a whole number of blocks, and treat equal minima alike.
         dtype: float64 or float32.
     """
 
     inner: int = 3
     growth: float = 2.0
     last_penalty: float = 1e5
+    aligned: bool = False
     dtype: DTypeLike = np.float64
 
-
-def kernel_spectrum(kernel: NDArray, shape: tuple[int, int]) -> NDArray:
-    """Transfer function of a centred odd kernel on a periodic (h, w) image, real transform layout."""
-    around = np.zeros(shape, kernel.dtype)
-    height, width = kernel.shape
-    around[:height, :width] = kernel
-    return fft.rfft2(np.roll(around, (-(height // 2), -(width // 2)), axis=(0, 1)))
-
-
-class Blocks:
-    """Minima of r x r blocks of one image shape; blocks at the right and bottom may be smaller."""
-
-    def __init__(self, shape: tuple[int, int], size: int, dtype: DTypeLike) -> None:
-        self.shape, self.size = shape, size
-        self.rows, self.columns = -(-shape[0] // size), -(-shape[1] // size)
-        self.padded = np.full((self.rows * size, self.columns * size), np.inf, dtype)
-
-    def shrink(self, image: NDArray, weight: float, hard: bool) -> None:
-        """Shrink every block's minimum in place; of equal ones the first, down columns.
-
-        Args:
-            image: (h, w), changed.
-            weight: lambda.
-            hard: minima below min(max(lambda, mean |minima|), 0.1) become 0; otherwise soft threshold by lambda.
-        """
-        height, width = self.shape
-        size = self.size
-        self.padded[:height, :width] = image
-        # one row per block, pixels down columns
-        split = self.padded.reshape(self.rows, size, self.columns, size).transpose(0, 2, 3, 1)
-        blocks = split.reshape(self.rows * self.columns, size * size)
-        where = blocks.argmin(axis=1)
-        minima = blocks[np.arange(len(blocks)), where]
-        if hard:
-            threshold = min(max(weight, float(np.abs(minima).mean())), LARGEST_HARD_THRESHOLD)
-            minima[np.abs(minima) < threshold] = 0
-        else:
-            minima = np.maximum(minima - image.dtype.type(weight), 0)
-        block_row, block_column = np.divmod(np.arange(len(blocks)), self.columns)
-        column, row = np.divmod(where, size)
-        image[block_row * size + row, block_column * size + column] = minima
+    def length(self, least: int, block: int) -> int:
+        """Side of the periodic image: at least ``least`` pixels."""
+        return block * fast_length(-(-least // block)) if self.aligned else fast_length(least)
 
 
 def latent_image(
@@ -98,47 +64,37 @@ def latent_image(
         minima_weight: lambda.
         gradient_weight: mu.
         block: side of the blocks, pixels.
-        hard: see `Blocks.shrink`.
-        schedule: penalties.
+        hard: how minima are shrunk, see `block_minima`.
+        schedule: of the penalties.
 
     Returns:
         (h, w).
     """
-    shape = wrapped.shape
-    transfer = kernel_spectrum(kernel, shape)
+    shape, number = wrapped.shape, wrapped.dtype.type
+    transfer = kernel_spectrum(kernel, (shape[0], shape[1]))
     data = transfer.conj() * fft.rfft2(wrapped)
-    fidelity = transfer.real**2 + transfer.imag**2
-    down = 2 - 2 * np.cos(2 * np.pi * np.arange(shape[0]) / shape[0])
-    across = 2 - 2 * np.cos(2 * np.pi * np.arange(shape[1] // 2 + 1) / shape[1])
-    smoothness = (down[:, None] + across).astype(wrapped.dtype)  # |DFT of the forward differences|^2
-    blocks = Blocks(shape, block, wrapped.dtype)
+    fidelity = power(transfer)
+    smoothness = laplacian_spectrum((shape[0], shape[1]), wrapped.dtype)
+    grid = Differences((shape[0], shape[1]), wrapped.dtype)
+    shrink = shrink_all if schedule.aligned else shrink_first
+    square, other = np.empty_like(wrapped), np.empty_like(wrapped)
     image = wrapped.copy()
-    right, below, power, divergence = (np.empty_like(image) for _ in range(4))
     penalty = 2 * gradient_weight
     while penalty < schedule.last_penalty:
-        denominator = fidelity + wrapped.dtype.type(penalty) * smoothness
+        scale = 1 / (fidelity + number(penalty) * smoothness)
         for _ in range(schedule.inner):
-            blocks.shrink(image, minima_weight, hard)
-            np.subtract(image[:, 1:], image[:, :-1], out=right[:, :-1])
-            np.subtract(image[:, 0], image[:, -1], out=right[:, -1])
-            np.subtract(image[1:], image[:-1], out=below[:-1])
-            np.subtract(image[0], image[-1], out=below[-1])
-            np.multiply(right, right, out=power)
-            np.multiply(below, below, out=divergence)
-            power += divergence
-            keep = power >= gradient_weight / penalty
-            right *= keep
-            below *= keep
-            np.add(right, below, out=divergence)  # minus the adjoint of the differences
-            np.negative(divergence, out=divergence)
-            divergence[:, 1:] += right[:, :-1]
-            divergence[:, 0] += right[:, -1]
-            divergence[1:] += below[:-1]
-            divergence[0] += below[-1]
-            spectrum = fft.rfft2(divergence)
-            spectrum *= wrapped.dtype.type(penalty)
+            shrink(image, block, minima_weight, hard)
+            across, down = grid.of(image)
+            np.multiply(across, across, out=square)
+            np.multiply(down, down, out=other)
+            square += other
+            keep = square >= gradient_weight / penalty
+            across *= keep
+            down *= keep
+            spectrum = fft.rfft2(grid.adjoint(across, down))
+            spectrum *= number(penalty)
             spectrum += data
-            spectrum /= denominator
+            spectrum *= scale
             image = fft.irfft2(spectrum, s=shape, overwrite_x=True)
         penalty *= schedule.growth
     return image

@@ -29,7 +29,6 @@ class Chapter:
     pictures: tuple[tuple[str, str], ...] = ()
 
 
-BEFORE_NOISE = (Chapter("blur", "Blur estimation", ("uncorrupted_mtf", "blur_amae")),)
 AFTER_NOISE = (
     Chapter(
         "combined",
