@@ -117,10 +117,64 @@ class NoiseSection(Section):
     estimators: dict[Name, EstimatorSection] = Field(min_length=1)
 
 
-class BlurPatchSection(Section):
-    """The patches on objects that blur is measured on."""
+class BlurSection(Section):
+    """The evaluation of blur estimators."""
 
     patch_px: Annotated[int, Field(ge=32, le=1024)]
+    patches_per_frame: Count | None
+    bootstrap_draws: Annotated[int, Field(ge=1, le=100_000)]
+    estimators: dict[Name, EstimatorSection] = Field(min_length=1)
+
+
+class ScheduleSection(Section):
+    """The optimiser of a training; see `pipeline.learning.trainer.Schedule`."""
+
+    steps: Count
+    learning_rate: Positive
+    optimiser: Literal["adamw", "adam"]
+    betas: tuple[Annotated[float, Field(ge=0, lt=1)], Annotated[float, Field(ge=0, lt=1)]]
+    epsilon: Positive
+    weight_decay: NonNegative
+    warm_up: Count
+    hold: Annotated[float, Field(ge=0, lt=1)]
+    final_share: Share
+    average_decay: Annotated[float, Field(ge=0, lt=1)]
+    clip: Positive | None
+    checkpoint_every: Count
+    report_every: Count
+
+
+class RecipeSection(Section):
+    """What training samples are drawn from; see `pipeline.learning.samples.Recipe`."""
+
+    views: Count
+    kernels_per_view: Count
+    anisotropy: Share
+    intrinsic_px: tuple[NonNegative, NonNegative]
+    clean_share: Share
+    before_share: Share
+    largest_sigma_dn: Annotated[float, Field(gt=1, le=100)]
+
+
+class MtfTrainingSection(Section):
+    """The training of one blur network; see `pipeline.learning.training.Training`."""
+
+    schedule: ScheduleSection
+    recipe: RecipeSection
+    images: Count
+    validation_images: Count
+    kernels: Count
+    fresh: Count
+    uses: Count
+    window: Count
+    validation_chunks: Count
+    half_precision: bool
+
+
+class TrainSection(Section):
+    """Trainings by what they estimate."""
+
+    mtf: dict[Literal["spectral", "cnn"], MtfTrainingSection]
 
 
 class ExecutorSection(Section):
@@ -143,6 +197,7 @@ class MatrixSection(Section):
 
     datasets: list[Name]
     noise_estimators: list[Name]
+    blur_estimators: list[Name]
 
 
 class Config(Section):
@@ -155,7 +210,8 @@ class Config(Section):
     scenes: ScenesSection
     datasets: dict[Name, DatasetSection] = Field(min_length=1)
     corruption: CorruptionSection
-    blur: BlurPatchSection
+    blur: BlurSection
+    train: TrainSection
     noise: NoiseSection
     executor: ExecutorSection
     report: ReportSection
@@ -166,6 +222,7 @@ class Config(Section):
         for key, listed, defined in (
             ("matrix.datasets", self.matrix.datasets, list(self.datasets)),
             ("matrix.noise_estimators", self.matrix.noise_estimators, list(self.noise.estimators)),
+            ("matrix.blur_estimators", self.matrix.blur_estimators, list(self.blur.estimators)),
         ):
             if listed != defined:
                 raise ValueError(f"{key} is {listed} but should follow {defined}; it is derived, do not set it")

@@ -225,7 +225,7 @@ def _light(size_px: int, generator: np.random.Generator) -> Plane:
     field = smooth_field(generator, size_px, generator.uniform(1.2, 2.2)) + np.float32(generator.uniform(-1, 1))
     sharpness = np.float32(np.exp(generator.uniform(0, np.log(30))))
     shadow = np.float32(np.exp(generator.uniform(np.log(0.08), np.log(0.7))))
-    share = 1 / (1 + np.exp(-sharpness * field))
+    share = (1 + np.tanh(sharpness * field)) / 2
     return np.asarray(shadow + (1 - shadow) * share, dtype=np.float32)
 
 

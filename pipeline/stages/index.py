@@ -25,7 +25,8 @@ def run(run: Run) -> None:
         max_bad_share=params.datasets[name].max_bad_share,
         run_map=run.map,
     )
-    shown = found.usable[:: max(1, len(found.usable) // params.report.example_frames)][: params.report.example_frames]
+    count = min(params.report.example_frames, len(found.usable))
+    shown = [found.usable[round(i * (len(found.usable) - 1) / max(1, count - 1))] for i in range(count)]
     boxes = {
         frame.name: [
             {"label": b.label, "x1": b.x1, "y1": b.y1, "x2": b.x2, "y2": b.y2, "ignore": b.ignore} for b in frame.boxes

@@ -7,7 +7,7 @@ from pathlib import Path
 from pipeline.config.entry import Run, stage
 
 READS = [
-    "profile", "seed", "camera", "scenes", "datasets", "corruption", "noise", "report", "matrix",
+    "profile", "seed", "camera", "scenes", "datasets", "corruption", "noise", "blur", "report", "matrix",
 ]  # fmt: skip
 
 

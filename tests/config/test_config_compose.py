@@ -18,9 +18,11 @@ GROUPS = {
     for folder in CONF.rglob("*")
     if folder.is_dir() and list(folder.glob("*.yaml"))
 }
-TOP = {group: options for group, options in GROUPS.items() if group not in ("dataset", "estimator/noise")}
+TOP = {group: options for group, options in GROUPS.items() if group not in ("dataset", "estimator/noise", "estimator/blur")}
 PLACED = [f"+dataset@datasets.extra={name}" for name in GROUPS["dataset"]] + [
-    f"+estimator/noise@noise.estimators.extra={name}" for name in GROUPS["estimator/noise"]
+    f"+estimator/{what}@{what}.estimators.extra={name}"
+    for what in ("noise", "blur")
+    for name in GROUPS[f"estimator/{what}"]
 ]
 
 
@@ -36,6 +38,7 @@ def test_every_group_option_composes_and_is_valid(override):
     config = parse(compose([override]), "conf/")
     assert list(config.datasets) == config.matrix.datasets
     assert list(config.noise.estimators) == config.matrix.noise_estimators
+    assert list(config.blur.estimators) == config.matrix.blur_estimators
 
 
 @pytest.mark.parametrize("profile", GROUPS["profile"])

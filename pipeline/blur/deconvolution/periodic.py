@@ -1,4 +1,4 @@
-"""Periodic images: kernels as transfer functions, forward differences and their adjoint, in place and without copies."""
+"""Periodic images: kernels as transfer functions, forward differences and their adjoint, without copies."""
 
 from __future__ import annotations
 
