@@ -132,7 +132,8 @@ def indexed_frames(folder: str | Path, name: str, section: Any) -> list[Frame]:
     """
     from pipeline.datasets.open import open_section
 
-    return usable_frames(open_section(name, section), read_table(Path(folder) / "frames.parquet", FRAMES))
+    every = section.model_copy(update={"limit": None, "whitelist": None})  # the index has chosen already
+    return usable_frames(open_section(name, every), read_table(Path(folder) / "frames.parquet", FRAMES))
 
 
 def indexed_patches(folder: str | Path, purpose: str, per_frame: int | None = None) -> dict[str, list[Patch]]:
