@@ -87,7 +87,15 @@ def test_stage_files_hold_no_science():
 def test_randomness_begins_in_streams_only(path):
     if path.name == "streams.py":
         return
-    banned = ("np.random.", "numpy.random.", "random.", "torch.manual_seed", "torch.seed", "cv2.setRNGSeed", "cv2.randn")
+    banned = (
+        "np.random.",
+        "numpy.random.",
+        "random.",
+        "torch.manual_seed",
+        "torch.seed",
+        "cv2.setRNGSeed",
+        "cv2.randn",
+    )
     for name, line in calls(path):
         assert not name.startswith(banned), f"{path.relative_to(ROOT)}:{line} calls {name}"
 

@@ -113,6 +113,8 @@ def unusable(patches: NDArray[np.float32]) -> NDArray[np.str_]:
     Args:
         patches: (N, 1, h, w) in [0, 1].
     """
+    if len(patches) == 0:
+        return np.empty(0, dtype=np.str_)
     pixels = patches.reshape(len(patches), -1)
     half_dn = 0.5 / 255.0
     clipped = ((pixels <= half_dn) | (pixels >= 1.0 - half_dn)).mean(axis=1) > SATURATED_FRACTION

@@ -30,7 +30,7 @@ REFINED_LEVELS = 2  # the finest ones, where kernels are made sparse and centred
 
 SOLVERS = {
     "exact": Solver(),
-    "fast": Solver(periodic=True, steps=3, dtype=np.float32),
+    "fast": Solver(periodic=True, steps=2, dtype=np.float32),
 }
 
 

@@ -76,7 +76,7 @@ def find_kernel(image: NDArray[np.float64], kernel_size: int, schedule: Schedule
             kernel = support.normalise(fit(np.maximum(grown, 0), size))
         height, width = reduced.shape
         room = [schedule.length(side + size - 1, block) for side in (height, width)]
-        wrapped = smooth_wrap(reduced, (room[0], room[1])).astype(schedule.dtype)
+        wrapped = smooth_wrap(reduced.astype(schedule.dtype), (room[0], room[1]))
         observed = salient.gradients(wrapped[:height, :width])
         threshold = first_threshold
         hard = level + 1 < len(pyramid) / 2

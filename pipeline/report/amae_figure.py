@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.report import style
-from pipeline.report.sharp_curves_figure import OURS, PAPER_DASH
+from pipeline.report.sharp_curves_figure import OURS, PAPER_DASH, handles
 from pipeline.report.style import Drawing
 from pipeline.report.wording import BLURS, ESTIMATORS, in_order, listing, word
 
@@ -55,7 +55,6 @@ def draw(summary: pd.DataFrame, datasets: Sequence[str], published: pd.DataFrame
         published: columns dataset, estimator, blur, size_px, amae_percent: the paper's Table I.
     """
     import pandas as pd
-    from matplotlib.lines import Line2D
 
     columns = ["dataset", "estimator", "blur", "size_px", "amae_percent"]
     paper = published if published is not None else pd.DataFrame({name: [] for name in columns})
@@ -78,10 +77,8 @@ def draw(summary: pd.DataFrame, datasets: Sequence[str], published: pd.DataFrame
             if down == len(datasets) - 1:
                 axes.set_xlabel("size of the blur [px]")
         panels[down, 0].set_ylabel(f"{word(dataset)}\nAMAE [%]")
-    handles = [Line2D([], [], label=word(n), **(style.series_look(n, p) | OURS)) for p, n in enumerate(estimators)]
-    if len(paper):
-        handles.append(Line2D([], [], color=style.MUTED, linestyle=PAPER_DASH, linewidth=0.9, label="the paper's"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 8))
+    lines = handles(in_order(summary["estimator"], ESTIMATORS), estimators, not paper.empty)
+    figure.legend(handles=lines, loc="outside upper center", ncols=min(len(lines), 8))
     shown = ["dataset", "kind", "size_px", "estimator", "calibrated", "amae_percent", "low_percent", "high_percent"]
     values = summary[[*shown, "count", "abstained"]].sort_values(shown[:4])
     beside = paper.rename(columns={"blur": "kind", "amae_percent": "paper_amae_percent"})

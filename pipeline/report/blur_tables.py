@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.blur.evaluation import SHARP
 from pipeline.report.inputs import records
 from pipeline.report.tables import Cell, Column, Estimate, Table, format_number
-from pipeline.report.wording import BLURS, ESTIMATORS, in_order, word
+from pipeline.report.wording import BLURS, DATASETS, ESTIMATORS, in_order, word
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,7 +111,7 @@ def amae(dataset: str, summary: pd.DataFrame, published: Published, is_calibrate
     notes = [
         "AMAE of the robust median over patches, averaged over rotations, with bootstrap 95 % interval; n: patches "
         "with an answer, over all rotations. D: defocus, L: linear motion, N: non-linear motion, with their size. "
-        "Mean: over D, L and N."
+        "Mean: over D, L and N. Resampling adds error, so an interval may lie above an AMAE that is near zero."
     ]
     if is_calibrated:
         notes.append("Calibrated: each answer divided by the same camera's answer for its own sharp frames.")
@@ -139,7 +139,7 @@ def beside_the_best(summary: pd.DataFrame, published: Published) -> Table | None
     ours = in_order(set(summary["estimator"]) - theirs, ESTIMATORS)
     blurred = summary[(summary["kind"] != SHARP) & summary["estimator"].isin(ours)]
     rows: list[dict[str, Cell]] = []
-    for dataset in in_order(blurred["dataset"], [key[0] for key in published]):
+    for dataset in in_order(blurred["dataset"], DATASETS):
         own = blurred[blurred["dataset"] == dataset]
         raw, calibrated = (_cells(own[own["calibrated"] == way]) for way in (False, True))
         lines: list[dict[str, Cell]] = []

@@ -169,12 +169,13 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
             for half, axis in enumerate("HV"):
                 panel = sheet.curves(across, down, half)
                 _curves(panel, true_mtf[half], {key: curve[half] for key, curve in found.items()}, f"{name} {axis}")
-                panel.text(0.97, 0.93, axis, transform=panel.transAxes, ha="right", va="top", fontsize=5.2)
+                panel.text(0.03, 0.06, axis, transform=panel.transAxes, ha="left", va="bottom", fontsize=5.2)
                 if half or across:
                     panel.set_yticklabels([])
                 if down + 1 < len(sizes):
                     panel.set_xticklabels([])
                 else:
+                    panel.set_xticklabels(["", "0.3", "0.6"] if half else ["0", "0.3", ""])
                     panel.set_xlabel("f / Nyquist", fontsize=5.5, labelpad=1)
             if across == 0:
                 cells[0].set_ylabel(f"{size:g} px", fontweight="bold", labelpad=8)
@@ -196,7 +197,9 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
     return _drawing(sheet.figure, rows, galleries, described, names)
 
 
-def _values(kernel: str, kind: str, size_px: float, truth: np.ndarray, found: Mapping[str, np.ndarray]) -> list[dict[str, Any]]:  # fmt: skip  # noqa: E501
+def _values(
+    kernel: str, kind: str, size_px: float, truth: np.ndarray, found: Mapping[str, np.ndarray]
+) -> list[dict[str, Any]]:
     return [
         {
             "kernel": kernel, "kind": kind, "size_px": size_px, "estimator": name, "axis": "HV"[axis],

@@ -20,6 +20,7 @@ from pipeline.report.wording import ESTIMATORS, in_order, listing, word
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
 
 PANEL_IN = 1.62
 PAPER_DASH = (0, (3, 1.6))
@@ -62,6 +63,29 @@ def _abstentions(axes: Axes, rows: pd.DataFrame, estimators: Sequence[str]) -> N
         if abstained:
             lines.append(f"{word(name)} abstained {abstained:,} of {abstained + answered:,}")
     axes.text(0.03, 0.04, "\n".join(lines), fontsize=4.6, color=style.MUTED, transform=axes.transAxes, va="bottom")
+
+
+def handles(ours: Sequence[str], known: Sequence[str], has_published: bool) -> list[Line2D]:
+    """The legend's lines: solid for estimators that ran, dashed for those of the paper only.
+
+    Args:
+        ours: estimators that ran.
+        known: those and the paper's, in the order shown.
+        has_published: the paper's curves are shown.
+    """
+    from matplotlib.lines import Line2D
+
+    lines = []
+    for position, name in enumerate(known):
+        look = style.series_look(name, position) | OURS
+        if name in ours:
+            lines.append(Line2D([], [], label=word(name), **look))
+        else:
+            paper = {"color": look["color"], "linestyle": PAPER_DASH, "linewidth": 0.9}
+            lines.append(Line2D([], [], label=f"{word(name)} (paper's only)", **paper))
+    if has_published:
+        lines.append(Line2D([], [], color=style.MUTED, linestyle=PAPER_DASH, linewidth=0.9, label="the paper's"))
+    return lines
 
 
 @style.styled
@@ -111,12 +135,10 @@ def draw(
             if down == len(datasets) - 1:
                 axes.set_xlabel("spatial frequency [fraction of Nyquist]")
         panels[down, 0].set_ylabel(f"{word(dataset)}\nMTF")
-    handles = [Line2D([], [], label=word(n), **(style.series_look(n, p) | OURS)) for p, n in enumerate(known)]
-    if theirs:
-        handles.append(Line2D([], [], color=style.MUTED, linestyle=PAPER_DASH, linewidth=0.9, label="the paper's"))
+    lines = handles(estimators, known, bool(theirs))
     if shown_truth:
-        handles.append(Line2D([], [], color=style.INK, linewidth=1.0, label="Siemens star"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 8))
+        lines.append(Line2D([], [], color=style.INK, linewidth=1.0, label="Siemens star"))
+    figure.legend(handles=lines, loc="outside upper center", ncols=min(len(lines), 8))
     values = curves.drop(columns="place").sort_values(["dataset", "estimator", "axis", "frequency"])
     return Drawing(figure, _alt(curves, estimators, truths or {}), values, style.switches(known))
 

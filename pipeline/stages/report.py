@@ -32,6 +32,8 @@ def run(run: Run) -> None:
         corrupt={name: data / "corrupt" / name for name in listed},
         noise=data / "noise",
         noise_members=frozenset(f"{name}-{method}" for name in listed for method in params.noise.estimators),
+        blur=data / "blur",
+        blur_members=frozenset(f"{name}-{method}" for name in listed for method in params.blur.estimators),
         star=data / "star",
         sensor=data / "sensor",
         absent=absent,

@@ -37,12 +37,11 @@ def run(run: Run) -> None:
         report=report,
     )
     program.save(run.outputs / f"data/weights/mtf_{name}.safetensors", trained, training)
-    curve = pd.DataFrame(trained.curve)
-    # A resumed run reads its rows from a file with sorted names.
-    curve = curve[["step", *sorted(set(curve) - {"step"})]].to_csv(
-        index=False, float_format="%.6g", lineterminator="\n"
-    )
-    store.write_text(run.outputs / f"data/weights/mtf_{name}.csv", curve)
+    # Columns in a fixed order: a resumed run reads its rows from a file with sorted names.
+    names = ["step", *sorted({name for row in trained.curve for name in row} - {"step"})]
+    curve = pd.DataFrame(trained.curve, columns=names)
+    text = curve.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    store.write_text(run.outputs / f"data/weights/mtf_{name}.csv", text)
     measures = {key: float(f"{value:.6g}") for key, value in final_measures(trained).items()}
     store.write_json(run.outputs / f"reports/metrics/train/mtf_{name}.json", measures)
 

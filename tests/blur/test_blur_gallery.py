@@ -16,7 +16,7 @@ from pipeline.camera.psf import stored
 from pipeline.camera.psf.defocus import create as defocus
 from pipeline.camera.psf.kernel import Kernel
 from pipeline.camera.psf.linear_motion import create as motion
-from pipeline.camera.sensor import SENSORS
+from pipeline.config.schema import CameraSection, DatasetSection, SensorSection
 from pipeline.datasets.corrupted import CameraSettings
 from pipeline.datasets.index import index
 from pipeline.datasets.patches import object_patches
@@ -113,13 +113,6 @@ def test_abstentions_are_kept_with_their_reason(shown, pmp, tmp_path):
     assert np.isnan(arrays["estimate_defocus_7"]).all() and (arrays["patch_defocus_7"] == 128).all()
 
 
-class Sensor(SimpleNamespace):
-    """The section of the sensor as far as the stage uses it."""
-
-    def model_dump(self):
-        return dict(vars(self))
-
-
 @pytest.fixture(scope="module")
 def project(root, opened, tmp_path_factory):
     """A configuration of two estimators, and a folder with the index and the bank that the stage reads."""
@@ -134,8 +127,8 @@ def project(root, opened, tmp_path_factory):
     }
     config = SimpleNamespace(
         seed=1,
-        camera=SimpleNamespace(kind="physical", poisson="exact", sensor=Sensor(model=next(iter(SENSORS)))),
-        datasets={"mine": SimpleNamespace(kind="folder", root=root, whitelist=None, limit=None, options={})},
+        camera=CameraSection(kind="physical", poisson="exact", sensor=SensorSection(model="paper")),
+        datasets={"mine": DatasetSection(kind="folder", root=str(root), watch=str(root))},
         blur=SimpleNamespace(patches_per_frame=1, bootstrap_draws=5, estimators=estimators),
         executor=SimpleNamespace(workers=1, backend="processes", address=None),
     )

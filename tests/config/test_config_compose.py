@@ -18,7 +18,9 @@ GROUPS = {
     for folder in CONF.rglob("*")
     if folder.is_dir() and list(folder.glob("*.yaml"))
 }
-TOP = {group: options for group, options in GROUPS.items() if group not in ("dataset", "estimator/noise", "estimator/blur")}
+TOP = {
+    group: options for group, options in GROUPS.items() if group not in ("dataset", "estimator/noise", "estimator/blur")
+}
 PLACED = [f"+dataset@datasets.extra={name}" for name in GROUPS["dataset"]] + [
     f"+estimator/{what}@{what}.estimators.extra={name}"
     for what in ("noise", "blur")

@@ -96,8 +96,8 @@ def make_blur(
     estimates = evaluation.ESTIMATES.conform(pd.DataFrame(rows))
     summary = pd.concat(
         [
-            evaluation.summarise(estimates, 1, 20),
-            evaluation.summarise(evaluation.calibrated(estimates), 1, 20, is_calibrated=True),
+            evaluation.summarise(estimates, 1, 5),
+            evaluation.summarise(evaluation.calibrated(estimates), 1, 5, is_calibrated=True),
         ],
         ignore_index=True,
     )

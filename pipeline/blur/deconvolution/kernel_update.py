@@ -11,24 +11,21 @@ exact minimum.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
 STEPS = 20
 TOLERANCE = 1e-5  # of the residual's norm
-_DENSE_UP_TO = 15  # kernels this small multiply faster as a dense matrix than through transforms
+_DENSE_UP_TO = 17  # kernels this small multiply faster as a dense matrix than through transforms
 
 
-@lru_cache(maxsize=64)
-def _toeplitz_index(size: int) -> NDArray[np.intp]:
-    """(n^2, n^2) positions of A[i - j] in the flattened (2n - 1)^2 window of lags."""
-    row, column = np.divmod(np.arange(size * size), size)
-    down = row[:, None] - row + size - 1
-    right = column[:, None] - column + size - 1
-    return down * (2 * size - 1) + right
+def _toeplitz(window: NDArray, size: int) -> NDArray:
+    """(n^2, n^2) matrix A[i - j] of a (2n - 1)^2 window of lags."""
+    down, across = window.strides
+    corner = window[size - 1 :, size - 1 :]
+    view = np.lib.stride_tricks.as_strided(corner, (size,) * 4, (down, across, -down, -across), writeable=False)
+    return view.reshape(size * size, size * size)
 
 
 class _Operator:
@@ -37,7 +34,7 @@ class _Operator:
     def __init__(self, window: NDArray, size: int) -> None:
         self.size = size
         if size <= _DENSE_UP_TO:
-            self.matrix = window.ravel()[_toeplitz_index(size)]
+            self.matrix = _toeplitz(window, size)
             return
         self.points = fft.next_fast_len(2 * size - 1, real=True)
         around = np.zeros((self.points, self.points), window.dtype)

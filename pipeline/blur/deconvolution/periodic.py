@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
@@ -20,11 +22,14 @@ def power(spectrum: NDArray) -> NDArray:
     return spectrum.real**2 + spectrum.imag**2
 
 
+@lru_cache(maxsize=64)
 def laplacian_spectrum(shape: tuple[int, int], dtype: np.dtype) -> NDArray:
-    """|DFT of the forward differences|^2, both directions together, real transform layout."""
+    """|DFT of the forward differences|^2, both directions together, real transform layout; read-only."""
     down = 2 - 2 * np.cos(2 * np.pi * np.arange(shape[0]) / shape[0])
     across = 2 - 2 * np.cos(2 * np.pi * np.arange(shape[1] // 2 + 1) / shape[1])
-    return (down[:, None] + across).astype(dtype)
+    spectrum = (down[:, None] + across).astype(dtype)
+    spectrum.setflags(write=False)
+    return spectrum
 
 
 class Differences:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from functools import lru_cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,15 +97,14 @@ def gaussian_reduce(image: NDArray[np.float64], ratio: float) -> NDArray[np.floa
     taps /= taps.sum()
     mass = np.cumsum(taps)
     taps = taps[np.minimum(mass, mass[::-1]) > 0.05]
-    for _ in range(2):  # rows, then columns
-        windows = np.lib.stride_tricks.sliding_window_view(image, len(taps), axis=0)
-        image = (windows @ taps).T
+    margin = len(taps) // 2
+    smooth: NDArray = cv2.sepFilter2D(image, -1, taps, taps)[margin:-margin, margin:-margin]
     for _ in range(2):
-        where = np.arange(0.0, image.shape[0] - 1 + 1e-9, 1.0 / ratio)
-        first = np.minimum(where.astype(int), image.shape[0] - 2)
+        where = np.arange(0.0, smooth.shape[0] - 1 + 1e-9, 1.0 / ratio)
+        first = np.minimum(where.astype(int), smooth.shape[0] - 2)
         part = (where - first)[:, None]
-        image = (image[first] * (1.0 - part) + image[first + 1] * part).T
-    return np.ascontiguousarray(image)
+        smooth = (smooth[first] * (1.0 - part) + smooth[first + 1] * part).T
+    return np.ascontiguousarray(smooth)
 
 
 def fit(kernel: NDArray, size: int) -> NDArray:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from pipeline.blur.deconvolution.failure import NoKernel
 
@@ -29,10 +29,9 @@ def drop_weak(kernel: NDArray, fraction: float = 0.05) -> NDArray:
 
 def drop_islands(kernel: NDArray, least_mass: float = 0.1) -> NDArray:
     """Set 8-connected parts of the kernel with less than ``least_mass`` to zero; unit sum."""
-    labels, count = ndimage.label(kernel != 0, structure=np.ones((3, 3)))
-    if count > 1:
-        mass = ndimage.sum_labels(kernel, labels, np.arange(count + 1))
-        mass[0] = 0
+    count, labels = cv2.connectedComponents((kernel != 0).astype(np.uint8), connectivity=8)
+    if count > 2:  # the background is one of them
+        mass = np.bincount(labels.ravel(), weights=kernel.ravel())
         kernel = np.where(mass[labels] < least_mass, 0, kernel)
     return normalise(kernel)
 

@@ -155,7 +155,12 @@ def _kernels(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs)
 
 def _runs(summary: pd.DataFrame, inputs: ReportInputs) -> list[Run]:
     ran = {(str(row["dataset"]), str(row["estimator"])) for row in records(summary[["dataset", "estimator"]])}
-    named = {name.partition("-")[2] for name in inputs.blur_members or ()}
+    named = {
+        member.removeprefix(f"{dataset}-")
+        for dataset in inputs.datasets
+        for member in inputs.blur_members or ()
+        if member.startswith(f"{dataset}-")
+    }
     lines = []
     for dataset in inputs.datasets:
         for estimator in in_order({*named, *(name for _, name in ran)}, ESTIMATORS):

@@ -1,0 +1,136 @@
+"""What every blur estimator promises: checked input, counted abstentions, calibration by sharp frames."""
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline import blur
+from pipeline.blur.base import FREQUENCIES, SHARP_FLOOR, BlurEstimate, BlurEstimator, Estimator, as_patches, unusable
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+
+class Brightness(Estimator):
+    """Answers the mean of a patch as its MTF: easy to predict."""
+
+    def measure(self, patches, reason):
+        found = np.ones((len(patches), 2, FREQUENCIES)) * patches.mean(axis=(1, 2, 3), dtype=float)[:, None, None]
+        found[reason != ""] = np.nan
+        return BlurEstimate(found, reason != "", reason, low=found * 0.5, high=found * 1.5)
+
+
+@pytest.fixture
+def patches():
+    """(3, 1, 192, 192), means about 0.2, 0.3 and 0.4."""
+    noise = stream(1, "patches").random((3, 1, 192, 192), dtype=np.float32)
+    return noise * 0.1 + np.array([0.15, 0.25, 0.35], np.float32)[:, None, None, None]
+
+
+def test_numpy_and_torch_answer_alike(patches):
+    of_array = Brightness().estimate(patches)
+    of_tensor = Brightness().estimate(torch.from_numpy(patches).double().requires_grad_())
+    assert np.array_equal(of_array.mtf, of_tensor.mtf)
+    assert of_array.mtf.shape == (3, 2, 8)
+    assert len(of_array) == 3
+
+
+def test_no_patches_is_no_answers(patches):
+    assert len(Brightness().estimate(patches[:0])) == 0
+    assert blur.create("pmp").estimate(patches[:0]).kernel.shape == (0, 31, 31)
+
+
+def test_flat_and_saturated_patches_abstain_with_a_reason(patches):
+    patches[0] = 0.5
+    patches[1, :, :120] = 1.0
+    found = Brightness().estimate(patches)
+    assert found.reason.tolist() == ["flat", "saturated", ""]
+    assert found.abstained.tolist() == [True, True, False]
+    assert np.isnan(found.mtf[:2]).all()
+    assert np.isfinite(found.mtf[2]).all()
+
+
+def test_a_black_frame_is_flat_rather_than_saturated():
+    assert unusable(np.zeros((1, 1, 192, 192), np.float32)).tolist() == ["flat"]
+
+
+def test_calibration_divides_by_the_median_of_sharp_frames_and_clips(patches):
+    sharp = np.concatenate([patches[1:2]] * 9 + [np.full_like(patches[:1], 0.3)])  # one of them flat
+    plain = Brightness()
+    calibrated = plain.calibrated(sharp)
+    before, after = plain.estimate(patches), calibrated.estimate(patches)
+    mean = patches[1].mean()
+    assert after.mtf[0] == pytest.approx(before.mtf[0] / mean, rel=1e-6)
+    assert after.low[0] == pytest.approx(before.low[0] / mean, rel=1e-6)
+    assert (after.mtf[2] == 1).all()
+    assert plain.sharp_mtf is None
+    assert np.array_equal(calibrated.calibrated(sharp).sharp_mtf, calibrated.sharp_mtf)  # anew, not on top
+
+
+def test_calibration_ignores_outliers(patches):
+    sharp = np.concatenate([patches[1:2] + 0.001 * index for index in range(20)] + [patches[1:2] + 0.6])
+    mean = patches[1].mean()
+    assert Brightness().calibrated(sharp).sharp_mtf == pytest.approx(np.full((2, 8), mean + 0.0095), abs=1e-4)
+
+
+def test_calibration_does_not_divide_by_next_to_nothing(patches):
+    dark = patches[:1] * 0.02
+    dark[:, :, ::2] += 0.04
+    factor = Brightness().calibrated(dark)
+    assert factor.sharp_mtf.max() < SHARP_FLOOR
+    found = factor.estimate(dark)
+    assert found.mtf == pytest.approx(np.full((1, 2, 8), dark.mean() / SHARP_FLOOR), rel=1e-5)
+
+
+def test_calibration_needs_a_patch_that_can_be_measured(patches):
+    with pytest.raises(InputError, match="sharp_patches: none of the 2"):
+        Brightness().calibrated(np.full((2, 1, 192, 192), 0.5, np.float32))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (np.zeros((2, 192, 192), np.float32), "shape"),
+        (np.zeros((2, 1, 128, 128), np.float32), "shape"),
+        (np.zeros((2, 3, 192, 192), np.float32), "shape"),
+        (np.zeros((2, 1, 192, 192), np.uint8), "divide 8-bit images by 255"),
+        (np.full((2, 1, 192, 192), np.nan, np.float32), "NaN"),
+        (np.full((2, 1, 192, 192), 1.5, np.float32), "1.5"),
+        (np.full((2, 1, 192, 192), -0.1, np.float32), "-0.1"),
+    ],
+)
+def test_wrong_patches_are_refused_by_name(wrong, message):
+    with pytest.raises(InputError, match=message) as error:
+        as_patches(wrong, "mine")
+    assert str(error.value).startswith("mine:")
+    assert "\n" not in str(error.value)
+
+
+def test_an_answer_is_nan_exactly_where_abstained():
+    mtf = np.full((2, 2, 8), 0.5)
+    with pytest.raises(ValueError, match="NaN exactly where abstained"):
+        BlurEstimate(mtf, np.array([True, False]), np.array(["flat", ""]))
+    with pytest.raises(ValueError, match="kernel"):
+        BlurEstimate(mtf, np.zeros(2, bool), np.array(["", ""]), kernel=np.ones((3, 31, 31)))
+
+
+@pytest.mark.parametrize("name", ["pmp", "gbb"])
+def test_names_make_estimators(name):
+    assert isinstance(blur.create(name, mode="exact", kernel_size=25), BlurEstimator)
+    assert name in blur.REGISTRY.names()
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("pmpp", {}, "did you mean 'pmp'"),
+        ("pmp", {"mod": "fast"}, "mod"),
+        ("gbb", {"mode": "quick"}, "exact, fast"),
+        ("pmp", {"kernel_size": 30}, "odd"),
+        ("pmp", {"kernel_size": 31.0}, "odd"),
+        ("gbb", {"kernel_size": 5}, "7 to 63"),
+        ("gbb", {"workers": 0}, "at least 1"),
+    ],
+)
+def test_wrong_names_and_options_are_refused(name, options, message):
+    with pytest.raises(InputError, match=message):
+        blur.create(name, **options)
