@@ -171,10 +171,40 @@ class MtfTrainingSection(Section):
     half_precision: bool
 
 
+class NoiseRecipeSection(Section):
+    """What the noise networks' samples are drawn from; see `pipeline.noise.samples.Recipe`."""
+
+    size_px: Annotated[int, Field(ge=16, le=256, multiple_of=8)]
+    views: Count
+    noises: Count
+    sigma_dn: tuple[Level, Level]
+    clean_share: Share
+    low_share: Share
+    texture_share: Share
+    blurred_noise_share: Share
+    interpolated_share: Share
+    compressed_share: Share
+    sources: Literal["any", "mixed"]
+
+
+class SigmaTrainingSection(Section):
+    """A training of a noise network; see `pipeline.noise.training.Settings`."""
+
+    schedule: ScheduleSection
+    recipe: NoiseRecipeSection
+    images: Count
+    validation_images: Count
+    fresh: Count
+    uses: Count
+    window: Count
+    validation_chunks: Count
+
+
 class TrainSection(Section):
     """Trainings by what they estimate."""
 
     mtf: dict[Literal["spectral", "cnn"], MtfTrainingSection]
+    sigma: dict[Literal["cellwise", "cnn"], SigmaTrainingSection]
 
 
 class ExecutorSection(Section):

@@ -114,7 +114,7 @@ def test_training_goes_on_to_the_bit(cache: Path, tmp_path: Path, kind: str) -> 
 
 
 def test_training_learns(cache: Path, tmp_path: Path) -> None:
-    """Sixty steps bring the loss down by half; fresh weights answer near Immerkaer's estimate, which is no bad start."""
+    """Sixty steps halve the loss; fresh weights answer near Immerkaer's estimate, which is no bad start."""
     schedule = Schedule(60, learning_rate=5e-3, warm_up=5, checkpoint_every=60, report_every=10, average_decay=0.9)
     chosen = settings(schedule=schedule, recipe=replace(SMALL, views=4))
     trained = training.train(chosen, cache, folder=tmp_path)

@@ -105,8 +105,9 @@ class ReplicatedProblem:
 class PeriodicProblem:
     """A periodic extension; edges (h, w) in both directions, the last ones joining opposite borders.
 
-    Blurring is diagonal in the Fourier domain and the Laplacian nearly so: with all weights equal to their mean it
-    would be. That inverse preconditions the conjugate gradients, so that three steps reach what fifteen would.
+    Blurring is diagonal in the Fourier domain, and the Laplacian would be if all weights were equal to their mean.
+    That inverse preconditions the conjugate gradients: two steps find kernels at least as accurate as ten plain ones
+    do, with a fifth of the transforms.
     """
 
     def __init__(self, blurred: NDArray, kernel: NDArray, steps: int) -> None:
