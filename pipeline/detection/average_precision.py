@@ -11,7 +11,7 @@ A class without a single object has no average precision: it is NaN, with a coun
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,8 @@ class ClassResult:
         right, wrong, neither: of these.
         score: (right + wrong,) scores, highest first.
         precision, recall: (right + wrong,) after each of these detections; recall is NaN where there is no object.
+        draws: (draws,) average precision on resampled images, NaN where a draw holds no object; empty without a
+            bootstrap. Equal generators resample the same images, so draws of several conditions belong together.
     """
 
     label: str
@@ -54,6 +56,7 @@ class ClassResult:
     score: NDArray[np.float64]
     precision: NDArray[np.float64]
     recall: NDArray[np.float64]
+    draws: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0), repr=False)
 
 
 def evaluate(
@@ -64,6 +67,7 @@ def evaluate(
     overlap: float = 0.5,
     generator: np.random.Generator | None = None,
     draws: int = 500,
+    groups: Sequence[str] | None = None,
 ) -> dict[str, ClassResult]:
     """Average precision of each class.
 
@@ -75,6 +79,8 @@ def evaluate(
         overlap: least intersection over union of a right detection, in (0, 1].
         generator: for the bootstrap over images; None leaves the intervals out.
         draws: resamples.
+        groups: one word per image; images of one group are no independent samples and are resampled together. None
+            resamples images.
 
     Returns:
         results by class, in the order of the labels (sorted if None).
@@ -88,9 +94,13 @@ def evaluate(
         raise InputError(f"rule: expected one of {', '.join(RULES)}, not {rule!r}")
     if not 0.0 < overlap <= 1.0:
         raise InputError(f"overlap: expected a number in (0, 1], not {overlap!r}")
+    if groups is not None and len(groups) != len(truths):
+        raise InputError(f"groups for {len(groups)} images, truth for {len(truths)}; expected as many")
     if labels is None:
         labels = sorted({str(word) for truth in truths for word in truth.label[~truth.ignore]})
-    return {label: _evaluate_class(label, detections, truths, rule, overlap, generator, draws) for label in labels}
+    group_of = np.unique(np.asarray(groups if groups is not None else range(len(truths))), return_inverse=True)[1]
+    rest = (detections, truths, rule, overlap, generator, draws, group_of)
+    return {label: _evaluate_class(label, *rest) for label in labels}
 
 
 def mean_average_precision(results: Iterable[ClassResult]) -> float:
@@ -107,6 +117,7 @@ def _evaluate_class(
     overlap: float,
     generator: np.random.Generator | None,
     draws: int,
+    group_of: NDArray[np.int64],
 ) -> ClassResult:
     scores: list[NDArray[np.float64]] = [np.zeros(0)]
     verdicts: list[NDArray[np.int8]] = [np.zeros(0, dtype=np.int8)]
@@ -128,8 +139,11 @@ def _evaluate_class(
     total = int(objects.sum())
     found_so_far = np.cumsum(hit)
     low = high = float("nan")
-    if generator is not None and total:
-        low, high = _interval(hit, image_of, objects, rule, generator, draws)
+    drawn = np.zeros(0)
+    if generator is not None:
+        drawn = _bootstrap(hit, image_of, objects, rule, generator, draws, group_of)
+        finite = drawn[np.isfinite(drawn)]  # a draw may hold no object at all
+        low, high = np.percentile(finite, [2.5, 97.5]).tolist() if len(finite) else (low, high)
     return ClassResult(
         label=label,
         average_precision=float(area(hit[None].astype(float), np.ones((1, len(hit))), np.array([total]), rule)[0]),
@@ -145,6 +159,7 @@ def _evaluate_class(
         score=score[order],
         precision=found_so_far / np.arange(1, len(hit) + 1),
         recall=found_so_far / total if total else np.full(len(hit), np.nan),
+        draws=drawn,
     )
 
 
@@ -179,23 +194,24 @@ def area(
     return result
 
 
-def _interval(
+def _bootstrap(
     hit: NDArray[np.bool_],
     image_of: NDArray[np.int64],
     objects: NDArray[np.int64],
     rule: Rule,
     generator: np.random.Generator,
     draws: int,
-) -> tuple[float, float]:
-    """Percentile bootstrap over images: an image drawn twice counts twice, with its objects and its detections."""
+    group_of: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Bootstrap over groups of images: one drawn twice counts twice, with its objects and its detections."""
+    groups = int(group_of.max()) + 1 if len(group_of) else 0
+    if not groups:
+        return np.full(draws, np.nan)
     values = []
     block = max(1, 4_000_000 // max(1, len(hit), len(objects)))  # bounds memory
     for start in range(0, draws, block):
         rows = min(block, draws - start)
-        times = generator.multinomial(len(objects), np.full(len(objects), 1.0 / len(objects)), size=rows)
+        times = generator.multinomial(groups, np.full(groups, 1.0 / groups), size=rows)[:, group_of]
         weight = times[:, image_of].astype(float)
         values.append(area(weight * hit, weight, times @ objects, rule))
-    drawn = np.concatenate(values)
-    drawn = drawn[np.isfinite(drawn)]  # a draw may hold no object at all
-    low, high = np.percentile(drawn, [2.5, 97.5]) if len(drawn) else (np.nan, np.nan)
-    return float(low), float(high)
+    return np.concatenate(values)

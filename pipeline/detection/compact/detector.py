@@ -1,0 +1,128 @@
+"""The compact detectors as everyone calls them: a weight file in, boxes out.
+
+Frames keep their own pixels (or are scaled by `scale`) and are filled up to multiples of 32. Trained by the stage
+`train_detector` on sharp *Sim* frames; classes car, person and bicycle.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.detection.base import Detections, each_image
+from pipeline.errors import InputError
+from pipeline.scenes.labels import LABELS
+
+if TYPE_CHECKING:
+    import torch
+
+    from pipeline.detection.base import Images
+
+COARSEST = 32
+FILL = 114 / 255
+
+
+class Compact:
+    """One-stage detector.
+
+    Args:
+        weights: file written by the stage `train_detector`.
+        scale: network pixels per image pixel.
+        score_floor: detections below this score are dropped, [0, 1].
+        overlap: intersection over union above which the weaker box of a class is dropped, [0, 1].
+        most: boxes kept per image at most.
+
+    Raises:
+        InputError: an option out of range, or a file that is missing, broken or of another network.
+    """
+
+    kind: ClassVar[str] = "one_stage"
+
+    def __init__(
+        self,
+        weights: str | Path = "data/weights/detector_compact.safetensors",
+        scale: float = 1.0,
+        score_floor: float = 0.01,
+        overlap: float = 0.5,
+        most: int = 300,
+    ) -> None:
+        for name, value in (("score_floor", score_floor), ("overlap", overlap)):
+            if not 0.0 <= value <= 1.0:
+                raise InputError(f"{name}: expected a number in [0, 1], not {value!r}")
+        if most < 1:
+            raise InputError(f"most: expected at least 1, not {most!r}")
+        if not 0.05 <= scale <= 20:
+            raise InputError(f"scale: expected a number in [0.05, 20], not {scale!r}")
+        self.weights, self.scale = Path(weights), scale
+        self.score_floor, self.overlap, self.most = score_floor, overlap, most
+        self.labels = np.asarray(LABELS, dtype=np.str_)
+        self._model: Any = None
+        self._open()  # a wrong file is told at once
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_model": None}
+
+    def detect(self, images: Images) -> list[Detections]:
+        """See `pipeline.detection.base.Detector.detect`."""
+        return [self._detect(image) for image in each_image(images)]
+
+    def _detect(self, image: NDArray[np.float32]) -> Detections:
+        from pipeline.detection.letterbox import letterbox
+
+        network, candidates = self._open()
+        height, width = (max(1, round(side * self.scale)) for side in image.shape)
+        whole = tuple(-(-side // COARSEST) * COARSEST for side in (width, height))
+        inner, placement = letterbox(image, width, height, FILL) if self.scale != 1 else (image, None)
+        canvas = np.full((whole[1], whole[0]), FILL, np.float32)
+        canvas[:height, :width] = inner
+        return self.judged(candidates(network, _tensor(canvas), self.score_floor), image.shape, placement)
+
+    def judged(self, raw: tuple[torch.Tensor, ...], shape: tuple[int, ...], placement: Any = None) -> Detections:
+        """Candidates (boxes, scores, class numbers) as detections in an image of this shape: clipped, suppressed."""
+        from pipeline.detection.nms import suppress
+
+        box, score, kind = (part.numpy() for part in raw)
+        box = box.astype(np.float64) if placement is None else placement.undo(box)
+        box = np.clip(box, 0.0, [shape[1], shape[0], shape[1], shape[0]])
+        real = (box[:, 2] > box[:, 0]) & (box[:, 3] > box[:, 1])
+        box, score, kind = box[real], score[real].astype(np.float64), kind[real]
+        kept = suppress(box, score, kind, self.overlap, self.most)
+        return Detections.of(box[kept], score[kept], self.labels[kind[kept]])
+
+    def _open(self) -> Any:
+        if self._model is None:
+            import importlib
+
+            from pipeline.learning import weights
+
+            module = importlib.import_module(f"pipeline.detection.compact.{self.kind}")
+            network = {"one_stage": "OneStage", "two_stage": "TwoStage"}[self.kind]
+            model = getattr(module, network)(len(self.labels))
+            weights.into(model, self.weights, module.ARCHITECTURE)
+            self._model = (model.eval(), module.candidates)
+        return self._model
+
+
+class CompactTwoStage(Compact):
+    """Two-stage detector; arguments as for `Compact`."""
+
+    kind: ClassVar[str] = "two_stage"
+
+    def __init__(
+        self,
+        weights: str | Path = "data/weights/detector_compact_two_stage.safetensors",
+        scale: float = 1.0,
+        score_floor: float = 0.01,
+        overlap: float = 0.5,
+        most: int = 300,
+    ) -> None:
+        super().__init__(weights, scale, score_floor, overlap, most)
+
+
+def _tensor(canvas: NDArray[np.float32]) -> torch.Tensor:
+    import torch
+
+    return torch.from_numpy(canvas)[None, None].contiguous(memory_format=torch.channels_last)

@@ -1,0 +1,65 @@
+"""Pieces of a long run, kept until it is done: a killed run goes on, and its result is the same bytes.
+
+A piece is one file in a folder outside of any stage's outputs, named by what it is and by a hash of all it depends on:
+settings, weights, picture, kernel and this package's source. A piece that cannot be read is made again. Once the run's
+outputs are in place the folder is removed, so nothing stale can be taken up later.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.store import read_arrays, write_arrays
+
+Arrays = Mapping[str, NDArray[Any]]
+CODE = ("detection", "camera", "datasets")
+"""Folders of the package whose source is part of the hash."""
+
+
+def fingerprint(settings: Mapping[str, Any], code: tuple[str, ...] = CODE) -> str:
+    """Hash of settings (anything JSON can hold) and of the source they are used by."""
+    text = hashlib.blake2b(json.dumps(settings, sort_keys=True, default=str).encode(), digest_size=10)
+    package = Path(__file__).parents[1]
+    for path in sorted(path for name in code for path in (package / name).rglob("*.py")):
+        text.update(path.relative_to(package).as_posix().encode())
+        text.update(path.read_bytes())
+    return text.hexdigest()
+
+
+def kept(folder: Path, name: str, depends: bytes, names: frozenset[str], make: Callable[[], Arrays]) -> Arrays:
+    """A piece from its file, or made and written to it.
+
+    Args:
+        folder: of the pieces of this run.
+        name: of the piece, fit for a file name.
+        depends: what it depends on beside the settings of the run (picture, kernel).
+        names: of the arrays it must hold.
+        make: makes it.
+    """
+    path = folder / f"{name}-{hashlib.blake2b(depends, digest_size=6).hexdigest()}.npz"
+    if path.is_file():
+        try:
+            arrays = read_arrays(path)
+            if set(arrays) == names:
+                return arrays
+        except InputError:
+            pass  # broken: made again
+    arrays = dict(make())
+    write_arrays(path, **{key: np.asarray(value) for key, value in arrays.items()})
+    return arrays
+
+
+def forget(folder: Path) -> None:
+    """Remove the pieces of a run that is done, and the folder above them if it is empty then."""
+    shutil.rmtree(folder, ignore_errors=True)
+    if folder.parent.is_dir() and not any(folder.parent.iterdir()):
+        folder.parent.rmdir()
