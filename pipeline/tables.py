@@ -89,14 +89,16 @@ NOISE_ESTIMATES = Schema(
         "level_dn": "float64",
         "frame": "string",
         "patch": "int64",
-        "true_sigma_dn": "float64",  # standard deviation of the noise really present in this patch
+        "true_sigma_dn": "float64",  # standard deviation of the noise really present in this patch, after clipping
+        "added_sigma_dn": "float64",  # of the noise as the sensor added it, before the 8-bit range clips it
+        "saturated_share": "float64",  # of the patch's pixels, black or white in the sharp frame
         "sigma_dn": "float64",  # NaN where abstained
         "low_dn": "float64",
         "high_dn": "float64",
         "abstained": "bool",
         "reason": "string",
     },
-    {"level_dn": "DN", "true_sigma_dn": "DN", "sigma_dn": "DN"},
+    {"level_dn": "DN", "true_sigma_dn": "DN", "added_sigma_dn": "DN", "sigma_dn": "DN"},
 )
 
 NOISE_SUMMARY = Schema(
@@ -111,8 +113,11 @@ NOISE_SUMMARY = Schema(
         "maximum_dn": "float64",
         "low_dn": "float64",  # bootstrap 95 % interval of the median
         "high_dn": "float64",
-        "true_median_dn": "float64",  # robust median of the noise really present
+        "true_median_dn": "float64",  # robust median of the noise really present, after clipping
+        "added_median_dn": "float64",  # of the noise as added, before clipping
         "patch_error_dn": "float64",  # mean |estimate - truth| per patch
+        "added_error_dn": "float64",  # mean |estimate - noise as added| per patch
+        "coverage": "float64",  # share of intervals that hold the noise as added; NaN where the method has none
         "count": "int64",
         "rejected": "int64",
         "abstained": "int64",

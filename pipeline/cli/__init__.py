@@ -13,10 +13,12 @@ import click
 from pipeline.errors import InputError
 
 COMMANDS = {
+    "health": "Estimate blur and noise of pictures or videos together, with intervals and maps.",
     "noise": "Estimate the noise of pictures or videos, over the frame and over time.",
     "corrupt": "Corrupt pictures to a noise level or a blur, with the truth beside them.",
     "dataset": "Check a dataset: what is usable, what would be set aside and why.",
     "render": "Render frames of the procedural dataset Sim.",
+    "curves": "Ask measured curves for a detector's average precision at some noise and blur.",
     "weights": "List, download and verify published detector weights.",
 }
 

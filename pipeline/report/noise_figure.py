@@ -97,7 +97,9 @@ def draw(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 8))
     columns = ["dataset", "effect", "estimator", "level_dn", "true_median_dn", "median_dn", "minimum_dn", "maximum_dn"]
-    values = summary[[*columns, "low_dn", "high_dn", "count", "rejected", "abstained"]].sort_values(columns[:4])
+    values = summary[[*columns, "added_median_dn", "low_dn", "high_dn", "count", "rejected", "abstained"]].sort_values(
+        columns[:4]
+    )
     return Drawing(figure, _alt(summary, estimators), values, style.switches(estimators))
 
 

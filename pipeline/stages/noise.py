@@ -22,13 +22,14 @@ READS = [
     "noise.tile_px",
     "noise.tiles_per_frame",
     "noise.bootstrap_draws",
+    "noise.map_level_dn",
     "noise.estimators.{estimator}",
 ]
 
 
 @stage("noise", reads=READS, job=["dataset", "estimator"])
 def run(run: Run) -> None:
-    """Estimate on every indexed frame, write estimates, their summary and the metrics."""
+    """Estimate on every indexed frame; write estimates, their summary, a frame's local noise, and the metrics."""
     import pandas as pd
 
     from pipeline import store, tables
@@ -40,23 +41,27 @@ def run(run: Run) -> None:
     section = params.noise.estimators[name]
     folder = run.inputs / "data/index" / dataset
     frames = indexed_frames(folder, dataset, params.datasets[dataset])
-    tiles = indexed_patches(folder, "noise", params.noise.tiles_per_frame)
-    evaluate = partial(
-        estimate_frame,
-        kind=section.kind,
-        options=dict(section.options),
-        effects=params.corruption.effects,
-        levels_dn=params.corruption.levels_dn,
-        camera=CameraSettings.from_section(params.camera),
-        seed=params.seed,
-    )
+    tiles = indexed_patches(folder, "noise", section.per_frame or params.noise.tiles_per_frame)
+    settings: dict[str, Any] = {
+        "kind": section.kind,
+        "options": dict(section.options),
+        "effects": params.corruption.effects,
+        "camera": CameraSettings.from_section(params.camera),
+        "seed": params.seed,
+    }
+    evaluate = partial(estimate_frame, **settings, levels_dn=params.corruption.levels_dn)
     work = [(frame, tiles[frame.name]) for frame in frames if frame.name in tiles]
     rows = [row for found in run.map(evaluate, work, f"noise of {dataset} by {name}") for row in found]
     estimates = tables.NOISE_ESTIMATES.conform(pd.DataFrame(rows).assign(estimator=name))
     summary = tables.NOISE_SUMMARY.conform(summarise(estimates, params.seed, params.noise.bootstrap_draws))
+    show = partial(map_frame, **settings, level_dn=params.noise.map_level_dn)
+    maps = next(iter(run.map(show, [frame for frame, _ in work[:1]], "")), None)
     with store.replacing_folder(run.outputs / f"data/noise/{dataset}-{name}") as out:
         store.write_table(out / "estimates.parquet", estimates, tables.NOISE_ESTIMATES)
         store.write_table(out / "summary.parquet", summary, tables.NOISE_SUMMARY)
+        if maps is not None:  # an estimator that answers by the patch has none to show
+            store.write_arrays(out / "maps.npz", **maps[0])
+            store.write_json(out / "maps.json", {**maps[1], "estimator": name})
     store.write_json(run.outputs / f"reports/metrics/noise/{dataset}-{name}.json", metrics(summary))
 
 
@@ -76,6 +81,23 @@ def estimate_frame(
 
     frame, tiles = work
     return evaluate_frame(frame, tiles, noise.create(kind, **options), effects, levels_dn, camera, seed)
+
+
+def map_frame(
+    frame: Frame,
+    *,
+    kind: str,
+    options: dict[str, Any],
+    effects: Sequence[str],
+    camera: CameraSettings,
+    seed: int,
+    level_dn: float,
+) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """The local noise of one frame, where the estimator has a map."""
+    from pipeline import noise
+    from pipeline.noise.maps import shown_maps
+
+    return shown_maps(frame, noise.create(kind, **options), effects, level_dn, camera, seed)
 
 
 if __name__ == "__main__":

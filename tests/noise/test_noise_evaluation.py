@@ -12,7 +12,7 @@ from pipeline import noise, tables
 from pipeline.datasets.corrupted import CameraSettings
 from pipeline.datasets.frame import Frame
 from pipeline.datasets.patches import tiles
-from pipeline.noise.evaluation import evaluate_frame, metrics, summarise
+from pipeline.noise.evaluation import coverage, evaluate_frame, metrics, saturated_share, summarise
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +44,38 @@ def test_truth_is_the_noise_really_present(rows):
     assert dcsn["true_sigma_dn"].iloc[0] < 7  # half of the saturated tile's noise is clipped away
     assert np.allclose(dcsn["true_sigma_dn"].iloc[1:], 10, atol=0.6)
     assert (rows.loc[rows["level_dn"] == 0, "true_sigma_dn"] < 1e-3).all()
+
+
+def test_the_noise_as_added_is_kept_beside_what_clipping_left(rows):
+    dcsn = rows[(rows["effect"] == "dcsn") & (rows["level_dn"] == 10)]
+    assert np.allclose(dcsn["added_sigma_dn"], 10, atol=0.3)  # in the saturated tile too
+    assert dcsn["true_sigma_dn"].iloc[0] < 0.7 * dcsn["added_sigma_dn"].iloc[0]
+    photon = rows[(rows["effect"] == "photon") & (rows["level_dn"] == 10)]
+    assert photon["added_sigma_dn"].iloc[0] == photon["added_sigma_dn"].max() > 11  # white has the most photons
+    assert (rows.loc[rows["level_dn"] == 0, "added_sigma_dn"] == 0).all()
+
+
+def test_the_saturated_share_is_that_of_the_sharp_frame(rows):
+    assert (rows.loc[rows["patch"] == 0, "saturated_share"] > 0.95).all()
+    assert (rows.loc[rows["patch"] > 1, "saturated_share"] < 0.3).all()
+    halves = np.zeros((2, 1, 4, 4), np.float32) + 0.5
+    halves[0, 0, :2] = 1.0
+    halves[0, 0, 3] = 0.4 / 255
+    assert saturated_share(halves).tolist() == [0.75, 0.0]
+
+
+def test_coverage_counts_intervals_that_hold_the_noise_added(rows):
+    assert coverage(rows).isna().all()  # PCA has none
+    assert np.isnan(summarise(rows, 1, 10)["coverage"]).all()
+    told = rows.copy()
+    told["low_dn"], told["high_dn"] = told["added_sigma_dn"] - 1, told["added_sigma_dn"] + 1
+    away = told["patch"] == 1
+    told.loc[away, ["low_dn", "high_dn"]] += 5
+    told.loc[told["patch"] == 2, ["low_dn", "high_dn"]] = np.nan
+    summary = summarise(told, 1, 10)
+    assert np.allclose(summary["coverage"], 4 / 5)
+    assert metrics(summary)["dcsn"]["10"]["coverage"] == pytest.approx(0.8)
+    assert "coverage" not in metrics(summarise(rows, 1, 10))["dcsn"]["10"]
 
 
 def test_estimates_lie_near_the_truth(rows):

@@ -1,11 +1,21 @@
-"""The section of noise estimation: the paper's figure, the medians with intervals, and the abstentions."""
+"""The section of noise estimation: the paper's figure, medians, local maps, single patches, and the abstentions."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pipeline.report import noise_figure
-from pipeline.report.inputs import ReportInputs, any_table, noise_tables, records
+from pipeline.errors import InputError
+from pipeline.report import noise_figure, noise_maps_figure, noise_patch_tables
+from pipeline.report.inputs import (
+    ReportInputs,
+    any_table,
+    members,
+    noise_tables,
+    optional_arrays,
+    optional_json,
+    records,
+)
+from pipeline.report.noise_maps_figure import NoiseMaps
 from pipeline.report.sections.base import Block, NotRun, Run, Section, ShownFigure
 from pipeline.report.tables import Cell, Column, Estimate, Table
 from pipeline.report.wording import EFFECTS, ESTIMATORS, in_order, word
@@ -38,6 +48,7 @@ def _medians(dataset: str, summary: pd.DataFrame, inputs: ReportInputs) -> Table
             row: dict[str, Cell] = {
                 "effect": word(effect),
                 "level_dn": level,
+                "added_dn": float(cells["added_median_dn"].median()),
                 "present_dn": float(cells["true_median_dn"].median()),
             }
             for found in records(cells):
@@ -47,11 +58,13 @@ def _medians(dataset: str, summary: pd.DataFrame, inputs: ReportInputs) -> Table
                     found["median_dn"], found["low_dn"], found["high_dn"], inliers, reference.get(key)
                 )
             rows.append(row)
-    columns = [Column("effect", "Effect"), Column("level_dn", "Level", "DN"), Column("present_dn", "Present", "DN", 2)]
+    columns = [Column("effect", "Effect"), Column("level_dn", "Level", "DN")]
+    columns += [Column("added_dn", "Added", "DN", 2), Column("present_dn", "Present", "DN", 2)]
     columns += [Column(name, word(name), "DN", 2) for name in estimators]
     notes = [
-        "Median of the inliers (3.5 MAD) with bootstrap 95 % interval; n: inliers. Present: robust median of the noise "
-        "really in the patches, after clipping, against which an estimator is to be judged."
+        "Median of the inliers (3.5 MAD) with bootstrap 95 % interval; n: inliers. Added and present: robust median of "
+        "the noise in the patches before and after the 8-bit range clips it. The cell-wise estimator tells what was "
+        "added, the others what is present."
     ]
     if any(isinstance(cell, Estimate) and cell.reference is not None for row in rows for cell in row.values()):
         notes.append("Code: the same statistic from the authors' published program, on its own frames.")
@@ -90,6 +103,35 @@ def _abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
     return Table("noise_abstentions", "Abstentions of the noise estimators.", columns, rows, notes, stage)
 
 
+def _maps(inputs: ReportInputs) -> list[Block]:
+    """Local noise over a frame, of every dataset whose stage left maps."""
+    found: dict[str, list[tuple[NoiseMaps, str]]] = {}
+    for folder in members(inputs.noise, inputs.noise_members):
+        said = optional_json(folder, "maps.json")
+        if said is None:
+            continue
+        if not isinstance(said, dict) or not set(said) >= {"dataset", "estimator", "frame", "effects", "level_dn"}:
+            raise InputError(
+                f"{folder / 'maps.json'}: expected dataset, estimator, frame, effects and level_dn; "
+                "run the stage noise again"
+            )
+        maps = NoiseMaps(said["estimator"], optional_arrays(folder, "maps.npz"), said["effects"], said["level_dn"])
+        found.setdefault(said["dataset"], []).append((maps, said["frame"]))
+    blocks: list[Block] = []
+    for dataset in in_order(found, inputs.datasets):
+        if len({(frame, tuple(maps.effects), maps.level_dn) for maps, frame in found[dataset]}) > 1:
+            raise InputError(f"noise maps of '{dataset}' show different frames; run the stage noise again for all")
+        pairs = sorted(found[dataset], key=lambda pair: pair[0].estimator)
+        caption = (
+            f"Local noise over a frame of {word(dataset)}. Added: root mean square over 40 px about each cell of 8 px, "
+            "before clipping. Found: the estimator's own map. Grey where nothing can be said."
+        )
+        stages = tuple(STAGE.format(dataset=dataset, estimator=maps.estimator) for maps, _ in pairs)
+        drawing = noise_maps_figure.draw([maps for maps, _ in pairs])
+        blocks.append(ShownFigure(f"noise_maps_{dataset}", drawing, caption, stages))
+    return blocks
+
+
 def section(inputs: ReportInputs) -> Section:
     """Noise estimation on every dataset."""
     summary, estimates = noise_tables(inputs)
@@ -113,6 +155,9 @@ def section(inputs: ReportInputs) -> Section:
         done_on = in_order(summary["dataset"], inputs.datasets)
         blocks.append(ShownFigure("noise", noise_figure.draw(summary, done_on), caption, stages))
         blocks += [_medians(name, summary, inputs) for name in done_on]
+        blocks += _maps(inputs)
+        clipped = noise_patch_tables.saturated(estimates)
+        blocks += [noise_patch_tables.patch_errors(estimates), *([clipped] if clipped is not None else [])]
         blocks.append(_abstentions(summary, estimates))
     shown: set[tuple[str, str]] = set()
     for run in runs:

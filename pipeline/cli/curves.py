@@ -1,0 +1,76 @@
+"""``camera-monitor curves``: ask measured curves of average precision, or measure them on recorded pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.group("curves")
+def command() -> None:
+    """Ask the curves that ``dvc repro`` measured (data/curves), or measure them on pictures of one's own."""
+
+
+@command.command("query")
+@click.argument("surface", type=click.Path(path_type=Path))
+@click.option("--sigma", "sigma_dn", required=True, multiple=True, type=float, help="noise, DN on the 0..255 scale")
+@click.option("--mtf", required=True, multiple=True, type=float, help="MTF at 0.1 of Nyquist, mean of H and V, 0..1")
+def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) -> None:
+    """Average precision of SURFACE (a surface-*.npz) at a noise and an MTF, with its 95 % interval.
+
+    Several --sigma and --mtf give every pair. Nothing is extrapolated: a place where nothing was measured is an error.
+    """
+    from pipeline.curves import Surface
+    from pipeline.errors import InputError
+
+    known = Surface.load(surface)
+    refused = []
+    click.echo(f"{'sigma DN':>9} {'MTF':>6} {'AP %':>7} {'low':>7} {'high':>7}")
+    for sigma in sigma_dn:
+        for contrast in mtf:
+            try:
+                precision, low, high = known.at(sigma, contrast)
+            except InputError as error:
+                refused.append(str(error))
+                continue
+            click.echo(f"{sigma:9.2f} {contrast:6.3f} {precision:7.2f} {low:7.2f} {high:7.2f}")
+    if refused:
+        raise InputError("\n".join(refused))
+
+
+@command.command("record")
+@click.argument("overrides", nargs=-1)
+@click.option("--dataset", required=True, help="name of the dataset, which the overrides add and place")
+@click.option("--detector", required=True, help="name of the detector, likewise")
+@click.option("--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced")
+@click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record")
+@click.option(
+    "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
+)
+def record_command(
+    overrides: tuple[str, ...], dataset: str, detector: str, out: Path, source: str, workers: int
+) -> None:
+    """Measure a detector on recorded pictures and keep numbers, figures and provenance; no picture is kept.
+
+    OVERRIDES are of conf/, as for ``dvc exp run -S``: +dataset@datasets.kitti=kitti datasets.kitti.root=/path
+    +detector@detection.detectors.yolox=yolox detection.sweep.angles_deg=[0]
+    """
+    from functools import partial
+
+    from pipeline.config.compose import compose, parse
+    from pipeline.errors import InputError, did_you_mean
+    from pipeline.executor import run_map
+    from pipeline.report.recorded import record
+
+    config = parse(compose(overrides), "conf/")
+    for what, name, known in (
+        ("dataset", dataset, config.datasets),
+        ("detector", detector, config.detection.detectors),
+    ):
+        if name not in known:
+            raise InputError(f"--{what} {name}: not in the configuration; {did_you_mean(name, known)}")
+    numbers = record(config, dataset, detector, out, source, partial(run_map, workers=workers))
+    for label, found in numbers.items():
+        click.echo(f"{label}: {found['clean_ap_percent']:.1f} % sharp and without noise")
+    click.echo(f"written to {out}")

@@ -1,0 +1,108 @@
+"""A frame's condition as a picture: its noise cell by cell, its blur patch by patch, and the mean curves beside."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.camera.mtf import FREQUENCIES
+from pipeline.condition.summary import half_contrast
+from pipeline.report import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from pipeline.condition import Condition
+
+LEAST_TOP_DN = 5.0  # of the noise's colours: a clean frame shall look clean
+SHARPEST = FREQUENCIES[-1]
+STRENGTH = 0.55  # of the colours over the frame
+DPI = 150
+
+
+def _over(axes: Axes, image: NDArray[np.float32], title: str) -> None:
+    axes.imshow(image, cmap="gray", vmin=0, vmax=1)
+    style.bare(axes)
+    axes.set_xlim(-0.5, image.shape[1] - 0.5)
+    axes.set_ylim(image.shape[0] - 0.5, -0.5)
+    axes.set_title(title, loc="left")
+
+
+def _map(
+    axes: Axes, image: NDArray[np.float32], cells: NDArray[np.floating], top: float, colours: str, unit: str
+) -> None:
+    """Colour the frame by an even grid of cells; where a cell knows nothing, the frame stays grey."""
+    height, width = image.shape
+    shown = axes.imshow(
+        np.ma.masked_invalid(cells), cmap=colours, vmin=0, vmax=top, alpha=STRENGTH,
+        extent=(-0.5, width - 0.5, height - 0.5, -0.5),
+    )  # fmt: skip
+    axes.figure.colorbar(shown, ax=axes, label=unit, fraction=0.03, pad=0.01)
+
+
+def _noise(axes: Axes, image: NDArray[np.float32], found: Condition) -> None:
+    sigma = found.sigma_dn
+    known = np.isfinite(sigma.value)
+    told = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else "nothing can be said"
+    _over(axes, image, f"Noise: {told}")
+    cells = found.noise.map_dn
+    seen = cells[np.isfinite(cells)]
+    top = max(LEAST_TOP_DN, float(np.percentile(seen, 99)) if seen.size else 0.0)
+    _map(axes, image, cells, top, "viridis", "σ [DN]")
+
+
+def _blur(axes: Axes, image: NDArray[np.float32], found: Condition) -> None:
+    rows, columns = found.blur.grid
+    halves = half_contrast(found.blur.map_mtf)
+    told = int((~np.isnan(halves).any(axis=-1)).sum()) if rows else 0
+    _over(axes, image, f"Blur: {told} of {rows * columns} patches tell; frequency of half contrast, H | V")
+    if not rows:
+        return
+    halves = np.minimum(halves, SHARPEST)
+    _map(axes, image, halves.mean(axis=-1), SHARPEST, "cividis", "half contrast [Nyquist]")
+    height, width = image.shape
+    for row, column in np.ndindex(rows, columns):
+        pair = halves[row, column]
+        words = " | ".join(f"> {SHARPEST:.2f}" if value >= SHARPEST else f"{value:.2f}" for value in pair)
+        axes.text(
+            (column + 0.5) * width / columns - 0.5, (row + 0.5) * height / rows - 0.5,
+            words if np.isfinite(pair).all() else "–", ha="center", va="center", fontsize=4.6, color="white",
+            bbox={"facecolor": (0, 0, 0, 0.45), "edgecolor": "none", "pad": 0.8},
+        )  # fmt: skip
+
+
+def _curves(axes: Axes, found: Condition) -> None:
+    for place, way in enumerate(("horizontal", "vertical")):
+        look = style.series_look("HV"[place], place)
+        low, high = found.mtf.low[place], found.mtf.high[place]
+        axes.fill_between(FREQUENCIES, low, high, color=look["color"], alpha=0.15, linewidth=0)
+        axes.plot(FREQUENCIES, found.mtf.value[place], label=way, **look)
+    axes.axhline(0.5, color=style.MUTED, linewidth=0.5)
+    axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xlabel="frequency [Nyquist]", title="MTF of the frame, 95 % interval")
+    axes.legend(loc="lower left")
+
+
+@style.styled
+def draw(image: NDArray[np.float32], found: Condition) -> NDArray[np.uint8]:
+    """The picture.
+
+    Args:
+        image: (H, W) in [0, 1], the frame.
+        found: its condition.
+
+    Returns:
+        (h, w, 3) RGB.
+    """
+    width = style.TWO_COLUMNS_IN
+    tall = min(max(0.86 * width * image.shape[0] / image.shape[1], 1.2), 7.0)
+    figure = style.new_figure(width, 2 * (tall + 0.25) + 1.9)
+    panels = figure.subplots(3, 1, height_ratios=[tall + 0.25, tall + 0.25, 1.9])
+    _noise(panels[0], image, found)
+    _blur(panels[1], image, found)
+    _curves(panels[2], found)
+    figure.set_dpi(DPI)
+    figure.canvas.draw()
+    pixels: NDArray[np.uint8] = np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()  # type: ignore[attr-defined]
+    return pixels

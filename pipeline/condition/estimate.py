@@ -1,0 +1,227 @@
+"""One call for blur and noise of a frame or of patches: MTF and sigma with intervals, abstentions, maps, time taken.
+
+A camera monitor and a controller ask the same question of every frame: how much contrast is left, how much noise was
+added, where, and how sure is that. Any two estimators of the registries answer it together here; an abstention is
+counted and has its reason, and a frame that tells nothing has NaN, never a zero.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline import blur, noise
+from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate
+from pipeline.condition.summary import Summary, summarise
+from pipeline.datasets.patches import Patch, cut, tiles
+from pipeline.errors import InputError
+from pipeline.noise.base import NoiseEstimate
+from pipeline.noise.maps import CellEstimator, pasted
+
+LEAST_TILE_PX = 16
+
+
+@dataclass(frozen=True)
+class BlurState:
+    """Blur over a frame.
+
+    Attributes:
+        patches: N squares of the frame, row by row from the top.
+        estimate: their N answers.
+        grid: (rows, columns) of the patches; (0, 0) in a frame smaller than a patch.
+        summary: over the patches: arrays (2, 8), horizontal and vertical at the eight frequencies.
+        milliseconds: time on the clock.
+    """
+
+    patches: Sequence[Patch]
+    estimate: BlurEstimate
+    grid: tuple[int, int]
+    summary: Summary
+    milliseconds: float
+
+    @property
+    def map_mtf(self) -> NDArray[np.floating]:
+        """(rows, columns, 2, 8) MTF over the frame; NaN where abstained."""
+        return self.estimate.mtf.reshape(*self.grid, 2, FREQUENCIES)
+
+
+@dataclass(frozen=True)
+class NoiseState:
+    """Noise over a frame.
+
+    Attributes:
+        patches: N squares of the frame, row by row from the top.
+        estimate: their N answers.
+        grid: (rows, columns) of the patches.
+        summary: over the patches: arrays of shape ().
+        map_dn: (h, w) sigma over the frame, DN, NaN where unknown: of every 8 x 8 px cell where the estimator tells,
+            else the patches' answers as (rows, columns).
+        milliseconds: time on the clock.
+    """
+
+    patches: Sequence[Patch]
+    estimate: NoiseEstimate
+    grid: tuple[int, int]
+    summary: Summary
+    map_dn: NDArray[np.floating]
+    milliseconds: float
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Blur and noise of one frame, or of a set of patches taken as one.
+
+    Attributes:
+        blur, noise: in detail.
+    """
+
+    blur: BlurState
+    noise: NoiseState
+
+    @property
+    def mtf(self) -> Summary:
+        """Summary (2, 8) of the contrast left, 0..1."""
+        return self.blur.summary
+
+    @property
+    def sigma_dn(self) -> Summary:
+        """Summary () of the noise, DN."""
+        return self.noise.summary
+
+    @property
+    def abstained(self) -> dict[str, bool]:
+        """Whether nothing can be said of ``blur`` and of ``noise``."""
+        return {"blur": not np.isfinite(self.mtf.value).all(), "noise": not np.isfinite(self.sigma_dn.value).all()}
+
+    @property
+    def reasons(self) -> dict[str, dict[str, int]]:
+        """Of ``blur`` and of ``noise``: reason of abstention -> how many patches."""
+        parts = {"blur": self.blur.estimate.reason, "noise": self.noise.estimate.reason}
+        return {name: dict(sorted(Counter(str(word) for word in why if word).items())) for name, why in parts.items()}
+
+    @property
+    def milliseconds(self) -> float:
+        """Time on the clock for both."""
+        return self.blur.milliseconds + self.noise.milliseconds
+
+
+class ConditionMonitor:
+    """Estimates blur and noise of frames, or of patches.
+
+    Args:
+        blur_name: blur estimator of `pipeline.blur`.
+        noise_name: noise estimator of `pipeline.noise`.
+        blur_options, noise_options: theirs.
+        tile_px: side of the tiles that noise is estimated on; smaller frames get one tile of their smaller side.
+
+    Raises:
+        InputError: unknown names or options, weights that are absent, or a tile under 16 px.
+    """
+
+    def __init__(
+        self,
+        blur_name: str = "spectral",
+        noise_name: str = "cellwise",
+        *,
+        blur_options: Mapping[str, Any] | None = None,
+        noise_options: Mapping[str, Any] | None = None,
+        tile_px: int = 128,
+    ) -> None:
+        if tile_px < LEAST_TILE_PX:
+            raise InputError(f"condition monitor: tile_px={tile_px}, expected at least {LEAST_TILE_PX}")
+        self.blur_name, self.noise_name = blur_name, noise_name
+        self.blur_estimator = blur.create(blur_name, **(blur_options or {}))
+        self.noise_estimator = noise.create(noise_name, **(noise_options or {}))
+        self.tile_px = tile_px
+
+    def calibrate(self, sharp_frames: Sequence[NDArray[np.floating]]) -> None:
+        """Answer from now on with the blur that was *added* to this camera's own sharp frames.
+
+        Args:
+            sharp_frames: (H, W) frames in [0, 1], known to be sharp.
+
+        Raises:
+            InputError: none of their patches can be measured.
+        """
+        cuts = [cut(_checked(frame), tiles(frame.shape, PATCH_PX, "cover")) for frame in sharp_frames]
+        cuts = [part for part in cuts if len(part)]
+        if not cuts:
+            raise InputError(f"sharp frames: none is as large as a patch of {PATCH_PX} px; give whole frames")
+        self.blur_estimator = self.blur_estimator.calibrated(np.concatenate(cuts))
+
+    def frame(self, image: NDArray[np.floating]) -> Condition:
+        """The condition of one frame.
+
+        Args:
+            image: (H, W) float in [0, 1], linear.
+
+        Returns:
+            the condition; blur abstains with a frame smaller than 192 px.
+
+        Raises:
+            InputError: not such a frame, or smaller than the noise estimator needs.
+        """
+        picture = _checked(image)
+        squares = tiles(picture.shape, PATCH_PX, "cover")
+        side = min(self.tile_px, *picture.shape)
+        small = tiles(picture.shape, side, "cover")
+        return Condition(self._blur(cut(picture, squares), squares), self._noise(cut(picture, small), small, picture))
+
+    def patches(self, patches: NDArray[np.floating]) -> Condition:
+        """The condition of a set of patches, say of all objects in a frame.
+
+        Args:
+            patches: (N, 1, 192, 192) float in [0, 1]; both estimators see the same pixels.
+
+        Returns:
+            the condition; grids have one row, places are 0.
+
+        Raises:
+            InputError: the patches are not as expected.
+        """
+        stack = np.ascontiguousarray(patches, dtype=np.float32)
+        places = [Patch(0, 0, PATCH_PX) for _ in range(len(stack))]
+        return Condition(self._blur(stack, places), self._noise(stack, places, None))
+
+    def _blur(self, stack: NDArray[np.float32], squares: Sequence[Patch]) -> BlurState:
+        start = time.perf_counter()
+        if not squares:
+            stack = np.empty((0, 1, PATCH_PX, PATCH_PX), np.float32)
+        found = self.blur_estimator.estimate(stack)
+        taken = (time.perf_counter() - start) * 1e3
+        return BlurState(squares, found, _grid(squares), summarise(found.mtf, found.low, found.high), taken)
+
+    def _noise(
+        self, stack: NDArray[np.float32], squares: Sequence[Patch], picture: NDArray[np.float32] | None
+    ) -> NoiseState:
+        start = time.perf_counter()
+        grid = _grid(squares)
+        if picture is not None and isinstance(self.noise_estimator, CellEstimator):
+            found, cells = self.noise_estimator.estimate_cells(stack)
+            whole: NDArray[np.floating] = pasted(cells, squares, (picture.shape[0], picture.shape[1]))
+        else:
+            found = self.noise_estimator.estimate(stack)
+            whole = found.sigma_dn.reshape(grid)
+        taken = (time.perf_counter() - start) * 1e3
+        summary = summarise(found.sigma_dn, found.low_dn, found.high_dn)
+        return NoiseState(squares, found, grid, summary, whole, taken)
+
+
+def _checked(image: NDArray[np.floating]) -> NDArray[np.float32]:
+    """A frame as float32, or an error that says what is wrong."""
+    if getattr(image, "ndim", None) != 2 or not np.issubdtype(image.dtype, np.floating):
+        given = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}".strip()
+        raise InputError(f"frame: got {given}; expected (H, W) floats in [0, 1], grey (divide 8-bit frames by 255)")
+    return np.ascontiguousarray(image, dtype=np.float32)
+
+
+def _grid(squares: Sequence[Patch]) -> tuple[int, int]:
+    """Rows and columns of squares listed row by row; squares in one place count as one row."""
+    rows = len({square.y_px for square in squares})
+    return (rows, len(squares) // rows) if rows else (0, 0)

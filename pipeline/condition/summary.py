@@ -1,0 +1,99 @@
+"""From many patches to one number: the median of what is left when outliers are rejected, with its interval.
+
+The rule is the paper's (`pipeline.statistics`): a value further than 3.5 median absolute deviations from the median,
+about 5 % of them, is left out. Where the patches carry predictive intervals, the interval of the summary is the same
+median of their ends: neighbouring patches err together, so that their number makes nothing surer. Without intervals
+it is a bootstrap interval of the median, which knows of the spread between patches only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.camera.mtf import FREQUENCIES
+from pipeline.statistics import inliers, robust
+from pipeline.streams import stream
+
+Floats = NDArray[np.float64]
+BOOTSTRAP_DRAWS = 200
+HALF = 0.5
+
+
+def half_contrast(mtf: NDArray[np.floating]) -> Floats:
+    """Where contrast falls to half (MTF50), by straight lines between the eight frequencies, from 1 at zero.
+
+    Args:
+        mtf: (..., 8) at `pipeline.camera.mtf.FREQUENCIES`.
+
+    Returns:
+        (...) fractions of Nyquist; infinite where it stays above half, NaN where the MTF is NaN.
+    """
+    values = np.asarray(mtf, dtype=np.float64).reshape(-1, len(FREQUENCIES))
+    frequency = np.concatenate([[0.0], FREQUENCIES])
+    found = np.full(len(values), np.inf)
+    for place, curve in enumerate(np.concatenate([np.ones((len(values), 1)), values], axis=1)):
+        below = np.flatnonzero(curve <= HALF)
+        if not np.isfinite(curve).all():
+            found[place] = np.nan
+        elif below.size:
+            at = below[0]
+            share = (curve[at - 1] - HALF) / (curve[at - 1] - curve[at])
+            found[place] = frequency[at - 1] + share * (frequency[at] - frequency[at - 1])
+    return found.reshape(np.shape(mtf)[:-1])
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Robust statistics over N patches, of one quantity or of each of several.
+
+    Attributes:
+        value: median of the inliers; NaN where every patch abstains.
+        low, high: 95 % interval of the value; NaN where there is none.
+        least, greatest: of the inliers.
+        count: patches that answered; rejected: of those, how many were outliers; abstained: patches without answer.
+    """
+
+    value: Floats
+    low: Floats
+    high: Floats
+    least: Floats
+    greatest: Floats
+    count: NDArray[np.int64]
+    rejected: NDArray[np.int64]
+    abstained: NDArray[np.int64]
+
+
+def summarise(
+    values: NDArray[np.floating], low: NDArray[np.floating] | None = None, high: NDArray[np.floating] | None = None
+) -> Summary:
+    """Summarise patches.
+
+    Args:
+        values: (N, ...) answers, NaN where a patch abstains.
+        low: (N, ...) lower ends of the patches' predictive intervals, where the estimator has them.
+        high: (N, ...) upper ends.
+
+    Returns:
+        a summary whose arrays have shape (...).
+    """
+    shape = values.shape[1:]
+    names = ("value", "low", "high", "least", "greatest", "count", "rejected", "abstained")
+    found: dict[str, NDArray] = {
+        name: np.zeros(shape, dtype=np.int64 if place > 4 else np.float64) for place, name in enumerate(names)
+    }
+    for place in np.ndindex(shape):
+        column = np.asarray(values[(slice(None), *place)], dtype=np.float64)
+        ends = [end[(slice(None), *place)] for end in (low, high) if end is not None]
+        kept = inliers(column)
+        told_ends = len(ends) == 2 and kept.any() and all(np.isfinite(end[kept]).all() for end in ends)
+        told = robust(column, stream(0, "condition", *place), 1 if told_ends else BOOTSTRAP_DRAWS)
+        interval = (told.low, told.high)
+        if told_ends:
+            interval = (float(np.median(ends[0][kept])), float(np.median(ends[1][kept])))
+        numbers = (told.median, *interval, told.minimum, told.maximum, told.count, told.rejected, told.abstained)
+        for name, number in zip(names, numbers, strict=True):
+            found[name][place] = number
+    return Summary(**found)

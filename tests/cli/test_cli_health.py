@@ -1,0 +1,114 @@
+"""``camera-monitor health`` on pictures, folders and videos: what it prints, what it writes, how it fails."""
+
+import csv
+import json
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from data_makers import picture
+
+from pipeline.cli import main
+from pipeline.streams import stream
+
+
+def call(*arguments):
+    return CliRunner().invoke(main, ["health", *(str(argument) for argument in arguments)])
+
+
+def write(path, sigma_dn, blur_px=0.0):
+    image = cv2.GaussianBlur(picture("health"), (0, 0), 0.8).astype(float) * 0.8 + 25
+    if blur_px:
+        image = cv2.GaussianBlur(image, (0, 0), blur_px)
+    image += stream(0, "health", sigma_dn).normal(0, sigma_dn, image.shape)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    assert cv2.imwrite(str(path), np.rint(np.clip(image, 0, 255)).astype(np.uint8))
+    return path
+
+
+def test_noise_and_blur_are_told_in_numbers_pictures_and_files(tmp_path):
+    write(tmp_path / "in/a.png", 8.0)
+    write(tmp_path / "in/b.png", 0.0, blur_px=3.0)
+    done = call(tmp_path / "in", "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert done.output.splitlines()[0].split()[:2] == ["sigma", "DN"]
+    with (tmp_path / "out/health.csv").open() as file:
+        noisy, blurred = csv.DictReader(file)
+    assert abs(float(noisy["sigma_dn"]) - 8) < 0.8
+    assert float(noisy["sigma_low_dn"]) < 8 < float(noisy["sigma_high_dn"])
+    assert float(blurred["sigma_dn"]) < 0.5
+    for way in ("horizontal", "vertical"):
+        assert float(blurred[f"mtf50_{way}"]) < 0.2 < float(noisy[f"mtf50_{way}"])
+    assert noisy["picture"] in done.output
+    told = json.loads((tmp_path / "out/health.json").read_text())
+    assert np.shape(told["pictures"][0]["mtf"]) == (2, 8)
+    assert len(told["frequencies_of_nyquist"]) == 8
+    for name in ("a", "b"):
+        drawn = cv2.imread(str(tmp_path / f"out/{name}.png.health.png"))
+        assert min(drawn.shape[:2]) > 400
+        assert (drawn.max(axis=2).astype(int) - drawn.min(axis=2) > 40).mean() > 0.05  # maps are in colour
+
+
+def test_pictures_of_one_name_do_not_overwrite_each_other(tmp_path):
+    one, other = write(tmp_path / "1/a.png", 2.0), write(tmp_path / "2/a.png", 12.0)
+    done = call(one, other, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert len(list((tmp_path / "out").glob("*.health.png"))) == 2
+
+
+def test_the_cameras_own_blur_is_divided_out(tmp_path):
+    soft = write(tmp_path / "a.png", 0.0, blur_px=1.2)
+
+    def mtf50(*options):
+        assert call(soft, "--out", tmp_path / "out", *options).exit_code == 0
+        return json.loads((tmp_path / "out/health.json").read_text())["pictures"][0]["mtf"][0][6]
+
+    assert mtf50("--sharp", soft) > mtf50() + 0.2
+
+
+def test_a_video_is_read_frame_by_frame(tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 10, (448, 320))
+    for number in range(3):
+        writer.write(cv2.cvtColor(picture(str(number)), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    done = call(tmp_path / "v.avi", "--every", 2, "--noise", "pca")
+    assert done.exit_code == 0, done.output
+    assert [line.rsplit("#")[-1] for line in done.output.splitlines() if "v.avi#" in line] == ["0", "2"]
+
+
+def test_a_frame_that_tells_nothing_says_so(tmp_path):
+    cv2.imwrite(str(tmp_path / "white.png"), np.full((320, 448), 255, np.uint8))
+    done = call(tmp_path / "white.png", "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    line = done.output.splitlines()[1]
+    assert line.split()[0] == "-"
+    assert "noise" in line and "blur" in line and "0/" in line
+    assert (tmp_path / "out/white.png.health.png").exists()
+
+
+def test_a_broken_file_is_set_aside_and_the_rest_is_done(tmp_path):
+    good = write(tmp_path / "good.png", 5.0)
+    (tmp_path / "bad.png").write_bytes(good.read_bytes()[:3000])
+    done = call(tmp_path)
+    assert done.exit_code == 2
+    assert "good.png" in done.output
+    assert "set aside" in done.output and "bad.png" in done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["absent.png"], "absent.png"),
+        (["{}/a.png", "--blur", "spectrum"], "did you mean 'spectral'"),
+        (["{}/a.png", "--noise", "celwise"], "did you mean 'cellwise'"),
+        (["{}/a.png", "--sharp", "{}/white.png"], "sharp"),
+    ],
+)
+def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):
+    write(tmp_path / "a.png", 5.0)
+    cv2.imwrite(str(tmp_path / "white.png"), np.full((320, 448), 255, np.uint8))
+    done = call(*(argument.replace("{}", str(tmp_path)) for argument in arguments))
+    assert done.exit_code == 2
+    assert word in done.output
+    assert "Traceback" not in done.output

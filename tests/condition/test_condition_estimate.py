@@ -1,0 +1,127 @@
+"""One answer for blur and noise: it finds what was done to a frame, where, and says where it can say nothing."""
+
+import cv2
+import numpy as np
+import pytest
+from data_makers import picture
+
+from pipeline.camera import mtf
+from pipeline.camera.levels import corrupt
+from pipeline.camera.psf import create
+from pipeline.condition import ConditionMonitor
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+
+@pytest.fixture(scope="module")
+def monitor():
+    return ConditionMonitor()
+
+
+def frame(name="a", width_px=576, height_px=400):
+    """Edges and shapes with the finest texture taken away, float32 in [0, 1]."""
+    smooth = cv2.GaussianBlur(picture(name, width_px, height_px), (0, 0), 0.7)
+    return (0.1 + 0.8 * smooth.astype(np.float32) / 255).astype(np.float32)
+
+
+def seen(image, sigma_dn, psf=None):
+    generator = stream(0, "condition test", sigma_dn)
+    return corrupt(image, "readout", sigma_dn=sigma_dn, generator=generator, psf=psf).image
+
+
+@pytest.mark.parametrize("sigma_dn", [4.0, 15.0])
+def test_noise_and_blur_are_found_together(monitor, sigma_dn):
+    psf = create("defocus", 9)
+    found = monitor.frame(seen(frame(), sigma_dn, psf))
+    assert abs(float(found.sigma_dn.value) - sigma_dn) < 0.1 * sigma_dn
+    assert found.sigma_dn.low < sigma_dn < found.sigma_dn.high
+    assert mtf.amae(found.mtf.value, mtf.sample(psf)) < 12
+    sharp = monitor.frame(seen(frame(), sigma_dn))
+    assert (sharp.mtf.value[:, 3:] > found.mtf.value[:, 3:] + 0.2).all()
+    assert not any(found.abstained.values())
+    assert found.milliseconds > 0
+
+
+def test_motion_is_told_by_direction(monitor):
+    found = monitor.frame(seen(frame(), 1.0, create("linear_motion", 15, 0.0)))
+    assert (found.mtf.value[1, 2:] > found.mtf.value[0, 2:] + 0.2).all()
+
+
+def test_maps_lie_where_things_are(monitor):
+    image = frame()
+    noisy = seen(image, 12.0)
+    noisy[:, :288] = image[:, :288]
+    found = monitor.frame(noisy)
+    assert found.noise.map_dn.shape == (50, 72)
+    left, right = found.noise.map_dn[:, :16], found.noise.map_dn[:, -16:]
+    assert np.nanmedian(left) < 2
+    assert abs(np.nanmedian(right) - 12) < 2
+    assert np.isfinite(found.noise.map_dn).all()
+    assert found.blur.map_mtf.shape == (3, 3, 2, 8)
+    assert np.array_equal(found.blur.map_mtf[0, 1], found.blur.estimate.mtf[1], equal_nan=True)
+    assert found.blur.patches[1].y_px == 0
+
+
+def test_a_part_that_tells_nothing_is_counted_and_not_a_zero(monitor):
+    image = frame()
+    image[:192, :192] = 1.0
+    found = monitor.frame(image)
+    assert found.blur.estimate.abstained[0]
+    assert sum(found.reasons["blur"].values()) == 1
+    assert np.isnan(found.blur.map_mtf[0, 0]).all()
+    assert np.isfinite(found.mtf.value).all()
+    nothing = monitor.frame(np.ones((400, 576), np.float32))
+    assert nothing.abstained == {"blur": True, "noise": True}
+    assert np.isnan(nothing.mtf.value).all()
+    assert np.isnan(nothing.sigma_dn.value)
+    assert sum(nothing.reasons["noise"].values()) == len(nothing.noise.patches)
+
+
+def test_a_frame_smaller_than_a_patch_still_tells_its_noise(monitor):
+    found = monitor.frame(seen(frame(), 8.0)[:120, :150])
+    assert found.blur.grid == (0, 0)
+    assert found.abstained == {"blur": True, "noise": False}
+    assert abs(float(found.sigma_dn.value) - 8) < 1.5
+
+
+def test_patches_are_answered_as_single_estimators_do(monitor):
+    noisy = seen(frame(), 6.0)
+    stack = np.stack([noisy[:192, x : x + 192] for x in (0, 150, 300)])[:, None]
+    found = monitor.patches(stack)
+    assert np.array_equal(found.blur.estimate.mtf, monitor.blur_estimator.estimate(stack).mtf)
+    assert np.array_equal(found.noise.estimate.sigma_dn, monitor.noise_estimator.estimate(stack).sigma_dn)
+    assert found.blur.grid == found.noise.grid == (1, 3)
+
+
+def test_the_cameras_own_blur_can_be_divided_out():
+    monitor = ConditionMonitor()
+    own = create("gaussian", 1.6)
+    sharp = [seen(frame(name), 0.0, own) for name in "abc"]
+    monitor.calibrate(sharp)
+    assert (monitor.frame(sharp[0]).mtf.value > 0.8).all()
+    with pytest.raises(InputError, match="192 px"):
+        monitor.calibrate([sharp[0][:100]])
+
+
+def test_any_two_estimators_of_the_registries_serve():
+    found = ConditionMonitor("spectral", "pca").frame(seen(frame(), 10.0))
+    assert abs(float(found.sigma_dn.value) - 10) < 2
+    assert found.noise.map_dn.shape == found.noise.grid == (4, 5)
+    with pytest.raises(InputError, match="did you mean 'cellwise'"):
+        ConditionMonitor(noise_name="cellwize")
+
+
+@pytest.mark.parametrize(
+    "wrong", [np.zeros((300, 300), np.uint8), np.zeros((300, 300, 3), np.float32), np.full((300, 300), 2.0)]
+)
+def test_what_is_no_frame_is_refused(monitor, wrong):
+    with pytest.raises(InputError, match=r"\[0, 1\]"):
+        monitor.frame(wrong)
+
+
+def test_the_answer_is_the_same_each_time(monitor):
+    noisy = seen(frame(), 5.0)
+    one, other = monitor.frame(noisy), monitor.frame(noisy.copy())
+    assert np.array_equal(one.mtf.value, other.mtf.value)
+    assert np.array_equal(one.noise.map_dn, other.noise.map_dn)
+    assert (one.sigma_dn.low, one.sigma_dn.high) == (other.sigma_dn.low, other.sigma_dn.high)

@@ -1,0 +1,61 @@
+"""From patches to a frame: robust medians, intervals that do not shrink with the number of patches, MTF50."""
+
+import numpy as np
+import pytest
+
+from pipeline.camera import mtf
+from pipeline.condition.summary import half_contrast, summarise
+from pipeline.streams import stream
+
+
+def test_outliers_are_left_out_and_abstentions_counted():
+    values = np.concatenate([stream(0, "summary").normal(10.0, 0.5, 95), np.full(5, 200.0), np.full(7, np.nan)])
+    found = summarise(values)
+    assert abs(float(found.value) - 10.0) < 0.2
+    assert found.greatest < 15
+    assert (int(found.count), int(found.abstained)) == (100, 7)
+    assert int(found.rejected) >= 5
+    assert found.low <= found.value <= found.high
+
+
+def test_predictive_intervals_stay_as_wide_however_many_patches():
+    widths = []
+    for count in (10, 1000):
+        values = stream(0, "summary width").normal(5.0, 0.1, count)
+        found = summarise(values, values - 1.0, values + 1.0)
+        widths.append(float(found.high - found.low))
+        bootstrap = summarise(values)
+        assert bootstrap.high - bootstrap.low < 0.2
+    assert widths == pytest.approx([2.0, 2.0], abs=0.1)
+
+
+def test_each_frequency_is_summarised_on_its_own():
+    values = np.tile(np.linspace(1, 0.1, 8), (20, 2, 1))
+    values[:, 1] *= 0.5
+    values[:3] = np.nan
+    found = summarise(values)
+    assert found.value.shape == (2, 8)
+    assert np.allclose(found.value, values[-1])
+    assert (found.abstained == 3).all()
+
+
+def test_nothing_known_is_nan_not_zero():
+    for values in (np.empty((0, 2, 8)), np.full((4, 2, 8), np.nan)):
+        found = summarise(values)
+        assert np.isnan(found.value).all()
+        assert np.isnan(found.low).all()
+        assert (found.count == 0).all()
+
+
+@pytest.mark.parametrize("sigma_px", [0.8, 1.2, 2.0, 4.0])
+def test_half_contrast_of_a_gaussian(sigma_px):
+    exact = 2 * np.sqrt(np.log(2) / 2) / (np.pi * sigma_px)  # exp(-2 pi^2 s^2 (f / 2)^2) = 1 / 2
+    assert half_contrast(mtf.gaussian(sigma_px, mtf.FREQUENCIES)) == pytest.approx(exact, rel=0.06)
+
+
+def test_half_contrast_beyond_the_frequencies_and_where_nothing_is_known():
+    curves = np.stack([np.full(8, 0.9), np.full(8, np.nan), np.full(8, 0.5)])
+    found = half_contrast(curves)
+    assert np.isinf(found[0])
+    assert np.isnan(found[1])
+    assert found[2] == pytest.approx(mtf.FREQUENCIES[0])

@@ -1,0 +1,133 @@
+"""The chapter of noise beyond its curves: local maps, single patches against both truths, saturated patches."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from report_makers import REPO, make_noise, picture
+
+from pipeline import store
+from pipeline.errors import InputError
+from pipeline.report import noise_maps_figure, noise_patch_tables
+from pipeline.report.inputs import ReportInputs, noise_tables
+from pipeline.report.noise_maps_figure import NoiseMaps
+from pipeline.report.sections import noise
+from pipeline.report.sections.base import ShownFigure
+from pipeline.report.tables import Estimate, Table
+
+
+def add_maps(folder: Path, dataset: str, off_dn: float = 0.0, frame: str = "a") -> None:
+    """Maps of two effects, the noise found differing from that added by a constant."""
+    light = picture(f"maps {dataset}", (96, 128)).reshape(12, 8, 16, 8).mean((1, 3))
+    arrays = {"photon_added": 2 + light / 16, "dcsn_added": np.full((12, 16), 15.0)}
+    for effect in ("photon", "dcsn"):
+        arrays[f"{effect}_seen"] = picture(f"maps {dataset}", (96, 128))
+        arrays[f"{effect}_found"] = arrays[f"{effect}_added"] + off_dn
+    arrays["dcsn_found"][:2] = np.nan
+    store.write_arrays(folder / "maps.npz", **arrays)
+    said = {"dataset": dataset, "frame": frame, "level_dn": 15.0, "cell_px": 8, "effects": ["photon", "dcsn"]}
+    store.write_json(folder / "maps.json", {**said, "estimator": folder.name.removeprefix(f"{dataset}-")})
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
+    root = tmp_path_factory.mktemp("noise")
+    for estimator in ("pca", "cellwise"):
+        make_noise(root, "sim", estimator)
+    add_maps(root / "sim-cellwise", "sim", 0.5)
+    index = {"sim": root / "index"}
+    return ReportInputs(paper=REPO / "data/paper", index=index, noise=root, lock=None)
+
+
+def rows(table: Table) -> list[dict[str, object]]:
+    return [dict(row) for row in table.rows]
+
+
+def test_maps_are_drawn_with_how_well_they_agree(inputs: ReportInputs) -> None:
+    blocks = [block for block in noise.section(inputs).blocks if isinstance(block, ShownFigure)]
+    assert [block.name for block in blocks] == ["noise", "noise_maps_sim"]
+    values = blocks[1].drawing.values
+    assert values is not None
+    photon, dcsn = values.to_dict("records")
+    assert photon["mean_error_dn"] == pytest.approx(0.5) and photon["correlation"] == pytest.approx(1.0)
+    assert dcsn["unknown"] == 32 and dcsn["cells"] == 160
+    assert math.isnan(dcsn["correlation"])  # evenly spread noise has nothing to correlate with
+    assert "mean error 0.50 DN" in blocks[1].drawing.alt
+    assert blocks[1].stages == ("noise@sim-cellwise",)
+    pictures = [image for axes in blocks[1].drawing.figure.axes for image in axes.get_images()]
+    assert len(pictures) == 2 * (1 + 2 + 2)  # frame; frame and map twice
+
+
+def test_maps_that_lack_a_part_or_show_another_frame_are_refused(tmp_path: Path, inputs: ReportInputs) -> None:
+    with pytest.raises(InputError, match="photon_added"):
+        noise_maps_figure.draw([NoiseMaps("cellwise", {"photon_seen": np.zeros((8, 8), np.uint8)}, ["photon"], 15.0)])
+    for estimator, frame in (("cellwise", "a"), ("pca", "b")):
+        make_noise(tmp_path, "sim", estimator)
+        add_maps(tmp_path / f"sim-{estimator}", "sim", frame=frame)
+    with pytest.raises(InputError, match="different frames"):
+        noise.section(dataclasses.replace(inputs, noise=tmp_path))
+    store.write_json(tmp_path / "sim-pca/maps.json", {"dataset": "sim"})
+    with pytest.raises(InputError, match=r"maps\.json"):
+        noise.section(dataclasses.replace(inputs, noise=tmp_path))
+
+
+def test_patches_are_judged_against_both_truths(inputs: ReportInputs) -> None:
+    _, estimates = noise_tables(inputs)
+    table = rows(noise_patch_tables.patch_errors(estimates))
+    assert len(table) == 2 * 4
+    ours = next(row for row in table if row["estimator"] == "Cell-wise" and row["effect"] == "DCSN")
+    own = estimates[(estimates["estimator"] == "cellwise") & (estimates["effect"] == "dcsn")]
+    present, added, held = ours["present_dn"], ours["added_dn"], ours["coverage_percent"]
+    assert isinstance(present, Estimate) and isinstance(added, Estimate) and isinstance(held, Estimate)
+    assert present.value == pytest.approx((own["sigma_dn"] - own["true_sigma_dn"]).abs().mean())
+    assert added.value == pytest.approx((own["sigma_dn"] - own["added_sigma_dn"]).abs().mean())
+    noisy = own[own["level_dn"] > 0]
+    inside = (noisy["low_dn"] <= noisy["added_sigma_dn"]) & (noisy["added_sigma_dn"] <= noisy["high_dn"])
+    assert held.value == pytest.approx(100 * inside.mean()) and held.count == len(noisy)
+    assert 50 < held.value < 100
+    assert ours["width_dn"] == pytest.approx(3.0)
+    theirs = next(row for row in table if row["estimator"] == "PCA")
+    assert "coverage_percent" not in theirs
+    assert theirs["abstained_percent"] == pytest.approx(100 * 2 / 12)
+
+
+def test_the_interval_is_over_frames_not_over_patches(inputs: ReportInputs) -> None:
+    _, estimates = noise_tables(inputs)
+    own = estimates[estimates["estimator"] == "cellwise"].copy()
+    own["sigma_dn"] = own["added_sigma_dn"] + np.where(own["patch"] % 2 == 0, 1.0, 3.0)
+    one = rows(noise_patch_tables.patch_errors(own))[0]["added_dn"]
+    assert isinstance(one, Estimate) and not one.has_interval  # a single frame says nothing of others
+    copies = [own.assign(frame=f"sim-{number}", sigma_dn=own["added_sigma_dn"] + number) for number in range(8)]
+    many = rows(noise_patch_tables.patch_errors(pd.concat(copies, ignore_index=True)))[0]["added_dn"]
+    assert isinstance(many, Estimate)
+    assert many.value == pytest.approx(3.5)
+    assert many.high - many.low > 1.5
+
+
+def test_saturated_patches_have_rows_of_their_own_at_the_highest_level(inputs: ReportInputs) -> None:
+    _, estimates = noise_tables(inputs)
+    table = noise_patch_tables.saturated(estimates)
+    assert table is not None and "25 DN" in table.caption
+    found = rows(table)
+    assert [row["effect"] for row in found] == ["Photon", "DCSN", "Readout", "Combined"]
+    assert all(row["patches"] == 1 and row["added_dn"] == 25 for row in found)
+    chosen = estimates[
+        (estimates["saturated_share"] > 0.8)
+        & (estimates["level_dn"] == 25)
+        & (estimates["effect"] == "dcsn")
+        & (estimates["estimator"] == "cellwise")
+    ]
+    cell = found[1]["cellwise"]
+    assert isinstance(cell, Estimate) and cell.value == pytest.approx(chosen["sigma_dn"].iloc[0])
+    assert noise_patch_tables.saturated(estimates.assign(saturated_share=0.5)) is None
+
+
+def test_the_medians_stand_beside_noise_added_and_noise_present(inputs: ReportInputs) -> None:
+    table = next(block for block in noise.section(inputs).blocks if isinstance(block, Table))
+    last = rows(table)[-1]
+    assert last["added_dn"] == 25 and last["present_dn"] == pytest.approx(0.95 * 25)

@@ -1,0 +1,101 @@
+"""The section of training reads any network's learning curve, and the weights beside it."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from report_makers import REPO
+
+from pipeline.errors import InputError
+from pipeline.report import learning_figure
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.learning_curves import read
+from pipeline.report.sections import training
+from pipeline.report.sections.base import NotRun, ShownFigure
+from pipeline.report.tables import Estimate, Table
+
+NOTHING = ReportInputs(paper=REPO / "data/paper")
+
+
+def write(folder: Path, name: str, **measures: list[float | None]) -> None:
+    count = len(next(iter(measures.values())))
+    table = pd.DataFrame({"step": [100 * (number + 1) for number in range(count)], "loss": 1.0, **measures})
+    table.to_csv(folder / f"{name}.csv", index=False)
+
+
+def save(path: Path, shape: tuple[int, ...], **details: object) -> None:
+    import torch
+
+    from pipeline.learning.weights import save as save_weights
+
+    save_weights(path, {"a": torch.zeros(shape), "b": torch.zeros(5)}, "made-up-1", **details)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write(
+        tmp_path, "mtf_cnn", mtf_error_percent=[20.0, 9.0, 7.0, 6.0],
+        validation_mtf_error_percent=[None, 10.0, None, 11.0], validation_mean_squared_error=[None, 0.02, None, 0.03],
+    )  # fmt: skip
+    settings = {"fresh": 2, "uses": 3, "recipe": {"views": 16, "kernels_per_view": 2}}
+    save(tmp_path / "mtf_cnn.safetensors", (3, 4), step=200, settings=settings)
+    write(tmp_path, "detector_compact", validation_ap=[0.1, 0.5, 0.8, 0.79], validation_loss=[3.0, 2.0, 1.0, 1.0])
+    write(tmp_path, "sigma_cellwise", sigma_error_dn=[3.0, 1.0], validation_sigma_error_dn=[2.0, 0.5])
+    return tmp_path
+
+
+def test_curves_are_read_by_what_their_columns_say(folder: Path) -> None:
+    blur, noise, detector = read(folder)
+    assert [one.title for one in (blur, noise, detector)] == ["Blur: CNN", "Noise: Cell-wise", "Detector: Compact"]
+    assert (blur.parameters, blur.chosen, blur.samples, blur.steps) == (17, 200, 2 * 3 * 16 * 2, 400)
+    assert (blur.measure, blur.unit, noise.unit, detector.measure) == ("mtf_error_percent", "%", "DN", "ap")
+    assert blur.held_out().to_dict() == {200: 10.0, 400: 11.0}
+    assert blur.at_release("validation_mtf_error_percent") == 10.0  # of the released step, not the last
+    assert detector.at_release("validation_ap") == 0.79  # without weights, the last
+    assert detector.training() is None and detector.parameters is None
+
+
+def test_the_section_shows_budget_size_and_error_beside_the_papers(folder: Path) -> None:
+    found = training.section(dataclasses.replace(NOTHING, weights=folder))
+    figure, table = found.blocks[:2]
+    assert isinstance(figure, ShownFigure) and isinstance(table, Table)
+    assert figure.stages == ("train_mtf@cnn", "train_sigma@cellwise", "train_detector@compact")
+    assert "MTF error 10 %" in figure.drawing.alt
+    row = table.rows[0]
+    assert row["samples"] == 400 * 192 and row["released"] == 200 and row["training"] == 9.0
+    assert row["squared"] == Estimate(0.02, reference=0.0083)
+    assert row["parameters"] == Estimate(17, reference=6_757_384)
+    missing = [block for block in found.blocks if isinstance(block, NotRun)]
+    assert [block.line for block in missing] == ["dvc repro train_mtf@spectral"]
+
+
+def test_one_panel_a_network_with_the_released_step_marked(folder: Path) -> None:
+    curves = read(folder)
+    drawing = learning_figure.draw(curves)
+    panels = [axes for axes in drawing.figure.axes if axes.axison]
+    assert [axes.get_title() for axes in panels] == [one.title for one in curves]
+    marked = [line for line in panels[0].get_lines() if line.get_label() == "released"]
+    assert marked[0].get_xydata().tolist() == [[200.0, 10.0]]
+    assert drawing.values is not None
+    counted = drawing.values.groupby(["network", "samples"]).size()
+    assert counted["mtf_cnn", "held out"] == 2 and counted["mtf_cnn", "training"] == 4
+
+
+def test_released_networks_have_curves_that_end_where_their_weights_say() -> None:
+    curves = read(REPO / "data/weights")
+    assert {"mtf_spectral", "sigma_cellwise"} <= {one.name for one in curves}
+    for one in curves:
+        assert one.parameters is not None and one.parameters > 10_000
+        assert one.chosen in set(one.curve["step"])
+        assert one.held_out().iloc[-1] < one.held_out().iloc[0] or one.measure == "ap"
+
+
+def test_nothing_trained_is_said_and_a_foreign_table_is_refused(tmp_path: Path) -> None:
+    found = training.section(NOTHING)
+    assert all(isinstance(block, NotRun) for block in found.blocks) and len(found.blocks) == 3
+    (tmp_path / "mtf_cnn.csv").write_text("epoch,loss\n1,2\n")
+    with pytest.raises(InputError, match=r"mtf_cnn\.csv: expected a column 'step'"):
+        read(tmp_path)
