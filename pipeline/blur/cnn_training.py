@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import torch
 
 SCORE = "mtf_error_percent"
-CODE = ("pipeline.blur.cnn_net", "pipeline.blur.cnn_training")
+CODE = ("pipeline.blur.cnn_features", "pipeline.blur.cnn_net", "pipeline.blur.cnn_training")
 
 
 def patch_arrays(chunk: Chunk) -> dict[str, np.ndarray]:
@@ -97,7 +97,7 @@ def train(
 
 
 def save(path: Path, trained: Trained, training: Training) -> None:
-    """Write the weight file of a training: weights, settings and measures."""
+    """Write the weight file of a training: weights in half precision (13.5 MB instead of 27), settings and measures."""
     from dataclasses import asdict
 
     from pipeline.blur.cnn_net import ARCHITECTURE
@@ -106,7 +106,7 @@ def save(path: Path, trained: Trained, training: Training) -> None:
 
     weights.save(
         path,
-        trained.model.state_dict(),
+        {name: value.half() for name, value in trained.model.state_dict().items()},
         ARCHITECTURE,
         settings=asdict(training),
         fingerprint=fingerprint(training, CODE),

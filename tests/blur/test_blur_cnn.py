@@ -8,7 +8,8 @@ import torch
 from pipeline import blur
 from pipeline.blur import cnn_training
 from pipeline.blur.cnn import Cnn
-from pipeline.blur.cnn_net import ARCHITECTURE, MtfCnn, SameConv, network_input
+from pipeline.blur.cnn_features import network_input
+from pipeline.blur.cnn_net import ARCHITECTURE, MtfCnn, SameConv
 from pipeline.errors import InputError
 from pipeline.learning import images, samples, weights
 from pipeline.learning.initial import initialise

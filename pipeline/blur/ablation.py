@@ -1,0 +1,84 @@
+"""What matters in the training of the spectral network: one thing changed at a time, judged on the same samples.
+
+A variant is the released network's training, shortened, with other banks or another recipe. All variants are judged on
+the held-out samples of the released training (its pictures, kernels and noise), so a variant that never saw noise is
+judged on noise too. Differences smaller than those between seeds are no differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from pipeline.learning.samples import Recipe
+from pipeline.learning.training import Training
+
+JUDGED = ("mtf_error_percent", "mtf_error_clean_percent", "mtf_error_noisy_percent", "sigma_error_dn")
+
+
+def shortened(training: Training, steps: int) -> Training:
+    """The same training in fewer steps, validated only at its end.
+
+    Args:
+        training: of the released network.
+        steps: how many.
+    """
+    rhythm = max(steps // 10, 1)
+    schedule = replace(
+        training.schedule,
+        steps=steps,
+        warm_up=min(training.schedule.warm_up, max(steps // 8, 1)),
+        average_decay=min(training.schedule.average_decay, 1 - 10 / max(steps, 20)),
+        checkpoint_every=rhythm * max(steps // rhythm, 1),
+        report_every=rhythm,
+    )
+    return replace(training, schedule=schedule)
+
+
+def variant(training: Training, changes: Mapping[str, Any]) -> Training:
+    """A training with some things changed.
+
+    Args:
+        training: to start from.
+        changes: fields of `Training` or of its recipe, by name; None leaves a field.
+    """
+    given = {name: value for name, value in changes.items() if value is not None}
+    of_recipe = {field.name for field in fields(Recipe)}
+    recipe = replace(training.recipe, **{name: given.pop(name) for name in sorted(of_recipe & given.keys())})
+    return replace(training, recipe=recipe, **given)
+
+
+def judge(
+    released: Training,
+    changed: Training,
+    cache: Path,
+    *,
+    producers: int = 1,
+    executor: Mapping[str, Any] | None = None,
+    report: Callable[[dict[str, float]], None] | None = None,
+) -> dict[str, float]:
+    """Train a variant and judge it on the held-out samples of the released training.
+
+    Args:
+        released: training whose held-out samples are used.
+        changed: the variant.
+        cache: folder of banks and checkpoints.
+        producers: processes that make samples ahead.
+        executor: of `pipeline.executor.run_map`, for the banks.
+        report: called with every new row of the learning curve.
+
+    Returns:
+        measures of `pipeline.blur.spectral_training.measure`.
+    """
+    import torch
+
+    from pipeline.blur.spectral_training import feature_arrays, measure, train
+    from pipeline.learning.training import held_out, open_samples
+
+    trained = train(changed, cache, producers=producers, executor=executor, report=report)
+    open_samples(released, cache, validation=True, **(executor or {}))
+    with torch.no_grad():
+        found = measure(trained.model, held_out(released, cache, feature_arrays))
+    return {name: found[name] for name in JUDGED}

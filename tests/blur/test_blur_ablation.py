@@ -1,0 +1,56 @@
+"""Short trainings with one thing changed: what is changed, and that all are judged on the same samples."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+
+from pipeline.blur import ablation
+from pipeline.learning.samples import Recipe
+from pipeline.learning.trainer import Schedule
+from pipeline.learning.training import Training
+
+RELEASED = Training(Schedule(24000, hold=0.6, checkpoint_every=500, report_every=100))
+TINY = Training(
+    Schedule(4, warm_up=1, checkpoint_every=2, report_every=2),
+    Recipe(views=2),
+    images=4,
+    validation_images=4,
+    kernels=64,
+    validation_chunks=2,
+)
+
+
+@pytest.mark.parametrize("steps", [2, 20, 37, 600])
+def test_a_shortened_training_is_validated_at_its_end(steps: int) -> None:
+    schedule = ablation.shortened(RELEASED, steps).schedule
+    assert schedule.steps == steps
+    assert schedule.warm_up < steps
+    assert schedule.average_decay < RELEASED.schedule.average_decay
+    assert schedule.rate(steps - 1) < 0.1 * schedule.learning_rate or steps < 20
+    assert ablation.shortened(RELEASED, steps).recipe == RELEASED.recipe
+
+
+def test_only_the_named_things_change() -> None:
+    changed = ablation.variant(RELEASED, {"seed": 2, "clean_share": 1.0, "images": None})
+    before, after = asdict(RELEASED), asdict(changed)
+    assert after.pop("seed") == 2
+    before.pop("seed")
+    assert after["recipe"].pop("clean_share") == 1.0
+    assert before["recipe"].pop("clean_share") == 0.45
+    assert after == before
+
+
+def test_variants_are_judged_on_the_samples_of_the_released_training(tmp_path: Path) -> None:
+    """A network trained on kernels and noise of its own sees the same held-out samples: seed 1's, with noise."""
+    plain = ablation.judge(TINY, TINY, tmp_path, producers=0)
+    other = ablation.judge(
+        TINY, ablation.variant(TINY, {"clean_share": 1.0, "before_share": 0.0}), tmp_path, producers=0
+    )
+    again = ablation.judge(TINY, TINY, tmp_path, producers=0)
+    assert plain == again
+    assert set(plain) == set(ablation.JUDGED)
+    assert plain["mtf_error_noisy_percent"] != other["mtf_error_noisy_percent"]
+    assert all(0 < plain[name] < 60 for name in ablation.JUDGED)
