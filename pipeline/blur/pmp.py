@@ -30,7 +30,7 @@ BLOCK_FRACTION = 0.025  # of the mean image side
 COARSEST_KERNEL = 5
 RATIO = math.sqrt(0.5)
 
-# fast: no less accurate than exact in benchmarks/blind_deconvolution.py, and about 7 times as fast
+# fast: no less accurate than exact in benchmarks/blind_deconvolution.py, and about 5 times as fast
 SCHEDULES = {
     "exact": Schedule(),
     "fast": Schedule(inner=1, last_penalty=1e3, aligned=True, dtype=np.float32),

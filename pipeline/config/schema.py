@@ -11,21 +11,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from pipeline.config.schema_base import Count, Frequency, Level, Name, NonNegative, Positive, Section, Share
+from pipeline.config.schema_detection import DetectionSection
 from pipeline.errors import InputError, did_you_mean
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(ge=0, le=1)]
-Count = Annotated[int, Field(ge=1)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$")]
-Level = Annotated[float, Field(ge=0, le=100)]
-Frequency = Annotated[float, Field(gt=0, le=0.5)]
-
-
-class Section(BaseModel):
-    """A strict section: unknown keys are errors, values do not change after reading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+__all__ = ["Config", "Name", "Section", "known_keys", "validate"]
 
 
 class SensorSection(BaseModel):
@@ -106,6 +96,8 @@ class EstimatorSection(Section):
 
     kind: Name
     options: dict[str, Any] = Field(default_factory=dict)
+    per_frame: Count | None = None
+    """Patches or tiles of a frame that a slow one is run on, where that is fewer than all are."""
 
 
 class NoiseSection(Section):
@@ -114,6 +106,7 @@ class NoiseSection(Section):
     tile_px: Annotated[int, Field(ge=16, le=1024)]
     tiles_per_frame: Count | None
     bootstrap_draws: Annotated[int, Field(ge=1, le=100_000)]
+    map_level_dn: Level
     estimators: dict[Name, EstimatorSection] = Field(min_length=1)
 
 
@@ -124,6 +117,61 @@ class BlurSection(Section):
     patches_per_frame: Count | None
     bootstrap_draws: Annotated[int, Field(ge=1, le=100_000)]
     estimators: dict[Name, EstimatorSection] = Field(min_length=1)
+
+
+class ExperimentSection(Section):
+    """Blur and noise that come together; each enters at its own place in the camera."""
+
+    kind: Literal["defocus", "linear_motion", "nonlinear_motion"]
+    effect: Literal["photon", "dcsn", "readout", "combined", "sensor"]
+
+
+class SubsetSection(Section):
+    """The part of the experiments that one blur estimator is run on; what is left out is not restricted."""
+
+    frames: Count | None = None
+    sizes_px: list[Positive] | None = None
+    angles_deg: list[NonNegative] | None = None
+    levels_dn: list[Level] | None = None
+    experiments: list[Name] | None = None
+
+
+class DenoiseSection(Section):
+    """Denoise, then estimate; see `pipeline.blur.denoise`. Without a filter it is left out."""
+
+    filter_px: Annotated[float, Field(gt=1, le=31)] | None
+    from_sigma_dn: NonNegative
+    sigma_by: Name
+
+
+class CombinedSection(Section):
+    """Blur and noise at once; see `pipeline.condition.combined`."""
+
+    experiments: dict[Name, ExperimentSection] = Field(min_length=1)
+    sizes_px: list[Positive] = Field(min_length=1)
+    levels_dn: list[Level] = Field(min_length=1)
+    frames: Count | None
+    patches_per_frame: Count | None
+    tiles_per_frame: Count | None
+    noise_estimators: list[Name]
+    blur_estimators: dict[Name, SubsetSection]
+    denoise: DenoiseSection
+    example_px: Positive
+    bootstrap_draws: Annotated[int, Field(ge=1, le=100_000)]
+
+
+class DenoisedBlurSection(Section):
+    """The supplement's table of improved blur estimation under noise."""
+
+    kind: Literal["defocus", "linear_motion", "nonlinear_motion"]
+    effect: Literal["photon", "dcsn", "readout", "combined", "sensor"]
+    sizes_px: list[Positive] = Field(min_length=1)
+    levels_dn: list[Annotated[float, Field(gt=0, le=100)]] = Field(min_length=1)
+    filters_px: list[Annotated[float, Field(gt=1, le=31)]] = Field(min_length=1)
+    frames: Count | None
+    patches_per_frame: Count | None
+    blur_estimators: list[Name] = Field(min_length=1)
+    bootstrap_draws: Annotated[int, Field(ge=1, le=100_000)]
 
 
 class ScheduleSection(Section):
@@ -200,11 +248,58 @@ class SigmaTrainingSection(Section):
     validation_chunks: Count
 
 
+class AblationVariantSection(Section):
+    """What one short training changes; None changes nothing. See `pipeline.blur.ablation`."""
+
+    seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
+    images: Count | None = None
+    kernels: Count | None = None
+    uses: Count | None = None
+    anisotropy: Share | None = None
+    intrinsic_px: tuple[NonNegative, NonNegative] | None = None
+    clean_share: Share | None = None
+    before_share: Share | None = None
+
+
+class AblationSection(Section):
+    """Short trainings of the spectral network that differ in one thing each."""
+
+    steps: Annotated[int, Field(ge=2)]
+    images: Count
+    kernels: Count
+    variants: dict[Name, AblationVariantSection] = Field(min_length=1)
+
+
+class CropRecipeSection(Section):
+    """How a detector's samples are cut; see `pipeline.detection.compact.samples.CropRecipe`."""
+
+    size_px: Annotated[int, Field(ge=64, le=1024, multiple_of=32)]
+    count: Count
+    scale: tuple[Positive, Positive]
+    at_object: Share
+
+
+class DetectorTrainingSection(Section):
+    """A training of a compact detector; see `pipeline.detection.compact.training.DetectorTraining`."""
+
+    schedule: ScheduleSection
+    recipe: CropRecipeSection
+    frames: Count
+    validation_frames: Count
+    rays: Annotated[int, Field(ge=1, le=8)]
+    width_px: Annotated[int, Field(ge=32, le=4096)]
+    height_px: Annotated[int, Field(ge=32, le=4096)]
+    uses: Count
+    window: Count
+    half_precision: bool
+
+
 class TrainSection(Section):
-    """Trainings by what they estimate."""
+    """Trainings by what they estimate or find."""
 
     mtf: dict[Literal["spectral", "cnn"], MtfTrainingSection]
     sigma: dict[Literal["cellwise", "cnn"], SigmaTrainingSection]
+    detector: dict[Literal["compact", "compact_two_stage"], DetectorTrainingSection]
 
 
 class ExecutorSection(Section):
@@ -216,9 +311,10 @@ class ExecutorSection(Section):
 
 
 class ReportSection(Section):
-    """What the report says of datasets that were not run: name -> the line that would run it."""
+    """What the report says of datasets and detectors that were not run: name -> the line that would run it."""
 
     not_run: dict[str, str]
+    not_run_detectors: dict[str, str]
     example_frames: Annotated[int, Field(ge=1, le=8)]
 
 
@@ -228,6 +324,9 @@ class MatrixSection(Section):
     datasets: list[Name]
     noise_estimators: list[Name]
     blur_estimators: list[Name]
+    ablations: list[Name]
+    detectors: list[Name]
+    detection_datasets: list[Name]
 
 
 class Config(Section):
@@ -241,7 +340,11 @@ class Config(Section):
     datasets: dict[Name, DatasetSection] = Field(min_length=1)
     corruption: CorruptionSection
     blur: BlurSection
+    combined: CombinedSection
+    denoised_blur: DenoisedBlurSection
+    detection: DetectionSection
     train: TrainSection
+    ablation: AblationSection
     noise: NoiseSection
     executor: ExecutorSection
     report: ReportSection
@@ -253,9 +356,14 @@ class Config(Section):
             ("matrix.datasets", self.matrix.datasets, list(self.datasets)),
             ("matrix.noise_estimators", self.matrix.noise_estimators, list(self.noise.estimators)),
             ("matrix.blur_estimators", self.matrix.blur_estimators, list(self.blur.estimators)),
+            ("matrix.detectors", self.matrix.detectors, list(self.detection.detectors)),
+            ("matrix.detection_datasets", self.matrix.detection_datasets, list(self.detection.datasets)),
         ):
             if listed != defined:
                 raise ValueError(f"{key} is {listed} but should follow {defined}; it is derived, do not set it")
+        unknown = set(self.matrix.ablations) - set(self.ablation.variants)
+        if unknown:
+            raise ValueError(f"matrix.ablations: {sorted(unknown)} are not in ablation.variants")
         return self
 
 

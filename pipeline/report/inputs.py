@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,12 +38,24 @@ class ReportInputs:
             (`pipeline.blur.evaluation`) and, for estimators that find kernels, ``gallery.npz`` and ``gallery.json``
             (`pipeline.blur.gallery`).
         blur_members: names of those sub-folders that belong to this run; None takes all.
+        combined: dataset -> folder of the stage `combined`: ``blur.parquet``, ``noise.parquet``, ``curves.parquet``
+            (`pipeline.condition.combined_tables`), ``example.npz`` and ``example.json``
+            (`pipeline.condition.combined_example`).
+        denoised: dataset -> folder of the stage `denoised_blur`: ``blur.parquet``.
         star: folder with ``star.npz`` (``image``, (H, W)) and ``star.json`` (``frequency`` in fractions of Nyquist,
             ``measured``, ``formula``).
         sensor: folder with ``formation.json`` (constants and moments of image formation, quantity -> number) and
             ``photon_transfer.json`` (see `pipeline.report.photon_transfer_figure`).
+        detection: folder with ``curves``, ``direction`` and ``regression``, each with a folder
+            ``<dataset>-<detector>``, and ``refit`` (`pipeline.report.detection_results`).
+        detection_members: the pairs of dataset and detector of this run.
+        detectors_absent: detector without weights -> the line that would get them and run it.
+        recorded: folder whose sub-folders hold detection measured on pictures that are not kept
+            (`pipeline.report.recorded`).
         results: ledger item -> table (CSV or Parquet) with the key and value columns of that item's published file.
-        runtime: table (CSV or Parquet) of run times on declared hardware.
+        runtime: record of run times on declared hardware (``benchmarks/results/estimators.json``).
+        weights: folder of released networks, each with its learning curve (`pipeline.report.learning_curves`).
+        ablation: folder of measures of short trainings with one thing changed; `ablations`: which of them, in order.
         absent: dataset without data -> the line that would run it.
         lock: ``dvc.lock``, for the hashes of what went in.
         stages: names of the stages that this version has; None if unknown.
@@ -60,10 +72,19 @@ class ReportInputs:
     noise_members: frozenset[str] | None = None
     blur: Path | None = None
     blur_members: frozenset[str] | None = None
+    combined: Mapping[str, Path] = field(default_factory=dict)
+    denoised: Mapping[str, Path] = field(default_factory=dict)
     star: Path | None = None
     sensor: Path | None = None
+    detection: Path | None = None
+    detection_members: frozenset[tuple[str, str]] = frozenset()
+    detectors_absent: Mapping[str, str] = field(default_factory=dict)
+    recorded: Path | None = None
     results: Mapping[str, Path] = field(default_factory=dict)
     runtime: Path | None = None
+    weights: Path | None = None
+    ablation: Path | None = None
+    ablations: Sequence[str] = ()
     absent: Mapping[str, str] = field(default_factory=dict)
     lock: Path | None = None
     stages: frozenset[str] | None = None
@@ -73,9 +94,11 @@ class ReportInputs:
 
     def line(self, stage: str) -> str:
         """The command that runs a stage again, or `NO_STAGE` where this version has no such stage."""
+        if stage in self.runs:
+            return self.runs[stage]
         if self.stages is not None and stage.split("@")[0] not in self.stages:
             return NO_STAGE
-        return self.runs.get(stage, f"dvc repro {stage}")
+        return f"dvc repro {stage}"
 
     @property
     def datasets(self) -> list[str]:
@@ -180,3 +203,30 @@ def blur_estimates(inputs: ReportInputs) -> pd.DataFrame:
 
     estimates = _joined(members(inputs.blur, inputs.blur_members), "estimates.parquet", ESTIMATES)
     return estimates[estimates["level_dn"] == 0].reset_index(drop=True)
+
+
+def combined_folders(inputs: ReportInputs) -> dict[str, Path]:
+    """Dataset -> folder of the stage `combined`, those that are there."""
+    return {name: folder for name, folder in inputs.combined.items() if folder.exists()}
+
+
+def combined_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    """Statistics of blur and noise at once, each of all datasets as one table (empty where none is).
+
+    Returns:
+        blur (`BLUR_CELLS`), noise (`NOISE_CELLS`) and the example's curves (`CURVES`) of
+        `pipeline.condition.combined_tables`.
+    """
+    from pipeline.condition.combined_tables import BLUR_CELLS, CURVES, NOISE_CELLS
+
+    folders = combined_folders(inputs).values()
+    names = {"blur.parquet": BLUR_CELLS, "noise.parquet": NOISE_CELLS, "curves.parquet": CURVES}
+    blur, noise, curves = (_joined(folders, name, schema) for name, schema in names.items())
+    return blur, noise, curves
+
+
+def denoised_cells(inputs: ReportInputs) -> pd.DataFrame:
+    """Errors of smoothing before estimating: `pipeline.condition.combined_tables.BLUR_CELLS`; empty where none is."""
+    from pipeline.condition.combined_tables import BLUR_CELLS
+
+    return _joined(inputs.denoised.values(), "blur.parquet", BLUR_CELLS)

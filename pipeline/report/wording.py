@@ -25,7 +25,22 @@ EFFECTS = {
     "sensor": "Dark current + readout",
 }
 BLURS = {"defocus": "Defocus", "linear_motion": "Linear motion", "nonlinear_motion": "Non-linear motion"}
-_WORDS = {**DATASETS, **ESTIMATORS, **EFFECTS, **BLURS}
+EXPERIMENTS = {
+    "defocus_dcsn": "Defocus, then DCSN",
+    "linear_dcsn": "Linear motion, then DCSN",
+    "photon_linear": "Photon noise, then linear motion",
+    "photon_defocus": "Photon noise, then defocus",
+}
+DETECTORS = {
+    "compact": "Compact",
+    "compact_two_stage": "Compact, two stages",
+    "yolox": "YOLOX",
+    "yolov4": "YOLOv4",
+    "yolov7": "YOLOv7",
+    "faster_rcnn": "Faster R-CNN",
+}
+CLASSES = {"car": "Car", "person": "Person", "bicycle": "Bicycle", "pedestrian": "Pedestrian"}
+_WORDS = {**EXPERIMENTS, **DETECTORS, **CLASSES, **DATASETS, **ESTIMATORS, **EFFECTS, **BLURS}
 
 
 def word(name: str) -> str:

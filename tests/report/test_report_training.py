@@ -99,3 +99,18 @@ def test_nothing_trained_is_said_and_a_foreign_table_is_refused(tmp_path: Path) 
     (tmp_path / "mtf_cnn.csv").write_text("epoch,loss\n1,2\n")
     with pytest.raises(InputError, match=r"mtf_cnn\.csv: expected a column 'step'"):
         read(tmp_path)
+
+
+def test_short_trainings_stand_beside_each_other_with_the_spread_of_seeds(tmp_path: Path) -> None:
+    from pipeline import store
+
+    for name, error in {"base": 9.0, "seed_2": 9.4, "no_noise": 15.0}.items():
+        measures = {"mtf_error_percent": error, "mtf_error_clean_percent": 8.0, "mtf_error_noisy_percent": error + 2}
+        store.write_json(tmp_path / f"{name}.json", {**measures, "sigma_error_dn": 1.0})
+    inputs = dataclasses.replace(NOTHING, ablation=tmp_path, ablations=("no_noise", "base", "seed_2", "seed_3"))
+    table = next(block for block in training.section(inputs).blocks if isinstance(block, Table))
+    assert [row["variant"] for row in table.rows] == [
+        "no noise in training", "as released, but short", "another seed (2)",
+    ]  # fmt: skip
+    assert [row["all"] for row in table.rows] == [15.0, 9.0, 9.4]
+    assert "0.40 %" in " ".join(table.footnotes)
