@@ -12,16 +12,16 @@ GRAPH = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"
 STAGES = {name: body.get("do", body) for name, body in GRAPH.items() if name != "config"}
 
 
-def plain(template):
-    """``datasets.${item.dataset}`` and ``datasets.${key}`` both name the job's dataset."""
-    return re.sub(r"\$\{(?:item\.)?(\w+)\}", lambda m: "{" + m[1].replace("key", "dataset") + "}", template)
+def plain(template, job):
+    """``datasets.${item.dataset}`` names the job's dataset; ``${key}`` what the only key of a job does."""
+    return re.sub(r"\$\{(?:item\.)?(\w+)\}", lambda m: "{" + (job[0] if m[1] == "key" else m[1]) + "}", template)
 
 
 @pytest.mark.parametrize("name", STAGES)
 def test_declared_parameters_are_those_the_stage_reads(name):
     module = importlib.import_module(f"pipeline.stages.{name}")
     assert module.run.name == name
-    assert sorted(module.run.reads) == sorted(plain(path) for path in STAGES[name]["params"])
+    assert sorted(module.run.reads) == sorted(plain(path, module.run.job) for path in STAGES[name]["params"])
 
 
 @pytest.mark.parametrize("name", STAGES)

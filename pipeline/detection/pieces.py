@@ -21,15 +21,17 @@ from pipeline.errors import InputError
 from pipeline.store import read_arrays, write_arrays
 
 Arrays = Mapping[str, NDArray[Any]]
-CODE = ("detection", "camera", "datasets")
-"""Folders of the package whose source is part of the hash."""
+CODE = ("detection", "camera", "datasets", "streams.py")
+"""Folders and modules of the package whose source is part of the hash."""
 
 
 def fingerprint(settings: Mapping[str, Any], code: tuple[str, ...] = CODE) -> str:
     """Hash of settings (anything JSON can hold) and of the source they are used by."""
     text = hashlib.blake2b(json.dumps(settings, sort_keys=True, default=str).encode(), digest_size=10)
     package = Path(__file__).parents[1]
-    for path in sorted(path for name in code for path in (package / name).rglob("*.py")):
+    for path in sorted(path for name in code for path in [package / name, *(package / name).rglob("*.py")]):
+        if path.is_dir():
+            continue
         text.update(path.relative_to(package).as_posix().encode())
         text.update(path.read_bytes())
     return text.hexdigest()

@@ -9,12 +9,26 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow, Score, score, summary_table, to_table
 from pipeline.report.ledger_items import ITEMS, all_rows
 from pipeline.report.provenance import Provenance
-from pipeline.report.sections import blur, datasets, formation, noise, optics, published, runtime
+from pipeline.report.sections import (
+    blur,
+    combined,
+    datasets,
+    detection,
+    formation,
+    noise,
+    optics,
+    published,
+    runtime,
+    training,
+)
 from pipeline.report.sections.base import Section, ShownFigure
 from pipeline.report.tables import Table
 from pipeline.store import replacing_folder, write_text
 
 __all__ = ["ReportInputs", "build"]
+
+OWN = {"combined": combined.section, "detection": detection.section}
+"""Chapters that show more than the paper's published numbers."""
 
 
 def _sections(inputs: ReportInputs, rows: list[LedgerRow]) -> list[Section]:
@@ -25,7 +39,8 @@ def _sections(inputs: ReportInputs, rows: list[LedgerRow]) -> list[Section]:
         optics.section(inputs),
         blur.section(inputs),
         noise.section(inputs),
-        *(published.section(chapter, rows, inputs) for chapter in published.AFTER_NOISE),
+        *(OWN.get(chapter.key, published.section)(chapter, rows, inputs) for chapter in published.AFTER_NOISE),
+        training.section(inputs),
         runtime.section(inputs),
     ]
 

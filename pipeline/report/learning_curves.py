@@ -27,6 +27,7 @@ MEASURES = {
     "sigma_error_dn": "σ error",
     "ap_percent": "average precision",
     "ap": "average precision",
+    "missed_percent": "average precision missed (100 % - mean AP)",
     "mean_squared_error": "mean squared error",
 }
 _UNITS = {"_percent": "%", "_dn": "DN"}
@@ -141,6 +142,8 @@ def _samples(settings: Mapping[str, Any]) -> int | None:
     if isinstance(settings.get("batch"), int):
         return int(settings["batch"])
     recipe = settings.get("recipe")
+    if isinstance(recipe, Mapping) and "count" in recipe:
+        return int(recipe["count"] * settings.get("uses", 1))
     if not isinstance(recipe, Mapping) or "views" not in recipe or "fresh" not in settings:
         return None
     each = recipe.get("kernels_per_view", recipe.get("noises", 1))

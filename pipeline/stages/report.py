@@ -20,6 +20,7 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.report.build import ReportInputs, build
+    from pipeline.report.run_times import LINE
 
     params = run.params
     data = run.inputs / "data"
@@ -34,13 +35,29 @@ def run(run: Run) -> None:
         noise_members=frozenset(f"{name}-{method}" for name in listed for method in params.noise.estimators),
         blur=data / "blur",
         blur_members=frozenset(f"{name}-{method}" for name in listed for method in params.blur.estimators),
+        combined={name: data / "combined" / name for name in listed},
+        denoised={name: data / "denoised_blur" / name for name in listed},
         star=data / "star",
         sensor=data / "sensor",
+        weights=data / "weights",
+        ablation=run.inputs / "reports/metrics/ablation",
+        ablations=tuple(params.matrix.ablations),
+        runtime=run.inputs / "benchmarks/results/estimators.json",
+        detection=data,
+        recorded=run.inputs / "reports/recorded",
+        detection_members=frozenset(
+            (name, detector) for name in params.matrix.detection_datasets for detector in params.matrix.detectors
+        ),
+        detectors_absent={
+            name: line for name, line in params.report.not_run_detectors.items() if name not in params.matrix.detectors
+        },
+        results={item: data / f"refit/{item}.csv" for item in ("regression_coefficients", "fitted_ap_grid")},
         absent=absent,
         lock=Path("dvc.lock"),
         stages=frozenset(yaml.safe_load(Path("dvc.yaml").read_text(encoding="utf-8"))["stages"]),
         code_version=version("camera-condition-pipeline"),
         profile=params.profile,
+        runs={"runtime": LINE},
     )
     score = build(inputs, run.outputs / "reports")
     store.write_json(run.outputs / "reports/metrics/report.json", score.metrics)

@@ -19,9 +19,13 @@ GROUPS = {
     if folder.is_dir() and list(folder.glob("*.yaml"))
 }
 TOP = {
-    group: options for group, options in GROUPS.items() if group not in ("dataset", "estimator/noise", "estimator/blur")
+    group: options
+    for group, options in GROUPS.items()
+    if group not in ("dataset", "detector", "estimator/noise", "estimator/blur")
 }
-PLACED = [f"+dataset@datasets.extra={name}" for name in GROUPS["dataset"]] + [
+PLACED = [f"+dataset@datasets.extra={name}" for name in GROUPS["dataset"]]
+PLACED += [f"+detector@detection.detectors.extra={name}" for name in GROUPS["detector"]]
+PLACED += [
     f"+estimator/{what}@{what}.estimators.extra={name}"
     for what in ("noise", "blur")
     for name in GROUPS[f"estimator/{what}"]
@@ -41,6 +45,7 @@ def test_every_group_option_composes_and_is_valid(override):
     assert list(config.datasets) == config.matrix.datasets
     assert list(config.noise.estimators) == config.matrix.noise_estimators
     assert list(config.blur.estimators) == config.matrix.blur_estimators
+    assert list(config.detection.detectors) == config.matrix.detectors
 
 
 @pytest.mark.parametrize("profile", GROUPS["profile"])

@@ -15,6 +15,7 @@ REPO = Path(__file__).resolve().parents[2]
 EFFECTS = ("photon", "dcsn", "readout", "combined")
 LEVELS_DN = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
 ESTIMATORS = {"pca": 1.0, "bf": 0.6, "wavelet": 1.05, "immerkaer": 0.93}
+SHARES = {**ESTIMATORS, "cellwise": 1.0}
 FREQUENCY = np.array([3, 6, 8, 11, 16, 22, 27, 33]) * 2 / 111
 ABSENT = {"kitti": "dvc exp run -S datasets.kitti.root=/path/to/kitti", "udacity": "dvc exp run -S datasets=udacity"}
 
@@ -149,13 +150,15 @@ def make_noise(folder: Path, dataset: str, estimator: str, patches: int = 12) ->
     for effect in EFFECTS:
         for level in LEVELS_DN:
             true = level * 0.95
-            values = ESTIMATORS[estimator] * true + 1.0 + generator.normal(scale=0.6, size=patches)
+            values = SHARES[estimator] * true + 1.0 + generator.normal(scale=0.6, size=patches)
             values[:2] = np.nan if estimator in ("pca", "wavelet") else values[:2]
             key = {"dataset": dataset, "estimator": estimator, "effect": effect, "level_dn": level}
             estimates += [
                 {
                     **key, "frame": f"{dataset}-0000", "patch": number, "true_sigma_dn": true, "sigma_dn": value,
-                    "low_dn": np.nan, "high_dn": np.nan, "abstained": bool(np.isnan(value)),
+                    "added_sigma_dn": level, "saturated_share": 0.9 if number == 2 else 0.0,
+                    "low_dn": value - 1.5 if estimator == "cellwise" else np.nan,
+                    "high_dn": value + 1.5 if estimator == "cellwise" else np.nan, "abstained": bool(np.isnan(value)),
                     "reason": "saturated" if np.isnan(value) else "",
                 }
                 for number, value in enumerate(values)
@@ -166,6 +169,8 @@ def make_noise(folder: Path, dataset: str, estimator: str, patches: int = 12) ->
                     **key, "median_dn": np.median(found), "minimum_dn": found.min(), "maximum_dn": found.max(),
                     "low_dn": np.median(found) - 0.3, "high_dn": np.median(found) + 0.3, "true_median_dn": true,
                     "patch_error_dn": np.abs(found - true).mean(), "count": len(found), "rejected": 1,
+                    "added_median_dn": level, "added_error_dn": np.abs(found - level).mean(),
+                    "coverage": np.mean(np.abs(found - level) <= 1.5) if estimator == "cellwise" else np.nan,
                     "abstained": patches - len(found),
                 }
             )  # fmt: skip

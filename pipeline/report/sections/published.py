@@ -32,15 +32,13 @@ class Chapter:
 AFTER_NOISE = (
     Chapter(
         "combined",
-        "Blur and noise together",
+        "Blur and noise at once",
         ("photon_defocus_amae", "photon_linear_motion_mtf", "improved_blur"),
-        (("Defocus and dark-current noise", "combined@<dataset>"),),
     ),
     Chapter(
         "detection",
         "Object detection under blur and noise",
         ("yolov7_direction_ap", "regression_coefficients", "fitted_ap_grid"),
-        (("Detection (IOPC) curves and heat maps", "curves@<dataset>-<detector>"),),
     ),
     Chapter("control", "Camera control", ("worked_examples", "controller_ap", "controller_response")),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pipeline.report import learning_figure
+from pipeline.report import ablation_table, learning_figure
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.learning_curves import HELD_OUT, LearningCurve, read
 from pipeline.report.sections.base import Block, NotRun, Run, Section, ShownFigure
@@ -69,7 +69,12 @@ def _table(curves: list[LearningCurve]) -> Table:
         "stand beside each other without being a contest."
     ]
     return Table(
-        "training", "Networks trained.", columns, [_row(one) for one in curves], notes, "train_mtf, train_sigma"
+        "training",
+        "Networks trained.",
+        columns,
+        [_row(one) for one in curves],
+        notes,
+        "train_mtf, train_sigma, train_detector",
     )
 
 
@@ -86,6 +91,10 @@ def section(inputs: ReportInputs) -> Section:
         )
         stages = tuple(stage_of(name) for name in there)
         blocks += [ShownFigure("learning_curves", learning_figure.draw(curves), caption, stages), _table(curves)]
+    compared = ablation_table.table(inputs.ablation, inputs.ablations)
+    if compared is not None:
+        blocks.append(compared)
+        runs.append(Run("What matters in training", "", True, "", inputs.line("ablation")))
     for name in EXPECTED:
         if name not in there:
             line = inputs.line(stage_of(name))

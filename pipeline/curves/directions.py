@@ -1,0 +1,102 @@
+"""The blur-direction table of a sweep: average precision by angle, length and noise, with its marks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.curves.direction import Directions, by_direction
+from pipeline.errors import InputError
+from pipeline.store import Schema
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TABLE = Schema(
+    "average precision by direction",
+    {
+        "label": "string",
+        "level_dn": "float64",
+        "angle_deg": "float64",
+        "size_px": "float64",
+        "ap_percent": "float64",
+        "low_percent": "float64",
+        "high_percent": "float64",
+        "rises_with_size": "bool",  # better than with the next shorter blur
+        "rises_with_sigma": "bool",  # better than at the next lower noise
+    },
+    {"level_dn": "DN", "angle_deg": "deg", "size_px": "px", "ap_percent": "%"},
+)
+SPREAD = Schema(
+    "spread over directions",
+    {
+        "label": "string",
+        "level_dn": "float64",
+        "size_px": "float64",
+        "mean_percent": "float64",
+        "spread_percent": "float64",  # best less worst direction
+        "low_percent": "float64",  # bootstrap 95 % interval of the spread
+        "high_percent": "float64",
+        "worst_angle_deg": "float64",
+    },
+    {"level_dn": "DN", "size_px": "px", "spread_percent": "percent points", "worst_angle_deg": "deg"},
+)
+
+
+def tables(rows: pd.DataFrame, draws: NDArray[np.float64], tolerance: float) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The table of one class, and what direction does at each length and noise.
+
+    Args:
+        rows: `pipeline.curves.precision.PRECISION` of one label.
+        draws: (rows, B) percent.
+        tolerance: rises up to this, in percent points, are not marked.
+
+    Returns:
+        schemas `TABLE` and `SPREAD`.
+
+    Raises:
+        InputError: the sweep has no blur with a direction.
+    """
+    import pandas as pd
+
+    blurred = (rows["size_px"] > 0).to_numpy()
+    if not blurred.any():
+        raise InputError("no condition is blurred; set detection.sweep.sizes_px")
+    own = rows[blurred].reset_index(drop=True)
+    found = by_direction(own["level_dn"], own["angle_deg"], own["size_px"], own["ap_percent"], tolerance)
+    intervals: Any = own.set_index(["level_dn", "angle_deg", "size_px"])[["low_percent", "high_percent"]]
+    listed: list[dict[str, Any]] = []
+    for place in np.ndindex(found.ap_percent.shape):
+        s, a, d = place
+        key = (found.sigma_dn[s], found.angle_deg[a], found.size_px[d])
+        if key not in intervals.index:
+            continue
+        row: dict[str, Any] = {
+            "label": str(own["label"].iloc[0]),
+            **dict(zip(("level_dn", "angle_deg", "size_px"), key, strict=True)),
+        }
+        row |= {"ap_percent": found.ap_percent[place], **intervals.loc[key].to_dict()}
+        row["rises_with_size"] = bool(found.rises_with_size[place])
+        listed.append({**row, "rises_with_sigma": bool(found.rises_with_sigma[place])})
+    return TABLE.conform(pd.DataFrame(listed)), _spread(own, draws[blurred], found)
+
+
+def _spread(own: pd.DataFrame, draws: NDArray[np.float64], found: Directions) -> pd.DataFrame:
+    import pandas as pd
+
+    rows = []
+    for s, level in enumerate(found.sigma_dn):
+        for d, size in enumerate(found.size_px):
+            chosen = ((own["level_dn"] == level) & (own["size_px"] == size)).to_numpy()
+            drawn = draws[chosen]
+            drawn = drawn[:, np.isfinite(drawn).all(axis=0)]
+            low, high = np.nan, np.nan
+            if drawn.shape[1]:
+                low, high = np.percentile(drawn.max(axis=0) - drawn.min(axis=0), [2.5, 97.5])
+            row = {"label": str(own["label"].iloc[0]), "level_dn": level, "size_px": size, "low_percent": low}
+            row |= {"high_percent": high, "mean_percent": found.mean_percent[s, d]}
+            row |= {"spread_percent": found.spread_percent[s, d], "worst_angle_deg": found.worst_angle_deg[s, d]}
+            rows.append(row)
+    return SPREAD.conform(pd.DataFrame(rows))

@@ -1,0 +1,300 @@
+"""Average precision of every condition of a sweep, and the paper's curves (IOPC) through them.
+
+Here, and nowhere else, shares become percent. The bootstrap resamples the same scenes for all conditions, so that what
+is a difference between two conditions is not also one between two samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.curves.cells import gather
+from pipeline.curves.isolated import isolated
+from pipeline.curves.surface import Surface
+from pipeline.detection.average_precision import evaluate
+from pipeline.detection.base import Detections
+from pipeline.detection.matching import Truth
+from pipeline.detection.sweep import CONDITION
+from pipeline.errors import InputError
+from pipeline.store import Schema
+from pipeline.streams import stream
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Floats = NDArray[np.float64]
+
+PRECISION = Schema(
+    "average precision",
+    {
+        "label": "string",
+        **CONDITION,
+        "sigma_dn": "float64",  # median estimate on objects; NaN where unknown
+        "mtf": "float64",
+        "ap_percent": "float64",  # NaN where there is no object
+        "low_percent": "float64",  # bootstrap 95 % interval
+        "high_percent": "float64",
+        "images": "int64",
+        "objects": "int64",
+        "objects_ignored": "int64",
+        "detections": "int64",
+        "right": "int64",
+        "wrong": "int64",
+        "neither": "int64",
+    },
+    {"ap_percent": "%", "low_percent": "%", "high_percent": "%", "sigma_dn": "DN", "size_px": "px", "angle_deg": "deg"},
+)
+
+HEAT = Schema(
+    "surface of average precision",
+    {
+        "label": "string",
+        "sigma_bin_dn": "float64",
+        "mtf_bin": "float64",
+        "count": "int64",
+        "sigma_dn": "float64",
+        "mtf": "float64",
+        "ap_percent": "float64",
+        "low_percent": "float64",
+        "high_percent": "float64",
+        "non_monotonic": "bool",  # better than the next less noisy or sharper bin
+        "certainly": "bool",  # in at least 97.5 % of the draws
+    },
+    {"sigma_bin_dn": "DN", "ap_percent": "%"},
+)
+
+ISOLATED = Schema(
+    "isolated curves",
+    {
+        "label": "string",
+        "quantity": "string",
+        "at": "float64",
+        "ap_percent": "float64",
+        "low_percent": "float64",
+        "high_percent": "float64",
+        "count": "int64",
+        "non_monotonic": "bool",
+        "joined": "bool",  # the curve goes on to the next point
+    },
+    {"ap_percent": "%"},
+)
+
+
+def percent(share: ArrayLike) -> Floats:
+    """Shares as percent; a sum that rounding has carried just beyond one is one."""
+    return np.clip(100.0 * np.asarray(share, dtype=float), 0.0, 100.0)
+
+
+def truths(objects: pd.DataFrame, frames: Sequence[str], lowest_px: float, least_visible: float) -> list[Truth]:
+    """What is to be found in each frame; objects lower or less visible than stated are ignored."""
+    hidden = (objects["y2"] - objects["y1"] < lowest_px) | (objects["visible_fraction"] < least_visible)
+    marked = objects.assign(ignore=objects["ignore"] | hidden)
+    groups = {str(name): rows for name, rows in marked.groupby("frame")}
+    nothing = marked.iloc[:0]
+    result = []
+    for name in frames:
+        rows = groups.get(name, nothing)
+        corners = rows[["x1", "y1", "x2", "y2"]].to_numpy(float)
+        result.append(Truth(corners, rows["label"].to_numpy().astype(np.str_), rows["ignore"].to_numpy(bool)))
+    return result
+
+
+def average_precision(
+    detections: pd.DataFrame,
+    looked: pd.DataFrame,
+    objects: pd.DataFrame,
+    conditions: pd.DataFrame,
+    labels: Sequence[str],
+    judge: Any,
+    seed: int,
+) -> tuple[pd.DataFrame, dict[str, Floats]]:
+    """Judge every condition.
+
+    Args:
+        detections: `pipeline.detection.sweep.DETECTIONS`.
+        looked: `pipeline.detection.sweep.LOOKED`.
+        objects: `pipeline.detection.sweep.OBJECTS`.
+        conditions: `pipeline.curves.measured.CONDITIONS`, for noise and MTF.
+        labels: classes.
+        judge: section ``detection.judge`` of the configuration.
+        seed: root seed.
+
+    Returns:
+        `PRECISION`, sorted by label and in the order of the sweep; and for each label the draws (conditions, B) in
+        percent, in the order of its rows.
+
+    Raises:
+        InputError: a condition was looked at in other frames than the first.
+    """
+    import pandas as pd
+
+    names = list(dict.fromkeys(looked["frame"]))
+    scenes = dict(zip(looked["frame"], looked["scene"], strict=True))
+    wanted = truths(objects, names, judge.lowest_px, judge.least_visible)
+    keys = ["frame", "kernel", "level_dn"]
+    known = {key: _detections(rows) for key, rows in detections.groupby(keys, sort=False)}
+    medians: Any = conditions.set_index(["kernel", "level_dn"])[["sigma_dn", "mtf"]]
+    rows: list[dict[str, Any]] = []
+    draws: dict[str, list[Floats]] = {label: [] for label in labels}
+    for place, group in looked.groupby(list(CONDITION), sort=False):
+        condition = dict(zip(CONDITION, place, strict=True))
+        if set(group["frame"]) != set(names):
+            raise InputError(f"{condition['kernel']} at {condition['level_dn']:g} DN: frames are missing; detect again")
+        cell = (condition["kernel"], condition["level_dn"])
+        found = [known.get((name, *cell), Detections.none()) for name in names]
+        results = evaluate(
+            found,
+            wanted,
+            labels,
+            judge.rule,
+            judge.overlap,
+            stream(seed, "average precision"),  # the same scenes for every condition
+            judge.bootstrap_draws,
+            [scenes[name] for name in names],
+        )
+        at = medians.loc[cell] if cell in medians.index else {"sigma_dn": np.nan, "mtf": np.nan}
+        for label, result in results.items():
+            draws[label].append(percent(result.draws))
+            shares = (result.average_precision, result.low, result.high)
+            values = dict(zip(("ap_percent", "low_percent", "high_percent"), percent(shares).tolist(), strict=True))
+            counts = ("images", "objects", "objects_ignored", "detections", "right", "wrong", "neither")
+            numbers = {name: getattr(result, name) for name in counts}
+            numbers |= {name: float(at[name]) for name in ("sigma_dn", "mtf")}
+            rows.append({"label": label, **condition, **values, **numbers})
+    table = pd.DataFrame(rows, columns=list(PRECISION.columns))
+    table = PRECISION.conform(table.sort_values("label", kind="stable"))
+    return table, {label: np.stack(parts) for label, parts in draws.items() if parts}
+
+
+def tuples(rows: pd.DataFrame, draws: Floats, average: bool) -> tuple[pd.DataFrame, Floats]:
+    """The points that curves go through: noise, MTF and average precision of a condition.
+
+    Args:
+        rows: `PRECISION` of one label.
+        draws: (rows, B) percent.
+        average: over the directions of each size and level, as the paper does; else one point per direction.
+
+    Returns:
+        size_px, level_dn, sigma_dn, mtf, ap_percent of each point, and its draws (points, B).
+    """
+    import pandas as pd
+
+    columns = ["size_px", "level_dn", "sigma_dn", "mtf", "ap_percent"]
+    numbered = rows.reset_index(drop=True)
+    if not average:
+        return numbered[columns], draws
+    groups = [(key, group) for key, group in numbered.groupby(["size_px", "level_dn"], sort=True)]
+    means = [[*key, *group[columns[2:]].mean(skipna=False)] for key, group in groups]
+    drawn = [draws[group.index].mean(axis=0) for _, group in groups]
+    return pd.DataFrame(means, columns=columns), np.stack(drawn)
+
+
+def surface(rows: pd.DataFrame, draws: Floats, section: Any, seed: int) -> Surface:
+    """The surface of one class.
+
+    Args:
+        rows: `PRECISION` of one label.
+        draws: (rows, B) percent.
+        section: ``detection.curves`` of the configuration.
+        seed: root seed.
+
+    Raises:
+        InputError: no object, or too few bins for a surface.
+    """
+    known = rows["ap_percent"].notna().to_numpy()
+    if not known.any():
+        raise InputError("no object of this class to find")
+    points, drawn = tuples(rows, draws, section.average_directions)
+    return Surface(
+        gather(
+            points["sigma_dn"],
+            points["mtf"],
+            points["ap_percent"],
+            stream(seed, "surface"),
+            _without_gaps(drawn),
+            sigma_bins_dn=section.sigma_bins_dn,
+            mtf_bins=section.mtf_bins,
+        )
+    )
+
+
+def heat(label: str, one: Surface, tolerance: float) -> pd.DataFrame:
+    """The bins of a surface: schema `HEAT`; empty bins have a count of 0."""
+    import pandas as pd
+
+    cells, (low, high) = one.cells, one.cells.interval
+    sigma_bins, mtf_bins = np.meshgrid(cells.sigma_bins_dn, cells.mtf_bins, indexing="ij")
+    columns = {
+        "sigma_bin_dn": sigma_bins,
+        "mtf_bin": mtf_bins,
+        "count": cells.count,
+        "sigma_dn": cells.sigma_dn,
+        "mtf": cells.mtf,
+        "ap_percent": cells.ap_percent,
+        "low_percent": low,
+        "high_percent": high,
+        "non_monotonic": one.non_monotonic(tolerance),
+        "certainly": one.certainly_non_monotonic(tolerance),
+    }
+    return HEAT.conform(pd.DataFrame({"label": label, **{name: value.ravel() for name, value in columns.items()}}))
+
+
+def curves(label: str, rows: pd.DataFrame, draws: Floats, section: Any, seed: int) -> pd.DataFrame:
+    """The isolated curves of one class: noise without blur, blur without noise. Schema `ISOLATED`."""
+    import pandas as pd
+
+    parts = []
+    bins = {"sigma_bins_dn": section.sigma_bins_dn, "mtf_bins": section.mtf_bins}
+    points, drawn = tuples(rows, draws, section.average_directions)
+    for quantity, chosen in (("sigma_dn", points["size_px"] == 0), ("mtf", points["level_dn"] == 0)):
+        own = points[chosen]
+        known = own["ap_percent"].notna() & own["sigma_dn"].notna() & own["mtf"].notna()
+        if not known.any():
+            continue
+        picked = _without_gaps(drawn)[chosen.to_numpy()]
+        # Only one effect is on: what the other quantity is estimated to be must not scatter the curve over bins.
+        off = np.full(len(own), section.mtf_bins[-1] if quantity == "sigma_dn" else section.sigma_bins_dn[0])
+        sigma, contrast = (own["sigma_dn"], off) if quantity == "sigma_dn" else (off, own["mtf"])
+        cells = gather(sigma, contrast, own["ap_percent"], stream(seed, "curve"), picked, **bins)
+        curve = isolated(cells, quantity, tolerance=section.tolerance_percent)
+        values: dict[str, Any] = {
+            "at": curve.at,
+            "ap_percent": curve.ap_percent,
+            "low_percent": curve.low,
+            "high_percent": curve.high,
+        }
+        values |= {"count": curve.count, "non_monotonic": curve.non_monotonic, "joined": [*curve.joined, False]}
+        parts.append(pd.DataFrame({"label": label, "quantity": quantity, **values}))
+    empty = pd.DataFrame(columns=list(ISOLATED.columns))
+    return ISOLATED.conform(pd.concat(parts, ignore_index=True) if parts else empty)
+
+
+def _detections(rows: pd.DataFrame) -> Detections:
+    return Detections.of(rows[["x1", "y1", "x2", "y2"]].to_numpy(float), rows["score"].to_numpy(), list(rows["label"]))
+
+
+def _without_gaps(draws: Floats) -> Floats:
+    """Draws in which every condition has a value: a resample without any object says nothing."""
+    whole = np.isfinite(draws).all(axis=0)
+    return draws[:, whole] if whole.any() else draws
+
+
+def metrics(table: pd.DataFrame, made: Mapping[str, Surface]) -> dict[str, dict[str, float]]:
+    """Numbers to watch, of classes with objects: average precision without blur and noise, over all; the surface."""
+    found = {}
+    for label, rows in table[table["objects"] > 0].groupby("label"):
+        clean = rows[(rows["size_px"] == 0) & (rows["level_dn"] == 0)]["ap_percent"]
+        one = made.get(str(label))
+        found[str(label)] = {
+            "objects": float(rows["objects"].iloc[0]),
+            "clean_ap_percent": float(clean.iloc[0]) if len(clean) else 0.0,
+            "mean_ap_percent": float(rows["ap_percent"].mean()),
+            "bins": 0.0 if one is None else float((one.cells.count > 0).sum()),
+            "non_monotonic": 0.0 if one is None else float(one.non_monotonic().sum()),
+            "certainly_non_monotonic": 0.0 if one is None else float(one.certainly_non_monotonic().sum()),
+        }
+    return found

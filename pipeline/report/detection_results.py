@@ -1,0 +1,89 @@
+"""What the stages of detection left, by dataset and detector; a stage that has not run leaves its part empty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pipeline.curves import by_settings, directions, precision
+from pipeline.report.inputs import ReportInputs, optional_json, optional_table
+from pipeline.report.wording import DATASETS, DETECTORS, in_order
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Results:
+    """One detector on one dataset.
+
+    Attributes:
+        dataset, detector: names.
+        precision: `pipeline.curves.precision.PRECISION`.
+        heat: `pipeline.curves.precision.HEAT`, empty where there was too little for a surface.
+        isolated: `pipeline.curves.precision.ISOLATED`.
+        refused: label -> why it has no surface.
+        directions: `pipeline.curves.directions.TABLE`, or None.
+        spread: `pipeline.curves.directions.SPREAD`, or None.
+        coefficients: `pipeline.curves.by_settings.COEFFICIENTS`, or None.
+        fitted: `pipeline.curves.by_settings.FITTED`, or None.
+        fits: label -> numbers of the fit, or its ``reason``.
+        calibration: see `pipeline.curves.by_settings.calibration`.
+    """
+
+    dataset: str
+    detector: str
+    precision: pd.DataFrame
+    heat: pd.DataFrame
+    isolated: pd.DataFrame
+    refused: dict[str, str]
+    directions: pd.DataFrame | None
+    spread: pd.DataFrame | None
+    coefficients: pd.DataFrame | None
+    fitted: pd.DataFrame | None
+    fits: dict[str, Any]
+    calibration: dict[str, Any]
+
+    @property
+    def labels(self) -> list[str]:
+        """Classes with an object."""
+        known = self.precision[self.precision["objects"] > 0]
+        return sorted(set(known["label"]))
+
+
+def read(inputs: ReportInputs) -> list[Results]:
+    """Everything found, in the paper's order of datasets and ours of detectors."""
+    found = []
+    for dataset in in_order((pair[0] for pair in inputs.detection_members), DATASETS):
+        for detector in in_order((one[1] for one in inputs.detection_members if one[0] == dataset), DETECTORS):
+            one = _read_one(inputs, dataset, detector)
+            if one is not None:
+                found.append(one)
+    return found
+
+
+def _read_one(inputs: ReportInputs, dataset: str, detector: str) -> Results | None:
+    name = f"{dataset}-{detector}"
+    if inputs.detection is None:
+        return None
+    curves, turned = inputs.detection / "curves" / name, inputs.detection / "direction" / name
+    fitted = inputs.detection / "regression" / name
+    table = optional_table(curves, "precision.parquet", precision.PRECISION)
+    heat = optional_table(curves, "heat.parquet", precision.HEAT)
+    isolated = optional_table(curves, "isolated.parquet", precision.ISOLATED)
+    if table is None or heat is None or isolated is None:
+        return None
+    return Results(
+        dataset,
+        detector,
+        table,
+        heat,
+        isolated,
+        optional_json(curves, "refused.json") or {},
+        optional_table(turned, "table.parquet", directions.TABLE),
+        optional_table(turned, "spread.parquet", directions.SPREAD),
+        optional_table(fitted, "coefficients.parquet", by_settings.COEFFICIENTS),
+        optional_table(fitted, "fitted.parquet", by_settings.FITTED),
+        optional_json(fitted, "fits.json") or {},
+        optional_json(fitted, "calibration.json") or {},
+    )

@@ -1,0 +1,154 @@
+"""Detection measured on recorded pictures that the project may not keep: numbers, figures and where they come from.
+
+The default run uses nothing that has to be downloaded. Measurements on other people's pictures are made by hand, with
+``camera-monitor curves record``, and kept as small files: tables, figures, and a provenance that names every picture
+and the weights by their SHA-256, so that anyone who has them can repeat the numbers. No picture is kept.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline import store
+from pipeline.curves import measured, precision
+from pipeline.datasets.conditions import evaluation_frames, kernels, scene_of, spread
+from pipeline.datasets.corrupted import CameraSettings
+from pipeline.detection import sweep
+from pipeline.detection.weights import file_sha256
+from pipeline.errors import InputError
+from pipeline.report import heat_figure, iopc_figure, style
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.config.schema import Config
+    from pipeline.datasets.frame import Frame
+
+Map = Callable[..., list[Any]]
+
+
+def record(config: Config, dataset: str, detector: str, out: Path, source: str, run_map: Map) -> dict[str, Any]:
+    """Measure one detector on one dataset and write everything into a folder.
+
+    Args:
+        config: with the dataset and the detector in it.
+        dataset: its name there.
+        detector: its name there.
+        out: folder; replaced.
+        source: where the pictures come from, their revision and licence, in words.
+        run_map: see `pipeline.executor.run_map`; changes no result.
+
+    Returns:
+        the metrics: see `pipeline.curves.precision.metrics`.
+
+    Raises:
+        InputError: the dataset or the weights are absent, or there is no object to find.
+    """
+    settings, section, kind = config.detection, config.detection.detectors[detector], config.datasets[dataset].kind
+    if not Path(section.weights).is_file():
+        raise InputError(f"detection.detectors.{detector}.weights: no file {section.weights}; '{section.get}' gets it")
+    frames = _frames(config, dataset)
+    table, draws, conditions = _measure(config, dataset, detector, frames, run_map)
+    labels = [label for label in draws if (table.loc[table["label"] == label, "objects"] > 0).any()]
+    surfaces, heats, isolated = {}, [], []
+    for label in labels:
+        rows = table[table["label"] == label].reset_index(drop=True)
+        isolated.append(precision.curves(label, rows, draws[label], settings.curves, config.seed))
+        surfaces[label] = precision.surface(rows, draws[label], settings.curves, config.seed)
+        heats.append(precision.heat(label, surfaces[label], settings.curves.tolerance_percent))
+    if not labels:
+        raise InputError(f"dataset '{dataset}': no object of a class that detectors know; see its labels")
+    numbers = precision.metrics(table[table["label"].isin(labels)], surfaces)
+    with store.replacing_folder(out) as folder:
+        _csv(folder / "precision.csv", table[table["label"].isin(labels)])
+        _csv(folder / "conditions.csv", conditions)
+        for name, parts, draw in (("iopc", isolated, iopc_figure.draw), ("iopc_heat", heats, heat_figure.draw)):
+            drawing = draw(_joined(parts).assign(detector=detector))
+            style.save(drawing.figure, folder / name, drawing.values)
+        for label, surface in surfaces.items():
+            surface.save(folder / f"surface-{label}.npz")
+        store.write_json(folder / "metrics.json", numbers)
+        store.write_json(
+            folder / "provenance.json",
+            {
+                "source": source,
+                "dataset": dataset,
+                "kind": kind,
+                "frames": {frame.name: hashlib.sha256(frame.path.read_bytes()).hexdigest() for frame in frames},
+                "detector": {"kind": section.kind, "file": Path(section.weights).name, "options": section.options}
+                | {"sha256": file_sha256(section.weights)},
+                "sweep": settings.sweep.model_dump(),
+                "judge": settings.judge.model_dump(),
+                "measure": settings.measure.model_dump(),
+                "curves": settings.curves.model_dump(),
+                "camera": config.camera.model_dump(),
+                "seed": config.seed,
+            },
+        )
+    return numbers
+
+
+def _frames(config: Config, dataset: str) -> list[Frame]:
+    """The frames of a dataset that have labels to judge by, as the reader gives them."""
+    from pipeline.datasets.open import open_section
+
+    section, count = config.datasets[dataset], config.detection.sweep.frames
+    options = config.detection.sweep.options.get(dataset)
+    if not options:
+        return spread([frame for frame in open_section(dataset, section).frames() if not frame.defect], count)
+    return evaluation_frames(None, dataset, section, options, count)
+
+
+def _measure(
+    config: Config, dataset: str, detector: str, frames: list[Frame], run_map: Map
+) -> tuple[pd.DataFrame, dict[str, Any], pd.DataFrame]:
+    """Average precisions, their draws, and the estimated conditions."""
+    import pandas as pd
+
+    settings, section = config.detection, config.detection.detectors[detector]
+    words = sweep.class_map(config.datasets[dataset].kind)
+    camera, levels = CameraSettings.from_section(config.camera), tuple(settings.sweep.levels_dn)
+    shape = settings.sweep
+    blurs = kernels(shape.blur, shape.sizes_px, shape.angles_deg, shape.match, config.seed)
+    work = [(frame, kernel) for frame in frames for kernel in blurs]
+    judge = settings.judge
+    look = partial(
+        measured.Measurement(
+            **settings.measure.model_dump(), lowest_px=judge.lowest_px, least_visible=judge.least_visible
+        ).look,
+        words=words,
+        effect=shape.effect,
+        levels_dn=levels,
+        camera=camera,
+        seed=config.seed,
+    )
+    rows = [row for part in run_map(look, work, label=f"condition of {dataset}") for row in part]
+    estimates = measured.MEASURED.conform(pd.DataFrame(rows))
+    conditions = measured.summarise(estimates, config.seed, judge.bootstrap_draws)
+    classes, options = tuple(words.classes), sweep.options_of(section)
+    one = sweep.Sweep(section.kind, options, classes, shape.effect, levels, camera, config.seed)
+    found = run_map(partial(_look, one), work, label=f"{detector} on {dataset}")
+    scenes = {frame.name: scene_of(config.datasets[dataset].kind, frame.name) for frame in frames}
+    detections, looked = sweep.tables(work, found, one, scenes)
+    table, draws = precision.average_precision(
+        detections, looked, sweep.objects(frames, words), conditions, classes, judge, config.seed
+    )
+    return table, draws, conditions
+
+
+def _look(one: sweep.Sweep, work: tuple[Any, Any]) -> dict[str, Any]:
+    return one.look(*work)
+
+
+def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.concat(parts, ignore_index=True)
+
+
+def _csv(path: Path, table: pd.DataFrame) -> None:
+    store.write_text(path, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))

@@ -1,0 +1,55 @@
+"""Stage `curves`: average precision of one detector over estimated noise and MTF (the paper's IOPC), with intervals."""
+
+from __future__ import annotations
+
+from pipeline.config.entry import Run, stage
+
+
+@stage("curves", reads=["seed", "detection.judge", "detection.curves"], job=["dataset", "detector"])
+def run(run: Run) -> None:
+    """Judge every condition; write average precisions, surfaces that can be queried, isolated curves and metrics."""
+    import pandas as pd
+
+    from pipeline import store
+    from pipeline.curves import measured, precision
+    from pipeline.detection import sweep
+    from pipeline.errors import InputError
+
+    name, params = f"{run.job['dataset']}-{run.job['detector']}", run.params
+    folder, settings = run.inputs / "data/detect" / name, params.detection.curves
+    conditions = store.read_table(
+        run.inputs / f"data/measured/{run.job['dataset']}/conditions.parquet", measured.CONDITIONS
+    )
+    table, draws = precision.average_precision(
+        store.read_table(folder / "detections.parquet", sweep.DETECTIONS),
+        store.read_table(folder / "looked.parquet", sweep.LOOKED),
+        store.read_table(folder / "objects.parquet", sweep.OBJECTS),
+        conditions,
+        store.read_json(folder / "about.json")["classes"],
+        params.detection.judge,
+        params.seed,
+    )
+    surfaces, heats, isolated, refused = {}, [], [], {}
+    for label, drawn in draws.items():
+        rows = table[table["label"] == label].reset_index(drop=True)
+        isolated.append(precision.curves(label, rows, drawn, settings, params.seed))
+        try:
+            surfaces[label] = precision.surface(rows, drawn, settings, params.seed)
+        except InputError as error:
+            refused[label] = str(error)
+        else:
+            heats.append(precision.heat(label, surfaces[label], settings.tolerance_percent))
+    empty = pd.DataFrame(columns=list(precision.HEAT.columns))
+    with store.replacing_folder(run.outputs / "data/curves" / name) as out:
+        store.write_table(out / "precision.parquet", table, precision.PRECISION)
+        store.write_arrays(out / "draws.npz", **draws)
+        store.write_table(out / "heat.parquet", pd.concat(heats) if heats else empty, precision.HEAT)
+        store.write_table(out / "isolated.parquet", pd.concat(isolated), precision.ISOLATED)
+        store.write_json(out / "refused.json", refused)
+        for label, surface in surfaces.items():
+            surface.save(out / f"surface-{label.replace(' ', '_')}.npz")
+    store.write_json(run.outputs / f"reports/metrics/curves/{name}.json", precision.metrics(table, surfaces))
+
+
+if __name__ == "__main__":
+    run()

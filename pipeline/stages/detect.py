@@ -1,0 +1,69 @@
+"""Stage `detect`: one detector on one dataset under every blur, direction and noise; goes on where it was killed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.config.entry import Run, stage
+
+if TYPE_CHECKING:
+    from pipeline.camera.psf.kernel import Kernel
+    from pipeline.datasets.frame import Frame
+    from pipeline.detection.sweep import Sweep
+
+READS = ["seed", "camera", "datasets.{dataset}", "detection.sweep", "detection.detectors.{detector}"]
+ARRAYS = frozenset({"level", "boxes", "score", "label"})
+
+
+@stage("detect", reads=READS, job=["dataset", "detector"])
+def run(run: Run) -> None:
+    """Detect in every frame behind every kernel; write detections, what was looked at, and what is to be found."""
+    from functools import partial
+
+    from pipeline import store
+    from pipeline.datasets.conditions import evaluation_frames, kernels, scene_of
+    from pipeline.datasets.corrupted import CameraSettings
+    from pipeline.detection import pieces, sweep
+
+    dataset, name, params = run.job["dataset"], run.job["detector"], run.params
+    section, source, settings = params.detection.detectors[name], params.datasets[dataset], params.detection.sweep
+    words = sweep.class_map(source.kind)
+    options = settings.options.get(dataset, {})
+    frames = evaluation_frames(run.inputs / "data/index" / dataset, dataset, source, options, settings.frames)
+    blurs = kernels(settings.blur, settings.sizes_px, settings.angles_deg, settings.match, params.seed)
+    one = sweep.Sweep(
+        kind=section.kind,
+        options=sweep.options_of(section),
+        classes=tuple(words.classes),
+        effect=settings.effect,
+        levels_dn=tuple(settings.levels_dn),
+        camera=CameraSettings.from_section(params.camera),
+        seed=params.seed,
+    )
+    about = store.read_json(run.inputs / "data/detector" / name / "detector.json")
+    folder = run.inputs / ".cache/detect" / pieces.fingerprint({"sweep": vars(one), "weights": about["sha256"]})
+    work = [(frame, kernel) for frame in frames for kernel in blurs]
+    found = run.map(partial(look, sweep=one, folder=folder), work, f"{name} on {dataset}")
+    scenes = {frame.name: scene_of(source.kind, frame.name) for frame in frames}
+    detections, looked = sweep.tables(work, found, one, scenes)
+    with store.replacing_folder(run.outputs / f"data/detect/{dataset}-{name}") as out:
+        store.write_table(out / "detections.parquet", detections, sweep.DETECTIONS)
+        store.write_table(out / "looked.parquet", looked, sweep.LOOKED)
+        store.write_table(out / "objects.parquet", sweep.objects(frames, words), sweep.OBJECTS)
+        store.write_json(out / "about.json", {**about, "classes": words.classes})
+    pieces.forget(folder)
+
+
+def look(work: tuple[Frame, Kernel], *, sweep: Sweep, folder: Path) -> Any:
+    """What one worker does: one frame behind one kernel at every level, kept as soon as it is done."""
+    from pipeline.detection import pieces
+
+    frame, kernel = work
+    depends = frame.path.read_bytes() + kernel.psf.tobytes()
+    make = lambda: sweep.look(frame, kernel)  # noqa: E731
+    return pieces.kept(folder, f"{frame.name}-{kernel.name}", depends, ARRAYS, make)
+
+
+if __name__ == "__main__":
+    run()

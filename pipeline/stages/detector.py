@@ -1,0 +1,32 @@
+"""Stage `detector`: one detector's weights, opened and hashed, so that what follows notices other weights."""
+
+from __future__ import annotations
+
+from pipeline.config.entry import Run, stage
+
+
+@stage("detector", reads=["detection.detectors.{detector}"], job=["detector"])
+def run(run: Run) -> None:
+    """Open the detector, which refuses a wrong or broken file, and write what it is."""
+    from pathlib import Path
+
+    from pipeline import store
+    from pipeline.detection.sweep import opened, options_of
+    from pipeline.detection.weights import file_sha256
+    from pipeline.errors import InputError
+
+    name = run.job["detector"]
+    section = run.params.detection.detectors[name]
+    path = Path(section.weights)
+    if not path.is_file():
+        raise InputError(
+            f"detection.detectors.{name}.weights: no file {path}; '{section.get}' gets it, or name another file"
+        )
+    opened(section.kind, options_of(section))
+    with store.replacing_folder(run.outputs / "data/detector" / name) as out:
+        what = {"kind": section.kind, "weights": path.name, "bytes": path.stat().st_size, "options": section.options}
+        store.write_json(out / "detector.json", {**what, "sha256": file_sha256(path)})
+
+
+if __name__ == "__main__":
+    run()

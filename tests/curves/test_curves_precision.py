@@ -1,0 +1,137 @@
+"""From detections to curves: known averages, draws that belong together, tuples, surfaces and metrics."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from sweep_makers import FRAMES, LEVELS, SIZES, sweep_tables
+
+from pipeline.curves import Surface, directions, precision
+from pipeline.errors import InputError
+
+JUDGE = SimpleNamespace(rule="paper", overlap=0.5, lowest_px=25, least_visible=0.3, bootstrap_draws=200)
+SECTION = SimpleNamespace(
+    average_directions=True,
+    sigma_bins_dn=[0, 5, 10, 15, 20, 25],
+    mtf_bins=[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0],
+    tolerance_percent=0.0,
+)
+
+
+@pytest.fixture(scope="module")
+def judged() -> tuple[pd.DataFrame, dict[str, np.ndarray]]:
+    return precision.average_precision(*sweep_tables(), ["car", "person"], JUDGE, 1)
+
+
+def test_percent_are_the_share_of_cars_found(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:
+    table, draws = judged
+    cars = table[table["label"] == "car"]
+    assert len(cars) == 9 * 3 and list(draws) == ["car", "person"] and draws["car"].shape == (27, 200)
+    np.testing.assert_allclose(cars["ap_percent"], 100.0 * cars["right"] / FRAMES)  # none is wrong
+    assert (cars["objects"] == FRAMES).all() and (cars["objects_ignored"] == FRAMES).all()
+    sharp = cars[(cars["size_px"] == 0) & (cars["level_dn"] == 0)].iloc[0]
+    assert sharp[["ap_percent", "low_percent", "high_percent"]].tolist() == pytest.approx([100.0] * 3)
+    assert (cars["low_percent"] <= cars["ap_percent"]).all() and (cars["ap_percent"] <= cars["high_percent"]).all()
+    nobody = table[table["label"] == "person"]
+    assert nobody["ap_percent"].isna().all() and np.isnan(draws["person"]).all()
+
+
+def test_draws_of_all_conditions_resample_the_same_frames(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:
+    """A car found under a stronger condition is found under every milder one: so it is in each single draw."""
+    table, draws = judged
+    cars = table[table["label"] == "car"].reset_index(drop=True)
+    order = cars["ap_percent"].to_numpy().argsort()
+    assert (np.diff(draws["car"][order], axis=0) >= -1e-9).all()
+    assert draws["car"][order[13]].std() > 3  # and there is something to resample
+
+
+def test_scenes_are_resampled_together() -> None:
+    """Twelve frames of three scenes are three samples: the interval widens."""
+    few, _ = precision.average_precision(*sweep_tables(scenes=3), ["car"], JUDGE, 1)
+    many, _ = precision.average_precision(*sweep_tables(), ["car"], JUDGE, 1)
+    width = [(table["high_percent"] - table["low_percent"]).mean() for table in (few, many)]
+    assert width[0] > 1.3 * width[1]
+    assert few["ap_percent"].equals(many["ap_percent"])
+
+
+def test_a_frame_that_was_not_looked_at_is_no_empty_frame() -> None:
+    detections, looked, objects, medians = sweep_tables()
+    with pytest.raises(InputError, match="frames are missing"):
+        precision.average_precision(detections, looked.iloc[:-1], objects, medians, ["car"], JUDGE, 1)
+
+
+def test_tuples_are_means_over_directions(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:
+    table, draws = judged
+    cars = table[table["label"] == "car"]
+    points, drawn = precision.tuples(cars, draws["car"], True)
+    assert len(points) == len(drawn) == len(SIZES) * len(LEVELS)
+    cell = (cars["size_px"] == 21) & (cars["level_dn"] == 10)
+    point = points[(points["size_px"] == 21) & (points["level_dn"] == 10)]
+    assert point["ap_percent"].item() == pytest.approx(cars.loc[cell, "ap_percent"].mean())
+    assert point["mtf"].item() == pytest.approx(0.3)
+    np.testing.assert_allclose(drawn[point.index[0]], draws["car"][cell.to_numpy()].mean(axis=0))
+    apart, same = precision.tuples(cars, draws["car"], False)
+    assert len(apart) == len(cars) and same is draws["car"]
+
+
+def test_the_surface_answers_where_it_was_measured_and_comes_back_from_its_file(
+    judged: tuple[pd.DataFrame, dict[str, np.ndarray]], tmp_path
+) -> None:
+    table, draws = judged
+    cars = table[table["label"] == "car"]
+    surface = precision.surface(cars, draws["car"], SECTION, 1)
+    points, _ = precision.tuples(cars, draws["car"], True)
+    for point in points.to_dict("records"):
+        assert surface.at(point["sigma_dn"], point["mtf"])[0] == pytest.approx(point["ap_percent"], abs=1e-9)
+    between, low, high = surface.at(5.0, 0.9)
+    assert low <= between <= high and 60 < between < 100
+    with pytest.raises(InputError, match="not extrapolated"):
+        surface.at(35.0, 0.9)
+    surface.save(tmp_path / "s.npz")
+    assert Surface.load(tmp_path / "s.npz").at(5.0, 0.9) == (between, low, high)
+    cells = precision.heat("car", surface, 0.0)
+    assert (cells["count"] > 0).sum() == 15 and not cells["non_monotonic"].any()
+    with pytest.raises(InputError, match="no object"):
+        precision.surface(table[table["label"] == "person"], draws["person"], SECTION, 1)
+
+
+def test_isolated_curves_hold_one_effect(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:
+    table, draws = judged
+    lines = precision.curves("car", table[table["label"] == "car"], draws["car"], SECTION, 1)
+    noise, blur = (lines[lines["quantity"] == name] for name in ("sigma_dn", "mtf"))
+    assert noise["at"].tolist() == list(LEVELS) and noise["ap_percent"].is_monotonic_decreasing
+    assert (
+        blur["at"].tolist() == pytest.approx([0.3, 1 - 14 / 30, 1 - 7 / 30, 0.9, 1.0])
+        and blur["ap_percent"].is_monotonic_increasing
+    )
+    assert noise["ap_percent"].iloc[0] == blur["ap_percent"].iloc[-1] == 100.0
+
+
+def test_direction_is_told_apart_and_rises_are_marked(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:
+    table, draws = judged
+    cars = table[table["label"] == "car"].reset_index(drop=True)
+    rows, spread = directions.tables(cars, draws["car"], 0.0)
+    assert len(rows) == 4 * 2 * 3 and not (rows["rises_with_size"] | rows["rises_with_sigma"]).any()
+    wide = spread[spread["size_px"] >= 14]
+    assert (wide["worst_angle_deg"] == 90).all() and (wide["spread_percent"] > 0).all()
+    assert (spread["low_percent"] <= spread["high_percent"]).all()
+    better = cars.copy()
+    here = (better["size_px"] == 21) & (better["angle_deg"] == 0) & (better["level_dn"] == 10)
+    better.loc[here, "ap_percent"] = 99.0
+    rows, _ = directions.tables(better, draws["car"], 0.0)
+    marked = rows[rows["rises_with_size"]]
+    assert marked[["level_dn", "angle_deg", "size_px"]].to_numpy().tolist() == [[10.0, 0.0, 21.0]]
+    with pytest.raises(InputError, match="no condition is blurred"):
+        directions.tables(cars[cars["size_px"] == 0], draws["car"][:3], 0.0)
+
+
+def test_metrics_name_the_clean_value_and_the_surface(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:
+    table, draws = judged
+    cars = table[table["label"] == "car"]
+    found = precision.metrics(table, {"car": precision.surface(cars, draws["car"], SECTION, 1)})
+    assert found["car"]["clean_ap_percent"] == 100.0 and found["car"]["bins"] == 15
+    assert "person" not in found  # a class without an object has nothing to watch
+    assert precision.metrics(table, {})["car"]["bins"] == 0

@@ -1,0 +1,169 @@
+"""The chapter of detection: what its figures and tables show, what the ledger takes, what is said of the rest."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from report_makers import ABSENT, REPO
+from sweep_makers import LEVELS, SIZES, sweep_tables
+
+from pipeline import store
+from pipeline.config.compose import compose
+from pipeline.config.schema import validate
+from pipeline.curves.measured import CONDITIONS
+from pipeline.detection.sweep import DETECTIONS, LOOKED, OBJECTS
+from pipeline.report import detection_results, style
+from pipeline.report.build import build
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.ledger import MATCH, NOT_COMPARABLE
+from pipeline.report.ledger_items import ITEMS, rows_of
+from pipeline.report.sections import detection, published
+from pipeline.report.sections.base import NotRun, ShownFigure
+from pipeline.report.tables import Estimate, Table
+from pipeline.stages import curves, direction, refit, regression
+
+BY_NAME = {item.name: item for item in ITEMS}
+CHAPTER = next(chapter for chapter in published.AFTER_NOISE if chapter.key == "detection")
+DETECTORS = ("compact", "compact_two_stage")
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
+    """Two detectors on Sim through the stages after detection; the second finds a third less."""
+    root = tmp_path_factory.mktemp("detection")
+    content = yaml.safe_load(compose(["detection.judge.bootstrap_draws=60"], REPO / "conf"))
+    config = validate(content)
+    detections, looked, objects, medians = sweep_tables()
+    for number, name in enumerate(DETECTORS):
+        out = root / "data/detect" / f"sim-{name}"
+        found = detections[detections["frame"] < ("f99", "f08")[number]]
+        for file, table, schema in (
+            ("detections", found, DETECTIONS), ("looked", looked, LOOKED), ("objects", objects, OBJECTS),
+        ):  # fmt: skip
+            store.write_table(out / f"{file}.parquet", table, schema)
+        store.write_json(out / "about.json", {"classes": ["car", "person"]})
+    store.write_table(root / "data/measured/sim/conditions.parquet", medians, CONDITIONS)
+    for name in DETECTORS:
+        for stage in (curves, direction, regression):
+            stage.run.run(config, {"dataset": "sim", "detector": name}, root, root)
+    refit.run.run(config, {}, REPO, root)
+    return ReportInputs(
+        paper=REPO / "data/paper",
+        detection=root / "data",
+        detection_members=frozenset(("sim", name) for name in DETECTORS),
+        detectors_absent={"yolov4": "camera-monitor weights get yolov4 && dvc exp run"},
+        results={item: root / f"data/refit/{item}.csv" for item in ("regression_coefficients", "fitted_ap_grid")},
+        recorded=REPO / "reports/recorded",
+        absent={"kitti": ABSENT["kitti"]},
+    )
+
+
+@pytest.fixture(scope="module")
+def blocks(inputs: ReportInputs) -> dict[str, ShownFigure | Table]:
+    found = detection.section(
+        CHAPTER, [row for name in CHAPTER.items for row in rows_of(BY_NAME[name], inputs)], inputs
+    )
+    return {block.name: block for block in found.blocks if not isinstance(block, NotRun)}
+
+
+def test_corners_of_the_sweep_with_intervals_and_counts(blocks: dict[str, ShownFigure | Table]) -> None:
+    table = blocks["detection_ap_sim"]
+    assert isinstance(table, Table)
+    first, second = table.rows
+    assert (first["detector"], first["label"], first["objects"], first["images"]) == ("Compact", "Car", 12, 12)
+    clean, both = first["clean"], first["both"]
+    assert isinstance(clean, Estimate) and isinstance(both, Estimate) and isinstance(second["clean"], Estimate)
+    assert clean.value == pytest.approx(100.0) and second["clean"].value == pytest.approx(100 * 8 / 12)
+    assert both.low <= both.value <= both.high < clean.value
+    assert [row["label"] for row in table.rows] == ["Car", "Car"]  # a class without an object is no row
+
+
+def test_figures_hold_every_point(blocks: dict[str, ShownFigure | Table]) -> None:
+    iopc, heat = blocks["iopc_sim"], blocks["iopc_heat_sim"]
+    assert isinstance(iopc, ShownFigure) and isinstance(heat, ShownFigure)
+    values = iopc.drawing.values
+    assert values is not None and heat.drawing.values is not None
+    noise = values[(values["quantity"] == "sigma_dn") & (values["detector"] == "compact")]
+    assert noise["at"].tolist() == list(LEVELS)
+    assert len(heat.drawing.values) == 2 * len(SIZES) * len(LEVELS)
+    assert "Compact, Car: 100 to" in iopc.drawing.alt
+    assert iopc.stages == ("curves@sim-compact", "curves@sim-compact_two_stage")
+    texts = [text.get_text() for text in heat.drawing.figure.findobj(lambda a: hasattr(a, "get_text"))]
+    assert "100" in texts and "67" in texts
+
+
+def test_the_direction_table_has_a_row_for_each_noise_and_angle(blocks: dict[str, ShownFigure | Table]) -> None:
+    table = blocks["direction_sim_compact"]
+    assert isinstance(table, Table)
+    assert [(row["level_dn"], row["angle_deg"]) for row in table.rows] == [(n, a) for n in LEVELS for a in (0.0, 90.0)]
+    assert {"car_7", "car_21"} <= set(table.rows[0])
+    assert "direction_sim_car" in blocks and "direction_spread_sim" in blocks
+
+
+def test_too_few_cells_for_the_regression_are_said(blocks: dict[str, ShownFigure | Table]) -> None:
+    """Fifteen cells make a fit of eight coefficients; a class without objects makes none and says why."""
+    table = blocks["regression_fits_sim"]
+    assert isinstance(table, Table)
+    cars = [row for row in table.rows if row["label"] == "Car"]
+    assert all(row["cells"] == 15 for row in cars)
+    assert all("no fit" in str(row["reason"]) for row in table.rows if row["label"] == "Person")
+
+
+def test_recorded_curves_carry_their_source(blocks: dict[str, ShownFigure | Table]) -> None:
+    shown = blocks["recorded_kitti_yolox_iopc"]
+    assert isinstance(shown, ShownFigure) and "CC BY-NC-SA" in shown.caption and "16 frames" in shown.caption
+    assert "recorded_kitti_yolox_iopc_heat" in blocks and "93 to 72 % under noise" in shown.drawing.alt
+
+
+def test_the_ledger_matches_the_published_regression(inputs: ReportInputs) -> None:
+    grid = rows_of(BY_NAME["fitted_ap_grid"], inputs)
+    assert len(grid) == 84 and all(row.verdict == MATCH for row in grid)
+    numbers = rows_of(BY_NAME["regression_coefficients"], inputs)
+    told = {"match": 32, "not comparable": 4}
+    assert {verdict: sum(row.verdict == verdict for row in numbers) for verdict in told} == told
+
+
+def test_another_detector_is_not_set_against_the_papers(inputs: ReportInputs) -> None:
+    rows = rows_of(BY_NAME["yolov7_direction_ap"], inputs)
+    ours = [row for row in rows if np.isfinite(row.ours)]
+    assert ours and all(row.verdict == NOT_COMPARABLE and "another detector" in row.why for row in ours)
+    assert "σ 10 DN, 0 °, 7 px" in {row.quantity for row in ours} or len(ours) > 4
+
+
+def test_what_did_not_run_says_how(inputs: ReportInputs) -> None:
+    found = detection.section(CHAPTER, [], inputs)
+    notes = {(block.what, block.why): block.line for block in found.blocks if isinstance(block, NotRun)}
+    assert notes["Detection by YOLOv4", "weights absent"].startswith("camera-monitor weights get yolov4")
+    assert notes["Detection on KITTI", "data absent"] == ABSENT["kitti"]
+    ran = {(run.experiment, run.dataset) for run in found.runs if run.ran}
+    assert ("Detection by Compact", "sim") in ran
+    nothing = dataclasses.replace(inputs, detection=None)
+    bare = detection.section(CHAPTER, [], nothing)
+    assert not detection_results.read(nothing)
+    assert any(isinstance(block, NotRun) and "IOPC" in block.what for block in bare.blocks)
+
+
+@pytest.mark.slow
+def test_the_page_is_built_twice_with_the_same_bytes(inputs: ReportInputs, tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        build(inputs, tmp_path / name)
+    for path in sorted((tmp_path / "first").rglob("*")):
+        if path.is_file():
+            assert path.read_bytes() == (tmp_path / "second" / path.relative_to(tmp_path / "first")).read_bytes()
+    page = (tmp_path / "first/index.html").read_text()
+    assert "Object detection under blur and noise" in page and "Compact, two stages" in page
+
+
+def test_figures_drawn_twice_are_the_same_bytes(inputs: ReportInputs, tmp_path: Path) -> None:
+    written = []
+    for place in ("a", "b"):
+        shown = [b for b in detection.section(CHAPTER, [], inputs).blocks if isinstance(b, ShownFigure)]
+        names = [block.name for block in shown]
+        assert "regression_sim" in names and "iopc_heat_sim" in names
+        paths = [style.save(block.drawing.figure, tmp_path / place / block.name) for block in shown]
+        written.append([path.read_bytes() for each in paths for path in each])
+    assert written[0] == written[1]
