@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
+
 SCENES = Path(__file__).parents[1] / "scenes"
 MOMENTS = 4
 
@@ -71,6 +73,9 @@ def sim_frames(
         width_px: width of a frame.
         height_px: height of a frame.
         executor: arguments of `pipeline.executor.run_map`.
+
+    Raises:
+        InputError: a picture in the cache is broken.
     """
     import cv2
 
@@ -89,7 +94,10 @@ def sim_frames(
     )
     images, boxes, labels, visible = [], [], [], []
     for number in numbers:
-        images.append(cv2.imread(str(folder / f"{number:05d}.png"), cv2.IMREAD_GRAYSCALE))
+        image = cv2.imread(str(folder / f"{number:05d}.png"), cv2.IMREAD_GRAYSCALE)
+        if image is None:
+            raise InputError(f"{folder / f'{number:05d}.png'}: not a readable picture; delete it to render it anew")
+        images.append(image)
         rows = store.read_json(folder / f"{number:05d}.json")["boxes"]
         boxes.append(np.array([row["box"] for row in rows], np.float32).reshape(-1, 4))
         labels.append(np.array([row["label"] for row in rows], np.str_))

@@ -151,6 +151,13 @@ def test_training_frames_and_validation_frames_are_different_places(cache: Path)
     assert not any(np.array_equal(held_back.images[0], image) for image in trained_on.images)
 
 
+def test_a_broken_picture_in_the_cache_is_named(cache: Path) -> None:
+    path = next(cache.rglob("00001.png"))
+    path.write_bytes(path.read_bytes()[:30])
+    with pytest.raises(InputError, match="00001.png: not a readable picture; delete it"):
+        sim_frames(**settings().source(cache))
+
+
 def test_a_frame_is_rendered_once_and_is_the_same_again(tmp_path: Path) -> None:
     options = {"seed": 1, "samples": 1, "width_px": 64, "height_px": 64}
     one = sim_frames(1, cache=tmp_path / "one", first=2, **options)

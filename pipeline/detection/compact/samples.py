@@ -84,7 +84,7 @@ def crop(
     placed, kind = _objects(frames, number, corner, scale, recipe.size_px)
     if generator.random() < 0.5:
         cut = np.ascontiguousarray(cut[:, ::-1])
-        placed = np.stack([recipe.size_px - placed[:, 2], placed[:, 1], recipe.size_px - placed[:, 0], placed[:, 3]], 1)
+        placed[:, [0, 2]] = recipe.size_px - placed[:, [2, 0]]
     boxes = np.zeros((MOST, 4), np.float32)
     kinds = np.full(MOST, ABSENT, np.int8)
     boxes[: len(placed)], kinds[: len(placed)] = placed, kind
