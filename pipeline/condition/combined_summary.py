@@ -278,6 +278,8 @@ def noise_cells(read: pd.DataFrame, seed: int, draws: int) -> pd.DataFrame:
 def metrics(blur: pd.DataFrame, noise: pd.DataFrame | None = None) -> dict[str, Any]:
     """What continuous integration compares: means over kernel sizes, nested by experiment, estimator and level.
 
+    Where every patch was abstained from there is no mean, and none is written; the counts say so.
+
     Args:
         blur: `BLUR_CELLS`.
         noise: `NOISE_CELLS`.
@@ -288,7 +290,7 @@ def metrics(blur: pd.DataFrame, noise: pd.DataFrame | None = None) -> dict[str, 
         place = nested
         for part in path:
             place = place.setdefault(part, {})
-        place.update(content)
+        place.update({name: value for name, value in content.items() if np.isfinite(value)})
 
     keys = ["experiment", "estimator", "calibrated", "filter_px", "level_dn"]
     for key, group in blur.groupby(keys, sort=True):

@@ -158,14 +158,15 @@ def _mean(values: NDArray[np.float64]) -> float:
 def metrics(summary: pd.DataFrame) -> dict[str, Any]:
     """What continuous integration compares: medians, errors, abstentions and coverage, nested by effect and level.
 
+    A cell in which all tiles were abstained from has its counts only.
+
     Args:
         summary: `pipeline.tables.NOISE_SUMMARY` of one dataset and estimator.
     """
     nested: dict[str, Any] = {}
     for row in summary.to_dict("records"):
         cell = nested.setdefault(str(row["effect"]), {})
-        numbers = {name: row[name] for name in ("median_dn", "true_median_dn", "patch_error_dn")}
-        if np.isfinite(row["coverage"]):
-            numbers["coverage"] = row["coverage"]
+        names = ("median_dn", "true_median_dn", "patch_error_dn", "coverage")
+        numbers = {name: row[name] for name in names if np.isfinite(row[name])}
         cell[f"{row['level_dn']:g}"] = {**numbers, "abstained": int(row["abstained"]), "count": int(row["count"])}
     return nested

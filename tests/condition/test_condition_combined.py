@@ -238,3 +238,16 @@ def test_a_kernel_the_bank_lacks_is_named():
 
 def test_frames_are_spread_evenly():
     assert spread(list(range(10)), 3) == [0, 3, 6] and spread([1, 2], 5) == [1, 2] and spread([1, 2], None) == [1, 2]
+
+
+def test_a_cell_without_any_answer_has_counts_but_no_mean() -> None:
+    import pandas as pd
+
+    from pipeline.condition.combined_summary import metrics
+
+    rows = {
+        "experiment": "defocus_dcsn", "estimator": "mine", "calibrated": False, "filter_px": 0.0,
+        "level_dn": [0.0, 15.0], "amae_percent": [2.0, float("nan")], "count": [3, 0], "abstained": [0, 3],
+    }  # fmt: skip
+    found = metrics(pd.DataFrame(rows))["blur"]["defocus_dcsn"]["mine"]["raw"]
+    assert found == {"0": {"amae_percent": 2.0, "count": 3, "abstained": 0}, "15": {"count": 0, "abstained": 3}}
