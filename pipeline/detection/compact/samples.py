@@ -88,7 +88,7 @@ def crop(
     boxes = np.zeros((MOST, 4), np.float32)
     kinds = np.full(MOST, ABSENT, np.int8)
     boxes[: len(placed)], kinds[: len(placed)] = placed, kind
-    return _tone(cut, generator), boxes, kinds
+    return _tone(np.asarray(cut, np.uint8), generator), boxes, kinds
 
 
 def _objects(
