@@ -16,7 +16,7 @@ from pipeline.stages import combined, denoised_blur, index, psf_bank
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY = (
-    "~combined.blur_estimators.pmp", "~combined.blur_estimators.gbb", "combined.levels_dn=[0,15]",
+    *(f"~combined.blur_estimators.{name}" for name in ("cnn", "pmp", "gbb")), "combined.levels_dn=[0,15]",
     "combined.sizes_px=[11]", "denoised_blur.sizes_px=[11]", "denoised_blur.filters_px=[7]",
     "~combined.experiments.photon_linear", "psf.sizes_px=[11]", "psf.kinds=[defocus,linear_motion]",
 )  # fmt: skip

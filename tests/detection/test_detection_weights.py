@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from pipeline import detection
 from pipeline.cli import main
 from pipeline.cli.weights import FOLDER
-from pipeline.config.schema import EstimatorSection
+from pipeline.config.schema_detection import DetectorSection
 from pipeline.detection import weights
 from pipeline.detection.weights_table import TABLE, Published
 from pipeline.errors import InputError
@@ -240,17 +240,23 @@ def test_the_table_is_pinned_and_names_real_detectors() -> None:
 
 @pytest.mark.parametrize("path", sorted((ROOT / "conf" / "detector").glob("*.yaml")), ids=lambda path: path.stem)
 def test_configured_detectors_take_their_options(path: Path) -> None:
-    """Every option is one of the class's own, and the file is one that ``weights get`` brings (or its export)."""
-    section = EstimatorSection(**yaml.safe_load(path.read_text(encoding="utf-8")))
+    """Options are the class's own; the file is one that ``weights get`` brings (or its export), or a released one."""
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    section = DetectorSection(**{**content, "watch": content["weights"]})
     assert section.kind == path.stem
     taken = inspect.signature(detection.REGISTRY.get(section.kind)).parameters
-    assert set(section.options) <= set(taken)
-    folder, file = Path(section.options["weights"]).parent, Path(section.options["weights"])
-    assert folder == FOLDER
-    row = next(row for row in TABLE.values() if row.detector == section.kind)
-    assert file.stem == Path(row.file).stem and file.suffix == ".onnx"
-    with pytest.raises(InputError, match="no such model file"):
-        detection.create(section.kind, **{**section.options, "weights": "absent.onnx"})
+    assert {"weights", *section.options} <= set(taken)
+    file = Path(section.weights)
+    if section.get == "dvc repro train_detector":
+        assert (ROOT / file).is_file()
+        detection.create(section.kind, weights=ROOT / file, **section.options)
+    else:
+        assert file.parent == FOLDER
+        row = next(row for row in TABLE.values() if row.detector == section.kind)
+        assert file.stem == Path(row.file).stem and file.suffix == ".onnx"
+        assert "camera-monitor weights get" in section.get
+    with pytest.raises(InputError, match="no such (model|weight) file"):
+        detection.create(section.kind, **{**section.options, "weights": "absent"})
 
 
 @pytest.mark.shared

@@ -49,8 +49,9 @@ def test_the_label_is_the_mtf_of_the_blur(bank):
     scene[:, middle, middle] += 0.4
     image, label = sampler(bank)._blurred(scene, stream(1, "x"))
     response = (image - image.flatten(1).median(1).values[:, None, None]).double().numpy() / 0.4
-    assert np.abs(response.sum((1, 2)) - 1).max() < 2e-3
-    assert np.abs(mtf.sample(response) - label.numpy()).max() < 2e-3
+    # The grey around is rounded to 6e-8 in single precision: over 192 x 192 pixels, and 0.4, that is 5.5e-3 at most.
+    assert np.abs(response.sum((1, 2)) - 1).max() < 5.5e-3
+    assert np.abs(mtf.sample(response) - label.numpy()).max() < 5.5e-3
 
 
 def test_intrinsic_blur_is_part_of_the_label():
