@@ -27,7 +27,7 @@ MEASURES = {
     "sigma_error_dn": "σ error",
     "ap_percent": "average precision",
     "ap": "average precision",
-    "missed_percent": "average precision missed (100 % - mean AP)",
+    "missed_percent": "mean AP missed",
     "mean_squared_error": "mean squared error",
 }
 _UNITS = {"_percent": "%", "_dn": "DN"}

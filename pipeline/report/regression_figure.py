@@ -72,7 +72,7 @@ def draw(fitted: pd.DataFrame, titles: dict[str, str]) -> Drawing:
         left, right = panels[row, 2 * pair], panels[row, 2 * pair + 1]
         own = fitted[fitted["fit"] == name]
         image, dots = _fitted(left, own), _left(right, own, reach)
-        left.set_title(title)
+        left.set_title("\n".join(title.rsplit(", ", 1)))
         right.set_title("measured − fitted")
         for axes in (left, right):
             axes.grid(False)
