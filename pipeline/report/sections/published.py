@@ -59,14 +59,18 @@ def section(chapter: Chapter, rows: Sequence[LedgerRow], inputs: ReportInputs) -
         item = titles[name]
         own = [row for row in rows if row.item == name]
         done = [row for row in own if row.verdict != NOT_RUN]
+        missing = [row for row in own if row.verdict == NOT_RUN]
         line = inputs.line(item.stage.replace("{", "<").replace("}", ">"))
+        why = "stage absent"
+        if missing and missing[0].why:  # of all, the first stands for the item
+            why, line = missing[0].why, missing[0].line or line
         if done:
             blocks.append(to_table(done, f"published_{name}", f"{item.title}: the paper's numbers beside ours."))
-        if len(done) < len(own):
-            what = f"{item.title} ({counted(len(own) - len(done), 'published number')})"
-            blocks.append(NotRun(what, "stage absent", line))
-        partly = f"{len(done):,} of {len(own):,} numbers" if done and len(done) < len(own) else ""
-        runs.append(Run(item.title, "", bool(done), partly or ("" if done else "stage absent"), line))
+        if missing:
+            what = f"{item.title} ({counted(len(missing), 'published number')})"
+            blocks.append(NotRun(what, why, line))
+        partly = f"{len(done):,} of {len(own):,} numbers" if done and missing else ""
+        runs.append(Run(item.title, "", bool(done), partly or ("" if done else why), line))
     for what, stage in chapter.pictures:
         blocks.append(NotRun(f"{what} (printed as pictures only)", "stage absent", inputs.line(stage)))
         runs.append(Run(what, "", False, "stage absent", inputs.line(stage)))
