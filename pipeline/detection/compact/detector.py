@@ -29,7 +29,7 @@ class Compact:
     """One-stage detector.
 
     Args:
-        weights: file written by the stage `train_detector`.
+        weights: file written by the stage `train_detector`; None for the released one.
         scale: network pixels per image pixel.
         score_floor: detections below this score are dropped, [0, 1].
         overlap: intersection over union above which the weaker box of a class is dropped, [0, 1].
@@ -40,10 +40,11 @@ class Compact:
     """
 
     kind: ClassVar[str] = "one_stage"
+    released: ClassVar[str] = "data/weights/detector_compact.safetensors"
 
     def __init__(
         self,
-        weights: str | Path = "data/weights/detector_compact.safetensors",
+        weights: str | Path | None = None,
         scale: float = 1.0,
         score_floor: float = 0.01,
         overlap: float = 0.5,
@@ -56,9 +57,8 @@ class Compact:
             raise InputError(f"most: expected at least 1, not {most!r}")
         if not 0.05 <= scale <= 20:
             raise InputError(f"scale: expected a number in [0.05, 20], not {scale!r}")
-        self.weights, self.scale = Path(weights), scale
+        self.weights, self.scale = Path(weights or self.released), scale
         self.score_floor, self.overlap, self.most = score_floor, overlap, most
-        self.labels = np.asarray(LABELS, dtype=np.str_)
         self._model: Any = None
         self._open()  # a wrong file is told at once
 
@@ -74,23 +74,9 @@ class Compact:
 
         network, candidates = self._open()
         height, width = (max(1, round(side * self.scale)) for side in image.shape)
-        whole = tuple(-(-side // COARSEST) * COARSEST for side in (width, height))
         inner, placement = letterbox(image, width, height, FILL) if self.scale != 1 else (image, None)
-        canvas = np.full((whole[1], whole[0]), FILL, np.float32)
-        canvas[:height, :width] = inner
-        return self.judged(candidates(network, _tensor(canvas), self.score_floor), image.shape, placement)
-
-    def judged(self, raw: tuple[torch.Tensor, ...], shape: tuple[int, ...], placement: Any = None) -> Detections:
-        """Candidates (boxes, scores, class numbers) as detections in an image of this shape: clipped, suppressed."""
-        from pipeline.detection.nms import suppress
-
-        box, score, kind = (part.numpy() for part in raw)
-        box = box.astype(np.float64) if placement is None else placement.undo(box)
-        box = np.clip(box, 0.0, [shape[1], shape[0], shape[1], shape[0]])
-        real = (box[:, 2] > box[:, 0]) & (box[:, 3] > box[:, 1])
-        box, score, kind = box[real], score[real].astype(np.float64), kind[real]
-        kept = suppress(box, score, kind, self.overlap, self.most)
-        return Detections.of(box[kept], score[kept], self.labels[kind[kept]])
+        raw = candidates(network, filled(inner), self.score_floor)
+        return judged(raw, image.shape, self.overlap, self.most, placement)
 
     def _open(self) -> Any:
         if self._model is None:
@@ -100,7 +86,7 @@ class Compact:
 
             module = importlib.import_module(f"pipeline.detection.compact.{self.kind}")
             network = {"one_stage": "OneStage", "two_stage": "TwoStage"}[self.kind]
-            model = getattr(module, network)(len(self.labels))
+            model = getattr(module, network)(len(LABELS))
             weights.into(model, self.weights, module.ARCHITECTURE)
             self._model = (model.eval(), module.candidates)
         return self._model
@@ -110,19 +96,37 @@ class CompactTwoStage(Compact):
     """Two-stage detector; arguments as for `Compact`."""
 
     kind: ClassVar[str] = "two_stage"
-
-    def __init__(
-        self,
-        weights: str | Path = "data/weights/detector_compact_two_stage.safetensors",
-        scale: float = 1.0,
-        score_floor: float = 0.01,
-        overlap: float = 0.5,
-        most: int = 300,
-    ) -> None:
-        super().__init__(weights, scale, score_floor, overlap, most)
+    released: ClassVar[str] = "data/weights/detector_compact_two_stage.safetensors"
 
 
-def _tensor(canvas: NDArray[np.float32]) -> torch.Tensor:
+def filled(image: NDArray[np.float32]) -> torch.Tensor:
+    """An image (H, W) as the networks take it: (1, 1, H', W'), grey to the right and below up to multiples of 32."""
     import torch
 
+    height, width = (-(-side // COARSEST) * COARSEST for side in image.shape)
+    canvas = np.full((height, width), FILL, np.float32)
+    canvas[: image.shape[0], : image.shape[1]] = image
     return torch.from_numpy(canvas)[None, None].contiguous(memory_format=torch.channels_last)
+
+
+def judged(
+    raw: tuple[torch.Tensor, ...], shape: tuple[int, ...], overlap: float, most: int, placement: Any = None
+) -> Detections:
+    """Candidates as detections in an image: back in its pixels, clipped to it, the weaker of two alike dropped.
+
+    Args:
+        raw: boxes (M, 4), scores (M,) and class numbers (M,).
+        shape: height and width of the image.
+        overlap: see `Compact`.
+        most: see `Compact`.
+        placement: where the image lies on what the network saw; None where they are the same.
+    """
+    from pipeline.detection.nms import suppress
+
+    box, score, kind = (part.numpy() for part in raw)
+    box = box.astype(np.float64) if placement is None else placement.undo(box)
+    box = np.clip(box, 0.0, [shape[1], shape[0], shape[1], shape[0]])
+    real = (box[:, 2] > box[:, 0]) & (box[:, 3] > box[:, 1])
+    box, score, kind = box[real], score[real].astype(np.float64), kind[real]
+    kept = suppress(box, score, kind, overlap, most)
+    return Detections.of(box[kept], score[kept], np.asarray(LABELS, dtype=np.str_)[kind[kept]])

@@ -85,33 +85,28 @@ def training_fingerprint(training: DetectorTraining, name: str) -> str:
 def measure(name: str, frames: SimFrames) -> Callable[[torch.nn.Module], dict[str, float]]:
     """A function that judges a model on whole frames: average precision of each class, and what the mean misses."""
     from pipeline.detection.average_precision import evaluate, mean_average_precision
-    from pipeline.detection.compact.detector import FILL, Compact, _tensor
+    from pipeline.detection.compact.detector import filled, judged
     from pipeline.detection.matching import Truth
     from pipeline.scenes.labels import LABELS
 
     candidates = importlib.import_module(f"pipeline.detection.compact.{NETWORKS[name][0]}").candidates
-    judge = Compact.__new__(Compact)  # its post-processing without a weight file
-    judge.score_floor, judge.overlap, judge.most = 0.01, 0.5, 300
-    judge.labels = np.asarray(LABELS, np.str_)
     truths = []
     for box, label, visible in zip(frames.boxes, frames.labels, frames.visible, strict=True):
         ignore = (box[:, 3] - box[:, 1] < LOWEST_PX) | (visible < LEAST_VISIBLE)
         truths.append(Truth(box.astype(np.float64), label, ignore))
 
-    def judged(model: torch.nn.Module) -> dict[str, float]:
+    def measures(model: torch.nn.Module) -> dict[str, float]:
         found = []
         for image in frames.images:
-            height, width = (-(-side // 32) * 32 for side in image.shape)
-            canvas = np.full((height, width), FILL, np.float32)
-            canvas[: image.shape[0], : image.shape[1]] = image / np.float32(255)
-            found.append(judge.judged(candidates(model, _tensor(canvas), 0.01), image.shape))
+            raw = candidates(model, filled(image / np.float32(255)), 0.01)
+            found.append(judged(raw, image.shape, overlap=0.5, most=300))
         results = evaluate(found, truths, LABELS)
         values = {f"ap_{label}_percent": 100 * result.average_precision for label, result in results.items()}
         mean = mean_average_precision(results.values())
         known = {key: value for key, value in values.items() if np.isfinite(value)}
         return {**known, SCORE: 100 * (1 - mean) if np.isfinite(mean) else 100.0}
 
-    return judged
+    return measures
 
 
 def train(
