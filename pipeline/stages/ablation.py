@@ -10,11 +10,9 @@ READS = ["seed", "train.mtf.spectral", "ablation.steps", "ablation.images", "abl
 @stage("ablation", reads=[*READS, "ablation.variants.{variant}"], job=["variant"])
 def run(run: Run) -> None:
     """Train, judge and write the measures."""
-    import os
-    import sys
     from pathlib import Path
 
-    from pipeline import store
+    from pipeline import training_record
     from pipeline.blur import ablation
     from pipeline.learning.training import Training
 
@@ -25,20 +23,13 @@ def run(run: Run) -> None:
     )
     changed = ablation.variant(base, section.variants[name].model_dump())
 
-    def report(row: dict[str, float]) -> None:
-        print(f"{name} step {row['step']:.0f} of {section.steps}: {row['mtf_error_percent']:.3g} %", file=sys.stderr)
-
-    workers = run.executor.workers or len(os.sched_getaffinity(0))
     found = ablation.judge(
         released,
         changed,
         Path(".cache/training"),
-        producers=1 if workers > 1 else 0,
-        executor={"workers": workers},
-        report=report,
+        **training_record.options(name, section.steps, run.executor.workers),
     )
-    measures = {key: float(f"{value:.6g}") for key, value in found.items()}
-    store.write_json(run.outputs / f"reports/metrics/ablation/{name}.json", measures)
+    training_record.write_measures(run.outputs / f"reports/metrics/ablation/{name}.json", found)
 
 
 if __name__ == "__main__":

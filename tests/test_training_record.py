@@ -1,0 +1,57 @@
+"""What trainings leave beside their weights: the released files' form, the same bytes when resumed."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pipeline import training_record
+
+RELEASED = Path(__file__).resolve().parents[1] / "data/weights"
+CURVE = [
+    {"step": 100.0, "loss": 1.23456789, "error_percent": 20.0},
+    {"step": 200.0, "loss": 0.5, "error_percent": 1e-7, "validation_error_percent": 12.0},
+]
+
+
+@pytest.mark.parametrize("path", sorted(RELEASED.glob("*.csv")), ids=lambda path: path.stem)
+def test_released_curves_are_what_is_written(path):
+    rows = [
+        {name: float(value) for name, value in row.items() if pd.notna(value)}
+        for row in pd.read_csv(path).to_dict("records")
+    ]
+    assert training_record.curve_text(rows) == path.read_text(encoding="utf-8")
+
+
+def test_a_run_that_was_interrupted_writes_the_same_bytes():
+    read_back = json.loads(json.dumps(CURVE[:1], sort_keys=True))
+    text = training_record.curve_text(CURVE)
+    assert training_record.curve_text(read_back + CURVE[1:]) == text
+    assert text.splitlines() == [
+        "step,error_percent,loss,validation_error_percent", "100,20,1.23457,", "200,1e-07,0.5,12",
+    ]  # fmt: skip
+
+
+def test_curve_and_measures_lie_where_the_graph_expects_them(tmp_path):
+    training_record.write(tmp_path, "mtf_mine", CURVE, CURVE[1])
+    table = pd.read_csv(tmp_path / "data/weights/mtf_mine.csv")
+    assert table.columns.tolist() == ["step", "error_percent", "loss", "validation_error_percent"]
+    found = json.loads((tmp_path / "reports/metrics/train/mtf_mine.json").read_text(encoding="utf-8"))
+    assert found == CURVE[1]
+    training_record.write_measures(tmp_path / "one.json", {"loss": 1.23456789})
+    assert json.loads((tmp_path / "one.json").read_text(encoding="utf-8")) == {"loss": 1.23457}
+
+
+def test_samples_are_made_beside_the_training_where_there_are_two_workers(monkeypatch):
+    alone, two = (training_record.options("mine", 500, workers) for workers in (1, 2))
+    assert (alone["producers"], two["producers"]) == (0, 1)
+    assert alone["executor"] == {"workers": 1} and two["executor"] == {"workers": 2}
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1, 2})
+    assert training_record.options("mine", 500, 0)["executor"] == {"workers": 3}
+
+
+def test_progress_names_the_network_the_step_and_every_measure(capsys):
+    training_record.options("mine", 500, 1)["report"](CURVE[0])
+    printed = capsys.readouterr()
+    assert printed.err == "mine step 100 of 500: loss 1.235  error_percent 20\n" and not printed.out
