@@ -5,7 +5,7 @@ noise is in the light, so the optics blur it; dark current and readout come afte
 with dark-current noise is therefore a sharp noise on a blurred picture, linear motion with photon noise a blurred one.
 
 Denoise, then estimate (`pipeline.blur.denoise`): a patch read as noisy is also estimated after smoothing by a disc.
-What is kept then is the MTF as read, that of blur and disc together; `pipeline.condition.combined_summary.cleared`
+What is kept then is the MTF as read, that of blur and disc together; `pipeline.condition.combined_answers.cleared`
 divides the disc out, after any calibration.
 """
 

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from pipeline.camera.psf.kernel import Kernel
 from pipeline.errors import InputError
 
+DISC = "disc"
+"""Experiment that reads the smoothing discs themselves, without noise."""
+
 
 @dataclass(frozen=True)
 class Experiment:

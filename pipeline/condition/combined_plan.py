@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.camera.psf.defocus import create as disc
 from pipeline.camera.psf.kernel import Kernel
 from pipeline.condition.combined import Bench, Rows
-from pipeline.condition.combined_design import Experiment, Smoothing, Subset, chosen_kernels, spread
-from pipeline.condition.combined_summary import DISC
+from pipeline.condition.combined_design import DISC, Experiment, Smoothing, Subset, chosen_kernels, spread
 from pipeline.datasets.corrupted import CameraSettings
 from pipeline.datasets.patches import Patch
 from pipeline.errors import InputError, did_you_mean

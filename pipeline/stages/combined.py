@@ -14,8 +14,12 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.camera.psf import stored
-    from pipeline.condition import combined_summary, combined_tables
+    from pipeline.condition import combined_tables
+    from pipeline.condition.combined_blur_cells import blur_cells
+    from pipeline.condition.combined_curves import example_curves
     from pipeline.condition.combined_example import example, liveliest
+    from pipeline.condition.combined_metrics import metrics
+    from pipeline.condition.combined_noise_cells import noise_cells
     from pipeline.condition.combined_plan import combined_plan
     from pipeline.datasets.corrupted import CameraSettings
     from pipeline.datasets.index import indexed_frames, indexed_patches
@@ -35,8 +39,8 @@ def run(run: Run) -> None:
     read = combined_tables.BLUR_READ.conform(pd.DataFrame([row for rows, _ in found for row in rows]))
     heard = pd.DataFrame([row for _, rows in found for row in rows], columns=list(combined_tables.NOISE_READ.columns))
     heard = combined_tables.NOISE_READ.conform(heard)
-    blur = combined_summary.blur_cells(read, params.seed, section.bootstrap_draws)
-    noise = combined_summary.noise_cells(heard, params.seed, section.bootstrap_draws)
+    blur = blur_cells(read, params.seed, section.bootstrap_draws)
+    noise = noise_cells(heard, params.seed, section.bootstrap_draws)
     arrays, said = example(
         *liveliest((frame, places) for frame, places, *_ in work),
         plan.experiments,
@@ -51,12 +55,11 @@ def run(run: Run) -> None:
         store.write_table(out / "noise_read.parquet", heard, combined_tables.NOISE_READ)
         store.write_table(out / "blur.parquet", blur, combined_tables.BLUR_CELLS)
         store.write_table(out / "noise.parquet", noise, combined_tables.NOISE_CELLS)
-        curves = combined_summary.example_curves(read, section.example_px)
+        curves = example_curves(read, section.example_px)
         store.write_table(out / "curves.parquet", curves, combined_tables.CURVES)
         store.write_arrays(out / "example.npz", **arrays)
         store.write_json(out / "example.json", said)
-    metrics = combined_summary.metrics(blur, noise)
-    store.write_json(run.outputs / f"reports/metrics/combined/{dataset}.json", metrics)
+    store.write_json(run.outputs / f"reports/metrics/combined/{dataset}.json", metrics(blur, noise))
 
 
 if __name__ == "__main__":

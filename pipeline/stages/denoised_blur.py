@@ -14,7 +14,9 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.camera.psf import stored
-    from pipeline.condition import combined_summary, combined_tables
+    from pipeline.condition import combined_tables
+    from pipeline.condition.combined_blur_cells import blur_cells, with_expected
+    from pipeline.condition.combined_metrics import metrics
     from pipeline.condition.combined_plan import denoised_plan
     from pipeline.datasets.corrupted import CameraSettings
     from pipeline.datasets.index import indexed_frames, indexed_patches
@@ -31,13 +33,11 @@ def run(run: Run) -> None:
         raise InputError(f"{folder}: no frame has a patch for blur; see its labels, or set blur.patch_px smaller")
     found = run.map(plan.evaluate, work, f"denoised blur of {dataset}")
     read = combined_tables.BLUR_READ.conform(pd.DataFrame([row for rows, _ in found for row in rows]))
-    cells = combined_summary.blur_cells(read, params.seed, section.bootstrap_draws)
-    cells = combined_summary.with_expected(cells)
+    cells = with_expected(blur_cells(read, params.seed, section.bootstrap_draws))
     with store.replacing_folder(run.outputs / "data/denoised_blur" / dataset) as out:
         store.write_table(out / "blur_read.parquet", read, combined_tables.BLUR_READ)
         store.write_table(out / "blur.parquet", cells, combined_tables.BLUR_CELLS)
-    metrics = combined_summary.metrics(cells)
-    store.write_json(run.outputs / f"reports/metrics/denoised_blur/{dataset}.json", metrics)
+    store.write_json(run.outputs / f"reports/metrics/denoised_blur/{dataset}.json", metrics(cells))
 
 
 if __name__ == "__main__":
