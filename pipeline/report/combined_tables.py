@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.report.estimates import of_amae
 from pipeline.report.inputs import records
 from pipeline.report.tables import Cell, Column, Estimate, Table, format_number
 from pipeline.report.wording import DATASETS, ESTIMATORS, EXPERIMENTS, in_order, word
@@ -22,10 +23,6 @@ ORDER = ["spectral", *(name for name in ESTIMATORS if name != "spectral")]
 """Of blur estimators: ours first."""
 
 Published = Mapping[tuple[float, float], float]  # level in DN and size in px -> AMAE in percent
-
-
-def _cell(row: Mapping[str, Any], reference: float | None = None) -> Estimate:
-    return Estimate(row["amae_percent"], row["low_percent"], row["high_percent"], int(row["count"]), reference)
 
 
 def _way(is_calibrated: bool, filter_px: float) -> str:
@@ -57,7 +54,7 @@ def amae(dataset: str, experiment: str, cells: pd.DataFrame, published: Publishe
                 line: dict[str, Cell] = {**head, "size": format_number(size)}
                 for row in records(here[here["size_px"] == size]):
                     reference = (theirs or {}).get((float(row["level_dn"]), float(size)))
-                    line[_level(row["level_dn"])] = _cell(row, reference)
+                    line[_level(row["level_dn"])] = of_amae(row, reference)
                 lines.append(line)
             rows += [*lines, {**head, "size": "Mean", **_means(lines, levels)}]
     columns = [Column("estimator", "Estimator"), Column("way", "Answer"), Column("size", "Blur", "px")]
@@ -172,7 +169,7 @@ def denoised(dataset: str, cells: pd.DataFrame, published: pd.DataFrame | None) 
                 "level": format_number(row["level_dn"]),
                 "h": Estimate(row["mae_h_percent"], reference=theirs.get("mae_h_percent")),
                 "v": Estimate(row["mae_v_percent"], reference=theirs.get("mae_v_percent")),
-                "amae": _cell(row, theirs.get("amae_percent")),
+                "amae": of_amae(row, theirs.get("amae_percent")),
                 "expected": Estimate(row["expected_amae_percent"], reference=theirs.get("expected_amae_percent"))
                 if row["filter_px"]
                 else None,

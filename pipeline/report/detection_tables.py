@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from pipeline.report.detection_results import Results
+from pipeline.report.estimates import of_row
 from pipeline.report.inputs import records
 from pipeline.report.tables import Cell, Column, Estimate, Table, format_number
 from pipeline.report.wording import word
@@ -96,8 +97,8 @@ def spread(dataset: str, found: Sequence[Results]) -> Table | None:
             continue
         for cell in records(one.spread):
             if cell["level_dn"] == 0 and cell["label"] in one.labels:
-                width = Estimate(cell["spread_percent"], cell["low_percent"], cell["high_percent"])
                 row: dict[str, Cell] = {"detector": word(one.detector), "label": word(cell["label"])}
+                width = of_row(cell, "spread_percent")
                 row |= {"size_px": cell["size_px"], "mean": cell["mean_percent"], "spread": width}
                 rows.append({**row, "worst": cell["worst_angle_deg"]})
     if not rows:

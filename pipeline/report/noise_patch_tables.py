@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.noise.evaluation import coverage
+from pipeline.report.estimates import bootstrapped
 from pipeline.report.inputs import records
 from pipeline.report.tables import Cell, Column, Estimate, Table
 from pipeline.report.wording import DATASETS, EFFECTS, ESTIMATORS, in_order, word
-from pipeline.statistics import bootstrap_interval
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 STAGE = "noise@<dataset>-<estimator>"
 SATURATED = 0.8
 """Share of black or white pixels in the sharp frame beyond which a patch counts as saturated in the report."""
-
-DRAWS = 500
 
 
 def _by_frame(values: pd.Series, estimates: pd.DataFrame, *key: str) -> Estimate:
@@ -36,10 +34,8 @@ def _by_frame(values: pd.Series, estimates: pd.DataFrame, *key: str) -> Estimate
         chosen = places.astype(int)
         return np.asarray(sums[chosen].sum(axis=axis) / sizes[chosen].sum(axis=axis))
 
-    low, high = bootstrap_interval(np.arange(len(sums)), stream(0, "report", "noise patches", *key), mean, draws=DRAWS)
-    if len(sums) == 1:
-        low = high = float("nan")
-    return Estimate(float(values[known].mean()), low, high, count)
+    generator = stream(0, "report", "noise patches", *key)
+    return bootstrapped(float(values[known].mean()), np.arange(len(sums)), count, generator, mean)
 
 
 def _cells(estimates: pd.DataFrame) -> list[tuple[str, str, str]]:
@@ -132,10 +128,9 @@ def saturated(estimates: pd.DataFrame) -> Table | None:
             }
             for name in estimators:
                 told = here.loc[(here["estimator"] == name) & ~here["abstained"], "sigma_dn"].to_numpy(float)
-                key = (dataset, effect, name)
-                low, high = bootstrap_interval(told, stream(0, "report", "saturated", *key), draws=DRAWS)
                 value = float(np.median(told)) if told.size else float("nan")
-                row[name] = Estimate(value, *((low, high) if told.size > 1 else (np.nan, np.nan)), int(told.size))
+                generator = stream(0, "report", "saturated", dataset, effect, name)
+                row[name] = bootstrapped(value, told, len(told), generator)
             rows.append(row)
     columns = [
         Column("dataset", "Dataset"),

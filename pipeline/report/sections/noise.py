@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
 from pipeline.report import noise_figure, noise_maps_figure, noise_patch_tables
+from pipeline.report.estimates import of_row
 from pipeline.report.inputs import (
     ReportInputs,
     any_table,
@@ -54,9 +55,7 @@ def _medians(dataset: str, summary: pd.DataFrame, inputs: ReportInputs) -> Table
             for found in records(cells):
                 key = (dataset, effect, float(level), found["estimator"])
                 inliers = int(found["count"]) - int(found["rejected"])
-                row[found["estimator"]] = Estimate(
-                    found["median_dn"], found["low_dn"], found["high_dn"], inliers, reference.get(key)
-                )
+                row[found["estimator"]] = of_row(found, "median_dn", "dn", inliers, reference.get(key))
             rows.append(row)
     columns = [Column("effect", "Effect"), Column("level_dn", "Level", "DN")]
     columns += [Column("added_dn", "Added", "DN", 2), Column("present_dn", "Present", "DN", 2)]
