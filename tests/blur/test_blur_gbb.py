@@ -1,17 +1,9 @@
-"""GBB: equal to the original program, recovers known blur, abstains where there is nothing to see."""
+"""GBB: levels and exact kernels are the original program's; what both blind estimators do is in test_blur_blind."""
 
-import numpy as np
 import pytest
-from blind_cases import KERNELS, blurred_scene, check_the_authors_picture, check_vector
+from blind_cases import check_vector
 
-from pipeline import blur
 from pipeline.blur import gbb
-from pipeline.camera import mtf
-from pipeline.errors import InputError
-
-# percent, of two patches; motion along an axis is the hardest case
-AMAE_BELOW = {"disc": 5, "diagonal": 5, "horizontal": 8}
-PUBLISHED = "gbb_udacity_1478020193690486111_car_1_0_k25.npz"
 
 
 def test_levels_are_the_published_ones():
@@ -21,79 +13,7 @@ def test_levels_are_the_published_ones():
 
 
 @pytest.mark.shared
-def test_the_exact_kernel_and_the_authors_picture_are_reproduced(shared):
-    """The kernel to rounding, and their 8-bit JPEG of it bit for bit."""
-    kernel = check_vector(shared, PUBLISHED, 1e-10)
-    check_the_authors_picture(kernel, shared / "vectors/blind/gbb_1478020193690486111_car_1_0.jpg")
-
-
-@pytest.mark.shared
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["kitti_def7_0", "kitti_lin15_0_0", "udacity_def7_0"])
 def test_exact_kernels_of_size_31_are_the_original_programs(shared, case):
     check_vector(shared, f"gbb_{case}_k31.npz", 1e-9)
-
-
-@pytest.mark.parametrize("name", sorted(KERNELS))
-def test_fast_mode_recovers_a_known_blur(name):
-    found = blur.create("gbb", kernel_size=25).estimate(blurred_scene(KERNELS[name]))
-    assert not found.abstained.any()
-    assert np.median(mtf.amae(found.mtf, mtf.sample(KERNELS[name]))) < AMAE_BELOW[name]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["disc", "diagonal"])
-def test_fast_mode_is_no_less_accurate_than_exact_mode(name):
-    patches = blurred_scene(KERNELS[name])
-    truth = mtf.sample(KERNELS[name])
-    error = {}
-    for mode in gbb.SOLVERS:
-        found = blur.create("gbb", mode=mode).estimate(patches)
-        error[mode] = np.median(mtf.amae(found.mtf, truth))
-    assert error["fast"] < error["exact"] + 0.6
-
-
-@pytest.mark.parametrize("mode", ["exact", "fast"])
-def test_kernels_are_non_negative_centred_and_of_unit_sum(mode):
-    found = blur.create("gbb", mode=mode, kernel_size=25).estimate(blurred_scene(KERNELS["diagonal"])[:1])
-    (kernel,) = found.kernel
-    assert kernel.shape == (25, 25)
-    assert kernel.dtype == (np.float64 if mode == "exact" else np.float32)
-    assert kernel.min() >= 0
-    assert kernel.sum() == pytest.approx(1, abs=1e-5)
-    centre = np.arange(25) - 12
-    assert abs(kernel.sum(axis=0) @ centre) < 0.75
-    assert abs(kernel.sum(axis=1) @ centre) < 0.75
-    assert found.mtf[0] == pytest.approx(mtf.sample(kernel))
-
-
-def test_patches_without_structure_abstain_and_keep_their_place():
-    patches = np.concatenate([blurred_scene(KERNELS["disc"])[:1]] * 4)
-    patches[0] = 0.4
-    patches[2] = np.linspace(0.2, 0.8, 192, dtype=np.float32)  # a slope, as of a sky
-    patches[3] = 1.0
-    found = blur.create("gbb", kernel_size=25).estimate(patches)
-    assert found.reason.tolist() == ["flat", "", "no edges", "flat"]
-    assert found.abstained.tolist() == [True, False, True, True]
-    assert np.isnan(found.kernel[found.abstained]).all()
-    assert np.isfinite(found.kernel[~found.abstained]).all()
-
-
-def test_a_patch_does_not_depend_on_its_company_or_on_workers():
-    patches = blurred_scene(KERNELS["disc"])[:2]
-    together = blur.create("gbb", kernel_size=25).estimate(patches)
-    alone = blur.create("gbb", kernel_size=25).estimate(patches[1:])
-    shared_out = blur.create("gbb", kernel_size=25, workers=2).estimate(patches)
-    assert np.array_equal(together.kernel[1], alone.kernel[0])
-    assert np.array_equal(together.kernel, shared_out.kernel)
-
-
-def test_calibration_answers_one_for_the_sharp_frames_themselves():
-    sharp = blurred_scene(np.ones((1, 1)))
-    found = blur.create("gbb", kernel_size=25).calibrated(sharp).estimate(sharp)
-    assert np.median(found.mtf) > 0.97
-
-
-def test_wrong_patches_are_refused():
-    with pytest.raises(InputError, match="192"):
-        blur.create("gbb").estimate(np.zeros((1, 1, 64, 64), np.float32))
