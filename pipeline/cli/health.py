@@ -35,15 +35,21 @@ COLUMNS = (
     "--sharp", multiple=True, type=click.Path(path_type=Path),
     help="pictures of the same camera, known to be sharp (may be repeated): blur is then told relative to them",
 )  # fmt: skip
+@click.option(
+    "--fit", "fitted", is_flag=True,
+    help="with --sharp: fit the estimator to the camera, by blurring its sharp pictures on purpose (takes seconds)",
+)  # fmt: skip
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 def command(
-    paths: tuple[Path, ...], out: Path | None, blur_name: str, noise_name: str, sharp: tuple[Path, ...], every: int
-) -> None:
+    paths: tuple[Path, ...], out: Path | None, blur_name: str, noise_name: str, sharp: tuple[Path, ...], fitted: bool,
+    every: int,
+) -> None:  # fmt: skip
     """Estimate blur and noise of PATHS: pictures, videos, or folders of them.
 
     Prints per frame the noise in grey levels (DN, 0..255) with its 95 % interval, the frequency at which contrast falls
     to half (MTF50, fraction of Nyquist; > 0.59 where it stays above), horizontal and vertical, and how many patches
-    told nothing (flat, saturated). Hold the camera upright; --sharp removes what its lens does anyway.
+    told nothing (flat, saturated). Hold the camera upright; --sharp removes what its lens does anyway, with
+    --fit more exactly.
     """
     from tqdm import tqdm
 
@@ -55,8 +61,10 @@ def command(
     one_thread()
     files = expand(paths)
     monitor = ConditionMonitor(blur_name, noise_name)
+    if fitted and not sharp:
+        raise InputError("--fit needs pictures of the same camera that are known to be sharp; give them by --sharp")
     if sharp:
-        monitor.calibrate([image for path in expand(sharp) for _, image in read(path, every)])
+        monitor.calibrate([image for path in expand(sharp) for _, image in read(path, every)], fitted=fitted)
     rows: list[dict[str, Any]] = []
     drawn: set[str] = set()
     failed = 0

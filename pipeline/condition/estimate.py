@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pipeline import blur, noise
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate
+from pipeline.blur.camera_fit import Fitted, fit
 from pipeline.condition.summary import Summary, summarise
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
@@ -140,11 +141,13 @@ class ConditionMonitor:
         self.noise_estimator = noise.create(noise_name, **(noise_options or {}))
         self.tile_px = tile_px
 
-    def calibrate(self, sharp_frames: Sequence[NDArray[np.floating]]) -> None:
+    def calibrate(self, sharp_frames: Sequence[NDArray[np.floating]], *, fitted: bool = False) -> None:
         """Answer from now on with the blur that was *added* to this camera's own sharp frames.
 
         Args:
             sharp_frames: (H, W) frames in [0, 1], known to be sharp.
+            fitted: fit the estimator to the frames blurred on purpose (`pipeline.blur.camera_fit`), which takes some
+                thousand estimates; otherwise divide by what it reads from them as they are.
 
         Raises:
             InputError: none of their patches can be measured.
@@ -153,7 +156,11 @@ class ConditionMonitor:
         cuts = [part for part in cuts if len(part)]
         if not cuts:
             raise InputError(f"sharp frames: none is as large as a patch of {PATCH_PX} px; give whole frames")
-        self.blur_estimator = self.blur_estimator.calibrated(np.concatenate(cuts))
+        patches = np.concatenate(cuts)
+        if fitted:
+            self.blur_estimator = Fitted(self.blur_estimator, fit(self.blur_estimator, patches))
+        else:
+            self.blur_estimator = self.blur_estimator.calibrated(patches)
 
     def frame(self, image: NDArray[np.floating]) -> Condition:
         """The condition of one frame.

@@ -98,6 +98,8 @@ class EstimatorSection(Section):
     options: dict[str, Any] = Field(default_factory=dict)
     per_frame: Count | None = None
     """Patches or tiles of a frame that a slow one is run on, where that is fewer than all are."""
+    camera_samples: Annotated[int, Field(ge=100, le=100_000)] | None = None
+    """Blurred sharp patches that a blur estimator is fitted to each dataset's camera on; null leaves it as it is."""
 
 
 class NoiseSection(Section):

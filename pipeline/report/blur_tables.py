@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.blur.evaluation import SHARP
+from pipeline.report.estimates import of_amae
 from pipeline.report.inputs import records
 from pipeline.report.tables import Cell, Column, Estimate, Table, format_number
 from pipeline.report.wording import BLURS, DATASETS, ESTIMATORS, in_order, word
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
 STAGE = "blur@{dataset}-{estimator}"
 ANY_STAGE = STAGE.format(dataset="<dataset>", estimator="<estimator>")
 SHORT = {"defocus": "D", "linear_motion": "L", "nonlinear_motion": "N"}
+FITTED = (
+    "Spectral, fitted: not divided; answers are mapped to the truth by what the network makes of the same camera's "
+    "sharp frames, blurred on purpose. Frames are in two halves, each judged with a fit to the other."
+)
 MEAN = "Mean"
 
 Place = tuple[str, float]  # kind and size of a blur
@@ -53,10 +58,7 @@ def _ordered(places: set[Place]) -> list[Place]:
 def _cells(summary: pd.DataFrame) -> dict[tuple[str, Place], Estimate]:
     """Estimator and place -> the cell, of one dataset's rows, raw or calibrated."""
     return {
-        (str(row["estimator"]), (str(row["kind"]), float(row["size_px"]))): Estimate(
-            row["amae_percent"], row["low_percent"], row["high_percent"], int(row["count"])
-        )
-        for row in records(summary)
+        (str(row["estimator"]), (str(row["kind"]), float(row["size_px"]))): of_amae(row) for row in records(summary)
     }
 
 
@@ -115,6 +117,8 @@ def amae(dataset: str, summary: pd.DataFrame, published: Published, is_calibrate
     ]
     if is_calibrated:
         notes.append("Calibrated: each answer divided by the same camera's answer for its own sharp frames.")
+        if "fitted" in estimators:
+            notes.append(FITTED)
     if theirs:
         notes.append("Paper: Table I; an en dash where we did not run the estimator. " + _comparability(dataset))
     caption = f"Table I on {word(dataset)}: error of the MTF{', calibrated' if is_calibrated else ''}."
@@ -143,14 +147,15 @@ def beside_the_best(summary: pd.DataFrame, published: Published) -> Table | None
         own = blurred[blurred["dataset"] == dataset]
         raw, calibrated = (_cells(own[own["calibrated"] == way]) for way in (False, True))
         lines: list[dict[str, Cell]] = []
-        for place in _ordered({place for _, place in raw}):
+        for place in _ordered({place for _, place in raw | calibrated}):
             paper = {name: published[dataset, name, *place] for name in theirs if (dataset, name, *place) in published}
             if not paper:
                 continue
             best = min(paper, key=lambda name: (paper[name], name))
             line: dict[str, Cell] = {"dataset": word(dataset), "blur": _name(place)}
             for name in ours:
-                line |= {name: raw.get((name, place)), f"{name}_calibrated": calibrated.get((name, place))}
+                cells = {name: raw.get((name, place)), f"{name}_calibrated": calibrated.get((name, place))}
+                line |= {way: cell for way, cell in cells.items() if cell is not None}
             lines.append({**line, "cnn": paper.get("cnn"), "best": paper[best], "which": word(best)})
         if lines:
             rows += [*lines, _means(word(dataset), lines)]
@@ -158,7 +163,8 @@ def beside_the_best(summary: pd.DataFrame, published: Published) -> Table | None
         return None
     columns = [Column("dataset", "Dataset"), Column("blur", "Blur", "px")]
     for name in ours:
-        columns += [Column(name, word(name), "%", 1), Column(f"{name}_calibrated", f"{word(name)}, calibrated", "%", 1)]
+        ways = (Column(name, word(name), "%", 1), Column(f"{name}_calibrated", f"{word(name)}, calibrated", "%", 1))
+        columns += [column for column in ways if any(column.name in row for row in rows)]
     columns += [Column("cnn", "Paper, CNN", "%", 1), Column("best", "Paper, best of three", "%", 1)]
     columns.append(Column("which", "which is"))
     notes = (
@@ -188,7 +194,9 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
         estimates: `pipeline.blur.evaluation.ESTIMATES`.
     """
     rows: list[dict[str, Cell]] = []
-    raw = summary[~summary["calibrated"]]
+    # An estimator that is fitted to its camera has calibrated answers only.
+    of_own = summary.groupby(["dataset", "estimator"])["calibrated"].transform("all")
+    raw = summary[~summary["calibrated"] | of_own]
     patch = ["dataset", "estimator", "kernel", "frame", "patch"]
     refused = estimates.loc[estimates["abstained"], [*patch, "reason"]].drop_duplicates(patch)
     for dataset in raw["dataset"].unique():
@@ -220,7 +228,7 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
     notes = (
         "Over all kernels and rotations, sharp frames among those asked about. An abstention is neither a zero nor a "
         "dropped row: it is counted here. Error of a single patch: mean |estimate − truth|, no median over patches, "
-        "uncalibrated. An en dash: the estimator gives no interval.",
+        "uncalibrated but for an estimator fitted to its camera. An en dash: the estimator gives no interval.",
     )
     return Table("blur_abstentions", "Abstentions and single-patch errors.", columns, rows, notes, ANY_STAGE)
 

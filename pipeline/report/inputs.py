@@ -54,6 +54,7 @@ class ReportInputs:
             (`pipeline.report.recorded`).
         results: ledger item -> table (CSV or Parquet) with the key and value columns of that item's published file.
         runtime: record of run times on declared hardware (``benchmarks/results/estimators.json``).
+        unseen: record of blurs of other kinds than were trained on (``benchmarks/results/unseen_kernels.json``).
         weights: folder of released networks, each with its learning curve (`pipeline.report.learning_curves`).
         ablation: folder of measures of short trainings with one thing changed; `ablations`: which of them, in order.
         absent: dataset without data -> the line that would run it.
@@ -82,6 +83,7 @@ class ReportInputs:
     recorded: Path | None = None
     results: Mapping[str, Path] = field(default_factory=dict)
     runtime: Path | None = None
+    unseen: Path | None = None
     weights: Path | None = None
     ablation: Path | None = None
     ablations: Sequence[str] = ()

@@ -15,6 +15,7 @@ ESTIMATORS = {
     "pmp": "PMP",
     "gbb": "GBB",
     "spectral": "Spectral",
+    "fitted": "Spectral, fitted",
     "ground_truth": "Ground truth",
 }
 EFFECTS = {

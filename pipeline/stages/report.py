@@ -43,6 +43,7 @@ def run(run: Run) -> None:
         ablation=run.inputs / "reports/metrics/ablation",
         ablations=tuple(params.matrix.ablations),
         runtime=run.inputs / "benchmarks/results/estimators.json",
+        unseen=run.inputs / "benchmarks/results/unseen_kernels.json",
         detection=data,
         recorded=run.inputs / "reports/recorded",
         detection_members=frozenset(

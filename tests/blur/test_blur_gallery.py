@@ -16,7 +16,7 @@ from pipeline.camera.psf import stored
 from pipeline.camera.psf.defocus import create as defocus
 from pipeline.camera.psf.kernel import Kernel
 from pipeline.camera.psf.linear_motion import create as motion
-from pipeline.config.schema import CameraSection, DatasetSection, SensorSection
+from pipeline.config.schema import CameraSection, DatasetSection, EstimatorSection, SensorSection
 from pipeline.datasets.corrupted import CameraSettings
 from pipeline.datasets.index import index
 from pipeline.datasets.patches import object_patches
@@ -122,8 +122,8 @@ def project(root, opened, tmp_path_factory):
     store.write_table(folder / "data/index/mine/patches.parquet", found.patches, tables.PATCHES)
     stored.write(folder / "data/psf", BANK, "generated")
     estimators = {
-        "pmp": SimpleNamespace(kind="pmp", options={"mode": "fast", "kernel_size": 15}),
-        "curves": SimpleNamespace(kind="curves", options={}),
+        "pmp": EstimatorSection(kind="pmp", options={"mode": "fast", "kernel_size": 15}),
+        "curves": EstimatorSection(kind="curves"),
     }
     config = SimpleNamespace(
         seed=1,

@@ -112,3 +112,17 @@ def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):
     assert done.exit_code == 2
     assert word in done.output
     assert "Traceback" not in done.output
+
+
+def test_the_camera_can_be_fitted(tmp_path):
+    soft = write(tmp_path / "soft.png", 0.0, blur_px=1.0)
+
+    def mtf(*options):
+        done = call(soft, "--out", tmp_path / "out", *options)
+        assert done.exit_code == 0, done.output
+        return np.mean(json.loads((tmp_path / "out/health.json").read_text())["pictures"][0]["mtf"])
+
+    assert mtf("--sharp", soft, "--fit") > mtf() + 0.2  # nothing was added to it
+    refused = call(soft, "--fit")
+    assert refused.exit_code != 0
+    assert "--sharp" in refused.output

@@ -99,6 +99,10 @@ def test_the_cameras_own_blur_can_be_divided_out():
     sharp = [seen(frame(name), 0.0, own) for name in "abc"]
     monitor.calibrate(sharp)
     assert (monitor.frame(sharp[0]).mtf.value > 0.8).all()
+    monitor = ConditionMonitor()
+    soft = monitor.frame(sharp[0]).mtf.value
+    monitor.calibrate(sharp, fitted=True)
+    assert monitor.frame(sharp[0]).mtf.value.mean() > soft.mean() + 0.2
     with pytest.raises(InputError, match="192 px"):
         monitor.calibrate([sharp[0][:100]])
 

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.blur.evaluation import SHARP
 from pipeline.camera import mtf
 from pipeline.errors import InputError
-from pipeline.report import amae_figure, blur_tables, kernel_estimates_figure, sharp_curves_figure
+from pipeline.report import amae_figure, blur_tables, kernel_estimates_figure, sharp_curves_figure, unseen_kernels
 from pipeline.report.blur_tables import ANY_STAGE, STAGE
 from pipeline.report.inputs import (
     ReportInputs,
@@ -83,6 +83,8 @@ def _amae(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> l
             f"AMAE over the size of the blur{how}. Line: of the median over patches; band: bootstrap 95 % interval. "
             f"Dashed: the paper's Table I{', which is not calibrated' if is_calibrated else ''}."
         )
+        if is_calibrated and (own["estimator"] == "fitted").any():
+            caption += " " + blur_tables.FITTED
         name = "blur_amae_calibrated" if is_calibrated else "blur_amae"
         figures.append(ShownFigure(name, amae_figure.draw(own, datasets, table), caption, _stages(own)))
     for dataset in datasets:
@@ -90,7 +92,8 @@ def _amae(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> l
             if ((summary["dataset"] == dataset) & (summary["calibrated"] == is_calibrated)).any():
                 tables.append(blur_tables.amae(dataset, summary, published, is_calibrated))
     beside = blur_tables.beside_the_best(summary, published)
-    return [*figures, *tables, *([beside] if beside is not None else [])]
+    extra = (beside, unseen_kernels.table(inputs.unseen))
+    return [*figures, *tables, *(one for one in extra if one is not None)]
 
 
 def _galleries(inputs: ReportInputs) -> dict[str, list[tuple[Gallery, dict[str, Any]]]]:

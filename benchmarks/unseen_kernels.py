@@ -1,0 +1,296 @@
+"""Blur estimators under kernels of a kind that none was trained on: rendered optics (benchmarks/rendered_psf.py).
+
+    python benchmarks/unseen_kernels.py [--dataset NAME=KIND:ROOT ...] [--patches N] [--peers N] [--out FILE]
+
+Frames of scikit-image's photographs, and of the datasets named (kinds of `pipeline.datasets`, e.g.
+``kitti=kitti:data/raw/kitti``), are blurred whole and rounded to 8 bits as in the stage `blur`, and patches over
+objects (or tiles, where nothing is labelled) are estimated. The AMAE is that of Table I: of the robust median over a
+dataset's patches, for each kernel, percent; `mean_amae_percent` is its mean over kernels. Three ways to read the
+spectral estimator:
+
+    raw         its answers as they are: lens and sensor of the recording camera are among them
+    calibrated  divided by its answer for the same sharp frames
+    fitted      corrected by `pipeline.blur.camera_fit`, fitted to the sharp frames of the other half of a dataset,
+                blurred by kernels of the training family, none of them rendered
+
+With ``--peers N``, PMP and GBB (fast) too, on one patch of each of N frames evenly spread, beside the spectral
+estimator on the same patches (`few`). The picture shows kernels and AMAE.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks import common  # noqa: E402
+
+common.one_thread()
+
+import numpy as np  # noqa: E402
+
+from benchmarks import rendered_psf  # noqa: E402
+from pipeline import blur  # noqa: E402
+from pipeline.blur import camera_fit, cross_fit, evaluation, spectral  # noqa: E402
+from pipeline.camera import mtf  # noqa: E402
+from pipeline.datasets.corrupted import CameraSettings  # noqa: E402
+from pipeline.errors import InputError  # noqa: E402
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.camera.psf.kernel import Kernel
+    from pipeline.config.schema import Config
+    from pipeline.datasets.frame import Frame
+    from pipeline.datasets.patches import Patch
+    from pipeline.report.style import Drawing
+
+PEERS = {name: {"mode": "fast", "kernel_size": 31} for name in ("pmp", "gbb")}
+WAYS = {
+    "raw": "as it answers",
+    "calibrated": "divided by its answer for sharp frames",
+    "fitted": "fitted to the camera",
+}
+SOURCE = (
+    "Kernels are rendered by wave optics (pupil, Zernike aberrations, three wavelengths, hand shake) in "
+    "benchmarks/rendered_psf.py; truth is the MTF of the rendered kernel. No estimator was trained on such kernels."
+)
+Work = list[tuple["Frame", Sequence["Patch"]]]
+
+
+def configuration(datasets: Sequence[str]) -> Config:
+    """The study's own configuration with the photographs and the datasets named as its only ones.
+
+    Raises:
+        InputError: a dataset that is not NAME=KIND:ROOT, or a section that the configuration refuses.
+    """
+    import yaml
+
+    from pipeline.config.compose import compose
+    from pipeline.config.schema import validate
+
+    overrides, names = ["executor.workers=1"], ["photos"]
+    for text in datasets:
+        name, _, rest = text.partition("=")
+        kind, _, root = rest.partition(":")
+        if not (name and kind and root):
+            raise InputError(f"--dataset {text}: expected NAME=KIND:ROOT, for example kitti=kitti:data/raw/kitti")
+        overrides += [f"+dataset@datasets.{name}={kind}", f"datasets.{name}.root={Path(root).resolve()}"]
+        names.append(name)
+    content = yaml.safe_load(compose(overrides, ROOT / "conf"))
+    content["datasets"] = {name: content["datasets"][name] for name in names}
+    content["matrix"]["datasets"] = names
+    return validate(content)
+
+
+def indexed(config: Config, name: str, patches_per_frame: int | None) -> tuple[Work, Work]:
+    """A dataset's frames, each with the patches to judge by, and with all of them to fit on."""
+    from pipeline.datasets.index import indexed_frames, indexed_patches
+    from pipeline.stages import index
+
+    with tempfile.TemporaryDirectory() as temporary:
+        index.run.run(config, {"dataset": name}, Path(temporary), Path(temporary))
+        folder = Path(temporary) / "data/index" / name
+        frames = indexed_frames(folder, name, config.datasets[name])
+        some, every = indexed_patches(folder, "blur", patches_per_frame), indexed_patches(folder, "blur")
+    frames = [frame for frame in frames if frame.name in some]
+    return [(frame, some[frame.name]) for frame in frames], [(frame, every[frame.name]) for frame in frames]
+
+
+def estimates(work: Work, kernels: Sequence[Kernel], name: str, config: Config) -> pd.DataFrame:
+    """One estimator's answers under every kernel and for sharp frames, row by row (`evaluation.ESTIMATES`)."""
+    import pandas as pd
+
+    estimator = blur.create(name, **PEERS.get(name, {}))
+    camera = CameraSettings.from_section(config.camera)
+    shown = [evaluation.sharp_kernel(), *kernels]
+    rows = [
+        row
+        for frame, patches in work
+        for row in evaluation.evaluate_frame(frame, patches, shown, estimator, camera, config.seed)
+    ]
+    return evaluation.ESTIMATES.conform(pd.DataFrame(rows).assign(estimator=name))
+
+
+def fitted(read: pd.DataFrame, every: Work, seed: int, samples: int) -> tuple[pd.DataFrame, list[float]]:
+    """Spectral answers corrected by a fit to the other half's frames; and each fit's error on its samples, percent."""
+    halves = cross_fit.halves(len(every))
+    half_of = {frame.name: half for (frame, _), half in zip(every, halves, strict=True)}
+    changed, errors = read.copy(), []
+    place = read["frame"].map(half_of).to_numpy()
+    for own in (0, 1):
+        others = [one for one, half in zip(every, halves, strict=True) if half != own]
+        fit = cross_fit.fit_frames(others, kind="spectral", options={}, samples=samples, seed=seed)
+        # Rows go through a patch's two directions and eight frequencies before the next patch.
+        answers = read.loc[place == own, "mtf"].to_numpy(float).reshape(-1, 2, len(mtf.FREQUENCIES))
+        changed.loc[place == own, "mtf"] = fit(answers).ravel()
+        errors.append(round(fit.error_percent[1], 3))
+    return changed, errors
+
+
+def outcome(table: pd.DataFrame, seed: int) -> dict[str, Any]:
+    """AMAE of each kernel and their means, percent; patches that answered and that did not."""
+    # Each kernel is a cell of its own, whatever its size.
+    cells = table[table["kernel"] != evaluation.SHARP].assign(kind=lambda rows: rows["kernel"])
+    rows = evaluation.summarise(cells, seed, 0).set_index("kind")
+    amae = rows["amae_percent"]
+    group_of = amae.index.map({one.name: one.group for one in rendered_psf.BANK})
+    return {
+        "mean_amae_percent": round(float(amae.mean()), 3),
+        "mean_of_group_percent": {str(k): round(float(v), 3) for k, v in amae.groupby(group_of).mean().items()},
+        "amae_percent": {str(name): round(float(value), 3) for name, value in amae.items()},
+        "patches_per_kernel": int(rows["count"].max()),
+        "abstained": int(rows["abstained"].sum()),
+    }
+
+
+def ways(read: pd.DataFrame, seed: int) -> dict[str, Any]:
+    """Raw and calibrated."""
+    return {"raw": outcome(read, seed), "calibrated": outcome(evaluation.calibrated(read), seed)}
+
+
+def measure(config: Config, name: str, kernels: Sequence[Kernel], arguments: argparse.Namespace) -> dict[str, Any]:
+    """All estimators on one dataset."""
+    work, every = indexed(config, name, arguments.patches)
+    read = estimates(work, kernels, "spectral", config)
+    table, errors = fitted(read, every, config.seed, arguments.samples)
+    found: dict[str, Any] = {
+        "frames": len(work),
+        "patches": sum(len(patches) for _, patches in work),
+        "spectral": {**ways(read, config.seed), "fitted": outcome(table, config.seed)},
+    }
+    found["spectral"]["fitted"]["error_on_fitting_samples_percent"] = errors
+    if arguments.peers:
+        count = min(arguments.peers, len(work))
+        few = [(frame, patches[:1]) for frame, patches in (work[i * len(work) // count] for i in range(count))]
+        chosen = [frame.name for frame, _ in few]
+        own = {way: own_rows[own_rows["frame"].isin(chosen) & (own_rows["patch"] == 0)] for way, own_rows in
+               (("raw", read), ("fitted", table))}  # fmt: skip
+        found["few"] = {
+            "patches": count,
+            "spectral": {**ways(own["raw"], config.seed), "fitted": outcome(own["fitted"], config.seed)},
+            **{peer: ways(estimates(few, kernels, peer, config), config.seed) for peer in PEERS},
+        }
+    return found
+
+
+def described(kernels: Sequence[Kernel]) -> list[dict[str, Any]]:
+    """The table of kernels: diameter with 90 % of the light, side, and MTF50 (null where above Nyquist)."""
+    rows = []
+    for kernel in kernels:
+        across, down = (round(float(value), 3) for value in mtf.mtf50(kernel.psf))
+        row = {
+            "kernel": kernel.name,
+            "group": kernel.kind,
+            "diameter_90_px": kernel.size_px,
+            "side_px": len(kernel.psf),
+        }
+        rows.append({**row, "mtf50_horizontal": across, "mtf50_vertical": down})
+    return rows
+
+
+def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
+    """Kernels by group and size, and beneath, for each dataset, the AMAE of the spectral estimator read three ways."""
+    from matplotlib.lines import Line2D
+
+    from pipeline.report import style
+    from pipeline.report.wording import word
+
+    groups = rendered_psf.GROUPS
+    ordered = sorted(kernels, key=lambda kernel: (groups.index(kernel.kind), kernel.size_px, kernel.name))
+    begins = [next(i for i, kernel in enumerate(ordered) if kernel.kind == group) for group in groups]
+    names, columns = list(results), len(ordered)
+    amae = {(name, way): results[name]["spectral"][way]["amae_percent"] for name in names for way in WAYS}
+    highest = 1.1 * max(max(values.values()) for values in amae.values())
+
+    @style.styled
+    def drawing() -> Drawing:
+        left_in, right_in, gap_in, top_in = 0.42, 0.04, 0.03, 0.5
+        cell_in = style.sheet_cell_in(columns, margins_in=left_in + right_in, gap_in=gap_in)
+        figure, axes = style.sheet(
+            columns, [cell_in, *[0.85] * len(names)], left_in=left_in, right_in=right_in, gap_in=gap_in, top_in=top_in,
+            bottom_in=0.8, row_gaps_in=[0.27] + [0.22] * (len(names) - 1),
+        )  # fmt: skip
+        height_in = figure.get_figheight()
+        for position, (axis, kernel) in enumerate(zip(axes[0], ordered, strict=True)):
+            picture = np.pad(kernel.psf, (rendered_psf.LARGEST_PX - len(kernel.psf)) // 2)
+            axis.imshow((picture / picture.max()) ** 0.5, cmap="gray", vmin=0, vmax=1)
+            style.bare(axis)
+            axis.set_title(f"{kernel.size_px:g} px", fontsize=5.2, fontweight="normal", pad=2)
+            if position in begins:
+                place = axis.get_position().x0
+                figure.text(place, 1 - 0.3 / height_in, kernel.kind, fontweight="bold", fontsize=6.5)
+        looks = {
+            way: style.series_look(way, look) | {"linestyle": "none"} for way, look in zip(WAYS, (5, 0, 1), strict=True)
+        }
+        handles = [Line2D([], [], label=f"{way}: {WAYS[way]}", **looks[way]) for way in WAYS]
+        figure.legend(handles=handles, loc="upper center", ncols=3, borderpad=0.2, handletextpad=0.1)
+        for row, name in enumerate(names, start=1):
+            for other in axes[row, 1:]:
+                other.remove()
+            axis, place = axes[row, 0], axes[row, 0].get_position()
+            axis.set_position((place.x0, place.y0, axes[0, -1].get_position().x1 - place.x0, place.height))
+            for offset, way in zip((-0.22, 0, 0.22), WAYS, strict=True):
+                values = [amae[name, way][kernel.name] for kernel in ordered]
+                axis.plot(np.arange(columns) + offset, values, **looks[way])
+            for begin in begins[1:]:
+                axis.axvline(begin - 0.5, color=style.MUTED, linewidth=0.6)
+            axis.set(xlim=(-0.5, columns - 0.5), ylim=(0, highest), xticks=range(columns), ylabel="AMAE [%]")
+            axis.set_xticklabels([] if row < len(names) else [kernel.name for kernel in ordered])
+            axis.tick_params(axis="x", labelrotation=45, pad=1)
+            for label in axis.get_xticklabels():
+                label.set(ha="right", rotation_mode="anchor")
+            means = ", ".join(f"{way} {results[name]['spectral'][way]['mean_amae_percent']:.1f}" for way in WAYS)
+            title = f"{word(name)}: {results[name]['patches']} patches, mean over kernels {means} %"
+            axis.set_title(title, loc="left", pad=2, fontweight="normal")
+        return style.Drawing(figure, "kernels of rendered optics and the AMAE of the spectral estimator under each")
+
+    return drawing()
+
+
+def main() -> None:
+    """Render, blur, estimate, write, draw."""
+    from pipeline.report import style
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--dataset", action="append", default=[], metavar="NAME=KIND:ROOT", help="may be repeated")
+    parser.add_argument("--patches", type=int, default=4, help="at most this many of each frame")
+    parser.add_argument("--samples", type=int, default=camera_fit.SAMPLES, help="blurred patches that a fit is made on")
+    parser.add_argument("--peers", type=int, default=0, metavar="N", help="PMP and GBB on N patches of a dataset")
+    parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/unseen_kernels.json")
+    arguments = parser.parse_args()
+    common.hold_loaded_libraries()
+    config = configuration(arguments.dataset)
+    kernels = rendered_psf.bank(config.seed)
+    results: dict[str, Any] = {}
+    for name in config.datasets:
+        start = time.perf_counter()
+        results[name] = measure(config, name, kernels, arguments)
+        for group in (results[name], results[name].get("few", {})):
+            for estimator in ("spectral", *PEERS):
+                for way, found in group.get(estimator, {}).items():
+                    print(f"{name:10s}{estimator:10s}{way:12s}{found['mean_amae_percent']:6.2f} %", flush=True)
+        print(f"{name:10s}{time.perf_counter() - start:.0f} s", flush=True)
+    record = {
+        "source": SOURCE,
+        "weights_sha256": hashlib.sha256(spectral.RELEASED.read_bytes()).hexdigest(),
+        "seed": config.seed,
+        "patches_per_frame": arguments.patches,
+        "fitting_samples": arguments.samples,
+        "kernels": described(kernels),
+        "results": results,
+    }
+    path = common.write("unseen_kernels", record, arguments.out)
+    print(path, *style.save(draw(kernels, results).figure, path.with_suffix("")), sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,160 @@
+"""Fitting an estimator to a camera: known distortions are undone, files and bad input are honest."""
+
+import numpy as np
+import pytest
+
+from pipeline import blur
+from pipeline.blur import camera_fit
+from pipeline.blur.base import BlurEstimate
+from pipeline.blur.camera_fit import Fit, Fitted
+from pipeline.camera import mtf
+from pipeline.camera.blur import blur as convolve
+from pipeline.camera.psf.defocus import create as defocus
+from pipeline.camera.psf.linear_motion import create as motion
+from pipeline.errors import InputError
+from pipeline.learning import images, kernels
+from pipeline.streams import stream
+
+SAMPLES = 500
+
+
+@pytest.fixture(scope="module")
+def sharp():
+    """Sharp procedural patches: (6, 1, 192, 192)."""
+    found = [images.picture(index, 5, "test image", 192) for index in range(6)]
+    return np.stack(found)[:, None].astype(np.float32) / 255
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """The MTFs that `fit` blurs by, in its order: (500, 2, 8)."""
+    return mtf.sample(np.concatenate([kernels.block(index, 1, "camera fit kernels") for index in range(2)]))
+
+
+class Bent:
+    """Knows what blur comes next and answers it distorted."""
+
+    def __init__(self, truth, bend, spread=0.0, unable=0):
+        self.truth, self.bend, self.spread, self.unable, self.asked = truth, bend, spread, unable, 0
+
+    def estimate(self, patches):
+        count = len(patches)
+        place = np.arange(self.asked, self.asked + count)
+        read = self.bend(self.truth[place % len(self.truth)])
+        read = np.clip(read + self.spread * stream(0, "error", self.asked).standard_normal(read.shape), 0.001, 0.999)
+        abstained = place < self.unable
+        read[abstained] = np.nan
+        self.asked += count
+        half = np.where(np.isnan(read), np.nan, 0.02)
+        reason = np.where(abstained, "flat", "")
+        return BlurEstimate(read, abstained, reason, low=read - half, high=read + half)
+
+
+def odds(values, factor, power):
+    """A distortion that is affine in logits."""
+    inside = np.clip(values, 0.004, 0.996)
+    ratio = factor * (inside / (1 - inside)) ** power
+    return ratio / (1 + ratio)
+
+
+def test_an_estimator_that_is_right_stays_as_it_is(sharp, truth):
+    found = camera_fit.fit(Bent(truth, np.array), sharp, samples=SAMPLES)
+    assert np.abs(found(truth) - truth).mean() < 0.003
+    assert found.samples == SAMPLES and found.error_percent[0] < 0.2
+
+
+@pytest.mark.parametrize(("factor", "power"), [(0.5, 1.0), (1.0, 1.4), (2.0, 0.7)])
+def test_distortions_affine_in_logits_are_undone(sharp, truth, factor, power):
+    found = camera_fit.fit(Bent(truth, lambda values: odds(values, factor, power)), sharp, samples=SAMPLES)
+    before, after = found.error_percent
+    assert after < 0.25 * before
+    unseen = mtf.sample(kernels.block(7, 3))
+    assert np.abs(found(odds(unseen, factor, power)) - unseen).mean() < 0.02
+
+
+def test_mixed_frequencies_are_told_apart(sharp, truth):
+    """An estimator that reads each frequency half from its neighbour."""
+    found = camera_fit.fit(
+        Bent(truth, lambda values: (values + np.roll(values, 1, axis=2)) / 2), sharp, samples=SAMPLES
+    )
+    assert found.error_percent[1] < 0.5 * found.error_percent[0]
+
+
+def test_intervals_hold_the_truth_they_were_fitted_to(sharp, truth):
+    found = camera_fit.fit(Bent(truth, np.array, spread=0.05), sharp, samples=SAMPLES)
+    answer = camera_fit.corrected(Bent(truth, np.array, spread=0.05).estimate(sharp[[0] * SAMPLES]), found)
+    inside = (answer.low <= truth) & (truth <= answer.high)
+    assert 0.93 < inside.mean() < 0.97
+
+
+def test_patches_that_cannot_be_measured_are_left_out_and_stay_abstained(sharp, truth):
+    found = camera_fit.fit(Bent(truth, np.array, unable=150), sharp, samples=SAMPLES)
+    assert found.samples == SAMPLES - 150
+    answer = Fitted(Bent(truth, np.array, unable=2), found).estimate(sharp)
+    assert answer.abstained.tolist() == [True, True, False, False, False, False]
+    assert np.isnan(answer.mtf[:2]).all() and np.isfinite(answer.mtf[2:]).all()
+    with pytest.raises(InputError, match="only 50 of 500"):
+        camera_fit.fit(Bent(truth, np.array, unable=450), sharp, samples=SAMPLES)
+
+
+def test_a_fit_is_repeatable_and_survives_its_file(sharp, truth, tmp_path):
+    first, second = (
+        camera_fit.fit(Bent(truth, lambda values: odds(values, 0.6, 1.2)), sharp, samples=SAMPLES) for _ in range(2)
+    )
+    assert np.array_equal(first.matrix, second.matrix) and np.array_equal(first.offset, second.offset)
+    first.save(tmp_path / "camera.json")
+    kept = Fit.load(tmp_path / "camera.json")
+    assert np.array_equal(kept(truth), first(truth))
+    assert (kept.widening, kept.samples, kept.error_percent) == (first.widening, first.samples, first.error_percent)
+
+
+def test_an_estimator_without_intervals_gets_none(sharp, truth):
+    class Plain(Bent):
+        def estimate(self, patches):
+            found = super().estimate(patches)
+            return BlurEstimate(found.mtf, found.abstained, found.reason)
+
+    found = camera_fit.fit(Plain(truth, np.array), sharp, samples=SAMPLES)
+    assert np.isnan(found.widening)
+    assert camera_fit.corrected(Plain(truth, np.array).estimate(sharp), found).low is None
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"matrix": [[1]], "offset": [0], "widening": null}'])
+def test_a_foreign_file_is_refused(tmp_path, content):
+    path = tmp_path / "camera.json"
+    path.write_text(content)
+    with pytest.raises(InputError, match="not the fit of a camera"):
+        Fit.load(path)
+
+
+def test_bad_patches_are_refused(sharp, truth):
+    with pytest.raises(InputError, match="none given"):
+        camera_fit.fit(Bent(truth, np.array), sharp[:0])
+    with pytest.raises(InputError, match="at least 100"):
+        camera_fit.fit(Bent(truth, np.array), sharp, samples=20)
+    with pytest.raises(InputError, match="sharp_patches"):
+        camera_fit.fit(Bent(truth, np.array), sharp[:, :, :100])
+
+
+def test_the_spectral_network_learns_a_camera_that_is_not_sharp_by_itself(sharp):
+    """Blur added to pictures that are blurred and sharpened already, on scenes it was not fitted to."""
+    own = convolve(sharp, defocus(2.5))
+    seen = _rounded(np.stack([_sharpened(one) for one in own[:, 0]])[:, None])
+    network = blur.create("spectral")
+    fitted = Fitted(network, camera_fit.fit(network, seen[:4], samples=600))
+    error = {"plain": [], "fitted": []}
+    for psf in (defocus(3), motion(5, 0), motion(9, 90)):
+        patches = _rounded(convolve(seen[4:], psf))
+        for name, estimator in (("plain", network), ("fitted", fitted)):
+            error[name].append(np.abs(estimator.estimate(patches).mtf - mtf.sample(psf)).mean())
+    assert np.mean(error["fitted"]) < 0.6 * np.mean(error["plain"])
+
+
+def _rounded(patches):
+    return (np.rint(np.clip(patches, 0, 1) * 255) / 255).astype(np.float32)
+
+
+def _sharpened(image):
+    from scipy.ndimage import convolve
+
+    return convolve(image, np.array([[0, -0.05, 0], [-0.05, 1.2, -0.05], [0, -0.05, 0]]), mode="mirror")
