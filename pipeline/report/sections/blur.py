@@ -185,7 +185,9 @@ def section(inputs: ReportInputs) -> Section:
     estimates = blur_estimates(inputs)
     datasets = in_order(summary["dataset"], inputs.datasets)
     runs = _runs(summary, inputs)
-    blocks = [*_sharp(estimates, datasets, inputs), *_amae(summary, datasets, inputs)]
+    # An estimator fitted to its camera answers relative to the sharp frames themselves, so it has no curve for them.
+    absolute = estimates[estimates["estimator"].isin(summary.loc[~summary["calibrated"], "estimator"].unique())]
+    blocks = [*_sharp(absolute, datasets, inputs), *_amae(summary, datasets, inputs)]
     blocks += [blur_tables.abstentions(summary, estimates), *_kernels(estimates, datasets, inputs)]
     noted: set[tuple[str, str]] = set()
     for run in runs:
