@@ -126,9 +126,7 @@ def fitted(read: pd.DataFrame, every: Work, seed: int, samples: int) -> tuple[pd
     half_of = {frame.name: half for (frame, _), half in zip(every, halves, strict=True)}
     changed, errors = read.copy(), []
     place = read["frame"].map(half_of).to_numpy()
-    for own in (0, 1):
-        others = [one for one, half in zip(every, halves, strict=True) if half != own]
-        fit = cross_fit.fit_frames(others, kind="spectral", options={}, samples=samples, seed=seed)
+    for own, fit in enumerate(cross_fit.fits(every, "spectral", {}, samples=samples, seed=seed)):
         # Rows go through a patch's two directions and eight frequencies before the next patch.
         answers = read.loc[place == own, "mtf"].to_numpy(float).reshape(-1, 2, len(mtf.FREQUENCIES))
         changed.loc[place == own, "mtf"] = fit(answers).ravel()

@@ -99,8 +99,7 @@ def test_it_can_be_repeated(shared: Path, precision: pd.DataFrame, tmp_path: Pat
     both = again.merge(precision, on=keys, suffixes=("", "_kept"))
     assert len(both) == 2 * 3 * 2
     assert np.abs(both["ap_percent"] - both["ap_percent_kept"]).max() < 0.5
-    # The record was measured when the network also saw each patch's mirror image, which moves answers by .006.
-    assert np.abs(both["mtf"] - both["mtf_kept"]).max() < 0.01
+    assert np.abs(both["mtf"] - both["mtf_kept"]).max() < 0.005
 
 
 def test_an_absent_dataset_or_detector_says_how(tmp_path: Path) -> None:

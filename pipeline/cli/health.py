@@ -48,8 +48,8 @@ def command(
 
     Prints per frame the noise in grey levels (DN, 0..255) with its 95 % interval, the frequency at which contrast falls
     to half (MTF50, fraction of Nyquist; > 0.59 where it stays above), horizontal and vertical, and how many patches
-    told nothing (flat, saturated). Hold the camera upright; --sharp removes what its lens does anyway, with
-    --fit more exactly.
+    told nothing (flat, saturated). Hold the camera upright; --sharp removes what its lens does anyway; --fit
+    also mends what the estimator misreads in this camera's pictures.
     """
     from tqdm import tqdm
 

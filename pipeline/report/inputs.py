@@ -115,6 +115,26 @@ def existing(path: Path | None) -> Path | None:
     return path if path is not None and path.exists() else None
 
 
+def benchmark_record(path: Path | None, keys: set[str], line: str) -> dict[str, Any] | None:
+    """What a benchmark recorded, or None where it was not run.
+
+    Args:
+        path: of its JSON file.
+        keys: that it must have.
+        line: the command that makes it.
+
+    Raises:
+        InputError: the file holds something else.
+    """
+    place = existing(path)
+    if place is None:
+        return None
+    content = read_json(place)
+    if not isinstance(content, dict) or not keys <= set(content):
+        raise InputError(f"{place}: expected the record of a benchmark; make it again: {line}")
+    return content
+
+
 def optional_table(folder: Path | None, name: str, schema: Schema) -> pd.DataFrame | None:
     """A table of a stage's folder, or None where the stage has not run."""
     path = existing(folder / name if folder is not None else None)

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import InputError
-from pipeline.report.inputs import existing
-from pipeline.store import read_json
+from pipeline.report.inputs import benchmark_record
 
 LINE = "python benchmarks/estimators.py"
 TASKS = ("blur", "noise")
@@ -49,13 +48,7 @@ def record(path: Path | None) -> Mapping[str, Any] | None:
     Raises:
         InputError: the file holds something else.
     """
-    place = existing(path)
-    if place is None:
-        return None
-    content = read_json(place)
-    if not isinstance(content, dict) or not {"machine", "results", "frame_px", "patch_px"} <= set(content):
-        raise InputError(f"{place}: expected the record of a benchmark; make it again: {LINE}")
-    return content
+    return benchmark_record(path, {"machine", "results", "frame_px", "patch_px"}, LINE)
 
 
 def patch_times(path: Path | None) -> list[PatchTime]:

@@ -10,11 +10,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import InputError
-from pipeline.report.inputs import existing
+from pipeline.report.inputs import benchmark_record
 from pipeline.report.tables import Cell, Column, Table
 from pipeline.report.wording import DATASETS, in_order, word
-from pipeline.store import read_json
 
 LINE = "python benchmarks/unseen_kernels.py"
 GROUPS = ("out of focus", "aberrated", "shaken")
@@ -31,12 +29,9 @@ def table(path: Path | None) -> Table | None:
     Raises:
         InputError: the file holds something else.
     """
-    place = existing(path)
-    if place is None:
+    content = benchmark_record(path, {"kernels", "results"}, LINE)
+    if content is None:
         return None
-    content = read_json(place)
-    if not isinstance(content, dict) or not {"kernels", "results"} <= set(content):
-        raise InputError(f"{place}: expected the record of a benchmark; make it again: {LINE}")
     rows = [row for name in in_order(content["results"], DATASETS) for row in _rows(name, content["results"][name])]
     columns = [
         Column("dataset", "Dataset"),
