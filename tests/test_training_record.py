@@ -41,17 +41,3 @@ def test_curve_and_measures_lie_where_the_graph_expects_them(tmp_path):
     assert found == CURVE[1]
     training_record.write_measures(tmp_path / "one.json", {"loss": 1.23456789})
     assert json.loads((tmp_path / "one.json").read_text(encoding="utf-8")) == {"loss": 1.23457}
-
-
-def test_samples_are_made_beside_the_training_where_there_are_two_workers(monkeypatch):
-    alone, two = (training_record.options("mine", 500, workers) for workers in (1, 2))
-    assert (alone["producers"], two["producers"]) == (0, 1)
-    assert alone["executor"] == {"workers": 1} and two["executor"] == {"workers": 2}
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1, 2})
-    assert training_record.options("mine", 500, 0)["executor"] == {"workers": 3}
-
-
-def test_progress_names_the_network_the_step_and_every_measure(capsys):
-    training_record.options("mine", 500, 1)["report"](CURVE[0])
-    printed = capsys.readouterr()
-    assert printed.err == "mine step 100 of 500: loss 1.235  error_percent 20\n" and not printed.out

@@ -7,11 +7,11 @@ judged on noise too. Differences smaller than those between seeds are no differe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, replace
-from pathlib import Path
 from typing import Any
 
+from pipeline.learning.conduct import Conduct
 from pipeline.learning.samples import Recipe
 from pipeline.learning.training import Training
 
@@ -50,24 +50,13 @@ def variant(training: Training, changes: Mapping[str, Any]) -> Training:
     return replace(training, recipe=recipe, **given)
 
 
-def judge(
-    released: Training,
-    changed: Training,
-    cache: Path,
-    *,
-    producers: int = 1,
-    executor: Mapping[str, Any] | None = None,
-    report: Callable[[dict[str, float]], None] | None = None,
-) -> dict[str, float]:
+def judge(released: Training, changed: Training, conduct: Conduct) -> dict[str, float]:
     """Train a variant and judge it on the held-out samples of the released training.
 
     Args:
         released: training whose held-out samples are used.
         changed: the variant.
-        cache: folder of banks and checkpoints.
-        producers: processes that make samples ahead.
-        executor: of `pipeline.executor.run_map`, for the banks.
-        report: called with every new row of the learning curve.
+        conduct: how the variant's training runs.
 
     Returns:
         measures of `pipeline.blur.spectral_training.measure`.
@@ -75,10 +64,9 @@ def judge(
     import torch
 
     from pipeline.blur.spectral_training import feature_arrays, measure, train
-    from pipeline.learning.training import held_out, open_samples
+    from pipeline.learning.training import validation_samples
 
-    trained = train(changed, cache, producers=producers, executor=executor, report=report)
-    open_samples(released, cache, validation=True, **(executor or {}))
+    trained = train(changed, conduct)
     with torch.no_grad():
-        found = measure(trained.model, held_out(released, cache, feature_arrays))
+        found = measure(trained.model, validation_samples(released, conduct, feature_arrays))
     return {name: found[name] for name in JUDGED}

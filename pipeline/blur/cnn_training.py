@@ -6,10 +6,11 @@ which are blurred inside the frame and labelled with the total MTF.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from pipeline.learning.conduct import Conduct
 from pipeline.learning.samples import Chunk
 from pipeline.learning.trainer import Trained
 from pipeline.learning.training import Training
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     import torch
 
 SCORE = "mtf_error_percent"
-CODE = ("pipeline.blur.cnn_features", "pipeline.blur.cnn_net", "pipeline.blur.cnn_training")
+CODE = ("pipeline.learning", "pipeline.blur.cnn_features", "pipeline.blur.cnn_net", "pipeline.blur.cnn_training")
 
 
 def patch_arrays(chunk: Chunk) -> dict[str, np.ndarray]:
@@ -63,53 +64,24 @@ def measure(model: torch.nn.Module, data: Mapping[str, torch.Tensor]) -> dict[st
     return {"mtf_error_percent": 100 * float(error.abs().mean()), "mean_squared_error": float(error.square().mean())}
 
 
-def train(
-    training: Training,
-    cache: Path,
-    *,
-    folder: Path | None = None,
-    producers: int = 1,
-    executor: Mapping[str, Any] | None = None,
-    report: Callable[[dict[str, float]], None] | None = None,
-    stop_after: int | None = None,
-) -> Trained:
+def train(training: Training, conduct: Conduct) -> Trained:
     """Train the paper's network; arguments as for `pipeline.blur.spectral_training.train`."""
     from pipeline.blur.cnn_net import MtfCnn
     from pipeline.learning.initial import initialise
-    from pipeline.learning.training import fingerprint, fit
+    from pipeline.learning.training import train_on_samples
 
     model = MtfCnn()
     initialise(model, training.seed, "cnn network", rule="glorot")
-    return fit(
-        model,
-        training,
-        patch_arrays,
-        Loss(training.half_precision),
-        measure,
-        cache=cache,
-        folder=folder or cache / f"mtf-cnn-{fingerprint(training, CODE)}",
-        score=SCORE,
-        producers=producers,
-        executor=executor,
-        report=report,
-        stop_after=stop_after,
+    loss = Loss(training.half_precision)
+    return train_on_samples(
+        model, training, conduct, patch_arrays, loss, measure, name="mtf-cnn", code=CODE, score=SCORE
     )
 
 
 def save(path: Path, trained: Trained, training: Training) -> None:
     """Write the weight file of a training: weights in half precision (13.5 MB instead of 27), settings and measures."""
-    from dataclasses import asdict
-
     from pipeline.blur.cnn_net import ARCHITECTURE
-    from pipeline.learning import weights
-    from pipeline.learning.training import final_measures, fingerprint
+    from pipeline.learning import fitting
 
-    weights.save(
-        path,
-        {name: value.half() for name, value in trained.model.state_dict().items()},
-        ARCHITECTURE,
-        settings=asdict(training),
-        fingerprint=fingerprint(training, CODE),
-        step=trained.best_step,
-        measures=final_measures(trained),
-    )
+    half = {name: value.half() for name, value in trained.model.state_dict().items()}
+    fitting.save(path, trained, training, architecture=ARCHITECTURE, code=CODE, tensors=half)

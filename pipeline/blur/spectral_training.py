@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from pipeline.learning.conduct import Conduct
 from pipeline.learning.samples import Chunk
 from pipeline.learning.trainer import Trained
 from pipeline.learning.training import Training
@@ -17,7 +18,12 @@ if TYPE_CHECKING:
 SIGMA_WEIGHT = 0.05  # of the noise's likelihood beside the MTF's
 COVERAGE = 0.95
 SCORE = "mtf_error_percent"
-CODE = ("pipeline.blur.spectral_features", "pipeline.blur.spectral_net", "pipeline.blur.spectral_training")
+CODE = (
+    "pipeline.learning",
+    "pipeline.blur.spectral_features",
+    "pipeline.blur.spectral_net",
+    "pipeline.blur.spectral_training",
+)
 
 
 def feature_arrays(chunk: Chunk) -> dict[str, np.ndarray]:
@@ -79,49 +85,24 @@ def measure(model: torch.nn.Module, data: Mapping[str, torch.Tensor]) -> dict[st
     }
 
 
-def train(
-    training: Training,
-    cache: Path,
-    *,
-    folder: Path | None = None,
-    producers: int = 1,
-    executor: Mapping[str, Any] | None = None,
-    report: Callable[[dict[str, float]], None] | None = None,
-    stop_after: int | None = None,
-) -> Trained:
+def train(training: Training, conduct: Conduct) -> Trained:
     """Train the spectral network.
 
     Args:
         training: all that the result depends on.
-        cache: folder for banks and checkpoints, outside of any stage's outputs.
-        folder: of the checkpoint; None names it by the fingerprint of settings and code.
-        producers: processes that make samples ahead.
-        executor: of `pipeline.executor.run_map`, for the banks.
-        report: called with every new row of the learning curve.
-        stop_after: see `pipeline.learning.trainer.train`.
+        conduct: how it runs.
 
     Returns:
         the network that validated best, and its learning curve.
     """
     from pipeline.blur.spectral_net import SpectralNet
     from pipeline.learning.initial import initialise
-    from pipeline.learning.training import fingerprint, fit
+    from pipeline.learning.training import train_on_samples
 
     model = SpectralNet(half_precision=training.half_precision)
     initialise(model, training.seed, "spectral network")
-    trained = fit(
-        model,
-        training,
-        feature_arrays,
-        loss,
-        measure,
-        cache=cache,
-        folder=folder or cache / f"mtf-spectral-{fingerprint(training, CODE)}",
-        score=SCORE,
-        producers=producers,
-        executor=executor,
-        report=report,
-        stop_after=stop_after,
+    trained = train_on_samples(
+        model, training, conduct, feature_arrays, loss, measure, name="mtf-spectral", code=CODE, score=SCORE
     )
     model.half_precision = False
     return trained
@@ -129,20 +110,8 @@ def train(
 
 def save(path: Path, trained: Trained, training: Training) -> None:
     """Write the weight file of a training: weights, settings, measures and the interval's factor."""
-    from dataclasses import asdict
-
     from pipeline.blur.spectral_net import ARCHITECTURE
-    from pipeline.learning import weights
-    from pipeline.learning.training import final_measures, fingerprint
+    from pipeline.learning import fitting
 
-    measures = final_measures(trained)
-    weights.save(
-        path,
-        trained.model.state_dict(),
-        ARCHITECTURE,
-        settings=asdict(training),
-        fingerprint=fingerprint(training, CODE),
-        step=trained.best_step,
-        measures=measures,
-        interval=measures["validation_interval"],
-    )
+    interval = fitting.final_measures(trained)["validation_interval"]
+    fitting.save(path, trained, training, architecture=ARCHITECTURE, code=CODE, interval=interval)

@@ -61,18 +61,13 @@ def bank(
         (count, 384, 384) uint8; mapped from the file where there is a cache.
     """
     from pipeline.executor import run_map
-    from pipeline.store import replacing
+    from pipeline.learning.bank import kept
 
-    path = None if folder is None else Path(folder) / f"{purpose.replace(' ', '-')}-{seed}-{count}.npy"
-    if path is None or not path.is_file():
-        draw = partial(picture, seed=seed, purpose=purpose)
-        tiles = np.stack(run_map(draw, range(count), label=f"{purpose}s", **(executor or {})))
-        if path is None:
-            return tiles
-        with replacing(path) as temporary:
-            np.save(temporary, tiles, allow_pickle=False)
-    mapped: NDArray[np.uint8] = np.load(path, mmap_mode="r", allow_pickle=False)
-    return mapped
+    def draw() -> NDArray[np.uint8]:
+        one = partial(picture, seed=seed, purpose=purpose)
+        return np.stack(run_map(one, range(count), label=f"{purpose}s", **(executor or {})))
+
+    return kept(folder, purpose, seed, count, draw)
 
 
 def view(

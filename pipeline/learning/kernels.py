@@ -95,22 +95,17 @@ def bank(
         executor: arguments of `pipeline.executor.run_map`.
 
     Returns:
-        (count, 49, 49) float16.
+        (count, 49, 49) float16; mapped from the file where there is a cache.
     """
     from pipeline.executor import run_map
-    from pipeline.store import replacing
+    from pipeline.learning.bank import kept
 
-    path = None if folder is None else FilePath(folder) / f"{purpose.replace(' ', '-')}-{seed}-{count}.npy"
-    if path is not None and path.is_file():
-        kept: NDArray[np.float16] = np.load(path, mmap_mode="r", allow_pickle=False)
-        return kept
-    blocks = range(-(-count // BLOCK))
-    made = run_map(partial(block, seed=seed, purpose=purpose), blocks, label=purpose, **(executor or {}))
-    kernels = np.concatenate(made)[:count].astype(np.float16)
-    if path is not None:
-        with replacing(path) as temporary:
-            np.save(temporary, kernels, allow_pickle=False)
-    return kernels
+    def draw_all() -> NDArray[np.float16]:
+        blocks = range(-(-count // BLOCK))
+        made = run_map(partial(block, seed=seed, purpose=purpose), blocks, label=purpose, **(executor or {}))
+        return np.concatenate(made)[:count].astype(np.float16)
+
+    return kept(folder, purpose, seed, count, draw_all)
 
 
 def _size_px(generator: np.random.Generator) -> float:

@@ -1,4 +1,4 @@
-"""A whole training: banks of pictures and kernels, samples made ahead, the loop, validation on unseen pictures.
+"""A training on labelled samples: banks of pictures and kernels, samples made ahead, validation on unseen pictures.
 
 Networks differ in three functions: how a chunk of samples becomes arrays (run where samples are made), the loss, and
 the measures on held-out samples.
@@ -6,24 +6,21 @@ the measures on held-out samples.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from pipeline.learning.feed import Arrays, Feed
+from pipeline.learning.conduct import Conduct
+from pipeline.learning.feed import Arrays
+from pipeline.learning.fitting import fit, from_section, held_out
 from pipeline.learning.samples import Chunk, Recipe, Samples
-from pipeline.learning.trainer import Loss, Schedule, Trained, train
+from pipeline.learning.trainer import Loss, Schedule, Trained
 
 if TYPE_CHECKING:
     import torch
 
 Transform = Callable[[Chunk], Arrays]
-Measures = Callable[["torch.nn.Module"], dict[str, float]]
 
 
 @dataclass(frozen=True)
@@ -56,11 +53,7 @@ class Training:
     @classmethod
     def from_section(cls, section: Any, seed: int) -> Training:
         """From a section ``train.mtf.<network>`` of the configuration."""
-        content: dict[str, Any] = section.model_dump()
-        schedule, recipe = content.pop("schedule"), content.pop("recipe")
-        schedule["betas"] = tuple(schedule["betas"])
-        recipe["intrinsic_px"] = tuple(recipe["intrinsic_px"])
-        return cls(Schedule(**schedule), Recipe(**recipe), seed=seed, **content)
+        return from_section(cls, Recipe, section, seed=seed)
 
 
 def open_samples(training: Training, cache: Path, *, validation: bool = False, **executor: Any) -> Samples:
@@ -85,103 +78,64 @@ def open_samples(training: Training, cache: Path, *, validation: bool = False, *
 
 @dataclass
 class Maker:
-    """Chunk number -> arrays. Opens its banks on first use, in whichever process that is."""
+    """Training samples: chunk number -> arrays. Opens its banks on first use, in whichever process that is."""
 
     training: Training
     cache: Path
     transform: Transform
-    validation: bool = False
     _samples: Samples | None = None
 
     def __call__(self, number: int) -> Arrays:
         """The arrays of one chunk."""
         if self._samples is None:
-            self._samples = open_samples(self.training, self.cache, validation=self.validation)
+            self._samples = open_samples(self.training, self.cache)
         return self.transform(self._samples.chunk(number))
 
 
-def held_out(training: Training, cache: Path, transform: Transform) -> dict[str, torch.Tensor]:
-    """All validation samples, as tensors by name."""
-    import torch
-
-    make = Maker(training, cache, transform, validation=True)
-    made = [make(number) for number in range(training.validation_chunks)]
-    return {name: torch.from_numpy(np.concatenate([one[name] for one in made])) for name in made[0]}
+def validation_samples(training: Training, conduct: Conduct, transform: Transform) -> dict[str, torch.Tensor]:
+    """All validation samples, as tensors by name; makes their banks."""
+    opened = open_samples(training, conduct.cache, validation=True, **conduct.executor)
+    return held_out(lambda number: transform(opened.chunk(number)), training.validation_chunks)
 
 
-def fingerprint(training: Training, code: Sequence[str]) -> str:
-    """What a training depends on, hashed: its settings, this package's source and that of more modules.
-
-    Args:
-        training: settings.
-        code: names of modules beside `pipeline.learning`.
-    """
-    import importlib
-
-    text = hashlib.blake2b(json.dumps(asdict(training), sort_keys=True).encode(), digest_size=8)
-    paths = sorted(Path(__file__).parent.glob("*.py"))
-    for path in [*paths, *(Path(str(importlib.import_module(name).__file__)) for name in code)]:
-        text.update(path.read_bytes())
-    return text.hexdigest()
-
-
-def fit(
+def train_on_samples(
     model: torch.nn.Module,
     training: Training,
+    conduct: Conduct,
     transform: Transform,
     loss: Loss,
     measure: Callable[[torch.nn.Module, Mapping[str, torch.Tensor]], dict[str, float]],
     *,
-    cache: Path,
-    folder: Path | None,
+    name: str,
+    code: Sequence[str],
     score: str,
-    producers: int = 1,
-    executor: Mapping[str, Any] | None = None,
-    report: Callable[[dict[str, float]], None] | None = None,
-    stop_after: int | None = None,
 ) -> Trained:
-    """Train a network from its initial weights, or from where an interrupted run stopped.
+    """Train a network on samples of banks that are made first; all else as for `pipeline.learning.fitting.fit`.
 
     Args:
-        model: initialised (`pipeline.learning.initial`).
+        model: initialised; its convolutions are laid out channels last.
         training: settings.
+        conduct: how it runs.
         transform: chunk -> arrays; a function of a module.
-        loss: see `trainer.train`.
+        loss: see `pipeline.learning.trainer.train`.
         measure: (model, held-out tensors) -> measures.
-        cache: folder of the banks.
-        folder: of the checkpoint; None keeps none.
+        name: of what is trained.
+        code: names of modules that the network depends on.
         score: measure that selects weights.
-        producers: processes that make samples ahead; 0 makes them here. Does not change the result.
-        executor: of `pipeline.executor.run_map`, for the banks.
-        report: called with every new row of the learning curve.
-        stop_after: see `trainer.train`.
     """
     import torch
 
-    from pipeline.executor import one_thread
-
-    one_thread()
     # Banks first, with all the workers there are; the producers then only read them.
-    open_samples(training, cache, **(executor or {}))
-    data = held_out(training, cache, transform)
-    model = model.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    maker = Maker(training, cache, transform)
-    repetition = {"fresh": training.fresh, "uses": training.uses, "window": training.window}
-    with Feed(maker, training.seed, producers=producers, **repetition) as feed:
-        return train(
-            model,
-            loss,
-            feed,
-            training.schedule,
-            folder=folder,
-            validate=lambda network: measure(network, data),
-            score=score,
-            report=report,
-            stop_after=stop_after,
-        )
-
-
-def final_measures(trained: Trained) -> dict[str, float]:
-    """The row of the learning curve at which the weights were taken: its measures by name."""
-    rows = [row for row in trained.curve if row["step"] == trained.best_step]
-    return dict(rows[-1]) if rows else {}
+    open_samples(training, conduct.cache, **conduct.executor)
+    data = validation_samples(training, conduct, transform)
+    return fit(
+        model.to(memory_format=torch.channels_last),  # type: ignore[call-overload]
+        loss,
+        Maker(training, conduct.cache, transform),
+        training,
+        conduct,
+        name=name,
+        code=code,
+        validate=lambda network: measure(network, data),
+        score=score,
+    )

@@ -7,10 +7,8 @@ cell-wise network gets the fixed statistics of whole patches; the paper's gets 4
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -18,6 +16,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pipeline.errors import InputError, did_you_mean
+from pipeline.learning import fitting
+from pipeline.learning.conduct import Conduct
 from pipeline.learning.trainer import Schedule, Trained
 from pipeline.noise import samples
 from pipeline.noise.samples import Recipe
@@ -30,6 +30,11 @@ Kind = Literal["cellwise", "cnn"]
 COVERAGE = 0.95
 SPREAD_LEVELS_DN = (0.0, 0.5, 2.0, 5.0, 10.0, 20.0, 60.0)
 """Ends of the ranges of true sigma over which validation reports the error."""
+_SHARED = ("pipeline.learning", "pipeline.noise.samples", "pipeline.noise.training")
+CODE = {
+    "cellwise": (*_SHARED, "pipeline.noise.cellwise_features", "pipeline.noise.cellwise_net"),
+    "cnn": (*_SHARED, "pipeline.noise.cnn_net"),
+}
 
 
 @dataclass(frozen=True)
@@ -66,12 +71,7 @@ class Settings:
         """
         if kind not in ("cellwise", "cnn"):
             raise InputError(f"job.network={kind}: no such network of noise; {did_you_mean(kind, ('cellwise', 'cnn'))}")
-        content: dict[str, Any] = section.model_dump()
-        schedule, recipe = content.pop("schedule"), content.pop("recipe")
-        schedule["betas"] = tuple(schedule["betas"])
-        recipe["sigma_dn"] = tuple(recipe["sigma_dn"])
-        named: Kind = "cnn" if kind == "cnn" else "cellwise"
-        return cls(named, Schedule(**schedule), Recipe(**recipe), seed=seed, **content)
+        return fitting.from_section(cls, Recipe, section, kind=kind, seed=seed)
 
 
 @dataclass
@@ -146,9 +146,7 @@ def validation(settings: Settings, cache: Path) -> Callable[[torch.nn.Module], d
     """
     import torch
 
-    make = Maker(settings, cache, validation=True)
-    made = [make(number) for number in range(settings.validation_chunks)]
-    data = {name: torch.from_numpy(np.concatenate([one[name] for one in made])) for name in made[0]}
+    data = fitting.held_out(Maker(settings, cache, validation=True), settings.validation_chunks)
     truth = data["sigma_dn"]
 
     def answers(model: torch.nn.Module) -> tuple[torch.Tensor, torch.Tensor | None]:
@@ -180,20 +178,6 @@ def validation(settings: Settings, cache: Path) -> Callable[[torch.nn.Module], d
     return measure
 
 
-def fingerprint(settings: Settings) -> str:
-    """What a training depends on, hashed: its settings and the source of its code."""
-    import pipeline.learning
-
-    text = hashlib.blake2b(json.dumps(asdict(settings), sort_keys=True).encode(), digest_size=8)
-    own = Path(__file__).parent
-    names = ["samples", "training"]
-    names += ["cellwise_features", "cellwise_net"] if settings.kind == "cellwise" else ["cnn_net"]
-    sources = [own / f"{name}.py" for name in names]
-    for path in [*sorted(Path(pipeline.learning.__file__).parent.glob("*.py")), *sources]:
-        text.update(path.read_bytes())
-    return text.hexdigest()
-
-
 def network(kind: Kind, seed: int) -> torch.nn.Module:
     """A network with fresh weights; the paper's are drawn by Keras' rule."""
     from pipeline.learning.initial import initialise
@@ -212,52 +196,30 @@ def network(kind: Kind, seed: int) -> torch.nn.Module:
     return model
 
 
-def train(
-    settings: Settings,
-    cache: Path,
-    *,
-    folder: Path | None = None,
-    producers: int = 0,
-    executor: Mapping[str, Any] | None = None,
-    report: Callable[[dict[str, float]], None] | None = None,
-    stop_after: int | None = None,
-) -> Trained:
+def train(settings: Settings, conduct: Conduct) -> Trained:
     """Train a noise network, or go on training it.
 
     Args:
         settings: all that the result depends on.
-        cache: folder for banks and checkpoints, outside of any stage's outputs.
-        folder: of the checkpoints; None names it by the `fingerprint`.
-        producers: processes that make samples ahead; 0 makes them in this one. Does not change the result.
-        executor: of `pipeline.executor.run_map`, for the banks.
-        report: called with every new row of the learning curve.
-        stop_after: see `pipeline.learning.trainer.train`.
+        conduct: how it runs.
 
     Returns:
         the network that validated best, and its learning curve.
     """
-    from pipeline.executor import one_thread
-    from pipeline.learning.feed import Feed
-    from pipeline.learning.trainer import train as run
-
-    one_thread()
+    cache, kind = conduct.cache, settings.kind
     for held_out in (False, True):
-        Maker(settings, cache, held_out).bank(executor)
-    if folder is None:
-        folder = cache / f"sigma-{settings.kind}-{fingerprint(settings)}"
-    options = {"fresh": settings.fresh, "uses": settings.uses, "window": settings.window, "producers": producers}
-    with Feed(Maker(settings, cache), settings.seed, **options) as feed:
-        return run(
-            network(settings.kind, settings.seed),
-            cellwise_loss if settings.kind == "cellwise" else cnn_loss,
-            feed,
-            settings.schedule,
-            folder=folder,
-            validate=validation(settings, cache),
-            score="score_dn",
-            report=report,
-            stop_after=stop_after,
-        )
+        Maker(settings, cache, held_out).bank(conduct.executor)
+    return fitting.fit(
+        network(kind, settings.seed),
+        cellwise_loss if kind == "cellwise" else cnn_loss,
+        Maker(settings, cache),
+        settings,
+        conduct,
+        name=f"sigma-{kind}",
+        code=CODE[kind],
+        validate=validation(settings, cache),
+        score="score_dn",
+    )
 
 
 def save(path: Path, trained: Trained, settings: Settings) -> None:
@@ -268,18 +230,15 @@ def save(path: Path, trained: Trained, settings: Settings) -> None:
         trained: what `train` returned.
         settings: its settings.
     """
-    from pipeline.learning import weights
-    from pipeline.learning.training import final_measures
     from pipeline.noise import cellwise_net, cnn_net
 
-    measures = {name: float(f"{value:.6g}") for name, value in final_measures(trained).items()}
-    weights.save(
+    measures = {name: float(f"{value:.6g}") for name, value in fitting.final_measures(trained).items()}
+    fitting.save(
         path,
-        trained.model.state_dict(),
-        cellwise_net.ARCHITECTURE if settings.kind == "cellwise" else cnn_net.ARCHITECTURE,
-        settings=json.loads(json.dumps(asdict(settings))),
-        fingerprint=fingerprint(settings),
-        step=trained.best_step,
+        trained,
+        settings,
+        architecture=cellwise_net.ARCHITECTURE if settings.kind == "cellwise" else cnn_net.ARCHITECTURE,
+        code=CODE[settings.kind],
         measures=measures,
         interval=measures.get("validation_interval"),
     )

@@ -10,10 +10,9 @@ READS = ["seed", "train.mtf.spectral", "ablation.steps", "ablation.images", "abl
 @stage("ablation", reads=[*READS, "ablation.variants.{variant}"], job=["variant"])
 def run(run: Run) -> None:
     """Train, judge and write the measures."""
-    from pathlib import Path
-
     from pipeline import training_record
     from pipeline.blur import ablation
+    from pipeline.learning.conduct import Conduct
     from pipeline.learning.training import Training
 
     name, section = run.job["variant"], run.params.ablation
@@ -23,12 +22,7 @@ def run(run: Run) -> None:
     )
     changed = ablation.variant(base, section.variants[name].model_dump())
 
-    found = ablation.judge(
-        released,
-        changed,
-        Path(".cache/training"),
-        **training_record.options(name, section.steps, run.executor.workers),
-    )
+    found = ablation.judge(released, changed, Conduct.reported(name, section.steps, run.executor.workers))
     training_record.write_measures(run.outputs / f"reports/metrics/ablation/{name}.json", found)
 
 

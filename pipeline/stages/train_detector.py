@@ -8,21 +8,15 @@ from pipeline.config.entry import Run, stage
 @stage("train_detector", reads=["seed", "train.detector.{network}"], job=["network"])
 def run(run: Run) -> None:
     """Render, train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
-    from pathlib import Path
-
     from pipeline import training_record
     from pipeline.detection.compact import training
-    from pipeline.learning.training import final_measures
+    from pipeline.learning.conduct import Conduct
+    from pipeline.learning.fitting import final_measures
 
     name = run.job["network"]
     settings = training.DetectorTraining.from_section(run.params.train.detector[name], run.params.seed)
 
-    trained = training.train(
-        name,
-        settings,
-        Path(".cache/training"),
-        **training_record.options(name, settings.schedule.steps, run.executor.workers),
-    )
+    trained = training.train(name, settings, Conduct.reported(name, settings.schedule.steps, run.executor.workers))
     training.save(run.outputs / f"data/weights/detector_{name}.safetensors", name, trained, settings)
     training_record.write(run.outputs, f"detector_{name}", trained.curve, final_measures(trained))
 

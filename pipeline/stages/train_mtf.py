@@ -11,20 +11,17 @@ PROGRAMS = {"spectral": "pipeline.blur.spectral_training", "cnn": "pipeline.blur
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
     import importlib
-    from pathlib import Path
 
     from pipeline import training_record
-    from pipeline.learning.training import Training, final_measures
+    from pipeline.learning.conduct import Conduct
+    from pipeline.learning.fitting import final_measures
+    from pipeline.learning.training import Training
 
     name = run.job["network"]
     program = importlib.import_module(PROGRAMS[name])
     training = Training.from_section(run.params.train.mtf[name], run.params.seed)
 
-    trained = program.train(
-        training,
-        Path(".cache/training"),
-        **training_record.options(name, training.schedule.steps, run.executor.workers),
-    )
+    trained = program.train(training, Conduct.reported(name, training.schedule.steps, run.executor.workers))
     program.save(run.outputs / f"data/weights/mtf_{name}.safetensors", trained, training)
     training_record.write(run.outputs, f"mtf_{name}", trained.curve, final_measures(trained))
 

@@ -8,20 +8,15 @@ from pipeline.config.entry import Run, stage
 @stage("train_sigma", reads=["seed", "train.sigma.{network}"], job=["network"])
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
-    from pathlib import Path
-
     from pipeline import training_record
-    from pipeline.learning.training import final_measures
+    from pipeline.learning.conduct import Conduct
+    from pipeline.learning.fitting import final_measures
     from pipeline.noise import training
 
     name = run.job["network"]
     settings = training.Settings.from_section(name, run.params.train.sigma[name], run.params.seed)
 
-    trained = training.train(
-        settings,
-        Path(".cache/training"),
-        **training_record.options(name, settings.schedule.steps, run.executor.workers),
-    )
+    trained = training.train(settings, Conduct.reported(name, settings.schedule.steps, run.executor.workers))
     training.save(run.outputs / f"data/weights/sigma_{name}.safetensors", trained, settings)
     training_record.write(run.outputs, f"sigma_{name}", trained.curve, final_measures(trained))
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.blur import ablation
+from pipeline.learning.conduct import Conduct
 from pipeline.learning.samples import Recipe
 from pipeline.learning.trainer import Schedule
 from pipeline.learning.training import Training
@@ -45,11 +46,10 @@ def test_only_the_named_things_change() -> None:
 
 def test_variants_are_judged_on_the_samples_of_the_released_training(tmp_path: Path) -> None:
     """A network trained on kernels and noise of its own sees the same held-out samples: seed 1's, with noise."""
-    plain = ablation.judge(TINY, TINY, tmp_path, producers=0)
-    other = ablation.judge(
-        TINY, ablation.variant(TINY, {"clean_share": 1.0, "before_share": 0.0}), tmp_path, producers=0
-    )
-    again = ablation.judge(TINY, TINY, tmp_path, producers=0)
+    conduct = Conduct(tmp_path)
+    plain = ablation.judge(TINY, TINY, conduct)
+    other = ablation.judge(TINY, ablation.variant(TINY, {"clean_share": 1.0, "before_share": 0.0}), conduct)
+    again = ablation.judge(TINY, TINY, conduct)
     assert plain == again
     assert set(plain) == set(ablation.JUDGED)
     assert plain["mtf_error_noisy_percent"] != other["mtf_error_noisy_percent"]

@@ -12,6 +12,7 @@ from pipeline.blur.cnn_features import network_input
 from pipeline.blur.cnn_net import ARCHITECTURE, MtfCnn, SameConv
 from pipeline.errors import InputError
 from pipeline.learning import images, samples, weights
+from pipeline.learning.conduct import Conduct
 from pipeline.learning.initial import initialise
 from pipeline.learning.trainer import Schedule
 from pipeline.learning.training import Training
@@ -154,7 +155,7 @@ def test_its_training_runs_and_its_weights_load(tmp_path, monkeypatch):
     schedule = Schedule(2, 1e-4, "adam", (0.9, 0.999), 1e-7, 0.0, 1, 0.0, 1.0, 0.0, None, 2, 1)
     recipe = samples.Recipe(views=1, kernels_per_view=2, clean_share=1.0, before_share=0.0)
     training = Training(schedule, recipe, 2, 1, 250, validation_chunks=1, half_precision=False)
-    trained = cnn_training.train(training, tmp_path, producers=0)
+    trained = cnn_training.train(training, Conduct(tmp_path))
     assert len(trained.curve) == 2 and "validation_mean_squared_error" in trained.curve[-1]
     cnn_training.save(tmp_path / "cnn.safetensors", trained, training)
     fresh = MtfCnn()

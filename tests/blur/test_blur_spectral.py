@@ -1,6 +1,7 @@
 """The spectral estimator: features that blur shifts as theory says, an honest interface, released weights that work."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus
 from pipeline.errors import InputError
 from pipeline.learning import images, kernels, samples, weights
+from pipeline.learning.conduct import Conduct
 from pipeline.learning.initial import initialise
 from pipeline.learning.trainer import Schedule
 from pipeline.learning.training import Training
@@ -171,9 +173,10 @@ def small_images(monkeypatch):
 
 def test_training_learns_and_resumes_to_the_bit(tmp_path, small_images):
     training = small_training()
-    whole = spectral_training.train(training, tmp_path / "cache", folder=tmp_path / "a", producers=0)
-    spectral_training.train(training, tmp_path / "cache", folder=tmp_path / "b", producers=0, stop_after=13)
-    again = spectral_training.train(training, tmp_path / "cache", folder=tmp_path / "b", producers=1)
+    alone, other = (Conduct(tmp_path / "cache", folder=tmp_path / name) for name in "ab")
+    whole = spectral_training.train(training, alone)
+    spectral_training.train(training, replace(other, stop_after=13))
+    again = spectral_training.train(training, replace(other, producers=1))
     first, last = whole.curve[0]["mtf_error_percent"], whole.curve[-1]["mtf_error_percent"]
     assert last < 0.9 * first
     for one, two in zip(whole.model.parameters(), again.model.parameters(), strict=True):

@@ -14,6 +14,7 @@ from pipeline.detection.compact import one_stage, samples, training, two_stage
 from pipeline.detection.compact.detector import Compact
 from pipeline.detection.sim_frames import SimFrames, fingerprint, sim_frames
 from pipeline.errors import InputError
+from pipeline.learning.conduct import Conduct
 from pipeline.learning.initial import initialise
 from pipeline.learning.trainer import Schedule
 
@@ -129,9 +130,9 @@ def test_proposals_are_the_best_and_apart() -> None:
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_training_learns_and_goes_on_bit_for_bit(cache: Path, tmp_path: Path, name: str) -> None:
-    whole = training.train(name, settings(), cache, folder=tmp_path / "whole", producers=0)
-    training.train(name, settings(), cache, folder=tmp_path / "cut", producers=0, stop_after=3)
-    resumed = training.train(name, settings(), cache, folder=tmp_path / "cut", producers=0)
+    whole = training.train(name, settings(), Conduct(cache, tmp_path / "whole"))
+    training.train(name, settings(), Conduct(cache, tmp_path / "cut", stop_after=3))
+    resumed = training.train(name, settings(), Conduct(cache, tmp_path / "cut"))
     assert whole.curve[-1]["loss"] < 0.95 * whole.curve[0]["loss"]
     for key, value in whole.model.state_dict().items():
         assert torch.equal(value, resumed.model.state_dict()[key]), key

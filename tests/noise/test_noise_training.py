@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.learning.conduct import Conduct
+from pipeline.learning.fitting import fingerprint
 from pipeline.learning.trainer import Schedule
 from pipeline.noise import samples, training
 from pipeline.noise.samples import Recipe
@@ -105,9 +107,9 @@ def test_clean_samples_are_clean() -> None:
 def test_training_goes_on_to_the_bit(cache: Path, tmp_path: Path, kind: str) -> None:
     recipe = SMALL if kind == "cellwise" else replace(SMALL, size_px=16)
     chosen = settings(kind, recipe=recipe)
-    whole = training.train(chosen, cache, folder=tmp_path / "whole")
-    training.train(chosen, cache, folder=tmp_path / "parts", stop_after=7)
-    parts = training.train(chosen, cache, folder=tmp_path / "parts")
+    whole = training.train(chosen, Conduct(cache, tmp_path / "whole"))
+    training.train(chosen, Conduct(cache, tmp_path / "parts", stop_after=7))
+    parts = training.train(chosen, Conduct(cache, tmp_path / "parts"))
     assert whole.curve == parts.curve
     for name, tensor in whole.model.state_dict().items():
         assert tensor.equal(parts.model.state_dict()[name]), name
@@ -117,7 +119,7 @@ def test_training_learns(cache: Path, tmp_path: Path) -> None:
     """Sixty steps halve the loss; fresh weights answer near Immerkaer's estimate, which is no bad start."""
     schedule = Schedule(60, learning_rate=5e-3, warm_up=5, checkpoint_every=60, report_every=10, average_decay=0.9)
     chosen = settings(schedule=schedule, recipe=replace(SMALL, views=4))
-    trained = training.train(chosen, cache, folder=tmp_path)
+    trained = training.train(chosen, Conduct(cache, tmp_path))
     losses = [row["loss"] for row in trained.curve]
     assert len(losses) == 6
     assert losses[-1] < 0.5 * losses[0], losses
@@ -149,6 +151,8 @@ def test_unknown_network_is_named() -> None:
         training.Settings.from_section("celwise", None, 1)
 
 
-def test_fingerprint_follows_the_settings() -> None:
-    assert training.fingerprint(settings()) == training.fingerprint(settings())
-    assert training.fingerprint(settings()) != training.fingerprint(settings(seed=2))
+def test_fingerprint_follows_the_settings_and_the_networks_own_code() -> None:
+    cellwise, cnn = training.CODE["cellwise"], training.CODE["cnn"]
+    assert fingerprint(settings(), cellwise) == fingerprint(settings(), cellwise)
+    assert fingerprint(settings(), cellwise) != fingerprint(settings(seed=2), cellwise)
+    assert fingerprint(settings(), cellwise) != fingerprint(settings(), cnn)

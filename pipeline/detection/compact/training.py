@@ -6,18 +6,18 @@ precision on them (over classes, as the paper counts) are kept. No evaluation fr
 
 from __future__ import annotations
 
-import hashlib
 import importlib
-import json
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from pipeline.detection.compact.samples import CropMaker, CropRecipe
-from pipeline.detection.sim_frames import SimFrames, fingerprint, sim_frames
+from pipeline.detection.sim_frames import SimFrames, sim_frames
+from pipeline.learning import fitting
+from pipeline.learning.conduct import Conduct
 from pipeline.learning.trainer import Schedule, Trained
 
 if TYPE_CHECKING:
@@ -27,6 +27,15 @@ NETWORKS = {"compact": ("one_stage", "OneStage"), "compact_two_stage": ("two_sta
 SCORE = "missed_percent"
 LOWEST_PX, LEAST_VISIBLE = 25.0, 0.3
 """Objects judged, as on the evaluation frames."""
+CODE = (
+    "pipeline.detection.compact",
+    "pipeline.detection.sim_frames",
+    "pipeline.scenes",
+    "pipeline.learning.feed",
+    "pipeline.learning.fitting",
+    "pipeline.learning.initial",
+    "pipeline.learning.trainer",
+)
 
 
 @dataclass(frozen=True)
@@ -55,31 +64,18 @@ class DetectorTraining:
     window: int = 64
     half_precision: bool = True
     seed: int = 1
+    fresh: ClassVar[int] = 1
 
     @classmethod
     def from_section(cls, section: Any, seed: int) -> DetectorTraining:
         """From a section ``train.detector.<network>`` of the configuration."""
-        content: dict[str, Any] = section.model_dump()
-        schedule, recipe = content.pop("schedule"), content.pop("recipe")
-        schedule["betas"] = tuple(schedule["betas"])
-        recipe["scale"] = tuple(recipe["scale"])
-        return cls(Schedule(**schedule), CropRecipe(**recipe), seed=seed, **content)
+        return fitting.from_section(cls, CropRecipe, section, seed=seed)
 
     def source(self, cache: Path, *, validation: bool = False) -> dict[str, Any]:
         """Arguments of `sim_frames`."""
         numbers = {"count": self.validation_frames, "first": self.frames} if validation else {"count": self.frames}
         size = {"width_px": self.width_px, "height_px": self.height_px}
         return {"seed": self.seed, "cache": cache, "samples": self.rays, **numbers, **size}
-
-
-def training_fingerprint(training: DetectorTraining, name: str) -> str:
-    """What a training depends on, hashed: settings, this folder's source, the trainer's, and the frames'."""
-    from pipeline.learning import trainer
-
-    text = hashlib.blake2b(json.dumps([name, asdict(training), fingerprint()], sort_keys=True).encode(), digest_size=8)
-    for path in [*sorted(Path(__file__).parent.glob("*.py")), Path(trainer.__file__)]:
-        text.update(path.read_bytes())
-    return text.hexdigest()
 
 
 def measure(name: str, frames: SimFrames) -> Callable[[torch.nn.Module], dict[str, float]]:
@@ -109,79 +105,45 @@ def measure(name: str, frames: SimFrames) -> Callable[[torch.nn.Module], dict[st
     return measures
 
 
-def train(
-    name: str,
-    training: DetectorTraining,
-    cache: Path,
-    *,
-    folder: Path | None = None,
-    producers: int = 1,
-    executor: Mapping[str, Any] | None = None,
-    report: Callable[[dict[str, float]], None] | None = None,
-    stop_after: int | None = None,
-) -> Trained:
+def train(name: str, training: DetectorTraining, conduct: Conduct) -> Trained:
     """Train a detector, or go on from where an interrupted run stopped.
 
     Args:
         name: ``"compact"`` or ``"compact_two_stage"``.
         training: all that the result depends on.
-        cache: folder for frames and checkpoints, outside of any stage's outputs.
-        folder: of the checkpoint; None names it by the fingerprint of settings and code.
-        producers: processes that make samples ahead.
-        executor: of `pipeline.executor.run_map`, for rendering.
-        report: called with every new row of the learning curve.
-        stop_after: see `pipeline.learning.trainer.train`.
+        conduct: how it runs.
 
     Returns:
         the network that validated best, and its learning curve.
     """
     import torch
 
-    from pipeline.executor import one_thread
-    from pipeline.learning.feed import Feed
     from pipeline.learning.initial import initialise
-    from pipeline.learning.trainer import train as run
 
-    one_thread()
     module, network = NETWORKS[name]
     program = importlib.import_module(f"pipeline.detection.compact.{module}")
     model = getattr(program, network)(half_precision=training.half_precision)
     initialise(model, training.seed, f"detector {name}")
     model.set_prior()
-    model = model.to(memory_format=torch.channels_last)
     # All frames first, with all the workers there are; the producers then only read them.
-    sim_frames(**training.source(cache), executor=executor)
-    held_back = sim_frames(**training.source(cache, validation=True), executor=executor)
-    maker = CropMaker(training.recipe, training.seed, training.source(cache))
-    repetition = {"fresh": 1, "uses": training.uses, "window": training.window}
-    with Feed(maker, training.seed, producers=producers, **repetition) as feed:
-        trained = run(
-            model,
-            program.loss,
-            feed,
-            training.schedule,
-            folder=folder or cache / f"detector-{name}-{training_fingerprint(training, name)}",
-            validate=measure(name, held_back),
-            score=SCORE,
-            report=report,
-            stop_after=stop_after,
-        )
+    sim_frames(**training.source(conduct.cache), executor=conduct.executor)
+    held_back = sim_frames(**training.source(conduct.cache, validation=True), executor=conduct.executor)
+    trained = fitting.fit(
+        model.to(memory_format=torch.channels_last),
+        program.loss,
+        CropMaker(training.recipe, training.seed, training.source(conduct.cache)),
+        training,
+        conduct,
+        name=f"detector-{name}",
+        code=CODE,
+        validate=measure(name, held_back),
+        score=SCORE,
+    )
     model.half_precision = False
     return trained
 
 
 def save(path: Path, name: str, trained: Trained, training: DetectorTraining) -> None:
     """Write the weight file of a training: weights, settings and measures."""
-    from pipeline.learning import weights
-    from pipeline.learning.training import final_measures
-
     program = importlib.import_module(f"pipeline.detection.compact.{NETWORKS[name][0]}")
-    weights.save(
-        path,
-        trained.model.state_dict(),
-        program.ARCHITECTURE,
-        settings=asdict(training),
-        fingerprint=training_fingerprint(training, name),
-        step=trained.best_step,
-        measures=final_measures(trained),
-    )
+    fitting.save(path, trained, training, architecture=program.ARCHITECTURE, code=CODE)

@@ -1,0 +1,60 @@
+"""How a training runs: where it keeps what it made, with how many processes, what it says on the way."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+Row = Mapping[str, float]  # of a learning curve: step, and measures by name
+
+
+@dataclass(frozen=True)
+class Conduct:
+    """How a training runs; nothing here changes the weights it ends with.
+
+    Attributes:
+        cache: folder for banks, frames and checkpoints, outside of any stage's outputs.
+        folder: of the checkpoint; None names one in the cache by the fingerprint of settings and code.
+        producers: processes that make samples ahead; 0 makes them in this one.
+        executor: arguments of `pipeline.executor.run_map`, for banks and frames, which are made first.
+        report: called with every new row of the learning curve.
+        stop_after: stop at this step as if interrupted (a checkpoint is written); None goes on to the end.
+    """
+
+    cache: Path = Path(".cache/training")
+    folder: Path | None = None
+    producers: int = 0
+    executor: Mapping[str, Any] = field(default_factory=dict)
+    report: Callable[[dict[str, float]], None] | None = None
+    stop_after: int | None = None
+
+    @classmethod
+    def reported(cls, name: str, steps: int, workers: int) -> Conduct:
+        """That of a stage: prints its progress and uses the processes there are.
+
+        Args:
+            name: of what is trained.
+            steps: of the whole training.
+            workers: processes; 0 takes one per core. With more than one, samples are made beside the training.
+        """
+        workers = workers or len(os.sched_getaffinity(0))
+        return cls(producers=1 if workers > 1 else 0, executor={"workers": workers}, report=reporter(name, steps))
+
+
+def reporter(name: str, steps: int) -> Callable[[Row], None]:
+    """A function that prints each new row of a learning curve.
+
+    Args:
+        name: of what is trained.
+        steps: of the whole training.
+    """
+
+    def report(row: Row) -> None:
+        measures = "  ".join(f"{key} {value:.4g}" for key, value in row.items() if key != "step")
+        print(f"{name} step {row['step']:.0f} of {steps}: {measures}", file=sys.stderr)
+
+    return report

@@ -1,0 +1,180 @@
+"""What all trainings share: settings from the configuration, their fingerprint, feed and loop, the weight file.
+
+A network adds a maker of samples (chunk number -> arrays), a loss, and measures on held-out samples. All arithmetic is
+done by one thread, so that a result does not depend on the number of cores.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import Field, asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
+
+import numpy as np
+
+from pipeline.learning import weights
+from pipeline.learning.conduct import Conduct
+from pipeline.learning.feed import Feed, Maker
+from pipeline.learning.trainer import Loss, Schedule, Trained, train
+
+if TYPE_CHECKING:
+    import torch
+
+Made = TypeVar("Made")
+Measures = Callable[["torch.nn.Module"], dict[str, float]]
+
+
+class Settings(Protocol):
+    """A dataclass of everything that the result of a training depends on, beside the code.
+
+    Attributes:
+        schedule: of the optimiser.
+        fresh, uses, window: see `pipeline.learning.feed`.
+        seed: of everything.
+    """
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def schedule(self) -> Schedule: ...
+
+    @property
+    def fresh(self) -> int: ...
+
+    @property
+    def uses(self) -> int: ...
+
+    @property
+    def window(self) -> int: ...
+
+    @property
+    def seed(self) -> int: ...
+
+
+def from_section(settings: Callable[..., Made], recipe: Callable[..., Any], section: Any, **more: Any) -> Made:
+    """Settings from a section of the configuration that has their names.
+
+    Args:
+        settings: class to make; ``schedule`` and ``recipe`` are dataclasses in it.
+        recipe: class of its ``recipe``.
+        section: of the configuration; lists in it become tuples.
+        more: what the section does not say, e.g. the seed.
+    """
+
+    def part(kind: Callable[..., Any], given: Mapping[str, Any]) -> Any:
+        return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})
+
+    content: dict[str, Any] = section.model_dump()
+    parts = {"schedule": part(Schedule, content["schedule"]), "recipe": part(recipe, content["recipe"])}
+    return settings(**content | parts | more)
+
+
+def fingerprint(settings: Settings, code: Sequence[str]) -> str:
+    """What a training depends on, hashed: its settings and the source of its code.
+
+    Args:
+        settings: of the training.
+        code: names of modules, and of packages with all modules in them.
+    """
+    text = hashlib.blake2b(json.dumps(asdict(settings), sort_keys=True).encode(), digest_size=8)
+    top = Path(__file__).parents[2]
+    for place in (top.joinpath(*name.split(".")) for name in code):
+        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place.with_suffix(".py")]:
+            text.update(path.relative_to(top).as_posix().encode() + path.read_bytes())
+    return text.hexdigest()
+
+
+def held_out(make: Maker, chunks: int) -> dict[str, torch.Tensor]:
+    """Samples to validate on: chunks 0 .. `chunks` - 1 of a maker, as tensors by name."""
+    import torch
+
+    from pipeline.executor import one_thread
+
+    one_thread()
+    made = [make(number) for number in range(chunks)]
+    return {name: torch.from_numpy(np.concatenate([one[name] for one in made])) for name in made[0]}
+
+
+def fit(
+    model: torch.nn.Module,
+    loss: Loss,
+    make: Maker,
+    settings: Settings,
+    conduct: Conduct,
+    *,
+    name: str,
+    code: Sequence[str],
+    validate: Measures,
+    score: str,
+) -> Trained:
+    """Train a network from its initial weights, or from where an interrupted run stopped.
+
+    Args:
+        model: initialised (`pipeline.learning.initial`).
+        loss: see `pipeline.learning.trainer.train`.
+        make: chunk number -> arrays; see `pipeline.learning.feed`.
+        settings: all that the result depends on.
+        conduct: how it runs.
+        name: of what is trained, e.g. ``"mtf-spectral"``; with the fingerprint it names the checkpoint's folder.
+        code: see `fingerprint`.
+        validate: model -> measures.
+        score: measure that selects weights (smallest).
+
+    Returns:
+        the network that validated best, and its learning curve.
+    """
+    from pipeline.executor import one_thread
+
+    one_thread()
+    repetition = {"fresh": settings.fresh, "uses": settings.uses, "window": settings.window}
+    with Feed(make, settings.seed, producers=conduct.producers, **repetition) as feed:
+        return train(
+            model,
+            loss,
+            feed,
+            settings.schedule,
+            folder=conduct.folder or conduct.cache / f"{name}-{fingerprint(settings, code)}",
+            validate=validate,
+            score=score,
+            report=conduct.report,
+            stop_after=conduct.stop_after,
+        )
+
+
+def final_measures(trained: Trained) -> dict[str, float]:
+    """The row of the learning curve at which the weights were taken: its measures by name."""
+    rows = [row for row in trained.curve if row["step"] == trained.best_step]
+    return dict(rows[-1]) if rows else {}
+
+
+def save(
+    path: Path,
+    trained: Trained,
+    settings: Settings,
+    *,
+    architecture: str,
+    code: Sequence[str],
+    tensors: Mapping[str, torch.Tensor] | None = None,
+    **details: Any,
+) -> None:
+    """Write the weight file of a training: weights, settings, fingerprint, step and measures.
+
+    Args:
+        path: ``.safetensors``.
+        trained: what `fit` returned.
+        settings: of the training.
+        architecture: name and version; see `pipeline.learning.weights.save`.
+        code: see `fingerprint`.
+        tensors: in place of the network's weights as they are.
+        details: what else its header says, or says in another way.
+    """
+    header = {
+        "settings": asdict(settings),
+        "fingerprint": fingerprint(settings, code),
+        "step": trained.best_step,
+        "measures": final_measures(trained),
+    }
+    weights.save(path, trained.model.state_dict() if tensors is None else tensors, architecture, **header | details)

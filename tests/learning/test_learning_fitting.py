@@ -1,0 +1,159 @@
+"""What all trainings share: settings by name, a fingerprint of them and the code, checkpoints, the weight file."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.learning import fitting, weights
+from pipeline.learning.conduct import Conduct
+from pipeline.learning.initial import initialise
+from pipeline.learning.trainer import CHECKPOINT, Schedule, Trained
+from pipeline.streams import stream
+
+CODE = ("pipeline.learning.trainer",)
+TRUTH = np.array([1.0, -2.0], np.float32)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Two numbers."""
+
+    span: tuple[float, float] = (0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Those of the smallest training."""
+
+    schedule: Schedule
+    recipe: Recipe = field(default_factory=Recipe)
+    fresh: int = 1
+    uses: int = 2
+    window: int = 4
+    seed: int = 1
+
+
+SMALL = Settings(Schedule(12, learning_rate=0.02, warm_up=2, checkpoint_every=4, report_every=2))
+
+
+def lines(number):
+    """Points of a linear law."""
+    x = stream(1, "points", number).standard_normal((8, 2)).astype(np.float32)
+    return {"x": x, "y": x @ TRUTH}
+
+
+def loss(model, batch):
+    return (model(batch["x"])[:, 0] - batch["y"]).square().mean(), {}
+
+
+def run(conduct, settings=SMALL, code=CODE):
+    model = torch.nn.Linear(2, 1)
+    initialise(model, settings.seed, "test")
+    data = fitting.held_out(lines, 2)
+    validate = lambda network: {"error": float(loss(network, data)[0])}  # noqa: E731
+    return fitting.fit(model, loss, lines, settings, conduct, name="line", code=code, validate=validate, score="error")
+
+
+def test_settings_are_those_of_the_section_with_tuples_for_lists():
+    section = SimpleNamespace(
+        model_dump=lambda: {"schedule": {"steps": 7, "betas": [0.8, 0.9]}, "recipe": {"span": [2, 3]}, "window": 5}
+    )
+    made = fitting.from_section(Settings, Recipe, section, seed=9)
+    assert made == Settings(Schedule(7, betas=(0.8, 0.9)), Recipe((2, 3)), window=5, seed=9)
+    assert hash(made.recipe) == hash(Recipe((2, 3)))
+    with pytest.raises(TypeError, match="tempo"):
+        fitting.from_section(Settings, Recipe, section, tempo=1)
+
+
+def test_the_fingerprint_follows_settings_and_named_code(tmp_path, monkeypatch):
+    monkeypatch.setattr(fitting, "__file__", str(tmp_path / "house/floor/fitting.py"))
+    for name in ("attic/one.py", "attic/deep/two.py", "cellar.py"):
+        (tmp_path / "house" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "house" / name).write_text("before")
+
+    def marks():
+        return {code: fitting.fingerprint(SMALL, [f"house.{code}"]) for code in ("attic", "cellar")}
+
+    before = marks()
+    assert before == marks()
+    assert fitting.fingerprint(replace(SMALL, window=5), ["house.cellar"]) != before["cellar"]
+    (tmp_path / "house/attic/deep/two.py").write_text("after")
+    assert marks()["attic"] != before["attic"] and marks()["cellar"] == before["cellar"]
+    (tmp_path / "house/attic/deep/two.py").rename(tmp_path / "house/attic/deep/three.py")
+    (tmp_path / "house/attic/deep/three.py").write_text("before")
+    assert marks()["attic"] != before["attic"]
+    with pytest.raises(FileNotFoundError, match="celar"):
+        fitting.fingerprint(SMALL, ["house.celar"])
+
+
+def test_the_code_of_every_training_exists_and_holds_its_own_module():
+    from pipeline.blur import cnn_training, spectral_training
+    from pipeline.detection.compact import training as compact
+    from pipeline.noise import training as noise
+
+    codes = {
+        "pipeline.blur.spectral_training": spectral_training.CODE,
+        "pipeline.blur.cnn_training": cnn_training.CODE,
+        "pipeline.noise.training": noise.CODE["cellwise"] + noise.CODE["cnn"],
+        "pipeline.detection.compact.training": compact.CODE,
+    }
+    for module, code in codes.items():
+        fitting.fingerprint(SMALL, code)
+        assert any(module == name or module.startswith(f"{name}.") for name in code)
+
+
+def test_held_out_samples_are_all_chunks_in_order():
+    data = fitting.held_out(lines, 3)
+    expected = np.concatenate([lines(number)["x"] for number in range(3)])
+    assert set(data) == {"x", "y"} and np.array_equal(data["x"].numpy(), expected)
+
+
+def test_checkpoints_lie_under_the_fingerprint_or_where_they_are_wanted(tmp_path):
+    run(Conduct(tmp_path))
+    assert (tmp_path / f"line-{fitting.fingerprint(SMALL, CODE)}" / CHECKPOINT).is_file()
+    run(Conduct(tmp_path, tmp_path / "mine"))
+    assert (tmp_path / "mine" / CHECKPOINT).is_file()
+    run(Conduct(tmp_path), replace(SMALL, seed=2))
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_how_it_runs_makes_no_difference(tmp_path):
+    rows = []
+    whole = run(Conduct(tmp_path, tmp_path / "whole", report=rows.append))
+    run(Conduct(tmp_path, tmp_path / "parts", stop_after=5))
+    for other in (run(Conduct(tmp_path, tmp_path / "parts")), run(Conduct(tmp_path, tmp_path / "two", producers=1))):
+        assert other.curve == whole.curve == rows
+        assert torch.equal(other.model.weight, whole.model.weight) and torch.equal(other.model.bias, whole.model.bias)
+    assert rows[-1]["validation_error"] < rows[1]["validation_error"]
+
+
+def test_all_settings_of_the_feed_are_used(tmp_path):
+    changes = [{}, {"fresh": 2}, {"uses": 3}, {"window": 1}]
+    ends = [run(Conduct(tmp_path), replace(SMALL, **change)).model.weight.tolist() for change in changes]
+    assert len({str(end) for end in ends}) == len(changes)
+
+
+def test_a_weight_file_says_what_it_is(tmp_path):
+    curve = [{"step": 2.0, "loss": 3.0}, {"step": 4.0, "loss": 1.5}, {"step": 6.0, "loss": 2.5}]
+    trained = Trained(torch.nn.Linear(2, 1), curve, best_step=4)
+    path = Path(tmp_path / "line.safetensors")
+    fitting.save(path, trained, SMALL, architecture="line-1", code=CODE, slope=2)
+    tensors, header = weights.load(path, "line-1")
+    assert torch.equal(tensors["weight"], trained.model.weight)
+    assert header["settings"]["schedule"]["steps"] == 12 and header["settings"]["recipe"] == {"span": [0.0, 1.0]}
+    assert header["fingerprint"] == fitting.fingerprint(SMALL, CODE)
+    assert header["step"] == 4 and header["measures"] == curve[1] == fitting.final_measures(trained)
+    assert header["slope"] == 2
+    half = {"weight": trained.model.weight.half()}
+    fitting.save(path, trained, SMALL, architecture="line-1", code=CODE, tensors=half, measures={"loss": 1.0})
+    tensors, header = weights.load(path, "line-1")
+    assert list(tensors) == ["weight"] and tensors["weight"].dtype == torch.float16
+    assert header["measures"] == {"loss": 1.0}
+
+
+def test_a_curve_without_the_chosen_step_has_no_final_measures():
+    assert fitting.final_measures(Trained(torch.nn.Linear(2, 1), [{"step": 2.0, "loss": 3.0}], best_step=3)) == {}
