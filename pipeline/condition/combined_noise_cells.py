@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.blur.evaluation import robust_median
 from pipeline.condition.combined_tables import NOISE_CELLS
+from pipeline.noise.evaluation import columns, coverage, known_mean
 from pipeline.statistics import robust
 from pipeline.streams import stream
 
@@ -35,24 +36,14 @@ def noise_cells(read: pd.DataFrame, seed: int, draws: int) -> pd.DataFrame:
         cell: dict[str, Any] = dict(zip(NOISE_CELL, key, strict=True))
         values, true, added = (group[name].to_numpy(float) for name in ("sigma_dn", "true_sigma_dn", "added_sigma_dn"))
         found = robust(values, stream(seed, "bootstrap", "combined noise", *cell.values()), draws)
-        error = np.abs(values - added)[np.isfinite(values)]
-        interval = group[group["low_dn"].notna()]
-        held = (interval["low_dn"] <= interval["added_sigma_dn"]) & (interval["added_sigma_dn"] <= interval["high_dn"])
         rows.append(
             {
                 **cell,
-                "median_dn": found.median,
-                "minimum_dn": found.minimum,
-                "maximum_dn": found.maximum,
-                "low_dn": found.low,
-                "high_dn": found.high,
+                **columns(found),
                 "true_median_dn": float(robust_median(true)),
                 "added_median_dn": float(robust_median(added)),
-                "patch_error_dn": float(error.mean()) if len(error) else float("nan"),
-                "coverage": float(held.mean()) if len(held) else float("nan"),
-                "count": found.count,
-                "rejected": found.rejected,
-                "abstained": found.abstained,
+                "patch_error_dn": known_mean(np.abs(values - added)),
+                "coverage": known_mean(coverage(group).to_numpy(float)),
             }
         )
     return NOISE_CELLS.conform(pd.DataFrame(rows, columns=list(NOISE_CELLS.columns)))

@@ -19,7 +19,7 @@ from pipeline.camera.truth import local_sigma
 from pipeline.datasets.corrupted import CameraSettings, corrupted
 from pipeline.datasets.patches import Patch, cut
 from pipeline.noise.base import WHITE_DN, NoiseEstimator
-from pipeline.statistics import robust
+from pipeline.statistics import Robust, robust
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
@@ -132,25 +132,32 @@ def summarise(estimates: pd.DataFrame, seed: int, draws: int) -> pd.DataFrame:
         rows.append(
             {
                 **dict(zip(keys, key, strict=True)),
-                "median_dn": found.median,
-                "minimum_dn": found.minimum,
-                "maximum_dn": found.maximum,
-                "low_dn": found.low,
-                "high_dn": found.high,
+                **columns(found),
                 "true_median_dn": present.median,
                 "added_median_dn": added.median,
-                "patch_error_dn": _mean(np.abs(values - truth)),
-                "added_error_dn": _mean(np.abs(values - as_added)),
-                "coverage": _mean(coverage(group).to_numpy(float)),
-                "count": found.count,
-                "rejected": found.rejected,
-                "abstained": found.abstained,
+                "patch_error_dn": known_mean(np.abs(values - truth)),
+                "added_error_dn": known_mean(np.abs(values - as_added)),
+                "coverage": known_mean(coverage(group).to_numpy(float)),
             }
         )
     return pd.DataFrame(rows)
 
 
-def _mean(values: NDArray[np.float64]) -> float:
+def columns(found: Robust) -> dict[str, Any]:
+    """The columns of a table of noise that say what its cell's estimates, DN, come to."""
+    return {
+        "median_dn": found.median,
+        "minimum_dn": found.minimum,
+        "maximum_dn": found.maximum,
+        "low_dn": found.low,
+        "high_dn": found.high,
+        "count": found.count,
+        "rejected": found.rejected,
+        "abstained": found.abstained,
+    }
+
+
+def known_mean(values: NDArray[np.float64]) -> float:
     """Mean of those that are numbers; NaN where none is."""
     return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
