@@ -5,10 +5,11 @@
 Frames of scikit-image's photographs, and of the datasets named (kinds of `pipeline.datasets`, e.g.
 ``kitti=kitti:data/raw/kitti``), are blurred whole and rounded to 8 bits as in the stage `blur`, and patches over
 objects (or tiles, where nothing is labelled) are estimated. The AMAE is that of Table I: of the robust median over a
-dataset's patches, for each kernel, percent; `mean_amae_percent` is its mean over kernels. Three ways to read the
+dataset's patches, for each kernel, percent; `mean_amae_percent` is its mean over kernels. Four ways to read the
 spectral estimator:
 
     raw         its answers as they are: lens and sensor of the recording camera are among them
+    typical     what it takes to have been added to a typical camera's blur (`pipeline.blur.typical_camera`)
     calibrated  divided by its answer for the same sharp frames
     fitted      corrected by `pipeline.blur.camera_fit`, fitted to the sharp frames of the other half of a dataset,
                 blurred by kernels of the training family, none of them rendered
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
 PEERS = {name: {"mode": "fast", "kernel_size": 31} for name in ("pmp", "gbb")}
 WAYS = {
     "raw": "as it answers",
+    "typical": "less a typical lens",
     "calibrated": "divided by its answer for sharp frames",
     "fitted": "fitted to the camera",
 }
@@ -127,11 +129,14 @@ def fitted(read: pd.DataFrame, every: Work, seed: int, samples: int) -> tuple[pd
     changed, errors = read.copy(), []
     place = read["frame"].map(half_of).to_numpy()
     for own, fit in enumerate(cross_fit.fits(every, "spectral", {}, samples=samples, seed=seed)):
-        # Rows go through a patch's two directions and eight frequencies before the next patch.
-        answers = read.loc[place == own, "mtf"].to_numpy(float).reshape(-1, 2, len(mtf.FREQUENCIES))
-        changed.loc[place == own, "mtf"] = fit(answers).ravel()
+        changed.loc[place == own, "mtf"] = mapped(read[place == own], fit)
         errors.append(round(fit.error_percent[1], 3))
     return changed, errors
+
+
+def mapped(read: pd.DataFrame, fit: camera_fit.Fit) -> np.ndarray:
+    """Answers, row by row, corrected by a fit: rows go through a patch's directions and frequencies before the next."""
+    return fit(read["mtf"].to_numpy(float).reshape(-1, 2, len(mtf.FREQUENCIES))).ravel()
 
 
 def outcome(table: pd.DataFrame, seed: int) -> dict[str, Any]:
@@ -155,6 +160,13 @@ def ways(read: pd.DataFrame, seed: int) -> dict[str, Any]:
     return {"raw": outcome(read, seed), "calibrated": outcome(evaluation.calibrated(read), seed)}
 
 
+def spectral_ways(read: pd.DataFrame, corrected: pd.DataFrame, seed: int) -> dict[str, Any]:
+    """The spectral estimator's answers read in every way of `WAYS`."""
+    typical = camera_fit.Fit.load(spectral.RELEASED.with_name(spectral.RELEASED.stem + spectral.TYPICAL))
+    added = read.assign(mtf=mapped(read, typical))
+    return {**ways(read, seed), "typical": outcome(added, seed), "fitted": outcome(corrected, seed)}
+
+
 def measure(config: Config, name: str, kernels: Sequence[Kernel], arguments: argparse.Namespace) -> dict[str, Any]:
     """All estimators on one dataset."""
     work, every = indexed(config, name, arguments.patches)
@@ -163,7 +175,7 @@ def measure(config: Config, name: str, kernels: Sequence[Kernel], arguments: arg
     found: dict[str, Any] = {
         "frames": len(work),
         "patches": sum(len(patches) for _, patches in work),
-        "spectral": {**ways(read, config.seed), "fitted": outcome(table, config.seed)},
+        "spectral": spectral_ways(read, table, config.seed),
     }
     found["spectral"]["fitted"]["error_on_fitting_samples_percent"] = errors
     if arguments.peers:
@@ -174,7 +186,7 @@ def measure(config: Config, name: str, kernels: Sequence[Kernel], arguments: arg
                (("raw", read), ("fitted", table))}  # fmt: skip
         found["few"] = {
             "patches": count,
-            "spectral": {**ways(own["raw"], config.seed), "fitted": outcome(own["fitted"], config.seed)},
+            "spectral": spectral_ways(own["raw"], own["fitted"], config.seed),
             **{peer: ways(estimates(few, kernels, peer, config), config.seed) for peer in PEERS},
         }
     return found
@@ -227,16 +239,17 @@ def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
                 place = axis.get_position().x0
                 figure.text(place, 1 - 0.3 / height_in, kernel.kind, fontweight="bold", fontsize=6.5)
         looks = {
-            way: style.series_look(way, look) | {"linestyle": "none"} for way, look in zip(WAYS, (5, 0, 1), strict=True)
+            way: style.series_look(way, look) | {"linestyle": "none"}
+            for way, look in zip(WAYS, (5, 2, 0, 1), strict=True)
         }
         handles = [Line2D([], [], label=f"{way}: {WAYS[way]}", **looks[way]) for way in WAYS]
-        figure.legend(handles=handles, loc="upper center", ncols=3, borderpad=0.2, handletextpad=0.1)
+        figure.legend(handles=handles, loc="upper center", ncols=4, borderpad=0.2, handletextpad=0.1)
         for row, name in enumerate(names, start=1):
             for other in axes[row, 1:]:
                 other.remove()
             axis, place = axes[row, 0], axes[row, 0].get_position()
             axis.set_position((place.x0, place.y0, axes[0, -1].get_position().x1 - place.x0, place.height))
-            for offset, way in zip((-0.22, 0, 0.22), WAYS, strict=True):
+            for offset, way in zip((-0.27, -0.09, 0.09, 0.27), WAYS, strict=True):
                 values = [amae[name, way][kernel.name] for kernel in ordered]
                 axis.plot(np.arange(columns) + offset, values, **looks[way])
             for begin in begins[1:]:

@@ -142,8 +142,10 @@ def fit(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES,
     """
     from pipeline.camera import mtf
     from pipeline.camera.blur import blur
+    from pipeline.executor import one_thread
     from pipeline.learning.kernels import BLOCK, block
 
+    one_thread()
     sharp = as_patches(sharp_patches, "sharp_patches")
     if samples < LEAST_SAMPLES:
         raise InputError(f"samples={samples}; expected at least {LEAST_SAMPLES} to fit a camera on")
@@ -193,10 +195,8 @@ def _affine(
     """A and b that minimise mean |sigmoid(A read + b) - truth| + a little |A - I|^2, by Adam from the identity."""
     import torch
 
-    from pipeline.executor import one_thread
     from pipeline.streams import stream
 
-    one_thread()
     generator = stream(seed, "camera fit order")
     inputs, targets = torch.from_numpy(read), torch.from_numpy(truth)
     identity = torch.eye(VALUES, dtype=torch.float64)

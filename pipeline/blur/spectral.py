@@ -2,7 +2,8 @@
 
 Both directions come from one pass (`spectral_features`, `spectral_net`); trained on procedural pictures only
 (`spectral_training`). Answers are *total* MTFs: lens, sensor and motion together. The blur that was added to a camera's
-own sharp frames is what `calibrated` gives.
+own sharp frames is what `calibrated` gives; where there are none, ``answer="added"`` takes off a typical lens
+(`pipeline.blur.typical_camera`).
 
 It expects scenes the right way up: it knows that street scenes hold less detail across than along, so frames of a
 rolled camera must be turned upright first.
@@ -16,9 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.blur.base import BlurEstimate, Estimator
+from pipeline.blur.camera_fit import Fit, corrected
 from pipeline.errors import InputError
 
 RELEASED = Path(__file__).resolve().parents[2] / "data/weights/mtf_spectral.safetensors"
+TYPICAL = "_typical.json"
+"""Behind the stem of a weight file: its fit to cameras at large, for answers of kind "added"."""
+
+ANSWERS = ("total", "added")
 AT_ONCE = 8
 INTERVAL = 3.0  # of a Laplace distribution, ln 20 scales hold 95 %; weight files carry their measured factor
 
@@ -28,17 +34,26 @@ class Spectral(Estimator):
 
     Args:
         weights: file of `pipeline.learning.weights`; None for the released one.
+        answer: ``"total"``, the MTF of lens, sensor and motion together, or ``"added"``, that of what was added to a
+            typical camera's sharp frames; the latter's map lies beside the weights (``STEM_typical.json``).
         mirrored: average the answers for the patch and its mirror image (whose spectrum is known already): the network
             runs twice, for hundredths of a percent in the AMAE.
         batch: patches computed together.
         device: where, e.g. ``"cpu"`` or ``"cuda"``.
 
     Raises:
-        InputError: a weight file that is absent, broken or of another network, or a batch under 1.
+        InputError: a weight file that is absent, broken or of another network, its map likewise, a batch under 1, or
+            another answer.
     """
 
     def __init__(
-        self, weights: str | Path | None = None, *, mirrored: bool = False, batch: int = 32, device: str = "cpu"
+        self,
+        weights: str | Path | None = None,
+        *,
+        answer: str = "total",
+        mirrored: bool = False,
+        batch: int = 32,
+        device: str = "cpu",
     ) -> None:
         import torch
 
@@ -47,9 +62,12 @@ class Spectral(Estimator):
 
         if batch < 1:
             raise InputError(f"blur estimator 'spectral': batch={batch}, expected at least 1")
+        if answer not in ANSWERS:
+            raise InputError(f"blur estimator 'spectral': answer={answer!r}, expected one of {', '.join(ANSWERS)}")
         self.mirrored, self.batch, self.device = mirrored, batch, device
-        network = SpectralNet()
-        header = into(network, weights or RELEASED, ARCHITECTURE)
+        network, path = SpectralNet(), Path(weights or RELEASED)
+        header = into(network, path, ARCHITECTURE)
+        self.typical = Fit.load(path.with_name(path.stem + TYPICAL)) if answer == "added" else None
         self.interval = float(header.get("interval", INTERVAL))
         self.network = network.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
 
@@ -59,7 +77,8 @@ class Spectral(Estimator):
         abstained = reason != ""
         mtf[abstained] = scale[abstained] = np.nan
         low, high = (np.clip(mtf + sign * self.interval * scale, 0.0, 1.0) for sign in (-1, 1))
-        return BlurEstimate(mtf, abstained, reason, low=low, high=high)
+        found = BlurEstimate(mtf, abstained, reason, low=low, high=high)
+        return found if self.typical is None else corrected(found, self.typical)
 
     def sigma_dn(self, patches: NDArray[np.float32]) -> NDArray[np.float32]:
         """The noise the network takes to have been added after the blur, DN: (N,) for (N, 1, 192, 192).

@@ -39,17 +39,22 @@ COLUMNS = (
     "--fit", "fitted", is_flag=True,
     help="with --sharp: fit the estimator to the camera, by blurring its sharp pictures on purpose (takes seconds)",
 )  # fmt: skip
+@click.option(
+    "--added", is_flag=True,
+    help="without --sharp: tell the blur beyond that of a typical lens, and not the lens's too (estimator spectral)",
+)  # fmt: skip
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 def command(
     paths: tuple[Path, ...], out: Path | None, blur_name: str, noise_name: str, sharp: tuple[Path, ...], fitted: bool,
-    every: int,
+    added: bool, every: int,
 ) -> None:  # fmt: skip
     """Estimate blur and noise of PATHS: pictures, videos, or folders of them.
 
     Prints per frame the noise in grey levels (DN, 0..255) with its 95 % interval, the frequency at which contrast falls
     to half (MTF50, fraction of Nyquist; > 0.59 where it stays above), horizontal and vertical, and how many patches
     told nothing (flat, saturated). Hold the camera upright; --sharp removes what its lens does anyway; --fit
-    also mends what the estimator misreads in this camera's pictures.
+    also mends what the estimator misreads in this camera's pictures. Without sharp pictures, --added takes off a
+    typical lens.
     """
     from tqdm import tqdm
 
@@ -60,9 +65,11 @@ def command(
 
     one_thread()
     files = expand(paths)
-    monitor = ConditionMonitor(blur_name, noise_name)
     if fitted and not sharp:
         raise InputError("--fit needs pictures of the same camera that are known to be sharp; give them by --sharp")
+    if added and (sharp or blur_name != "spectral"):
+        raise InputError("--added is for the estimator spectral without --sharp, which tells the same more exactly")
+    monitor = ConditionMonitor(blur_name, noise_name, blur_options={"answer": "added"} if added else None)
     if sharp:
         monitor.calibrate([image for path in expand(sharp) for _, image in read(path, every)], fitted=fitted)
     rows: list[dict[str, Any]] = []

@@ -101,6 +101,11 @@ class EstimatorSection(Section):
     camera_samples: Annotated[int, Field(ge=100, le=100_000)] | None = None
     """Blurred sharp patches that a blur estimator is fitted to each dataset's camera on; null leaves it as it is."""
 
+    @property
+    def answers_added(self) -> bool:
+        """Whether a blur estimator tells what was added to sharp frames, this camera's or a typical one's."""
+        return self.camera_samples is not None or self.options.get("answer") == "added"
+
 
 class NoiseSection(Section):
     """The evaluation of noise estimators."""
@@ -296,10 +301,20 @@ class DetectorTrainingSection(Section):
     half_precision: bool
 
 
+class TypicalCameraSection(Section):
+    """What the spectral estimator is fitted to cameras at large on; see `pipeline.blur.typical_camera`."""
+
+    images: Count
+    patches: Count
+    samples: Annotated[int, Field(ge=100, le=100_000)]
+    intrinsic_px: tuple[NonNegative, NonNegative]
+
+
 class TrainSection(Section):
     """Trainings by what they estimate or find."""
 
     mtf: dict[Literal["spectral", "cnn"], MtfTrainingSection]
+    typical_camera: TypicalCameraSection
     sigma: dict[Literal["cellwise", "cnn"], SigmaTrainingSection]
     detector: dict[Literal["compact", "compact_two_stage"], DetectorTrainingSection]
 

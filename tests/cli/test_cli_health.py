@@ -103,6 +103,8 @@ def test_a_broken_file_is_set_aside_and_the_rest_is_done(tmp_path):
         (["{}/a.png", "--blur", "spectrum"], "did you mean 'spectral'"),
         (["{}/a.png", "--noise", "celwise"], "did you mean 'cellwise'"),
         (["{}/a.png", "--sharp", "{}/white.png"], "sharp"),
+        (["{}/a.png", "--sharp", "{}/a.png", "--added"], "--added is for the estimator spectral without --sharp"),
+        (["{}/a.png", "--blur", "pmp", "--added"], "--added is for the estimator spectral"),
     ],
 )
 def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):
@@ -126,3 +128,16 @@ def test_the_camera_can_be_fitted(tmp_path):
     refused = call(soft, "--fit")
     assert refused.exit_code != 0
     assert "--sharp" in refused.output
+
+
+def test_a_typical_lens_can_be_taken_off(tmp_path):
+    """What was added to a typical camera is less blur than there is in all: the MTF is higher."""
+    soft = write(tmp_path / "soft.png", 0.0, blur_px=1.0)
+    mtf = []
+    for options in ((), ("--added",)):
+        done = call(soft, "--out", tmp_path / "out", *options)
+        assert done.exit_code == 0, done.output
+        mtf.append(np.array(json.loads((tmp_path / "out/health.json").read_text())["pictures"][0]["mtf"]))
+    total, added = mtf
+    assert (added >= total - 0.02).all()
+    assert added.mean() > total.mean() + 0.03

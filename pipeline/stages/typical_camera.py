@@ -1,0 +1,32 @@
+"""Stage `typical_camera`: fits the spectral blur estimator to cameras at large; a map beside its released weights."""
+
+from __future__ import annotations
+
+from pipeline.config.entry import Run, stage
+
+
+@stage("typical_camera", reads=["seed", "train.typical_camera"])
+def run(run: Run) -> None:
+    """Draw pictures, see them through lenses, fit; write the map, and its error before and after."""
+    from functools import partial
+
+    import numpy as np
+
+    from pipeline import blur, store
+    from pipeline.blur import camera_fit, spectral, typical_camera
+    from pipeline.learning import images
+
+    section, seed = run.params.train.typical_camera, run.params.seed
+    weights = run.inputs / "data/weights/mtf_spectral.safetensors"
+    draw = partial(images.picture, seed=seed, purpose=typical_camera.PICTURES)
+    tiles = run.map(draw, range(section.images), "pictures")
+    sharp = typical_camera.sharp_patches(np.stack(tiles), section.patches, section.intrinsic_px, seed)
+    fit = camera_fit.fit(blur.create("spectral", weights=weights), sharp, samples=section.samples, seed=seed)
+    fit.save(run.outputs / "data/weights" / f"{weights.stem}{spectral.TYPICAL}")
+    before, after = fit.error_percent
+    found = {"samples": fit.samples, "error_before_percent": before, "error_after_percent": after}
+    store.write_json(run.outputs / "reports/metrics/train/typical_camera.json", found)
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,86 @@
+"""Fitted to cameras at large: pictures seen through lenses; answers freed of a typical lens without sharp frames."""
+
+import numpy as np
+import pytest
+
+from pipeline import blur
+from pipeline.blur import spectral, typical_camera
+from pipeline.blur.camera_fit import Fit
+from pipeline.camera import mtf
+from pipeline.camera.blur import blur as convolve
+from pipeline.camera.psf.defocus import create as defocus
+from pipeline.errors import InputError
+from pipeline.learning import images
+
+MAP = spectral.RELEASED.with_name(spectral.RELEASED.stem + spectral.TYPICAL)
+released = pytest.mark.skipif(not MAP.is_file(), reason="map absent: run dvc repro typical_camera")
+
+
+@pytest.fixture(scope="module")
+def tiles():
+    return np.stack([images.picture(index, 9, "test image", 256) for index in range(6)])
+
+
+def detail(patches):
+    """Mean square of the difference of neighbours: falls with blur."""
+    return np.square(np.diff(patches[:, 0].astype(float), axis=2)).mean((1, 2))
+
+
+def test_a_patch_depends_on_seed_place_and_tile_alone(tiles):
+    many = typical_camera.sharp_patches(tiles, 8, (0.0, 0.7), 1)
+    few = typical_camera.sharp_patches(tiles, 3, (0.0, 0.7), 1)
+    assert many.shape == (8, 1, 192, 192) and many.dtype == np.float32
+    assert many.min() >= 0 and many.max() <= 1
+    assert np.array_equal(many[:3], few)
+    assert not np.array_equal(typical_camera.sharp_patches(tiles, 1, (0.0, 0.7), 2), few[:1])
+
+
+def test_worse_lenses_leave_less_detail(tiles):
+    pinhole, good, bad = (
+        detail(typical_camera.sharp_patches(tiles, 6, (spread, spread), 1)) for spread in (0.0, 0.4, 0.8)
+    )
+    assert (bad < good).all() and (good < pinhole).all()
+
+
+def test_a_lens_has_the_mtf_of_its_gaussian(tiles):
+    """The same views with and without: their spectra's ratio is exp(-2 pi^2 a^2 f^2), times that of the pixel."""
+    spread = 0.6
+    sharp, seen = (typical_camera.sharp_patches(tiles, 6, (a, a), 3)[:, 0].astype(float) for a in (0.0, spread))
+    window = np.outer(np.hanning(192), np.hanning(192))
+    power = [np.abs(np.fft.fft2((one - one.mean((1, 2), keepdims=True)) * window)[:, 0, :]) for one in (sharp, seen)]
+    places = np.array([10, 20, 40])
+    found = np.median(power[1][:, places] / power[0][:, places], axis=0)
+    expected = np.exp(-2 * np.pi**2 * spread**2 * (places / 192) ** 2) * np.sinc(places / 192)
+    assert found == pytest.approx(expected, rel=0.02)
+
+
+@released
+def test_added_is_nearer_to_the_kernel_than_total_for_a_camera_with_a_lens(tiles):
+    kernel = defocus(4)
+    truth = mtf.sample(kernel)
+    errors = {}
+    sharp = typical_camera.sharp_patches(tiles, 12, (0.5, 0.5), 4)
+    seen = (np.rint(convolve(sharp, kernel) * 255) / 255).astype(np.float32)
+    for answer in spectral.ANSWERS:
+        found = blur.create("spectral", answer=answer).estimate(seen)
+        errors[answer] = np.abs(np.nanmedian(found.mtf, axis=0) - truth).mean()
+        assert (found.low <= found.mtf).all() and (found.mtf <= found.high).all()
+    assert errors["added"] < 0.7 * errors["total"]
+
+
+@released
+def test_added_is_the_released_map_of_the_total(tiles):
+    seen = typical_camera.sharp_patches(tiles, 4, (0.0, 0.7), 5)
+    total, added = (blur.create("spectral", answer=answer).estimate(seen) for answer in spectral.ANSWERS)
+    assert np.allclose(added.mtf, Fit.load(MAP)(total.mtf))
+    assert Fit.load(MAP).samples > 3000
+
+
+@pytest.mark.skipif(not spectral.RELEASED.is_file(), reason="released weights absent: run dvc repro train_mtf")
+def test_an_unknown_answer_or_an_absent_map_is_an_error_that_names_it(tmp_path):
+    with pytest.raises(InputError, match="answer='sharp', expected one of total, added"):
+        blur.create("spectral", answer="sharp")
+    copy = tmp_path / "mine.safetensors"
+    copy.write_bytes(spectral.RELEASED.read_bytes())
+    with pytest.raises(InputError, match="mine_typical.json"):
+        blur.create("spectral", weights=copy, answer="added")
