@@ -18,6 +18,7 @@ COMMANDS = {
     "corrupt": "Corrupt pictures to a noise level or a blur, with the truth beside them.",
     "dataset": "Check a dataset: what is usable, what would be set aside and why.",
     "render": "Render frames of the procedural dataset Sim.",
+    "blur": "Measure blur estimators on recorded pictures: the paper's Table I.",
     "curves": "Ask measured curves for a detector's average precision at some noise and blur.",
     "weights": "List, download and verify published detector weights.",
 }

@@ -10,9 +10,9 @@ import numpy as np
 
 from pipeline.blur.evaluation import SHARP
 from pipeline.report.estimates import of_amae
-from pipeline.report.inputs import records
+from pipeline.report.inputs import ReportInputs, any_table, existing, records
 from pipeline.report.tables import Cell, Column, Estimate, Table, format_number
-from pipeline.report.wording import BLURS, DATASETS, ESTIMATORS, in_order, word
+from pipeline.report.wording import BLURS, DATASETS, ESTIMATORS, PAPER_NAMES, in_order, word
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,10 +25,34 @@ FITTED = (
     "sharp frames, blurred on purpose. Frames are in two halves, each judged with a fit to the other. "
     "Nothing added reads a little under 1."
 )
+TYPICAL = (
+    "Spectral, typical lens: the network's answer less the blur of a typical lens, for a camera without sharp frames; "
+    "of frames from a better lens, or rendered with none, it tells less blur than there is."
+)
 MEAN = "Mean"
+NOT_COUNTED = "The paper has no estimator of this name, so the ledger does not count these rows."
+ADDED = frozenset({"fitted", "typical"})
+"""Estimators that answer what was added to sharp frames: what they read from those is no curve of the frames."""
 
 Place = tuple[str, float]  # kind and size of a blur
 Published = Mapping[tuple[str, str, str, float], float]  # dataset, estimator, kind, size -> AMAE in percent
+
+
+def paper_table(inputs: ReportInputs, name: str) -> pd.DataFrame | None:
+    """Published numbers with a column dataset, those of its Sim also under our name of the authors' own frames.
+
+    Args:
+        inputs: of the report.
+        name: of the file.
+    """
+    import pandas as pd
+
+    path = existing(inputs.paper / name)
+    if path is None:
+        return None
+    table = any_table(path)
+    again = [table[table["dataset"] == theirs].assign(dataset=ours) for ours, theirs in PAPER_NAMES.items()]
+    return pd.concat([table, *again], ignore_index=True)
 
 
 def published_amae(table: pd.DataFrame | None) -> dict[tuple[str, str, str, float], float]:
@@ -120,6 +144,8 @@ def amae(dataset: str, summary: pd.DataFrame, published: Published, is_calibrate
         notes.append("Calibrated: each answer divided by the same camera's answer for its own sharp frames.")
         if "fitted" in estimators:
             notes.append(FITTED)
+    elif "typical" in estimators:
+        notes.append(TYPICAL)
     if theirs:
         notes.append("Paper: Table I; an en dash where we did not run the estimator. " + _comparability(dataset))
     caption = f"Table I on {word(dataset)}: error of the MTF{', calibrated' if is_calibrated else ''}."
@@ -168,10 +194,7 @@ def beside_the_best(summary: pd.DataFrame, published: Published) -> Table | None
         columns += [column for column in ways if any(column.name in row for row in rows)]
     columns += [Column("cnn", "Paper, CNN", "%", 1), Column("best", "Paper, best of three", "%", 1)]
     columns.append(Column("which", "which is"))
-    notes = (
-        "The paper has no estimator of this name, so the ledger does not count these rows. Frames differ from the "
-        "paper's; on Sim they are of another renderer.",
-    )
+    notes = (f"{NOT_COUNTED} Frames differ from the paper's; on Sim they are of another renderer.",)
     caption = "Estimators the paper does not have, beside its CNN and the best of its three: AMAE."
     return Table("blur_beside_the_best", caption, columns, rows, notes, ANY_STAGE)
 

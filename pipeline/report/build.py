@@ -11,6 +11,7 @@ from pipeline.report.ledger_items import ITEMS, all_rows
 from pipeline.report.provenance import Provenance
 from pipeline.report.sections import (
     blur,
+    blur_recorded,
     combined,
     datasets,
     detection,
@@ -33,11 +34,13 @@ OWN = {"combined": combined.section, "detection": detection.section}
 
 def _sections(inputs: ReportInputs, rows: list[LedgerRow]) -> list[Section]:
     """Every section, in the paper's order."""
+    recorded = blur_recorded.section(inputs)
     return [
         datasets.section(inputs),
         formation.section(inputs),
         optics.section(inputs),
         blur.section(inputs),
+        *([] if recorded is None else [recorded]),
         noise.section(inputs),
         *(OWN.get(chapter.key, published.section)(chapter, rows, inputs) for chapter in published.AFTER_NOISE),
         training.section(inputs),

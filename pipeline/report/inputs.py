@@ -50,8 +50,8 @@ class ReportInputs:
             ``<dataset>-<detector>``, and ``refit`` (`pipeline.report.detection_results`).
         detection_members: the pairs of dataset and detector of this run.
         detectors_absent: detector without weights -> the line that would get them and run it.
-        recorded: folder whose sub-folders hold detection measured on pictures that are not kept
-            (`pipeline.report.recorded`).
+        recorded: folder whose sub-folders hold detection (`pipeline.report.recorded`) and blur
+            (`pipeline.report.recorded_blur`) measured on pictures that are not kept.
         results: ledger item -> table (CSV or Parquet) with the key and value columns of that item's published file.
         runtime: record of run times on declared hardware (``benchmarks/results/estimators.json``).
         unseen: record of blurs of other kinds than were trained on (``benchmarks/results/unseen_kernels.json``).

@@ -205,12 +205,15 @@ def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
     """
     import pandas as pd
 
-    curves = sharp_curves(blur_estimates(inputs))
-    long = curves[curves["axis"] == "H"].melt(
-        ["dataset", "estimator", "frequency"], ["median", "min", "max"], "statistic", "mtf"
-    )
-    parts = [part for part in (sharp_mtf(inputs), long) if part is not None and len(part)]
+    found = (sharp_mtf(inputs), horizontal(sharp_curves(blur_estimates(inputs))))
+    parts = [part for part in found if part is not None and len(part)]
     return pd.concat(parts, ignore_index=True) if parts else None
+
+
+def horizontal(curves: pd.DataFrame) -> pd.DataFrame:
+    """The horizontal ones of `sharp_curves` in long form: dataset, estimator, statistic, frequency, mtf."""
+    keys = ["dataset", "estimator", "frequency"]
+    return curves[curves["axis"] == "H"].melt(keys, ["median", "min", "max"], "statistic", "mtf")
 
 
 def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:

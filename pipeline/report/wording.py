@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-DATASETS = {"sim": "Sim", "photos": "Photos", "kitti": "KITTI", "udacity": "Udacity"}
+DATASETS = {
+    "sim": "Sim",
+    "photos": "Photos",
+    "kitti": "KITTI",
+    "udacity": "Udacity",
+    "sim_authors": "Sim (authors’)",
+}
+PAPER_NAMES = {"sim_authors": "sim"}
+"""Our names of the paper's datasets where they differ: ``sim`` is rendered here, ``sim_authors`` are its own frames."""
+
 ESTIMATORS = {
     "pca": "PCA",
     "bf": "B+F",
@@ -15,6 +24,7 @@ ESTIMATORS = {
     "pmp": "PMP",
     "gbb": "GBB",
     "spectral": "Spectral",
+    "typical": "Spectral, typical lens",
     "fitted": "Spectral, fitted",
     "ground_truth": "Ground truth",
 }

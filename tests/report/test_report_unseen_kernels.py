@@ -15,8 +15,9 @@ def test_the_committed_record_is_shown_number_by_number():
     table = unseen_kernels.table(RECORD)
     content = json.loads(RECORD.read_text(encoding="utf-8"))
     photos = [row for row in table.rows if row["dataset"] == "Photos"]
-    assert [row["estimator"] for row in photos[:3]] == ["Spectral", "Spectral, calibrated", "Spectral, fitted"]
-    for row, way in zip(photos, ("raw", "calibrated", "fitted"), strict=False):
+    ways = {"raw": "", "typical": ", typical lens", "calibrated": ", calibrated", "fitted": ", fitted"}
+    assert [row["estimator"] for row in photos[:4]] == [f"Spectral{said}" for said in ways.values()]
+    for row, way in zip(photos, ways, strict=False):
         found = content["results"]["photos"]["spectral"][way]
         per_kernel = found["amae_percent"].values()
         assert row["mean"] == pytest.approx(sum(per_kernel) / len(per_kernel), abs=2e-3)

@@ -9,14 +9,12 @@ import numpy as np
 from pipeline.blur.evaluation import SHARP
 from pipeline.camera import mtf
 from pipeline.errors import InputError
-from pipeline.report import amae_figure, blur_tables, kernel_estimates_figure, sharp_curves_figure, unseen_kernels
+from pipeline.report import blur_tables, kernel_estimates_figure, sharp_curves_figure, unseen_kernels
 from pipeline.report.blur_tables import ANY_STAGE, STAGE
 from pipeline.report.inputs import (
     ReportInputs,
-    any_table,
     blur_estimates,
     blur_summary,
-    existing,
     members,
     optional_arrays,
     optional_json,
@@ -24,6 +22,7 @@ from pipeline.report.inputs import (
 )
 from pipeline.report.kernel_estimates_figure import Gallery
 from pipeline.report.ledger_sources import sharp_curves, star_curve
+from pipeline.report.sections import blur_amae
 from pipeline.report.sections.base import Block, NotRun, Run, Section, ShownFigure
 from pipeline.report.wording import ESTIMATORS, in_order, word
 
@@ -40,11 +39,6 @@ PARTS = (
 )
 
 
-def _paper(inputs: ReportInputs, name: str) -> pd.DataFrame | None:
-    path = existing(inputs.paper / name)
-    return None if path is None else any_table(path)
-
-
 def _stages(table: pd.DataFrame) -> tuple[str, ...]:
     ran = {(str(row["dataset"]), str(row["estimator"])) for row in records(table[["dataset", "estimator"]])}
     return tuple(STAGE.format(dataset=dataset, estimator=estimator) for dataset, estimator in sorted(ran))
@@ -56,7 +50,7 @@ def _sharp(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -
         return [NotRun("MTF of uncorrupted frames", "stage absent", inputs.line(ANY_STAGE))]
     star = star_curve(inputs)
     truths = {"sim": (star["frequency"], star["measured"])} if star is not None and "sim" in datasets else {}
-    drawing = sharp_curves_figure.draw(curves, datasets, _paper(inputs, "uncorrupted_mtf.csv"), truths)
+    drawing = sharp_curves_figure.draw(curves, datasets, blur_tables.paper_table(inputs, "uncorrupted_mtf.csv"), truths)
     caption = (
         "Uncorrupted datasets. Median (line) and range of the inliers (band) of the MTF over patches of sharp frames. "
         "Dashed: the paper's medians, which it publishes for the horizontal direction; its Sim is another renderer's."
@@ -67,26 +61,13 @@ def _sharp(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -
 
 
 def _amae(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block]:
-    table = _paper(inputs, "blur_amae.csv")
+    table = blur_tables.paper_table(inputs, "blur_amae.csv")
     published = blur_tables.published_amae(table)
     blurred = summary[summary["kind"] != SHARP]
     if blurred.empty:
         return [NotRun("Table I: AMAE of blur estimators", "stage absent", inputs.line(ANY_STAGE))]
-    figures: list[Block] = []
+    figures = blur_amae.figures(blurred, datasets, table, _stages)
     tables: list[Block] = []
-    for is_calibrated in (False, True):
-        own = blurred[blurred["calibrated"] == is_calibrated]
-        if own.empty:
-            continue
-        how = ", each answer divided by the camera's own for sharp frames" if is_calibrated else ""
-        caption = (
-            f"AMAE over the size of the blur{how}. Line: of the median over patches; band: bootstrap 95 % interval. "
-            f"Dashed: the paper's Table I{', which is not calibrated' if is_calibrated else ''}."
-        )
-        if is_calibrated and (own["estimator"] == "fitted").any():
-            caption += " " + blur_tables.FITTED
-        name = "blur_amae_calibrated" if is_calibrated else "blur_amae"
-        figures.append(ShownFigure(name, amae_figure.draw(own, datasets, table), caption, _stages(own)))
     for dataset in datasets:
         for is_calibrated in (False, True):
             if ((summary["dataset"] == dataset) & (summary["calibrated"] == is_calibrated)).any():
@@ -145,7 +126,8 @@ def _kernels(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs)
             continue
         galleries, said = [gallery for gallery, _ in pairs], pairs[0][1]
         names = {gallery.estimator for gallery in galleries}
-        drawing = kernel_estimates_figure.draw(galleries, _other_curves(estimates, said, names))
+        others = _other_curves(estimates, said, names | {"typical"})  # nearly the network's own, and curves are many
+        drawing = kernel_estimates_figure.draw(galleries, others)
         caption = (
             f"Kernels found in one patch of {word(dataset)}. Seen: the middle of the blurred patch. True and found "
             "kernels share a scale, its width in pixels beneath the true one; beneath a found one, the AMAE of this "
@@ -185,9 +167,12 @@ def section(inputs: ReportInputs) -> Section:
     estimates = blur_estimates(inputs)
     datasets = in_order(summary["dataset"], inputs.datasets)
     runs = _runs(summary, inputs)
-    # An estimator fitted to its camera answers relative to the sharp frames themselves, so it has no curve for them.
-    absolute = estimates[estimates["estimator"].isin(summary.loc[~summary["calibrated"], "estimator"].unique())]
-    blocks = [*_sharp(absolute, datasets, inputs), *_amae(summary, datasets, inputs)]
+    # An answer of what was added to sharp frames is no curve of theirs.
+    absolute = set(summary.loc[~summary["calibrated"], "estimator"]) - blur_tables.ADDED
+    blocks = [
+        *_sharp(estimates[estimates["estimator"].isin(absolute)], datasets, inputs),
+        *_amae(summary, datasets, inputs),
+    ]
     blocks += [blur_tables.abstentions(summary, estimates), *_kernels(estimates, datasets, inputs)]
     noted: set[tuple[str, str]] = set()
     for run in runs:

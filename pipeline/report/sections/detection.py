@@ -118,8 +118,8 @@ def _recorded(inputs: ReportInputs) -> list[Block]:
     """Curves measured earlier on recorded pictures, each with its source."""
     blocks: list[Block] = []
     place = existing(inputs.recorded)
-    for path in sorted(place.glob("*/provenance.json")) if place is not None else []:
-        said = read_json(path)
+    for path in sorted(place.glob("*/precision.csv")) if place is not None else []:
+        said = read_json(path.parent / "provenance.json")
         name = path.parent.name.replace("-", "_")
         title = f"{word(said['detector']['kind'])} on {word(said['dataset'])}"
         curves = iopc_figure.draw(any_table(path.parent / "iopc.csv"))

@@ -1,0 +1,66 @@
+"""``camera-monitor blur``: measure blur estimators on recorded pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.group("blur")
+def command() -> None:
+    """Measure blur estimators on pictures of one's own; ``camera-monitor health`` asks one of them."""
+
+
+@command.command("record")
+@click.argument("overrides", nargs=-1)
+@click.option("--dataset", required=True, help="name of the dataset, which the overrides add and place")
+@click.option(
+    "--estimator",
+    "estimators",
+    multiple=True,
+    help="name of an estimator of the configuration; may be repeated, by default all",
+)
+@click.option(
+    "--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced, but see --join"
+)
+@click.option("--join", is_flag=True, help="keep what the folder has of other estimators, measured on the same")
+@click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record")
+@click.option(
+    "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
+)
+def record_command(
+    overrides: tuple[str, ...],
+    dataset: str,
+    estimators: tuple[str, ...],
+    out: Path,
+    join: bool,
+    source: str,
+    workers: int,
+) -> None:
+    """Measure Table I on recorded pictures and keep numbers and provenance; no picture is kept.
+
+    OVERRIDES are of conf/, as for ``dvc exp run -S``: +dataset@datasets.kitti=kitti datasets.kitti.root=/path
+    psf=paper psf.folder=/path blur.patches_per_frame=4
+    """
+    from functools import partial
+
+    from pipeline.config.compose import compose, parse
+    from pipeline.errors import InputError, did_you_mean
+    from pipeline.executor import run_map
+    from pipeline.report.recorded_blur import record
+
+    config = parse(compose(overrides), "conf/")
+    chosen = list(dict.fromkeys(estimators)) or list(config.blur.estimators)
+    for what, names, known in (
+        ("dataset", [dataset], list(config.datasets)),
+        ("estimator", chosen, list(config.blur.estimators)),
+    ):
+        for name in names:
+            if name not in known:
+                raise InputError(f"--{what} {name}: not in the configuration; {did_you_mean(name, known)}")
+    metrics = record(config, dataset, chosen, out, source, partial(run_map, workers=workers), join=join)
+    for name, ways in metrics.items():
+        means = ", ".join(f"{way} {numbers['mean_amae_percent']:.2f} %" for way, numbers in sorted(ways.items()))
+        click.echo(f"{name}: mean AMAE {means}")
+    click.echo(f"written to {out}")

@@ -1,0 +1,223 @@
+"""Blur estimators measured on recorded pictures that the project may not keep: Table I and where it comes from.
+
+As `pipeline.report.recorded` for detection: measured by hand, with ``camera-monitor blur record``, and kept as small
+files from which the report draws. Pictures, kernels and weights are named by their SHA-256; no picture is kept.
+
+    summary.csv      AMAE of every kind and size of blur, raw and calibrated (`pipeline.blur.evaluation.SUMMARY`)
+    sharp.csv        what is read from sharp frames (`pipeline.report.ledger_sources.sharp_curves`)
+    patches.csv      where the patches lie
+    metrics.json     estimator -> `pipeline.blur.evaluation.metrics`
+    provenance.json  source, dataset, frames, kernels, weights, settings
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline import blur, store
+from pipeline.blur import evaluation, table_one
+from pipeline.blur.spectral import TYPICAL
+from pipeline.camera import kernel_bank
+from pipeline.camera.paper_kernels import PaperKernel
+from pipeline.camera.psf import stored
+from pipeline.datasets.corrupted import CameraSettings
+from pipeline.datasets.index import index, indexed_patches
+from pipeline.datasets.open import open_section
+from pipeline.errors import InputError, did_you_mean
+from pipeline.report import blur_records
+from pipeline.report.blur_records import METRICS_FILE, PATCHES_FILE, PROVENANCE_FILE, SHARP_FILE, SUMMARY_FILE
+from pipeline.report.ledger_sources import sharp_curves
+from pipeline.tables import PATCHES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.camera.psf.kernel import Kernel
+    from pipeline.config.schema import Config, EstimatorSection
+    from pipeline.datasets.frame import Frame
+
+Map = Callable[..., list[Any]]
+
+
+def record(
+    config: Config,
+    dataset: str,
+    estimators: Sequence[str],
+    out: Path,
+    source: str,
+    run_map: Map,
+    *,
+    join: bool = False,
+) -> dict[str, Any]:
+    """Measure blur estimators on one dataset and write everything into a folder.
+
+    Args:
+        config: with the dataset and the estimators in it.
+        dataset: its name there.
+        estimators: their names there.
+        out: folder; replaced.
+        source: where pictures and kernels come from, their revision and licence, in words.
+        run_map: see `pipeline.executor.run_map`; changes no result.
+        join: keep what the folder has of other estimators.
+
+    Returns:
+        estimator -> metrics of those measured: see `pipeline.blur.evaluation.metrics`.
+
+    Raises:
+        InputError: the dataset, its labels, the kernels or weights are absent, there is no such estimator, or the
+            folder to join was measured on other pictures, kernels or settings.
+    """
+    import pandas as pd
+
+    section = config.blur
+    for name in estimators:
+        if name not in section.estimators:
+            known = did_you_mean(name, section.estimators)
+            raise InputError(f"blur.estimators.{name}: not in the configuration; {known}")
+    bank = kernel_bank.configured(config.psf, config.camera.kind, config.seed)
+    weights = {name: _weights(section.estimators[name]) for name in estimators}
+    found, some, whole = _patches(config, dataset, run_map)
+    where = f"dataset '{dataset}'"
+    judged = table_one.paired(found, some, where)
+    with tempfile.TemporaryDirectory() as temporary:  # the very numbers that the stage `blur` reads
+        stored.write(Path(temporary), bank, config.psf.source)
+        kernels = stored.read(Path(temporary))
+    said = _provenance(config, dataset, source, judged, bank, weights)
+    earlier = blur_records.others(out, said) if join else None
+    measured = [
+        table_one.measure(
+            name,
+            section.estimators[name],
+            judged,
+            table_one.paired(found, whole, where),
+            kernels,
+            CameraSettings.from_section(config.camera),
+            seed=config.seed,
+            draws=section.bootstrap_draws,
+            run_map=lambda function, items, label="": run_map(function, items, label=label),
+            label=f"blur of {dataset} by {name}",
+        )
+        for name in estimators
+    ]
+    metrics = {name: evaluation.metrics(one.summary) for name, one in zip(estimators, measured, strict=True)}
+    # An answer of what was added to sharp frames is no curve of theirs: with no other estimator there are no rows.
+    parts = [
+        one.estimates.iloc[: 0 if section.estimators[name].answers_added else None]
+        for name, one in zip(estimators, measured, strict=True)
+    ]
+    summary = pd.concat([one.summary for one in measured], ignore_index=True)
+    sharp = sharp_curves(pd.concat(parts, ignore_index=True))
+    kept: dict[str, Any] = {}
+    if earlier is not None:
+        summary = pd.concat([earlier.summary, summary], ignore_index=True)
+        sharp = pd.concat([earlier.sharp, sharp], ignore_index=True)
+        kept = earlier.metrics
+        said["weights"] |= earlier.said["weights"]
+        said["blur"]["estimators"] |= earlier.said["blur"]["estimators"]
+    with store.replacing_folder(out) as folder:
+        _csv(folder / SUMMARY_FILE, summary)
+        _csv(folder / SHARP_FILE, sharp)
+        _csv(folder / PATCHES_FILE, _places(judged))
+        store.write_json(folder / METRICS_FILE, kept | metrics)
+        store.write_json(folder / PROVENANCE_FILE, said)
+    return metrics
+
+
+def _provenance(
+    config: Config,
+    dataset: str,
+    source: str,
+    judged: Sequence[table_one.Work],
+    bank: Sequence[Kernel],
+    weights: Mapping[str, Mapping[str, str]],
+) -> dict[str, Any]:
+    """Where numbers come from: every picture, kernel and weight file, and the settings; no place on this machine."""
+    section = config.blur
+    return {
+        "source": source,
+        "dataset": dataset,
+        "kind": config.datasets[dataset].kind,
+        "frames": {frame.name: _sha256(frame.path.read_bytes()) for frame, _ in judged},
+        # Earlier moments, at which an estimator from several frames looks.
+        "previous": {path.name: _sha256(path.read_bytes()) for frame, _ in judged for path in frame.previous},
+        "kernels": {kernel.name: _kernel_sha256(kernel) for kernel in bank},
+        "weights": {name: files for name, files in weights.items() if files},
+        "blur": {
+            **section.model_dump(exclude={"estimators"}),
+            "estimators": {name: _placeless(section.estimators[name].model_dump()) for name in weights},
+        },
+        "psf": config.psf.model_dump(exclude={"folder"}),
+        "camera": config.camera.model_dump(),
+        "seed": config.seed,
+    }
+
+
+def _patches(config: Config, dataset: str, run_map: Map) -> tuple[list[Frame], dict[str, Any], dict[str, Any]]:
+    """Usable frames, and by their names the patches to judge by and all of them, as the stages take them."""
+    section = config.datasets[dataset]
+    found = index(
+        open_section(dataset, section),
+        tile_px=config.noise.tile_px,
+        patch_px=config.blur.patch_px,
+        max_bad_share=section.max_bad_share,
+        run_map=run_map,
+    )
+    with tempfile.TemporaryDirectory() as temporary:
+        store.write_table(Path(temporary) / "patches.parquet", found.patches, PATCHES)
+        some = indexed_patches(temporary, "blur", config.blur.patches_per_frame)
+        return found.usable, some, indexed_patches(temporary, "blur")
+
+
+def _places(judged: Sequence[table_one.Work]) -> pd.DataFrame:
+    import pandas as pd
+
+    rows = [
+        {"frame": frame.name, "patch": number, **asdict(patch)}
+        for frame, patches in judged
+        for number, patch in enumerate(patches)
+    ]
+    return pd.DataFrame(rows)
+
+
+def _kernel_sha256(kernel: Kernel) -> str:
+    """Of the picture it was read from, or of its numbers as float32."""
+    if isinstance(kernel, PaperKernel):
+        return _sha256(kernel.path.read_bytes())
+    return _sha256(kernel.psf.astype("<f4").tobytes())
+
+
+def _weights(section: EstimatorSection) -> dict[str, str]:
+    """File name -> SHA-256 of what an estimator has learned: weights of its options or released, and what is beside."""
+    made = blur.REGISTRY.get(section.kind)
+    given = section.options.get("weights") or getattr(sys.modules[made.__module__], "RELEASED", None)
+    if given is None:
+        return {}
+    path = Path(given)
+    paths = [path, path.with_name(path.stem + TYPICAL)] if section.options.get("answer") == "added" else [path]
+    for one in paths:
+        if not one.is_file():
+            raise InputError(f"weights of blur estimator '{section.kind}': no file {one}; restore data/weights")
+    return {one.name: _sha256(one.read_bytes()) for one in paths}
+
+
+def _placeless(content: Any) -> Any:
+    """The same settings with places on this machine cut down to the names of files."""
+    if isinstance(content, Mapping):
+        return {name: _placeless(value) for name, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [_placeless(value) for value in content]
+    return Path(content).name if isinstance(content, str) and Path(content).is_absolute() else content
+
+
+def _sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _csv(path: Path, table: pd.DataFrame) -> None:
+    store.write_text(path, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))

@@ -1,0 +1,178 @@
+"""Blur on recorded pictures in the report: figures, tables and sources, and what the ledger takes from the records."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from blur_makers import add_blur
+from report_makers import ABSENT, REPO
+
+from pipeline import store
+from pipeline.blur.evaluation import SUMMARY
+from pipeline.report import blur_tables, ledger_recorded, ledger_sources
+from pipeline.report.build import build
+from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary
+from pipeline.report.ledger_items import ITEMS, rows_of
+from pipeline.report.sections import blur, blur_recorded, detection, published
+from pipeline.report.sections.base import ShownFigure
+from pipeline.report.tables import Estimate, Table
+
+BY_NAME = {item.name: item for item in ITEMS}
+SIZES = (3, 21)
+FOUND = ("kitti", "sim_authors")
+ESTIMATORS = ("spectral", "pmp")
+
+
+def write(folder: Path, made: ReportInputs, dataset: str) -> None:
+    """A record as `pipeline.report.recorded_blur` writes it, of made-up stage outputs."""
+    own = blur_summary(made)
+    estimates = blur_estimates(made)
+    curves = ledger_sources.sharp_curves(estimates[estimates["dataset"] == dataset])
+    for name, table in (("summary", own[own["dataset"] == dataset]), ("sharp", curves)):
+        store.write_text(folder / f"{name}.csv", table.to_csv(index=False))
+    store.write_text(folder / "patches.csv", "frame,patch\n" + "a,0\n" * 8)
+    said = {"source": f"{dataset} by hand (CC0)", "dataset": dataset, "frames": {"a": "0", "b": "1"}}
+    said |= {"kernels": {"k": "2"}, "blur": {"estimators": {name: {} for name in ESTIMATORS}}}
+    store.write_json(folder / "provenance.json", said)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
+    root = tmp_path_factory.mktemp("made")
+    nothing = ReportInputs(paper=REPO / "data/paper", absent={"udacity": ABSENT["udacity"]})
+    return add_blur(nothing, root, FOUND, ESTIMATORS, SIZES)
+
+
+@pytest.fixture(scope="module")
+def inputs(made: ReportInputs, tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
+    """Records of KITTI and of the authors' Sim, no stage."""
+    place = tmp_path_factory.mktemp("recorded")
+    for dataset in FOUND:
+        write(place / f"{dataset}-blur", made, dataset)
+    return dataclasses.replace(made, blur=None, psf=None, recorded=place)
+
+
+@pytest.fixture(scope="module")
+def blocks(inputs: ReportInputs) -> dict[str, ShownFigure | Table]:
+    section = blur_recorded.section(inputs)
+    assert section is not None and section.key == "blur_recorded" and not section.runs
+    return {block.name: block for block in section.blocks if isinstance(block, (ShownFigure, Table))}
+
+
+def test_every_dataset_has_figures_and_both_tables(blocks: dict[str, ShownFigure | Table]) -> None:
+    assert list(blocks) == [
+        "recorded_blur_sources", "recorded_uncorrupted_mtf", "recorded_blur_amae", "recorded_blur_amae_calibrated",
+        "recorded_blur_amae_kitti", "recorded_blur_amae_kitti_calibrated", "recorded_blur_amae_sim_authors",
+        "recorded_blur_amae_sim_authors_calibrated", "recorded_blur_beside_the_best",
+    ]  # fmt: skip
+
+
+def test_sources_frames_and_patches_are_said(blocks: dict[str, ShownFigure | Table]) -> None:
+    table = blocks["recorded_blur_sources"]
+    assert isinstance(table, Table)
+    assert [row["dataset"] for row in table.rows] == ["KITTI", "Sim (authors’)"]
+    assert table.rows[0] | {"source": ""} == {
+        "dataset": "KITTI", "frames": 2, "patches": 8, "kernels": 1, "estimators": "PMP; Spectral", "source": ""
+    }  # fmt: skip
+    assert table.rows[1]["source"] == "sim_authors by hand (CC0)"
+
+
+def test_tables_hold_the_record_and_the_papers_own_values(
+    blocks: dict[str, ShownFigure | Table], made: ReportInputs
+) -> None:
+    table = blocks["recorded_blur_amae_sim_authors"]
+    assert isinstance(table, Table) and "Sim (authors’)" in table.caption and table.stage == ""
+    row = next(row for row in table.rows if row["blur"] == "D 3")
+    cell, absent = row["pmp"], row["cnn"]
+    summary = blur_summary(made).set_index(["dataset", "estimator", "kind", "size_px", "calibrated"])
+    kept = summary.loc[("sim_authors", "pmp", "defocus", 3.0, False)]
+    assert isinstance(cell, Estimate) and cell.value == pytest.approx(kept["amae_percent"], rel=1e-6)
+    assert cell.reference == 13.9  # the paper's Sim
+    assert isinstance(absent, Estimate) and math.isnan(absent.value) and absent.reference == 0.7
+    assert not any("rendered here" in note for note in table.footnotes)
+    beside = blocks["recorded_blur_beside_the_best"]
+    assert isinstance(beside, Table) and {row["dataset"] for row in beside.rows} == {"KITTI", "Sim (authors’)"}
+
+
+def test_figures_show_the_papers_curves_of_its_own_sim(blocks: dict[str, ShownFigure | Table]) -> None:
+    shown = blocks["recorded_uncorrupted_mtf"]
+    assert isinstance(shown, ShownFigure) and "Sim (authors’)" in shown.drawing.alt
+    lines = shown.drawing.figure.findobj(lambda artist: str(artist.get_gid()).startswith("series--cnn--paper_sim"))
+    assert len(lines) == 1
+    paper = pd.read_csv(REPO / "data/paper/uncorrupted_mtf.csv")
+    own = paper[(paper["dataset"] == "sim") & (paper["estimator"] == "cnn") & (paper["statistic"] == "median")]
+    assert np.asarray(lines[0].get_ydata()) == pytest.approx(own.sort_values("frequency")["mtf"].to_numpy())
+    assert shown.stages == ()
+
+
+def test_without_records_there_is_no_section(made: ReportInputs, tmp_path: Path) -> None:
+    assert blur_recorded.section(made) is None
+    assert blur_recorded.section(dataclasses.replace(made, recorded=tmp_path)) is None
+
+
+def test_a_record_of_one_kind_is_no_record_of_the_other(inputs: ReportInputs) -> None:
+    """Those of detection in the repository are not taken for blur's; blur's not for detection's."""
+    chapter = next(one for one in published.AFTER_NOISE if one.key == "detection")
+    found = detection.section(chapter, [], inputs)
+    assert not [block for block in found.blocks if isinstance(block, ShownFigure)]
+    both = blur_recorded.section(dataclasses.replace(inputs, recorded=REPO / "reports/recorded"))
+    assert both is not None and not [block for block in both.blocks if "iopc" in getattr(block, "name", "")]
+
+
+def test_the_ledger_counts_recorded_numbers(inputs: ReportInputs, made: ReportInputs) -> None:
+    rows = [row for row in rows_of(BY_NAME["blur_amae"], inputs) if math.isfinite(row.ours)]
+    assert len(rows) == 2 * 6  # PMP is the one of the paper's names; both datasets, six kernels
+    assert all(row.comparable for row in rows)  # the paper's Sim are the authors' frames
+    summary = blur_summary(made)
+    for name, dataset in (("Sim", "sim_authors"), ("KITTI", "kitti")):
+        row = next(one for one in rows if one.quantity == f"{name}, PMP, Defocus, 21 px")
+        own = summary[(summary["dataset"] == dataset) & (summary["estimator"] == "pmp") & ~summary["calibrated"]]
+        cell = own[(own["kind"] == "defocus") & (own["size_px"] == 21)].iloc[0]
+        assert row.ours == pytest.approx(cell["amae_percent"], rel=1e-6)
+    curves = [row for row in rows_of(BY_NAME["uncorrupted_mtf"], inputs) if math.isfinite(row.ours)]
+    assert len(curves) == 2 * 24 and all(row.comparable for row in curves)
+
+
+def test_own_runs_win_over_records_but_for_the_sim_rendered_here(inputs: ReportInputs, tmp_path: Path) -> None:
+    """A stage's KITTI and Sim, made otherwise than the records: KITTI is the stage's, Sim the authors' frames."""
+    ran = add_blur(inputs, tmp_path, ("kitti", "sim"), ("pmp", "gbb"), SIZES)
+    for name in ("kitti-pmp", "sim-pmp", "sim-gbb", "kitti-gbb"):
+        path = tmp_path / "blur" / name / "summary.parquet"
+        table = store.read_table(path, SUMMARY)
+        store.write_table(path, table.assign(amae_percent=50.0), SUMMARY)
+    rows = {row.quantity: row for row in rows_of(BY_NAME["blur_amae"], ran)}
+    assert rows["KITTI, PMP, Defocus, 3 px"].ours == 50.0
+    assert rows["Sim, PMP, Defocus, 3 px"].ours < 50.0 and rows["Sim, PMP, Defocus, 3 px"].comparable
+    assert rows["Sim, GBB, Defocus, 3 px"].ours == 50.0 and not rows["Sim, GBB, Defocus, 3 px"].comparable
+    table = ledger_recorded.blur_amae(ran)
+    assert table is not None and not table.duplicated(["dataset", "estimator", "blur", "size_px"]).any()
+
+
+def test_the_papers_numbers_stand_under_both_names() -> None:
+    table = blur_tables.paper_table(ReportInputs(paper=REPO / "data/paper"), "blur_amae.csv")
+    found = blur_tables.published_amae(table)
+    assert found["sim_authors", "pmp", "defocus", 3.0] == found["sim", "pmp", "defocus", 3.0] == 13.9
+    assert len(found) == 180
+
+
+def test_what_was_added_is_no_curve_of_sharp_frames(made: ReportInputs, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An estimator that answers relative to sharp frames is left out of their figure."""
+    assert {"fitted", "typical"} <= blur_tables.ADDED
+    for added, left in ((frozenset(), set(ESTIMATORS)), (frozenset({"pmp"}), {"spectral"})):
+        monkeypatch.setattr(blur_tables, "ADDED", added)
+        shown = next(block for block in blur.section(made).blocks if getattr(block, "name", "") == "uncorrupted_mtf")
+        assert isinstance(shown, ShownFigure) and set(shown.drawing.values["estimator"]) == left
+
+
+@pytest.mark.slow
+def test_the_page_holds_the_section(inputs: ReportInputs, tmp_path: Path) -> None:
+    build(inputs, tmp_path)
+    text = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert 'href="#blur_recorded"' in text and 'id="figure-recorded_blur_amae"' in text
+    assert "kitti by hand (CC0)" in text and (tmp_path / "tables/recorded_blur_amae_kitti.csv").exists()
+    assert str(inputs.recorded) not in text

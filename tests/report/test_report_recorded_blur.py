@@ -1,0 +1,185 @@
+"""A record of blur: what the stage would have measured, with its sources named and no place of the machine in it."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from data_makers import make_folder, make_kitti
+from report_makers import REPO
+
+from pipeline import store, tables
+from pipeline.blur import evaluation
+from pipeline.camera import kernel_bank
+from pipeline.camera.psf import stored
+from pipeline.config.compose import compose, parse
+from pipeline.config.schema import Config
+from pipeline.datasets.index import index
+from pipeline.datasets.open import open_section
+from pipeline.errors import InputError
+from pipeline.executor import run_map
+from pipeline.report import blur_records
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.recorded_blur import record
+from pipeline.stages.blur import run as stage
+
+SMALL = [
+    "psf.kinds=[defocus,linear_motion]",
+    "psf.sizes_px=[7]",
+    "psf.angles_deg=[0,90]",
+    "blur.bootstrap_draws=5",
+    "blur.estimators.fitted.camera_samples=100",
+]
+ESTIMATORS = ["spectral", "fitted"]
+MAP = partial(run_map, workers=1)
+
+
+def configured(root: Path, *more: str, kind: str = "folder") -> Config:
+    overrides = [f"+dataset@datasets.mine={kind}", f"datasets.mine.root={root}", *SMALL, *more]
+    return parse(compose(overrides, REPO / "conf"), "conf/")
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_folder(tmp_path_factory.mktemp("pictures") / "mine", 2)
+
+
+@pytest.fixture(scope="module")
+def recorded(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("recorded")
+    numbers = record(configured(root), "mine", ESTIMATORS, place / "mine-blur", "made up (CC0)", MAP)
+    assert set(numbers) == set(ESTIMATORS) and set(numbers["fitted"]) == {"calibrated"}
+    assert store.read_json(place / "mine-blur/metrics.json")["spectral"]["raw"] == numbers["spectral"]["raw"]
+    return place
+
+
+@pytest.fixture(scope="module")
+def read(recorded: Path) -> blur_records.BlurRecord:
+    (one,) = blur_records.read(ReportInputs(paper=REPO / "data/paper", recorded=recorded))
+    return one
+
+
+def test_the_numbers_are_those_of_the_stages(root: Path, read: blur_records.BlurRecord, tmp_path: Path) -> None:
+    config = configured(root)
+    found = index(open_section("mine", config.datasets["mine"]))
+    store.write_table(tmp_path / "data/index/mine/frames.parquet", found.frames, tables.FRAMES)
+    store.write_table(tmp_path / "data/index/mine/patches.parquet", found.patches, tables.PATCHES)
+    stored.write(tmp_path / "data/psf", kernel_bank.configured(config.psf, "physical", config.seed), "generated")
+    for name in ESTIMATORS:
+        stage.run(config, {"dataset": "mine", "estimator": name}, tmp_path, tmp_path)
+        own = store.read_table(tmp_path / f"data/blur/mine-{name}/summary.parquet", evaluation.SUMMARY)
+        kept = read.summary[read.summary["estimator"] == name].reset_index(drop=True)
+        pd.testing.assert_frame_equal(kept, own, rtol=1e-5)
+    estimates = store.read_table(tmp_path / "data/blur/mine-spectral/estimates.parquet", evaluation.ESTIMATES)
+    sharp = estimates[(estimates["kernel"] == "sharp") & (estimates["axis"] == "V")]
+    median = sharp.groupby("frequency")["mtf"].median()  # two patches: none is an outlier
+    assert read.sharp[read.sharp["axis"] == "V"]["median"].to_numpy() == pytest.approx(median.to_numpy(), rel=1e-5)
+    assert set(read.sharp["estimator"]) == {"spectral"}  # fitted answers are relative to the sharp frames
+
+
+def test_everything_is_named_by_its_hash(root: Path, read: blur_records.BlurRecord) -> None:
+    frames = {path.stem: hashlib.sha256(path.read_bytes()).hexdigest() for path in (root / "images").iterdir()}
+    assert read.said["frames"] == frames and read.said["previous"] == {}
+    assert set(read.said["kernels"]) == {"defocus_7", "linear_motion_7_0", "linear_motion_7_90"}
+    assert len(set(read.said["kernels"].values())) == 3
+    weights = REPO / "data/weights/mtf_spectral.safetensors"
+    named = {weights.name: hashlib.sha256(weights.read_bytes()).hexdigest()}
+    assert read.said["weights"] == {"spectral": named, "fitted": named}
+    assert (read.said["source"], read.said["kind"], read.said["seed"]) == ("made up (CC0)", "folder", 1)
+    assert read.said["blur"]["estimators"]["fitted"]["camera_samples"] == 100
+    assert set(read.estimators) == set(ESTIMATORS) and read.patches == 2
+
+
+def test_earlier_moments_and_the_papers_kernels_are_named_too(tmp_path: Path) -> None:
+    root = make_kitti(tmp_path / "kitti", 2, previous=1)
+    disc = tmp_path / "kernels/defocusBlur/7/7.png"
+    disc.parent.mkdir(parents=True)
+    store.write_image(disc, np.full((7, 7), 255, np.uint8))
+    config = configured(root, "psf=paper", f"psf.folder={tmp_path / 'kernels'}", "psf.kinds=[defocus]", kind="kitti")
+    record(config, "mine", ["spectral"], tmp_path / "out", "made up", MAP)
+    said = store.read_json(tmp_path / "out/provenance.json")
+    assert said["kernels"] == {"defocus_7": hashlib.sha256(disc.read_bytes()).hexdigest()}
+    assert set(said["previous"]) == {"000000_01.png", "000001_01.png"} and set(said["frames"]) == {"000000", "000001"}
+    assert said["psf"]["source"] == "paper" and "folder" not in said["psf"]
+
+
+def test_no_place_of_the_machine_and_no_picture_is_kept(root: Path, recorded: Path, tmp_path: Path) -> None:
+    weights = REPO / "data/weights/mtf_spectral.safetensors"
+    own = configured(root, f"+blur.estimators.spectral.options.weights={weights}")
+    record(own, "mine", ["spectral"], tmp_path / "out", "made up", MAP)
+    assert store.read_json(tmp_path / "out/provenance.json")["blur"]["estimators"]["spectral"]["options"] == {
+        "weights": weights.name
+    }
+    names = ["metrics.json", "patches.csv", "provenance.json", "sharp.csv", "summary.csv"]
+    for folder in (recorded / "mine-blur", tmp_path / "out"):
+        assert sorted(path.name for path in folder.iterdir()) == names
+        for path in folder.iterdir():
+            text = path.read_text(encoding="utf-8")
+            assert str(root) not in text and str(REPO) not in text
+
+
+def test_the_same_again_gives_the_same_bytes(root: Path, recorded: Path, tmp_path: Path) -> None:
+    record(configured(root), "mine", ESTIMATORS, tmp_path / "out", "made up (CC0)", partial(run_map, workers=2))
+    for path in (recorded / "mine-blur").iterdir():
+        assert path.read_bytes() == (tmp_path / "out" / path.name).read_bytes(), path.name
+
+
+def test_what_is_absent_is_named_and_nothing_is_written(root: Path, tmp_path: Path) -> None:
+    def refused(config: Config, names: list[str], match: str) -> None:
+        with pytest.raises(InputError, match=match):
+            record(config, "mine", names, tmp_path / "out", "", MAP)
+        assert not (tmp_path / "out").exists()
+
+    refused(configured(tmp_path / "none"), ["spectral"], "datasets.mine.root")
+    refused(configured(root), ["spektral"], "blur.estimators.spektral: .* did you mean 'spectral'")
+    refused(configured(root, "psf=paper", "psf.folder=/nowhere"), ["spectral"], "no kernels of the paper in '/nowhere'")
+    options = "+blur.estimators.spectral.options.weights=/nowhere/w.safetensors"
+    refused(configured(root, options), ["spectral"], "no file /nowhere/w.safetensors")
+
+
+def test_records_are_told_apart_by_what_they_hold(recorded: Path, tmp_path: Path) -> None:
+    def inputs(place: Path | None) -> ReportInputs:
+        return ReportInputs(paper=REPO / "data/paper", recorded=place)
+
+    assert blur_records.read(inputs(None)) == [] == blur_records.read(inputs(tmp_path / "none"))
+    store.write_text(tmp_path / "other/precision.csv", "label\n")
+    store.write_json(tmp_path / "other/provenance.json", {"dataset": "kitti"})
+    assert blur_records.read(inputs(tmp_path)) == []
+    assert blur_records.estimators(inputs(recorded)) == {"mine": set(ESTIMATORS)}
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        for path in (recorded / "mine-blur").iterdir():
+            (tmp_path / name / path.name).write_bytes(path.read_bytes())
+    with pytest.raises(InputError, match="both record blur on 'mine'"):
+        blur_records.read(inputs(tmp_path))
+    store.write_json(tmp_path / "two/provenance.json", {"dataset": "mine"})
+    with pytest.raises(InputError, match="two/provenance.json: not the provenance of a record of blur"):
+        blur_records.read(inputs(tmp_path))
+
+
+def test_an_estimator_joins_those_recorded(root: Path, recorded: Path, tmp_path: Path) -> None:
+    """One after the other gives what both at once give; measuring one again leaves the other as it was."""
+    out, together = tmp_path / "mine-blur", recorded / "mine-blur"
+    for names in (ESTIMATORS[:1], ESTIMATORS[1:], ESTIMATORS[:1]):
+        record(configured(root), "mine", names, out, "made up (CC0)", MAP, join=True)
+        assert store.read_json(out / "provenance.json")["blur"]["estimators"].keys() >= set(names)
+    for name in ("metrics.json", "provenance.json"):
+        assert store.read_json(out / name) == store.read_json(together / name)
+    for name in ("summary.csv", "sharp.csv", "patches.csv"):
+        own, both = (sorted((place / name).read_text().splitlines()) for place in (out, together))
+        assert own == both
+
+
+def test_only_what_was_measured_alike_can_join(root: Path, recorded: Path, tmp_path: Path) -> None:
+    out = tmp_path / "mine-blur"
+    shutil.copytree(recorded / "mine-blur", out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    for other, word in (("seed=7", "seed"), ("blur.patches_per_frame=2", "blur"), ("psf.sizes_px=[3]", "kernels, psf")):
+        with pytest.raises(InputError, match=f"measured with another {word}"):
+            record(configured(root, other), "mine", ["spectral"], out, "made up (CC0)", MAP, join=True)
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
