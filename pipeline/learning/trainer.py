@@ -237,11 +237,12 @@ def _identity(schedule: Schedule) -> dict[str, Any]:
 def _continues(kept: dict[str, Any], schedule: Schedule, step: int) -> bool:
     """Whether a run of one schedule, stopped at a step, may go on with another.
 
-    They must be the same, but for the length as long as the rate has not begun to fall in either.
+    They must be the same, but for the length as long as the rate has not begun to fall in either (it may never).
     """
     own = _identity(schedule)
     lengths = kept.pop("steps", 0), own.pop("steps")
-    return kept == own and (lengths[0] == lengths[1] or step <= schedule.hold * min(lengths))
+    even = 1.0 if schedule.final_share == 1 else schedule.hold
+    return kept == own and (lengths[0] == lengths[1] or step <= even * min(lengths))
 
 
 def _keep(path: Path, state: _State, schedule: Schedule) -> None:

@@ -1,17 +1,22 @@
 """Fitted to cameras at large: pictures seen through lenses; answers freed of a typical lens without sharp frames."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from pipeline import blur
+from pipeline import blur, store
 from pipeline.blur import spectral, typical_camera
 from pipeline.blur.camera_fit import Fit
 from pipeline.camera import mtf
 from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus
+from pipeline.config.compose import compose, parse
 from pipeline.errors import InputError
 from pipeline.learning import images
+from pipeline.stages.typical_camera import run as stage
 
+ROOT = Path(__file__).resolve().parents[2]
 MAP = spectral.RELEASED.with_name(spectral.RELEASED.stem + spectral.TYPICAL)
 released = pytest.mark.skipif(not MAP.is_file(), reason="map absent: run dvc repro typical_camera")
 
@@ -84,3 +89,18 @@ def test_an_unknown_answer_or_an_absent_map_is_an_error_that_names_it(tmp_path):
     copy.write_bytes(spectral.RELEASED.read_bytes())
     with pytest.raises(InputError, match="mine_typical.json"):
         blur.create("spectral", weights=copy, answer="added")
+
+
+@pytest.mark.skipif(not spectral.RELEASED.is_file(), reason="released weights absent: run dvc repro train_mtf")
+def test_the_stage_writes_a_map_that_depends_on_its_settings_alone(tmp_path):
+    small = "{images: 4, patches: 8, samples: 120}"
+    written = []
+    for place, more in (("one", ["executor.workers=1"]), ("two", ["executor.workers=2"]), ("other", ["seed=8"])):
+        config = parse(compose([f"train.typical_camera={small}", *more], ROOT / "conf"), "conf/")
+        outputs = tmp_path / place
+        stage.run(config, {}, ROOT, outputs)
+        written.append((outputs / "data/weights" / MAP.name).read_bytes())
+        found = store.read_json(outputs / "reports/metrics/train/typical_camera.json")
+        assert 100 <= found["samples"] <= 120
+        assert found["error_after_percent"] < found["error_before_percent"]
+    assert written[0] == written[1] != written[2]

@@ -102,6 +102,16 @@ def test_length_may_change_while_the_rate_is_held(tmp_path):
         run(held, folder=tmp_path / "late")
 
 
+def test_length_may_change_where_the_rate_never_falls(tmp_path):
+    even = replace(SCHEDULE, hold=0.0, final_share=1.0)
+    run(replace(even, steps=200), folder=tmp_path, stop_after=40)
+    assert torch.equal(
+        weights_of(run(replace(even, steps=80), folder=tmp_path)), weights_of(run(replace(even, steps=80)))
+    )
+    with pytest.raises(InputError, match="another schedule"):  # it is past that end
+        run(replace(even, steps=40), folder=tmp_path)
+
+
 def test_checkpoints_of_another_training_are_refused(tmp_path):
     run(folder=tmp_path, stop_after=20)
     with pytest.raises(InputError, match="another schedule"):
