@@ -240,7 +240,7 @@ def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
                 figure.text(place, 1 - 0.3 / height_in, kernel.kind, fontweight="bold", fontsize=6.5)
         looks = {
             way: style.series_look(way, look) | {"linestyle": "none"}
-            for way, look in zip(WAYS, (5, 2, 0, 1), strict=True)
+            for way, look in zip(WAYS, (3, 5, 0, 1), strict=True)
         }
         handles = [Line2D([], [], label=f"{way}: {WAYS[way]}", **looks[way]) for way in WAYS]
         figure.legend(handles=handles, loc="upper center", ncols=4, borderpad=0.2, handletextpad=0.1)

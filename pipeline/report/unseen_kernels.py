@@ -17,7 +17,6 @@ from pipeline.report.wording import DATASETS, in_order, word
 LINE = "python benchmarks/unseen_kernels.py"
 GROUPS = ("out of focus", "aberrated", "shaken")
 WAYS = {"raw": "", "typical": ", typical lens", "calibrated": ", calibrated", "fitted": ", fitted"}
-NAMES = {"authors": "sim_authors"}
 
 
 def table(path: Path | None) -> Table | None:
@@ -61,7 +60,7 @@ def _rows(dataset: str, content: Mapping[str, Any]) -> Iterator[dict[str, Cell]]
                 if found is None or (estimator != "spectral" and way != "raw"):
                     continue
                 yield {
-                    "dataset": word(NAMES.get(dataset, dataset)),
+                    "dataset": word(dataset),
                     "estimator": word(estimator) + suffix,
                     "patches": part["patches"],
                     **{group: float(found["mean_of_group_percent"][group]) for group in GROUPS},
