@@ -7,7 +7,6 @@ and the weights by their SHA-256, so that anyone who has them can repeat the num
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -21,6 +20,7 @@ from pipeline.detection import sweep
 from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError
 from pipeline.report import heat_figure, iopc_figure, style
+from pipeline.report.record_files import write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,8 +64,8 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
         raise InputError(f"dataset '{dataset}': no object of a class that detectors know; see its labels")
     numbers = precision.metrics(table[table["label"].isin(labels)], surfaces)
     with store.replacing_folder(out) as folder:
-        _csv(folder / "precision.csv", table[table["label"].isin(labels)])
-        _csv(folder / "conditions.csv", conditions)
+        write_csv(folder / "precision.csv", table[table["label"].isin(labels)])
+        write_csv(folder / "conditions.csv", conditions)
         for name, parts, draw in (("iopc", isolated, iopc_figure.draw), ("iopc_heat", heats, heat_figure.draw)):
             drawing = draw(_joined(parts).assign(detector=detector))
             style.save(drawing.figure, folder / name, drawing.values)
@@ -78,7 +78,7 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
                 "source": source,
                 "dataset": dataset,
                 "kind": kind,
-                "frames": {frame.name: hashlib.sha256(frame.path.read_bytes()).hexdigest() for frame in frames},
+                "frames": {frame.name: file_sha256(frame.path) for frame in frames},
                 "detector": {"kind": section.kind, "file": Path(section.weights).name, "options": section.options}
                 | {"sha256": file_sha256(section.weights)},
                 "sweep": settings.sweep.model_dump(),
@@ -148,7 +148,3 @@ def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
     import pandas as pd
 
     return pd.concat(parts, ignore_index=True)
-
-
-def _csv(path: Path, table: pd.DataFrame) -> None:
-    store.write_text(path, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))

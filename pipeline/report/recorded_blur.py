@@ -29,10 +29,12 @@ from pipeline.camera.psf import stored
 from pipeline.datasets.corrupted import CameraSettings
 from pipeline.datasets.index import index, indexed_patches
 from pipeline.datasets.open import open_section
+from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError, did_you_mean
 from pipeline.report import blur_records
 from pipeline.report.blur_records import METRICS_FILE, PATCHES_FILE, PROVENANCE_FILE, SHARP_FILE, SUMMARY_FILE
 from pipeline.report.ledger_sources import sharp_curves
+from pipeline.report.record_files import write_csv
 from pipeline.tables import PATCHES
 
 if TYPE_CHECKING:
@@ -121,9 +123,9 @@ def record(
         said["weights"] |= earlier.said["weights"]
         said["blur"]["estimators"] |= earlier.said["blur"]["estimators"]
     with store.replacing_folder(out) as folder:
-        _csv(folder / SUMMARY_FILE, summary)
-        _csv(folder / SHARP_FILE, sharp)
-        _csv(folder / PATCHES_FILE, _places(judged))
+        write_csv(folder / SUMMARY_FILE, summary)
+        write_csv(folder / SHARP_FILE, sharp)
+        write_csv(folder / PATCHES_FILE, _places(judged))
         store.write_json(folder / METRICS_FILE, kept | metrics)
         store.write_json(folder / PROVENANCE_FILE, said)
     return metrics
@@ -143,9 +145,9 @@ def _provenance(
         "source": source,
         "dataset": dataset,
         "kind": config.datasets[dataset].kind,
-        "frames": {frame.name: _sha256(frame.path.read_bytes()) for frame, _ in judged},
+        "frames": {frame.name: file_sha256(frame.path) for frame, _ in judged},
         # Earlier moments, at which an estimator from several frames looks.
-        "previous": {path.name: _sha256(path.read_bytes()) for frame, _ in judged for path in frame.previous},
+        "previous": {path.name: file_sha256(path) for frame, _ in judged for path in frame.previous},
         "kernels": {kernel.name: _kernel_sha256(kernel) for kernel in bank},
         "weights": {name: files for name, files in weights.items() if files},
         "blur": {
@@ -188,8 +190,8 @@ def _places(judged: Sequence[table_one.Work]) -> pd.DataFrame:
 def _kernel_sha256(kernel: Kernel) -> str:
     """Of the picture it was read from, or of its numbers as float32."""
     if isinstance(kernel, PaperKernel):
-        return _sha256(kernel.path.read_bytes())
-    return _sha256(kernel.psf.astype("<f4").tobytes())
+        return file_sha256(kernel.path)
+    return hashlib.sha256(kernel.psf.astype("<f4").tobytes()).hexdigest()
 
 
 def _weights(section: EstimatorSection) -> dict[str, str]:
@@ -203,7 +205,7 @@ def _weights(section: EstimatorSection) -> dict[str, str]:
     for one in paths:
         if not one.is_file():
             raise InputError(f"weights of blur estimator '{section.kind}': no file {one}; restore data/weights")
-    return {one.name: _sha256(one.read_bytes()) for one in paths}
+    return {one.name: file_sha256(one) for one in paths}
 
 
 def _placeless(content: Any) -> Any:
@@ -213,11 +215,3 @@ def _placeless(content: Any) -> Any:
     if isinstance(content, (list, tuple)):
         return [_placeless(value) for value in content]
     return Path(content).name if isinstance(content, str) and Path(content).is_absolute() else content
-
-
-def _sha256(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
-
-
-def _csv(path: Path, table: pd.DataFrame) -> None:
-    store.write_text(path, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
