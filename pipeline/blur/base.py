@@ -15,7 +15,9 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.mtf import BINS
+from pipeline.camera.saturation import SATURATED, is_saturated
 from pipeline.errors import InputError
 from pipeline.statistics import inliers
 
@@ -23,7 +25,6 @@ PATCH_PX = 192
 FREQUENCIES = len(BINS)
 
 FLAT_DN = 1.0  # standard deviation, on the 0..255 scale, under which a patch shows no structure
-SATURATED_FRACTION = 0.5  # of pixels at black or white: more than that and edges are clipped, not blurred
 SHARP_FLOOR = 0.05  # below this the camera's own MTF is noise and is not divided by (the paper's epsilon)
 
 Floats = NDArray[np.float32] | NDArray[np.float64]
@@ -116,10 +117,8 @@ def unusable(patches: NDArray[np.float32]) -> NDArray[np.str_]:
     if len(patches) == 0:
         return np.empty(0, dtype=np.str_)
     pixels = patches.reshape(len(patches), -1)
-    half_dn = 0.5 / 255.0
-    clipped = ((pixels <= half_dn) | (pixels >= 1.0 - half_dn)).mean(axis=1) > SATURATED_FRACTION
-    flat = pixels.std(axis=1, dtype=np.float64) * 255.0 < FLAT_DN
-    return np.select([clipped & ~flat, flat], ["saturated", "flat"], default="")
+    flat = pixels.std(axis=1, dtype=np.float64) * FULL_SCALE_DN < FLAT_DN
+    return np.select([is_saturated(pixels) & ~flat, flat], [SATURATED, "flat"], default="")
 
 
 class Estimator(ABC):

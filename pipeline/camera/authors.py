@@ -25,9 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera import draws
+from pipeline.camera.constants import BOLTZMANN_J_PER_K, ELECTRON_CHARGE_C, FULL_SCALE_DN
 from pipeline.camera.effects import Effects
 from pipeline.camera.quantise import full_range
-from pipeline.camera.sensor import BOLTZMANN_J_PER_K, ELECTRON_CHARGE_C, FULL_SCALE_DN, Sensor
+from pipeline.camera.sensor import Sensor
 from pipeline.camera.truth import Corrupted, Float
 from pipeline.errors import InputError
 from pipeline.streams import KeyPart

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from pipeline.camera.constants import PAPER_HOT_EXPOSURE_S, PAPER_HOT_K
 from pipeline.errors import InputError, did_you_mean
 
 Range = tuple[float, float]
@@ -40,13 +41,15 @@ class Effects:
         return self.photon or self.dark or self.reset or self.source_follower
 
 
-_ANY_TEMPERATURE_K: Range = (300.0, 330.0)
+_HOT_K: Range = (PAPER_HOT_K, PAPER_HOT_K)
+_HOT_EXPOSURE_S: Range = (PAPER_HOT_EXPOSURE_S, PAPER_HOT_EXPOSURE_S)
+_ANY_TEMPERATURE_K: Range = (300.0, PAPER_HOT_K)
 _ANY_EXPOSURE_S: Range = (1.0 / 500.0, 1.0)
 
 PRESETS: dict[str, Effects] = {
     "photon": Effects(photon=True),
-    "dcsn": Effects(dark=True, temperature_k=(330.0, 330.0), exposure_s=(0.1, 0.1)),
-    "readout": Effects(reset=True, source_follower=True, temperature_k=(330.0, 330.0)),
+    "dcsn": Effects(dark=True, temperature_k=_HOT_K, exposure_s=_HOT_EXPOSURE_S),
+    "readout": Effects(reset=True, source_follower=True, temperature_k=_HOT_K),
     "combined": Effects(True, True, True, True, _ANY_TEMPERATURE_K, _ANY_EXPOSURE_S),
     "sensor": Effects(False, True, True, True, _ANY_TEMPERATURE_K, _ANY_EXPOSURE_S),
 }

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.dark_current import dark_noise
 from pipeline.camera.photon import photon_shot
 from pipeline.camera.readout import read_noise
-from pipeline.camera.sensor import FULL_SCALE_DN, Sensor
+from pipeline.camera.sensor import Sensor
 from pipeline.streams import stream
 
 _SIDE_PX = 512

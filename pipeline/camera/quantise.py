@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.camera.sensor import FULL_SCALE_DN, Sensor
+from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.camera.sensor import Sensor
 from pipeline.errors import InputError
 
 

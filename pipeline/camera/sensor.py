@@ -13,18 +13,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.camera.constants import (
+    BOLTZMANN_EV_PER_K,
+    BOLTZMANN_J_PER_K,
+    DARK_CURRENT_FACTOR,
+    ELECTRON_CHARGE_C,
+    FULL_SCALE_DN,
+    PAPER_FULL_WELL_E,
+    SILICON_GAP_EV,
+    SILICON_GAP_OFFSET_K,
+    SILICON_GAP_SLOPE_EV_PER_K,
+)
 from pipeline.errors import InputError, did_you_mean
-
-FULL_SCALE_DN = 255.0
-
-# Physical constants with the digits of the paper's program, so that its numbers are met exactly.
-ELECTRON_CHARGE_C = 1.602176487e-19
-BOLTZMANN_J_PER_K = 1.3806504e-23
-BOLTZMANN_EV_PER_K = 8.617343e-5
-SILICON_GAP_EV = 1.1557  # at 0 K; Varshni 1967 with the two numbers below
-SILICON_GAP_SLOPE_EV_PER_K = 7.021e-4
-SILICON_GAP_OFFSET_K = 1108.0
-DARK_CURRENT_FACTOR = 2.5e15  # e- per (s cm^2 K^1.5 nA/cm^2); Janesick 2001
 
 _NOISE_BAND_STEP_HZ = 5.0e4  # step of the source-follower sum, from 1 Hz to the pixel clock
 
@@ -59,7 +59,7 @@ class Sensor:
         InputError: a parameter is out of range.
     """
 
-    full_well_e: float = 20_000.0
+    full_well_e: float = PAPER_FULL_WELL_E
     pixel_pitch_um: float = 5.0
     dark_figure_na_per_cm2: float = 1.0
     sense_node_gain_v_per_e: float = 5e-6

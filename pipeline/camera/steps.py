@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.camera.sensor import FULL_SCALE_DN
+from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.truth import Corrupted, Float, through_optics
 
 

@@ -14,8 +14,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.quantise import to_8bit
-from pipeline.camera.sensor import FULL_SCALE_DN, Sensor
+from pipeline.camera.sensor import Sensor
 from pipeline.errors import InputError
 from pipeline.streams import KeyPart
 

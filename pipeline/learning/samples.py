@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera import mtf
+from pipeline.camera.constants import PAPER_FULL_WELL_E, PAPER_HOT_DARK_E, PAPER_HOT_READOUT_E
 from pipeline.learning import images, kernels
 from pipeline.streams import stream, torch_stream
 
@@ -28,9 +29,6 @@ if TYPE_CHECKING:
 PATCH_PX = 192
 MARGIN_PX = 24  # the blur wraps round within it; it is cut away
 FIELD_PX = PATCH_PX + 2 * MARGIN_PX
-FULL_WELL_E = 20_000.0
-READOUT_E = 75.5
-DARK_E = 1428.0
 KINDS = ("photon", "dcsn", "readout", "combined")
 
 
@@ -186,13 +184,13 @@ def noise_e(image: torch.Tensor, kind: torch.Tensor, generator: torch.Generator)
     import torch
 
     kind = kind.view(-1, 1, 1)
-    signal = image * FULL_WELL_E
+    signal = image * PAPER_FULL_WELL_E
     photon, dark, readout = (kind == 0) | (kind == 3), (kind == 1) | (kind == 3), kind >= 2
-    variance = signal * photon + DARK_E * dark
+    variance = signal * photon + PAPER_HOT_DARK_E * dark
     charge = signal + torch.randn(image.shape, generator=generator) * variance.sqrt()
-    noise = charge.clamp(0, FULL_WELL_E) - signal
+    noise = charge.clamp(0, PAPER_FULL_WELL_E) - signal
     if readout.any():
-        noise = noise + torch.randn(image.shape, generator=generator) * (READOUT_E * readout)
+        noise = noise + torch.randn(image.shape, generator=generator) * (PAPER_HOT_READOUT_E * readout)
     return noise
 
 

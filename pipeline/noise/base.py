@@ -1,34 +1,30 @@
-"""What every noise estimator takes and gives, and when it must abstain.
+"""Interface and base class of the noise estimators: patches in, a noise level per patch out, or an abstention.
 
-A noise level is a standard deviation in digital numbers (DN), on a scale where white is 255. An estimator that cannot
-see the noise says so: a *saturated* patch has lost it to clipping, a *flat* one never showed any (a lens cap, a masked
-area, an area that the camera has smoothed away). Neither is a zero, and both are counted.
+A noise level is a standard deviation in digital numbers (DN), on a scale where white is 255. An estimator abstains
+where it cannot measure the noise: a *saturated* patch has lost it to clipping, a *flat* one never showed any (a lens
+cap, a masked area, an area that the camera has smoothed away). Neither is a zero, and both are counted.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.camera.saturation import SATURATED, SATURATED_FRACTION, is_saturated
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     import torch
 
-WHITE_DN = 255.0
-
-SATURATED = "saturated"
-"""Reason: at least half of the pixels (by default) lie within half a DN of black or white."""
+WHITE_DN = FULL_SCALE_DN
 
 FLAT = "flat"
 """Reason: the patch, or the part of it that the estimator relies on, does not vary."""
-
-SATURATED_FRACTION = 0.5
-"""Default share of clipped pixels, in (0, 1], from which a patch is saturated: clipping half of the pixels takes about
-30 % from a standard deviation (half-normal), beyond that an estimate says more about the clipping than the noise."""
 
 LEAST_SIGMA_DN = 1e-3
 """Smaller estimates are rounding of float32 images (1.5e-5 DN at white), not noise; they count as flat."""
@@ -55,6 +51,20 @@ class NoiseEstimate:
 
     def __len__(self) -> int:
         return len(self.sigma_dn)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Raw noise levels of N patches, before abstentions.
+
+    Attributes:
+        sigma_dn: (N,) standard deviation, DN; NaN where there is none.
+        low_dn, high_dn: (N,) ends of a 95 % interval, DN, NaN where there is none; None if the method has no interval.
+    """
+
+    sigma_dn: NDArray[np.float64]
+    low_dn: NDArray[np.float64] | None = None
+    high_dn: NDArray[np.float64] | None = None
 
 
 class NoiseEstimator(Protocol):
@@ -130,22 +140,15 @@ def screen(stack: NDArray[np.floating], saturated_fraction: float = SATURATED_FR
 
     Args:
         stack: (N, H, W) in [0, 1].
-        saturated_fraction: share of pixels within half a DN of 0 or 1 from which a patch is saturated.
+        saturated_fraction: of saturated pixels from which a patch is saturated (`pipeline.camera.saturation`).
 
     Returns:
         (N,) reasons, empty where the patch can be judged.
     """
     reason = np.full(len(stack), "", dtype=object)
-    if len(stack) == 0:
-        return reason
-    edge = 0.5 / WHITE_DN
-    lowest, highest = stack.min(axis=(1, 2)), stack.max(axis=(1, 2))
-    reason[lowest == highest] = FLAT
-    for index in np.flatnonzero((lowest <= edge) | (highest >= 1.0 - edge)):  # most patches touch neither end
-        patch = stack[index]
-        clipped = np.count_nonzero((patch <= edge) | (patch >= 1.0 - edge))
-        if clipped >= saturated_fraction * patch.size:
-            reason[index] = SATURATED
+    if len(stack):
+        reason[stack.min(axis=(1, 2)) == stack.max(axis=(1, 2))] = FLAT
+        reason[is_saturated(stack, saturated_fraction)] = SATURATED
     return reason
 
 
@@ -200,3 +203,58 @@ def as_published(sigma_dn: NDArray[np.float64]) -> NoiseEstimate:
         abstained=np.zeros(len(stored), dtype=bool),
         reason=np.full(len(stored), "", dtype=object),
     )
+
+
+class Estimator(ABC):
+    """Base class of the noise estimators: checks the patches, screens them, joins estimates and abstentions.
+
+    Subclasses implement `measure`.
+
+    Args:
+        saturated_fraction: of saturated pixels, (0, 1], from which a patch is refused.
+        quantise_like_paper: report whole DN (truncated) and never abstain (0 instead), as the authors' programs do.
+
+    Attributes:
+        min_size_px: smallest height and width of a patch.
+
+    Raises:
+        InputError: a fraction out of range.
+    """
+
+    min_size_px: ClassVar[int]
+
+    def __init__(self, saturated_fraction: float = SATURATED_FRACTION, *, quantise_like_paper: bool = False) -> None:
+        self.saturated_fraction = check_fraction("saturated_fraction", saturated_fraction)
+        self.quantise_like_paper = quantise_like_paper
+
+    @abstractmethod
+    def measure(self, stack: NDArray[np.floating], reason: NDArray[np.object_]) -> Measured:
+        """Raw noise levels.
+
+        Args:
+            stack: (N, H, W) float32 or float64 in [0, 1], checked, at least `min_size_px` high and wide.
+            reason: (N,) why a patch is abstained from whatever its estimate, "" where there is no reason; the
+                estimator may write reasons of its own into it.
+
+        Returns:
+            raw estimates, anything where there is a reason.
+        """
+
+    def estimate(self, patches: NDArray[np.floating] | torch.Tensor) -> NoiseEstimate:
+        """Estimate the noise level of each patch on its own.
+
+        Args:
+            patches: (N, 1, H, W) float, [0, 1], NumPy or torch (any device); N may be 0.
+
+        Returns:
+            the estimates; flat and saturated patches are abstained from.
+
+        Raises:
+            InputError: wrong shape, size, type or range, or a NaN.
+        """
+        stack = as_stack(patches, self.min_size_px)
+        reason = screen(stack, self.saturated_fraction)
+        measured = self.measure(stack, reason)
+        if self.quantise_like_paper:
+            return as_published(measured.sigma_dn)
+        return assemble(measured.sigma_dn, reason, measured.low_dn, measured.high_dn)

@@ -17,31 +17,16 @@ Elsewhere the method has no interval: its error is bias (the filter follows part
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.noise.base import (
-    FLAT,
-    LEAST_SIGMA_DN,
-    SATURATED_FRACTION,
-    WHITE_DN,
-    NoiseEstimate,
-    as_published,
-    as_stack,
-    assemble,
-    check_fraction,
-    screen,
-)
-
-if TYPE_CHECKING:
-    import torch
+from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.camera.saturation import SATURATED_FRACTION
+from pipeline.noise.base import FLAT, LEAST_SIGMA_DN, Estimator, Measured
 
 BLOCK_WIDTH_PX = 16
 BLOCK_HEIGHT_PX = 8
-LEAST_PX = 32
-"""Smallest patch: eight blocks."""
 
 START_DN = 100.0
 """The authors' search for the smallest standard deviation starts here, so s_min is never larger."""
@@ -49,36 +34,33 @@ START_DN = 100.0
 _CHUNK = 16
 
 
-class BlockAndFilter:
+class BlockAndFilter(Estimator):
     """B+F noise estimator. Pixels right of and below the last whole block are not used.
 
     Args:
         quantise_like_paper: patches and smoothed blocks are 8 bit (with OpenCV's fixed-point kernels), the answer is in
             whole DN (truncated), and nothing abstains (0 instead), as in the authors' program.
-        saturated_fraction: share of clipped pixels, (0, 1], from which a patch is refused.
+        saturated_fraction: of saturated pixels, (0, 1], from which a patch is refused.
 
     Raises:
-        InputError: a share out of range.
+        InputError: a fraction out of range.
     """
 
-    def __init__(self, quantise_like_paper: bool = False, saturated_fraction: float = SATURATED_FRACTION) -> None:
-        self.quantise_like_paper = quantise_like_paper
-        self.saturated_fraction = check_fraction("saturated_fraction", saturated_fraction)
+    min_size_px = 32  # eight blocks
 
-    def estimate(self, patches: NDArray[np.floating] | torch.Tensor) -> NoiseEstimate:
-        """See `pipeline.noise.base.NoiseEstimator.estimate`; patches of at least 32 x 32 px."""
-        stack = as_stack(patches, LEAST_PX)
+    def __init__(self, quantise_like_paper: bool = False, saturated_fraction: float = SATURATED_FRACTION) -> None:
+        super().__init__(saturated_fraction, quantise_like_paper=quantise_like_paper)
+
+    def measure(self, stack: NDArray[np.floating], reason: NDArray[np.object_]) -> Measured:
+        """See `pipeline.noise.base.Estimator.measure`; a patch with a block that does not vary at all is flat."""
         sigma_dn, quietest_dn = np.empty(len(stack)), np.empty(len(stack))
         for first in range(0, len(stack), _CHUNK):
             part = slice(first, first + _CHUNK)
             sigma_dn[part], quietest_dn[part] = _estimate(stack[part], self.quantise_like_paper)
-        if self.quantise_like_paper:
-            return as_published(sigma_dn)
-        reason = screen(stack, self.saturated_fraction)
         reason[(reason == "") & (quietest_dn < LEAST_SIGMA_DN)] = FLAT
         unresolved = _taps(quietest_dn) == 1
         nan = np.full(len(stack), np.nan)
-        return assemble(sigma_dn, reason, np.where(unresolved, 0.0, nan), np.where(unresolved, quietest_dn, nan))
+        return Measured(sigma_dn, np.where(unresolved, 0.0, nan), np.where(unresolved, quietest_dn, nan))
 
 
 def _estimate(stack: NDArray[np.floating], eight_bit: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -86,7 +68,7 @@ def _estimate(stack: NDArray[np.floating], eight_bit: bool) -> tuple[NDArray[np.
     height = stack.shape[1] // BLOCK_HEIGHT_PX * BLOCK_HEIGHT_PX
     width = stack.shape[2] // BLOCK_WIDTH_PX * BLOCK_WIDTH_PX
     # A fixed grey as origin keeps whole numbers whole, so that float32 sums over a block stay exact for 8-bit patches.
-    patch = np.multiply(stack[:, :height, :width], WHITE_DN, dtype=np.float32)
+    patch = np.multiply(stack[:, :height, :width], FULL_SCALE_DN, dtype=np.float32)
     if eight_bit:
         patch = np.rint(patch)
     patch = patch - np.float32(128.0)

@@ -21,35 +21,38 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.camera.saturation import SATURATED
 from pipeline.errors import InputError
-from pipeline.noise.base import SATURATED, WHITE_DN, NoiseEstimate, as_stack, assemble, check_fraction, screen
+from pipeline.noise.base import Estimator, Measured, NoiseEstimate, as_stack, assemble, screen
 from pipeline.noise.cellwise_features import CELL_PX
 
 if TYPE_CHECKING:
     import torch
 
 RELEASED = Path(__file__).resolve().parents[2] / "data/weights/sigma_cellwise.safetensors"
-LEAST_PX = 32
 TILE_PX = 128
 """Size of patch the network was trained on, and of the tiles that a map is made of."""
 
 STEP_PX = 64
 SATURATED_FRACTION = 0.98
-"""Default share of clipped pixels from which nothing is said: of a white patch with any noise, half lie inside."""
+"""Default fraction of saturated pixels from which a patch is refused: of a white patch with noise, half lie inside."""
 
 
-class Cellwise:
+class Cellwise(Estimator):
     """See the module.
 
     Args:
         weights: file of `pipeline.learning.weights`; None for the released one.
         batch: patches computed together (8 fit the cache of a core).
         device: where, e.g. ``"cpu"`` or ``"cuda"``.
-        saturated_fraction: share of clipped pixels, (0, 1], from which a patch is refused.
+        saturated_fraction: of saturated pixels, (0, 1], from which a patch is refused.
 
     Raises:
         InputError: weights that are absent, broken or of another network; an option out of range.
     """
+
+    min_size_px = 32
 
     def __init__(
         self,
@@ -62,6 +65,7 @@ class Cellwise:
         from pipeline.learning.weights import into
         from pipeline.noise.cellwise_net import ARCHITECTURE, CellwiseNet
 
+        super().__init__(saturated_fraction)
         if batch < 1:
             raise InputError(f"noise estimator 'cellwise': batch={batch}, expected at least 1")
         network = CellwiseNet()
@@ -72,15 +76,14 @@ class Cellwise:
         self.interval: float = header["interval"]
         self.network = network.eval().to(device)
         self.batch, self.device = batch, device
-        self.saturated_fraction = check_fraction("saturated_fraction", saturated_fraction)
 
-    def estimate(self, patches: NDArray[np.floating] | torch.Tensor) -> NoiseEstimate:
-        """See `pipeline.noise.base.NoiseEstimator.estimate`; patches of at least 32 x 32 px.
+    def measure(self, stack: NDArray[np.floating], reason: NDArray[np.object_]) -> Measured:
+        """See `pipeline.noise.base.Estimator.measure`.
 
         Rows and columns beyond a multiple of 8 px are left out. The ends of the interval are those of
         ``ln(1 + sigma) +- k b``, at least 0.
         """
-        return self.estimate_cells(patches)[0]
+        return self._measure_cells(stack)[0]
 
     def estimate_cells(self, patches: NDArray[np.floating] | torch.Tensor) -> tuple[NoiseEstimate, NDArray[np.float32]]:
         """The same answer, and with it sigma of every 8 x 8 px cell of each patch, at no further cost.
@@ -94,13 +97,11 @@ class Cellwise:
         Raises:
             InputError: as for `estimate`.
         """
-        stack = as_stack(patches, LEAST_PX)
-        sigma, scale, cells = self._predict(stack)
-        middle, reach = np.log1p(sigma), self.interval * scale
-        low, high = np.maximum(np.expm1(middle - reach), 0.0), np.expm1(middle + reach)
+        stack = as_stack(patches, self.min_size_px)
         reason = screen(stack, self.saturated_fraction)
+        measured, cells = self._measure_cells(stack)
         cells[reason == SATURATED] = np.nan
-        return assemble(sigma, reason, low, high), cells
+        return assemble(measured.sigma_dn, reason, measured.low_dn, measured.high_dn), cells
 
     def map(self, image: NDArray[np.floating] | torch.Tensor) -> NDArray[np.float32]:
         """Local noise of a picture: sigma of every 8 x 8 px cell.
@@ -119,7 +120,7 @@ class Cellwise:
         """
         if getattr(image, "ndim", None) != 2:
             raise InputError(f"image: expected (H, W), not {getattr(image, 'shape', type(image).__name__)}")
-        picture = as_stack(image[None, None], LEAST_PX)[0]
+        picture = as_stack(image[None, None], self.min_size_px)[0]
         padding = [(0, -side % CELL_PX) for side in picture.shape]
         picture = np.pad(picture, padding, mode="reflect")
         rows, columns = picture.shape
@@ -137,6 +138,12 @@ class Cellwise:
                 count[part] += 1
         return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
 
+    def _measure_cells(self, stack: NDArray[np.floating]) -> tuple[Measured, NDArray[np.float32]]:
+        """Noise levels with their intervals, and maps (N, H // 8, W // 8) DN, of patches (N, H, W)."""
+        sigma, scale, cells = self._predict(stack)
+        middle, reach = np.log1p(sigma), self.interval * scale
+        return Measured(sigma, np.maximum(np.expm1(middle - reach), 0.0), np.expm1(middle + reach)), cells
+
     def _predict(
         self, stack: NDArray[np.floating]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
@@ -151,7 +158,7 @@ class Cellwise:
         with torch.inference_mode():
             for first in range(0, count, self.batch):
                 part = slice(first, first + self.batch)
-                pixels = np.rint(stack[part, : height * CELL_PX, : width * CELL_PX] * np.float32(WHITE_DN))
+                pixels = np.rint(stack[part, : height * CELL_PX, : width * CELL_PX] * np.float32(FULL_SCALE_DN))
                 found = self.network(*features(torch.from_numpy(pixels.astype(np.float32, copy=False)).to(self.device)))
                 sigma[part], scale[part], maps[part] = (value.cpu().numpy() for value in found)
         return sigma, scale, maps

@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.camera.saturation import BLACK_BELOW_DN, WHITE_ABOVE_DN
+
 if TYPE_CHECKING:
     import torch
 
@@ -62,7 +64,7 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     quarter_power = _mean(_answers(_mean(half, 2) * 2, _filters()[:3]) ** 2, CELL_PX // 4)
     cosine = functional.conv2d(image - 128, _cosines(), stride=CELL_PX) ** 2
     mean, lowest, highest = _mean(image, CELL_PX), _extreme(image, CELL_PX, -1), _extreme(image, CELL_PX, 1)
-    white, black = (_mean(clipped.float(), CELL_PX) for clipped in (image >= 254.5, image <= 0.5))
+    white, black = (_mean(clipped.float(), CELL_PX) for clipped in (image >= WHITE_ABOVE_DN, image <= BLACK_BELOW_DN))
     base = torch.minimum(power[:, :1].sqrt(), modulus[:, :1])
     powers = [power, half_power, quarter_power, _extreme(quarters, 2, -1), _extreme(quarters, 2, 1), modulus**2]
     powers += [functional.conv2d(cosine, _bands()), cosine[:, 1:].sum(1, keepdim=True) / CELL_PX**2]

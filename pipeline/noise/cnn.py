@@ -8,31 +8,19 @@ interval, and white skies, which clip half of the noise away, are abstained from
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.camera.saturation import SATURATED_FRACTION
 from pipeline.errors import InputError
-from pipeline.noise.base import (
-    SATURATED_FRACTION,
-    WHITE_DN,
-    NoiseEstimate,
-    as_published,
-    as_stack,
-    assemble,
-    check_fraction,
-    screen,
-)
-
-if TYPE_CHECKING:
-    import torch
+from pipeline.noise.base import Estimator, Measured, as_stack
 
 RELEASED = Path(__file__).resolve().parents[2] / "data/weights/sigma_cnn.safetensors"
-LEAST_PX = 16
 
 
-class PixelCnn:
+class PixelCnn(Estimator):
     """See the module.
 
     Args:
@@ -40,11 +28,13 @@ class PixelCnn:
         batch: patches computed together.
         device: where, e.g. ``"cpu"`` or ``"cuda"``.
         quantise_like_paper: answer in whole DN (every pixel truncated, then the median), never abstain.
-        saturated_fraction: share of clipped pixels, (0, 1], from which a patch is refused.
+        saturated_fraction: of saturated pixels, (0, 1], from which a patch is refused.
 
     Raises:
         InputError: weights that are absent, broken or of another network; an option out of range.
     """
+
+    min_size_px = 16
 
     def __init__(
         self,
@@ -58,6 +48,7 @@ class PixelCnn:
         from pipeline.learning.weights import into
         from pipeline.noise.cnn_net import ARCHITECTURE, PixelNet
 
+        super().__init__(saturated_fraction, quantise_like_paper=quantise_like_paper)
         if batch < 1:
             raise InputError(f"noise estimator 'cnn': batch={batch}, expected at least 1")
         path = Path(weights or RELEASED)
@@ -69,24 +60,20 @@ class PixelCnn:
         network = PixelNet()
         into(network, path, ARCHITECTURE)
         self.network = network.eval().to(device)
-        self.batch, self.device, self.quantise_like_paper = batch, device, quantise_like_paper
-        self.saturated_fraction = check_fraction("saturated_fraction", saturated_fraction)
+        self.batch, self.device = batch, device
 
-    def estimate(self, patches: NDArray[np.floating] | torch.Tensor) -> NoiseEstimate:
-        """See `pipeline.noise.base.NoiseEstimator.estimate`; patches of at least 16 x 16 px."""
-        stack = as_stack(patches, LEAST_PX)
+    def measure(self, stack: NDArray[np.floating], reason: NDArray[np.object_]) -> Measured:
+        """See `pipeline.noise.base.Estimator.measure`."""
         sigma_dn = np.empty(len(stack))
         for first in range(0, len(stack), self.batch):
             maps = self._maps_dn(stack[first : first + self.batch])
             maps = np.trunc(maps) if self.quantise_like_paper else maps
             sigma_dn[first : first + self.batch] = np.median(maps, axis=(1, 2))
-        if self.quantise_like_paper:
-            return as_published(sigma_dn)
-        return assemble(sigma_dn, screen(stack, self.saturated_fraction))
+        return Measured(sigma_dn)
 
     def map(self, image: NDArray[np.floating]) -> NDArray[np.float32]:
         """Sigma of every pixel of an image (H, W) in [0, 1]: (H, W), DN."""
-        return self._maps_dn(as_stack(np.asarray(image)[None, None], LEAST_PX))[0]
+        return self._maps_dn(as_stack(np.asarray(image)[None, None], self.min_size_px))[0]
 
     def _maps_dn(self, stack: NDArray[np.floating]) -> NDArray[np.float32]:
         import torch
@@ -94,5 +81,5 @@ class PixelCnn:
         with torch.inference_mode():
             image = torch.from_numpy(np.ascontiguousarray(stack[:, None], dtype=np.float32)).to(self.device)
             found = self.network(image).clamp(0, 1)
-            maps: NDArray[np.float32] = found.cpu().numpy() * np.float32(WHITE_DN)
+            maps: NDArray[np.float32] = found.cpu().numpy() * np.float32(FULL_SCALE_DN)
         return maps

@@ -14,47 +14,37 @@ A sampling interval is not given: on real patches the error is the texture left 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.camera.saturation import SATURATED_FRACTION
 from pipeline.errors import InputError
-from pipeline.noise.base import (
-    SATURATED_FRACTION,
-    WHITE_DN,
-    NoiseEstimate,
-    as_published,
-    as_stack,
-    assemble,
-    check_fraction,
-    screen,
-)
-
-if TYPE_CHECKING:
-    import torch
+from pipeline.noise.base import Estimator, Measured
 
 WINDOW_PX = 8
 STRIDE_PX = 3
-LEAST_PX = 32
-"""Smallest patch: 81 windows, more than the 64 dimensions."""
 
 _EXACT_WINDOWS = 1024  # so many products of numbers below 128 add up to at most 2**24, exact in float32
 _GRID_TOLERANCE_DN = 1e-4  # float32 pictures made from 8 bit are whole DN within 1.5e-5
 
 
-class PrincipalComponents:
+class PrincipalComponents(Estimator):
     """PCA noise estimator.
 
     Args:
         rule: ``"chen"`` starts with all eigenvalues, ``"paper"`` always drops the largest.
         quantise_like_paper: round patches to 8 bit, answer in whole DN (truncated), never abstain (0 instead).
-        saturated_fraction: share of clipped pixels, (0, 1], from which a patch is refused.
+        saturated_fraction: of saturated pixels, (0, 1], from which a patch is refused.
 
     Raises:
-        InputError: unknown rule, or a share out of range.
+        InputError: unknown rule, or a fraction out of range.
     """
+
+    min_size_px = 32  # 81 windows, more than the 64 dimensions
 
     def __init__(
         self,
@@ -64,22 +54,17 @@ class PrincipalComponents:
     ) -> None:
         if rule not in ("chen", "paper"):
             raise InputError(f"rule: expected 'chen' or 'paper', not {rule!r}")
+        super().__init__(saturated_fraction, quantise_like_paper=quantise_like_paper)
         self.rule = rule
-        self.quantise_like_paper = quantise_like_paper
-        self.saturated_fraction = check_fraction("saturated_fraction", saturated_fraction)
 
-    def estimate(self, patches: NDArray[np.floating] | torch.Tensor) -> NoiseEstimate:
-        """See `pipeline.noise.base.NoiseEstimator.estimate`; patches of at least 32 x 32 px."""
-        stack = as_stack(patches, LEAST_PX)
+    def measure(self, stack: NDArray[np.floating], reason: NDArray[np.object_]) -> Measured:
+        """See `pipeline.noise.base.Estimator.measure`."""
         start = 0 if self.rule == "chen" else 1
         eigenvalues = np.empty((len(stack), WINDOW_PX * WINDOW_PX))
         for index, patch in enumerate(stack):
             eigenvalues[index] = np.linalg.eigvalsh(_covariance(patch, self.quantise_like_paper))
         variance = noise_variance(eigenvalues, start)
-        sigma_dn = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
-        if self.quantise_like_paper:
-            return as_published(sigma_dn)
-        return assemble(sigma_dn, screen(stack, self.saturated_fraction))
+        return Measured(np.sqrt(np.where(variance >= 0.0, variance, np.nan)))
 
 
 def noise_variance(eigenvalues: NDArray[np.floating], start: int = 0) -> NDArray[np.floating]:
@@ -106,7 +91,7 @@ def noise_variance(eigenvalues: NDArray[np.floating], start: int = 0) -> NDArray
 
 def _covariance(patch: NDArray[np.floating], eight_bit: bool) -> NDArray[np.float64]:
     """Covariance (normalised by their number) of the windows of a patch (H, W) in [0, 1]: (64, 64), DN squared."""
-    picture = patch.astype(np.float64) * WHITE_DN
+    picture = patch.astype(np.float64) * FULL_SCALE_DN
     whole = np.rint(picture)
     if eight_bit or np.abs(picture - whole).max() < _GRID_TOLERANCE_DN:
         # Products of 8-bit numbers, added in float32 in groups small enough to be exact: twice as fast as float64 and

@@ -7,47 +7,34 @@ It has no interval.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.noise.base import (
-    SATURATED_FRACTION,
-    WHITE_DN,
-    NoiseEstimate,
-    as_stack,
-    assemble,
-    check_fraction,
-    screen,
-)
-
-if TYPE_CHECKING:
-    import torch
-
-LEAST_PX = 8
+from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.camera.saturation import SATURATED_FRACTION
+from pipeline.noise.base import Estimator, Measured
 
 
-class WaveletMedian:
+class WaveletMedian(Estimator):
     """Median absolute deviation of the finest wavelet details.
 
     Args:
-        saturated_fraction: share of clipped pixels, (0, 1], from which a patch is refused.
+        saturated_fraction: of saturated pixels, (0, 1], from which a patch is refused.
 
     Raises:
-        InputError: a share out of range.
+        InputError: a fraction out of range.
     """
 
-    def __init__(self, saturated_fraction: float = SATURATED_FRACTION) -> None:
-        self.saturated_fraction = check_fraction("saturated_fraction", saturated_fraction)
+    min_size_px = 8
 
-    def estimate(self, patches: NDArray[np.floating] | torch.Tensor) -> NoiseEstimate:
-        """See `pipeline.noise.base.NoiseEstimator.estimate`; patches of at least 8 x 8 px."""
+    def __init__(self, saturated_fraction: float = SATURATED_FRACTION) -> None:
+        super().__init__(saturated_fraction)
+
+    def measure(self, stack: NDArray[np.floating], reason: NDArray[np.object_]) -> Measured:
+        """See `pipeline.noise.base.Estimator.measure`."""
         from skimage.restoration import estimate_sigma
 
-        stack = as_stack(patches, LEAST_PX)
-        reason = screen(stack, self.saturated_fraction)
         sigma_dn = np.full(len(stack), np.nan)
         for index in np.flatnonzero(reason == ""):
-            sigma_dn[index] = WHITE_DN * estimate_sigma(stack[index], channel_axis=None)
-        return assemble(sigma_dn, reason)
+            sigma_dn[index] = FULL_SCALE_DN * estimate_sigma(stack[index], channel_axis=None)
+        return Measured(sigma_dn)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.photon import photon_shot
-from pipeline.camera.sensor import FULL_SCALE_DN, Sensor
+from pipeline.camera.sensor import Sensor
 from pipeline.errors import InputError
 from pipeline.streams import stream
 

@@ -8,6 +8,7 @@ import itertools
 import numpy as np
 import pytest
 
+from pipeline.camera import constants
 from pipeline.camera.sensor import SENSORS, Sensor, named
 from pipeline.errors import InputError
 
@@ -129,3 +130,11 @@ def test_sensor_every_named_sensor_is_valid_and_frozen():
         assert sensor.gain == 2.0
         with pytest.raises(dataclasses.FrozenInstanceError):
             sensor.gain = 1.0  # type: ignore[misc]
+
+
+def test_constants_of_training_samples_are_those_of_the_sensor():
+    sensor = Sensor()
+    assert sensor.full_well_e == constants.PAPER_FULL_WELL_E
+    hot, exposure = constants.PAPER_HOT_K, constants.PAPER_HOT_EXPOSURE_S
+    assert sensor.dark_electrons(hot, exposure) == pytest.approx(constants.PAPER_HOT_DARK_E, rel=0.003)
+    assert sensor.readout_sigma_e(hot) == pytest.approx(constants.PAPER_HOT_READOUT_E, rel=0.003)

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from pipeline.camera import mtf
+from pipeline.camera.constants import PAPER_FULL_WELL_E, PAPER_HOT_DARK_E, PAPER_HOT_READOUT_E
 from pipeline.learning import kernels, samples
 from pipeline.streams import stream, torch_stream
 
@@ -72,7 +73,7 @@ def test_shares_of_clean_samples(bank):
 def test_noise_has_the_variance_of_its_source(kind):
     grey = torch.full((6, 128, 128), 0.4)
     noise = samples.noise_e(grey, torch.full((6,), kind), torch_stream(1, "n", kind))
-    signal, dark, readout = 0.4 * samples.FULL_WELL_E, samples.DARK_E, samples.READOUT_E**2
+    signal, dark, readout = 0.4 * PAPER_FULL_WELL_E, PAPER_HOT_DARK_E, PAPER_HOT_READOUT_E**2
     expected = [signal, dark, readout, signal + dark + readout][kind]
     assert float(noise.var()) == pytest.approx(expected, rel=0.02)
     assert abs(float(noise.mean())) < 3 * (expected / noise.numel()) ** 0.5

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline import noise
+from pipeline.camera.saturation import SATURATED
 from pipeline.errors import InputError
-from pipeline.noise.base import FLAT, SATURATED, as_stack, assemble, screen
+from pipeline.noise.base import FLAT, Estimator, Measured, as_stack, assemble, screen
 from pipeline.streams import stream
 
 NAMES = ["bf", "immerkaer", "pca", "wavelet"]
@@ -175,3 +176,29 @@ def test_saturation_is_a_share_of_pixels(share: float, limit: float, white: bool
 def test_numbers_below_the_rounding_of_a_picture_are_no_estimates() -> None:
     estimate = assemble(np.array([np.nan, 0.0, 1e-4, 0.5]), np.full(4, "", dtype=object))
     assert list(estimate.reason) == [FLAT, FLAT, FLAT, ""]
+
+
+class Deviation(Estimator):
+    """The standard deviation of the pixels: all that a third party writes."""
+
+    min_size_px = 4
+
+    def measure(self, stack, reason):
+        reason[stack[:, 0, 0] == 0.25] = "marked"
+        return Measured(255 * stack.std(axis=(1, 2), dtype=np.float64))
+
+
+def test_a_subclass_only_measures():
+    patches = (0.3 + 0.1 * stream(1, "subclass").standard_normal((4, 1, 32, 32))).clip(0.01, 0.99)
+    patches[1], patches[2, 0, 16:], patches[3, 0, 0, 0] = 0.5, 1.0, 0.25
+    answer = Deviation().estimate(patches)
+    assert list(answer.reason) == ["", FLAT, SATURATED, "marked"]
+    assert answer.sigma_dn[0] == pytest.approx(25.5, rel=0.1)
+    assert np.isnan(answer.sigma_dn[1:]).all() and np.isnan(answer.low_dn).all()
+    assert Deviation(saturated_fraction=0.6).estimate(patches).reason[2] == ""
+    whole = Deviation(quantise_like_paper=True).estimate(patches)
+    assert not whole.abstained.any() and whole.sigma_dn[1] == 0 and whole.sigma_dn[0] % 1 == 0
+    with pytest.raises(InputError, match="at least 4 x 4 px"):
+        Deviation().estimate(patches[..., :3])
+    with pytest.raises(InputError, match="saturated_fraction"):
+        Deviation(saturated_fraction=0.0)
