@@ -66,14 +66,14 @@ def write_text(path: str | Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _plain(value: Any) -> Any:
-    """JSON has no NaN or infinity: they become null."""
+def plain_json(value: Any) -> Any:
+    """A value as JSON holds it: arrays become lists; NaN and infinity, which JSON has not, become None."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain_json(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain_json(item) for item in value]
     if hasattr(value, "tolist"):
-        return _plain(value.tolist())
+        return plain_json(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
@@ -81,7 +81,7 @@ def _plain(value: Any) -> Any:
 
 def write_json(path: str | Path, content: Any) -> None:
     """Write JSON with sorted keys, an indent of two and a final newline; NaN and infinity become null."""
-    write_text(path, json.dumps(_plain(content), indent=2, sort_keys=True, ensure_ascii=False) + "\n")
+    write_text(path, json.dumps(plain_json(content), indent=2, sort_keys=True, ensure_ascii=False) + "\n")
 
 
 def read_json(path: str | Path) -> Any:
@@ -94,7 +94,11 @@ def read_json(path: str | Path) -> Any:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; run the stage that makes it (dvc repro)") from None
-    except json.JSONDecodeError as error:
+    except RecursionError:
+        raise InputError(f"{path}: not valid JSON (nested too deeply); delete it and run dvc repro") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except ValueError as error:  # of the decoder, or not UTF-8
         raise InputError(f"{path}: not valid JSON ({error}); delete it and run dvc repro") from None
 
 
@@ -189,6 +193,10 @@ def write_image(path: str | Path, image: np.ndarray) -> None:
     Args:
         path: PNG, TIFF or JPEG by its suffix.
         image: (H, W) or (H, W, 3) RGB; uint8, uint16, or float in [0, 1].
+
+    Raises:
+        InputError: the suffix is not one of a picture format.
+        OSError: the system refuses to write, for example because the disk is full.
     """
     import cv2
     import numpy as np
@@ -197,6 +205,11 @@ def write_image(path: str | Path, image: np.ndarray) -> None:
         image = np.rint(np.clip(image, 0.0, 1.0) * 255.0).astype(np.uint8)
     if image.ndim == 3:
         image = image[..., ::-1]
+    try:
+        encoded, content = cv2.imencode(Path(path).suffix, np.ascontiguousarray(image))
+    except cv2.error:
+        encoded = False
+    if not encoded:
+        raise InputError(f"{path}: OpenCV cannot write such an image; expected the suffix of a picture format")
     with replacing(path) as temporary:
-        if not cv2.imwrite(str(temporary), np.ascontiguousarray(image)):
-            raise InputError(f"{path}: OpenCV could not write the image; is the suffix a picture format?")
+        temporary.write_bytes(content.tobytes())

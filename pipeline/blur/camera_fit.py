@@ -85,10 +85,12 @@ class Fit:
             matrix, offset = np.array(content["matrix"], float), np.array(content["offset"], float)
             if matrix.shape != (VALUES, VALUES) or offset.shape != (VALUES,):
                 raise ValueError(f"matrix {matrix.shape}, offset {offset.shape}")
+            if not (np.isfinite(matrix).all() and np.isfinite(offset).all()):
+                raise ValueError("values that are not finite")
             widening = float("nan") if content["widening"] is None else float(content["widening"])
             before, after = content["error_percent"]
             return cls(matrix, offset, widening, int(content["samples"]), (float(before), float(after)))
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(
                 f"{path}: not the fit of a camera ({error}); make one with pipeline.blur.camera_fit.fit(...).save(path)"
             ) from None

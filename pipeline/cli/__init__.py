@@ -1,11 +1,17 @@
 """``camera-monitor``: the pipeline's tools on your own footage.
 
-Each command is one file; it is imported when it is called, so that ``--help`` answers at once.
+Each command is one file; it is imported when it is called, so that ``--help`` answers at once. Exit codes: 0 fine,
+2 wrong input or results that cannot be written, 3 alarm (``health``), 130 interrupted.
 """
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import signal
+import threading
+from collections.abc import Iterator
+from types import FrameType
 from typing import Any
 
 import click
@@ -22,6 +28,8 @@ COMMANDS = {
     "curves": "Ask measured curves for a detector's average precision at some noise and blur.",
     "weights": "List, download and verify published detector weights.",
 }
+
+INTERRUPTED = 130  # exit code after Ctrl-C, SIGTERM or SIGHUP
 
 
 class _Lazy(click.Group):
@@ -49,10 +57,44 @@ class _Lazy(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            return super().invoke(ctx)
+            with _signals_interrupt():
+                return super().invoke(ctx)
         except InputError as error:
             click.echo(f"error: {error}", err=True)
             raise SystemExit(2) from None
+        except click.UsageError as error:
+            if type(error).__name__ == "NoArgsIsHelpError":  # a group called without a command shows its help
+                raise
+            hint = f"; see {error.ctx.command_path} --help" if error.ctx is not None else ""
+            click.echo(f"error: {error.format_message().rstrip('.')}{hint}", err=True)
+            raise SystemExit(2) from None
+        except BrokenPipeError:
+            raise  # click ends quietly: whoever read the output has enough
+        except OSError as error:
+            file = f"{error.filename}: " if error.filename else ""
+            click.echo(f"error: {file}{error.strerror or error}", err=True)
+            raise SystemExit(2) from None
+        except KeyboardInterrupt:
+            click.echo("interrupted; what was finished is written", err=True)
+            raise SystemExit(INTERRUPTED) from None
+
+
+@contextlib.contextmanager
+def _signals_interrupt() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end a command as Ctrl-C does, so that results are closed properly."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, stop) for number in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})

@@ -7,24 +7,42 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pipeline.cli.numbers import FiniteRange
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+LARGEST_KERNEL_PX = 255
+
 
 @click.command("corrupt")
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="folder for the pictures and their truth")
-@click.option("--effect", default="combined", show_default=True, help="photon, dcsn, readout, combined or sensor")
-@click.option("--sigma-dn", default=0.0, show_default=True, help="standard deviation of the noise, grey levels 0..255")
-@click.option("--blur", default=None, help="defocus, linear_motion or nonlinear_motion")
-@click.option("--size-px", default=None, type=float, help="size of the blur kernel, pixels")
 @click.option(
-    "--mtf50", default=None, type=float, help="instead of a size: where contrast falls to half, fraction of Nyquist"
-)
-@click.option("--angle-deg", default=0.0, show_default=True, help="direction of motion blur, counter-clockwise")
+    "--out", required=True, type=click.Path(path_type=Path),
+    help="folder for the pictures and their truth; results of the last run there go",
+)  # fmt: skip
+@click.option("--effect", default="combined", show_default=True, help="photon, dcsn, readout, combined or sensor")
+@click.option(
+    "--sigma-dn", default=0.0, show_default=True, type=FiniteRange(0, 255),
+    help="standard deviation of the noise, grey levels 0..255",
+)  # fmt: skip
+@click.option("--blur", default=None, help="defocus, linear_motion or nonlinear_motion")
+@click.option("--size-px", default=None, type=FiniteRange(0, LARGEST_KERNEL_PX), help="size of the blur kernel, pixels")
+@click.option(
+    "--mtf50", default=None, type=FiniteRange(0, 1),
+    help="instead of a size: where contrast falls to half, fraction of Nyquist",
+)  # fmt: skip
+@click.option(
+    "--angle-deg", default=0.0, show_default=True, type=FiniteRange(-360, 360),
+    help="direction of motion blur, counter-clockwise",
+)  # fmt: skip
 @click.option("--camera", default="physical", show_default=True, help="physical, authors or authors_2022")
-@click.option("--seed", default=1, show_default=True, help="same seed, same picture name: same noise")
+@click.option(
+    "--seed", default=1, show_default=True, type=click.IntRange(0, 2**63 - 1),
+    help="same seed, same picture name: same noise",
+)  # fmt: skip
+@click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 def command(
     paths: tuple[Path, ...],
     out: Path,
@@ -36,35 +54,67 @@ def command(
     angle_deg: float,
     camera: str,
     seed: int,
+    every: int,
 ) -> None:
-    """Corrupt PATHS, pictures or folders of them, as a noisier or blurrier camera would have seen them.
+    """Corrupt PATHS, pictures, videos or folders of them, as a noisier or blurrier camera would have seen them.
 
-    Writes NAME.png and NAME.json, the truth: noise asked for and reached, clipped share, kernel, its MTF.
+    Prints per picture the noise asked for and reached (before and after clipping to 0..255) and its file. Writes
+    NAME.png and NAME.json, the truth: noise asked for and reached, clipped share, kernel, its MTF. Each frame of a
+    video becomes a picture with noise of its own.
     """
     import numpy as np
     from tqdm import tqdm
 
     from pipeline import store
     from pipeline.camera import mtf
-    from pipeline.camera.levels import corrupt
-    from pipeline.cli.pictures import expand, read
-    from pipeline.errors import InputError
+    from pipeline.camera.levels import CAMERAS, conditioned, corrupt
+    from pipeline.cli.outputs import OutputFolder
+    from pipeline.cli.pictures import expand, named, readable, result_stem
+    from pipeline.errors import InputError, did_you_mean
     from pipeline.streams import stream
 
+    conditioned(effect)
+    if camera not in CAMERAS:
+        raise InputError(f"--camera {camera}: unknown; {did_you_mean(camera, CAMERAS)}")
     psf = _kernel(blur, size_px, mtf50, angle_deg, seed)
-    for path in tqdm(expand(paths), delay=2, leave=False):
-        for _, image in read(path):
-            target = out / f"{path.stem}.png"
-            if target.resolve() == path.resolve():
-                raise InputError(f"--out {out}: would overwrite {path}; name another folder")
-            generator = stream(seed, "corrupt", path.stem, effect, sigma_dn)
-            shown = corrupt(image, effect, sigma_dn=sigma_dn, generator=generator, psf=psf, camera=camera)  # type: ignore[arg-type]
-            truth = {**shown.row(), "blur": blur, "angle_deg": angle_deg, "camera": camera, "seed": seed}
+    files = expand(paths)
+    failed = 0
+    with OutputFolder(out, "--out", files) as folder:
+        click.echo(f"{'asked DN':>9} {'reached':>8} {'clipped to':>10} {'clipped %':>9}  picture -> file")
+        for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
+            stem = result_stem(name)
+            stem = Path(name).stem if stem == Path(name).name else stem
+            generator = stream(seed, "corrupt", stem, effect, sigma_dn)
+            try:
+                if image is None:
+                    raise InputError(problem)
+                if psf is not None and max(psf.shape) > min(image.shape):
+                    raise InputError(f"the blur kernel of {max(psf.shape)} px is larger than the picture")
+                shown = corrupt(image, effect, sigma_dn=sigma_dn, generator=generator, psf=psf, camera=camera)  # type: ignore[arg-type]
+            except InputError as error:
+                failed += 1
+                click.echo(f"set aside: {named(name, error)}", err=True)
+                continue
+            truth = {
+                **shown.row(),
+                "source": name,
+                "blur": blur,
+                "angle_deg": angle_deg,
+                "camera": camera,
+                "seed": seed,
+            }
             if psf is not None:
                 truth |= {"kernel": psf, "mtf": shown.mtf, "mtf50": mtf.mtf50(psf), "frequencies": mtf.FREQUENCIES}
-            store.write_image(target, np.asarray(shown.image))
-            store.write_json(target.with_suffix(".json"), truth)
+            picture, sidecar = folder.claim_all(stem, (".png", ".json"))
+            store.write_image(picture, np.asarray(shown.image))
+            store.write_json(sidecar, truth)
+            click.echo(
+                f"{sigma_dn:9.2f} {shown.sigma_dn:8.2f} {shown.sigma_clipped_dn:10.2f}"
+                f" {100 * shown.clipped_fraction:9.2f}  {name} -> {picture.name}"
+            )
     click.echo(f"written to {out}")
+    if failed:
+        raise InputError(f"{failed} of the files given could not be used; see above")
 
 
 def _kernel(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,19 +13,17 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from pipeline.condition import Condition
+    from pipeline.condition import ConditionMonitor
 
-COLUMNS = (
-    "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "noise_patches", "noise_abstained", "mtf50_horizontal",
-    "mtf50_vertical", "blur_patches", "blur_abstained", "milliseconds",
-)  # fmt: skip
+SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is doubted: about a 4 px disc of defocus
 
 
 @click.command("health")
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
-    "--out", type=click.Path(path_type=Path), help="folder for health.csv, health.json and pictures with maps"
-)
+    "--out", type=click.Path(path_type=Path),
+    help="folder for health.csv, health.jsonl, health.json and pictures with maps; results of the last run there go",
+)  # fmt: skip
 @click.option(
     "--blur", "blur_name", default="spectral", show_default=True, help="spectral, pmp, gbb or a plug-in's name"
 )
@@ -52,127 +51,86 @@ def command(
 
     Prints per frame the noise in grey levels (DN, 0..255) with its 95 % interval, the frequency at which contrast falls
     to half (MTF50, fraction of Nyquist; > 0.59 where it stays above), horizontal and vertical, and how many patches
-    told nothing (flat, saturated). Hold the camera upright; --sharp removes what its lens does anyway; --fit
-    also mends what the estimator misreads in this camera's pictures. Without sharp pictures, --added takes off a
+    gave an answer (flat and saturated ones do not). Hold the camera upright; --sharp removes what its lens does anyway;
+    --fit also mends what the estimator misreads in this camera's pictures. Without sharp pictures, --added takes off a
     typical lens.
     """
     from tqdm import tqdm
 
-    from pipeline.cli.pictures import expand, read
+    from pipeline.cli.health_files import HealthFiles
+    from pipeline.cli.health_rows import HEADER, condition_row, line
+    from pipeline.cli.pictures import expand, named, readable
     from pipeline.condition import ConditionMonitor
     from pipeline.errors import InputError
     from pipeline.executor import one_thread
 
     one_thread()
     files = expand(paths)
+    sharp_files = expand(sharp) if sharp else []
     if fitted and not sharp:
         raise InputError("--fit needs pictures of the same camera that are known to be sharp; give them by --sharp")
     if added and (sharp or blur_name != "spectral"):
         raise InputError("--added is for the estimator spectral without --sharp, which tells the same more exactly")
-    monitor = ConditionMonitor(blur_name, noise_name, blur_options={"answer": "added"} if added else None)
-    if sharp:
-        monitor.calibrate([image for path in expand(sharp) for _, image in read(path, every)], fitted=fitted)
-    rows: list[dict[str, Any]] = []
-    drawn: set[str] = set()
-    failed = 0
-    click.echo(f"{'sigma DN':>9} {'95 % interval':>15} {'MTF50 H':>8} {'MTF50 V':>8} {'told':>11} {'ms':>6}  picture")
-    for name, image, problem in tqdm(_frames(files, every, read), delay=2, leave=False, unit=" frames"):
-        try:
-            if image is None:
-                raise InputError(problem)
-            found = monitor.frame(image)
-        except InputError as error:
-            failed += 1
-            click.echo(f"set aside: {error}", err=True)
-            continue
-        rows.append(_row(name, found))
-        if out is not None:
-            rows[-1]["drawn"] = _picture(out, name, image, found, drawn)
-            drawn.add(rows[-1]["drawn"])
-        click.echo(_line(rows[-1]))
-    if out is not None and rows:
-        _write(out, rows)
+    about = {"blur_estimator": blur_name, "noise_estimator": noise_name, "sharp": [str(file) for file in sharp_files]}
+    with contextlib.ExitStack() as stack:
+        results = stack.enter_context(HealthFiles(out, [*files, *sharp_files], about)) if out is not None else None
+        monitor = ConditionMonitor(blur_name, noise_name, blur_options={"answer": "added"} if added else None)
+        sharp_sizes = _calibrate(monitor, sharp_files, fitted, every) if sharp else set()
+        failed = 0
+        click.echo(HEADER)
+        for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
+            try:
+                if image is None:
+                    raise InputError(problem)
+                condition = monitor.frame(image)
+            except InputError as error:
+                failed += 1
+                reason = named(name, error)
+                if results is not None:
+                    results.set_aside.append(reason)
+                click.echo(f"set aside: {reason}", err=True)
+                continue
+            if sharp_sizes and image.shape not in sharp_sizes:
+                _warn_of_size(name, image.shape, sharp_sizes)
+                sharp_sizes = set()  # once is enough
+            row = condition_row(name, condition)
+            if results is not None:
+                results.add(row, image, condition)
+            click.echo(line(row))
+    if out is not None:
         click.echo(f"written to {out}")
     if failed:
         raise InputError(f"{failed} of the pictures given could not be used; see above")
 
 
-def _frames(files: list[Path], every: int, read: Any) -> Iterator[tuple[str, NDArray[np.float32] | None, str]]:
-    """Name, picture or None, and what is wrong with it, of every frame of every file."""
-    from pipeline.errors import InputError
+def _calibrate(
+    monitor: ConditionMonitor, files: Sequence[Path], fitted: bool, every: int
+) -> set[tuple[int, ...]]:  # sizes (H, W) of the sharp frames
+    """Calibrate a monitor to sharp frames; warns of those that do not look sharp."""
+    import numpy as np
 
-    for path in files:
-        try:
-            for name, image in read(path, every):
-                yield name, image, ""
-        except InputError as error:
-            yield str(path), None, str(error)
-
-
-def _row(name: str, found: Condition) -> dict[str, Any]:
+    from pipeline.cli.pictures import read
     from pipeline.condition.summary import half_contrast
 
-    across, down = half_contrast(found.mtf.value)
-    noise, blur = found.noise.estimate, found.blur.estimate
-    numbers = (
-        name, float(found.sigma_dn.value), float(found.sigma_dn.low), float(found.sigma_dn.high), len(noise),
-        int(noise.abstained.sum()), float(across), float(down), len(blur), int(blur.abstained.sum()),
-        round(found.milliseconds, 1),
-    )  # fmt: skip
-    told = {"mtf": found.mtf.value, "mtf_low": found.mtf.low, "mtf_high": found.mtf.high, "abstained": found.reasons}
-    return dict(zip(COLUMNS, numbers, strict=True)) | told
+    images: list[NDArray[np.float32]] = []
+    for file in files:
+        for name, image in read(file, every):
+            mtf50 = half_contrast(monitor.frame(image).mtf.value)
+            if np.isfinite(mtf50).any() and np.nanmin(mtf50) < SHARP_MTF50:
+                click.echo(
+                    f"warning: --sharp {name} does not look sharp: contrast falls to half at "
+                    f"{np.nanmin(mtf50):.2f} of Nyquist; blur relative to it will be underestimated",
+                    err=True,
+                )
+            images.append(image)
+    monitor.calibrate(images, fitted=fitted)
+    return {image.shape for image in images}
 
 
-def _line(row: dict[str, Any]) -> str:
-    """One row of the table printed."""
-    asked = row["noise_patches"] + row["blur_patches"]
-    told = f"{asked - row['noise_abstained'] - row['blur_abstained']}/{asked}"
-    interval = f"{_number(row['sigma_low_dn'], 2)} .. {_number(row['sigma_high_dn'], 2)}"
-    halves = " ".join(f"{_number(row[f'mtf50_{way}'], 2):>8}" for way in ("horizontal", "vertical"))
-    why = ", ".join(f"{part} {what} {count}" for part, why in row["abstained"].items() for what, count in why.items())
-    note = f"  ({why})" if why else ""
-    return (
-        f"{_number(row['sigma_dn'], 2):>9} {interval:>15} {halves} {told:>11} {row['milliseconds']:>6.0f}"
-        f"  {row['picture']}{note}"
+def _warn_of_size(name: str, shape: tuple[int, ...], sharp: set[Any]) -> None:
+    sizes = ", ".join(f"{width}x{height}" for height, width in sorted(sharp))
+    click.echo(
+        f"warning: {name} is {shape[1]}x{shape[0]} px, the pictures given by --sharp are {sizes} px; "
+        "another size means another camera, mode or scaling, whose sharpness differs",
+        err=True,
     )
-
-
-def _number(value: float, decimals: int) -> str:
-    """A number; ``-`` where nothing is known; ``> 0.59`` beyond the last frequency looked at."""
-    from math import isinf, isnan
-
-    from pipeline.camera.mtf import FREQUENCIES
-
-    if isnan(value):
-        return "-"
-    return f"> {FREQUENCIES[-1]:.2f}" if isinf(value) else f"{value:.{decimals}f}"
-
-
-def _picture(out: Path, name: str, image: NDArray[np.float32], found: Condition, taken: set[str]) -> str:
-    """Draw a frame's maps; the file's name, which no other frame of this call has."""
-    from pipeline.cli.health_picture import draw
-    from pipeline.store import write_image
-
-    stem = Path(name).name.replace("#", "-")
-    file = f"{stem}.health.png"
-    while file in taken:
-        stem = f"{stem}+"
-        file = f"{stem}.health.png"
-    write_image(out / file, draw(image, found))
-    return file
-
-
-def _write(out: Path, rows: list[dict[str, Any]]) -> None:
-    """The rows as a table, and with whole MTF curves as JSON."""
-    import csv
-    import io
-
-    from pipeline.camera.mtf import FREQUENCIES
-    from pipeline.store import write_json, write_text
-
-    text = io.StringIO()
-    table = csv.DictWriter(text, COLUMNS, extrasaction="ignore", lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    write_text(out / "health.csv", text.getvalue())
-    write_json(out / "health.json", {"frequencies_of_nyquist": FREQUENCIES, "pictures": rows})

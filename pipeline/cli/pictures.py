@@ -6,12 +6,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.datasets.video import SUFFIXES as VIDEOS
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
-
-VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mjpg"})
 
 
 def expand(paths: Sequence[Path]) -> list[Path]:
@@ -44,27 +43,43 @@ def read(path: Path, every: int = 1) -> Iterator[tuple[str, np.ndarray]]:
         every: of a video take each n-th frame.
 
     Raises:
-        InputError: the file cannot be read; for a video, not one frame of it.
+        InputError: the file cannot be read; for a video, after its last good frame, frames are missing or damaged.
     """
     from pipeline.datasets.pictures import read_grey
+    from pipeline.datasets.video import read_video
 
     if path.suffix.lower() not in VIDEOS:
         yield str(path), read_grey(path)
         return
-    import cv2
-    import numpy as np
+    for number, image in read_video(path, every):
+        yield f"{path}#{number}", image
 
-    video = cv2.VideoCapture(str(path))
-    number = 0
-    try:
-        while video.grab():
-            if number % every == 0:
-                good, frame = video.retrieve()
-                if good:
-                    grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) if frame.ndim == 3 else frame
-                    yield f"{path}#{number}", grey.astype(np.float32) / np.float32(255)
-            number += 1
-    finally:
-        video.release()
-    if number == 0:
-        raise InputError(f"{path}: not a video that OpenCV can read, or it holds no frame")
+
+def readable(paths: Sequence[Path], every: int = 1) -> Iterator[tuple[str, np.ndarray | None, str]]:
+    """Every frame of every file: its name with its picture, or with what is wrong with the file.
+
+    Args:
+        paths: pictures and videos.
+        every: of a video take each n-th frame.
+
+    Returns:
+        name, (H, W) float32 in [0, 1] or None, and the reason where it is None.
+    """
+    for path in paths:
+        try:
+            for name, image in read(path, every):
+                yield name, image, ""
+        except InputError as error:
+            yield str(path), None, str(error)
+
+
+def result_stem(name: str) -> str:
+    """Start of a result's file name: ``drive.mp4-000012`` for the frame ``dir/drive.mp4#12``, else the file's name."""
+    file, _, number = Path(name).name.rpartition("#")
+    of_video = Path(file).suffix.lower() in VIDEOS and number.isdigit()
+    return f"{file}-{int(number):06d}" if of_video else Path(name).name
+
+
+def named(name: str, error: Exception) -> str:
+    """An error's message, with the name of the picture before it unless it names it itself."""
+    return str(error) if name in str(error) else f"{name}: {error}"

@@ -94,8 +94,10 @@ class Sim(Dataset):
             content: Any = json.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError:
             raise BadLabels(f"{path}: missing label file") from None
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise BadLabels(f"{path}: not valid JSON ({error})") from None
+        except OSError as error:
+            raise BadLabels(f"{path}: label file cannot be read ({error.strerror})") from None
         rows = content.get("boxes") if isinstance(content, dict) else content
         if not isinstance(rows, list):
             raise BadLabels(f"{path}: expected a list of boxes, or an object with the key 'boxes'")

@@ -86,7 +86,7 @@ def test_noise_sets_a_broken_file_aside_and_fails(tmp_path):
         (["corrupt", "{}", "--out", "{}/out", "--effect", "fotons"], "photon"),
         (["corrupt", "{}", "--out", "{}/out", "--blur", "defocus"], "--size-px"),
         (["corrupt", "{}", "--out", "{}/out", "--size-px", "3"], "--blur"),
-        (["corrupt", "{}", "--out", "{}/out", "--sigma-dn", "-3"], "sigma_dn"),
+        (["corrupt", "{}", "--out", "{}/out", "--sigma-dn", "-3"], "--sigma-dn"),
         (["dataset", "kity", "{}"], "did you mean 'kitti'"),
         (["dataset", "kitti", "{}/nothing"], "nothing"),
     ],
@@ -97,6 +97,7 @@ def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):
     assert done.exit_code == 2
     assert word in done.output
     assert "Traceback" not in done.output
+    assert len(done.output.splitlines()) <= 2  # a table's header may come before
 
 
 def test_corrupt_writes_the_picture_and_its_truth(tmp_path):

@@ -141,3 +141,58 @@ def test_a_typical_lens_can_be_taken_off(tmp_path):
     total, added = mtf
     assert (added >= total - 0.02).all()
     assert added.mean() > total.mean() + 0.03
+
+
+def test_a_damaged_video_is_reported_after_its_good_frames(tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 10, (448, 320))
+    for number in range(6):
+        writer.write(cv2.cvtColor(picture(str(number)), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    whole = (tmp_path / "v.avi").read_bytes()
+    (tmp_path / "v.avi").write_bytes(whole[: int(len(whole) * 0.6)])
+    done = call(tmp_path / "v.avi", "--noise", "pca", "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "frames it declares are missing" in done.output
+    content = json.loads((tmp_path / "out/health.json").read_text())
+    assert 2 <= len(content["pictures"]) < 6 and len(content["set_aside"]) == 1
+
+
+def test_json_tells_sharper_than_the_range_from_unknown(tmp_path):
+    cv2.imwrite(str(tmp_path / "sharp.png"), picture("health"))
+    cv2.imwrite(str(tmp_path / "white.png"), np.full((320, 448), 255, np.uint8))
+    write(tmp_path / "blurred.png", 0.0, blur_px=3.0)
+    done = call(tmp_path, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    rows = json.loads((tmp_path / "out/health.json").read_text())["pictures"]
+    status = {row["picture"].rsplit("/")[-1]: row["mtf50_horizontal_status"] for row in rows}
+    assert status == {"sharp.png": "above_range", "white.png": "unknown", "blurred.png": "measured"}
+    assert {row["mtf50_horizontal"] is None for row in rows if "blurred" not in row["picture"]} == {True}
+
+
+@pytest.mark.parametrize(("side_px", "reason"), [(12, "too small"), (100, "a side is shorter than 192 px")])
+def test_small_pictures_get_their_name_and_a_reason(tmp_path, side_px, reason):
+    cv2.imwrite(str(tmp_path / "small.png"), picture("health")[:side_px, :side_px])
+    done = call(tmp_path / "small.png")
+    assert done.exit_code == (2 if side_px < 32 else 0)
+    assert any("small.png" in text and reason in text for text in done.output.splitlines()), done.output
+
+
+def test_sharp_frames_that_are_not_sharp_or_of_another_size_get_a_warning(tmp_path):
+    soft, other = write(tmp_path / "soft.png", 0.0, blur_px=3.0), tmp_path / "other.png"
+    sharp = tmp_path / "sharp.png"
+    cv2.imwrite(str(sharp), picture("health"))
+    cv2.imwrite(str(other), picture("health")[:300])
+    done = call(sharp, "--sharp", soft)
+    assert done.exit_code == 0 and "soft.png does not look sharp" in done.output
+    done = call(other, "--sharp", sharp)
+    assert "does not look sharp" not in done.output
+    assert "other.png is 448x300 px" in done.output and "448x320" in done.output
+
+
+def test_health_and_noise_agree_by_default(tmp_path):
+    path = write(tmp_path / "a.png", 6.0)
+    done = call(path, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    (row,) = json.loads((tmp_path / "out/health.json").read_text())["pictures"]
+    noise = CliRunner().invoke(main, ["noise", str(path)])
+    assert abs(float(noise.output.splitlines()[1].split()[0]) - row["sigma_dn"]) < 0.006

@@ -1,0 +1,78 @@
+"""A frame's condition as one row: of a table, of JSON, and of the text printed."""
+
+from __future__ import annotations
+
+from math import isinf, isnan
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.condition import Condition
+
+AXES = ("horizontal", "vertical")
+COLUMNS = (
+    "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "noise_patches", "noise_abstained", "mtf50_horizontal",
+    "mtf50_vertical", "mtf50_horizontal_status", "mtf50_vertical_status", "blur_patches", "blur_abstained",
+    "milliseconds", "drawn",
+)  # fmt: skip
+HEADER = f"{'sigma DN':>9} {'95 % interval':>15} {'MTF50 H':>8} {'MTF50 V':>8} {'answered':>11} {'ms':>6}  picture"
+
+MEASURED, ABOVE_RANGE, UNKNOWN = "measured", "above_range", "unknown"
+
+
+def condition_row(name: str, condition: Condition) -> dict[str, Any]:
+    """The numbers of one frame.
+
+    Args:
+        name: of the frame.
+        condition: its blur and noise.
+
+    Returns:
+        `COLUMNS` (``drawn`` empty), the MTF (2, 8) with its interval, and the reasons of abstentions. MTF50 is a
+        fraction of Nyquist; its status tells a value that is ``measured`` from one ``above_range`` (contrast stays
+        above half up to the last frequency; the number is infinite) and one that is ``unknown`` (NaN).
+    """
+    from pipeline.blur.base import PATCH_PX
+    from pipeline.condition.summary import half_contrast
+
+    horizontal, vertical = (float(value) for value in half_contrast(condition.mtf.value))
+    noise, blur = condition.noise.estimate, condition.blur.estimate
+    numbers = (
+        name, float(condition.sigma_dn.value), float(condition.sigma_dn.low), float(condition.sigma_dn.high),
+        len(noise), int(noise.abstained.sum()), horizontal, vertical, status(horizontal), status(vertical), len(blur),
+        int(blur.abstained.sum()), round(condition.milliseconds, 1), "",
+    )  # fmt: skip
+    reasons = condition.reasons
+    if not len(blur):
+        reasons["blur"] = {f"a side is shorter than {PATCH_PX} px": 1}
+    curves = {"mtf": condition.mtf.value, "mtf_low": condition.mtf.low, "mtf_high": condition.mtf.high}
+    return dict(zip(COLUMNS, numbers, strict=True)) | curves | {"abstained": reasons}
+
+
+def status(mtf50: float) -> str:
+    """Whether an MTF50 is ``measured``, ``above_range`` (infinite) or ``unknown`` (NaN)."""
+    if isnan(mtf50):
+        return UNKNOWN
+    return ABOVE_RANGE if isinf(mtf50) else MEASURED
+
+
+def line(row: dict[str, Any]) -> str:
+    """A row as text under `HEADER`."""
+    patches = row["noise_patches"] + row["blur_patches"]
+    answered = f"{patches - row['noise_abstained'] - row['blur_abstained']}/{patches}"
+    interval = f"{number(row['sigma_low_dn'], 2)} .. {number(row['sigma_high_dn'], 2)}"
+    halves = " ".join(f"{number(row[f'mtf50_{axis}'], 2):>8}" for axis in AXES)
+    reasons = [f"{part} {reason} {n}" for part, counts in row["abstained"].items() for reason, n in counts.items()]
+    note = f"  ({', '.join(reasons)})" if reasons else ""
+    return (
+        f"{number(row['sigma_dn'], 2):>9} {interval:>15} {halves} {answered:>11} {row['milliseconds']:>6.0f}"
+        f"  {row['picture']}{note}"
+    )
+
+
+def number(value: float, decimals: int) -> str:
+    """A number; ``-`` where it is unknown; ``> 0.59`` beyond the last frequency measured."""
+    from pipeline.camera.mtf import FREQUENCIES
+
+    if isnan(value):
+        return "-"
+    return f"> {FREQUENCIES[-1]:.2f}" if isinf(value) else f"{value:.{decimals}f}"

@@ -1,0 +1,218 @@
+"""The results of one command: a folder checked before anything is computed, unique names, rows written as they come.
+
+A folder remembers in a small list which files the last run wrote into it. The next run removes exactly these, so that
+no old picture lies beside a new table, and refuses to overwrite anything else.
+"""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from pipeline.errors import InputError
+
+LIST_NAME = ".camera-monitor-files"
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet runs text that begins with one of these
+
+
+class OutputError(InputError):
+    """Results cannot be written; unlike a bad input, this ends the command."""
+
+
+class OutputFolder:
+    """A folder for the results of one run.
+
+    Args:
+        path: the folder; made if it is absent.
+        option: the command-line option that named it, for messages.
+        inputs: files the command reads; none of them may be a result of the last run, which is removed.
+
+    Raises:
+        OutputError: the folder cannot be made or written, another run writes there, or an input would be removed.
+    """
+
+    def __init__(self, path: Path, option: str = "--out", inputs: Sequence[Path] = ()) -> None:
+        self.path, self.option = path, option
+        self._taken: set[str] = set()
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            self._list = (path / LIST_NAME).open("a+", encoding="utf-8")
+        except OSError as error:
+            raise OutputError(f"{option} {path}: cannot write there ({error.strerror}); name another folder") from None
+        try:
+            self._lock()
+            self._remove_earlier(inputs)
+        except BaseException:
+            self._list.close()
+            raise
+
+    def __enter__(self) -> OutputFolder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._list.close()
+
+    def claim(self, stem: str, suffix: str) -> Path:
+        """A file of this folder that no other result of this run has.
+
+        Args:
+            stem: wanted name without its suffix; ``-2``, ``-3`` ... is added where it is taken.
+            suffix: e.g. ``".png"``.
+
+        Raises:
+            OutputError: a file of that name is there that no earlier run wrote.
+        """
+        name, number = f"{stem}{suffix}", 1
+        while name.casefold() in self._taken:
+            number += 1
+            name = f"{stem}-{number}{suffix}"
+        self._taken.add(name.casefold())
+        target = self.path / name
+        if target.exists():
+            raise OutputError(
+                f"{self.option} {self.path}: would overwrite {target}, which no earlier run of this command wrote; "
+                "name another folder"
+            )
+        try:
+            self._list.write(f"{name}\n")
+            self._list.flush()
+        except OSError as error:
+            raise OutputError(f"{self.option} {self.path}: cannot write there ({error.strerror})") from None
+        return target
+
+    def claim_all(self, stem: str, suffixes: Sequence[str]) -> list[Path]:
+        """Files of one stem and several suffixes, none of which another result of this run has."""
+        number, wanted = 1, stem
+        while any(f"{wanted}{suffix}".casefold() in self._taken for suffix in suffixes):
+            number += 1
+            wanted = f"{stem}-{number}"
+        return [self.claim(wanted, suffix) for suffix in suffixes]
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._list, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise OutputError(f"{self.option} {self.path}: another run writes there; name another folder") from None
+
+    def _remove_earlier(self, inputs: Sequence[Path]) -> None:
+        self._list.seek(0)
+        names = [line.rstrip("\n") for line in self._list]
+        earlier = [self.path / name for name in names if name and Path(name).name == name]
+        read = {file.resolve() for file in inputs}
+        for file in earlier:
+            if file.resolve() in read:
+                raise OutputError(
+                    f"{self.option} {self.path}: would overwrite its input {file}, a result of the last run; "
+                    "name another folder"
+                )
+        for file in earlier:
+            if file.is_file() or file.is_symlink():
+                file.unlink()
+        self._list.truncate(0)
+
+
+def refuse_input(path: Path, option: str, inputs: Sequence[Path]) -> None:
+    """Refuse a file of results that is one of the command's inputs.
+
+    Raises:
+        OutputError: it is.
+    """
+    if any(path.resolve() == file.resolve() for file in inputs):
+        raise OutputError(f"{option} {path}: would overwrite an input; name another file")
+
+
+def plain_text(text: str) -> str:
+    """Text that no spreadsheet takes for a formula: an apostrophe is put before ``=``, ``+``, ``-``, ``@`` and tabs."""
+    return f"'{text}" if text.startswith(FORMULA_STARTS) else text
+
+
+class RowFile:
+    """A CSV table that is written row by row, so that an interrupted run keeps every finished row.
+
+    Args:
+        path: the file; replaced.
+        columns: its header.
+
+    Raises:
+        OutputError: the file cannot be made or written.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+        self.path, self.columns, self.count = path, tuple(columns), 0
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("wb", buffering=0)
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({error.strerror}); name another file") from None
+        self._append(columns)
+
+    def __enter__(self) -> RowFile:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def write(self, row: Mapping[str, Any]) -> None:
+        """Append the declared columns of a row; others are left out."""
+        self._append([row[name] for name in self.columns])
+        self.count += 1
+
+    def _append(self, values: Sequence[Any]) -> None:
+        text = io.StringIO()
+        plain = [plain_text(value) if isinstance(value, str) else value for value in values]
+        csv.writer(text, lineterminator="\n").writerow(plain)
+        append(self._file, self.path, text.getvalue(), self.count)
+
+
+class LineFile:
+    """A file of JSON lines, written line by line like `RowFile`.
+
+    Args:
+        path: the file; replaced.
+
+    Raises:
+        OutputError: the file cannot be made or written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.count = path, 0
+        try:
+            self._file = path.open("wb", buffering=0)
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({error.strerror}); name another file") from None
+
+    def __enter__(self) -> LineFile:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def write(self, line: str) -> None:
+        """Append one line."""
+        append(self._file, self.path, f"{line}\n", self.count)
+        self.count += 1
+
+
+def append(file: io.FileIO, path: Path, text: str, rows: int) -> None:
+    """Append text in full, or name the reason and how many rows the file holds.
+
+    Raises:
+        OutputError: the system refuses, for example because the disk is full.
+    """
+    content = text.encode("utf-8", errors="backslashreplace")
+    try:
+        while content:
+            content = content[file.write(content) :]
+    except OSError as error:
+        raise OutputError(f"{path}: {error.strerror}; the {rows} rows before are written") from None

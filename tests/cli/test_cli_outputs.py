@@ -1,0 +1,186 @@
+"""Results are never lost or mixed up: unique names, nothing old beside new, rows kept on signals and full disks."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from data_makers import picture
+
+from pipeline.cli import main
+from pipeline.cli.outputs import OutputError, OutputFolder, RowFile, plain_text
+
+FULL_DISK = Path("/dev/full")
+
+
+def call(*arguments):
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def save(path: Path, name: str = "a", width_px: int = 256, height_px: int = 200) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    assert cv2.imwrite(str(path), picture(name, width_px, height_px))
+    return path
+
+
+def film(path: Path, frames: int = 4, code: str = "MJPG") -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), 10, (256, 208))
+    for number in range(frames):
+        writer.write(cv2.cvtColor(np.roll(picture("film", 256, 208), 3 * number, axis=1), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    return path
+
+
+def test_corrupt_writes_one_picture_for_each_frame_of_a_video(tmp_path):
+    done = call("corrupt", film(tmp_path / "v.avi"), "--out", tmp_path / "out", "--sigma-dn", 5)
+    assert done.exit_code == 0, done.output
+    pictures = sorted((tmp_path / "out").glob("*.png"))
+    assert [file.stem for file in pictures] == [f"v.avi-{number:06d}" for number in range(4)]
+    first, second = (json.loads(file.with_suffix(".json").read_text()) for file in pictures[:2])
+    assert first["source"].endswith("v.avi#0") and second["source"].endswith("v.avi#1")
+    one, other = (cv2.imread(str(file), 0).astype(float) for file in pictures[:2])
+    clean = [np.roll(picture("film", 256, 208), 3 * number, axis=1).astype(float) for number in (0, 1)]
+    noise = [(one - clean[0])[:, 10:].ravel(), (other - clean[1])[:, 10:].ravel()]
+    assert abs(np.corrcoef(noise)[0, 1]) < 0.5  # each frame has noise of its own
+
+
+def test_pictures_of_one_stem_keep_names_of_their_own(tmp_path):
+    sources = [save(tmp_path / "1/a.png", "1"), save(tmp_path / "2/a.png", "2"), save(tmp_path / "2/a.bmp", "3")]
+    assert call("corrupt", *sources, "--out", tmp_path / "out").exit_code == 0
+    results = {json.loads(file.read_text())["source"]: file for file in (tmp_path / "out").glob("*.json")}
+    assert set(results) == {str(source) for source in sources}
+    for source in sources:
+        assert (cv2.imread(str(results[str(source)].with_suffix(".png"))) == cv2.imread(str(source))).all()
+    assert call("noise", *sources, "--map", tmp_path / "maps", "--estimator", "pca").exit_code == 0
+    assert len(list((tmp_path / "maps").glob("*.noise.png"))) == 3
+
+
+def test_a_second_run_leaves_no_old_pictures_beside_a_new_table(tmp_path):
+    a, b = save(tmp_path / "a.png"), save(tmp_path / "b.png")
+    out = tmp_path / "out"
+    assert call("corrupt", a, b, "--out", out).exit_code == 0
+    (out / "notes.txt").write_text("kept")
+    assert call("corrupt", b, "--out", out).exit_code == 0
+    assert sorted(file.name for file in out.iterdir() if file.name[0] != ".") == ["b.json", "b.png", "notes.txt"]
+
+
+def test_foreign_files_and_inputs_are_never_overwritten_or_removed(tmp_path):
+    a = save(tmp_path / "a.png")
+    out = tmp_path / "out"
+    save(out / "a.png", "foreign")
+    before = (out / "a.png").read_bytes()
+    done = call("corrupt", a, "--out", out, "--sigma-dn", 5)
+    assert done.exit_code == 2 and "would overwrite" in done.output
+    assert (out / "a.png").read_bytes() == before
+    assert call("corrupt", a, "--out", tmp_path / "chain").exit_code == 0
+    done = call("corrupt", tmp_path / "chain/a.png", "--out", tmp_path / "chain")
+    assert done.exit_code == 2 and "would overwrite its input" in done.output
+    assert (tmp_path / "chain/a.png").is_file()
+    done = call("noise", a, "--csv", a, "--estimator", "pca")
+    assert done.exit_code == 2 and "would overwrite an input" in done.output and a.stat().st_size > 1000
+
+
+def test_two_runs_never_write_into_one_folder_at_once(tmp_path):
+    with OutputFolder(tmp_path / "out"), pytest.raises(OutputError, match="another run"):
+        OutputFolder(tmp_path / "out")
+    OutputFolder(tmp_path / "out").__exit__(None, None, None)  # free again
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_keeps_the_rows_of_finished_frames(tmp_path, number):
+    film(tmp_path / "long.avi", frames=400)
+    command = [sys.executable, "-m", "pipeline.cli", "health", str(tmp_path / "long.avi"), "--noise", "pca"]
+    started = subprocess.Popen(
+        [*command, "--out", str(tmp_path / "out")], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    table = tmp_path / "out/health.csv"
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline and not (table.is_file() and table.read_text().count("\n") >= 3):
+        time.sleep(0.05)
+    started.send_signal(number)
+    _, errors = started.communicate(timeout=60)
+    assert started.returncode == 130, errors
+    assert "interrupted" in errors and "Traceback" not in errors
+    with table.open() as file:
+        rows = list(csv.DictReader(file))
+    content = json.loads((tmp_path / "out/health.json").read_text())
+    assert 2 <= len(rows) < 400
+    assert content["complete"] is False and len(content["pictures"]) == len(rows)
+    lines = (tmp_path / "out/health.jsonl").read_text().splitlines()
+    assert [json.loads(line)["picture"] for line in lines] == [row["picture"] for row in rows]
+
+
+@pytest.mark.skipif(not FULL_DISK.exists(), reason="the system has no /dev/full to stand for a full disk")
+def test_a_full_disk_is_named(tmp_path):
+    with pytest.raises(OutputError, match="No space left on device"):
+        RowFile(FULL_DISK, ("a",))
+    done = call("noise", save(tmp_path / "a.png"), "--csv", FULL_DISK, "--estimator", "pca")
+    assert done.exit_code == 2 and "No space left on device" in done.output and "picture format" not in done.output
+
+
+@pytest.mark.parametrize("command", [["health", "--out"], ["noise", "--map"], ["noise", "--csv"], ["corrupt", "--out"]])
+def test_results_that_cannot_be_written_are_refused_before_anything_is_computed(tmp_path, command):
+    a, (name, option) = save(tmp_path / "a.png"), command
+    blocked = a / "folder" / "file" if option == "--csv" else a / "folder"  # below a file nothing can be made
+    done = call(name, a, option, blocked)
+    assert done.exit_code == 2
+    assert len(done.output.splitlines()) == 1, done.output
+    assert str(blocked) in done.output and "Not a directory" in done.output
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_permission_is_refused(tmp_path):
+    (tmp_path / "closed").mkdir(mode=0o500)
+    done = call("corrupt", save(tmp_path / "a.png"), "--out", tmp_path / "closed/out")
+    assert done.exit_code == 2 and "Permission denied" in done.output
+
+
+def test_names_in_tables_are_quoted_and_no_formulas(tmp_path):
+    odd = save(tmp_path / '=1+2,"x".png')
+    assert call("noise", odd, "--csv", tmp_path / "t.csv", "--estimator", "pca").exit_code == 0
+    with (tmp_path / "t.csv").open() as file:
+        assert {row["picture"] for row in csv.DictReader(file)} == {str(odd)}
+    assert plain_text("=cmd()") == "'=cmd()" and plain_text("@x") == "'@x" and plain_text("a=b") == "a=b"
+    with RowFile(tmp_path / "u.csv", ("name", "value")) as rows:
+        rows.write({"name": '=HYPERLINK("x")', "value": -1.5})
+    assert (tmp_path / "u.csv").read_text() == 'name,value\n"\'=HYPERLINK(""x"")",-1.5\n'
+
+
+def test_corrupt_goes_on_past_a_bad_file_and_reports_what_it_reached(tmp_path):
+    good = save(tmp_path / "in/b.png")
+    (tmp_path / "in/a.png").write_bytes(good.read_bytes()[:900])
+    done = call("corrupt", tmp_path / "in", "--out", tmp_path / "out", "--effect", "readout", "--sigma-dn", 8)
+    assert done.exit_code == 2
+    assert "set aside" in done.output and "a.png" in done.output
+    line = next(text for text in done.output.splitlines() if text.endswith("-> b.png"))
+    asked, reached, clipped = (float(word) for word in line.split()[:3])
+    truth = json.loads((tmp_path / "out/b.json").read_text())
+    assert asked == 8 and abs(reached - truth["sigma_dn"]) < 0.006 and abs(clipped - truth["sigma_clipped_dn"]) < 0.006
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--size-px", "1e9"), ("--size-px", "nan"), ("--sigma-dn", "inf"), ("--mtf50", "nan"), ("--angle-deg", "nan")],
+)
+def test_numbers_without_bound_are_refused_at_once(tmp_path, option, value):
+    start = time.perf_counter()
+    done = call("corrupt", save(tmp_path / "a.png"), "--out", tmp_path / "out", "--blur", "defocus", option, value)
+    assert done.exit_code == 2 and option in done.output
+    assert len(done.output.splitlines()) == 1
+    assert time.perf_counter() - start < 5
+
+
+def test_a_kernel_larger_than_the_picture_is_refused(tmp_path):
+    small = save(tmp_path / "a.png", width_px=64, height_px=64)
+    done = call("corrupt", small, "--out", tmp_path / "out", "--blur", "defocus", "--size-px", 101)
+    assert done.exit_code == 2 and "larger than the picture" in done.output
