@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.camera import chain, draws
 from pipeline.camera.memory import blocks
 from pipeline.camera.sensor import Sensor
-from pipeline.camera.truth import Boundary, Corrupted, through_optics
+from pipeline.camera.truth import LIGHTS, ORDERS, Boundary, Corrupted, Light, Order, through_optics
 from pipeline.errors import InputError, did_you_mean
 from pipeline.streams import KeyPart, stream
 
@@ -84,6 +84,8 @@ def corrupt(
     boundary: Boundary = "reflect",
     temperature_k: float | None = None,
     exposure_s: float | None = None,
+    order: Order = "paper",
+    light: Light = "encoded",
     key: tuple[KeyPart, ...] = (),
 ) -> Corrupted:
     """Corrupt a frame with noise of a given sigma, and blur.
@@ -97,7 +99,8 @@ def corrupt(
         sigma_dn: standard deviation of the noise over the frame before clipping, DN on the 0..255 scale.
         generator: where everything comes from (`pipeline.streams.stream`).
         sensor: the paper's if None.
-        psf: (h, w) kernel of the optics, unit sum; photon noise passes it, the other sources come after.
+        psf: (h, w) kernel of the optics, unit sum; in the paper's order photon noise passes it, the other sources
+            come after.
         camera: ``physical``; ``authors`` follows the paper's published program with its quirks, ``authors_2022`` the
             same before December 2022 (see `authors`).
         poisson: ``exact`` or ``hybrid``; see `draws.poisson`.
@@ -106,13 +109,16 @@ def corrupt(
         boundary: what the blur sees beyond the frame (physical camera; the authors' sees darkness).
         temperature_k: fixes the sensor temperature instead of the effect's own.
         exposure_s: fixes the exposure time, likewise.
+        order: ``paper``: photon noise comes before the optics; ``detector``: after them, as in a camera.
+        light: ``encoded``: noise and blur act on the grey levels, as in the paper; ``linear``: on the light behind
+            them (`linear_light`).
         key: of the random stream, recorded in the result.
 
     Returns:
         the frame and its truth.
 
     Raises:
-        InputError: wrong image, effect, level, kernel, camera or conditions.
+        InputError: wrong image, effect, level, kernel, camera, order, light or conditions.
     """
     if not 0.0 <= sigma_dn < float("inf"):
         raise InputError(f"sigma_dn is a level of at least 0 DN, got {sigma_dn!r}")
@@ -120,6 +126,14 @@ def corrupt(
         raise InputError(f"camera '{camera}' is unknown; {did_you_mean(str(camera), CAMERAS)}")
     if reach not in ("source", "frame"):
         raise InputError(f"reach is 'source' or 'frame', got '{reach}'")
+    for key_name, value, known in (("order", order, ORDERS), ("light", light, LIGHTS)):
+        if value not in known:
+            raise InputError(f"camera.{key_name} '{value}' is unknown; {did_you_mean(str(value), known)}")
+    if camera != "physical" and (order, light) != ("paper", "encoded"):
+        raise InputError(
+            f"camera '{camera}' follows the authors' program: camera.order is 'paper' and camera.light 'encoded' there,"
+            f" got '{order}' and '{light}'; use camera.kind physical for others"
+        )
     name, effects = conditioned(effect, temperature_k, exposure_s)
     used = sensor or Sensor()
     scene = chain.as_image(image)
@@ -132,11 +146,19 @@ def corrupt(
         return authors.corrupt(
             signal_e, name, effects, sigma_dn, generator, used, psf=psf, program=authors.PROGRAMS[camera], key=key
         )
+    if light == "linear":
+        from pipeline.camera import linear_light
+
+        return linear_light.corrupt(
+            scene, name, effects, sigma_dn, generator, used,
+            psf=psf, boundary=boundary, poisson=poisson, reach=reach, order=order, key=key,
+        )  # fmt: skip
     if sigma_dn == 0.0:
         drawn, gain = chain.Drawn({}, float("nan"), float("nan")), 0.0
     else:
-        drawn = chain.draw(signal_e, effects, used, generator, poisson=poisson)
-        blurred = psf if reach == "frame" else None
+        arriving = chain.arriving(signal_e, psf, boundary, order)
+        drawn = chain.draw(arriving, effects, used, generator, poisson=poisson)
+        blurred = psf if reach == "frame" and order == "paper" else None
         gain = gain_to_reach(drawn, sigma_dn, used, psf=blurred, boundary=boundary)
     return chain.develop(
         signal_e,
@@ -148,6 +170,7 @@ def corrupt(
         effect=name,
         level_dn=float(sigma_dn),
         poisson=poisson,
+        order=order,
         key=key,
     )
 

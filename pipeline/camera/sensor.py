@@ -246,6 +246,31 @@ SENSORS: dict[str, dict[str, Any]] = {
         "kind": "ccd",
         "read_noise_e": 12.5,
     },
+    # e2v EV76C661, CMOS global shutter: values of the same follow-up work; its dark-current figure was fitted for
+    # another temperature, so the data sheet's 312 e-/s is assumed to hold at 60 C
+    "ev76c661": {
+        "full_well_e": 8_400.0,
+        "pixel_pitch_um": 5.3,
+        "dark_figure_na_per_cm2": 0.0157,
+        "clock_hz": 90e6,
+        "read_noise_e": 24.0,
+    },
+    # Sony ICX625, CCD: EMVA 1288 sheet of a Basler camera with it
+    "icx625": {
+        "full_well_e": 7_000.0,
+        "pixel_pitch_um": 3.45,
+        "dark_figure_na_per_cm2": 0.009068,
+        "kind": "ccd",
+        "read_noise_e": 13.0,
+    },
+    # Sony IMX255, CMOS global shutter: from the maker's SNR of 40.3 dB and dynamic range of 71.3 dB at 12 bit; its
+    # dark current is assumed
+    "imx255": {
+        "full_well_e": 10_700.0,
+        "pixel_pitch_um": 3.45,
+        "dark_figure_na_per_cm2": 0.0047,
+        "read_noise_e": 2.9,
+    },
     # a 3 um rolling-shutter automotive CMOS in linear mode: assumed, typical values (2.5 e- at base gain falling to
     # 1.8 e- at high gain, about 30 e-/s dark signal at 60 C)
     "automotive_3um": {

@@ -29,24 +29,26 @@ class Step:
 
 
 def steps(shown: Corrupted) -> list[Step]:
-    """The frame after each step, in the order light meets them.
+    """The frame after each step, in the order of the chain.
 
     Args:
         shown: a corrupted frame; steps that were off are left out.
 
     Returns:
-        the input first, the 8-bit frame last.
+        the input first, the 8-bit frame last; light before the tone curve where the frame was formed in linear light.
     """
     electrons = shown.signal_e
     found = [_step("input", "scene", "The sharp frame.", electrons, shown)]
-    if "photon" in shown.noise_e:
-        electrons = electrons + shown.noise_e["photon"]
-        found.append(
-            _step("photon", "photons", "Photon shot noise grows with the root of the light.", electrons, shown)
-        )
-    if shown.psf is not None:
-        electrons = through_optics(electrons, shown.psf, shown.boundary)
-        found.append(_step("optics", "optics", "Blur spreads light and smooths the photon noise.", electrons, shown))
+    for name in ("photon", "optics") if shown.order == "paper" else ("optics", "photon"):
+        if name == "photon" and "photon" in shown.noise_e:
+            electrons = electrons + shown.noise_e["photon"]
+            grows = "Photon shot noise grows with the root of the light."
+            found.append(_step("photon", "photons", grows, electrons, shown))
+        elif name == "optics" and shown.psf is not None:
+            electrons = through_optics(electrons, shown.psf, shown.boundary)
+            smooths = "photon" in shown.noise_e and shown.order == "paper"
+            spreads = "Blur spreads light and smooths the photon noise." if smooths else "Blur spreads light."
+            found.append(_step("optics", "optics", spreads, electrons, shown))
     if "dark" in shown.noise_e:
         electrons = electrons + shown.noise_e["dark"]
         found.append(_step("dark", "dark current", "Dark-current shot noise is the same everywhere.", electrons, shown))

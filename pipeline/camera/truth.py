@@ -17,11 +17,16 @@ from numpy.typing import NDArray
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.quantise import to_8bit
 from pipeline.camera.sensor import Sensor
+from pipeline.camera.tone_curve import encode
 from pipeline.errors import InputError
 from pipeline.streams import KeyPart
 
 Float = NDArray[np.float32]
 Boundary = Literal["reflect", "zero"]
+Order = Literal["paper", "detector"]
+ORDERS: tuple[Order, ...] = ("paper", "detector")
+Light = Literal["encoded", "linear"]
+LIGHTS: tuple[Light, ...] = ("encoded", "linear")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +41,15 @@ class Corrupted:
         sensor: the sensor.
         temperature_k, exposure_s: conditions used, drawn where the effect says so.
         signal_e: (H, W) mean electrons before any effect.
-        noise_e: noise of each source as it was added, ``gain`` included, e-: ``photon`` (before the optics),
-            ``dark`` and ``readout`` (after).
+        noise_e: noise of each source as it was added, ``gain`` included, e-: ``photon`` (before or after the optics,
+            see ``order``), ``dark`` and ``readout`` (after).
         psf: (h, w) kernel, or None for no blur.
         boundary: how the blur saw beyond the frame.
         clipped_fraction: share of pixels that noise drove out of the 8-bit range.
         poisson: how Poisson counts were drawn.
         camera: whose program was followed.
+        order: ``paper``: photon noise was added before the optics; ``detector``: after them.
+        light: ``encoded``: electrons are proportional to the grey levels of the picture; ``linear``: to its light.
         key: of the random stream, where the caller gave one.
     """
 
@@ -60,6 +67,8 @@ class Corrupted:
     clipped_fraction: float = 0.0
     poisson: str = "exact"
     camera: str = "physical"
+    order: Order = "paper"
+    light: Light = "encoded"
     key: tuple[KeyPart, ...] = ()
 
     @cached_property
@@ -70,20 +79,34 @@ class Corrupted:
     @cached_property
     def electrons(self) -> Float:
         """(H, W) electrons at the converter: noise included, neither saturated nor whole, e-."""
-        return (self.clean_dn + self.noise_dn) * np.float32(self.sensor.electrons_per_dn)
+        return self._through_optics(self.signal_e) + self._noise_e
 
     @cached_property
     def clean_dn(self) -> Float:
         """(H, W) what the frame would be without noise: blurred, neither rounded nor clipped, DN."""
-        return self.sensor.dn(self._through_optics(self.signal_e))
+        return self._encoded(self._through_optics(self.signal_e))
 
     @cached_property
     def noise_dn(self) -> Float:
-        """(H, W) noise before full well, rounding and the 8-bit range; photon noise as blurred by the optics, DN."""
+        """(H, W) noise before full well, rounding and the 8-bit range, after the tone curve if there is one, DN."""
+        if self.light == "linear":
+            return self._encoded(self.electrons) - self.clean_dn
+        return self.sensor.dn(self._noise_e)
+
+    @property
+    def _noise_e(self) -> Float:
+        """(H, W) noise at the converter, e-; photon noise as blurred by the optics where it came before them."""
         total = np.zeros_like(self.signal_e)
         for source, noise in self.noise_e.items():
-            total += self._through_optics(noise) if source == "photon" else noise
-        return self.sensor.dn(total)
+            total += self._through_optics(noise) if source == "photon" and self.order == "paper" else noise
+        return total
+
+    def _encoded(self, electrons: Float) -> Float:
+        """Electrons on the 8-bit scale, neither rounded nor clipped."""
+        if self.light == "encoded":
+            return self.sensor.dn(electrons)
+        level = electrons / np.float32(self.sensor.electrons_at_full_scale)
+        return np.asarray(encode(level) * np.float32(FULL_SCALE_DN), dtype=np.float32)
 
     @cached_property
     def noise_clipped_dn(self) -> Float:

@@ -1,6 +1,6 @@
 """Blur and noise at once: one frame under kernels and noise levels together, read by blur and noise estimators.
 
-The paper's combined experiments (Wischow et al. 2023, Sec. V and supplement). The order is that of the physics: photon
+The paper's combined experiments (Wischow et al. 2023, Sec. V and supplement). The order is the paper's: photon
 noise is in the light, so the optics blur it; dark current and readout come after the optics and stay sharp. Defocus
 with dark-current noise is therefore a sharp noise on a blurred picture, linear motion with photon noise a blurred one.
 

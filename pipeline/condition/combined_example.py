@@ -1,4 +1,4 @@
-"""Pictures of the combined experiments: one patch at each step of the physics, and under growing noise."""
+"""Pictures of the combined experiments: one patch after each step of image formation, and under growing noise."""
 
 from __future__ import annotations
 

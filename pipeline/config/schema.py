@@ -31,6 +31,8 @@ class CameraSection(Section):
 
     kind: Literal["physical", "authors", "authors_2022"]
     poisson: Literal["exact", "hybrid"]
+    order: Literal["paper", "detector"] = "paper"
+    light: Literal["encoded", "linear"] = "encoded"
     sensor: SensorSection
 
 

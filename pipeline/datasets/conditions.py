@@ -68,13 +68,21 @@ def conditions(
     psf = None if kernel.name == SHARP else kernel.psf
     options: dict[str, Any] = {"sensor": camera.sensor, "poisson": camera.poisson, "key": (seed, *key)}
     name, effects = chain.preset(effect)
-    if camera.kind != "physical" or effects.photon or psf is None:
+    if camera.kind != "physical" or camera.light != "encoded" or effects.photon or psf is None:
         for level in levels_dn:
             draw = stream(seed, *key)
             yield (
                 float(level),
                 levels.corrupt(
-                    sharp, effect, sigma_dn=float(level), generator=draw, psf=psf, camera=camera.kind, **options
+                    sharp,
+                    effect,
+                    sigma_dn=float(level),
+                    generator=draw,
+                    psf=psf,
+                    camera=camera.kind,
+                    order=camera.order,
+                    light=camera.light,
+                    **options,
                 ),
             )
         return

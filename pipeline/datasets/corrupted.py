@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.camera.draws import PoissonMethod
 from pipeline.camera.levels import Camera, corrupt
 from pipeline.camera.sensor import Sensor, named
-from pipeline.camera.truth import Corrupted
+from pipeline.camera.truth import Corrupted, Light, Order
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
@@ -30,17 +30,22 @@ class CameraSettings:
         kind: ``"physical"`` or ``"authors"`` (with the quirks of the authors' program).
         poisson: ``"exact"`` or ``"hybrid"`` draws.
         sensor: parameters that differ from the paper's.
+        order: ``"paper"``: photon noise before the optics; ``"detector"``: behind them, as in a camera.
+        light: ``"encoded"``: grey levels are corrupted, as in the paper; ``"linear"``: the light behind them.
     """
 
     kind: Camera = "physical"
     poisson: PoissonMethod = "exact"
     sensor: Sensor = field(default_factory=Sensor)
+    order: Order = "paper"
+    light: Light = "encoded"
 
     @classmethod
     def from_section(cls, section: Any) -> CameraSettings:
         """From the section ``camera`` of the configuration."""
         changes: dict[str, Any] = section.sensor.model_dump()
-        return cls(section.kind, section.poisson, named(changes.pop("model"), **changes))
+        sensor = named(changes.pop("model"), **changes)
+        return cls(section.kind, section.poisson, sensor, section.order, section.light)
 
 
 def corrupted(
@@ -78,5 +83,7 @@ def corrupted(
         psf=psf,
         camera=camera.kind,
         poisson=camera.poisson,
+        order=camera.order,
+        light=camera.light,
         key=(seed, *key),
     )

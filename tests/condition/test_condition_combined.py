@@ -1,4 +1,4 @@
-"""Blur and noise at once: the order of the physics, the same numbers as the single experiments, smoothing undone."""
+"""Blur and noise at once: the paper's order, the same numbers as the single experiments, smoothing undone."""
 
 import numpy as np
 import pytest

@@ -1,0 +1,174 @@
+"""Image formation in linear light: means, variances and check values of real sensors, saturation, blur, settings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.camera.exposure import Camera, Motion, kernels, noise_generator
+from pipeline.camera.sensor import Sensor, named
+from pipeline.camera.tone_curve import decode, encode
+from pipeline.errors import InputError
+
+SIDE = 400
+PROSILICA = named("prosilica_gc1380h")
+
+
+def flat(level: float) -> np.ndarray:
+    """Radiance that gives this fraction of full scale at 8 ms, gain 1, light 1."""
+    return np.full((SIDE, SIDE), 2.5 * level, np.float32)
+
+
+def linear(sensor: Sensor, **options) -> Camera:
+    return Camera(sensor, gamma=1.0, adc_bits=16, **options)
+
+
+@pytest.mark.parametrize(
+    ("name", "shot", "read"),
+    [
+        ("prosilica_gc1380h", (1.52, 2.28, 3.05, 6.10), (0.23, 0.51, 0.91, 3.65)),
+        ("ev76c661", (1.97, 2.94, 3.93, 7.87), (0.73, 1.63, 2.91, 11.7)),
+    ],
+)
+def test_exposure_noise_budget_equals_published_check_values(name, shot, read):
+    camera = linear(named(name))
+    for gain, shot_dn, read_dn in zip((1.0, 2.24, 4.0, 16.0), shot, read, strict=True):
+        half = 0.5 * camera.sensor.full_well_e / gain  # electrons that give mid grey at this gain
+        budget = camera.budget(half, gain, 0.001)
+        assert float(budget.shot) == pytest.approx(shot_dn, rel=0.005)
+        assert float(budget.read) == pytest.approx(read_dn, abs=0.006 if gain < 16 else 0.06)
+
+
+@pytest.mark.parametrize("gain", [1.0, 4.0, 16.0])
+@pytest.mark.parametrize("noise_gain", ["physical", "linear"])
+def test_exposure_mean_and_variance_of_frames_equal_the_closed_form(gain, noise_gain):
+    camera = linear(PROSILICA, noise_gain=noise_gain)
+    frame = camera.expose(flat(0.4), 0.008 / gain, gain, noise_generator(1, "flat", gain))
+    dn = frame.image.astype(np.float64) * 255
+    budget = camera.budget(frame.electrons[0, 0], gain, 0.008 / gain)
+    variance = float(budget.total) ** 2 + 1 / 12  # 8 bits
+    assert dn.mean() == pytest.approx(0.4 * 255, abs=5 * np.sqrt(variance / dn.size) + 0.01)
+    assert dn.var() == pytest.approx(variance, rel=5 * np.sqrt(2 / dn.size) + 0.005)
+
+
+def test_exposure_variance_grows_with_the_mean_by_the_system_gain():
+    camera = linear(PROSILICA)
+    levels = np.array([0.1, 0.3, 0.5, 0.7, 0.85])
+    frames = [camera.expose(flat(x), 0.002, 4.0, noise_generator(1, "transfer", float(x))).image for x in levels]
+    means, variances = np.array([(255 * f.mean(dtype=float), (255.0 * f).var(dtype=float)) for f in frames]).T
+    found = np.polyfit(means, variances, 1)[0]
+    assert found == pytest.approx(4 * 255 / 14_000, rel=0.02)
+
+
+def test_exposure_gain_for_time_follows_the_root_for_shot_noise_and_the_factor_for_read_noise():
+    camera = linear(named("paper"))
+    short, long = camera.budget(1_000.0, 8.0, 0.001), camera.budget(8_000.0, 1.0, 0.008)
+    assert float(short.shot / long.shot) == pytest.approx(np.sqrt(8), rel=1e-9)
+    assert float(short.read / long.read) == pytest.approx(8, rel=1e-9)
+    worst = linear(named("paper"), noise_gain="linear")
+    ratio = worst.budget(1_000.0, 8.0, 0.008).shot / worst.budget(8_000.0, 1.0, 0.008).shot
+    assert float(ratio) == pytest.approx(8, rel=1e-9)
+
+
+def test_exposure_shot_noise_behind_blur_is_poisson_and_white():
+    camera = linear(Sensor(read_noise_e=0.0, dark_figure_na_per_cm2=0.0, full_well_e=1_000.0))
+    frame = camera.expose(flat(0.4), 0.008, 1.0, noise_generator(3, "white"), motion=Motion(defocus_px=11.0))
+    electrons = frame.image.astype(np.float64) * 1_000
+    assert electrons.var() == pytest.approx(400 + (1_000 / 255) ** 2 / 12, rel=0.02)
+    noise = electrons - electrons.mean()
+    neighbours = float((noise[:, 1:] * noise[:, :-1]).mean() / noise.var())
+    assert abs(neighbours) < 4 / np.sqrt(noise.size)
+
+
+def test_exposure_dark_current_grows_with_time_and_temperature():
+    cold, hot = (linear(PROSILICA, temperature_k=t) for t in (293.15, 333.15))
+    assert float(hot.budget(0.0, 1.0, 1.0).dark / cold.budget(0.0, 1.0, 1.0).dark) == pytest.approx(
+        np.sqrt(266.7 / 12.91), rel=0.01
+    )
+    assert float(hot.budget(0.0, 1.0, 4.0).dark) == pytest.approx(2 * float(hot.budget(0.0, 1.0, 1.0).dark))
+
+
+def test_exposure_after_the_tone_curve_sigma_is_the_median_of_the_pixels():
+    camera = Camera(named("paper"))
+    y = np.linspace(0.05, 0.9, SIDE, dtype=np.float32)[:, None] * np.ones((1, SIDE), np.float32) * 2.5
+    frame = camera.expose(y, 0.002, 4.0, noise_generator(4, "tone"))
+    clean = 255 * encode(frame.electrons * 4 / 20_000)
+    rows = (255 * frame.image - clean).std(axis=1)
+    assert frame.sigma_dn == pytest.approx(np.median(rows), rel=0.05)
+
+
+def test_exposure_saturates_at_the_well_and_at_the_converter():
+    camera = Camera(PROSILICA)
+    bright = camera.expose(flat(3.0), 0.008, 1.0, noise_generator(5, "bright"))
+    assert bright.saturated_fraction > 0.99 and bright.sigma_dn == 0.0
+    gained = camera.expose(flat(0.5), 0.008, 4.0, noise_generator(5, "bright"))
+    assert gained.saturated_fraction > 0.99
+    black = camera.expose(flat(0.0), 0.008, 1.0, noise_generator(5, "bright"))
+    assert black.image.max() < 0.2 and np.isfinite(black.sigma_dn)
+
+
+@given(exposure_ms=st.floats(0.05, 40), gain=st.floats(1, 30), factor=st.floats(0.2, 5))
+@settings(max_examples=60, deadline=None)
+def test_exposure_compensated_by_gain_keeps_the_brightness(exposure_ms, gain, factor):
+    camera = Camera(PROSILICA)
+    one = camera.electrons(flat(0.2)[:4, :4], exposure_ms / 1e3) * gain
+    other = camera.electrons(flat(0.2)[:4, :4], factor * exposure_ms / 1e3) * (gain / factor)
+    np.testing.assert_allclose(one, other, rtol=1e-5)
+
+
+@given(speed=st.floats(100, 3_000), first=st.floats(0.05, 20), more=st.floats(1.0, 3.0))
+@settings(max_examples=40, deadline=None)
+def test_exposure_longer_times_never_blur_less(speed, first, more):
+    moving = Motion(speed)
+    one, other = moving.length_px(first / 1e3), moving.length_px(more * first / 1e3)
+    assert other >= one
+    spread = [sum(float((k.astype(float) ** 2).sum()) for k in kernels(moving, t / 1e3)) for t in (first, more * first)]
+    if one > 2:
+        assert spread[1] <= spread[0] * (1 + 1e-6)
+
+
+def test_exposure_common_random_numbers_and_same_bytes():
+    camera = Camera(PROSILICA)
+    first, again = (camera.expose(flat(0.3), 0.004, 2.0, noise_generator(6, "a")) for _ in range(2))
+    assert first.image.tobytes() == again.image.tobytes()
+    other = camera.expose(flat(0.3), 0.002, 4.0, noise_generator(6, "a"))
+    a, b = (frame.image.ravel() - frame.image.mean() for frame in (first, other))
+    assert np.corrcoef(a, b)[0, 1] > 0.9
+
+
+def test_exposure_tone_curve_is_undone_and_odd():
+    levels = np.linspace(-0.2, 1.0, 50)
+    np.testing.assert_allclose(decode(encode(levels)), levels, atol=1e-12)
+    np.testing.assert_array_equal(encode(-levels), -encode(levels))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"noise_gain": "phyiscal"}, "did you mean 'physical'"),
+        ({"gamma": 0.0}, "camera.gamma"),
+        ({"adc_bits": 4}, "adc_bits"),
+        ({"sensor": Sensor(gain=2.0)}, "setting per frame"),
+    ],
+)
+def test_exposure_refuses_wrong_cameras(change, words):
+    with pytest.raises(InputError, match=words):
+        Camera(**change)
+
+
+def test_exposure_refuses_wrong_frames_and_settings():
+    camera = Camera()
+    for arguments, words in (
+        ((flat(0.1), 0.0, 1.0), "exposure_s"),
+        ((flat(0.1), 0.01, -1.0), "gain"),
+        ((flat(-0.1), 0.01, 1.0), "at least 0"),
+        ((np.zeros(3, np.float32), 0.01, 1.0), "height, width"),
+    ):
+        with pytest.raises(InputError, match=words):
+            camera.expose(*arguments, noise_generator(1, "x"))
+    with pytest.raises(InputError, match="speed_px_s"):
+        camera.expose(flat(0.1), 0.01, 1.0, noise_generator(1, "x"), motion=Motion(-1.0))
+    with pytest.raises(InputError, match="light"):
+        camera.electrons(flat(0.1), 0.01, -1.0)

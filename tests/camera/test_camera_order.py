@@ -1,0 +1,87 @@
+"""Order of photon noise and blur, and the light they act in: moments, levels, defaults, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.camera import chain, psf
+from pipeline.camera.levels import corrupt
+from pipeline.camera.sensor import Sensor
+from pipeline.camera.steps import steps
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+DISC = psf.create("defocus", 11)
+SENSOR = Sensor(full_well_e=1_000.0)
+GREY = np.full((300, 300), 0.4, np.float32)
+
+
+def formed(order):
+    effects = chain.Effects(photon=True, quantise=False)
+    return chain.expose(GREY, effects, stream(1, "order"), sensor=SENSOR, psf=DISC, order=order)
+
+
+def test_order_of_a_camera_leaves_photon_noise_poisson_and_white():
+    """400 electrons behind an 11 px disc: variance 400 and white; the paper's order gives 400 sum(psf^2)."""
+    for order, variance in (("detector", 400.0), ("paper", 400.0 * float((DISC.astype(float) ** 2).sum()))):
+        noise = formed(order).image.astype(float) * 1_000 - 400
+        assert noise.var() == pytest.approx(variance, rel=0.05)
+        correlation = float((noise[:, 1:] * noise[:, :-1]).mean() / noise.var())
+        assert (abs(correlation) < 0.02) if order == "detector" else (correlation > 0.85)
+
+
+def test_order_is_known_to_the_truth_and_to_the_steps():
+    for order in ("paper", "detector"):
+        frame = formed(order)
+        np.testing.assert_allclose(frame.noise_dn, frame.image * 255 - frame.clean_dn, atol=2e-3)
+        names = [step.name for step in steps(frame)]
+        assert names[1:3] == (["photon", "optics"] if order == "paper" else ["optics", "photon"])
+
+
+@pytest.mark.parametrize("order", ["paper", "detector"])
+@pytest.mark.parametrize("light", ["encoded", "linear"])
+@pytest.mark.parametrize("effect", ["photon", "dcsn", "combined"])
+def test_order_and_light_meet_the_level(order, light, effect):
+    ramp = np.linspace(0.25, 0.8, 300, dtype=np.float32)[None] * np.ones((300, 1), np.float32)
+    frame = corrupt(
+        ramp, effect, sigma_dn=8.0, generator=stream(2, "level"), psf=DISC, order=order, light=light, reach="frame"
+    )
+    assert frame.sigma_dn == pytest.approx(8.0, rel=0.02)
+    assert frame.sigma_clipped_dn == pytest.approx(8.0, rel=0.03)
+    assert (frame.order, frame.light) == (order, light)
+    assert np.array_equal(np.rint(frame.image * 255), frame.image_8bit)
+
+
+def test_order_without_blur_is_the_same_bytes():
+    one, other = (
+        corrupt(GREY, "combined", sigma_dn=10.0, generator=stream(3, "same"), order=order)
+        for order in ("paper", "detector")
+    )
+    assert one.image.tobytes() == other.image.tobytes()
+
+
+def test_linear_light_blurs_light_and_leaves_level_zero_alone():
+    edge = np.where(np.arange(200) < 100, 0.1, 0.9).astype(np.float32)[None] * np.ones((100, 1), np.float32)
+    line = psf.create("linear_motion", 11)
+    encoded, linear = (
+        corrupt(edge, "dcsn", sigma_dn=0.0, generator=stream(4, "edge"), psf=line, light=light).image
+        for light in ("encoded", "linear")
+    )
+    middle = 99
+    assert encoded[50, middle] == pytest.approx(0.1 + 0.8 * 5 / 11, abs=0.01)
+    expected = (0.1**2.2 + (0.9**2.2 - 0.1**2.2) * 5 / 11) ** (1 / 2.2)
+    assert linear[50, middle] == pytest.approx(expected, abs=0.01)
+    same = corrupt(edge, "dcsn", sigma_dn=0.0, generator=stream(4, "edge"), light="linear").image
+    assert same.tobytes() == edge.tobytes()
+
+
+def test_order_refuses_unknown_words_and_the_authors_program():
+    with pytest.raises(InputError, match="did you mean 'detector'"):
+        corrupt(GREY, "photon", sigma_dn=5.0, generator=stream(1, "x"), order="detectr")
+    with pytest.raises(InputError, match=r"camera\.light"):
+        corrupt(GREY, "photon", sigma_dn=5.0, generator=stream(1, "x"), light="linaer")
+    with pytest.raises(InputError, match="authors' program"):
+        corrupt(GREY, "photon", sigma_dn=5.0, generator=stream(1, "x"), order="detector", camera="authors")
+    with pytest.raises(InputError, match="no noise"):
+        corrupt(np.zeros((32, 32), np.float32), "photon", sigma_dn=5.0, generator=stream(1, "x"), light="linear")
