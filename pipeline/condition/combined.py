@@ -1,7 +1,8 @@
 """Blur and noise at once: one frame under kernels and noise levels together, read by blur and noise estimators.
 
-The paper's combined experiments (Wischow et al. 2023, Sec. V and supplement). The order is the paper's: photon
-noise is in the light, so the optics blur it; dark current and readout come after the optics and stay sharp. Defocus
+The paper's combined experiments (Wischow et al. 2023, Sec. V and supplement). The order is the paper's unless
+`camera.order` says otherwise: photon noise is blurred by the optics; dark current and readout come after them and stay
+sharp. Defocus
 with dark-current noise is therefore a sharp noise on a blurred picture, linear motion with photon noise a blurred one.
 
 Denoise, then estimate (`pipeline.blur.denoise`): a patch read as noisy is also estimated after smoothing by a disc.
