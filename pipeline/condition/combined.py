@@ -2,8 +2,8 @@
 
 The paper's combined experiments (Wischow et al. 2023, Sec. V and supplement). The order is the paper's unless
 `camera.order` says otherwise: photon noise is blurred by the optics; dark current and readout come after them and stay
-sharp. Defocus
-with dark-current noise is therefore a sharp noise on a blurred picture, linear motion with photon noise a blurred one.
+sharp. Defocus with dark-current noise is therefore a sharp noise on a blurred picture, linear motion with photon noise
+a blurred one.
 
 Denoise, then estimate (`pipeline.blur.denoise`): a patch read as noisy is also estimated after smoothing by a disc.
 What is kept then is the MTF as read, that of blur and disc together; `pipeline.condition.combined_answers.cleared`
