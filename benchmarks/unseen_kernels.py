@@ -129,6 +129,7 @@ def fitted(read: pd.DataFrame, every: Work, seed: int, samples: int) -> tuple[pd
     changed, errors = read.copy(), []
     place = read["frame"].map(half_of).to_numpy()
     for own, fit in enumerate(cross_fit.fits(every, "spectral", {}, samples=samples, seed=seed)):
+        assert isinstance(fit, camera_fit.Fit)  # of the spectral estimator
         changed.loc[place == own, "mtf"] = mapped(read[place == own], fit)
         errors.append(round(fit.error_percent[1], 3))
     return changed, errors

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,38 @@ RATE = 3e-3
 TOWARDS_IDENTITY = 1e-3
 COVERAGE = 0.95
 LEAST_SAMPLES = 100
+
+
+class CameraMap(Protocol):
+    """The calibration of an estimator to one camera: `Fit`, or what an estimator makes in place of it.
+
+    Attributes:
+        samples: how many blurred patches it was fitted on.
+        error_percent: mean absolute error on them before and after.
+    """
+
+    @property
+    def samples(self) -> int: ...
+
+    @property
+    def error_percent(self) -> tuple[float, float]: ...
+
+    def answer(self, estimator: Any, patches: Any) -> BlurEstimate:
+        """The MTF added to the camera's sharp frames, by an estimator of the kind it was fitted to."""
+        ...
+
+    def save(self, path: str | Path) -> None:
+        """Write it as JSON."""
+        ...
+
+
+@runtime_checkable
+class CameraFittable(Protocol):
+    """An estimator that has its own way of calibrating to a camera."""
+
+    def fit_camera(self, sharp_patches: Any, *, samples: int, seed: int) -> CameraMap:
+        """See `fit`."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -63,13 +95,37 @@ class Fit:
         mapped = _logit(mtf.reshape(len(mtf), VALUES)) @ self.matrix.T + self.offset
         return np.asarray(1 / (1 + np.exp(-mapped))).reshape(len(mtf), 2, FREQUENCIES)
 
+    def answer(self, estimator: BlurEstimator, patches: Any) -> BlurEstimate:
+        """The MTF added to the camera's sharp frames; see `corrected`."""
+        return corrected(estimator.estimate(patches), self)
+
+    def content(self) -> dict[str, Any]:
+        """Everything in it, as JSON can hold it."""
+        content = {"matrix": self.matrix.tolist(), "offset": self.offset.tolist(), "samples": self.samples}
+        content["widening"] = None if np.isnan(self.widening) else self.widening
+        return {**content, "error_percent": list(self.error_percent)}
+
     def save(self, path: str | Path) -> None:
         """Write it as JSON."""
         from pipeline.store import write_json
 
-        content = {"matrix": self.matrix.tolist(), "offset": self.offset.tolist(), "samples": self.samples}
-        content["widening"] = None if np.isnan(self.widening) else self.widening
-        write_json(Path(path), {**content, "error_percent": list(self.error_percent)})
+        write_json(Path(path), self.content())
+
+    @classmethod
+    def from_content(cls, content: Any) -> Self:
+        """The fit that `content` gave.
+
+        Raises:
+            KeyError, TypeError, ValueError: not such a content.
+        """
+        matrix, offset = np.array(content["matrix"], float), np.array(content["offset"], float)
+        if matrix.shape != (VALUES, VALUES) or offset.shape != (VALUES,):
+            raise ValueError(f"matrix {matrix.shape}, offset {offset.shape}")
+        if not (np.isfinite(matrix).all() and np.isfinite(offset).all()):
+            raise ValueError("values that are not finite")
+        widening = float("nan") if content["widening"] is None else float(content["widening"])
+        before, after = content["error_percent"]
+        return cls(matrix, offset, widening, int(content["samples"]), (float(before), float(after)))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -81,15 +137,7 @@ class Fit:
         import json
 
         try:
-            content = json.loads(Path(path).read_text())
-            matrix, offset = np.array(content["matrix"], float), np.array(content["offset"], float)
-            if matrix.shape != (VALUES, VALUES) or offset.shape != (VALUES,):
-                raise ValueError(f"matrix {matrix.shape}, offset {offset.shape}")
-            if not (np.isfinite(matrix).all() and np.isfinite(offset).all()):
-                raise ValueError("values that are not finite")
-            widening = float("nan") if content["widening"] is None else float(content["widening"])
-            before, after = content["error_percent"]
-            return cls(matrix, offset, widening, int(content["samples"]), (float(before), float(after)))
+            return cls.from_content(json.loads(Path(path).read_text()))
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(
                 f"{path}: not the fit of a camera ({error}); make one with pipeline.blur.camera_fit.fit(...).save(path)"
@@ -104,7 +152,7 @@ class Fitted:
         fit: from `fit`.
     """
 
-    def __init__(self, inner: BlurEstimator, fit: Fit) -> None:
+    def __init__(self, inner: BlurEstimator, fit: CameraMap) -> None:
         self.inner, self.fit = inner, fit
 
     def estimate(self, patches: Any) -> BlurEstimate:
@@ -112,7 +160,7 @@ class Fitted:
 
         A kernel that the estimator found is that of camera and blur together, so it is not passed on.
         """
-        return corrected(self.inner.estimate(patches), self.fit)
+        return self.fit.answer(self.inner, patches)
 
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same estimator, fitted anew to these sharp patches."""
@@ -129,8 +177,18 @@ def corrected(found: BlurEstimate, camera: Fit) -> BlurEstimate:
     return replace(found, mtf=mtf, kernel=None, **ends)
 
 
-def fit(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> Fit:
-    """Fit an estimator to a camera.
+def fit(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> CameraMap:
+    """Calibrate an estimator to a camera: by its own `CameraFittable.fit_camera` if it has one, else `affine_fit`.
+
+    Arguments and errors are those of `affine_fit`.
+    """
+    if isinstance(estimator, CameraFittable):
+        return estimator.fit_camera(sharp_patches, samples=samples, seed=seed)
+    return affine_fit(estimator, sharp_patches, samples=samples, seed=seed)
+
+
+def affine_fit(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> Fit:
+    """Fit the affine map of logits that brings an estimator's answers to the truth.
 
     Args:
         estimator: takes (N, 1, 192, 192); not calibrated.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.blur.camera_fit import Fit, fit
+from pipeline.blur.camera_fit import CameraMap, fit
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def fits(
     samples: int,
     seed: int,
     run_map: Callable[..., list[Any]] | None = None,
-) -> list[Fit]:
+) -> list[CameraMap]:
     """The fit that each half of the frames is judged with, which is to the other half.
 
     Args:
@@ -64,7 +64,7 @@ def fits(
     return [make(other) for other in others] if run_map is None else run_map(make, others, "fit to the camera")
 
 
-def fit_frames(work: Sequence[Work], *, kind: str, options: dict[str, Any], samples: int, seed: int) -> Fit:
+def fit_frames(work: Sequence[Work], *, kind: str, options: dict[str, Any], samples: int, seed: int) -> CameraMap:
     """Fit an estimator to the patches of sharp frames; see `pipeline.blur.camera_fit.fit`."""
     from pipeline import blur
     from pipeline.datasets.patches import cut

@@ -8,6 +8,7 @@ times per level of a coarse-to-fine pyramid, after total-variation denoising.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -46,40 +47,46 @@ def levels(kernel_size: int, image_size: tuple[int, int]) -> list[tuple[int, tup
     return found
 
 
-def find_kernel(image: NDArray[np.float64], kernel_size: int, solver: Solver) -> NDArray:
-    """The blur kernel of an image.
+def find_kernel(images: Sequence[NDArray[np.float64]], kernel_size: int, solver: Solver) -> NDArray:
+    """The blur kernel that one or several images share.
+
+    With several, every image has its skeleton and the kernel solves the stacked equations of all of them, their data
+    terms averaged.
 
     Args:
-        image: (h, w) in [0, 1].
+        images: each (h, w) in [0, 1], all of one size and blurred by one kernel.
         kernel_size: odd, pixels.
         solver: of the skeleton image.
 
     Returns:
-        (kernel_size, kernel_size) non-negative, unit sum, its box centred.
+        (kernel_size, kernel_size) non-negative, unit sum.
 
     Raises:
-        NoKernel: the image has no gradients, or the kernel vanished.
+        NoKernel: no image has gradients, or the kernel vanished.
     """
-    pyramid = levels(kernel_size, (image.shape[0], image.shape[1]))
-    images = [denoise(image.astype(solver.dtype))]
+    pyramid = levels(kernel_size, (images[0].shape[0], images[0].shape[1]))
+    reduced = [[denoise(image.astype(solver.dtype)) for image in images]]
     for _, shape in pyramid[1:]:
-        images.append(resize(images[-1], shape, "linear"))
+        reduced.append([resize(image, shape, "linear") for image in reduced[-1]])
     kernel: NDArray | None = None
     for level in reversed(range(len(pyramid))):
         size = pyramid[level][0]
-        blurred = images[level]
+        blurred = reduced[level]
         if kernel is None:
             kernel = np.zeros((size, size), solver.dtype)
             kernel[size // 2, size // 2] = 1
         else:
             kernel = support.drop_weak(resize(kernel, (size, size), "linear"))
-        slope = informative.gradients(blurred)
+        slopes = np.concatenate([informative.gradients(image) for image in blurred])
         ridge = KERNEL_RIDGE
         for _ in range(ITERATIONS):
-            sharp = informative.informative_gradients(skeleton(blurred, kernel, solver))
+            sharp = np.concatenate(
+                [informative.informative_gradients(skeleton(image, kernel, solver)) for image in blurred]
+            )
             if not sharp.any():
                 raise NoKernel("no structure")
-            kernel = kernel_update.solve(sharp, slope, size, weight=DATA_WEIGHT, ridge=ridge, pad=size - 1)
+            weight = DATA_WEIGHT / len(images)
+            kernel = kernel_update.solve(sharp, slopes, size, weight=weight, ridge=ridge, pad=size - 1)
             kernel = support.drop_weak(kernel)
             if level < REFINED_LEVELS:
                 kernel = support.centre_box(support.drop_weak(framelet.keep_largest(kernel)))

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur.base import PATCH_PX, BlurEstimate, Estimator
+from pipeline.blur.base import PATCH_PX, BlurEstimate, Estimator, unusable
 from pipeline.blur.deconvolution.failure import NoKernel
 from pipeline.camera import mtf
 from pipeline.errors import InputError, did_you_mean
 from pipeline.executor import run_map
 
-Finder = Callable[[NDArray[np.float64]], NDArray]
+Finder = Callable[[Sequence[NDArray[np.float64]]], NDArray]
 
 EDGE_DN_PER_PX, EDGE_QUANTILE, NOISE_SCALE_PX = 1.5, 0.995, 1.0
 SMALLEST_KERNEL, LARGEST_KERNEL = 7, 63  # pixels; larger ones leave too little of a patch inside
@@ -45,7 +45,7 @@ def _double(patch: NDArray[np.float32]) -> NDArray[np.float64]:
 
 def _kernel_or_reason(patch: NDArray[np.float32], find: Finder) -> NDArray | str:
     try:
-        return find(_double(patch))
+        return find([_double(patch)])
     except NoKernel as error:
         return str(error)
 
@@ -77,7 +77,28 @@ class KernelEstimator(Estimator):
 
     @abstractmethod
     def finder(self) -> Finder:
-        """A picklable function from a (h, w) float64 image in [0, 1] to its kernel; it may raise `NoKernel`."""
+        """A picklable function from images that share a blur, (h, w) float64 in [0, 1], to their one kernel.
+
+        It may raise `NoKernel`.
+        """
+
+    def shared_kernel(self, patches: NDArray[np.float32]) -> NDArray | None:
+        """The one kernel of several patches that are blurred alike, from the stacked equations of all of them.
+
+        Args:
+            patches: (N, 1, 192, 192) float32 in [0, 1], N at least 1.
+
+        Returns:
+            (k, k) with unit sum; None where no patch has edges, or no kernel is identifiable.
+        """
+        reasons = unusable(patches)
+        usable = [
+            patch[0] for patch, why in zip(patches, reasons, strict=True) if not why and not lacks_edges(patch[0])
+        ]
+        try:
+            return self.finder()([_double(patch) for patch in usable]) if usable else None
+        except NoKernel:
+            return None
 
     def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
         """See `Estimator.measure`; one kernel per patch that is not abstained from."""

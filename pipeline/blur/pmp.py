@@ -8,6 +8,7 @@ turn, five times per level of a coarse-to-fine pyramid.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -45,11 +46,14 @@ def levels(kernel_size: int) -> list[tuple[int, float]]:
     return [(size + 1 - size % 2, scale) for size, scale in zip(sizes, scales, strict=True)]
 
 
-def find_kernel(image: NDArray[np.float64], kernel_size: int, schedule: Schedule) -> NDArray:
-    """The blur kernel of an image.
+def find_kernel(images: Sequence[NDArray[np.float64]], kernel_size: int, schedule: Schedule) -> NDArray:
+    """The blur kernel that one or several images share.
+
+    With several, every image has its latent image and its gradient threshold, and the kernel solves the stacked
+    equations of all of them, their data terms averaged.
 
     Args:
-        image: (h, w) in [0, 1].
+        images: each (h, w) in [0, 1], all of one size and blurred by one kernel.
         kernel_size: odd, pixels.
         schedule: of the latent image.
 
@@ -57,36 +61,40 @@ def find_kernel(image: NDArray[np.float64], kernel_size: int, schedule: Schedule
         (kernel_size, kernel_size) non-negative, unit sum, centroid in the middle pixel.
 
     Raises:
-        NoKernel: the image has no gradients, or the kernel vanished.
+        NoKernel: no image has gradients, or the kernel vanished.
     """
-    block = max(math.floor(BLOCK_FRACTION * sum(image.shape) / 2), 1)
+    block = max(math.floor(BLOCK_FRACTION * sum(images[0].shape) / 2), 1)
     minima_weight, gradient_weight = MINIMA_WEIGHT, GRADIENT_WEIGHT
     pyramid = levels(kernel_size)
     kernel: NDArray | None = None
     for level in reversed(range(len(pyramid))):
         size, scale = pyramid[level]
-        reduced = gaussian_reduce(image, scale)
+        reduced = [gaussian_reduce(image, scale) for image in images]
         if kernel is None:
             kernel = np.zeros((size, size), schedule.dtype)
             # off-centre on purpose: a centred start is a fixed point
             kernel[(size - 1) // 2 - 1, (size - 1) // 2 - 1 : (size - 1) // 2 + 1] = 0.5
-            first_threshold = salient.first_threshold(reduced, size)
+            first_thresholds = [salient.first_threshold(image, size) for image in reduced]
         else:
             side = math.ceil(len(kernel) / RATIO)
             grown = resize(kernel, (side, side), "cubic", scale=1 / RATIO)
             kernel = support.normalise(fit(np.maximum(grown, 0), size))
-        height, width = reduced.shape
+        height, width = reduced[0].shape
         room = [schedule.length(side + size - 1, block) for side in (height, width)]
-        wrapped = smooth_wrap(reduced.astype(schedule.dtype), (room[0], room[1]))
-        observed = salient.gradients(wrapped[:height, :width])
-        threshold = first_threshold
+        wrapped = [smooth_wrap(image.astype(schedule.dtype), (room[0], room[1])) for image in reduced]
+        observed = np.concatenate([salient.gradients(image[:height, :width]) for image in wrapped])
+        thresholds = list(first_thresholds)
         hard = level + 1 < len(pyramid) / 2
         for _ in range(ITERATIONS):
-            latent = latent_image(wrapped, kernel, minima_weight, gradient_weight, block, hard, schedule)
-            strong, threshold = salient.select(latent[:height, :width], threshold)
-            if not strong.any():
+            strong = []
+            for index, image in enumerate(wrapped):
+                latent = latent_image(image, kernel, minima_weight, gradient_weight, block, hard, schedule)
+                selected, thresholds[index] = salient.select(latent[:height, :width], thresholds[index])
+                strong.append(selected)
+            sharp = np.concatenate(strong)
+            if not sharp.any():
                 raise NoKernel("no structure")
-            kernel = kernel_update.solve(strong, observed, size, ridge=KERNEL_RIDGE)
+            kernel = kernel_update.solve(sharp, observed, size, weight=1 / len(images), ridge=KERNEL_RIDGE)
             kernel = support.drop_islands(support.drop_weak(kernel))
             minima_weight = max(minima_weight / WEIGHT_DECAY, LEAST_MINIMA_WEIGHT)
             gradient_weight = max(gradient_weight / WEIGHT_DECAY, LEAST_GRADIENT_WEIGHT)

@@ -73,7 +73,7 @@ class Spectral(Estimator):
 
     def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
         """The uncalibrated answer; see `pipeline.blur.base.Estimator.measure`."""
-        mtf, scale, _ = self._predict(patches)
+        mtf, scale, _ = self.predict(patches)
         abstained = reason != ""
         mtf[abstained] = scale[abstained] = np.nan
         low, high = (np.clip(mtf + sign * self.interval * scale, 0.0, 1.0) for sign in (-1, 1))
@@ -85,12 +85,19 @@ class Spectral(Estimator):
 
         A by-product, by which a caller may decide whether to remove noise first; `pipeline.noise` measures better.
         """
-        return self._predict(patches)[2]
+        return self.predict(patches)[2]
 
-    def _predict(
+    def predict(
         self, patches: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """MTF (N, 2, 8), its Laplace scale, and noise sigma in DN (N,)."""
+        """What the network returns, of every patch and without abstentions.
+
+        Args:
+            patches: (N, 1, 192, 192) float32 in [0, 1].
+
+        Returns:
+            total MTF (N, 2, 8) in [0, 1], its Laplace scale (N, 2, 8), and noise sigma (N,), DN.
+        """
         import torch
 
         from pipeline.blur.spectral_features import features, mirrored

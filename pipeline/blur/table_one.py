@@ -13,7 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pipeline.blur import cross_fit, evaluation
-from pipeline.blur.camera_fit import Fit, Fitted
+from pipeline.blur.camera_fit import CameraMap, Fitted
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class TableOne:
 
     estimates: pd.DataFrame
     summary: pd.DataFrame
-    fits: list[Fit]
+    fits: list[CameraMap]
 
 
 def paired(frames: Sequence[Frame], patches: Mapping[str, Sequence[Patch]], where: str) -> list[Work]:
@@ -128,7 +128,7 @@ def estimate_frame(
     options: dict[str, Any],
     camera: CameraSettings,
     seed: int,
-    fits: Sequence[Fit],
+    fits: Sequence[CameraMap],
 ) -> list[dict[str, Any]]:
     """What one worker does: all kernels on the patches of one frame, of which half of them.
 
