@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import re
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -21,6 +22,8 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+ADDRESS_PATTERN = r"[a-z]+://[^\s/]+|[^\s/:]+:\d+"  # of a Dask scheduler
+_SCHEDULER_TIMEOUT_S = 10
 _PATIENCE = 3  # pools lost without one finished item before giving up
 
 
@@ -56,6 +59,7 @@ def run_map(
     backend: str = "processes",
     address: str | None = None,
     label: str = "",
+    worker_timeout_s: float = 60.0,
 ) -> list[Result]:
     """Apply a function to every item.
 
@@ -65,20 +69,21 @@ def run_map(
         workers: processes for ``backend="processes"``; 1 runs in this process.
         backend: ``"processes"`` or ``"dask"``.
         address: scheduler address for Dask, e.g. ``"tcp://127.0.0.1:8786"``.
-        label: what the progress bar says.
+        label: title of the progress bar.
+        worker_timeout_s: seconds to wait for a Dask worker while there is none.
 
     Returns:
         one result per item, in the items' order, whatever the number of workers.
 
     Raises:
-        InputError: unknown backend, no scheduler at the address, or workers that keep dying.
+        InputError: unknown backend, no scheduler at the address, no worker, or workers that keep dying.
         Exception: whatever the function raised, from the first item in order that failed.
     """
     items = list(items)
     if not items:
         return []
     if backend == "dask":
-        return _map_dask(function, items, address, label)
+        return _map_dask(function, items, address, label, worker_timeout_s)
     if backend != "processes":
         raise InputError(f"executor.backend={backend!r}: expected 'processes' or 'dask'")
     if workers < 1:
@@ -125,20 +130,43 @@ def _map_processes(function: Callable[[Item], Result], items: list[Item], worker
     return [done[index] for index in range(len(items))]
 
 
-def _map_dask(function: Callable[[Item], Result], items: list[Item], address: str | None, label: str) -> list[Result]:
+def _map_dask(
+    function: Callable[[Item], Result],
+    items: list[Item],
+    address: str | None,
+    label: str,
+    worker_timeout_s: float,
+) -> list[Result]:
     try:
-        from distributed import Client
-        from distributed import as_completed as dask_as_completed
+        from distributed import Client, wait
     except ImportError:
         raise InputError("executor.backend=dask needs the package 'distributed': pip install '.[dask]'") from None
     if not address:
         raise InputError("executor.backend=dask needs executor.address, e.g. tcp://127.0.0.1:8786")
+    if not re.fullmatch(ADDRESS_PATTERN, address):
+        raise InputError(
+            f"executor.address={address}: expected PROTOCOL://HOST:PORT or HOST:PORT, e.g. tcp://127.0.0.1:8786"
+        )
     try:
-        client = Client(address, timeout=10)
-    except OSError as error:
+        client = Client(address, timeout=_SCHEDULER_TIMEOUT_S)
+    except (OSError, ValueError, TypeError, RuntimeError) as error:
         raise InputError(f"executor.address={address}: no Dask scheduler answers there ({error})") from None
     with client:
         futures = [client.submit(_call, function, item, pure=False) for item in items]
-        for _ in _progress(dask_as_completed(futures), len(items), label):
-            pass
+        waiting = set(futures)
+        bar = iter(_progress(range(len(items)), len(items), label))
+        next(bar, None)
+        while waiting:
+            try:
+                done, waiting = wait(waiting, timeout=worker_timeout_s, return_when="FIRST_COMPLETED")
+            except TimeoutError:
+                if client.scheduler_info()["workers"]:
+                    continue  # long items
+                client.cancel(list(waiting))
+                raise InputError(
+                    f"executor.address={address}: the Dask scheduler had no worker for {worker_timeout_s:g} s; start "
+                    f"one with 'dask worker {address}' from this checkout"
+                ) from None
+            for _ in done:
+                next(bar, None)
         return list(client.gather(futures))

@@ -160,6 +160,39 @@ def read_table(path: str | Path, schema: Schema) -> pd.DataFrame:
     return schema.conform(table, str(path))
 
 
+def read_published(path: str | Path, columns: Mapping[str, type]) -> pd.DataFrame:
+    """Read a CSV of published numbers, which people may edit.
+
+    Args:
+        path: the file.
+        columns: columns that must be there -> ``str``, or ``float`` for numbers (empty cells are NaN); further
+            columns are kept as they are.
+
+    Raises:
+        InputError: the file is missing or no CSV, a column is missing, or a cell is not a number; names the line.
+    """
+    import pandas as pd
+
+    restore = "restore it from git (git checkout data/paper)"
+    try:
+        table = pd.read_csv(path)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file of published numbers; {restore}") from None
+    except (OSError, ValueError) as error:  # pandas' errors of parsing and of encoding are ValueErrors
+        raise InputError(f"{path}: not a CSV table ({str(error).strip()}); {restore}") from None
+    for name, kind in columns.items():
+        if name not in table.columns:
+            raise InputError(f"{path}: column '{name}' is missing, found {', '.join(map(str, table))}; {restore}")
+        if kind is float and not pd.api.types.is_numeric_dtype(table[name]):
+            numbers = pd.to_numeric(table[name], errors="coerce")
+            wrong = table.index[numbers.isna() & table[name].notna()]
+            if len(wrong):
+                cell = table[name][wrong[0]]
+                raise InputError(f"{path}, line {wrong[0] + 2}: {name} is {cell!r}, expected a number; {restore}")
+            table[name] = numbers.astype(float)
+    return table
+
+
 def write_arrays(path: str | Path, **arrays: np.ndarray) -> None:
     """Write named arrays as compressed ``.npz``; the bytes depend on the content only."""
     import numpy as np
@@ -175,6 +208,7 @@ def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
         InputError: the file is missing or broken.
     """
     import zipfile
+    import zlib
 
     import numpy as np
 
@@ -183,7 +217,7 @@ def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
             return {name: archive[name] for name in archive.files}
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; run the stage that makes it (dvc repro)") from None
-    except (zipfile.BadZipFile, ValueError, OSError) as error:
+    except (zipfile.BadZipFile, zlib.error, ValueError, OSError, EOFError, KeyError, NotImplementedError) as error:
         raise InputError(f"{path}: not a readable .npz archive ({error}); delete it and run dvc repro") from None
 
 

@@ -75,6 +75,24 @@ def test_bad_settings_are_named(options, word):
         run_map(square, [1, 2], **options)
 
 
+@pytest.mark.parametrize(
+    "address", ["foo", "tcp://", "http://127.0.0.1:9", "tcp://127.0.0.1:port", "tls://127.0.0.1:9"]
+)
+def test_a_wrong_scheduler_address_is_one_line(address):
+    pytest.importorskip("distributed", reason="the dask extra is not installed")
+    with pytest.raises(InputError, match=f"executor.address={address}: (expected|no Dask scheduler)"):
+        run_map(square, [1, 2], backend="dask", address=address)
+
+
+@pytest.mark.slow
+def test_a_dask_scheduler_without_workers_is_not_waited_for_for_ever():
+    distributed = pytest.importorskip("distributed", reason="the dask extra is not installed")
+    with distributed.LocalCluster(n_workers=0, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        with pytest.raises(InputError, match=r"had no worker for 1 s; start one with 'dask worker"):
+            run_map(square, [1, 2], backend="dask", address=address, worker_timeout_s=1)
+
+
 @pytest.mark.slow
 def test_dask_gives_the_same(tmp_path):
     distributed = pytest.importorskip("distributed", reason="the dask extra is not installed")

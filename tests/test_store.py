@@ -1,6 +1,8 @@
 """Store: nothing half-written, the same bytes for the same content, schemas that refuse by name."""
 
+import errno
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -101,3 +103,41 @@ def test_images_are_rounded_not_truncated(tmp_path):
 
     store.write_image(tmp_path / "a.png", np.full((4, 4), 99.6 / 255))
     assert (cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_UNCHANGED) == 100).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a,b\n1,x\n", "line 2: b is 'x', expected a number"),
+        ("a\n1\n", "column 'b' is missing"),
+        ("", "not a CSV table"),
+        ('a,b\n"1,2\n', "not a CSV table"),
+    ],
+)
+def test_edited_published_numbers_are_one_line(tmp_path, text, words):
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        store.read_published(path, {"a": str, "b": float})
+    assert words in str(caught.value) and "git checkout data/paper" in str(caught.value)
+    path.write_text("a,b,c\n1,2.5,z\n1,,z\n")
+    table = store.read_published(path, {"a": str, "b": float})
+    assert table["b"][0] == 2.5 and table["b"].isna()[1] and list(table.columns) == ["a", "b", "c"]
+
+
+def test_deep_json_is_one_line(tmp_path):
+    path = tmp_path / "deep.json"
+    path.write_text("[" * 200_000 + "]" * 200_000)
+    with pytest.raises(InputError, match=r"deep\.json: not valid JSON"):
+        store.read_json(path)
+
+
+def test_writing_an_image_names_the_reason_of_the_system(tmp_path, monkeypatch):
+    def full(self, content):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="No space left on device"):
+        store.write_image(tmp_path / "a.png", np.zeros((8, 8), np.uint8))
+    with pytest.raises(InputError, match="suffix of a picture format"):
+        store.write_image(tmp_path / "a.txt", np.zeros((8, 8), np.uint8))

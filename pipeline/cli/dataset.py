@@ -2,29 +2,70 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+from pipeline.cli.numbers import FiniteRange
+
+if TYPE_CHECKING:
+    from pipeline.datasets.frame import Box
 
 
 @click.command("dataset")
 @click.argument("kind")
 @click.argument("root", required=False, type=click.Path(path_type=Path))
-@click.option("--max-bad-share", default=0.05, show_default=True, help="fail when more than this share is unusable")
+@click.option(
+    "--max-bad-share", default=0.05, show_default=True, type=FiniteRange(0, 1),
+    help="fail when more than this share is unusable",
+)  # fmt: skip
 def command(kind: str, root: Path | None, max_bad_share: float) -> None:
     """Check the dataset at ROOT, of KIND sim, photos, kitti, udacity or folder.
 
-    Prints how many frames and objects are usable, what was mended, and each file that would be set aside and why.
+    Prints how many frames and objects are usable, the objects of each class with the range of their sizes, what was
+    mended, and each file that would be set aside and why.
     """
     from pipeline.datasets import open_dataset
     from pipeline.datasets.quarantine import scan
 
     dataset = open_dataset(kind, kind, root)
-    found = scan(dataset, 1.0)
-    objects = sum(not box.ignore for frame in found.usable for box in frame.boxes)
-    click.echo(f"{len(found.usable)} usable frames, {objects} objects, {len(found.quarantined)} set aside")
-    for note, count in sorted(found.notes.items()):
+    checked = scan(dataset, 1.0)
+    boxes = [box for frame in checked.usable for box in frame.boxes]
+    objects = sum(not box.ignore for box in boxes)
+    click.echo(f"{len(checked.usable)} usable frames, {objects} objects, {len(checked.quarantined)} set aside")
+    for line in class_table(boxes):
+        click.echo(f"  {line}")
+    for note, count in sorted(checked.notes.items()):
         click.echo(f"  {count:6d}  {note}")
-    for row in found.quarantined:
+    for row in checked.quarantined:
         click.echo(f"  set aside  {row.file}: {row.reason}")
     scan(dataset, max_bad_share)
+
+
+def class_table(boxes: Iterable[Box]) -> Iterator[str]:
+    """A text table of the classes: objects, ignored ones, and minimum, median and maximum of width and height.
+
+    Args:
+        boxes: of any number of frames.
+
+    Returns:
+        its lines, none where there is no box; most frequent class first.
+    """
+    from statistics import median
+
+    by_class: dict[str, list[Box]] = {}
+    for box in boxes:
+        by_class.setdefault(box.label, []).append(box)
+    if not by_class:
+        return
+    width = max(len("class"), *map(len, by_class))
+    yield f"{'class':{width}} {'objects':>8} {'ignored':>8}  {'width px: min':>14} {'med':>6} {'max':>6}" + (
+        f"  {'height px: min':>14} {'med':>6} {'max':>6}"
+    )
+    for label, members in sorted(by_class.items(), key=lambda item: (-len(item[1]), item[0])):
+        ignored = sum(box.ignore for box in members)
+        sides = ([box.width_px for box in members], [box.height_px for box in members])
+        ranges = "".join(f"  {min(side):14.1f} {median(side):6.1f} {max(side):6.1f}" for side in sides)
+        yield f"{label:{width}} {len(members) - ignored:8d} {ignored:8d}{ranges}"

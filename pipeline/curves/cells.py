@@ -8,7 +8,9 @@ noise and MTF, which need not be the bin's centre.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,6 +54,41 @@ class Cells:
         """Ends of the bootstrap 95 % interval of each bin, (S, M) each."""
         low, high = np.percentile(self.draws, [2.5, 97.5], axis=0)
         return low, high
+
+
+def refuse_inconsistent(arrays: Mapping[str, NDArray[Any]], path: object) -> None:
+    """Refuse arrays, read from a file, that are no bins.
+
+    Args:
+        arrays: by the names of the attributes of `Cells`.
+        path: the file, for the message.
+
+    Raises:
+        InputError: an array is not of numbers or has another shape than the bins give it, bins do not rise, or a full
+            bin has a noise, MTF or average precision that is not finite, or an average precision not in 0..100.
+    """
+    for name, values in arrays.items():
+        if values.dtype.kind not in "iuf":
+            raise InputError(f"{path}: array '{name}' holds {values.dtype}, expected numbers")
+    rows, columns = arrays["sigma_bins_dn"], arrays["mtf_bins"]
+    if rows.ndim != 1 or columns.ndim != 1:
+        raise InputError(f"{path}: sigma_bins_dn {rows.shape} and mtf_bins {columns.shape}: expected two lists")
+    shape = (len(rows), len(columns))
+    expected: dict[str, tuple[int, ...]] = dict.fromkeys(("count", "sigma_dn", "mtf", "ap_percent"), shape)
+    expected |= {"draws": (*arrays["draws"].shape[:1], *shape), "left_out": ()}
+    for name, wanted in expected.items():
+        if arrays[name].shape != wanted or 0 in wanted:
+            raise InputError(f"{path}: array '{name}' has shape {arrays[name].shape}, expected {wanted}")
+    for name in ("sigma_bins_dn", "mtf_bins"):
+        if min(len(rows), len(columns)) < 2 or not (np.diff(arrays[name]) > 0).all():
+            raise InputError(f"{path}: {name}: expected at least two rising bin centres")
+    full = arrays["count"] > 0
+    for name in ("sigma_dn", "mtf", "ap_percent"):
+        if not np.isfinite(arrays[name][full]).all():
+            raise InputError(f"{path}: array '{name}' holds values that are not finite in full bins")
+    precision = arrays["ap_percent"][full]
+    if ((precision < 0) | (precision > 100)).any():
+        raise InputError(f"{path}: array 'ap_percent' holds values out of range, expected 0..100")
 
 
 def gather(

@@ -13,9 +13,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.curves.regression import TERMS, evaluate
+from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
+
+GRID_COLUMNS: dict[str, type] = {
+    "detector": str,
+    "object": str,
+    "iso": float,
+    "exposure_ms": float,
+    "ap_percent": float,
+}
+COEFFICIENT_COLUMNS: dict[str, type] = {
+    "detector": str, "object": str, "parameter": str, "value": float, "std_dev": float,
+}  # fmt: skip
 
 
 def beside(refitted: pd.DataFrame, printed: pd.DataFrame, grid: pd.DataFrame) -> dict[str, Any]:
@@ -29,7 +41,17 @@ def beside(refitted: pd.DataFrame, printed: pd.DataFrame, grid: pd.DataFrame) ->
     Returns:
         numbers by name: how far the printed coefficients miss the printed grid, and by how many printed standard
         deviations ours miss the printed coefficients; ``reproduced`` are the grid's values from them.
+
+    Raises:
+        InputError: a printed parameter is missing, twice there or not a number.
     """
+    for parameter in (*TERMS, "chi2", "r2"):
+        rows = printed[printed["parameter"] == parameter]
+        if len(rows) != 1 or not np.isfinite(rows["value"].astype(float)).all():
+            raise InputError(
+                f"published regression coefficients: {len(rows)} rows for {parameter}, expected one with a value; "
+                "restore data/paper/regression_coefficients.csv from git"
+            )
     numbers: Any = printed.set_index("parameter")
     own = refitted.set_index("term")
     values = numbers.loc[list(TERMS), "value"].to_numpy(float)

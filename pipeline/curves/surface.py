@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.curves.cells import BRIDGE_BINS, MTF_BINS, SIGMA_BINS_DN, Cells, gather, nearest_bin
+from pipeline.curves.cells import BRIDGE_BINS, MTF_BINS, SIGMA_BINS_DN, Cells, gather, nearest_bin, refuse_inconsistent
 from pipeline.curves.monotonic import rise_share, rises
 from pipeline.errors import InputError
 from pipeline.store import read_arrays, write_arrays
@@ -122,8 +122,12 @@ class Surface:
         names = set(Cells.__dataclass_fields__)
         if set(arrays) != names:
             raise InputError(f"{path}: expected arrays {sorted(names)}, found {sorted(arrays)}; not a surface")
+        refuse_inconsistent(arrays, path)
         left_out = int(arrays.pop("left_out"))
-        return cls(Cells(**arrays, left_out=left_out), bridge)
+        try:
+            return cls(Cells(**arrays, left_out=left_out), bridge)
+        except (InputError, ValueError, np.linalg.LinAlgError) as error:
+            raise InputError(f"{path}: {error}") from None
 
     def _answer(self, sigma_dn: float, mtf: float) -> tuple[float, float, float, str]:
         nan = float("nan")

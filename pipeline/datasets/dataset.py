@@ -100,11 +100,12 @@ class Dataset(ABC):
         previous: Sequence[Path] = (),
         split: str = "",
         defect: str = "",
+        notes: Sequence[str] = (),
     ) -> Frame:
         """A frame whose boxes are clipped to its picture and checked against the dataset's classes."""
         size_px = picture_size(path) if boxes else None
-        kept, notes = tidy(boxes, size_px, self.classes)
-        return Frame(self.name, path.stem, path, kept, tuple(previous), split, defect, notes)
+        kept, changes = tidy(boxes, size_px, self.classes)
+        return Frame(self.name, path.stem, path, kept, tuple(previous), split, defect, (*notes, *changes))
 
 
 def pictures_in(folder: Path) -> list[Path]:

@@ -6,21 +6,24 @@
     <root>/labels/<stem>.txt           optional: class x1 y1 x2 y2 [difficult]
 
 One object a line, absolute pixel corners. The class may hold spaces (``traffic light``); a last word ``difficult``
-(or 1; 0 for none) makes the box ignored, as in the Pascal VOC rules. Without a folder ``labels`` the frames have no
-boxes; with it, each picture needs a file, which may be empty. The authors' *Sim* frames (MIT licence,
+(or 1; 0 for none) makes the box ignored, as in the Pascal VOC rules. Other columns, such as a score, are refused, and
+so are fractions of the image. Without a folder ``labels`` the frames have no boxes; with it, each picture needs a file,
+which may be empty (noted), and each file a picture. The authors' *Sim* frames (MIT licence,
 https://github.com/MaikWischow/Camera-Condition-Monitoring) come in this layout.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import ClassVar
 
 from pipeline.datasets.dataset import Dataset, pictures_in
 from pipeline.datasets.frame import Box, Frame
-from pipeline.datasets.labels import BadLabels, numbers, read_lines
+from pipeline.datasets.labels import NO_BOX, BadLabels, numbers, read_lines, refuse_fractions
 
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _DIFFICULT = {"difficult": True, "1": True, "0": False}
 
 
@@ -39,7 +42,8 @@ class Folder(Dataset):
         self.labelled = (self.root / "labels").is_dir()
 
     def _read(self) -> Iterable[Frame]:
-        for path in pictures_in(self.images):
+        pictures = pictures_in(self.images)
+        for path in pictures:
             boxes: list[Box] = []
             defect = ""
             if self.labelled:
@@ -47,14 +51,20 @@ class Folder(Dataset):
                     boxes = read_box_labels(self.root / "labels" / f"{path.stem}.txt")
                 except BadLabels as error:
                     defect = str(error)
-            yield self._frame(path, boxes, defect=defect)
+            notes = (NO_BOX,) if self.labelled and not boxes and not defect else ()
+            yield self._frame(path, boxes, defect=defect, notes=notes)
+        if self.labelled and pictures:
+            stems = {path.stem for path in pictures}
+            for label in sorted((self.root / "labels").glob("*.txt")):
+                if label.stem not in stems:
+                    yield self._frame(label, defect=f"{label}: labelled, but there is no such picture")
 
 
 def read_box_labels(path: Path) -> list[Box]:
     """The boxes of one label file, not yet clipped.
 
     Raises:
-        BadLabels: the file is missing, or a line is not ``class x1 y1 x2 y2 [difficult]``.
+        BadLabels: the file is missing, or a line is not ``class x1 y1 x2 y2 [difficult]`` in pixels.
     """
     boxes = []
     for line, where in read_lines(path):
@@ -63,9 +73,12 @@ def read_box_labels(path: Path) -> list[Box]:
         flagged = len(words) > 5 and words[-1] in _DIFFICULT and _is_number(words[-5:-1])
         corners = words[-5:-1] if flagged else words[-4:]
         label = words[: -5 if flagged else -4]
-        if not label:
-            raise BadLabels(f"{where}: expected 'class x1 y1 x2 y2 [difficult]', got {line!r}")
+        if not label or (len(label) > 1 and any(_NUMBER.fullmatch(word) for word in label)):
+            raise BadLabels(
+                f"{where}: expected 'class x1 y1 x2 y2 [difficult]', four numbers and no further column, got {line!r}"
+            )
         x1, y1, x2, y2 = numbers(corners, where)
+        refuse_fractions((x1, y1, x2, y2), where)
         boxes.append(Box(" ".join(label), x1, y1, x2, y2, flagged and _DIFFICULT[words[-1]]))
     return boxes
 

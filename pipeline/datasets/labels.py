@@ -1,8 +1,9 @@
 """What all label files have in common: numbers, boxes that must lie in the image, words that must be known.
 
 Mended and noted: a box that reaches past the image is clipped; one that is wholly outside, or has no area, is
-dropped; one of a class the dataset does not define becomes an ignored region. Not mended: text where a number
-belongs makes the whole frame defective.
+dropped, and so is one that is listed a second time; one of a class the dataset does not define becomes an ignored
+region. Noted: a label file without a box. Not mended: text where a number belongs, or corners given as fractions of
+the image, make the whole frame defective.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ CLIPPED = "box clipped at the image border"
 OUTSIDE = "box outside the image dropped"
 EMPTY = "box without area dropped"
 UNKNOWN = "box of an unknown class ignored"
+TWICE = "box listed twice dropped"
+NO_BOX = "label file without a box"
+NO_ROW = "picture without a row in the label table"
 
 
 class BadLabels(InputError):
@@ -45,6 +49,23 @@ def numbers(words: Sequence[str | float], where: str) -> tuple[float, ...]:
             raise BadLabels(f"{where}: {word!r} is not a number")
         values.append(value)
     return tuple(values)
+
+
+def refuse_fractions(corners: Sequence[float], where: str) -> None:
+    """Refuse corners that are fractions of the image, as YOLO's labels have them: pixels are expected.
+
+    Args:
+        corners: four numbers of one box.
+        where: file and line, for the message.
+
+    Raises:
+        BadLabels: all four lie in [0, 1] and not all are whole, so the box would be smaller than a pixel.
+    """
+    if all(0 <= value <= 1 for value in corners) and not all(float(value).is_integer() for value in corners):
+        raise BadLabels(
+            f"{where}: {' '.join(f'{value:g}' for value in corners)} look like fractions of the image (YOLO: centre and"
+            " size); expected corners x1 y1 x2 y2 in pixels: x1 = (xc - w / 2) * width, and so on"
+        )
 
 
 def read_lines(path: Path) -> list[tuple[str, str]]:
@@ -78,6 +99,7 @@ def tidy(
     """
     kept: list[Box] = []
     notes: list[str] = []
+    listed: set[tuple[str, float, float, float, float]] = set()
     for box in boxes:
         if box.width_px <= 0 or box.height_px <= 0:
             notes.append(EMPTY)
@@ -86,6 +108,11 @@ def tidy(
         if inside is None:
             notes.append(OUTSIDE)
             continue
+        key = (inside.label, inside.x1, inside.y1, inside.x2, inside.y2)
+        if key in listed:
+            notes.append(TWICE)
+            continue
+        listed.add(key)
         if not _same(inside, box):
             notes.append(CLIPPED)
         if classes is not None and inside.label not in classes:

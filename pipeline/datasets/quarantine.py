@@ -5,7 +5,7 @@
 | picture missing, empty, truncated, not a picture, several pages | frame left out |
 | float values that are NaN or outside [0, 1], integers of 32 bits | frame left out |
 | picture smaller than one blur patch (192 px) on either side | frame left out |
-| label file missing, or text where a number belongs | frame left out |
+| label file missing, text where a number belongs, further columns, fractions of the image | frame left out |
 | labelled picture that is not there | frame left out |
 | 16 bits a channel | used, divided by 65535; noted |
 | colour | used, BT.601 luma; noted |
@@ -14,6 +14,8 @@
 | box that reaches past the image | clipped; noted |
 | box outside the image, or without area | dropped; noted |
 | box of a class the dataset does not define | kept as an ignored region; noted |
+| box listed a second time | dropped; noted |
+| label file without a box, picture without a row in the label table | used; noted |
 | previous frame that cannot be used, or is smaller than the frame | it and those before it are not used; noted |
 
 A frame left out is a row of the quarantine table with its reason; notes are counted. More than a stated share of

@@ -23,13 +23,13 @@ from __future__ import annotations
 
 import csv
 import shlex
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import ClassVar
 
 from pipeline.datasets.dataset import DataAbsent, Dataset, pictures_in
 from pipeline.datasets.frame import Box, Frame
-from pipeline.datasets.labels import BadLabels, numbers, read_lines
+from pipeline.datasets.labels import NO_ROW, BadLabels, numbers, read_lines, refuse_fractions
 from pipeline.errors import InputError
 
 FOLDERS = {"autti": "object-dataset", "crowdai": "object-detection-crowdai"}
@@ -89,7 +89,9 @@ class Udacity(Dataset):
         before = previous_by_time(list(pictures.values()), self.max_gap_s)
         for name, path in pictures.items():
             defect = defects.get(name, "")
-            yield self._frame(path, () if defect else boxes.get(name, ()), previous=before[path], defect=defect)
+            notes = () if defect or name in boxes else (NO_ROW,)
+            usable = () if defect else boxes.get(name, ())
+            yield self._frame(path, usable, previous=before[path], defect=defect, notes=notes)
         for name in (boxes.keys() | defects.keys()) - pictures.keys():
             path = self.images / name
             yield self._frame(path, defect=f"{path}: labelled, but there is no such picture")
@@ -116,7 +118,7 @@ def read_autti_labels(path: Path) -> Labels:
         if len(words) < 7:
             raise BadLabels(f"{where}: {len(words)} fields, expected at least 7; is this the autti layout?")
         rows.append((words[0], words[6], words[1:5], where))
-    return _gather(rows)
+    return _gather(rows, path)
 
 
 def read_crowdai_labels(path: Path) -> Labels:
@@ -129,15 +131,18 @@ def read_crowdai_labels(path: Path) -> Labels:
         if index == 0 and words[0].lower() == "xmin":
             continue
         rows.append((words[4], words[5], words[:4], where))
-    return _gather(rows)
+    return _gather(rows, path)
 
 
-def _gather(rows: Iterable[tuple[str, str, list[str], str]]) -> Labels:
+def _gather(rows: Sequence[tuple[str, str, list[str], str]], path: Path) -> Labels:
+    if not rows:
+        raise BadLabels(f"{path}: label table without a row; restore it from the archive of the dataset")
     boxes: dict[str, list[Box]] = {}
     defects: dict[str, str] = {}
     for name, label, corners, where in rows:
         try:
             x1, y1, x2, y2 = numbers(corners, where)
+            refuse_fractions((x1, y1, x2, y2), where)
         except BadLabels as error:
             defects[name] = str(error)
             continue

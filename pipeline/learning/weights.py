@@ -1,10 +1,12 @@
 """Weight files: safetensors, with what was trained, how and on what in the header.
 
-A file without that header, of another architecture or cut short is refused with one line.
+A file without that header, of another architecture, cut short, changed after it was written, or with values that are
+not finite or absurdly large is refused with one line.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +16,8 @@ from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     import torch
+
+LARGEST_WEIGHT = 1e6
 
 
 def save(path: str | Path, tensors: Mapping[str, torch.Tensor], architecture: str, **details: Any) -> None:
@@ -31,9 +35,20 @@ def save(path: str | Path, tensors: Mapping[str, torch.Tensor], architecture: st
 
     content = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
     # One entry: safetensors does not keep the order of several, and files should be the same byte for byte.
-    header = json.dumps({"architecture": architecture, **details}, sort_keys=True)
+    written = {"architecture": architecture, "tensors_sha256": tensors_sha256(content), **details}
+    header = json.dumps(written, sort_keys=True)
     with replacing(path) as temporary:
         save_file(content, temporary, {"pipeline": header})
+
+
+def tensors_sha256(tensors: Mapping[str, torch.Tensor]) -> str:
+    """SHA-256 of names, types, shapes and values of tensors, in the order of their names."""
+    digest = hashlib.sha256()
+    for name in sorted(tensors):
+        tensor = tensors[name].detach().cpu().contiguous()
+        digest.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}\n".encode())
+        digest.update(tensor.numpy().tobytes())
+    return digest.hexdigest()
 
 
 def details(path: str | Path) -> dict[str, Any]:
@@ -56,7 +71,8 @@ def load(path: str | Path, architecture: str) -> tuple[dict[str, torch.Tensor], 
         the tensors by name, and the header (see `details`).
 
     Raises:
-        InputError: no such file, not a weight file of this package, cut short, or of another architecture.
+        InputError: no such file, not a weight file of this package, cut short, changed, or of another architecture;
+            or its values are not finite or absurdly large.
     """
     header, content = _read(path, tensors=True)
     if header["architecture"] != architecture:
@@ -64,7 +80,28 @@ def load(path: str | Path, architecture: str) -> tuple[dict[str, torch.Tensor], 
             f"{path}: holds weights of '{header['architecture']}', expected '{architecture}'; "
             "name the right file or train anew (dvc repro)"
         )
+    _check_values(path, content)
+    if "tensors_sha256" in header and header["tensors_sha256"] != tensors_sha256(content):
+        raise InputError(f"{path}: the weights are not those that were written (SHA-256 differs); restore the file")
     return content, header
+
+
+def _check_values(path: str | Path, tensors: Mapping[str, torch.Tensor]) -> None:
+    """Refuse values that no training of this package leaves.
+
+    Raises:
+        InputError: a value is NaN, infinite, or larger than `LARGEST_WEIGHT`.
+    """
+    for name, tensor in tensors.items():
+        if not tensor.is_floating_point() or not tensor.numel():
+            continue
+        if not bool(tensor.isfinite().all()):
+            raise InputError(f"{path}: tensor '{name}' holds values that are NaN or infinite; restore the file")
+        if float(tensor.abs().max()) > LARGEST_WEIGHT:
+            raise InputError(
+                f"{path}: tensor '{name}' holds values up to {float(tensor.abs().max()):.3g}, expected at most "
+                f"{LARGEST_WEIGHT:g}; restore the file"
+            )
 
 
 def into(model: torch.nn.Module, path: str | Path, architecture: str) -> dict[str, Any]:
@@ -92,7 +129,7 @@ def _read(path: str | Path, tensors: bool) -> tuple[dict[str, Any], dict[str, to
             header = json.loads((file.metadata() or {}).get("pipeline", "null"))
             names = list(file.keys()) if tensors else []
             content = {name: file.get_tensor(name) for name in names}
-    except (SafetensorError, OSError, json.JSONDecodeError) as error:
+    except (SafetensorError, OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a readable safetensors file ({error}); restore or train it anew") from None
     if not isinstance(header, dict) or "architecture" not in header:
         raise InputError(f"{path}: says nothing of its architecture; expected a file written by pipeline.learning")

@@ -13,8 +13,8 @@ def run(run: Run) -> None:
     from pipeline import store
     from pipeline.curves import by_settings, published
 
-    grid = pd.read_csv(run.inputs / "data/paper/fitted_ap_grid.csv")
-    printed = pd.read_csv(run.inputs / "data/paper/regression_coefficients.csv")
+    grid = store.read_published(run.inputs / "data/paper/fitted_ap_grid.csv", published.GRID_COLUMNS)
+    printed = store.read_published(run.inputs / "data/paper/regression_coefficients.csv", published.COEFFICIENT_COLUMNS)
     coefficients, fitted, about = [], [], {}
     for (detector, kind), rows in grid.groupby(["detector", "object"], sort=True):
         label = f"{detector} {kind}"

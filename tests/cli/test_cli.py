@@ -127,6 +127,9 @@ def test_dataset_says_what_it_found(tmp_path):
     done = call("dataset", "kitti", make_kitti(tmp_path / "kitti", frames=3))
     assert done.exit_code == 0, done.output
     assert "3 usable frames" in done.output
+    table = [line.split() for line in done.output.splitlines()[1:5]]
+    assert table[0][:3] == ["class", "objects", "ignored"]
+    assert table[1] == ["Car", "3", "3", "40.0", "75.0", "110.0", "20.0", "45.0", "70.0"]
     make_folder(tmp_path / "folder", frames=4)
     next((tmp_path / "folder").rglob("*.png")).write_bytes(b"")
     done = call("dataset", "folder", tmp_path / "folder")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -196,6 +197,47 @@ def test_survives_a_file(tmp_path: Path) -> None:
         Surface.load(tmp_path / "other.npz")
     with pytest.raises(InputError, match="no such file"):
         Surface.load(tmp_path / "absent.npz")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("ap_percent", lambda a: a.astype(str), "expected numbers"),
+        ("ap_percent", lambda a: a[:-1], "has shape"),
+        ("ap_percent", lambda a: np.where(np.isfinite(a), np.inf, a), "not finite"),
+        ("ap_percent", lambda a: a + 1000, "out of range"),
+        ("sigma_bins_dn", lambda a: a[::-1], "rising"),
+        ("sigma_bins_dn", lambda a: a[:, None], "two lists"),
+        ("mtf_bins", lambda a: a[:0], "expected"),
+        ("draws", lambda a: a[0], "has shape"),
+        ("draws", lambda a: np.float64(1.0), "has shape"),
+        ("left_out", lambda a: np.zeros(3), "has shape"),
+        ("count", lambda a: np.zeros_like(a), "make no surface"),
+    ],
+)
+def test_a_file_with_wrong_arrays_is_refused_in_one_line(tmp_path: Path, name: str, change: Any, words: str) -> None:
+    sigma, mtf = scattered(4, per_bin=2)
+    path = tmp_path / "surface.npz"
+    build(sigma, mtf, plane(sigma, mtf), stream(4, "boot"), draws=50).save(path)
+    arrays = dict(np.load(path))
+    arrays[name] = change(arrays[name])
+    np.savez(path, **arrays)
+    with pytest.raises(InputError, match=words) as caught:
+        Surface.load(path)
+    assert str(path) in str(caught.value) and len(str(caught.value).splitlines()) == 1
+
+
+def test_a_damaged_archive_is_refused(tmp_path: Path) -> None:
+    sigma, mtf = scattered(4, per_bin=2)
+    path = tmp_path / "surface.npz"
+    build(sigma, mtf, plane(sigma, mtf), stream(4, "boot"), draws=50).save(path)
+    whole = path.read_bytes()
+    for place in range(0, len(whole), max(1, len(whole) // 60)):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
+        try:
+            Surface.load(path)  # a bit that nothing reads may be spoilt
+        except InputError as error:
+            assert str(path) in str(error)
 
 
 def test_bad_input_is_named() -> None:

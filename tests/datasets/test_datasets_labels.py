@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from data_makers import make_folder
+from data_makers import make_folder, make_udacity
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,13 +11,13 @@ from pipeline import datasets
 from pipeline.datasets.classes import KITTI, PLAIN, UDACITY, class_map
 from pipeline.datasets.folder import read_box_labels, write_box_labels
 from pipeline.datasets.frame import Box
-from pipeline.datasets.labels import BadLabels, tidy
+from pipeline.datasets.labels import NO_BOX, NO_ROW, TWICE, BadLabels, tidy
 from pipeline.datasets.whitelist import read_whitelist, select
 from pipeline.errors import InputError
 
 words = st.text(st.characters(whitelist_categories=("L",)), min_size=1, max_size=8)
 labels = st.lists(words, min_size=1, max_size=3).map(" ".join)
-coordinates = st.floats(-1e6, 1e6, allow_nan=False)
+coordinates = st.floats(-1e6, 1e6, allow_nan=False).filter(lambda value: not 0 < value < 1)  # no fractions of images
 boxes = st.builds(Box, labels, coordinates, coordinates, coordinates, coordinates, st.booleans(), st.just(0.5))
 
 
@@ -48,11 +48,52 @@ def test_rows_of_plain_labels(tmp_path, line, expected):
     assert found == expected
 
 
-@pytest.mark.parametrize("line", ["car 1 2 3", "1 2 3 4", "car 1 2 3 x", "car 1 2 inf 4", "car"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "car 1 2 3", "1 2 3 4", "car 1 2 3 x", "car 1 2 inf 4", "car",
+        "car 100 1 2 3 4", "car 0.93 1 2 3 4", "car 1 2 3 4 0.93", "car 1 2 3 4 100", "0 0.9 10 20 30 40",  # a score
+        "0 0.5 0.5 0.1 0.2", "car 0.25 0.25 0.75 1",  # fractions of the image
+    ],
+)  # fmt: skip
 def test_rows_that_are_refused(tmp_path, line):
     (tmp_path / "a.txt").write_text("car 1 2 3 4\n" + line)
     with pytest.raises(BadLabels, match=r"a\.txt, line 2"):
         read_box_labels(tmp_path / "a.txt")
+
+
+def test_a_further_column_never_becomes_part_of_the_class(tmp_path):
+    (tmp_path / "a.txt").write_text("car 100 10 20 30 40")
+    with pytest.raises(BadLabels, match="no further column"):
+        read_box_labels(tmp_path / "a.txt")
+    (tmp_path / "a.txt").write_text("0 0.5 0.5 0.1 0.2")
+    with pytest.raises(BadLabels, match="fractions of the image"):
+        read_box_labels(tmp_path / "a.txt")
+
+
+def test_orphans_duplicates_and_empty_label_files_are_refused_or_noted(tmp_path):
+    root = make_folder(tmp_path, frames=4)
+    (root / "labels/frame-0.txt").write_text("")
+    (root / "labels/frame-1.txt").write_text("car 40 130 170 200\n" * 3)
+    (root / "labels/nobody.txt").write_text("car 40 130 170 200\n")
+    frames = {frame.name: frame for frame in datasets.open_dataset("folder", "m", root).frames()}
+    assert frames["frame-0"].notes == (NO_BOX,)
+    assert frames["frame-1"].notes == (TWICE, TWICE) and len(frames["frame-1"].boxes) == 1
+    assert "no such picture" in frames["nobody"].defect and not frames["frame-2"].defect
+
+
+def test_an_empty_label_table_is_refused(tmp_path):
+    root = make_udacity(tmp_path, layout="crowdai")
+    table = root / "object-detection-crowdai/labels.csv"
+    rows = table.read_text().splitlines()
+    frames = datasets.open_dataset("udacity", "u", root, layout="crowdai").frames()
+    assert [NO_ROW in frame.notes for frame in frames] == [False, False, True]
+    table.write_text(rows[0] + "\n")
+    with pytest.raises(BadLabels, match="without a row"):
+        datasets.open_dataset("udacity", "u", root, layout="crowdai").frames()
+    table.write_text("0.1,0.1,0.2,0.2," + ",".join(rows[1].split(",")[4:]) + "\n")
+    defects = [frame.defect for frame in datasets.open_dataset("udacity", "u", root, layout="crowdai").frames()]
+    assert sum("fractions of the image" in defect for defect in defects) == 1
 
 
 def test_label_file_that_is_no_text(tmp_path):

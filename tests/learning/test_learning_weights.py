@@ -1,6 +1,7 @@
 """Weight files: what was saved comes back; anything else is refused in one line."""
 
 import json
+from pathlib import Path
 
 import pytest
 import torch
@@ -22,7 +23,9 @@ def test_round_trip(tmp_path):
     weights.save(tmp_path / "a.safetensors", layer.state_dict(), "net-1", steps=5, parameters={"b": 1, "a": [2]})
     tensors, header = weights.load(tmp_path / "a.safetensors", "net-1")
     assert all(torch.equal(tensors[name], value) for name, value in layer.state_dict().items())
-    assert header == {"architecture": "net-1", "steps": 5, "parameters": {"b": 1, "a": [2]}}
+    digest = weights.tensors_sha256(tensors)
+    expected = {"architecture": "net-1", "steps": 5, "parameters": {"b": 1, "a": [2]}, "tensors_sha256": digest}
+    assert header == expected
     assert weights.details(tmp_path / "a.safetensors") == header
     other = torch.nn.Linear(3, 2)
     assert weights.into(other, tmp_path / "a.safetensors", "net-1") == header
@@ -59,3 +62,27 @@ def test_another_architecture(path):
         weights.load(path, "net-2")
     with pytest.raises(InputError, match="does not fit the network"):
         weights.into(torch.nn.Linear(4, 2), path, "net-1")
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [(float("nan"), "NaN or infinite"), (float("inf"), "NaN"), (1e30, "1e\\+30")]
+)
+def test_absurd_values_are_refused(tmp_path, value, words):
+    tensors = torch.nn.Linear(3, 2).state_dict()
+    tensors["weight"][1, 2] = value
+    weights.save(tmp_path / "a.safetensors", tensors, "net-1")
+    with pytest.raises(InputError, match=f"tensor 'weight' holds values .*{words}"):
+        weights.load(tmp_path / "a.safetensors", "net-1")
+
+
+def test_weights_changed_after_they_were_written_are_refused(path):
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1  # the lowest bit of an exponent or mantissa of the last value
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="SHA-256 differs|expected at most|NaN"):
+        weights.load(path, "net-1")
+
+
+def test_released_weights_are_finite():
+    for file in sorted((Path(__file__).resolve().parents[2] / "data/weights").glob("*.safetensors")):
+        weights.load(file, weights.details(file)["architecture"])
