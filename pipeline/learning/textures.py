@@ -123,3 +123,56 @@ def outline(
         angle = 0.0
     cosine, sine = np.cos(angle), np.sin(angle)
     return points @ np.array([[cosine, sine], [-sine, cosine]]) + np.asarray(centre)
+
+
+def fur(generator: np.random.Generator, image: Plane) -> Plane:
+    """A picture with strands drawn over it: fur, hair, grass or brushed cloth, along a slowly turning direction.
+
+    Args:
+        generator: source of randomness.
+        image: (S, S) DN.
+
+    Returns:
+        (S, S) float32 DN.
+    """
+    import cv2
+
+    size = len(image)
+    strands = np.zeros((size, size), np.float32)
+    heading = smooth_field(generator, size, 2.0) * np.float32(generator.uniform(0.1, 1.0)) + generator.uniform(0, np.pi)
+    count = int(generator.uniform(0.02, 0.12) * size * size)
+    starts = generator.integers(0, size, (count, 2))
+    lengths = np.exp(generator.uniform(np.log(4), np.log(24), count))
+    greys = generator.normal(0, 1, count)
+    for (y, x), length, value in zip(starts, lengths, greys, strict=True):
+        angle = float(heading[y, x])
+        end = (round((x + length * np.cos(angle)) * 16), round((y + length * np.sin(angle)) * 16))
+        cv2.line(strands, (int(x) * 16, int(y) * 16), end, float(value), 1, cv2.LINE_8, 4)
+    strength = np.float32(np.exp(generator.uniform(np.log(4), np.log(40))))
+    where = np.clip(smooth_field(generator, size, 1.5) * 2 + generator.uniform(-0.5, 1.5), 0, 1)
+    return (image + strands * strength * where).astype(np.float32)
+
+
+def lettering(generator: np.random.Generator, image: Plane) -> Plane:
+    """A picture with lines of small print.
+
+    Args:
+        generator: source of randomness.
+        image: (S, S) DN.
+
+    Returns:
+        (S, S) float32 DN.
+    """
+    import cv2
+
+    size = len(image)
+    mask = np.zeros((size, size), np.uint8)
+    scale, fonts = float(np.exp(generator.uniform(np.log(0.2), np.log(0.9)))), (0, 1, 2, 3, 4, 6)
+    font, step = int(generator.choice(fonts)), max(int(26 * scale * generator.uniform(1.0, 2.0)), 5)
+    for line in range(int(generator.integers(0, step)), size, step):
+        text = "".join(chr(int(code)) for code in generator.integers(33, 126, 60))
+        start = (int(generator.integers(-20, size // 3)), line)
+        cv2.putText(mask, text, start, font, scale, 255, int(generator.integers(1, 3)), cv2.LINE_AA)
+    share = mask.astype(np.float32) / 255
+    grey = np.float32(generator.uniform(0, 255))
+    return (image + share * (grey - image)).astype(np.float32)

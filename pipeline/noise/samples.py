@@ -101,10 +101,10 @@ def clean_view(tile: NDArray[np.uint8], recipe: Recipe, generator: np.random.Gen
     size_px = recipe.size_px + 2 * MARGIN_PX
     image = images.view(tile, generator, min(size_px, len(tile))) * np.float32(255)
     if generator.random() < recipe.texture_share:
-        image = _textured(image, generator)
+        image = textured(image, generator)
     if generator.random() < recipe.interpolated_share:
         image = _interpolated(image, generator)
-    image = _exposed(image, generator)
+    image = exposed(image, generator)
     if generator.random() < recipe.blurred_noise_share:
         image = _with_blurred_noise(image, generator)
     else:
@@ -162,7 +162,7 @@ def _source(generator: np.random.Generator, sources: str) -> tuple[float, float,
     return 1.0, float(dark), float(readout)
 
 
-def _textured(image: Plane, generator: np.random.Generator) -> Plane:
+def textured(image: Plane, generator: np.random.Generator) -> Plane:
     """Fine texture over all, over some materials (ranges of grey), or in patches."""
     import cv2
 
@@ -198,7 +198,7 @@ def _interpolated(image: Plane, generator: np.random.Generator) -> Plane:
     return np.asarray(cv2.resize(crop, (size, size), interpolation=method), dtype=np.float32)
 
 
-def _exposed(image: Plane, generator: np.random.Generator) -> Plane:
+def exposed(image: Plane, generator: np.random.Generator) -> Plane:
     """Of much contrast, of little, or so bright or dark that a part of it or all is clipped; DN.
 
     Outdoor frames span the whole range within a patch, from shadow to sky; how noise goes with brightness shows there.

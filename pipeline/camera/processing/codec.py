@@ -1,0 +1,124 @@
+"""Codecs: JPEG files, and one frame of a video (Motion JPEG, MPEG-4 Part 2, H.264), encoded and decoded for real.
+
+JPEG is OpenCV's (libjpeg-turbo); videos are FFmpeg's through PyAV, one thread, so that the same pictures give the same
+bytes. A video frame is predicted from the frames before it, so the frames before are part of the input.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError, did_you_mean
+
+Picture = NDArray[np.uint8]
+
+VIDEO = ("h264", "mpeg4", "mjpeg")
+CODECS = ("none", "jpeg", *VIDEO)
+_ENCODER = {"h264": "libx264", "mpeg4": "mpeg4", "mjpeg": "mjpeg"}
+
+
+@dataclass(frozen=True)
+class Codec:
+    """How a picture is stored.
+
+    Attributes:
+        name: one of `CODECS`.
+        quality: of JPEG, 1 to 100; of H.264 the constant rate factor, 0 to 51 (lower is better); of the other videos
+            the quantiser scale, 1 to 31 (lower is better).
+        full_chroma: JPEG without chroma subsampling (4:4:4); otherwise 4:2:0.
+        corner: (rows, columns) cut away before coding, 0 to 7: where the grid of 8 x 8 px blocks begins.
+    """
+
+    name: str = "none"
+    quality: int = 90
+    full_chroma: bool = False
+    corner: tuple[int, int] = (0, 0)
+
+    def __post_init__(self) -> None:
+        if self.name not in CODECS:
+            raise InputError(f"codec: no {self.name!r}; {did_you_mean(self.name, CODECS)}")
+        low, high = {"jpeg": (1, 100), "h264": (0, 51)}.get(self.name, (1, 31))
+        if self.name != "none" and not low <= self.quality <= high:
+            raise InputError(f"codec {self.name}: quality={self.quality}, expected {low} to {high}")
+
+
+def store(picture: Picture, codec: Codec, before: Sequence[Picture] = ()) -> Picture:
+    """A picture as it comes back from storage.
+
+    Args:
+        picture: (H, W, 3) uint8 RGB.
+        codec: how it is stored.
+        before: frames before it in a video, same shape.
+
+    Returns:
+        (H, W, 3) uint8; rows and columns that `Codec.corner` cuts keep their values.
+    """
+    if codec.name == "none":
+        return picture
+    top, left = codec.corner
+    if codec.name == "jpeg":
+        coded = jpeg(np.ascontiguousarray(picture[top:, left:]), codec.quality, codec.full_chroma)
+    else:
+        frames = [np.ascontiguousarray(_even(frame[top:, left:])) for frame in (*before, picture)]
+        coded = video(frames, codec.name, codec.quality)[-1]
+    result = picture.copy()
+    result[top : top + coded.shape[0], left : left + coded.shape[1]] = coded
+    return result
+
+
+def jpeg(picture: Picture, quality: int, full_chroma: bool = False) -> Picture:
+    """A picture (H, W, 3) through JPEG at a quality of 1 to 100."""
+    import cv2
+
+    sampling = cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444 if full_chroma else cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling]
+    coded = cv2.imencode(".jpg", picture[..., ::-1], options)[1]
+    return np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), dtype=np.uint8)[..., ::-1]
+
+
+def video(frames: Sequence[Picture], name: str, quality: int) -> list[Picture]:
+    """Frames through a video codec.
+
+    Args:
+        frames: (H, W, 3) uint8 RGB, all of one even size.
+        name: one of `VIDEO`.
+        quality: see `Codec`.
+
+    Returns:
+        the decoded frames.
+    """
+    import av
+    from av.video.reformatter import ColorRange
+
+    height, width = frames[0].shape[:2]
+    file = io.BytesIO()
+    pixels = "yuvj420p" if name == "mjpeg" else "yuv420p"
+    with av.open(file, "w", format="matroska") as container:
+        options = {"crf": str(quality), "preset": "veryfast"} if name == "h264" else {}
+        stream: Any = container.add_stream(_ENCODER[name], rate=25, options=options | {"threads": "1"})
+        stream.width, stream.height, stream.pix_fmt = width, height, pixels
+        stream.codec_context.thread_count = 1
+        if name != "h264":
+            stream.codec_context.qmin = stream.codec_context.qmax = quality
+        if name == "mjpeg":
+            stream.codec_context.color_range = ColorRange.JPEG
+        for frame in frames:
+            for packet in stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")):
+                container.mux(packet)
+        for packet in stream.encode():
+            container.mux(packet)
+    file.seek(0)
+    with av.open(file) as container:
+        container.streams.video[0].thread_count = 1
+        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+
+
+def _even(picture: Picture) -> Picture:
+    """The picture without its last row or column where their number is odd (video codecs want even sizes)."""
+    return picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
