@@ -211,6 +211,7 @@ class RecipeSection(Section):
     clean_share: Share
     before_share: Share
     largest_sigma_dn: Annotated[float, Field(gt=1, le=100)]
+    camera_fraction: Share
 
 
 class MtfTrainingSection(Section):
@@ -221,6 +222,7 @@ class MtfTrainingSection(Section):
     images: Count
     validation_images: Count
     kernels: Count
+    kernel_distribution: Literal["paper_like", "with_optics"]
     fresh: Count
     uses: Count
     window: Count

@@ -7,12 +7,18 @@ uniform in its range. The label is the *total* MTF, as a real sharp frame is not
 to it is found by dividing by the camera's own. Noise n is added after the blur (dark current, readout, photon-like,
 mixed), or enters before it (photon noise of the scene, which the blur then smooths); sigma counts what came after.
 
+A fraction of the samples is delivered by a random camera (`pipeline.learning.cameras`) instead: mosaic, raw noise,
+demosaicing, denoising, sharpening and a codec act on the blurred scene. Their label is multiplied by the contrast that
+the camera's linear steps keep, and limited to 1 where sharpening lifts it above: the MTF of the picture as delivered.
+Half of these scenes are blurred in linear light. Their sigma is the noise that the raw noise alone has caused.
+
 Samples come in chunks; chunk c is a pure function of (seed, purpose, c), so it may be made ahead, by any process.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from dataclasses import replace as replaced
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +26,11 @@ from numpy.typing import NDArray
 
 from pipeline.camera import mtf
 from pipeline.camera.constants import PAPER_FULL_WELL_E, PAPER_HOT_DARK_E, PAPER_HOT_READOUT_E
-from pipeline.learning import images, kernels
+from pipeline.camera.processing import tone
+from pipeline.camera.processing.develop import grey
+from pipeline.camera.processing.raw_noise import RawNoise
+from pipeline.learning import cameras, images, kernels
+from pipeline.learning.cameras import CameraRecipe
 from pipeline.streams import stream, torch_stream
 
 if TYPE_CHECKING:
@@ -29,6 +39,7 @@ if TYPE_CHECKING:
 PATCH_PX = 192
 MARGIN_PX = 24  # the blur wraps round within it; it is cut away
 FIELD_PX = PATCH_PX + 2 * MARGIN_PX
+CAMERA_MARGIN_PX = 8  # of the field that a camera sees beside the patch; its filters and block grid reach into it
 KINDS = ("photon", "dcsn", "readout", "combined")
 
 
@@ -44,6 +55,8 @@ class Recipe:
         clean_share, before_share: shares of samples without noise and with photon noise before the blur; the others
             have noise after it.
         largest_sigma_dn: of the noise; half of the levels are even, half logarithmic from 1 DN.
+        camera_fraction: share of views that are delivered by a random camera.
+        cameras: their distribution; they do not scale, which would move frequencies.
     """
 
     views: int = 16
@@ -53,6 +66,12 @@ class Recipe:
     clean_share: float = 0.45
     before_share: float = 0.15
     largest_sigma_dn: float = 30.0
+    camera_fraction: float = 0.0
+    cameras: CameraRecipe = field(
+        default_factory=lambda: CameraRecipe(
+            sigma_dn=(0.5, 40.0), noise_free_fraction=0.3, scaling_fraction=0.0, video_fraction=0.02
+        )
+    )
 
     @property
     def chunk(self) -> int:
@@ -119,22 +138,62 @@ class Samples:
         )
         scene = torch.from_numpy(views)
         before = torch.from_numpy(generator.random(recipe.views) < recipe.before_share)
+        delivered = np.zeros(recipe.views, bool)
+        linear = np.zeros(recipe.views, bool)
+        if recipe.camera_fraction:
+            delivered = generator.random(recipe.views) < recipe.camera_fraction
+            linear = delivered & (generator.random(recipe.views) < 0.5)
+            before &= ~torch.from_numpy(delivered)
+            scene[linear] = scene[linear] ** 2.2
         if before.any():
             sigma = self._levels(generator, int(before.sum()))
             noisy = noise_e(scene[before], torch.zeros(len(sigma), dtype=torch.long), torch_generator)
             scene[before] = (scene[before] + scaled(noisy, sigma) / 255).clamp(0, 1)
-        blurred, label = self._blurred(scene, generator)
+        whole_field, label = self._blurred(scene, generator)
+        inside = slice(MARGIN_PX, MARGIN_PX + PATCH_PX)
+        blurred = whole_field[:, inside, inside].clamp(0, 1)
         kind = torch.from_numpy(generator.integers(len(KINDS), size=recipe.chunk))
         share = recipe.clean_share / max(1 - recipe.before_share, 1e-9)
         after = torch.from_numpy(generator.random(recipe.chunk) >= share)
         after &= ~before.repeat(recipe.kernels_per_view)
+        after &= ~torch.from_numpy(delivered).repeat(recipe.kernels_per_view)
         sigma = self._levels(generator, recipe.chunk) * after
         image_dn = blurred * 255
         if after.any():
             image_dn[after] += scaled(noise_e(blurred[after], kind[after], torch_generator), sigma[after])
         half = torch.from_numpy(np.where(generator.random((recipe.chunk, 1, 1)) < 0.5, 0.5, 0.0).astype(np.float32))
         whole = (image_dn.clamp(0, 255) + half).floor().clamp(0, 255).to(torch.uint8)  # rounded, or cut as by many
-        return Chunk(whole.numpy(), label.numpy(), sigma.float().numpy())
+        chunk = Chunk(whole.numpy(), label.numpy(), sigma.float().numpy())
+        for number in np.flatnonzero(np.tile(delivered, recipe.kernels_per_view)):
+            self._deliver(chunk, int(number), whole_field[number].numpy(), bool(linear[number % recipe.views]), generator)
+        return chunk
+
+    def _deliver(
+        self, chunk: Chunk, number: int, blurred: NDArray[np.float32], linear: bool, generator: np.random.Generator
+    ) -> None:
+        """Replace a sample of the chunk by what a random camera delivers of the blurred scene.
+
+        Args:
+            chunk: its arrays are written to.
+            number: of the sample.
+            blurred: (FIELD_PX, FIELD_PX), encoded grey levels or linear light.
+            linear: whether it is linear light.
+            generator: source of randomness.
+        """
+        camera = cameras.draw(generator, self.recipe.cameras)
+        margin = slice(MARGIN_PX - CAMERA_MARGIN_PX, MARGIN_PX + PATCH_PX + CAMERA_MARGIN_PX)
+        light = np.clip(blurred[margin, margin], 0, 1)
+        colours = camera.demosaicing is not None
+        encoded = tone.encode(light) if linear else light
+        rgb = cameras.coloured(encoded, generator, linear=colours)
+        inside = slice(CAMERA_MARGIN_PX, CAMERA_MARGIN_PX + PATCH_PX)
+        patch = grey(camera.shoot(rgb, generator))[inside, inside]
+        chunk.patches_dn[number] = patch
+        chunk.mtf[number] = np.clip(chunk.mtf[number] * camera.transfer(mtf.FREQUENCIES / 2), 0, 1)
+        chunk.sigma_dn[number] = 0.0
+        if camera.noise.shot:
+            clean = grey(replaced(camera, noise=RawNoise()).develop(camera.expose(rgb)))[inside, inside]
+            chunk.sigma_dn[number] = np.std(patch.astype(np.float32) - clean)
 
     def _levels(self, generator: np.random.Generator, count: int) -> torch.Tensor:
         """Noise levels, DN: half even, half logarithmic."""
@@ -145,7 +204,7 @@ class Samples:
         return torch.from_numpy(np.where(generator.random(count) < 0.5, even, logarithmic).astype(np.float32))
 
     def _blurred(self, scene: torch.Tensor, generator: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
-        """Every view under its kernels: (N, 192, 192) in [0, 1], and the total MTF (N, 2, 8)."""
+        """Every view under its kernels: (N, 240, 240), and the total MTF (N, 2, 8)."""
         import torch
 
         count = self.recipe.chunk
@@ -163,8 +222,7 @@ class Samples:
         transfer = (rows * torch.exp(decay * rows_squared) @ wide) @ (columns * torch.exp(decay * columns_squared)).mT
         spectrum = torch.fft.rfft2(scene).repeat(self.recipe.kernels_per_view, 1, 1)
         image = torch.fft.irfft2(spectrum * transfer, s=(FIELD_PX, FIELD_PX))
-        inside = slice(MARGIN_PX, MARGIN_PX + PATCH_PX)
-        return image[:, inside, inside].clamp(0, 1), curves * torch.exp(decay * bins_squared)
+        return image, curves * torch.exp(decay * bins_squared)
 
 
 def noise_e(image: torch.Tensor, kind: torch.Tensor, generator: torch.Generator) -> torch.Tensor:

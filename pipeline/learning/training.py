@@ -32,6 +32,7 @@ class Training:
         recipe: of the samples.
         images, validation_images: pictures in the banks.
         kernels: kernels in the bank; validation has a sixteenth of them, at least one block.
+        kernel_distribution: of `pipeline.learning.kernels.DISTRIBUTIONS`.
         fresh, uses, window: see `pipeline.learning.feed`; a batch has fresh * uses chunks.
         validation_chunks: chunks that weights are selected on, of pictures and kernels never trained on.
         half_precision: convolutions in bfloat16 while training.
@@ -43,6 +44,7 @@ class Training:
     images: int = 2400
     validation_images: int = 160
     kernels: int = 12_000
+    kernel_distribution: str = "paper_like"
     fresh: int = 1
     uses: int = 2
     window: int = 256
@@ -72,7 +74,14 @@ def open_samples(training: Training, cache: Path, *, validation: bool = False, *
     blurs = max(training.kernels // 16, kernels.BLOCK) if validation else training.kernels
     seed = training.seed
     tiles = images.bank(pictures, seed, purpose=f"{word} image", folder=cache / "images", executor=executor)
-    bank = kernels.bank(blurs, seed, purpose=f"{word} kernels", folder=cache / "kernels", executor=executor)
+    bank = kernels.bank(
+        blurs,
+        seed,
+        purpose=f"{word} kernels",
+        distribution=training.kernel_distribution,
+        folder=cache / "kernels",
+        executor=executor,
+    )
     return Samples(tiles, bank, training.recipe, seed, f"{word} samples")
 
 

@@ -131,7 +131,7 @@ class CameraPipeline:
         Args:
             luma: grey level, [0, 1].
         """
-        light = max(float(tone.decode(np.float32([luma]), self.gamma)[0]), _BLACK_SLOPE)
+        light = max(luma**self.gamma, _BLACK_SLOPE)
         slope = light ** (1 / self.gamma - 1) / self.gamma
         gains = np.array([self.balance[0], 1.0, self.balance[1]]) if self.demosaicing else np.ones(3)
         variance = self.noise.shot * (light / gains + self.noise.read) * gains**2

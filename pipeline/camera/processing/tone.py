@@ -7,6 +7,8 @@ The slope decides how visible noise is: steep in shadows and, with an S-curve, i
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +26,9 @@ def encode(linear: Float, gamma: float = 2.2, s_curve: float = 0.0) -> Float:
     Returns:
         float32 in [0, 1], same shape.
     """
-    encoded = np.clip(linear, 0, 1) ** np.float32(1 / gamma)
+    import cv2
+
+    encoded: NDArray[Any] = cv2.pow(np.clip(linear, 0, 1).astype(np.float32, copy=False), 1 / gamma)
     if s_curve:
         encoded = encoded - np.float32(s_curve / (2 * np.pi)) * np.sin(np.float32(2 * np.pi) * encoded)
     return np.asarray(encoded, dtype=np.float32)
@@ -32,4 +36,6 @@ def encode(linear: Float, gamma: float = 2.2, s_curve: float = 0.0) -> Float:
 
 def decode(encoded: Float, gamma: float = 2.2) -> Float:
     """Linear light of encoded grey levels in [0, 1], power law only."""
-    return np.asarray(np.clip(encoded, 0, 1) ** np.float32(gamma), dtype=np.float32)
+    import cv2
+
+    return np.asarray(cv2.pow(np.clip(encoded, 0, 1).astype(np.float32, copy=False), gamma), dtype=np.float32)
