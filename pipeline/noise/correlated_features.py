@@ -28,12 +28,13 @@ Float = NDArray[np.float32]
 
 SIDE = 4
 SPACINGS_PX = (1, 2, 3, 4, 6)
-STEP_PX = 2
+STEPS_PX = (2, 2, 3, 3, 3)  # between windows, per spacing
 FLATTEST = (0.1, 0.3, 0.6, 1.0)
 RANKS = (0, 1, 3, 6, 10, 14)  # of the 15 eigenvalues beside the mean's
 LAGS = ((0, 1), (1, 0), (1, 1), (0, 2), (2, 0), (2, 2))
 BANDS = 5
 LEAST_WINDOWS = 200
+_AVERAGE = np.full(SIDE**2, 1 / SIDE**2, np.float32)
 LEAST_PX = 48
 CELL_PX = 8
 POWER_FLOOR_DN2 = 0.02
@@ -58,7 +59,7 @@ def statistics(patch_dn: Float) -> Float:
     covariances = np.empty((len(SPACINGS_PX), len(FLATTEST), SIDE**2, SIDE**2))
     bands: Float | None = None
     for index, spacing in enumerate(SPACINGS_PX):
-        windows, means = _windows(picture, spacing)
+        windows, means = _windows(picture, spacing, STEPS_PX[index])
         variance = np.einsum("ij,ij->i", windows, windows)
         count = len(windows)
         ends = [max(int(fraction * count), 1) for fraction in FLATTEST]
@@ -86,25 +87,25 @@ def whiteness(patch_dn: Float) -> float:
     Returns:
         mean over both directions, -1 to 1; texture and edges that no flat area is free of raise it.
     """
-    windows, _ = _windows(np.ascontiguousarray(patch_dn, dtype=np.float32), 1)
+    windows, _ = _windows(np.ascontiguousarray(patch_dn, dtype=np.float32), 1, STEPS_PX[0])
     variance = np.einsum("ij,ij->i", windows, windows)
     flat = windows[np.argpartition(variance, len(windows) // 10)[: max(len(windows) // 10, 1)]]
     return float(_lags((flat.T @ flat / len(flat))[None].astype(np.float64))[:2].mean())
 
 
-def _windows(picture: Float, spacing: int) -> tuple[Float, Float]:
+def _windows(picture: Float, spacing: int, step: int) -> tuple[Float, Float]:
     """Windows as rows (n, 16) about their means, and the means (n,)."""
     reach = (SIDE - 1) * spacing
     height, width = picture.shape
     rows, columns = picture.strides
-    shape = ((height - reach + 1) // STEP_PX, (width - reach + 1) // STEP_PX, SIDE, SIDE)
-    view = as_strided(picture, shape, (rows * STEP_PX, columns * STEP_PX, rows * spacing, columns * spacing))
+    shape = ((height - reach - 1) // step + 1, (width - reach - 1) // step + 1, SIDE, SIDE)
+    view = as_strided(picture, shape, (rows * step, columns * step, rows * spacing, columns * spacing))
     windows = view.reshape(-1, SIDE**2)
     if picture.min() <= 1 or picture.max() >= WHITE_DN - 1:
         kept = ((windows <= 1) | (windows >= WHITE_DN - 1)).sum(axis=1) <= 1
         if kept.sum() > LEAST_WINDOWS:
             windows = windows[kept]
-    means = windows.mean(axis=1)
+    means = windows @ _AVERAGE
     return windows - means[:, None], means
 
 
@@ -172,20 +173,23 @@ def compression(picture: Float) -> NDArray[np.float64]:
         steps = np.abs(np.diff(picture, axis=axis))
         steps = steps if axis == 1 else steps.T
         usable = steps.shape[1] // CELL_PX * CELL_PX
-        phases = steps[:, :usable].reshape(len(steps), -1, CELL_PX)
-        mean = np.minimum(phases, 12).mean(axis=(0, 1)) + 0.02
-        equal = (phases < 0.5).mean(axis=(0, 1))
-        ranked = np.sort(mean)
+        # Sums over lines first, as one product, then over the lines of equal phase.
+        lines = np.ones(len(steps), np.float32)
+        mean = (lines @ np.minimum(steps[:, :usable], 12)).reshape(-1, CELL_PX).sum(axis=0)
+        equal = (lines @ (steps[:, :usable] < 0.5).astype(np.float32)).reshape(-1, CELL_PX).sum(axis=0)
+        size = len(steps) * usable / CELL_PX
+        mean, equal = mean / size + 0.02, equal / size
+        ranked, equals = np.sort(mean), np.sort(equal)
         strongest = int(mean.argmax())
         starts.append((strongest + 1) % CELL_PX)
-        middle = np.median(np.delete(mean, strongest))
-        numbers += [np.log(ranked[-1] / middle), np.log(ranked[-2] / middle), np.median(equal) - equal[strongest]]
+        numbers += [np.log(ranked[-1] / ranked[3]), np.log(ranked[-2] / ranked[3]), equals[3] - equal[strongest]]
     left, top = starts
     rows, columns = ((side - start) // CELL_PX for side, start in zip(picture.shape, (top, left), strict=True))
     blocks = picture[top : top + rows * CELL_PX, left : left + columns * CELL_PX]
     blocks = blocks.reshape(rows, CELL_PX, columns, CELL_PX).transpose(0, 2, 1, 3)
     matrix = _dct_matrix()
-    small = (np.abs(matrix @ blocks @ matrix.T) < 1).mean(axis=(0, 1))
+    coefficients = np.abs(matrix @ blocks @ matrix.T)
+    small = (coefficients < 1).reshape(-1, CELL_PX, CELL_PX).mean(axis=0)
     order = np.add.outer(np.arange(CELL_PX), np.arange(CELL_PX))
     numbers += [small[(order >= low) & (order <= high)].mean() for low, high in ((2, 4), (5, 8), (9, 14))]
     return np.array(numbers)
