@@ -9,8 +9,21 @@ from __future__ import annotations
 
 from pipeline.camera.psf.kernel import Kernel
 from pipeline.camera.psf.wave_optics import (  # noqa: F401  re-exported for the benchmark's tests
-    EDGE_SAMPLES, KEPT, LARGEST_PX, PIXEL_UM, REFERENCE_UM, SHARES, WAVELENGTHS_UM, Lens, Light, Optics, Shake,
-    diffraction_mtf, render, shake_path, wavefront_um,
+    EDGE_SAMPLES,
+    KEPT,
+    LARGEST_PX,
+    PIXEL_UM,
+    REFERENCE_UM,
+    SHARES,
+    WAVELENGTHS_UM,
+    Lens,
+    Light,
+    Optics,
+    Shake,
+    diffraction_mtf,
+    render,
+    shake_path,
+    wavefront_um,
 )  # fmt: skip
 
 GROUPS = FOCUS, ABERRATED, SHAKEN = ("out of focus", "aberrated", "shaken")
@@ -45,7 +58,6 @@ BANK = (
     Optics("shaken mirror", SHAKEN, _MIRROR, Shake(13.0, 0.12)),
     Optics("shaken long", SHAKEN, Lens(4.0, colour_px=0.3, spherical=0.1), Shake(17.0, 0.4)),
 )
-
 
 
 def bank(seed: int, optics: tuple[Optics, ...] = BANK) -> list[Kernel]:

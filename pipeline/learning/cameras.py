@@ -155,7 +155,7 @@ def _recorder(generator: np.random.Generator, sigma_dn: float, recipe: CameraRec
 def coloured(grey: Plane, generator: np.random.Generator, *, linear: bool = True) -> Plane:
     """A colour scene whose green is a given grey picture.
 
-    Red and blue differ from green by grey level (materials) and by smooth fields (light); a fifth of the scenes is grey.
+    Red and blue differ from green by grey level (materials) and by smooth fields (light); one scene in five is grey.
 
     Args:
         grey: (S, S) encoded grey levels, [0, 1].

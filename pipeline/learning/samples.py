@@ -165,7 +165,9 @@ class Samples:
         whole = (image_dn.clamp(0, 255) + half).floor().clamp(0, 255).to(torch.uint8)  # rounded, or cut as by many
         chunk = Chunk(whole.numpy(), label.numpy(), sigma.float().numpy())
         for number in np.flatnonzero(np.tile(delivered, recipe.kernels_per_view)):
-            self._deliver(chunk, int(number), whole_field[number].numpy(), bool(linear[number % recipe.views]), generator)
+            self._deliver(
+                chunk, int(number), whole_field[number].numpy(), bool(linear[number % recipe.views]), generator
+            )
         return chunk
 
     def _deliver(

@@ -3,7 +3,8 @@
 A scene is a procedural view with fine texture, blurred by a lens and coloured; three shots go through one random camera
 (`pipeline.learning.cameras`). The label is what the shots themselves show: their unbiased temporal standard deviation,
 its white part and the correlation between neighbours (`pipeline.camera.processing.temporal_noise`). Every shot is a
-sample. Some shots get white noise on top (a noisy digitiser, or noise added in software); its variance adds to the label.
+sample. Some shots get white noise on top (a noisy digitiser, or noise added in software); its variance adds to the
+label.
 
 Chunk i is a pure function of (seed, purpose, i).
 """
@@ -36,7 +37,8 @@ class Recipe:
     Attributes:
         scenes: in a chunk; each gives three samples.
         cameras: distribution of the cameras.
-        texture_fraction, fur_fraction, text_fraction: scenes with fine texture, strands of fur or grass, and small print.
+        texture_fraction, fur_fraction, text_fraction: scenes with fine texture, with strands of fur or grass, and with
+            small print.
         lens_px: range of the lens's Gaussian, pixels.
         added_fraction: of the last shots, how many get white noise on top.
     """

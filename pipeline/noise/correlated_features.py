@@ -57,7 +57,7 @@ def statistics(patch_dn: Float) -> Float:
     """
     picture = np.ascontiguousarray(patch_dn, dtype=np.float32)
     covariances = np.empty((len(SPACINGS_PX), len(FLATTEST), SIDE**2, SIDE**2))
-    bands: Float | None = None
+    bands: NDArray[np.float64] | None = None
     for index, spacing in enumerate(SPACINGS_PX):
         windows, means = _windows(picture, spacing, STEPS_PX[index])
         variance = np.einsum("ij,ij->i", windows, windows)

@@ -40,6 +40,8 @@ class CorrelatedNet(nn.Module):
 
     def __init__(self, members: int = 4) -> None:
         super().__init__()
+        self.mean: torch.Tensor
+        self.deviation: torch.Tensor
         self.register_buffer("mean", torch.zeros(COUNT))
         self.register_buffer("deviation", torch.ones(COUNT))
         self.members = nn.ModuleList(_perceptron() for _ in range(members))

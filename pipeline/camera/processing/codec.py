@@ -114,9 +114,9 @@ def video(frames: Sequence[Picture], name: str, quality: int) -> list[Picture]:
         for packet in stream.encode():
             container.mux(packet)
     file.seek(0)
-    with av.open(file) as container:
-        container.streams.video[0].thread_count = 1
-        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    with av.open(file, "r") as stored:
+        stored.streams.video[0].codec_context.thread_count = 1
+        return [np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in stored.decode(video=0)]
 
 
 def _even(picture: Picture) -> Picture:

@@ -1,8 +1,8 @@
 """Demosaicing: three colours at every pixel from one.
 
-    bilinear    mean of the nearest pixels of a colour
-    malvar      linear 5 x 5 filters that add the other colours' Laplacian (Malvar, He, Cutler 2004)
-    edge_aware  interpolation along the smaller gradient (OpenCV's "edge-aware" mode)
+bilinear    mean of the nearest pixels of a colour
+malvar      linear 5 x 5 filters that add the other colours' Laplacian (Malvar, He, Cutler 2004)
+edge_aware  interpolation along the smaller gradient (OpenCV's "edge-aware" mode)
 """
 
 from __future__ import annotations
@@ -58,12 +58,16 @@ def _malvar(raw: Float) -> Float:
     import cv2
 
     def filtered(kernel: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray(cv2.filter2D(raw, -1, np.float32(kernel) / 8, borderType=cv2.BORDER_REFLECT_101))
+        return np.asarray(cv2.filter2D(raw, -1, (kernel / 8).astype(np.float32), borderType=cv2.BORDER_REFLECT_101))
 
     along_row, along_column, diagonal = filtered(_ALONG_ROW), filtered(_ALONG_ROW.T), filtered(_DIAGONAL)
     red, green, blue = raw.copy(), filtered(_AT_GREEN), raw.copy()
     green[0::2, 1::2], green[1::2, 0::2] = raw[0::2, 1::2], raw[1::2, 0::2]
-    red[0::2, 1::2], red[1::2, 0::2], red[1::2, 1::2] = along_row[0::2, 1::2], along_column[1::2, 0::2], diagonal[1::2, 1::2]
+    red[0::2, 1::2], red[1::2, 0::2], red[1::2, 1::2] = (
+        along_row[0::2, 1::2],
+        along_column[1::2, 0::2],
+        diagonal[1::2, 1::2],
+    )
     blue[0::2, 1::2], blue[1::2, 0::2], blue[0::2, 0::2] = (
         along_column[0::2, 1::2],
         along_row[1::2, 0::2],
@@ -97,7 +101,9 @@ def transfer(method: str, frequencies: tuple[float, ...]) -> tuple[float, ...]:
     # White noise as a lens leaves it: where the scene has no contrast an edge-aware method has nothing to follow.
     scene = stream(0, "demosaicing response").standard_normal((_TEST_PX, _TEST_PX), dtype=np.float32)
     smooth = cv2.GaussianBlur(scene, (0, 0), _TEST_SMOOTHING_PX)
-    grey = np.float32(0.4) + np.float32(_TEST_CONTRAST) * np.asarray(smooth, dtype=np.float32) / np.float32(smooth.std())
+    grey = np.float32(0.4) + np.float32(_TEST_CONTRAST) * np.asarray(smooth, dtype=np.float32) / np.float32(
+        smooth.std()
+    )
     colours = demosaic(mosaic(np.repeat(grey[..., None], 3, axis=2)), method)
     window = np.outer(np.hanning(_TEST_PX), np.hanning(_TEST_PX))
     before, after = (np.fft.fft2((image - 0.4) * window) for image in (grey, colours.mean(axis=2)))

@@ -96,7 +96,9 @@ def _denoised(luma: Float, settings: Denoising, sigma: float) -> Float:
         return np.asarray(cv2.bilateralFilter(luma, 5, settings.strength * sigma * 1.5, 1.2 + settings.radius_px))
     if settings.method == "nlm":
         whole = np.clip(np.rint(luma * 255), 0, 255).astype(np.uint8)
-        filtered: NDArray[Any] = cv2.fastNlMeansDenoising(whole, None, max(settings.strength * 0.6 * sigma * 255, 0.5), 3, 9)
+        filtered: NDArray[Any] = cv2.fastNlMeansDenoising(
+            whole, None, max(settings.strength * 0.6 * sigma * 255, 0.5), 3, 9
+        )
         return filtered.astype(np.float32) / 255
     weights = (1.0, settings.coarse, 0.5 * settings.coarse**2)
     rest, detail = luma, np.zeros_like(luma)
@@ -106,4 +108,4 @@ def _denoised(luma: Float, settings: Denoising, sigma: float) -> Float:
         threshold = np.float32(settings.strength * sigma * share * weight * 0.6)
         detail += np.sign(band) * np.maximum(np.abs(band) - threshold, 0)
         rest = lower
-    return rest + detail
+    return np.asarray(rest + detail, dtype=np.float32)

@@ -1,6 +1,7 @@
 """A camera as it delivers pictures: settings of every step, and the steps in order.
 
-    raw = mosaic(M^-1 scene) / balance;  + noise;  balance;  demosaic;  M;  tone;  denoise;  sharpen;  scale;  8 bit;  codec
+    raw = mosaic(M^-1 scene) / balance
+    raw + noise -> balance -> demosaic -> M -> tone -> denoise -> sharpen -> scale -> 8 bit -> codec
 
 The scene is linear light in sRGB primaries. `CameraPipeline.shoot` takes one shot; two shots of one scene differ by
 their noise alone.
@@ -126,7 +127,8 @@ class CameraPipeline:
         """Standard deviation of the luma noise behind the tone curve, in first order, as the camera would know it.
 
         Noise of the raw pixel at that grey level, through the slope of the tone curve, the white-balance gains and the
-        mean over neighbours that demosaicing takes.
+        mean over neighbours that demosaicing takes; the correlation between colours is neglected, so it can be low by
+        up to a half for colour cameras.
 
         Args:
             luma: grey level, [0, 1].

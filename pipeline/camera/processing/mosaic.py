@@ -29,7 +29,8 @@ def per_pixel(shape: tuple[int, int], red: float, blue: float) -> Float:
 
     Args:
         shape: (H, W).
-        red, blue: factors of the red and blue pixels.
+        red: factor of the red pixels.
+        blue: factor of the blue pixels.
 
     Returns:
         (H, W) float32.

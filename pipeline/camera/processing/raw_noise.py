@@ -3,8 +3,8 @@
     var(x) = k (x + x0),    k = gain / full well,    k x0 = (read noise / full well)^2 gain-referred
 
 x is the pixel's value as a fraction of white. Shot noise and read noise are drawn in the normal approximation, which
-holds for the hundreds of electrons that these pictures stand for. Source: Foi et al. 2008, "Practical Poissonian-Gaussian
-noise modeling and fitting for single-image raw-data"; EMVA 1288.
+holds for the hundreds of electrons that these pictures stand for. Source: Foi et al. 2008, "Practical
+Poissonian-Gaussian noise modeling and fitting for single-image raw-data"; EMVA 1288.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ class RawNoise:
                 raise InputError(f"raw noise: {name}={value!r}, expected a finite number, 0 or more")
 
     @classmethod
-    def at_iso(cls, iso: float, *, full_well_e: float, read_e: float, base_iso: float = 100.0, row: float = 0.0) -> RawNoise:
+    def at_iso(
+        cls, iso: float, *, full_well_e: float, read_e: float, base_iso: float = 100.0, row: float = 0.0
+    ) -> RawNoise:
         """Noise of a sensor at an ISO setting.
 
         At gain g = iso / base_iso white is reached at full_well / g electrons, so k = g / full_well and

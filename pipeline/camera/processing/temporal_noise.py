@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +85,6 @@ def _rings(height: int, width: int) -> tuple[Float, tuple[NDArray[np.bool_], ...
     window /= np.sqrt((window**2).mean())
     radius = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width)[None])
     ends = np.linspace(0, 0.5, RINGS + 1)
-    rings = [(radius >= low) & (radius < high) for low, high in zip(ends[:-1], ends[1:], strict=True)]
+    rings = [(radius >= low) & (radius < high) for low, high in pairwise(ends)]
     rings[0][0, 0] = False
     return window, (*rings, radius >= 0.5)

@@ -18,7 +18,8 @@ def balance(raw: Float, red: float, blue: float) -> Float:
 
     Args:
         raw: (H, W) RGGB mosaic, fraction of white.
-        red, blue: gains, usually 1 to 3.
+        red: gain of the red pixels, usually 1 to 3.
+        blue: gain of the blue pixels, likewise.
 
     Returns:
         (H, W) float32, at most 1.
