@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     import torch
 
 SCORE = "mtf_error_percent"
-CODE = ("pipeline.learning", "pipeline.blur.cnn_features", "pipeline.blur.cnn_net", "pipeline.blur.cnn_training")
 
 
 def patch_arrays(chunk: Chunk) -> dict[str, np.ndarray]:
@@ -74,7 +73,7 @@ def train(training: Training, conduct: Conduct) -> Trained:
     initialise(model, training.seed, "cnn network", rule="glorot")
     loss = Loss(training.half_precision)
     return train_on_samples(
-        model, training, conduct, patch_arrays, loss, measure, name="mtf-cnn", code=CODE, score=SCORE
+        model, training, conduct, patch_arrays, loss, measure, name="mtf-cnn", code=__name__, score=SCORE
     )
 
 
@@ -84,4 +83,4 @@ def save(path: Path, trained: Trained, training: Training) -> None:
     from pipeline.learning import fitting
 
     half = {name: value.half() for name, value in trained.model.state_dict().items()}
-    fitting.save(path, trained, training, architecture=ARCHITECTURE, code=CODE, tensors=half)
+    fitting.save(path, trained, training, architecture=ARCHITECTURE, code=__name__, tensors=half)

@@ -18,12 +18,6 @@ if TYPE_CHECKING:
 SIGMA_WEIGHT = 0.05  # of the noise's likelihood beside the MTF's
 COVERAGE = 0.95
 SCORE = "mtf_error_percent"
-CODE = (
-    "pipeline.learning",
-    "pipeline.blur.spectral_features",
-    "pipeline.blur.spectral_net",
-    "pipeline.blur.spectral_training",
-)
 
 
 def feature_arrays(chunk: Chunk) -> dict[str, np.ndarray]:
@@ -102,7 +96,7 @@ def train(training: Training, conduct: Conduct) -> Trained:
     model = SpectralNet(half_precision=training.half_precision)
     initialise(model, training.seed, "spectral network")
     trained = train_on_samples(
-        model, training, conduct, feature_arrays, loss, measure, name="mtf-spectral", code=CODE, score=SCORE
+        model, training, conduct, feature_arrays, loss, measure, name="mtf-spectral", code=__name__, score=SCORE
     )
     model.half_precision = False
     return trained
@@ -114,4 +108,4 @@ def save(path: Path, trained: Trained, training: Training) -> None:
     from pipeline.learning import fitting
 
     interval = fitting.final_measures(trained)["validation_interval"]
-    fitting.save(path, trained, training, architecture=ARCHITECTURE, code=CODE, interval=interval)
+    fitting.save(path, trained, training, architecture=ARCHITECTURE, code=__name__, interval=interval)

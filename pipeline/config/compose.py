@@ -42,6 +42,8 @@ def compose(overrides: Sequence[str] = (), conf: Path = CONF) -> str:
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
+    from pipeline.config.hydra_plugins import kinds  # noqa: F401  (registers the resolvers of conf/)
+
     if not (conf / "config.yaml").is_file():
         raise InputError(f"{conf}/config.yaml: no such file; run from the project's top folder")
     GlobalHydra.instance().clear()

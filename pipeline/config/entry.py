@@ -15,10 +15,20 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pipeline.config.schema import Config, ExecutorSection
 from pipeline.errors import InputError, did_you_mean
+from pipeline.registry import Registry
+
+if TYPE_CHECKING:
+    from pipeline.config.sections.executor import ExecutorSection
+
+MODES = Registry(
+    "mode",
+    "pipeline.config.modes",
+    {"params": "pipeline.config.from_params:start", "conf": "pipeline.config.from_conf:start"},
+)
+"""Ways into a stage, each imported only when it is taken."""
 
 
 class Params:
@@ -88,12 +98,17 @@ class Stage:
     body: Callable[[Run], None]
     reads: tuple[str, ...]
     job: tuple[str, ...] = field(default=())
+    uses: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def sections(self) -> list[str]:
+        """Sections of the configuration that this stage reads, and the executor's."""
+        return sorted({path.partition(".")[0] for path in self.reads} | {"executor"})
 
     def declared(self, job: Mapping[str, str]) -> list[str]:
         """The parameter paths this stage reads for one job, as ``dvc.yaml`` lists them."""
         return [path.format(**job) for path in self.reads]
 
-    def run(self, config: Config, job: Mapping[str, str], inputs: Path, outputs: Path) -> None:
+    def run(self, config: Any, job: Mapping[str, str], inputs: Path, outputs: Path) -> None:
         """Check the job, mask the configuration and call the stage's body.
 
         Raises:
@@ -110,7 +125,7 @@ class Stage:
             params._admit(path.split("."), self._find(config, path))
         self.body(Run(params, dict(job), inputs, outputs, config.executor))
 
-    def _find(self, config: Config, path: str) -> Any:
+    def _find(self, config: Any, path: str) -> Any:
         value: Any = config
         for part in path.split("."):
             if isinstance(value, Mapping):
@@ -127,56 +142,16 @@ class Stage:
         """Entry point of ``python -m pipeline.stages.NAME``."""
         arguments = list(sys.argv[1:] if arguments is None else arguments)
         try:
-            if "--params" in arguments:
-                arguments.remove("--params")
-                self._from_params(arguments)
-            else:
-                self._from_hydra(arguments)
+            way = "params" if "--params" in arguments else "conf"
+            MODES.get(way)(self, [argument for argument in arguments if argument != "--params"])
         except InputError as error:
             print(f"error: {error}", file=sys.stderr)
             raise SystemExit(2) from None
 
-    def _from_params(self, arguments: Sequence[str]) -> None:
-        from pipeline.config.compose import load
 
-        job = {}
-        for argument in arguments:
-            key, equals, value = argument.partition("=")
-            if not equals or not key.startswith("+job."):
-                raise InputError(
-                    f"{argument}: with --params only +job.KEY=VALUE may be given (params.yaml is already resolved); "
-                    "leave --params away to override other keys"
-                )
-            job[key.removeprefix("+job.")] = value
-        self.run(load(), job, Path(), Path())
-
-    def _from_hydra(self, arguments: Sequence[str]) -> None:
-        import hydra
-        from omegaconf import DictConfig, OmegaConf
-
-        from pipeline.config.compose import CONF
-        from pipeline.config.schema import validate
-
-        def entry(composed: DictConfig) -> None:
-            from hydra.core.hydra_config import HydraConfig
-
-            outputs = Path(HydraConfig.get().runtime.output_dir)
-            content: Any = OmegaConf.to_container(composed, resolve=True)
-            job = {key: str(value) for key, value in (content.pop("job", None) or {}).items()}
-            try:
-                self.run(validate(content, "conf/"), job, Path(), outputs)
-            except InputError as error:
-                print(f"error: {error}", file=sys.stderr)
-                raise SystemExit(2) from None
-
-        if not (CONF / "config.yaml").is_file():
-            raise InputError(f"{CONF}/config.yaml: no such file; run from the project's top folder")
-        folders = [f"hydra.sweep.dir=multirun/{self.name}", f"hydra.run.dir=outputs/{self.name}"]
-        sys.argv[1:] = [f"hydra.job.name={self.name}", *folders, *arguments]  # the user's own come last and win
-        hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()
-
-
-def stage(name: str, *, reads: Sequence[str], job: Sequence[str] = ()) -> Callable[[Callable[[Run], None]], Stage]:
+def stage(
+    name: str, *, reads: Sequence[str], job: Sequence[str] = (), uses: Mapping[str, Sequence[str]] | None = None
+) -> Callable[[Callable[[Run], None]], Stage]:
     """Declare a stage.
 
     Args:
@@ -184,9 +159,14 @@ def stage(name: str, *, reads: Sequence[str], job: Sequence[str] = ()) -> Callab
         reads: parameter paths it may read, exactly those under its ``params:``; ``{dataset}`` and the like are
             filled from the job.
         job: keys that tell the members of a matrix apart.
+        uses: registry group -> what it creates of it: parameter paths of sections or names (with a dot), or registry
+            names. A registry that is not listed may be used whole. The code dependencies of the stage in ``dvc.yaml``
+            follow from it (`pipeline.dependencies`).
     """
 
     def declare(body: Callable[[Run], None]) -> Stage:
-        return Stage(name, body, tuple(reads), tuple(job))
+        return Stage(
+            name, body, tuple(reads), tuple(job), {group: tuple(paths) for group, paths in (uses or {}).items()}
+        )
 
     return declare

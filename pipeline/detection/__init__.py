@@ -20,7 +20,7 @@ REGISTRY = Registry(
     group="pipeline.detection",
     builtin={
         "compact": "pipeline.detection.compact.detector:Compact",
-        "compact_two_stage": "pipeline.detection.compact.detector:CompactTwoStage",
+        "compact_two_stage": "pipeline.detection.compact.two_stage_detector:CompactTwoStage",
         "faster_rcnn": "pipeline.detection.faster_rcnn:FasterRcnn",
         "yolov4": "pipeline.detection.yolov4:Yolov4",
         "yolov7": "pipeline.detection.yolov7:Yolov7",

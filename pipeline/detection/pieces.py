@@ -1,14 +1,13 @@
 """Pieces of a long run, kept until it is done: a killed run goes on, and its result is the same bytes.
 
 A piece is one file in a folder outside of any stage's outputs, named by what it is and by a hash of all it depends on:
-settings, weights, picture, kernel and this package's source. A piece that cannot be read is made again. Once the run's
-outputs are in place the folder is removed, so nothing stale can be taken up later.
+settings, weights, picture, kernel and the source of the detector and of the sweep. A piece that cannot be read is made
+again. Once the run's outputs are in place the folder is removed, so nothing stale can be taken up later.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -17,24 +16,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.dependencies import closure
 from pipeline.errors import InputError
 from pipeline.store import read_arrays, write_arrays
 
 Arrays = Mapping[str, NDArray[Any]]
-CODE = ("detection", "camera", "datasets", "streams.py")
-"""Folders and modules of the package whose source is part of the hash."""
 
 
-def fingerprint(settings: Mapping[str, Any], code: tuple[str, ...] = CODE) -> str:
-    """Hash of settings (anything JSON can hold) and of the source they are used by."""
-    text = hashlib.blake2b(json.dumps(settings, sort_keys=True, default=str).encode(), digest_size=10)
-    package = Path(__file__).parents[1]
-    for path in sorted(path for name in code for path in [package / name, *(package / name).rglob("*.py")]):
-        if path.is_dir():
-            continue
-        text.update(path.relative_to(package).as_posix().encode())
-        text.update(path.read_bytes())
-    return text.hexdigest()
+def fingerprint(settings: Mapping[str, Any], kind: str) -> str:
+    """Hash of settings (anything JSON can hold) and of the source that a sweep with one detector executes.
+
+    Args:
+        settings: of the sweep.
+        kind: the detector's registry name.
+    """
+    code = ("pipeline.detection.sweep", "pipeline.datasets.conditions")
+    return closure.fingerprint(code, settings, chosen={"pipeline.detection": frozenset({kind})})
 
 
 def kept(folder: Path, name: str, depends: bytes, names: frozenset[str], make: Callable[[], Arrays]) -> Arrays:

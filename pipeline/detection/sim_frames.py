@@ -7,7 +7,6 @@ core, so frames are kept in a cache and a run that was stopped goes on with the 
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -17,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.dependencies import closure
 from pipeline.errors import InputError
 
-SCENES = Path(__file__).parents[1] / "scenes"
 MOMENTS = 4
 
 
@@ -44,11 +43,8 @@ class SimFrames:
 
 
 def fingerprint() -> str:
-    """Twelve digits that change with the code that draws the frames."""
-    digest = hashlib.sha256()
-    for path in sorted(SCENES.rglob("*.py")):
-        digest.update(path.relative_to(SCENES).as_posix().encode() + path.read_bytes())
-    return digest.hexdigest()[:12]
+    """Hash that changes with the code that renders the frames."""
+    return closure.fingerprint(__name__)
 
 
 def sim_frames(

@@ -9,15 +9,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.dependencies import closure
 
-def kept(folder: Path | None, purpose: str, seed: int, count: int, draw: Callable[[], NDArray[Any]]) -> NDArray[Any]:
-    """A bank from its file, or drawn and written to it.
+
+def bank_file(folder: Path, purpose: str, seed: int, count: int, code: str) -> Path:
+    """The file of a bank; its name changes with all that the bank depends on.
+
+    Args:
+        folder: of the cache.
+        purpose: of the streams it is drawn from.
+        seed: root of the streams.
+        count: how many items it holds.
+        code: dotted name of the module that draws it; the source of its import closure is part of the name.
+    """
+    return Path(folder) / f"{purpose.replace(' ', '-')}-{seed}-{count}-{closure.fingerprint(code)}.npy"
+
+
+def kept(
+    folder: Path | None, purpose: str, seed: int, count: int, code: str, draw: Callable[[], NDArray[Any]]
+) -> NDArray[Any]:
+    """A bank from its file, or drawn and written to it; files of the same bank by older code are removed then.
 
     Args:
         folder: of the cache; None keeps nothing.
-        purpose: of the streams it is drawn from; like seed and count, part of the file's name.
+        purpose: see `bank_file`, as for seed, count and code.
         seed: root of the streams.
-        count: how many things it holds.
+        count: how many items it holds.
+        code: dotted name of the module that draws it.
         draw: makes the array.
 
     Returns:
@@ -27,10 +45,19 @@ def kept(folder: Path | None, purpose: str, seed: int, count: int, draw: Callabl
 
     if folder is None:
         return draw()
-    path = Path(folder) / f"{purpose.replace(' ', '-')}-{seed}-{count}.npy"
+    path = bank_file(folder, purpose, seed, count, code)
     if not path.is_file():
         drawn = draw()
         with replacing(path) as temporary:
             np.save(temporary, drawn, allow_pickle=False)
+        _remove_superseded(path)
     mapped: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
     return mapped
+
+
+def _remove_superseded(path: Path) -> None:
+    """Remove files that differ from this one by the fingerprint of their code only, or have none."""
+    bank = path.stem.rpartition("-")[0]
+    for other in path.parent.glob(f"{bank}*.npy"):
+        if other != path and other.stem.removeprefix(bank).count("-") <= 1:
+            other.unlink(missing_ok=True)

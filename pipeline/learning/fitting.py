@@ -6,15 +6,14 @@ done by one thread, so that a result does not depend on the number of cores.
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import Field, asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
+from pipeline.dependencies import closure
 from pipeline.learning import weights
 from pipeline.learning.conduct import Conduct
 from pipeline.learning.feed import Feed, Maker
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     import torch
 
 Made = TypeVar("Made")
+Code = str | tuple[str, ...]
 Measures = Callable[["torch.nn.Module"], dict[str, float]]
 
 
@@ -72,19 +72,15 @@ def from_section(settings: Callable[..., Made], recipe: Callable[..., Any], sect
     return settings(**content | parts | more)
 
 
-def fingerprint(settings: Settings, code: Sequence[str]) -> str:
-    """What a training depends on, hashed: its settings and the source of its code.
+def fingerprint(settings: Settings, code: Code) -> str:
+    """Hash of what a training depends on: its settings and the source of its code.
 
     Args:
         settings: of the training.
-        code: names of modules, and of packages with all modules in them.
+        code: dotted name of the module that trains, or several; their import closure is hashed
+            (`pipeline.dependencies.closure`).
     """
-    text = hashlib.blake2b(json.dumps(asdict(settings), sort_keys=True).encode(), digest_size=8)
-    top = Path(__file__).parents[2]
-    for place in (top.joinpath(*name.split(".")) for name in code):
-        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place.with_suffix(".py")]:
-            text.update(path.relative_to(top).as_posix().encode() + path.read_bytes())
-    return text.hexdigest()
+    return closure.fingerprint(code, asdict(settings))
 
 
 def held_out(make: Maker, chunks: int) -> dict[str, torch.Tensor]:
@@ -106,7 +102,7 @@ def fit(
     conduct: Conduct,
     *,
     name: str,
-    code: Sequence[str],
+    code: Code,
     validate: Measures,
     score: str,
 ) -> Trained:
@@ -156,7 +152,7 @@ def save(
     settings: Settings,
     *,
     architecture: str,
-    code: Sequence[str],
+    code: Code,
     tensors: Mapping[str, torch.Tensor] | None = None,
     **details: Any,
 ) -> None:

@@ -67,7 +67,7 @@ def bank(
         one = partial(picture, seed=seed, purpose=purpose)
         return np.stack(run_map(one, range(count), label=f"{purpose}s", **(executor or {})))
 
-    return kept(folder, purpose, seed, count, draw)
+    return kept(folder, purpose, seed, count, __name__, draw)
 
 
 def view(

@@ -133,7 +133,7 @@ def bank(
         return np.concatenate(made)[:count].astype(np.float16)
 
     name = purpose if distribution == "paper_like" else f"{purpose} {distribution}"
-    return kept(folder, name, seed, count, draw_all)
+    return kept(folder, name, seed, count, __name__, draw_all)
 
 
 def _size_px(generator: np.random.Generator) -> float:

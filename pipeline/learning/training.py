@@ -6,7 +6,7 @@ the measures on held-out samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -116,7 +116,7 @@ def train_on_samples(
     measure: Callable[[torch.nn.Module, Mapping[str, torch.Tensor]], dict[str, float]],
     *,
     name: str,
-    code: Sequence[str],
+    code: str,
     score: str,
 ) -> Trained:
     """Train a network on samples of banks that are made first; all else as for `pipeline.learning.fitting.fit`.
@@ -129,7 +129,7 @@ def train_on_samples(
         loss: see `pipeline.learning.trainer.train`.
         measure: (model, held-out tensors) -> measures.
         name: of what is trained.
-        code: names of modules that the network depends on.
+        code: dotted name of the module that defines transform and loss; its import closure enters the fingerprint.
         score: measure that selects weights.
     """
     import torch

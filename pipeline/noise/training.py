@@ -21,6 +21,7 @@ from pipeline.learning.conduct import Conduct
 from pipeline.learning.trainer import Schedule, Trained
 from pipeline.noise import samples
 from pipeline.noise.samples import Recipe
+from pipeline.registry import Registry
 
 if TYPE_CHECKING:
     import torch
@@ -30,11 +31,32 @@ Kind = Literal["cellwise", "cnn"]
 COVERAGE = 0.95
 SPREAD_LEVELS_DN = (0.0, 0.5, 2.0, 5.0, 10.0, 20.0, 60.0)
 """Ends of the ranges of true sigma over which validation reports the error."""
-_SHARED = ("pipeline.learning", "pipeline.noise.samples", "pipeline.noise.training")
-CODE = {
-    "cellwise": (*_SHARED, "pipeline.noise.cellwise_features", "pipeline.noise.cellwise_net"),
-    "cnn": (*_SHARED, "pipeline.noise.cnn_net"),
-}
+PROGRAMS = Registry(
+    "trained noise network",
+    "pipeline.noise.training",
+    {"cellwise": "pipeline.noise.cellwise_training:PROGRAM", "cnn": "pipeline.noise.cnn_training:PROGRAM"},
+)
+
+
+@dataclass(frozen=True)
+class Program:
+    """What differs between the networks.
+
+    Attributes:
+        module: dotted name of the module that defines it; its import closure enters the training's fingerprint.
+        architecture: name and version in the header of the weight file.
+        network: seed -> the network with initial weights.
+        arrays: samples -> arrays by name; run where samples are made.
+        loss: see `pipeline.learning.trainer.train`.
+        answers: (network, held-out tensors) -> sigma and, where the network has one, its scale; DN.
+    """
+
+    module: str
+    architecture: str
+    network: Callable[[int], torch.nn.Module]
+    arrays: Callable[[samples.Chunk], dict[str, np.ndarray]]
+    loss: Callable[[torch.nn.Module, Mapping[str, torch.Tensor]], tuple[torch.Tensor, dict[str, float]]]
+    answers: Callable[[torch.nn.Module, Mapping[str, torch.Tensor]], tuple[torch.Tensor, torch.Tensor | None]]
 
 
 @dataclass(frozen=True)
@@ -78,8 +100,7 @@ class Settings:
 class Maker:
     """Makes chunks: number -> arrays. Opens its bank on first use, in whichever process that is.
 
-    Arrays are ``sigma_dn`` (N,), and for the cell-wise network ``statistics`` (N, C, h, w) in half precision,
-    ``base_dn`` and ``map_dn`` (N, h, w), else ``image`` (N, 1, S, S) uint8.
+    Arrays are ``sigma_dn`` (N,) and those of the network's program.
     """
 
     settings: Settings
@@ -89,26 +110,12 @@ class Maker:
 
     def __call__(self, number: int) -> dict[str, np.ndarray]:
         """Chunk `number`."""
-        import torch
-
-        from pipeline.noise.cellwise_features import features
-
         settings = self.settings
         if self._tiles is None:
             self._tiles = self.bank()
         purpose = f"{'validation' if self.validation else 'training'} noise {settings.kind}"
-        made = samples.chunk(self._tiles, settings.recipe, settings.seed, purpose, number)
-        if settings.kind == "cnn":
-            return {"image": made.patches_dn[:, None], "sigma_dn": made.sigma_dn}
-        with torch.no_grad():
-            pieces = [features(part) for part in torch.from_numpy(made.patches_dn).float().split(8)]
-        statistics, base = (torch.cat(parts) for parts in zip(*pieces, strict=True))
-        return {
-            "statistics": statistics.half().numpy(),
-            "base_dn": base.numpy(),
-            "map_dn": made.map_dn,
-            "sigma_dn": made.sigma_dn,
-        }
+        program: Program = PROGRAMS.get(settings.kind)
+        return program.arrays(samples.chunk(self._tiles, settings.recipe, settings.seed, purpose, number))
 
     def bank(self, executor: Mapping[str, Any] | None = None) -> np.ndarray:
         """The pictures, drawn if they are not in the cache."""
@@ -117,25 +124,6 @@ class Maker:
         count = self.settings.validation_images if self.validation else self.settings.images
         purpose = f"{'validation' if self.validation else 'training'} image"
         return images.bank(count, self.settings.seed, purpose=purpose, folder=self.cache / "images", executor=executor)
-
-
-def cellwise_loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, float]]:
-    """See `cellwise_net.loss`."""
-    from pipeline.noise.cellwise_net import loss
-
-    sigma, scale, cells = model(batch["statistics"].float(), batch["base_dn"])
-    value = loss(sigma, scale, cells, batch["sigma_dn"], batch["map_dn"])
-    return value, {"sigma_error_dn": float((sigma - batch["sigma_dn"]).detach().abs().mean())}
-
-
-def cnn_loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, float]]:
-    """See `cnn_net.loss`."""
-    from pipeline.noise.cnn_net import loss
-
-    found = model(batch["image"].float() / 255)
-    truth = batch["sigma_dn"] / 255
-    error = 255 * (found.detach().flatten(1).median(1).values - truth).abs().mean()
-    return loss(found, truth), {"sigma_error_dn": float(error)}
 
 
 def validation(settings: Settings, cache: Path) -> Callable[[torch.nn.Module], dict[str, float]]:
@@ -148,19 +136,11 @@ def validation(settings: Settings, cache: Path) -> Callable[[torch.nn.Module], d
 
     data = fitting.held_out(Maker(settings, cache, validation=True), settings.validation_chunks)
     truth = data["sigma_dn"]
-
-    def answers(model: torch.nn.Module) -> tuple[torch.Tensor, torch.Tensor | None]:
-        if settings.kind == "cnn":
-            maps = [model(image.float() / 255) for image in data["image"].split(16)]
-            return 255 * torch.cat(maps).flatten(1).median(1).values, None
-        pieces = zip(data["statistics"].split(64), data["base_dn"].split(64), strict=True)
-        found = [model(statistics.float(), base)[:2] for statistics, base in pieces]
-        sigma, scale = (torch.cat(parts) for parts in zip(*found, strict=True))
-        return sigma, scale
+    program: Program = PROGRAMS.get(settings.kind)
 
     def measure(model: torch.nn.Module) -> dict[str, float]:
         with torch.no_grad():
-            sigma, scale = answers(model)
+            sigma, scale = program.answers(model, data)
         error = (sigma - truth).abs()
         found = {"score_dn": float((error / (1 + truth / 10)).mean()), "sigma_error_dn": float(error.mean())}
         clean = truth == 0
@@ -178,24 +158,6 @@ def validation(settings: Settings, cache: Path) -> Callable[[torch.nn.Module], d
     return measure
 
 
-def network(kind: Kind, seed: int) -> torch.nn.Module:
-    """A network with fresh weights; the paper's are drawn by Keras' rule."""
-    from pipeline.learning.initial import initialise
-
-    model: torch.nn.Module
-    if kind == "cellwise":
-        from pipeline.noise.cellwise_net import CellwiseNet
-
-        model = CellwiseNet()
-        initialise(model, seed, "cell-wise noise network")
-    else:
-        from pipeline.noise.cnn_net import PixelNet
-
-        model = PixelNet()
-        initialise(model, seed, "pixel noise network", "glorot")
-    return model
-
-
 def train(settings: Settings, conduct: Conduct) -> Trained:
     """Train a noise network, or go on training it.
 
@@ -207,16 +169,17 @@ def train(settings: Settings, conduct: Conduct) -> Trained:
         the network that validated best, and its learning curve.
     """
     cache, kind = conduct.cache, settings.kind
+    program: Program = PROGRAMS.get(kind)
     for held_out in (False, True):
         Maker(settings, cache, held_out).bank(conduct.executor)
     return fitting.fit(
-        network(kind, settings.seed),
-        cellwise_loss if kind == "cellwise" else cnn_loss,
+        program.network(settings.seed),
+        program.loss,
         Maker(settings, cache),
         settings,
         conduct,
         name=f"sigma-{kind}",
-        code=CODE[kind],
+        code=program.module,
         validate=validation(settings, cache),
         score="score_dn",
     )
@@ -230,15 +193,14 @@ def save(path: Path, trained: Trained, settings: Settings) -> None:
         trained: what `train` returned.
         settings: its settings.
     """
-    from pipeline.noise import cellwise_net, cnn_net
-
+    program: Program = PROGRAMS.get(settings.kind)
     measures = {name: float(f"{value:.6g}") for name, value in fitting.final_measures(trained).items()}
     fitting.save(
         path,
         trained,
         settings,
-        architecture=cellwise_net.ARCHITECTURE if settings.kind == "cellwise" else cnn_net.ARCHITECTURE,
-        code=CODE[settings.kind],
+        architecture=program.architecture,
+        code=program.module,
         measures=measures,
         interval=measures.get("validation_interval"),
     )

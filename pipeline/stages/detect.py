@@ -42,7 +42,8 @@ def run(run: Run) -> None:
         seed=params.seed,
     )
     about = store.read_json(run.inputs / "data/detector" / name / "detector.json")
-    folder = run.inputs / ".cache/detect" / pieces.fingerprint({"sweep": vars(one), "weights": about["sha256"]})
+    key = pieces.fingerprint({"sweep": vars(one), "weights": about["sha256"]}, section.kind)
+    folder = run.inputs / ".cache/detect" / key
     work = [(frame, kernel) for frame in frames for kernel in blurs]
     found = run.map(partial(look, sweep=one, folder=folder), work, f"{name} on {dataset}")
     scenes = {frame.name: scene_of(source.kind, frame.name) for frame in frames}

@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from pipeline import detection
 from pipeline.cli import main
 from pipeline.cli.weights import FOLDER
-from pipeline.config.schema_detection import DetectorSection
+from pipeline.config.sections.detection import DetectorSection
 from pipeline.detection import weights
 from pipeline.detection.weights_table import TABLE, Published
 from pipeline.errors import InputError

@@ -6,6 +6,7 @@ Frames keep their own pixels (or are scaled by `scale`) and are filled up to mul
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     import torch
 
     from pipeline.detection.base import Images
+
+    Candidates = Callable[[torch.nn.Module, torch.Tensor, float], tuple[torch.Tensor, ...]]
 
 COARSEST = 32
 FILL = 114 / 255
@@ -39,7 +42,6 @@ class Compact:
         InputError: an option out of range, or a file that is missing, broken or of another network.
     """
 
-    kind: ClassVar[str] = "one_stage"
     released: ClassVar[str] = "data/weights/detector_compact.safetensors"
 
     def __init__(
@@ -80,23 +82,18 @@ class Compact:
 
     def _open(self) -> Any:
         if self._model is None:
-            import importlib
-
             from pipeline.learning import weights
 
-            module = importlib.import_module(f"pipeline.detection.compact.{self.kind}")
-            network = {"one_stage": "OneStage", "two_stage": "TwoStage"}[self.kind]
-            model = getattr(module, network)(len(LABELS))
-            weights.into(model, self.weights, module.ARCHITECTURE)
-            self._model = (model.eval(), module.candidates)
+            model, architecture, candidates = self._network()
+            weights.into(model, self.weights, architecture)
+            self._model = (model.eval(), candidates)
         return self._model
 
+    def _network(self) -> tuple[torch.nn.Module, str, Candidates]:
+        """The network without weights, its architecture, and how its output becomes candidates."""
+        from pipeline.detection.compact import one_stage
 
-class CompactTwoStage(Compact):
-    """Two-stage detector; arguments as for `Compact`."""
-
-    kind: ClassVar[str] = "two_stage"
-    released: ClassVar[str] = "data/weights/detector_compact_two_stage.safetensors"
+        return one_stage.OneStage(len(LABELS)), one_stage.ARCHITECTURE, one_stage.candidates
 
 
 def filled(image: NDArray[np.float32]) -> torch.Tensor:

@@ -6,10 +6,11 @@ precision on them (over classes, as the paper counts) are kept. No evaluation fr
 
 from __future__ import annotations
 
-import importlib
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -19,23 +20,22 @@ from pipeline.detection.sim_frames import SimFrames, sim_frames
 from pipeline.learning import fitting
 from pipeline.learning.conduct import Conduct
 from pipeline.learning.trainer import Schedule, Trained
+from pipeline.registry import Registry
 
 if TYPE_CHECKING:
     import torch
 
-NETWORKS = {"compact": ("one_stage", "OneStage"), "compact_two_stage": ("two_stage", "TwoStage")}
+NETWORKS = Registry(
+    "compact detector",
+    "pipeline.detection.compact",
+    {
+        "compact": "pipeline.detection.compact.one_stage:OneStage",
+        "compact_two_stage": "pipeline.detection.compact.two_stage:TwoStage",
+    },
+)
 SCORE = "missed_percent"
 LOWEST_PX, LEAST_VISIBLE = 25.0, 0.3
 """Objects judged, as on the evaluation frames."""
-CODE = (
-    "pipeline.detection.compact",
-    "pipeline.detection.sim_frames",
-    "pipeline.scenes",
-    "pipeline.learning.feed",
-    "pipeline.learning.fitting",
-    "pipeline.learning.initial",
-    "pipeline.learning.trainer",
-)
 
 
 @dataclass(frozen=True)
@@ -78,6 +78,16 @@ class DetectorTraining:
         return {"seed": self.seed, "cache": cache, "samples": self.rays, **numbers, **size}
 
 
+def program(name: str) -> ModuleType:
+    """The module that defines a network, its loss and how its output becomes candidates."""
+    return sys.modules[NETWORKS.get(name).__module__]
+
+
+def code(name: str) -> tuple[str, ...]:
+    """Modules whose import closure the weights of a network depend on."""
+    return __name__, program(name).__name__
+
+
 def measure(name: str, frames: SimFrames) -> Callable[[torch.nn.Module], dict[str, float]]:
     """A function that judges a model on whole frames: average precision of each class, and what the mean misses."""
     from pipeline.detection.average_precision import evaluate, mean_average_precision
@@ -85,7 +95,7 @@ def measure(name: str, frames: SimFrames) -> Callable[[torch.nn.Module], dict[st
     from pipeline.detection.matching import Truth
     from pipeline.scenes.labels import LABELS
 
-    candidates = importlib.import_module(f"pipeline.detection.compact.{NETWORKS[name][0]}").candidates
+    candidates = program(name).candidates
     truths = []
     for box, label, visible in zip(frames.boxes, frames.labels, frames.visible, strict=True):
         ignore = (box[:, 3] - box[:, 1] < LOWEST_PX) | (visible < LEAST_VISIBLE)
@@ -120,9 +130,7 @@ def train(name: str, training: DetectorTraining, conduct: Conduct) -> Trained:
 
     from pipeline.learning.initial import initialise
 
-    module, network = NETWORKS[name]
-    program = importlib.import_module(f"pipeline.detection.compact.{module}")
-    model = getattr(program, network)(half_precision=training.half_precision)
+    model = NETWORKS.create(name, half_precision=training.half_precision)
     initialise(model, training.seed, f"detector {name}")
     model.set_prior()
     # All frames first, with all the workers there are; the producers then only read them.
@@ -130,12 +138,12 @@ def train(name: str, training: DetectorTraining, conduct: Conduct) -> Trained:
     held_back = sim_frames(**training.source(conduct.cache, validation=True), executor=conduct.executor)
     trained = fitting.fit(
         model.to(memory_format=torch.channels_last),
-        program.loss,
+        program(name).loss,
         CropMaker(training.recipe, training.seed, training.source(conduct.cache)),
         training,
         conduct,
         name=f"detector-{name}",
-        code=CODE,
+        code=code(name),
         validate=measure(name, held_back),
         score=SCORE,
     )
@@ -145,5 +153,4 @@ def train(name: str, training: DetectorTraining, conduct: Conduct) -> Trained:
 
 def save(path: Path, name: str, trained: Trained, training: DetectorTraining) -> None:
     """Write the weight file of a training: weights, settings and measures."""
-    program = importlib.import_module(f"pipeline.detection.compact.{NETWORKS[name][0]}")
-    fitting.save(path, trained, training, architecture=program.ARCHITECTURE, code=CODE)
+    fitting.save(path, trained, training, architecture=program(name).ARCHITECTURE, code=code(name))

@@ -1,4 +1,4 @@
-"""The part of the schema that detection reads: detectors, their sweep, and how they are judged."""
+"""Detectors, their sweep over conditions, and how they are evaluated."""
 
 from __future__ import annotations
 
@@ -89,3 +89,6 @@ class DetectionSection(Section):
     measure: MeasureSection
     curves: CurvesSection
     regression: RegressionSection
+
+
+SECTION = DetectionSection

@@ -1,0 +1,49 @@
+"""A stage's way in for sweeps: ``conf/`` composed with Hydra overrides, written below Hydra's output folder."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from pipeline.config.entry import Stage
+
+
+def start(stage: Stage, arguments: Sequence[str]) -> None:
+    """Run a stage on ``conf/``.
+
+    Args:
+        stage: to run.
+        arguments: Hydra's, e.g. ``["seed=1,2", "--multirun", "+job.dataset=sim"]``.
+
+    Raises:
+        InputError: no ``conf/`` here.
+    """
+    import hydra
+    from omegaconf import DictConfig, OmegaConf
+
+    from pipeline.config.compose import CONF
+    from pipeline.config.hydra_plugins import kinds  # noqa: F401  (registers the resolvers of conf/)
+    from pipeline.config.schema import validate
+
+    def entry(composed: DictConfig) -> None:
+        from hydra.core.hydra_config import HydraConfig
+
+        outputs = Path(HydraConfig.get().runtime.output_dir)
+        content: Any = OmegaConf.to_container(composed, resolve=True)
+        job = {key: str(value) for key, value in (content.pop("job", None) or {}).items()}
+        try:
+            stage.run(validate(content, "conf/"), job, Path(), outputs)
+        except InputError as error:
+            print(f"error: {error}", file=sys.stderr)
+            raise SystemExit(2) from None
+
+    if not (CONF / "config.yaml").is_file():
+        raise InputError(f"{CONF}/config.yaml: no such file; run from the project's top folder")
+    folders = [f"hydra.sweep.dir=multirun/{stage.name}", f"hydra.run.dir=outputs/{stage.name}"]
+    sys.argv[1:] = [f"hydra.job.name={stage.name}", *folders, *arguments]  # the user's own come last and win
+    hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()

@@ -1,0 +1,45 @@
+"""A stage's way in under DVC: sections from ``params.yaml``, written to the paths that DVC tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.config import sections
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from pipeline.config.entry import Stage
+
+PARAMS = Path("params.yaml")
+
+
+def start(stage: Stage, arguments: Sequence[str]) -> None:
+    """Run a stage on ``params.yaml``.
+
+    Args:
+        stage: to run.
+        arguments: ``+job.KEY=VALUE`` only, since ``params.yaml`` is already resolved.
+
+    Raises:
+        InputError: another argument, or sections that are not what the schema allows.
+    """
+    import yaml
+
+    job = {}
+    for argument in arguments:
+        key, equals, value = argument.partition("=")
+        if not equals or not key.startswith("+job."):
+            raise InputError(
+                f"{argument}: with --params only +job.KEY=VALUE may be given (params.yaml is already resolved); "
+                "leave --params away to override other keys"
+            )
+        job[key.removeprefix("+job.")] = value
+    if not PARAMS.is_file():
+        raise InputError(f"{PARAMS}: no such file; run 'python -m pipeline.config' to compile it from conf/")
+    try:
+        content: Any = yaml.safe_load(PARAMS.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise InputError(f"{PARAMS}: not valid YAML ({error})") from None
+    stage.run(sections.read(content or {}, stage.sections(), str(PARAMS)), job, Path(), Path())

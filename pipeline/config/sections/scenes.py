@@ -1,0 +1,24 @@
+"""How the *Sim* dataset is rendered."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from pipeline.config.schema_base import Count, Frequency, Section
+
+
+class ScenesSection(Section):
+    """How much of the *Sim* dataset is rendered, and how finely."""
+
+    viewpoints: Count
+    samples: Annotated[int, Field(ge=1, le=8)]
+    width_px: Annotated[int, Field(ge=64, le=4096)]
+    height_px: Annotated[int, Field(ge=64, le=4096)]
+    radiance: bool
+    star_periods: Annotated[int, Field(ge=8, le=360)]
+    star_frequencies: list[Frequency] = Field(min_length=1)
+
+
+SECTION = ScenesSection
