@@ -29,9 +29,10 @@ test: $(READY) ## run the whole test suite
 smoke: $(READY) ## run everything, tiny, in a scratch copy, and check its metrics against the committed baselines
 	@.ci/smoke
 
-check: $(READY) lint ## lint, types, configuration in step
+check: $(READY) lint ## lint, types, configuration and code dependencies in step
 	$(BIN)/mypy
 	$(BIN)/python -m pipeline.config --check
+	$(BIN)/python -m pipeline.dependencies --check
 
 lint: $(READY) ## style
 	$(BIN)/ruff check .

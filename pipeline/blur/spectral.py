@@ -23,6 +23,7 @@ from pipeline.errors import InputError
 RELEASED = Path(__file__).resolve().parents[2] / "data/weights/mtf_spectral.safetensors"
 TYPICAL = "_typical.json"
 """Behind the stem of a weight file: its fit to cameras at large, for answers of kind "added"."""
+RELEASED_TYPICAL = RELEASED.parents[2] / "data/weights/mtf_spectral_typical.json"
 
 ANSWERS = ("total", "added")
 AT_ONCE = 8

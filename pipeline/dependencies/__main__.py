@@ -1,4 +1,4 @@
-"""``python -m pipeline.dependencies --check`` verifies the code dependencies in ``dvc.yaml``; ``--write`` corrects them."""
+"""``python -m pipeline.dependencies --check`` verifies code dependencies in ``dvc.yaml``, ``--write`` sets them."""
 
 from __future__ import annotations
 

@@ -143,6 +143,18 @@ def _source_digest(modules: tuple[str, ...], chosen: tuple[tuple[str, frozenset[
     return digest.digest()
 
 
+def registered(module: str, root: Path = ROOT) -> frozenset[str]:
+    """Names in the registries that a module defines.
+
+    Args:
+        module: dotted name.
+        root: folder that holds the package.
+    """
+    path = _file(module, root)
+    source = parse((root / path).read_text(encoding="utf-8"), module, True) if path else None
+    return frozenset(name for names in (source.registries.values() if source else ()) for name in names)
+
+
 def _registered(source: Source, chosen: Chosen, starts: frozenset[str], root: Path) -> Iterator[str]:
     entries = dict(source.registries)
     for group, package in source.folders.items():

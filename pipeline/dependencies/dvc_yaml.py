@@ -12,6 +12,7 @@ stages are therefore groups, one per registry name, over ``${by_kind.REGISTRY.NA
 from __future__ import annotations
 
 import importlib
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from pipeline.dependencies.closure import PACKAGE, ROOT, Chosen, closure
+from pipeline.dependencies.closure import PACKAGE, ROOT, Chosen, closure, registered
 from pipeline.errors import InputError
 
 ESTIMATORS = {
@@ -28,6 +29,7 @@ ESTIMATORS = {
     "pipeline.detection": "detection.detectors",
 }
 """Registry group -> section whose members name an entry of it by ``kind``."""
+WIDTH = 120
 _ROOTED = "${root}"
 _MANAGED = re.compile(rf"^({PACKAGE}/|(\$\{{root\}})?data/weights/.|data/paper/.|benchmarks/results/.)")
 _BY_KIND = re.compile(r"^\$\{by_kind\.(\w+)\.(\w+)\}$")
@@ -62,10 +64,12 @@ class Group:
     def jobs(self) -> list[dict[str, str]]:
         """What ``+job.KEY=`` gives each member; names in the place of values where it has no member."""
         given = re.findall(r"\+job\.(\w+)=(\S+)", str(self.body["cmd"]))
-        return [
-            {key: _VALUE.sub(lambda match: item.get(match[1], match[1]), value) for key, value in given}
-            for item in self.items or [{}]
-        ]
+        return [{key: _filled(value, item) for key, value in given} for item in self.items or [{}]]
+
+
+def _filled(template: str, item: Mapping[str, str]) -> str:
+    """A template with the values of an item; what the item does not have is left as its name."""
+    return _VALUE.sub(lambda match: item.get(match[1], match[1]), template)
 
 
 def lookup(content: Any, path: str) -> Any:
@@ -124,7 +128,10 @@ def chosen_of(group: Group, job: Mapping[str, str], params: Mapping[str, Any]) -
     stage = getattr(module, "run", None)
     if stage is not None:
         mode = "params" if "--params" in str(group.body["cmd"]).split() else "conf"
-        chosen = {f"{PACKAGE}.config.modes": frozenset({mode}), f"{PACKAGE}.config.sections": frozenset(stage.sections())}
+        chosen = {
+            f"{PACKAGE}.config.modes": frozenset({mode}),
+            f"{PACKAGE}.config.sections": frozenset(stage.sections()),
+        }
         for registry, paths in stage.uses.items():
             if registry in group.kinds:
                 chosen[registry] = frozenset({group.kinds[registry]})
@@ -203,7 +210,7 @@ def _plain(line: str) -> str:
 def all_outs(graph: Mapping[str, Any], params: Mapping[str, Any]) -> frozenset[str]:
     """Outputs of all stages with their items filled in and ``${root}`` left."""
     return frozenset(
-        _VALUE.sub(lambda match, item=item: item.get(match[1], match[0]), out)  # type: ignore[misc]
+        _filled(out, {"root": _ROOTED, **item})
         for group in groups(graph, params)
         for item in group.items
         for out in _outs(group.body)
@@ -245,15 +252,39 @@ def differences(text: str, params: Mapping[str, Any], root: Path = ROOT) -> list
 
     graph = yaml.safe_load(text)
     outs = all_outs(graph, params)
-    problems = []
+    problems = _without_group(graph, params, root)
     for group in groups(graph, params):
         declared = [line for line in group.body.get("deps", []) if _MANAGED.match(line)]
         wanted = expected(group, params, outs, root)
         folders = tuple(f"{line.rstrip('/')}/" for line in group.body.get("deps", []) if not _MANAGED.match(line))
         wanted = [line for line in wanted if not line.startswith(folders)] if folders else wanted
-        problems += [f"dvc.yaml: stage '{group.name}': add to deps:  - {line}" for line in wanted if line not in declared]
+        problems += [
+            f"dvc.yaml: stage '{group.name}': add to deps:  - {line}" for line in wanted if line not in declared
+        ]
         problems += [
             f"dvc.yaml: stage '{group.name}': remove from deps:  - {line}" for line in declared if line not in wanted
+        ]
+    return problems
+
+
+def _without_group(graph: Mapping[str, Any], params: Mapping[str, Any], root: Path) -> list[str]:
+    """Registry names that ``by_kind`` in ``conf/config.yaml`` lacks, or that a stage has no group for."""
+    problems = []
+    everything = groups(graph, params)
+    for registry in ESTIMATORS:
+        section = registry.rpartition(".")[2]
+        names = {*registered(registry, root), "other"}
+        listed = set(lookup(params, f"by_kind.{section}"))
+        problems += [f"conf/config.yaml: by_kind.{section}: add {name}" for name in sorted(names - listed)]
+        problems += [f"conf/config.yaml: by_kind.{section}: remove {name}" for name in sorted(listed - names)]
+        over: dict[str, set[str]] = {}
+        for group in everything:
+            if registry in group.kinds:
+                over.setdefault(group.module, set()).add(group.kinds[registry])
+        problems += [
+            f"dvc.yaml: add a stage of {module} over ${{by_kind.{section}.{name}}}"
+            for module, kinds in over.items()
+            for name in sorted(names - kinds)
         ]
     return problems
 
@@ -274,22 +305,35 @@ def rewritten(text: str, params: Mapping[str, Any], root: Path = ROOT) -> str:
     for group in groups(graph, params):
         start, end = _block(lines, group.name)
         depth = 6 if "do" in graph["stages"][group.name] else 4
-        head = f"{' ' * depth}deps:"
-        if head not in lines[start:end]:
-            command = next(number for number in range(start, end) if lines[number].strip().startswith("cmd:"))
-            lines.insert(command + 1, head)
-            end += 1
-        first = lines.index(head, start, end) + 1
-        last = first
-        while last < end and (not lines[last].strip() or lines[last].startswith(" " * (depth + 1))):
-            last += 1
-        while last > first and not lines[last - 1].strip():
-            last -= 1
-        kept = [line for line in lines[first:last] if not _MANAGED.match(line.strip().removeprefix("- "))]
-        others = tuple(f"{line.strip().removeprefix('- ')}/" for line in kept if not line.strip().startswith("#"))
-        wanted = [line for line in expected(group, params, outs, root) if not (others and line.startswith(others))]
-        lines[first:last] = [f"{' ' * (depth + 2)}- {line}" for line in wanted] + kept
+        head = re.compile(rf"^ {{{depth}}}deps:")
+        first = next((number for number in range(start, end) if head.match(lines[number])), None)
+        if first is None:
+            commands = (number for number in range(start, end) if lines[number].strip().startswith("cmd:"))
+            first = last = next(commands, start) + 1
+        else:
+            ends = (number for number in range(first + 1, end) if re.match(rf"^ {{0,{depth}}}\S", lines[number]))
+            last = next(ends, end)
+            while not lines[last - 1].strip():
+                last -= 1
+        others = [line for line in group.body.get("deps", []) if not _MANAGED.match(line)]
+        inside = tuple(f"{line}/" for line in others)
+        wanted = [line for line in expected(group, params, outs, root) if not (inside and line.startswith(inside))]
+        lines[first:last] = _deps_text(others, wanted, depth)
     return "\n".join(lines) + "\n"
+
+
+def _deps_text(others: Sequence[str], code: Sequence[str], depth: int) -> list[str]:
+    """The key ``deps`` as lines: a flow sequence, filled to the width, code behind what is written by hand."""
+    lines = [f"{' ' * depth}deps: ["]
+    for part in (others, code):
+        for number, entry in enumerate(part):
+            word = (json.dumps(entry) if "{" in entry else entry) + ","
+            if number and len(lines[-1]) + 1 + len(word) <= WIDTH:
+                lines[-1] += f" {word}"
+            else:
+                lines.append(f"{' ' * (depth + 2)}{word}")
+    lines[-1] = lines[-1].removesuffix(",") + "]"
+    return lines
 
 
 def _block(lines: Sequence[str], name: str) -> tuple[int, int]:

@@ -56,8 +56,8 @@ def kept(
 
 
 def _remove_superseded(path: Path) -> None:
-    """Remove files that differ from this one by the fingerprint of their code only, or have none."""
+    """Remove files of the same bank by other code, or without a fingerprint."""
     bank = path.stem.rpartition("-")[0]
-    for other in path.parent.glob(f"{bank}*.npy"):
-        if other != path and other.stem.removeprefix(bank).count("-") <= 1:
+    for other in (*path.parent.glob(f"{bank}-*.npy"), path.with_stem(bank)):
+        if other != path:
             other.unlink(missing_ok=True)

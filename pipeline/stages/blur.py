@@ -12,9 +12,10 @@ READS = [
     "blur.bootstrap_draws",
     "blur.estimators.{estimator}",
 ]
+USES = {"pipeline.blur": ["blur.estimators.{estimator}"]}
 
 
-@stage("blur", reads=READS, job=["dataset", "estimator"])
+@stage("blur", reads=READS, job=["dataset", "estimator"], uses=USES)
 def run(run: Run) -> None:
     """Estimate patches under every kernel; write estimates, AMAE raw and calibrated, kernels found, and the metrics."""
     from pipeline import blur, store

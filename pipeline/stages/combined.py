@@ -5,9 +5,13 @@ from __future__ import annotations
 from pipeline.config.entry import Run, stage
 
 READS = ["seed", "camera", "datasets.{dataset}", "blur.estimators", "noise.estimators", "combined"]
+USES = {
+    "pipeline.blur": ["combined.blur_estimators"],
+    "pipeline.noise": ["combined.noise_estimators", "combined.denoise.sigma_by"],
+}
 
 
-@stage("combined", reads=READS, job=["dataset"])
+@stage("combined", reads=READS, job=["dataset"], uses=USES)
 def run(run: Run) -> None:
     """Evaluate every experiment; write what was read, its statistics, the example's curves and pictures, metrics."""
     import pandas as pd

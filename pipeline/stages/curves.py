@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
+USES = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
 
-@stage("curves", reads=["seed", "detection.judge", "detection.curves"], job=["dataset", "detector"])
+
+@stage("curves", reads=["seed", "detection.judge", "detection.curves"], job=["dataset", "detector"], uses=USES)
 def run(run: Run) -> None:
     """Judge every condition; write average precisions, surfaces that can be queried, isolated curves and metrics."""
     import pandas as pd

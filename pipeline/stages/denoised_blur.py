@@ -5,9 +5,10 @@ from __future__ import annotations
 from pipeline.config.entry import Run, stage
 
 READS = ["seed", "camera", "datasets.{dataset}", "blur.estimators", "denoised_blur"]
+USES = {"pipeline.blur": ["denoised_blur.blur_estimators"], "pipeline.noise": []}
 
 
-@stage("denoised_blur", reads=READS, job=["dataset"])
+@stage("denoised_blur", reads=READS, job=["dataset"], uses=USES)
 def run(run: Run) -> None:
     """Evaluate blur d1 x noise x disc d2 beside the same without a disc; write errors, those expected, and metrics."""
     import pandas as pd

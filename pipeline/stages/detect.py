@@ -13,10 +13,11 @@ if TYPE_CHECKING:
     from pipeline.detection.sweep import Sweep
 
 READS = ["seed", "camera", "datasets.{dataset}", "detection.sweep", "detection.detectors.{detector}"]
+USES = {"pipeline.detection": ["detection.detectors.{detector}"]}
 ARRAYS = frozenset({"level", "boxes", "score", "label"})
 
 
-@stage("detect", reads=READS, job=["dataset", "detector"])
+@stage("detect", reads=READS, job=["dataset", "detector"], uses=USES)
 def run(run: Run) -> None:
     """Detect in every frame behind every kernel; write detections, what was looked at, and what is to be found."""
     from functools import partial

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
+USES = {"pipeline.detection": ["detection.detectors.{detector}"]}
 
-@stage("detector", reads=["detection.detectors.{detector}"], job=["detector"])
+
+@stage("detector", reads=["detection.detectors.{detector}"], job=["detector"], uses=USES)
 def run(run: Run) -> None:
     """Open the detector, which refuses a wrong or broken file, and write what it is."""
     from pathlib import Path

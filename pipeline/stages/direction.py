@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
+USES = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
 
-@stage("direction", reads=["detection.curves.tolerance_percent"], job=["dataset", "detector"])
+
+@stage("direction", reads=["detection.curves.tolerance_percent"], job=["dataset", "detector"], uses=USES)
 def run(run: Run) -> None:
     """Arrange the average precisions by direction; write the table, the spread over directions and the metrics."""
     import pandas as pd

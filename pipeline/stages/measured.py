@@ -14,9 +14,14 @@ READS = [
     "detection.judge.least_visible",
     "detection.judge.bootstrap_draws",
 ]
+USES = {
+    "pipeline.blur": ["detection.measure.mtf"],
+    "pipeline.noise": ["detection.measure.sigma"],
+    "pipeline.detection": [],
+}
 
 
-@stage("measured", reads=READS, job=["dataset"])
+@stage("measured", reads=READS, job=["dataset"], uses=USES)
 def run(run: Run) -> None:
     """Estimate in every frame behind every kernel at every level; write the estimates and their medians."""
     from functools import partial

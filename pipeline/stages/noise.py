@@ -25,9 +25,10 @@ READS = [
     "noise.map_level_dn",
     "noise.estimators.{estimator}",
 ]
+USES = {"pipeline.noise": ["noise.estimators.{estimator}"]}
 
 
-@stage("noise", reads=READS, job=["dataset", "estimator"])
+@stage("noise", reads=READS, job=["dataset", "estimator"], uses=USES)
 def run(run: Run) -> None:
     """Estimate on every indexed frame; write estimates, their summary, a frame's local noise, and the metrics."""
     import pandas as pd

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
+USES = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
 
-@stage("refit", reads=["detection.regression.terms"])
+
+@stage("refit", reads=["detection.regression.terms"], uses=USES)
 def run(run: Run) -> None:
     """Fit each published grid; write coefficients, fitted cells and the metrics."""
     import pandas as pd

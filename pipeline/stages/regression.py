@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
+USES = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
 
-@stage("regression", reads=["detection.regression"], job=["dataset", "detector"])
+
+@stage("regression", reads=["detection.regression"], job=["dataset", "detector"], uses=USES)
 def run(run: Run) -> None:
     """Fit each class; write coefficients, fitted cells with residuals, what each term is worth, and the calibration."""
     import pandas as pd

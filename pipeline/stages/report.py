@@ -9,9 +9,10 @@ from pipeline.config.entry import Run, stage
 READS = [
     "profile", "seed", "camera", "scenes", "datasets", "corruption", "noise", "blur", "report", "matrix",
 ]  # fmt: skip
+USES = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
 
 
-@stage("report", reads=READS)
+@stage("report", reads=READS, uses=USES)
 def run(run: Run) -> None:
     """Hand the stages' folders to the report and write the ledger's score."""
     from importlib.metadata import version

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
+USES = {"pipeline.detection.compact": ["{network}"]}
 
-@stage("train_detector", reads=["seed", "train.detector.{network}"], job=["network"])
+
+@stage("train_detector", reads=["seed", "train.detector.{network}"], job=["network"], uses=USES)
 def run(run: Run) -> None:
     """Render, train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
     from pipeline import training_record

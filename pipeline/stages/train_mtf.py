@@ -16,8 +16,10 @@ SAVERS = Registry(
     {"spectral": "pipeline.blur.spectral_training:save", "cnn": "pipeline.blur.cnn_training:save"},
 )
 
+USES = {"pipeline.blur.training": ["{network}"]}
 
-@stage("train_mtf", reads=["seed", "train.mtf.{network}"], job=["network"])
+
+@stage("train_mtf", reads=["seed", "train.mtf.{network}"], job=["network"], uses=USES)
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
     from pipeline import training_record

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
+USES = {"pipeline.noise.training": ["{network}"]}
 
-@stage("train_sigma", reads=["seed", "train.sigma.{network}"], job=["network"])
+
+@stage("train_sigma", reads=["seed", "train.sigma.{network}"], job=["network"], uses=USES)
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
     from pipeline import training_record

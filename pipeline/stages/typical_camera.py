@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
+USES = {"pipeline.blur": ["spectral"]}
 
-@stage("typical_camera", reads=["seed", "train.typical_camera"])
+
+@stage("typical_camera", reads=["seed", "train.typical_camera"], uses=USES)
 def run(run: Run) -> None:
     """Draw pictures, see them through lenses, fit; write the map, and its error before and after."""
     from functools import partial

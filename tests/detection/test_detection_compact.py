@@ -18,7 +18,7 @@ from pipeline.learning.conduct import Conduct
 from pipeline.learning.initial import initialise
 from pipeline.learning.trainer import Schedule
 
-NETWORKS = sorted(training.NETWORKS)
+NETWORKS = training.NETWORKS.names()
 SIZE = (96, 128)
 
 
@@ -55,16 +55,12 @@ def cache(tmp_path: Path) -> Path:
 
 
 def weight_file(folder: Path, name: str, seed: int = 3) -> Path:
-    import importlib
-
     from pipeline.learning import weights
 
-    module, network = training.NETWORKS[name]
-    program = importlib.import_module(f"pipeline.detection.compact.{module}")
-    model = getattr(program, network)()
+    model = training.NETWORKS.create(name)
     initialise(model, seed, name)
     path = folder / f"{name}.safetensors"
-    weights.save(path, model.state_dict(), program.ARCHITECTURE)
+    weights.save(path, model.state_dict(), training.program(name).ARCHITECTURE)
     return path
 
 

@@ -3,14 +3,18 @@
 import numpy as np
 import pytest
 
-from pipeline.learning.bank import kept
+from pipeline.learning.bank import bank_file, kept
+
+CODE = "pipeline.streams"
 
 
 def test_it_is_drawn_once_and_mapped(tmp_path):
     drawn = np.arange(6, dtype=np.float16).reshape(2, 3)
-    first = kept(tmp_path / "deep", "some things", 4, 2, lambda: drawn)
-    again = kept(tmp_path / "deep", "some things", 4, 2, lambda: pytest.fail("drawn anew"))
-    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["some-things-4-2.npy"]
+    first = kept(tmp_path / "deep", "some things", 4, 2, CODE, lambda: drawn)
+    again = kept(tmp_path / "deep", "some things", 4, 2, CODE, lambda: pytest.fail("drawn anew"))
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == [
+        bank_file(tmp_path, "some things", 4, 2, CODE).name
+    ]
     for one in (first, again):
         assert isinstance(one, np.memmap) and not one.flags.writeable
         assert one.dtype == np.float16 and np.array_equal(one, drawn)
@@ -18,13 +22,13 @@ def test_it_is_drawn_once_and_mapped(tmp_path):
 
 @pytest.mark.parametrize("other", [("others", 4, 2), ("some things", 5, 2), ("some things", 4, 3)])
 def test_another_bank_is_another_file(tmp_path, other):
-    kept(tmp_path, "some things", 4, 2, lambda: np.zeros(2))
-    assert kept(tmp_path, *other, lambda: np.ones(2)).tolist() == [1, 1]
+    kept(tmp_path, "some things", 4, 2, CODE, lambda: np.zeros(2))
+    assert kept(tmp_path, *other, CODE, lambda: np.ones(2)).tolist() == [1, 1]
 
 
 def test_without_a_cache_nothing_is_kept(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert kept(None, "some things", 4, 2, lambda: np.ones(2)).tolist() == [1, 1]
+    assert kept(None, "some things", 4, 2, CODE, lambda: np.ones(2)).tolist() == [1, 1]
     assert not list(tmp_path.iterdir())
 
 
@@ -33,5 +37,18 @@ def test_a_bank_that_failed_leaves_no_file(tmp_path):
         raise ValueError("no picture")
 
     with pytest.raises(ValueError, match="no picture"):
-        kept(tmp_path, "some things", 4, 2, broken)
+        kept(tmp_path, "some things", 4, 2, CODE, broken)
     assert not list(tmp_path.iterdir())
+
+
+def test_another_bank_is_drawn_when_its_code_changes_and_the_old_one_goes(tmp_path, monkeypatch):
+    marks = iter("aabb")
+    monkeypatch.setattr("pipeline.dependencies.closure.fingerprint", lambda code: next(marks))
+    (tmp_path / "some-things-4-2.npy").touch()  # without a fingerprint
+    kept(tmp_path, "some things", 4, 2, CODE, lambda: np.zeros(2))
+    other = tmp_path / "some-things-4-21-c.npy"  # another bank
+    other.touch()
+    assert kept(tmp_path, "some things", 4, 2, CODE, lambda: pytest.fail("drawn anew")).tolist() == [0, 0]
+    assert kept(tmp_path, "some things", 4, 2, CODE, lambda: np.ones(2)).tolist() == [1, 1]
+    next(marks)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["some-things-4-2-b.npy", "some-things-4-21-c.npy"]

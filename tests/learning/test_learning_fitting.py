@@ -14,7 +14,7 @@ from pipeline.learning.initial import initialise
 from pipeline.learning.trainer import CHECKPOINT, Schedule, Trained
 from pipeline.streams import stream
 
-CODE = ("pipeline.learning.trainer",)
+CODE = "pipeline.learning.trainer"
 TRUTH = np.array([1.0, -2.0], np.float32)
 
 
@@ -69,41 +69,29 @@ def test_settings_are_those_of_the_section_with_tuples_for_lists():
         fitting.from_section(Settings, Recipe, section, tempo=1)
 
 
-def test_the_fingerprint_follows_settings_and_named_code(tmp_path, monkeypatch):
-    monkeypatch.setattr(fitting, "__file__", str(tmp_path / "house/floor/fitting.py"))
-    for name in ("attic/one.py", "attic/deep/two.py", "cellar.py"):
-        (tmp_path / "house" / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "house" / name).write_text("before")
-
-    def marks():
-        return {code: fitting.fingerprint(SMALL, [f"house.{code}"]) for code in ("attic", "cellar")}
-
-    before = marks()
-    assert before == marks()
-    assert fitting.fingerprint(replace(SMALL, window=5), ["house.cellar"]) != before["cellar"]
-    (tmp_path / "house/attic/deep/two.py").write_text("after")
-    assert marks()["attic"] != before["attic"] and marks()["cellar"] == before["cellar"]
-    (tmp_path / "house/attic/deep/two.py").rename(tmp_path / "house/attic/deep/three.py")
-    (tmp_path / "house/attic/deep/three.py").write_text("before")
-    assert marks()["attic"] != before["attic"]
-    with pytest.raises(FileNotFoundError, match="celar"):
-        fitting.fingerprint(SMALL, ["house.celar"])
+def test_the_fingerprint_follows_settings_and_code():
+    one = fitting.fingerprint(SMALL, CODE)
+    assert one == fitting.fingerprint(replace(SMALL), CODE)
+    assert one != fitting.fingerprint(replace(SMALL, window=5), CODE)
+    assert one != fitting.fingerprint(SMALL, "pipeline.learning.feed")
 
 
-def test_the_code_of_every_training_exists_and_holds_its_own_module():
-    from pipeline.blur import cnn_training, spectral_training
+def test_the_code_of_a_training_is_what_it_executes_and_not_the_other_networks():
+    from pipeline.dependencies.closure import closure
     from pipeline.detection.compact import training as compact
-    from pipeline.noise import training as noise
 
     codes = {
-        "pipeline.blur.spectral_training": spectral_training.CODE,
-        "pipeline.blur.cnn_training": cnn_training.CODE,
-        "pipeline.noise.training": noise.CODE["cellwise"] + noise.CODE["cnn"],
-        "pipeline.detection.compact.training": compact.CODE,
+        "pipeline.blur.spectral_training": ("pipeline.blur.spectral_training", "blur/cnn_net"),
+        "pipeline.blur.cnn_training": ("pipeline.blur.cnn_training", "blur/spectral_net"),
+        "pipeline.noise.cellwise_training": ("pipeline.noise.cellwise_training", "noise/cnn_net"),
+        "pipeline.noise.cnn_training": ("pipeline.noise.cnn_training", "noise/cellwise_net"),
+        "pipeline.detection.compact.training": (compact.code("compact"), "compact/two_stage"),
     }
-    for module, code in codes.items():
-        fitting.fingerprint(SMALL, code)
-        assert any(module == name or module.startswith(f"{name}.") for name in code)
+    for module, (code, other) in codes.items():
+        files = closure(code)
+        assert f"{module.replace('.', '/')}.py" in files
+        assert f"pipeline/{other}.py" not in files
+        assert "pipeline/learning/trainer.py" in files and "pipeline/streams.py" in files
 
 
 def test_held_out_samples_are_all_chunks_in_order():

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.learning.bank import bank_file
 from pipeline.learning.conduct import Conduct
 from pipeline.learning.fitting import fingerprint
 from pipeline.learning.trainer import Schedule
@@ -30,7 +31,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for tile in tiles:
             for x, y, width, height, grey in draw.integers((0, 0, 8, 8, 20), (380, 380, 120, 120, 230), (120, 5)):
                 tile[y : y + height, x : x + width] = grey
-        np.save(folder / "images" / f"{purpose}-1-4.npy", tiles)
+        np.save(bank_file(folder / "images", purpose.replace("-", " "), 1, 4, "pipeline.learning.images"), tiles)
     return folder
 
 
@@ -50,7 +51,7 @@ def settings(kind: str = "cellwise", **changes: object) -> training.Settings:
 
 
 def test_a_chunk_is_a_function_of_its_name(cache: Path) -> None:
-    tiles = np.load(cache / "images/training-image-1-4.npy")
+    tiles = np.load(next((cache / "images").glob("training-image-1-4-*.npy")))
     one, two = (samples.chunk(tiles, SMALL, 1, "training", 5) for _ in range(2))
     np.testing.assert_array_equal(one.patches_dn, two.patches_dn)
     np.testing.assert_array_equal(one.map_dn, two.map_dn)
@@ -135,7 +136,7 @@ def test_the_interval_factor_holds_95_percent_of_the_held_out(cache: Path) -> No
     import torch
 
     chosen = settings(validation_chunks=10)
-    model = training.network("cellwise", 1).eval()
+    model = training.PROGRAMS.get("cellwise").network(1).eval()
     factor = training.validation(chosen, cache)(model)["interval"]
     make = training.Maker(chosen, cache, validation=True)
     inside = []
@@ -152,7 +153,7 @@ def test_unknown_network_is_named() -> None:
 
 
 def test_fingerprint_follows_the_settings_and_the_networks_own_code() -> None:
-    cellwise, cnn = training.CODE["cellwise"], training.CODE["cnn"]
+    cellwise, cnn = (training.PROGRAMS.get(kind).module for kind in ("cellwise", "cnn"))
     assert fingerprint(settings(), cellwise) == fingerprint(settings(), cellwise)
     assert fingerprint(settings(), cellwise) != fingerprint(settings(seed=2), cellwise)
     assert fingerprint(settings(), cellwise) != fingerprint(settings(), cnn)
