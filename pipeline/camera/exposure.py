@@ -158,32 +158,40 @@ class Camera:
         factor = light * exposure_s / (self.radiance_at_full_scale * self.reference_exposure_s)
         return scene * np.float32(factor * self.sensor.full_well_e)
 
-    def budget(self, electrons: ArrayLike, gain: float, exposure_s: float) -> NoiseBudget:
+    def budget(self, electrons: ArrayLike, gain: ArrayLike, exposure_s: ArrayLike) -> NoiseBudget:
         """Noise of each source in closed form, before clipping.
 
         Args:
             electrons: (...) mean photo-electrons, e-.
-            gain: camera gain, ISO / base ISO, above 0.
-            exposure_s: exposure time, above 0 s.
+            gain: (...) camera gain, ISO / base ISO, above 0.
+            exposure_s: (...) exposure time, above 0 s.
 
         Returns:
-            standard deviations on the linear 0..255 scale; shot noise has the shape of ``electrons``.
+            standard deviations on the linear 0..255 scale; shapes broadcast.
 
         Raises:
             InputError: gain or time out of range.
         """
         check_settings(exposure_s, gain)
         mean = np.maximum(np.asarray(electrons, dtype=np.float64), 0.0)
+        gains = np.asarray(gain, dtype=np.float64)
+        sensor = self.sensor
+        after: ArrayLike = 1.0  # gain that read noise behind the gain stage is divided by
         if self.noise_gain == "linear":  # the noise of a base-gain frame of the same brightness, times the gain
-            mean, at = mean * gain, self.sensor
-        else:
-            at = self.sensor.at_gain(gain)
-        scale = self.sensor.dn_per_electron * gain
-        dark = self.sensor.dark_electrons(self.temperature_k, exposure_s)
-        read = at.readout_sigma_e(self.temperature_k)
+            mean = mean * gains
+        elif sensor.read_noise_e is not None:
+            after = gains
+        read: ArrayLike = np.hypot(sensor.read_noise_e or 0.0, sensor.read_noise_after_gain_e / np.asarray(after))
+        if sensor.read_noise_e is None:
+            read = sensor.readout_sigma_e(self.temperature_k)
+        scale = sensor.dn_per_electron * gains
+        dark = sensor.dark_electrons(self.temperature_k, 1.0) * np.asarray(exposure_s, dtype=np.float64)
         rounding = FULL_SCALE_DN / (2**self.adc_bits - 1) / np.sqrt(12.0)
         return NoiseBudget(
-            scale * np.sqrt(mean), np.asarray(scale * np.sqrt(dark)), np.asarray(scale * read), np.asarray(rounding)
+            scale * np.sqrt(mean),
+            np.asarray(scale * np.sqrt(dark)),
+            np.asarray(scale * np.asarray(read)),
+            np.asarray(rounding),
         )
 
     def sigma_dn(self, electrons: ArrayLike, gain: float, exposure_s: float) -> float:
@@ -309,13 +317,16 @@ def noise_generator(seed: int, *parts: KeyPart) -> np.random.Generator:
     return stream(seed, "exposure", *parts)
 
 
-def check_settings(exposure_s: float, gain: float) -> None:
+def check_settings(exposure_s: ArrayLike, gain: ArrayLike) -> None:
     """Refuse an exposure time or gain that is not a positive number.
 
     Raises:
         InputError: naming the value.
     """
-    if not 0.0 < exposure_s < float("inf"):
-        raise InputError(f"exposure_s is a time above 0 s, got {exposure_s!r}")
-    if not 0.0 < gain < float("inf"):
-        raise InputError(f"gain is a factor above 0 (ISO / base ISO), got {gain!r}")
+    for name, value, words in (
+        ("exposure_s", exposure_s, "a time above 0 s"),
+        ("gain", gain, "a factor above 0 (ISO / base ISO)"),
+    ):
+        numbers = np.asarray(value, dtype=np.float64)
+        if not (np.isfinite(numbers) & (numbers > 0.0)).all():
+            raise InputError(f"{name} is {words}, got {value!r}")

@@ -1,0 +1,26 @@
+"""What a camera must offer to be controlled: three methods, for simulated and real cameras alike."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.control.state import CameraState
+
+
+class Driver(Protocol):
+    """A camera whose exposure time and gain can be set."""
+
+    def capture(self) -> NDArray[np.floating]:
+        """Take a frame: (H, W) float in [0, 1], grey, encoded as the camera delivers it."""
+        ...
+
+    def settings(self) -> CameraState:
+        """Settings that the last captured frame was taken with."""
+        ...
+
+    def apply(self, state: CameraState) -> None:
+        """Write settings; they reach the sensor after the camera's delay."""
+        ...

@@ -1,0 +1,241 @@
+"""How a policy did in a scenario: average precision and regret, transients, ripple, frames lost, abstentions."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.control.decision import Action
+from pipeline.control.loop import StepRecord
+from pipeline.control.motion import motion_length
+from pipeline.control.scenario import Scenario
+from pipeline.control.scoring import Judge, Score, average_precision
+from pipeline.detection.base import Detections
+from pipeline.store import Schema
+from pipeline.streams import stream
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STEPS = Schema(
+    "closed loop, steps",
+    {
+        "scenario": "string",
+        "policy": "string",
+        "fold": "int64",
+        "step": "int64",
+        "light": "float64",
+        "speed_px_s": "float64",
+        "exposure_ms": "float64",
+        "iso": "float64",
+        "motion_px": "float64",
+        "sigma_dn": "float64",
+        "mean_level": "float64",
+        "saturated_fraction": "float64",
+        "estimated_sigma_dn": "float64",  # NaN where the monitor abstained or was not asked
+        "estimated_motion_px": "float64",
+        "action": "string",
+        "reason": "string",
+        "expected_ap_percent": "float64",
+        "ap_percent": "float64",  # over the fold's viewpoints at this step
+    },
+    {"exposure_ms": "ms", "motion_px": "px", "sigma_dn": "DN", "ap_percent": "%"},
+)
+
+SUMMARY = Schema(
+    "closed loop, policies",
+    {
+        "scenario": "string",
+        "policy": "string",
+        "ap_percent": "float64",
+        "low_percent": "float64",
+        "high_percent": "float64",
+        "regret_percent": "float64",  # AP of the oracle less that of the policy, on the same frames
+        "regret_low_percent": "float64",
+        "regret_high_percent": "float64",
+        "settling_frames": "float64",  # worst disturbance and fold; NaN: not settled within the scenario
+        "overshoot_stops": "float64",
+        "ripple_stops": "float64",
+        "frames_lost_percent": "float64",
+        "abstained_percent": "float64",
+        "refused_percent": "float64",
+        "objects": "int64",
+        "frames": "int64",
+    },
+    {"ap_percent": "%", "regret_percent": "percent points"},
+)
+
+PAIRS = Schema(
+    "closed loop, paired differences",
+    {
+        "scenario": "string",
+        "policy": "string",
+        "other": "string",
+        "difference_percent": "float64",
+        "low_percent": "float64",
+        "high_percent": "float64",
+    },
+    {"difference_percent": "percent points"},
+)
+
+SETTLED_STOPS = 0.25
+LOST_SATURATED, LOST_MEAN = 0.25, 0.05
+
+
+def steps_table(
+    scenario: Scenario,
+    policy: str,
+    fold: int,
+    records: Sequence[StepRecord],
+    judge: Judge,
+    reference: NDArray[np.float64],
+    seed: int,
+) -> pd.DataFrame:
+    """One row per step: schema `STEPS`."""
+    import pandas as pd
+
+    rows: list[dict[str, Any]] = []
+    for record in records:
+        mtf = record.estimate_mtf
+        sigma = record.estimate_sigma_dn
+        rows.append(
+            {
+                "scenario": scenario.name,
+                "policy": policy,
+                "fold": fold,
+                "step": record.step,
+                "light": record.light,
+                "speed_px_s": record.speed_px_s,
+                "exposure_ms": record.state.exposure_ms,
+                "iso": record.state.iso,
+                "motion_px": record.blur_px,
+                "sigma_dn": record.sigma_dn,
+                "mean_level": record.mean_level,
+                "saturated_fraction": record.saturated_fraction,
+                "estimated_sigma_dn": float("nan") if sigma is None else float(sigma.value),
+                "estimated_motion_px": float("nan") if mtf is None else motion_length(mtf, reference).value_px,
+                "action": str(record.decision.action.value),
+                "reason": record.decision.reason,
+                "expected_ap_percent": record.decision.ap_percent,
+                "ap_percent": score([record], judge, seed).ap_percent,
+            }
+        )
+    return STEPS.conform(pd.DataFrame(rows))
+
+
+def score(records: Sequence[StepRecord], judge: Judge, seed: int) -> Score:
+    """Average precision over all views of all records; equal seeds resample the same viewpoints."""
+    found = [Detections.of(**arrays) for record in records for arrays in record.detections]
+    seen = [view for record in records for view in record.views]
+    return average_precision(found, seen, judge, stream(seed, "closed loop score"))
+
+
+def settling_frames(stops: NDArray[np.float64], start: int, end: int) -> float:
+    """Frames after a disturbance until brightness stays within a quarter stop of its last value; NaN if it never does.
+
+    Args:
+        stops: (S,) log2 of light x time x gain per step.
+        start: step of the disturbance.
+        end: step of the next one, or the number of steps.
+    """
+    part = stops[start:end]
+    outside = np.flatnonzero(np.abs(part - part[-1]) > SETTLED_STOPS)
+    if not outside.size:
+        return 0.0
+    settled = int(outside[-1]) + 1
+    return float(settled) if settled < len(part) - 1 else float("nan")
+
+
+def transients(scenario: Scenario, table: pd.DataFrame) -> dict[str, float]:
+    """Settling, overshoot and ripple of brightness over the disturbances of a scenario, worst fold.
+
+    Args:
+        scenario: the drive.
+        table: schema `STEPS` of one policy.
+    """
+    settling, overshoot, ripple = [0.0], [0.0], [0.0]
+    edges = [*scenario.disturbances, scenario.steps]
+    groups: Any = table.groupby("fold")
+    for _, rows in groups:
+        ordered = rows.sort_values("step")
+        light, time, iso = (ordered[name].to_numpy() for name in ("light", "exposure_ms", "iso"))
+        stops = np.log2(light * time * iso)
+        for start, end in itertools.pairwise(edges):
+            if end - start < 2:
+                continue
+            frames = settling_frames(stops, start, end)
+            settling.append(frames)
+            part = stops[start:end] - stops[end - 1]
+            came = np.sign(part[0]) or 1.0
+            overshoot.append(float(max(0.0, (-came * part).max())))
+            if np.isfinite(frames) and end - start - int(frames) > 2:
+                ripple.append(float(np.std(np.log2(time[start + int(frames) : end]))))
+    worst = float("nan") if np.isnan(settling).any() else max(settling)
+    return {"settling_frames": worst, "overshoot_stops": max(overshoot), "ripple_stops": max(ripple)}
+
+
+def summary(
+    scenario: Scenario,
+    tables: Mapping[str, pd.DataFrame],
+    records: Mapping[str, Sequence[StepRecord]],
+    judge: Judge,
+    seed: int,
+    ceiling: str = "oracle",
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Policies of one scenario side by side, and their paired differences.
+
+    Args:
+        scenario: the drive.
+        tables: policy -> `STEPS` of all folds.
+        records: policy -> records of all folds.
+        judge: how detections are judged.
+        seed: of the bootstrap.
+        ceiling: policy that regret is measured against; NaN where it did not run.
+
+    Returns:
+        schemas `SUMMARY` and `PAIRS`.
+    """
+    import pandas as pd
+
+    scores = {name: score(parts, judge, seed) for name, parts in records.items()}
+    rows, pairs = [], []
+    for name, table in tables.items():
+        lost = (table["saturated_fraction"] > LOST_SATURATED) | (table["mean_level"] < LOST_MEAN)
+        own = scores[name]
+        regret = paired(scores[ceiling], own) if ceiling in scores else (float("nan"),) * 3
+        rows.append(
+            {
+                "scenario": scenario.name,
+                "policy": name,
+                "ap_percent": own.ap_percent,
+                "low_percent": own.low_percent,
+                "high_percent": own.high_percent,
+                **dict(zip(("regret_percent", "regret_low_percent", "regret_high_percent"), regret, strict=True)),
+                **transients(scenario, table),
+                "frames_lost_percent": 100.0 * float(lost.mean()),
+                "abstained_percent": 100.0 * float((table["action"] == Action.ABSTAINED.value).mean()),
+                "refused_percent": 100.0 * float((table["action"] == Action.REFUSED.value).mean()),
+                "objects": own.objects,
+                "frames": sum(len(record.views) for record in records[name]),
+            }
+        )
+        for other in tables:
+            if other != name:
+                difference = dict(
+                    zip(("difference_percent", "low_percent", "high_percent"), paired(own, scores[other]), strict=True)
+                )
+                pairs.append({"scenario": scenario.name, "policy": name, "other": other, **difference})
+    empty = pd.DataFrame(pairs, columns=list(PAIRS.columns))
+    return SUMMARY.conform(pd.DataFrame(rows)), PAIRS.conform(empty)
+
+
+def paired(one: Score, other: Score) -> tuple[float, float, float]:
+    """Difference of two average precisions on the same viewpoints, with its bootstrap 95 % interval."""
+    draws = one.draws - other.draws
+    draws = draws[np.isfinite(draws)]
+    low, high = np.percentile(draws, [2.5, 97.5]).tolist() if len(draws) else (float("nan"), float("nan"))
+    return one.ap_percent - other.ap_percent, low, high

@@ -1,0 +1,297 @@
+"""The closed loop: one policy drives one camera through a scenario; every viewpoint is seen at the same settings.
+
+At each step the camera's frame of the leading viewpoint is what the policy observes; detections in all viewpoints of
+the fold are scored, so that average precision exists per step. Noise is keyed by viewpoint and moment, not by policy or
+settings: policies share their random numbers. What a frame shows depends on its settings, light and motion only; it is
+kept by a hash of these (`FrameCache`), which is how a killed run goes on and how equal frames of different policies
+cost one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline import control
+from pipeline.camera.exposure import Camera, Exposed, Motion, noise_generator
+from pipeline.control.decision import Decision
+from pipeline.control.measured_surface import monitor, opened
+from pipeline.control.motion import CYCLES_PER_PX
+from pipeline.control.observation import SATURATED_LEVEL, Estimate, Observation, Outcome, estimates
+from pipeline.control.performance import Performance
+from pipeline.control.policy import ControlledCamera, Policy
+from pipeline.control.scenario import Scenario
+from pipeline.control.state import CameraState, DelayLine
+from pipeline.control.views import View, with_sun
+from pipeline.store import read_arrays, write_arrays
+
+Arrays = dict[str, NDArray[Any]]
+MOMENTS = 4
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What all loops of a run have in common.
+
+    Attributes:
+        camera: forms the frames.
+        controlled: what policies know of it.
+        detector: registry name.
+        detector_options: as JSON.
+        most: detections kept of one frame, best first.
+        seed: root seed.
+        cache: folder of `FrameCache`, or None.
+    """
+
+    camera: Camera
+    controlled: ControlledCamera
+    detector: str
+    detector_options: str
+    seed: int
+    most: int = 100
+    cache: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StepRecord:
+    """One step of one loop.
+
+    Attributes:
+        step: from 0.
+        state: settings of the frames.
+        light, speed_px_s: truth.
+        blur_px, sigma_dn: true motion blur and noise of the leading frame.
+        mean_level, saturated_fraction: of the leading frame.
+        estimate_sigma_dn, estimate_motion: what the monitor answered, None where it abstained.
+        decision: for the next frame.
+        detections: one entry per view: ``boxes``, ``score``, ``label``.
+        views: seen at this step.
+        picture: (H, W) uint8 leading frame, where it was asked for.
+    """
+
+    step: int
+    state: CameraState
+    light: float
+    speed_px_s: float
+    blur_px: float
+    sigma_dn: float
+    mean_level: float
+    saturated_fraction: float
+    estimate_sigma_dn: Estimate | None
+    estimate_mtf: Estimate | None
+    decision: Decision
+    detections: list[Arrays]
+    views: list[View]
+    picture: NDArray[np.uint8] | None = None
+
+
+class FrameCache:
+    """Detections and estimates of formed frames, by the hash of what forms them.
+
+    Args:
+        folder: where they are kept; None keeps nothing.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        self.folder = folder
+
+    def get(self, kind: str, key: Sequence[Any], make: Callable[[], Arrays]) -> Arrays:
+        """What was kept for a key, or what `make` gives; a file that cannot be read is made again."""
+        if self.folder is None:
+            return make()
+        from pipeline.errors import InputError
+
+        text = hashlib.blake2b(json.dumps([kind, *key]).encode(), digest_size=12).hexdigest()
+        path = self.folder / kind / text[:2] / f"{text}.npz"
+        if path.is_file():
+            try:
+                return read_arrays(path)
+            except InputError:
+                path.unlink(missing_ok=True)
+        arrays = make()
+        write_arrays(path, **arrays)
+        return arrays
+
+
+class SimulatedScene:
+    """What a camera sees of the rendered views at a step of a scenario.
+
+    Args:
+        rig: camera and detector.
+        scenario: light, motion, sun and flicker.
+        views: of one fold.
+    """
+
+    def __init__(self, rig: Rig, scenario: Scenario, views: Sequence[View]) -> None:
+        self.rig, self.scenario, self.views = rig, scenario, list(views)
+        self.cache = FrameCache(rig.cache)
+
+    def at_step(self, step: int) -> list[View]:
+        """The views of a step: every viewpoint at the moment ``step mod 4``."""
+        names = dict.fromkeys(view.viewpoint for view in self.views)
+        found = []
+        for name in names:
+            moments = [view for view in self.views if view.viewpoint == name]
+            found.append(moments[step % min(MOMENTS, len(moments))])
+        return found
+
+    def expose(self, view: View, step: int, state: CameraState) -> Exposed:
+        """The frame of a view at some settings."""
+        radiance = with_sun(view.radiance(), self.scenario.sun_radius_fraction)
+        moving = Motion(self.scenario.speed_at(step), self.scenario.direction_deg)
+        generator = noise_generator(self.rig.seed, "closed loop", view.name)
+        light = self.scenario.light_at(step, state.exposure_s)
+        return self.rig.camera.expose(radiance, state.exposure_s, state.gain, generator, light=light, motion=moving)
+
+    def key(self, view: View, step: int, state: CameraState) -> list[Any]:
+        """Everything that a frame depends on, but for the rig."""
+        scenario = self.scenario
+        return [
+            view.name,
+            repr(state.exposure_s),
+            repr(state.gain),
+            repr(scenario.light_at(step, state.exposure_s)),
+            repr(scenario.speed_at(step)),
+            scenario.direction_deg,
+            scenario.sun_radius_fraction,
+        ]
+
+    def detections(self, view: View, step: int, state: CameraState, frame: Exposed | None = None) -> Arrays:
+        """Detections in a view: ``boxes`` (M, 4), ``score`` (M,), ``label`` (M,), best first."""
+
+        def make() -> Arrays:
+            image = (frame or self.expose(view, step, state)).image
+            found = opened(self.rig.detector, self.rig.detector_options).detect([image])[0]
+            found = found.where(np.argsort(-found.score, kind="stable")[: self.rig.most])
+            return {"boxes": found.boxes.reshape(-1, 4), "score": found.score, "label": found.label.astype(np.str_)}
+
+        return self.cache.get("detections", self.key(view, step, state), make)
+
+    def estimates(
+        self, view: View, step: int, state: CameraState, frame: Exposed
+    ) -> tuple[Estimate | None, Estimate | None, str]:
+        """The monitor's noise and MTF with the scenario's faults, and why one is missing."""
+        if self.scenario.fault.is_silent(step):
+            return None, None, "estimator silent"
+
+        def make() -> Arrays:
+            condition = monitor().frame(frame.image)
+            sigma, mtf = estimates(condition)
+            nothing = np.full((3, 2, 8), np.nan)
+            why = "; ".join(f"{name}: {', '.join(words)}" for name, words in condition.reasons.items() if words)
+            return {
+                "sigma": np.full(3, np.nan) if sigma is None else np.array([float(end) for end in sigma]),
+                "mtf": nothing if mtf is None else np.stack([np.asarray(end) for end in mtf]),
+                "reason": np.array(why),
+            }
+
+        arrays = self.cache.get("estimates", self.key(view, step, state), make)
+        sigma, mtf = (
+            Estimate(*(part[name] for name in range(3))) if np.isfinite(part[0]).all() else None
+            for part in (arrays["sigma"], arrays["mtf"])
+        )
+        fault = self.scenario.fault
+        if sigma is not None and fault.sigma_factor != 1.0:
+            sigma = Estimate(*(end * fault.sigma_factor for end in sigma))
+        if mtf is not None and fault.motion_factor != 1.0:
+            mtf = _misjudged(mtf, fault.motion_factor)
+        return sigma, mtf, str(arrays["reason"])
+
+    def truth(self, view: View, step: int) -> Callable[[CameraState], Outcome]:
+        """True condition of a view at any settings, in closed form."""
+        camera, scenario = self.rig.camera, self.scenario
+        thin = with_sun(view.radiance(), scenario.sun_radius_fraction)[::16, ::16]
+
+        def outcome(state: CameraState) -> Outcome:
+            electrons = camera.electrons(thin, state.exposure_s, scenario.light_at(step, state.exposure_s))
+            level = electrons.astype(np.float64) * state.gain / camera.sensor.full_well_e
+            mean = float((np.clip(level, 0.0, 1.0) ** (1.0 / camera.gamma)).mean())
+            motion = scenario.speed_at(step) * state.exposure_s
+            return Outcome(camera.sigma_dn(electrons, state.gain, state.exposure_s), motion, mean)
+
+        return outcome
+
+
+def _misjudged(mtf: Estimate, factor: float) -> Estimate:
+    """MTF as if frequencies were ``factor`` times as high: motion of L px is taken for ``factor`` L px."""
+    at = np.concatenate([[0.0], CYCLES_PER_PX])
+    parts = []
+    for end in mtf:
+        curves = np.concatenate([np.ones((2, 1)), end], axis=1)
+        parts.append(np.stack([np.interp(CYCLES_PER_PX * factor, at, curve) for curve in curves]))
+    return Estimate(*parts)
+
+
+def make_policy(
+    kind: str, options: dict[str, Any], controlled: ControlledCamera, performance: Performance | None
+) -> Policy:
+    """A policy from its registry name and options; lists in options become tuples."""
+    plain = {name: tuple(value) if isinstance(value, list) else value for name, value in options.items()}
+    return control.create(kind, camera=controlled, performance=performance, **plain)
+
+
+def run(
+    policy: Policy, rig: Rig, scenario: Scenario, views: Sequence[View], pictures: Sequence[int] = ()
+) -> list[StepRecord]:
+    """Drive a camera through a scenario.
+
+    Args:
+        policy: fresh, without memory of other drives.
+        rig: camera and detector.
+        scenario: the drive.
+        views: of one fold; the first viewpoint leads.
+        pictures: steps whose leading frame is kept.
+
+    Returns:
+        one record per step.
+    """
+    scene = SimulatedScene(rig, scenario, views)
+    limits = replace(rig.controlled.limits, delay_frames=scenario.delay_frames)
+    state = limits.nearest(scenario.start.exposure_s, scenario.start.gain)
+    line = DelayLine.filled(state, limits.delay_frames)
+    records: list[StepRecord] = []
+    for step in range(scenario.steps):
+        seen = scene.at_step(step)
+        lead = seen[0]
+        if policy.sees_truth:  # the ceiling has no delay: it chooses the settings of this very frame
+            blank = Observation(np.zeros((1, 1), np.float32), 0.0, 0.0, truth=scene.truth(lead, step))
+            decision = policy.decide(blank, state)
+            state = decision.state
+        frame = scene.expose(lead, step, state)
+        sigma = mtf = None
+        reason = ""
+        if policy.uses_estimates:
+            sigma, mtf, reason = scene.estimates(lead, step, state, frame)
+        mean = float(frame.image.mean(dtype=np.float64))
+        if not policy.sees_truth:
+            saturated = float(np.mean(frame.image >= SATURATED_LEVEL))
+            decision = policy.decide(Observation(frame.image, mean, saturated, sigma, mtf, reason), state)
+        detections = [scene.detections(view, step, state, frame if view is lead else None) for view in seen]
+        records.append(
+            StepRecord(
+                step=step,
+                state=state,
+                light=scenario.light_at(step, state.exposure_s),
+                speed_px_s=scenario.speed_at(step),
+                blur_px=frame.blur_px,
+                sigma_dn=frame.sigma_dn,
+                mean_level=mean,
+                saturated_fraction=frame.saturated_fraction,
+                estimate_sigma_dn=sigma,
+                estimate_mtf=mtf,
+                decision=decision,
+                detections=detections,
+                views=seen,
+                picture=np.rint(frame.image * 255).astype(np.uint8) if step in pictures else None,
+            )
+        )
+        if not policy.sees_truth:
+            state = line.next(decision.state)
+    return records

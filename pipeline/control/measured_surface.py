@@ -1,0 +1,254 @@
+"""The surface that control asks: average precision over noise and motion, formed by the camera that is controlled.
+
+Frames are formed in linear light at constant brightness: the gain sets the noise (the light falls as the gain rises),
+the speed of the image sets the motion. Noise is every 5 DN up to 40, motion up to 31 px; the noise of a knot is the
+monitor's own median there, so that its bias cancels; its motion is the true one. Small and distant objects count from
+``lowest_px`` on.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.camera.exposure import Camera, Motion, noise_generator
+from pipeline.control.motion import motion_mtf
+from pipeline.control.performance import Performance
+from pipeline.control.scoring import Judge, average_precision
+from pipeline.control.views import View
+from pipeline.curves.cells import Cells
+from pipeline.curves.surface import Surface
+from pipeline.detection.base import Detections
+from pipeline.errors import InputError
+from pipeline.store import Schema
+from pipeline.streams import stream
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.condition import ConditionMonitor
+    from pipeline.detection.base import Detector
+
+FREQUENCY_INDEX = 0
+"""0.054 of Nyquist: the one of the eight frequencies whose MTF falls steadily up to 31 px of motion."""
+
+KNOTS = Schema(
+    "surface for control",
+    {
+        "fold": "int64",
+        "target_sigma_dn": "float64",
+        "motion_px": "float64",
+        "sigma_dn": "float64",
+        "true_sigma_dn": "float64",
+        "mtf": "float64",
+        "ap_percent": "float64",
+        "low_percent": "float64",
+        "high_percent": "float64",
+        "objects": "int64",
+        "estimates": "int64",
+        "estimates_abstained": "int64",
+    },
+    {"target_sigma_dn": "DN", "sigma_dn": "DN", "motion_px": "px", "ap_percent": "%"},
+)
+_LARGEST_GAIN = 4096.0
+_LEAST_STEP_DN = 0.05
+
+
+@dataclass(frozen=True)
+class SurfaceDesign:
+    """Which conditions are measured.
+
+    Attributes:
+        levels_dn: target noise, rising; 0 is base gain.
+        sizes_px: motion, rising, 0 first.
+        target_level: mean encoded level of every frame.
+        exposure_s: of every frame.
+    """
+
+    levels_dn: tuple[float, ...]
+    sizes_px: tuple[float, ...]
+    target_level: float
+    exposure_s: float
+
+    def __post_init__(self) -> None:
+        for name in ("levels_dn", "sizes_px"):
+            values = list(getattr(self, name))
+            if len(values) < 2 or sorted(set(values)) != values or values[0] < 0:
+                raise InputError(f"control.surface.{name}: expected at least two rising numbers from 0 on")
+
+
+@lru_cache(maxsize=2)
+def opened(kind: str, options: str) -> Detector:
+    """A detector, kept open by each worker process."""
+    from pipeline import detection
+
+    return detection.create(kind, **json.loads(options))
+
+
+@lru_cache(maxsize=1)
+def monitor() -> ConditionMonitor:
+    """The default condition monitor, kept open by each worker process."""
+    from pipeline.condition import ConditionMonitor
+
+    return ConditionMonitor()
+
+
+def light_for_level(camera: Camera, radiance: NDArray[np.float32], target_level: float, exposure_s: float) -> float:
+    """Illumination at which a scene has a mean encoded level at gain 1, by bisection."""
+    thin = radiance.reshape(-1)[:: max(1, radiance.size // 20_000)].astype(np.float64)
+    unit = thin * exposure_s / (camera.radiance_at_full_scale * camera.reference_exposure_s)
+    low, high = -20.0, 20.0
+    for _ in range(50):
+        middle = (low + high) / 2
+        mean = float((np.clip(unit * 2.0**middle, 0.0, 1.0) ** (1.0 / camera.gamma)).mean())
+        low, high = (middle, high) if mean < target_level else (low, middle)
+    return float(2.0 ** ((low + high) / 2))
+
+
+def gain_for_sigma(
+    camera: Camera, radiance: NDArray[np.float32], light: float, exposure_s: float, sigma_dn: float
+) -> float:
+    """Gain at which noise after the tone curve reaches a target at constant brightness; at least 1."""
+    thin = radiance[::8, ::8]
+
+    def noise(gain: float) -> float:
+        return camera.sigma_dn(camera.electrons(thin, exposure_s, light / gain), gain, exposure_s)
+
+    if noise(1.0) >= sigma_dn:
+        return 1.0
+    low, high = 0.0, np.log2(_LARGEST_GAIN)
+    if noise(2.0**high) < sigma_dn:
+        raise InputError(f"control.surface.levels_dn: this camera does not reach {sigma_dn:g} DN at any gain")
+    for _ in range(30):
+        middle = (low + high) / 2
+        low, high = (middle, high) if noise(2.0**middle) < sigma_dn else (low, middle)
+    return float(2.0 ** ((low + high) / 2))
+
+
+def measure(
+    view: View, *, camera: Camera, design: SurfaceDesign, kind: str, options: str, most: int, estimate: bool, seed: int
+) -> dict[str, NDArray[Any]]:
+    """Detections and estimates in one view under every condition.
+
+    Returns:
+        ``condition`` (M,) number of the condition (level-major), ``boxes``, ``score``, ``label`` of detections;
+        ``true_sigma`` (C,); ``sigma`` (C,) and ``mtf`` (C, 2, 8) of the monitor, NaN where it abstained or was not run.
+    """
+    radiance = view.radiance()
+    light = light_for_level(camera, radiance, design.target_level, design.exposure_s)
+    detector = opened(kind, options)
+    parts: list[tuple[NDArray[Any], ...]] = []
+    count = len(design.levels_dn) * len(design.sizes_px)
+    truth, sigma, mtf = np.zeros(count), np.full(count, np.nan), np.full((count, 2, 8), np.nan)
+    gains = [gain_for_sigma(camera, radiance, light, design.exposure_s, level) for level in design.levels_dn]
+    for number in range(count):
+        gain = gains[number // len(design.sizes_px)]
+        size = design.sizes_px[number % len(design.sizes_px)]
+        frame = camera.expose(
+            radiance, design.exposure_s, gain, noise_generator(seed, "surface", view.name),
+            light=light / gain, motion=Motion(size / design.exposure_s),
+        )  # fmt: skip
+        truth[number] = frame.sigma_dn
+        found = detector.detect([frame.image])[0]
+        found = found.where(np.argsort(-found.score, kind="stable")[:most])
+        parts.append((np.full(len(found), number), found.boxes, found.score, found.label))
+        if estimate:
+            condition = monitor().frame(frame.image)
+            sigma[number] = float(condition.sigma_dn.value)
+            mtf[number] = condition.mtf.value
+    place, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return {
+        "condition": place,
+        "boxes": boxes.reshape(-1, 4),
+        "score": score,
+        "label": label.astype(np.str_),
+        "true_sigma": truth,
+        "sigma": sigma,
+        "mtf": mtf,
+    }
+
+
+def performance(
+    measured: Sequence[tuple[View, Mapping[str, NDArray[Any]]]],
+    design: SurfaceDesign,
+    judge: Judge,
+    fold: int,
+    seed: int,
+) -> tuple[Performance, pd.DataFrame]:
+    """The surface from views.
+
+    Args:
+        measured: views and what `measure` gave.
+        design: the conditions.
+        judge: how detections are judged.
+        fold: recorded in the table.
+        seed: of the bootstrap.
+
+    Returns:
+        the surface, and its knots (schema `KNOTS`).
+
+    Raises:
+        InputError: the views show no object, or the monitor abstains from every sharp frame.
+    """
+    import pandas as pd
+
+    levels, sizes = len(design.levels_dn), len(design.sizes_px)
+    sigma = np.stack([part["sigma"] for _, part in measured])
+    truth = np.median([part["true_sigma"] for _, part in measured], axis=0)
+    with np.errstate(all="ignore"):
+        reference = np.nanmedian(np.stack([part["mtf"][0] for _, part in measured]), axis=0)
+    if not np.isfinite(reference).all():
+        raise InputError("control surface: the monitor abstains from every sharp frame, so there is no reference MTF")
+    mtf = motion_mtf(np.asarray(design.sizes_px), reference, FREQUENCY_INDEX)
+    rows, draws = [], []
+    answered = np.isfinite(sigma).sum(axis=0)
+    asked = sum(bool(np.isfinite(part["mtf"]).any() or np.isfinite(part["sigma"]).any()) for _, part in measured)
+    medians = np.array([np.nanmedian(sigma[:, n]) if answered[n] else truth[n] for n in range(levels * sizes)])
+    grid = medians.reshape(levels, sizes)
+    for row in range(1, levels):  # noise grows with the level: estimates that scatter do not fold the surface
+        grid[row] = np.maximum(grid[row], grid[row - 1] + _LEAST_STEP_DN)
+    for number in range(levels * sizes):
+        found = [
+            Detections.of(*(part[name][part["condition"] == number] for name in ("boxes", "score", "label")))
+            for _, part in measured
+        ]
+        score = average_precision(found, [view for view, _ in measured], judge, stream(seed, "control surface"))
+        draws.append(score.draws)
+        rows.append(
+            {
+                "fold": fold,
+                "target_sigma_dn": design.levels_dn[number // sizes],
+                "motion_px": design.sizes_px[number % sizes],
+                "sigma_dn": grid[number // sizes, number % sizes],
+                "true_sigma_dn": truth[number],
+                "mtf": mtf[number % sizes],
+                "ap_percent": score.ap_percent,
+                "low_percent": score.low_percent,
+                "high_percent": score.high_percent,
+                "objects": score.objects,
+                "estimates": int(answered[number]),
+                "estimates_abstained": int(asked - answered[number]),
+            }
+        )
+    table = KNOTS.conform(pd.DataFrame(rows))
+    if not np.isfinite(table["ap_percent"]).all():
+        raise InputError("control surface: the views show no object to find; use more viewpoints")
+    turned = slice(None, None, -1)  # MTF rises where motion falls
+    shape = (levels, sizes)
+    cells = Cells(
+        np.asarray(design.levels_dn, dtype=float),
+        mtf[turned],
+        np.ones(shape, dtype=np.int64),
+        grid[:, turned],
+        np.broadcast_to(mtf[turned], shape).copy(),
+        table["ap_percent"].to_numpy().reshape(shape)[:, turned],
+        np.moveaxis(np.stack(draws), 1, 0).reshape(-1, *shape)[:, :, turned],
+        0,
+    )
+    return Performance(Surface(cells), reference, FREQUENCY_INDEX, design.sizes_px[-1]), table

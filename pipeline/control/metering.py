@@ -1,0 +1,54 @@
+"""Brightness metering: the factor on total exposure that brings a frame's mean grey level to its target.
+
+Encoded levels follow ``mean ~ (t g) ** (1 / gamma)`` while nothing clips, so the factor is
+``(target / mean) ** gamma``. A clipped frame hides how bright it is: its factor is only a bound, and total exposure is
+halved once more where most pixels are white.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pipeline.control.observation import Observation
+from pipeline.errors import InputError
+
+_DARKEST_MEAN = 0.004  # one grey level of 8 bits
+_MOSTLY_SATURATED = 0.5
+
+
+@dataclass(frozen=True)
+class Metering:
+    """How brightness is kept.
+
+    Attributes:
+        target: mean encoded grey level, 0..1; built-in controllers have 0.5.
+        tolerance: no reaction within this fraction of the target.
+        largest_factor: of one step, up or down.
+        damping: exponent of the factor, (0, 1]; 1 corrects at once.
+    """
+
+    target: float = 0.5
+    tolerance: float = 0.1
+    largest_factor: float = 8.0
+    damping: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (0 < self.target < 1 and 0 <= self.tolerance < 1 and self.largest_factor > 1 and 0 < self.damping <= 1):
+            raise InputError(
+                "metering: expected target in (0, 1), tolerance in [0, 1), largest_factor above 1 and damping in (0, 1]"
+            )
+
+    def factor(self, observation: Observation, gamma: float) -> float:
+        """Factor on total exposure; 1 within the tolerance.
+
+        Args:
+            observation: the frame.
+            gamma: of the camera's tone curve.
+        """
+        mean = max(observation.mean_level, _DARKEST_MEAN)
+        if abs(mean / self.target - 1.0) <= self.tolerance:
+            return 1.0
+        factor = float((self.target / mean) ** (gamma * self.damping))
+        if observation.saturated_fraction > _MOSTLY_SATURATED:
+            factor /= 2.0
+        return min(max(factor, 1.0 / self.largest_factor), self.largest_factor)

@@ -1,0 +1,1 @@
+"""Control policies, one per file; the names are in `pipeline.control.REGISTRY`."""

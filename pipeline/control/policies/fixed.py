@@ -1,0 +1,36 @@
+"""Settings that never change: the paper's "fixed parameters"."""
+
+from __future__ import annotations
+
+from pipeline.control.decision import Action, Decision
+from pipeline.control.observation import Observation
+from pipeline.control.performance import Performance
+from pipeline.control.policy import ControlledCamera, Policy
+from pipeline.control.state import CameraState
+
+
+class Fixed(Policy):
+    """Holds one state.
+
+    Args:
+        camera: see `Policy`.
+        performance: not used.
+        exposure_ms: exposure time.
+        iso: gain as ISO.
+    """
+
+    def __init__(
+        self,
+        camera: ControlledCamera,
+        performance: Performance | None = None,
+        exposure_ms: float = 8.0,
+        iso: float = 100.0,
+    ) -> None:
+        super().__init__(camera, performance)
+        wanted = CameraState.of(exposure_ms, iso)
+        self.state = self.limits.nearest(wanted.exposure_s, wanted.gain)
+
+    def decide(self, observation: Observation, state: CameraState) -> Decision:
+        """The fixed state."""
+        action = Action.HOLD if state == self.state else Action.MOVE
+        return Decision(self.state, action, "fixed settings")

@@ -1,0 +1,49 @@
+"""Generic automatic exposure: the mean grey level is driven to a target, exposure time first, then gain.
+
+``E' = E (target / mean) ** (gamma damping)`` outside of a dead band, the multiplicative law of open camera drivers with
+the defaults of built-in controllers: target 50 %, tolerance 5 %.
+"""
+
+from __future__ import annotations
+
+from pipeline.control.decision import Action, Decision
+from pipeline.control.metering import Metering
+from pipeline.control.observation import Observation
+from pipeline.control.performance import Performance
+from pipeline.control.policy import ControlledCamera, Policy
+from pipeline.control.state import CameraState
+
+
+class MeanIntensity(Policy):
+    """Mean grey level to target.
+
+    Args:
+        camera: see `Policy`.
+        performance: not used.
+        target: mean encoded grey level.
+        tolerance: dead band, fraction of the target.
+        damping: exponent of a step, (0, 1]; 1 corrects at once, which oscillates with a delay.
+        exposure_max_ms: hard cap of the exposure time below the camera's.
+    """
+
+    def __init__(
+        self,
+        camera: ControlledCamera,
+        performance: Performance | None = None,
+        target: float = 0.5,
+        tolerance: float = 0.05,
+        damping: float = 0.5,
+        exposure_max_ms: float | None = None,
+    ) -> None:
+        super().__init__(camera, performance)
+        self.metering = Metering(target, tolerance, largest_factor=8.0, damping=damping)
+        self.exposure_max_s = None if exposure_max_ms is None else exposure_max_ms / 1e3
+
+    def decide(self, observation: Observation, state: CameraState) -> Decision:
+        """See `Policy.decide`."""
+        factor = self.metering.factor(observation, self.camera.formation.gamma)
+        if factor == 1.0:
+            return Decision(state, Action.HOLD, f"mean {observation.mean_level:.2f} is within tolerance")
+        new = self.limits.time_first(state.total_exposure_s * factor, self.exposure_max_s)
+        action = Action.HOLD if new == state else Action.MOVE
+        return Decision(new, action, f"mean {observation.mean_level:.2f}: total exposure times {factor:.2f}")

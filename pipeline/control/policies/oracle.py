@@ -1,0 +1,71 @@
+"""The ceiling: settings with the highest average precision on the surface for the *true* noise and motion.
+
+It knows the scene at every setting, has no delay and no estimator. Simulation only.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from pipeline.control.decision import Action, Decision
+from pipeline.control.observation import Observation
+from pipeline.control.performance import Performance
+from pipeline.control.policy import ControlledCamera, Policy
+from pipeline.control.state import CameraState
+from pipeline.errors import InputError
+
+TIMES_PER_STOP = 6
+_BISECTIONS = 20
+
+
+class Oracle(Policy):
+    """Exhaustive search on the truth.
+
+    Args:
+        camera: see `Policy`.
+        performance: surface asked.
+        target: mean encoded grey level.
+    """
+
+    sees_truth: ClassVar[bool] = True
+    needs_surface: ClassVar[bool] = True
+
+    def __init__(self, camera: ControlledCamera, performance: Performance | None = None, target: float = 0.5) -> None:
+        super().__init__(camera, performance)
+        self.target = target
+
+    def decide(self, observation: Observation, state: CameraState) -> Decision:
+        """See `Policy.decide`."""
+        if observation.truth is None:
+            raise InputError("policy oracle: needs the truth, which only the simulated loop gives")
+        limits, truth = self.limits, observation.truth
+        total = self._total(observation)
+        stops = math.log2(limits.exposure_max_s / limits.exposure_min_s)
+        times = limits.exposure_min_s * 2.0 ** np.linspace(0.0, stops, max(2, round(stops * TIMES_PER_STOP) + 1))
+        states = list(dict.fromkeys(limits.at_time(total, float(time)) for time in times))
+        there = [truth(each) for each in states]
+        sigma, motion = (np.array([getattr(each, name) for each in there]) for name in ("sigma_dn", "motion_px"))
+        expected = self.performance.expected(sigma, motion).ap_percent
+        if np.isfinite(expected).any():
+            index, action = int(np.nanargmax(expected)), Action.MOVE
+        else:
+            index, action = int(np.argmin(self.performance.excess(sigma, motion))), Action.REFUSED
+        if states[index] == state and action is Action.MOVE:
+            action = Action.HOLD
+        reason = f"noise {sigma[index]:.1f} DN and motion {motion[index]:.1f} px are known"
+        return Decision(states[index], action, reason, float(expected[index]))
+
+    def _total(self, observation: Observation) -> float:
+        """Total exposure with the target level, by bisection in stops."""
+        assert observation.truth is not None
+        limits = self.limits
+        low = math.log2(limits.exposure_min_s * limits.gain_min)
+        high = math.log2(limits.exposure_max_s * limits.gain_max)
+        for _ in range(_BISECTIONS):
+            middle = (low + high) / 2
+            continuous = limits.without_steps().time_first(2.0**middle)
+            low, high = (middle, high) if observation.truth(continuous).mean_level < self.target else (low, middle)
+        return float(2.0 ** ((low + high) / 2))

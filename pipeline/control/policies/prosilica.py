@@ -1,0 +1,69 @@
+"""The built-in controller of the paper's camera (Prosilica GC1380H), as recovered from its published response.
+
+With m the mean grey level in 1/64 of full scale, rounded down::
+
+    m <= 28:   t' = t (1 + (30.4 / m - 1) / 4)       a quarter step towards 47.5 %
+    29..31:    t' = t
+    m >= 32:   t' = 0.75 t
+
+Gain, gain step 1/4, target, hold band and cut are identified by the data (28 upward steps to 0.004 ms, all downward
+steps 0.75); full scale 64 and rounding down are an interpretation that agrees with the maker's documented defaults
+(target 50 %, tolerance 5 %, exposure before gain).
+"""
+
+from __future__ import annotations
+
+import math
+
+from pipeline.control.decision import Action, Decision
+from pipeline.control.observation import Observation
+from pipeline.control.performance import Performance
+from pipeline.control.policy import ControlledCamera, Policy
+from pipeline.control.state import CameraState
+from pipeline.errors import InputError
+
+
+class Prosilica(Policy):
+    """The integer law.
+
+    Args:
+        camera: see `Policy`.
+        performance: not used.
+        gain: fraction of the way taken per frame upwards.
+        target: mean as a fraction of full scale.
+        hold: lowest and highest integer mean without reaction.
+        cut: factor downwards.
+        levels: integer levels of full scale.
+    """
+
+    def __init__(
+        self,
+        camera: ControlledCamera,
+        performance: Performance | None = None,
+        gain: float = 0.25,
+        target: float = 0.475,
+        hold: tuple[int, int] = (29, 31),
+        cut: float = 0.75,
+        levels: int = 64,
+    ) -> None:
+        super().__init__(camera, performance)
+        if not (0 < gain <= 1 and 0 < target < 1 and 0 < cut < 1 and 1 <= hold[0] <= hold[1] < levels):
+            raise InputError("policy prosilica: expected gain, target and cut in (0, 1) and hold within the levels")
+        self.gain, self.target, self.cut, self.levels = gain, target, cut, levels
+        self.hold = (int(hold[0]), int(hold[1]))
+
+    def factor(self, mean_level: float) -> float:
+        """Factor on the exposure for a mean level in 0..1."""
+        mean = max(math.floor(mean_level * self.levels), 1)
+        if mean < self.hold[0]:
+            return 1.0 + self.gain * (self.target * self.levels / mean - 1.0)
+        return self.cut if mean > self.hold[1] else 1.0
+
+    def decide(self, observation: Observation, state: CameraState) -> Decision:
+        """See `Policy.decide`."""
+        factor = self.factor(observation.mean_level)
+        if factor == 1.0:
+            return Decision(state, Action.HOLD, f"mean {observation.mean_level:.2f} is within the hold band")
+        new = self.limits.time_first(state.total_exposure_s * factor)
+        action = Action.HOLD if new == state else Action.MOVE
+        return Decision(new, action, f"mean {observation.mean_level:.2f}: total exposure times {factor:.3f}")

@@ -1,0 +1,119 @@
+"""Noise-aware image quality maximised by a simplex search over exposure and gain (Shin et al. 2019).
+
+Every evaluation is a captured frame, which the robot sees too: probes are decisions like any other. The published
+program searches raw microseconds and decibels, starts degenerate at 0 dB and ends after one search per scene; here both
+axes run over [0, 1] (exposure in stops, gain in dB), the first steps are at least a tenth of the range, and a new
+search starts when quality or mean level has moved by more than 10 % for three frames. The first step is the paper's:
+up by ``1.7 (1 - I)`` for a dark frame, down by ``I / 1.7`` for a bright one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+
+import numpy as np
+
+from pipeline.control.decision import Action, Decision
+from pipeline.control.image_quality import quality
+from pipeline.control.nelder_mead import Point, search
+from pipeline.control.observation import Observation
+from pipeline.control.performance import Performance
+from pipeline.control.policy import ControlledCamera, Policy
+from pipeline.control.state import CameraState
+
+LEAST_STEP = 0.1
+CHANGE = 0.10
+PATIENCE = 3
+
+
+class Shin2019(Policy):
+    """Simplex search, hold, search again after a change.
+
+    Args:
+        camera: see `Policy`.
+        performance: not used.
+        probes: evaluations of one search at most.
+        tolerance: of the search.
+    """
+
+    def __init__(
+        self,
+        camera: ControlledCamera,
+        performance: Performance | None = None,
+        probes: int = 50,
+        tolerance: float = 1e-5,
+    ) -> None:
+        super().__init__(camera, performance)
+        self.probes, self.tolerance = probes, tolerance
+        self._search: Generator[Point, float, tuple[Point, float]] | None = None
+        self._asked: CameraState | None = None
+        self._held: tuple[float, float] | None = None
+        self._strange = 0
+
+    def decide(self, observation: Observation, state: CameraState) -> Decision:
+        """See `Policy.decide`."""
+        value = quality(observation.image).value
+        if self._search is None and self._held is None:
+            return self._start(observation, state)
+        if self._search is not None:
+            if self._asked is not None and state != self._asked:
+                return Decision(self._asked, Action.PROBE, "the probe is still on its way to the sensor")
+            try:
+                point = self._search.send(-value)
+            except StopIteration as end:
+                self._search = None
+                best, objective = end.value
+                self._strange, self._held = 0, (-objective, math.nan)
+                return Decision(self._state(best), Action.MOVE, f"search ended at quality {-objective:.2f}")
+            return self._probe(point, f"probe after quality {value:.2f}")
+        return self._watch(observation, state, value)
+
+    def _watch(self, observation: Observation, state: CameraState, value: float) -> Decision:
+        assert self._held is not None
+        held, mean = self._held
+        if math.isnan(mean):
+            self._held = (value, observation.mean_level)
+            return Decision(state, Action.HOLD, f"quality {value:.2f} is kept")
+        moved = abs(value - held) > CHANGE * max(abs(held), 0.1) or abs(observation.mean_level - mean) > CHANGE * mean
+        self._strange = self._strange + 1 if moved else 0
+        if self._strange >= PATIENCE:
+            self._held = None
+            return self._start(observation, state)
+        return Decision(state, Action.HOLD, f"quality {value:.2f} is kept")
+
+    def _start(self, observation: Observation, state: CameraState) -> Decision:
+        """First probe of a new search, from the present settings."""
+        level, here = observation.mean_level, self._point(state)
+        change = 1.7 * (1.0 - level) if level < 0.5 else -level / 1.7
+        stops = math.log2(1.0 + change)
+        time_step = stops / self._stops()
+        gain_step = 20.0 * math.log10(1.0 + change) / max(self._decibels(), 1e-9)
+        simplex = np.stack([here, here, here])
+        for row, axis, step in ((1, 0, time_step), (2, 1, gain_step)):
+            wanted = math.copysign(max(abs(step), LEAST_STEP), step)
+            moved = here[axis] + wanted
+            simplex[row, axis] = moved if 0.0 <= moved <= 1.0 else here[axis] - wanted
+        self._search, self._strange = search(simplex, self.tolerance, self.probes), 0
+        point = next(self._search)
+        return self._probe(point, "new search")
+
+    def _probe(self, point: Point, reason: str) -> Decision:
+        self._asked = self._state(point)
+        return Decision(self._asked, Action.PROBE, reason)
+
+    def _stops(self) -> float:
+        return max(math.log2(self.limits.exposure_max_s / self.limits.exposure_min_s), 1e-9)
+
+    def _decibels(self) -> float:
+        return 20.0 * math.log10(self.limits.gain_max / self.limits.gain_min)
+
+    def _point(self, state: CameraState) -> Point:
+        time = math.log2(state.exposure_s / self.limits.exposure_min_s) / self._stops()
+        gain = 20.0 * math.log10(state.gain / self.limits.gain_min) / max(self._decibels(), 1e-9)
+        return np.clip([time, gain], 0.0, 1.0)
+
+    def _state(self, point: Point) -> CameraState:
+        time = self.limits.exposure_min_s * 2.0 ** (float(point[0]) * self._stops())
+        gain = self.limits.gain_min * 10.0 ** (float(point[1]) * self._decibels() / 20.0)
+        return self.limits.nearest(time, gain)

@@ -1,0 +1,140 @@
+"""Scenarios of the closed loop: light, speed and disturbances over time, as configuration.
+
+Light and speed are knots ``[step, value]``; between knots light is interpolated geometrically and speed linearly,
+beyond them both are constant. Neighbouring knots one step apart make a step.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pipeline.control.state import CameraState
+from pipeline.errors import InputError
+
+
+@dataclass(frozen=True)
+class Flicker:
+    """Lamp flicker: light times ``1 + depth sin(2 pi f t)``, averaged over the exposure.
+
+    Attributes:
+        frequency_hz: of the light (twice the mains frequency); 0 for none.
+        depth: amplitude, 0..1.
+    """
+
+    frequency_hz: float = 0.0
+    depth: float = 0.0
+
+    def factor(self, start_s: float, exposure_s: float) -> float:
+        """Mean light of an exposure that starts at a time, relative to steady light."""
+        if not self.frequency_hz or not self.depth:
+            return 1.0
+        turn = 2.0 * math.pi * self.frequency_hz
+        change = math.cos(turn * start_s) - math.cos(turn * (start_s + exposure_s))
+        return 1.0 + self.depth * change / (turn * exposure_s)
+
+
+@dataclass(frozen=True)
+class EstimatorFault:
+    """What is wrong with the estimator.
+
+    Attributes:
+        silent: first and last step at which it abstains; None for none.
+        sigma_factor, motion_factor: by which noise and the length of motion blur are misjudged.
+    """
+
+    silent: tuple[int, int] | None = None
+    sigma_factor: float = 1.0
+    motion_factor: float = 1.0
+
+    def is_silent(self, step: int) -> bool:
+        """Whether the estimator abstains at a step."""
+        return self.silent is not None and self.silent[0] <= step <= self.silent[1]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One drive.
+
+    Attributes:
+        name: in the configuration.
+        steps: frames.
+        light: knots of the illumination, 1 is full daylight of the rendered scenes.
+        speed_px_s: knots of the image's speed.
+        direction_deg: of the motion.
+        start: settings of the first frame.
+        frame_period_s: between frames.
+        delay_frames: see `Limits`.
+        sun_radius_fraction: radius of a sun in the picture, fraction of its width; 0 for none.
+        flicker: of the lamps.
+        fault: of the estimator.
+    """
+
+    name: str
+    steps: int
+    light: tuple[tuple[float, float], ...]
+    speed_px_s: tuple[tuple[float, float], ...]
+    start: CameraState
+    direction_deg: float = 0.0
+    frame_period_s: float = 1.0 / 30.0
+    delay_frames: int = 0
+    sun_radius_fraction: float = 0.0
+    flicker: Flicker = field(default_factory=Flicker)
+    fault: EstimatorFault = field(default_factory=EstimatorFault)
+
+    def __post_init__(self) -> None:
+        for name, knots, least in (("light", self.light, 1e-9), ("speed_px_s", self.speed_px_s, 0.0)):
+            places = [knot[0] for knot in knots]
+            if not knots or sorted(set(places)) != places or any(not knot[1] >= least for knot in knots):
+                raise InputError(
+                    f"scenario '{self.name}': {name} is a list of [step, value] with rising steps and values of at "
+                    f"least {least:g}, got {knots!r}"
+                )
+
+    @classmethod
+    def from_section(cls, name: str, section: Any) -> Scenario:
+        """From an entry of ``control.scenarios`` of the configuration."""
+        fault = section.fault
+        return cls(
+            name=name,
+            steps=section.steps,
+            light=_knots(section.light),
+            speed_px_s=_knots(section.speed_px_s),
+            start=CameraState.of(section.start_exposure_ms, section.start_iso),
+            direction_deg=section.direction_deg,
+            frame_period_s=section.frame_period_s,
+            delay_frames=section.delay_frames,
+            sun_radius_fraction=section.sun_radius_fraction,
+            flicker=Flicker(section.flicker_hz, section.flicker_depth),
+            fault=EstimatorFault(fault.silent, fault.sigma_factor, fault.motion_factor),
+        )
+
+    def light_at(self, step: int, exposure_s: float) -> float:
+        """Mean illumination during the exposure of a step, flicker included."""
+        places, values = np.array(self.light).T
+        steady = float(np.exp(np.interp(step, places, np.log(values))))
+        return steady * self.flicker.factor(step * self.frame_period_s, exposure_s)
+
+    def speed_at(self, step: int) -> float:
+        """Speed of the image at a step, px/s."""
+        places, values = np.array(self.speed_px_s).T
+        return float(np.interp(step, places, values))
+
+    @property
+    def disturbances(self) -> list[int]:
+        """Steps from which settling is measured: the start, and the ends of steep changes of light or speed."""
+        found = [0]
+        for knots, ratio in ((self.light, 2.0), (self.speed_px_s, 1.5)):
+            for (before, old), (after, new) in itertools.pairwise(knots):
+                if after - before <= 1.0 and max(old, new) > ratio * min(old, new):
+                    found.append(int(after))
+        return sorted(set(found))
+
+
+def _knots(rows: Sequence[Sequence[float]]) -> tuple[tuple[float, float], ...]:
+    return tuple((float(step), float(value)) for step, value in rows)

@@ -1,0 +1,99 @@
+"""Average precision of a set of views, mean over the classes, with bootstrap draws that pair policies.
+
+Viewpoints are resampled, the same ones for every policy and condition drawn from equal streams, so that differences are
+paired. A class that no view shows is left out of the mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.control.views import View
+from pipeline.detection.average_precision import evaluate
+from pipeline.detection.base import Detections
+from pipeline.detection.classes import CLASS_MAPS, ClassMap
+from pipeline.detection.matching import Rule
+from pipeline.streams import stream
+
+
+@dataclass(frozen=True)
+class Judge:
+    """How detections are judged.
+
+    Attributes:
+        rule: ``paper`` or ``coco``.
+        iou_threshold: least intersection over union of a true positive.
+        min_height_px: lower objects are ignored.
+        min_visible_fraction: so are objects less visible.
+        bootstrap_draws: resamples of viewpoints.
+        words: classes of the dataset's labels.
+    """
+
+    rule: Rule = "paper"
+    iou_threshold: float = 0.5
+    min_height_px: float = 25.0
+    min_visible_fraction: float = 0.3
+    bootstrap_draws: int = 300
+    words: ClassMap = field(default_factory=lambda: CLASS_MAPS["sim"])
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """Average precision of a set of views.
+
+    Attributes:
+        ap_percent: mean over the classes present; NaN without any object.
+        low_percent, high_percent: bootstrap 95 % interval over viewpoints.
+        objects: to be found, all classes.
+        draws: (B,) percent.
+    """
+
+    ap_percent: float
+    low_percent: float
+    high_percent: float
+    objects: int
+    draws: NDArray[np.float64]
+
+
+def average_precision(
+    detections: Sequence[Detections], seen: Sequence[View], judge: Judge, generator: np.random.Generator
+) -> Score:
+    """Judge detections.
+
+    Args:
+        detections: one entry per view.
+        seen: the views.
+        judge: the rules.
+        generator: of the bootstrap; equal generators resample the same viewpoints.
+    """
+    truths = [judge.words.truth(view.boxes, judge.min_height_px, judge.min_visible_fraction) for view in seen]
+    words = generator.integers(0, 2**63, dtype=np.uint64)
+    values, draws, objects = [], [], 0
+    for label in judge.words.classes:
+        result = evaluate(
+            detections, truths, [label], judge.rule, judge.iou_threshold, stream(int(words), "viewpoints"),
+            judge.bootstrap_draws, [view.viewpoint for view in seen],
+        )[label]  # fmt: skip
+        objects += result.objects
+        if result.objects:
+            values.append(100.0 * result.average_precision)
+            draws.append(100.0 * result.draws)
+    if not values:
+        nan = float("nan")
+        return Score(nan, nan, nan, 0, np.full(judge.bootstrap_draws, nan))
+    drawn = _mean_of_known(np.stack(draws))
+    finite = drawn[np.isfinite(drawn)]
+    low, high = np.percentile(finite, [2.5, 97.5]).tolist() if len(finite) else (float("nan"), float("nan"))
+    return Score(min(float(np.mean(values)), 100.0), low, high, objects, drawn)
+
+
+def _mean_of_known(draws: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(B,) mean over classes; a resample without an object of a class has no value for it."""
+    known = np.isfinite(draws)
+    count = known.sum(axis=0)
+    total = np.where(known, draws, 0.0).sum(axis=0)
+    return np.clip(np.where(count > 0, total / np.maximum(count, 1), np.nan), 0.0, 100.0)

@@ -1,0 +1,149 @@
+"""Exposure state of a camera, its limits and steps, and how total exposure splits into time and gain.
+
+Total exposure is time x gain: brightness before clipping is proportional to it. Priority as in built-in controllers:
+exposure time first, up to its limit, then gain; gain is reduced first.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+from pipeline.errors import InputError
+
+BASE_ISO = 100.0
+
+
+@dataclass(frozen=True)
+class CameraState:
+    """Settings that one frame was, or will be, taken with.
+
+    Attributes:
+        exposure_s: exposure time, above 0 s.
+        gain: ISO / base ISO, above 0.
+    """
+
+    exposure_s: float
+    gain: float
+
+    def __post_init__(self) -> None:
+        for name in ("exposure_s", "gain"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"camera state: {name} is {value!r}; expected a finite number above 0")
+
+    @classmethod
+    def of(cls, exposure_ms: float, iso: float) -> CameraState:
+        """From milliseconds and ISO, base ISO 100."""
+        return cls(exposure_ms / 1e3, iso / BASE_ISO)
+
+    @property
+    def exposure_ms(self) -> float:
+        """Exposure time in milliseconds."""
+        return self.exposure_s * 1e3
+
+    @property
+    def iso(self) -> float:
+        """Gain as ISO, base ISO 100."""
+        return self.gain * BASE_ISO
+
+    @property
+    def gain_db(self) -> float:
+        """Gain in decibels, ``20 log10 gain``."""
+        return 20.0 * math.log10(self.gain)
+
+    @property
+    def total_exposure_s(self) -> float:
+        """Time x gain; brightness is proportional to it."""
+        return self.exposure_s * self.gain
+
+    def traded(self, alpha: float) -> CameraState:
+        """Exposure shortened by ``alpha``, gain raised by it: ``(t / alpha, g alpha)``; brightness is kept."""
+        if not (math.isfinite(alpha) and alpha > 0):
+            raise InputError(f"alpha is {alpha!r}; expected a finite number above 0")
+        return CameraState(self.exposure_s / alpha, self.gain * alpha)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a camera accepts.
+
+    Attributes:
+        exposure_min_s, exposure_max_s: range of the exposure time.
+        gain_min, gain_max: range of the gain.
+        exposure_steps_per_stop: settings per factor of two of the exposure time; 0 is continuous.
+        gain_step_db: step of the gain; 0 is continuous.
+        delay_frames: frames from a register write to the first image with it, beside the next frame itself.
+    """
+
+    exposure_min_s: float = 50e-6
+    exposure_max_s: float = 33e-3
+    gain_min: float = 1.0
+    gain_max: float = 32.0
+    exposure_steps_per_stop: int = 0
+    gain_step_db: float = 0.0
+    delay_frames: int = 0
+
+    def __post_init__(self) -> None:
+        for low, high in (("exposure_min_s", "exposure_max_s"), ("gain_min", "gain_max")):
+            least, most = getattr(self, low), getattr(self, high)
+            if not (math.isfinite(most) and 0 < least <= most):
+                raise InputError(f"limits: expected 0 < {low} <= {high}, got {least!r} and {most!r}")
+        if self.exposure_steps_per_stop < 0 or self.gain_step_db < 0 or not 0 <= self.delay_frames <= 10:
+            raise InputError("limits: steps are at least 0 and delay_frames lies in 0..10")
+
+    def nearest(self, exposure_s: float, gain: float) -> CameraState:
+        """The nearest settings the camera accepts, each on its own."""
+        time = min(max(exposure_s, self.exposure_min_s), self.exposure_max_s)
+        if self.exposure_steps_per_stop:
+            count = self.exposure_steps_per_stop
+            steps = round(math.log2(time / self.exposure_min_s) * count)
+            steps = min(steps, math.floor(math.log2(self.exposure_max_s / self.exposure_min_s) * count + 1e-9))
+            time = self.exposure_min_s * 2.0 ** (steps / count)
+        factor = min(max(gain, self.gain_min), self.gain_max)
+        if self.gain_step_db:
+            decibels = round(20.0 * math.log10(factor / self.gain_min) / self.gain_step_db)
+            most = math.floor(20.0 * math.log10(self.gain_max / self.gain_min) / self.gain_step_db + 1e-9)
+            factor = self.gain_min * 10.0 ** (min(decibels, most) * self.gain_step_db / 20.0)
+        return CameraState(time, factor)
+
+    def at_time(self, total_exposure_s: float, exposure_s: float) -> CameraState:
+        """Settings of a total exposure at (about) an exposure time; time gives way where the gain's range ends."""
+        first = self.nearest(exposure_s, total_exposure_s / exposure_s)
+        return self.nearest(total_exposure_s / first.gain, total_exposure_s / first.exposure_s)
+
+    def time_first(self, total_exposure_s: float, exposure_max_s: float | None = None) -> CameraState:
+        """Settings of a total exposure, by time up to its limit, then by gain.
+
+        Args:
+            total_exposure_s: wanted time x gain.
+            exposure_max_s: a lower limit of the time than the camera's.
+        """
+        longest = min(self.exposure_max_s, exposure_max_s or self.exposure_max_s)
+        time = min(max(total_exposure_s / self.gain_min, self.exposure_min_s), longest)
+        return self.nearest(time, total_exposure_s / time)
+
+    def without_steps(self) -> Limits:
+        """The same ranges, continuous and without delay."""
+        return replace(self, exposure_steps_per_stop=0, gain_step_db=0.0, delay_frames=0)
+
+
+@dataclass
+class DelayLine:
+    """Settings on their way to the sensor.
+
+    Attributes:
+        waiting: written settings, oldest first; one leaves with every frame.
+    """
+
+    waiting: list[CameraState] = field(default_factory=list)
+
+    @classmethod
+    def filled(cls, state: CameraState, delay_frames: int) -> DelayLine:
+        """A line that gives ``state`` for the first ``delay_frames`` frames."""
+        return cls([state] * delay_frames)
+
+    def next(self, written: CameraState) -> CameraState:
+        """Write settings; returns those of the next frame."""
+        self.waiting.append(written)
+        return self.waiting.pop(0)

@@ -1,0 +1,103 @@
+"""Radiance of rendered viewpoints with their boxes, for cameras that look at them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.datasets.frame import Box
+from pipeline.datasets.sim import Sim
+from pipeline.errors import InputError
+from pipeline.store import read_arrays
+
+SUN_RADIANCE = 400.0
+_NAME = re.compile(r"^(?P<viewpoint>.+)-(?P<moment>\d+)$")
+
+
+@dataclass(frozen=True)
+class View:
+    """One rendered moment of one viewpoint.
+
+    Attributes:
+        name: of the frame.
+        viewpoint: it belongs to.
+        moment: 0..3.
+        path: of its radiance.
+        boxes: labelled objects.
+    """
+
+    name: str
+    viewpoint: str
+    moment: int
+    path: Path
+    boxes: tuple[Box, ...]
+
+    def radiance(self) -> NDArray[np.float32]:
+        """(H, W) linear radiance."""
+        return _radiance(self.path)
+
+
+@lru_cache(maxsize=8)
+def _radiance(path: Path) -> NDArray[np.float32]:
+    arrays = read_arrays(path)
+    if "radiance" not in arrays:
+        raise InputError(f"{path}: expected the array 'radiance'; render again with scenes.radiance=true")
+    return arrays["radiance"].astype(np.float32)
+
+
+def views(root: Path, split: str = "evaluation") -> list[View]:
+    """All rendered moments with radiance, by viewpoint and moment.
+
+    Args:
+        root: folder the stage `render_sim` writes.
+        split: sub-folder.
+
+    Raises:
+        InputError: no frame, or a frame without radiance.
+    """
+    found = []
+    for frame in Sim("sim", root, split=split, moments="all").frames():
+        match = _NAME.match(frame.name)
+        path = frame.path.with_name(f"{frame.name}.radiance.npz")
+        if match is None or frame.defect:
+            continue
+        if not path.is_file():
+            raise InputError(f"{path}: no such file; control needs linear radiance: render with scenes.radiance=true")
+        found.append(View(frame.name, match["viewpoint"], int(match["moment"]), path, frame.boxes))
+    if not found:
+        raise InputError(f"{root / split}: no rendered frame; run the stage render_sim")
+    return sorted(found, key=lambda view: (view.viewpoint, view.moment))
+
+
+def folds(found: list[View], viewpoints: int, count: int = 2) -> list[list[View]]:
+    """Viewpoints dealt to folds, so that each fold is controlled by a surface measured on the others.
+
+    Consecutive pairs stay together (a street and a village). With fewer viewpoints than folds there is one fold.
+
+    Args:
+        found: `views`.
+        viewpoints: used at most.
+        count: folds.
+    """
+    names = list(dict.fromkeys(view.viewpoint for view in found))[:viewpoints]
+    count = count if len(names) >= 2 * count else (min(count, len(names)))
+    parts: list[list[str]] = [[] for _ in range(count)]
+    size = 2 if len(names) >= 2 * count else 1
+    for number, name in enumerate(names):
+        parts[(number // size) % count].append(name)
+    return [[view for view in found if view.viewpoint in part] for part in parts]
+
+
+def with_sun(radiance: NDArray[np.float32], radius_fraction: float) -> NDArray[np.float32]:
+    """The radiance with a sun: a bright disc in the upper middle, radius as a fraction of the width."""
+    if radius_fraction <= 0.0:
+        return radiance
+    height, width = radiance.shape
+    y, x = np.ogrid[:height, :width]
+    disc = (x - 0.6 * width) ** 2 + (y - 0.15 * height) ** 2 <= (radius_fraction * width) ** 2
+    return np.where(disc, np.float32(SUN_RADIANCE), radiance)

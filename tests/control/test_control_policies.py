@@ -1,0 +1,218 @@
+"""Policies: convergence for every delay, limits, defined actions on bad frames, what each one reacts to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from control_makers import CAMERA, Scene, performance, scalar, seen_mtf
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pipeline import control
+from pipeline.control.decision import Action
+from pipeline.control.observation import Observation
+from pipeline.control.policy import ControlledCamera
+from pipeline.control.state import CameraState, DelayLine, Limits
+from pipeline.errors import InputError
+
+BLIND = ("mean_intensity", "prosilica")
+AWARE = ("iopc_target", "iopc_optimal", "iopc_continuous")
+EVERY = ("fixed", *BLIND, "shim", "shin2019", *AWARE)
+SURFACE = performance()
+
+
+def make(name, **options):
+    return control.create(name, camera=CAMERA, performance=SURFACE, **options)
+
+
+def drive(policy, scene, start, frames=25, delay=0, silent=()):
+    """States of each frame, and decisions."""
+    state, line = start, DelayLine.filled(start, delay)
+    states, decisions = [], []
+    for step in range(frames):
+        decision = policy.decide(scene.observe(state, step in silent), state)
+        states.append(state)
+        decisions.append(decision)
+        state = line.next(decision.state)
+    return states, decisions
+
+
+@pytest.mark.parametrize("name", [*BLIND, *AWARE])
+@pytest.mark.parametrize("delay", [0, 1, 2, 3])
+@pytest.mark.parametrize("start_ms", [1.0, 30.0])
+def test_policies_settle_on_a_constant_scene_and_do_not_oscillate(name, delay, start_ms):
+    scene = Scene(light=0.5, speed_px_s=300.0)
+    states, _ = drive(make(name), scene, CameraState.of(start_ms, 100), frames=60 * (delay + 1), delay=delay)
+    totals = np.log2([state.total_exposure_s for state in states])
+    times = np.log2([state.exposure_s for state in states])
+    level = scene.truth(states[-1]).mean_level
+    assert level == pytest.approx(0.5, rel=0.12)
+    tail = slice(-6 * (delay + 1), None)
+    assert np.ptp(totals[tail]) < 0.05 and np.ptp(times[tail]) < 0.35
+
+
+@given(
+    name=st.sampled_from(EVERY),
+    light=st.floats(1e-4, 200.0),
+    speed=st.floats(0.0, 4_000.0),
+    time_ms=st.floats(0.05, 33.0),
+    iso=st.floats(100, 3_200),
+    silent=st.booleans(),
+)
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_policies_never_leave_the_limits(name, light, speed, time_ms, iso, silent):
+    limits = CAMERA.limits
+    policy, scene = make(name), Scene(light, speed)
+    state = limits.nearest(time_ms / 1e3, iso / 100)
+    for _ in range(4):
+        state = policy.decide(scene.observe(state, silent), state).state
+        assert limits.exposure_min_s * (1 - 1e-9) <= state.exposure_s <= limits.exposure_max_s * (1 + 1e-9)
+        assert limits.gain_min * (1 - 1e-9) <= state.gain <= limits.gain_max * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("level", [0.0, 1.0, 0.48])
+def test_policies_answer_black_white_and_featureless_frames(name, level):
+    """The estimator is silent in all of them; brightness still moves the right way."""
+    image = np.full((64, 64), level, np.float32)
+    seen = Observation(image, level, float(level >= 0.99), reason="flat")
+    state = CameraState.of(4, 400)
+    policy = make(name)
+    decisions = [policy.decide(seen, state)]
+    for _ in range(30):
+        decisions.append(policy.decide(seen, decisions[-1].state))
+    for decision in decisions:
+        assert np.isfinite([decision.state.exposure_s, decision.state.gain]).all() and decision.reason
+    if name in AWARE:
+        assert {decision.action for decision in decisions} == {Action.ABSTAINED}
+    if name not in ("fixed", "shin2019"):
+        brighter = decisions[-1].state.total_exposure_s / state.total_exposure_s
+        assert (brighter > 2) if level == 0.0 else (brighter < 0.5) if level == 1.0 else (0.9 < brighter < 1.1)
+
+
+@pytest.mark.parametrize("name", AWARE)
+def test_policies_hold_while_the_estimator_is_silent_and_go_on_after(name):
+    scene, policy = Scene(light=0.5, speed_px_s=900.0), make(name)
+    states, decisions = drive(policy, scene, CameraState.of(8, 200), frames=20, silent=range(8, 13))
+    assert all(decision.action is Action.ABSTAINED for decision in decisions[8:13])
+    assert len(set(states[9:14])) == 1
+    assert decisions[14].action is not Action.ABSTAINED
+
+
+def test_policies_only_task_aware_ones_react_to_speed():
+    """Light is constant, the image moves faster: time goes down where the surface says so, nowhere else."""
+    for name in (*BLIND, *AWARE):
+        times = []
+        for speed in (50.0, 2_000.0):
+            states, _ = drive(make(name), Scene(0.5, speed), CameraState.of(8, 200), frames=30)
+            times.append(states[-1].exposure_s)
+        assert (times[1] < 0.7 * times[0]) if name in AWARE else times[1] == pytest.approx(times[0]), name
+
+
+@pytest.mark.parametrize("name", ["iopc_optimal", "iopc_continuous"])
+@pytest.mark.parametrize(("light", "speed"), [(1.0, 300.0), (0.25, 760.0), (0.25, 150.0), (0.1, 1_500.0)])
+def test_policies_find_the_best_split_of_the_surface(name, light, speed):
+    scene = Scene(light, speed)
+    states, _ = drive(make(name), scene, CameraState.of(8, 100), frames=30)
+    here = scene.truth(states[-1])
+    found = float(SURFACE.expected(here.sigma_dn, here.motion_px).ap_percent)
+    total, limits = states[-1].total_exposure_s, CAMERA.limits
+    others = [scene.truth(limits.at_time(total, time)) for time in np.geomspace(50e-6, 33e-3, 60)]
+    best = np.nanmax([float(SURFACE.expected(one.sigma_dn, one.motion_px).ap_percent) for one in others])
+    assert found > best - 3.2
+
+
+def test_policies_after_a_step_of_light_the_continuous_one_settles_within_five_frames():
+    for first, second in ((1.0, 1 / 16), (1 / 16, 1.0)):
+        policy, scene = make("iopc_continuous"), Scene(first, 300.0)
+        states, _ = drive(policy, scene, CameraState.of(4, 200), frames=20)
+        scene = replace_light(scene, second)
+        after, _ = drive(policy, scene, states[-1], frames=15)
+        stops = np.log2([state.total_exposure_s for state in after])
+        assert np.abs(stops[5:] - stops[-1]).max() < 0.25
+        assert scene.truth(after[5]).mean_level == pytest.approx(0.5, rel=0.15)
+
+
+def replace_light(scene, light):
+    return Scene(light, scene.speed_px_s, scene.camera, scene.size_px)
+
+
+def test_policies_cap_rate_limit_and_lamp_periods():
+    scene = Scene(light=0.5, speed_px_s=1_000.0)
+    states, _ = drive(make("iopc_continuous", max_motion_px=4.0), scene, CameraState.of(4, 200))
+    assert all(state.exposure_s * 1_000 <= 4.0 * 1.001 for state in states[3:])
+    states, _ = drive(make("iopc_continuous", stops_per_frame=0.5), Scene(0.5, 3_000.0), CameraState.of(13.9, 100))
+    assert np.abs(np.diff(np.log2([state.exposure_s for state in states]))).max() <= 0.5 + 1e-6
+    states, _ = drive(make("iopc_continuous", lamp_hz=100.0), Scene(0.2, 100.0), CameraState.of(4, 200))
+    periods = states[-1].exposure_s * 100
+    assert round(periods) >= 1 and abs(periods - round(periods)) < 0.07
+
+
+def test_policies_refused_queries_lead_towards_the_measured_region():
+    seen = Observation(np.full((8, 8), 0.5, np.float32), 0.5, 0.0, scalar(3.0), seen_mtf(40.0))
+    state = CameraState.of(33, 100)
+    for name in ("iopc_optimal", "iopc_continuous"):
+        assert not np.isfinite(SURFACE.expected(3.0, 40.0).ap_percent)
+        decision = make(name).decide(seen, state)
+        assert decision.state.exposure_s < 0.9 * state.exposure_s and decision.action is Action.MOVE
+        slow = ControlledCamera(Limits(exposure_min_s=0.03))
+        decision = control.create(name, camera=slow, performance=SURFACE).decide(seen, state)
+        assert decision.action is Action.REFUSED and decision.state.exposure_s == pytest.approx(0.03)
+
+
+def test_policies_the_printed_sign_is_wrong_and_ours_moves_noise_against_blur():
+    policy, state = make("iopc_optimal"), CameraState.of(8, 400)
+    seen = Scene(0.25, 700.0).observe(state)
+    policy.decide(seen, state)
+    there = policy.candidates(seen, state, state.total_exposure_s)
+    assert (np.diff(there.motion_px) >= 0).all() and (np.diff(there.sigma_dn) <= 1e-9).all()
+
+
+def test_policies_linear_noise_gain_is_the_papers_alpha_sigma():
+    from pipeline.camera.exposure import Camera
+    from pipeline.control.prediction import predict
+
+    state = CameraState.of(8, 400)
+    for kind, low, high in (("linear", 3.99, 4.01), ("physical", 2.0, 3.9)):
+        at = predict(Camera(noise_gain=kind), 5.0, 8.0, 0.22, state, [state.traded(4.0)])
+        assert low <= at.sigma_dn[0] / 5.0 <= high and at.motion_px[0] == pytest.approx(2.0)
+
+
+def test_policies_oracle_sees_the_truth_and_nobody_else_may():
+    scene, policy = Scene(0.25, 900.0), make("oracle")
+    decision = policy.decide(scene.observe(CameraState.of(8, 100)), CameraState.of(8, 100))
+    assert scene.truth(decision.state).mean_level == pytest.approx(0.5, rel=0.02)
+    with pytest.raises(InputError, match="truth"):
+        policy.decide(Observation(np.zeros((4, 4), np.float32), 0.0, 0.0), CameraState.of(8, 100))
+    for name in EVERY:
+        assert not make(name).sees_truth
+    with pytest.raises(InputError, match="simulated"):
+        control.Controller(policy)
+
+
+def test_policies_wrong_names_and_options_are_named():
+    with pytest.raises(InputError, match="did you mean 'iopc_optimal'"):
+        control.create("iopc_optimum")
+    with pytest.raises(InputError, match="surface"):
+        control.create("iopc_optimal")
+    with pytest.raises(InputError, match="targett"):
+        control.create("mean_intensity", targett=1)
+    with pytest.raises(InputError, match="target_px"):
+        make("iopc_target", target_px=0.0)
+
+
+def test_policies_a_third_partys_policy_is_a_registered_class(monkeypatch):
+    """One file and five lines of configuration, as the README shows."""
+    from importlib.metadata import EntryPoint
+
+    import pipeline.registry as registry
+
+    point = EntryPoint("half_speed", "control_own_policy:HalfSpeed", "pipeline.control")
+    monkeypatch.setattr(registry, "entry_points", lambda group: [point] if group == "pipeline.control" else [])
+    policy = control.create("half_speed", camera=CAMERA, factor=0.5)
+    state = CameraState.of(8, 100)
+    decision = control.Controller(policy).step(np.full((32, 32), 0.5, np.float32), state)
+    assert decision.state.exposure_ms == pytest.approx(4.0) and decision.state.iso == pytest.approx(200.0)
+    assert replace(CAMERA, limits=CAMERA.limits) == CAMERA
