@@ -11,11 +11,12 @@ from __future__ import annotations
 import multiprocessing
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
+from pipeline import processor
 from pipeline.errors import InputError
 
 Item = TypeVar("Item")
@@ -106,7 +107,8 @@ def _map_processes(function: Callable[[Item], Result], items: list[Item], worker
             before = len(done)
             pool = ProcessPoolExecutor(workers, mp_context=with_spawn, initializer=one_thread)
             try:
-                futures = {pool.submit(_call, function, items[index]): index for index in waiting}
+                with processor.for_children():  # the pool starts its processes with the first items
+                    futures = {pool.submit(_call, function, items[index]): index for index in waiting}
                 for future in as_completed(futures):
                     done[futures[future]] = future.result()
                     next(bar, None)
@@ -128,6 +130,17 @@ def _map_processes(function: Callable[[Item], Result], items: list[Item], worker
                 os.environ[name] = value
     next(bar, None)
     return [done[index] for index in range(len(items))]
+
+
+def _check_pins(statuses: Mapping[str, str], address: str) -> None:
+    """Refuse Dask workers whose libraries are pinned in another way than this process's (`pipeline.processor`)."""
+    here = processor.status()
+    for worker, there in statuses.items():
+        if not processor.is_like(there):
+            raise InputError(
+                f"executor.address={address}: worker {worker} would compute other last digits ({there}; here: {here}); "
+                f"start workers with --preload-nanny pipeline, or set {processor.SWITCH}=off here and there"
+            )
 
 
 def _map_dask(
@@ -152,6 +165,7 @@ def _map_dask(
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         raise InputError(f"executor.address={address}: no Dask scheduler answers there ({error})") from None
     with client:
+        _check_pins(client.run(processor.status), address)
         futures = [client.submit(_call, function, item, pure=False) for item in items]
         waiting = set(futures)
         bar = iter(_progress(range(len(items)), len(items), label))

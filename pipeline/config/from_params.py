@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline import processor
 from pipeline.config import sections
 from pipeline.errors import InputError
 
@@ -42,4 +44,6 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
         content: Any = yaml.safe_load(PARAMS.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise InputError(f"{PARAMS}: not valid YAML ({error})") from None
+    if not processor.status().startswith(processor.PINNED):
+        print(f"note: {processor.status()}; last digits may differ from committed results", file=sys.stderr)
     stage.run(sections.read(content or {}, stage.sections(), str(PARAMS)), job, Path(), Path())

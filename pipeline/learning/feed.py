@@ -17,6 +17,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from pipeline import processor
 from pipeline.streams import stream
 
 Arrays = dict[str, np.ndarray]
@@ -110,7 +111,8 @@ class Feed:
             out = context.Queue(self.ahead)
             begin = first + (worker - first) % self.producers  # worker w makes the numbers equal to w, modulo
             process = context.Process(target=_produce, args=(self.make, begin, self.producers, out), daemon=True)
-            process.start()
+            with processor.for_children():
+                process.start()
             self._workers.append((process, out))
 
     def _receive(self, number: int) -> Arrays:

@@ -10,7 +10,7 @@ READS = ["seed", "train.mtf.spectral", "ablation.steps", "ablation.images", "abl
 @stage("ablation", reads=[*READS, "ablation.variants.{variant}"], job=["variant"])
 def run(run: Run) -> None:
     """Train, judge and write the measures."""
-    from pipeline import training_record
+    from pipeline import processor, training_record
     from pipeline.blur import ablation
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.training import Training
@@ -22,6 +22,8 @@ def run(run: Run) -> None:
     )
     changed = ablation.variant(base, section.variants[name].model_dump())
 
+    if changed.half_precision:
+        processor.release_torch()
     found = ablation.judge(released, changed, Conduct.reported(name, section.steps, run.executor.workers))
     training_record.write_measures(run.outputs / f"reports/metrics/ablation/{name}.json", found)
 

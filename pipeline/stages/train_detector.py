@@ -10,12 +10,15 @@ USES = {"pipeline.detection.compact": ["{network}"]}
 @stage("train_detector", reads=["seed", "train.detector.{network}"], job=["network"], uses=USES)
 def run(run: Run) -> None:
     """Render, train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
-    from pipeline import training_record
-    from pipeline.detection.compact import training
+    from pipeline import processor, training_record
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
 
     name = run.job["network"]
+    if run.params.train.detector[name].half_precision:
+        processor.release_torch()
+    from pipeline.detection.compact import training
+
     settings = training.DetectorTraining.from_section(run.params.train.detector[name], run.params.seed)
 
     trained = training.train(name, settings, Conduct.reported(name, settings.schedule.steps, run.executor.workers))

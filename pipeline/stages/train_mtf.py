@@ -22,12 +22,14 @@ USES = {"pipeline.blur.training": ["{network}"]}
 @stage("train_mtf", reads=["seed", "train.mtf.{network}"], job=["network"], uses=USES)
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
-    from pipeline import training_record
+    from pipeline import processor, training_record
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
     from pipeline.learning.training import Training
 
     name = run.job["network"]
+    if run.params.train.mtf[name].half_precision:
+        processor.release_torch()
     training = Training.from_section(run.params.train.mtf[name], run.params.seed)
 
     trained = PROGRAMS.get(name)(training, Conduct.reported(name, training.schedule.steps, run.executor.workers))
