@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pipeline.config.references import check_references
 from pipeline.config.schema import Config, known_keys, validate
 from pipeline.errors import InputError, did_you_mean
 from pipeline.store import write_text
@@ -52,19 +53,24 @@ def compose(overrides: Sequence[str] = (), conf: Path = CONF) -> str:
             composed = hydra_compose("config", overrides=list(overrides))
             OmegaConf.resolve(composed)
     except (HydraException, OmegaConfBaseException, ValueError) as error:
-        raise InputError(f"conf/ with overrides {list(overrides)}: {_explain(str(error))}") from None
+        raise InputError(f"conf/ with overrides {list(overrides)}: {_explain(str(error), conf)}") from None
     return OmegaConf.to_yaml(composed)
 
 
-def _explain(message: str) -> str:
-    """Hydra's message on one line; for a key that does not exist, with the nearest one that does."""
+def _explain(message: str, conf: Path) -> str:
+    """Hydra's message on one line; for a key or an option that does not exist, with the nearest one that does."""
     refused = re.search(r"Could not override '([^']+)'", message)
     if refused:
         parts = refused.group(1).split(".")
         depth = next((n for n in range(len(parts)) if parts[n] not in known_keys(parts[:n])), len(parts) - 1)
         return f"unknown key '{'.'.join(parts)}'; {did_you_mean(parts[depth], known_keys(parts[:depth]))}"
+    option = re.search(r"Could not find '([^']+)/([^'/]+)'", message)
+    if option:
+        group, name = option.groups()
+        known = [path.stem for path in (conf / group).glob("*.yaml")]
+        return f"no option '{name}' in conf/{group}; {did_you_mean(name, known)}"
     lines = [line.strip() for line in message.splitlines()]
-    noise = ("full_key", "object_type", "Config search", "provider")
+    noise = ("full_key", "object_type", "Config search", "provider", "See https")
     return " ".join(line for line in lines if line and not line.startswith(noise))
 
 
@@ -101,10 +107,11 @@ def compile_params(overrides: Sequence[str] = (), path: Path = PARAMS) -> bool:
         whether the file changed.
 
     Raises:
-        InputError: the composed values are not what the schema allows; nothing is written.
+        InputError: the composed values are not what the schema allows, or refer to what does not exist; nothing is
+            written.
     """
     text = compose(overrides)
-    parse(text, "conf/")
+    check_references(parse(text, "conf/"))
     if path.is_file() and path.read_text(encoding="utf-8") == text:
         return False
     write_text(path, text)
@@ -121,6 +128,7 @@ def check(path: Path = PARAMS) -> None:
         InputError: the two differ, with the lines that do.
     """
     given = load(path)
+    check_references(given)
     if os.environ.get("DVC_EXP_NAME"):
         return
     expected = compose([f"profile={given.profile}"])

@@ -1,0 +1,125 @@
+"""Names and paths in the configuration that stand for something else: checked when it is compiled, not hours later.
+
+The schema knows types and ranges. Whether an estimator of that name is registered, a sensor known, an option taken by
+its class, or a folder there, is checked here. Classes are looked up in the registries, which are imported by name only
+when this check runs.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import InputError, did_you_mean
+from pipeline.executor import ADDRESS_PATTERN
+
+STAGE_FOLDER = Path("data")  # below it stages write: what is absent there may still be made
+USER_FOLDER = Path("data/raw")
+
+
+def check_references(config: Any) -> None:
+    """Check everything a configuration refers to.
+
+    Args:
+        config: a valid `pipeline.config.schema.Config`.
+
+    Raises:
+        InputError: one line per problem, each naming its key, what was expected and what was given.
+    """
+    problems = list(_problems(config))
+    if problems:
+        raise InputError("\n".join(problems))
+
+
+def _problems(config: Any) -> Iterator[str]:
+    yield from _sensor(config.camera.sensor)
+    for key, group, entries in (
+        ("datasets", "pipeline.datasets", config.datasets),
+        ("noise.estimators", "pipeline.noise", config.noise.estimators),
+        ("blur.estimators", "pipeline.blur", config.blur.estimators),
+        ("detection.detectors", "pipeline.detection", config.detection.detectors),
+    ):
+        for name, entry in entries.items():
+            yield from _kind(f"{key}.{name}", group, entry)
+    yield from _names(config)
+    yield from _paths(config)
+    address, backend = config.executor.address, config.executor.backend
+    if backend == "dask" and not (address and re.fullmatch(ADDRESS_PATTERN, address)):
+        yield f"executor.address={address}: expected the scheduler's address, e.g. tcp://127.0.0.1:8786"
+
+
+def _sensor(section: Any) -> Iterator[str]:
+    named: Callable[..., Any] = importlib.import_module("pipeline.camera.sensor").named
+    for key, value in (section.model_extra or {}).items():
+        if key != "kind" and value is not None and (isinstance(value, bool) or not isinstance(value, (int, float))):
+            yield f"camera.sensor.{key}: expected a number (given: {value!r})"
+            return
+    try:
+        named(section.model, **(section.model_extra or {}))
+    except InputError as error:
+        yield f"camera.sensor: {error}"
+    except TypeError as error:
+        yield f"camera.sensor: {error}"
+
+
+def _kind(key: str, package: str, entry: Any) -> Iterator[str]:
+    """The problems of one entry of a mapping of sections with a ``kind`` and ``options``."""
+    registry = importlib.import_module(package).REGISTRY
+    if entry.kind not in registry.names():
+        yield f"{key}.kind: unknown {registry.kind} '{entry.kind}'; {did_you_mean(entry.kind, registry.names())}"
+        return
+    if not entry.options:
+        return
+    try:
+        parameters = inspect.signature(registry.get(entry.kind)).parameters
+    except InputError as error:
+        yield f"{key}: {error}"
+        return
+    if any(parameter.kind is inspect.Parameter.VAR_KEYWORD for parameter in parameters.values()):
+        return
+    for option in entry.options:
+        if option not in parameters:
+            yield f"{key}.options.{option}: unknown option of '{entry.kind}'; {did_you_mean(option, parameters)}"
+
+
+def _names(config: Any) -> Iterator[str]:
+    """Names that must be keys of another section."""
+    noise, blur = config.noise.estimators, config.blur.estimators
+    listed: list[tuple[str, Iterable[str], Mapping[str, Any], str]] = [
+        ("combined.noise_estimators", config.combined.noise_estimators, noise, "noise.estimators"),
+        ("combined.blur_estimators", config.combined.blur_estimators, blur, "blur.estimators"),
+        ("denoised_blur.blur_estimators", config.denoised_blur.blur_estimators, blur, "blur.estimators"),
+        ("detection.datasets", config.detection.datasets, config.datasets, "datasets"),
+    ]
+    for key, names, known, where in listed:
+        for name in names:
+            if name not in known:
+                yield f"{key}: '{name}' is not among {where}; {did_you_mean(name, known)}"
+
+
+def _paths(config: Any) -> Iterator[str]:
+    for name, dataset in config.datasets.items():
+        root = dataset.root
+        if root is not None and not _may_be_made(root) and not Path(root).is_dir():
+            yield f"datasets.{name}.root={root}: no such folder; see data/raw/README.md for what goes where"
+        if dataset.whitelist is not None and not Path(dataset.whitelist).is_file():
+            yield f"datasets.{name}.whitelist={dataset.whitelist}: no such file"
+    for name, detector in config.detection.detectors.items():
+        weights = detector.weights
+        if weights and not _may_be_made(weights) and not Path(weights).is_file():
+            yield (
+                f"detection.detectors.{name}.weights={weights}: no such file; "
+                "'camera-monitor weights list' shows what there is to get"
+            )
+    if config.psf.source == "paper" and not Path(config.psf.folder).is_dir():
+        yield f"psf.folder={config.psf.folder}: no such folder of the paper's kernels"
+
+
+def _may_be_made(path: str) -> bool:
+    """Whether a stage may make a path: relative, below ``data/`` and not below ``data/raw``."""
+    parts = Path(path)
+    return not parts.is_absolute() and parts.is_relative_to(STAGE_FOLDER) and not parts.is_relative_to(USER_FOLDER)

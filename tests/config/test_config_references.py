@@ -1,0 +1,86 @@
+"""Wrong names and paths are refused when the configuration is compiled, in one line with the nearest name."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline.config.compose import CONF, check, compile_params, compose
+from pipeline.config.overrides import check_overrides
+from pipeline.errors import InputError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(autouse=True)
+def at_top(monkeypatch):
+    monkeypatch.chdir(ROOT)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["camera.sensor.model=papr"], ["camera.sensor", "did you mean 'paper'"]),
+        (["+camera.sensor.full_wel_e=3"], ["full_wel_e", "did you mean 'full_well_e'"]),
+        (["+camera.sensor.full_well_e=many"], ["camera.sensor.full_well_e", "expected a number", "many"]),
+        (["noise.estimators.pca.kind=pcaa"], ["noise.estimators.pca.kind", "did you mean 'pca'"]),
+        (["+noise.estimators.pca.options.rul=2"], ["noise.estimators.pca.options.rul", "did you mean 'rule'"]),
+        (["detection.detectors.compact.kind=compakt"], ["detection.detectors.compact.kind", "did you mean 'compact'"]),
+        (["+dataset@datasets.mine=kittti"], ["conf/dataset", "did you mean 'kitti'"]),
+        (["+dataset@datasets.mine=kitti", "datasets.mine.root=/nowhere"], ["datasets.mine.root=/nowhere"]),
+        (["datasets.photos.whitelist=/nowhere"], ["datasets.photos.whitelist=/nowhere", "no such file"]),
+        (["+detector@detection.detectors.mine=yolox"], ["detection.detectors.mine.weights", "weights list"]),
+        (["psf=paper", "psf.folder=/nowhere"], ["psf.folder=/nowhere"]),
+        (["combined.noise_estimators=[pcaa]"], ["combined.noise_estimators", "did you mean 'pca'"]),
+        (["detection.datasets=[simm]"], ["detection.datasets", "did you mean 'sim'"]),
+        (["executor.backend=dask"], ["executor.address"]),
+        (["executor.backend=dask", "executor.address=nowhere"], ["executor.address=nowhere"]),
+        (["datasets.sim.limit=true"], ["datasets.sim.limit", "valid integer"]),
+    ],
+)
+def test_what_does_not_exist_is_refused_when_compiling(tmp_path, overrides, words):
+    path = tmp_path / "params.yaml"
+    with pytest.raises(InputError) as caught:
+        compile_params(overrides, path)
+    message = str(caught.value)
+    assert all(word in message for word in words), message
+    assert len(message.splitlines()) == 1
+    assert not path.exists()
+
+
+def test_the_first_stage_of_an_experiment_refuses_too(tmp_path, monkeypatch):
+    monkeypatch.setenv("DVC_EXP_NAME", "an-experiment")  # its params.yaml is written by DVC
+    path = tmp_path / "params.yaml"
+    path.write_text(compose(["camera.sensor.model=papr"]))
+    with pytest.raises(InputError, match="did you mean 'paper'"):
+        check(path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["noise.tile=3"], "tile_px"),
+        (["profile=smok", "--multirun"], "did you mean 'smoke'"),
+        (["noise.tile_px=64,8", "--multirun"], "noise.tile_px"),
+        (["noise.tile_px"], "not an override KEY=VALUE"),
+        (["seed=[", "+job.dataset=sim"], "seed=["),
+    ],
+)
+def test_overrides_of_a_sweep_are_refused_in_one_line(arguments, word):
+    with pytest.raises(InputError) as caught:
+        check_overrides(arguments, CONF)
+    assert word in str(caught.value) and len(str(caught.value).splitlines()) == 1
+
+
+def test_good_overrides_pass():
+    check_overrides(["seed=1,2", "noise.tile_px=64", "+job.dataset=sim", "hydra.sweep.dir=/tmp/x", "--multirun"], CONF)
+
+
+def test_a_stage_answers_an_unknown_key_in_one_line():
+    command = [sys.executable, "-m", "pipeline.stages.sensor", "camera.sensr.model=paper", "--multirun"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2
+    assert "did you mean 'sensor'" in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
