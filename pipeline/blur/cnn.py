@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from pipeline.blur.base import SHARP_FLOOR, BlurEstimate, Estimator, as_patches, unusable
 from pipeline.errors import InputError
+from pipeline.project_files import located
 
-RELEASED = Path(__file__).resolve().parents[2] / "data/weights/mtf_cnn.safetensors"
+RELEASED = located("data/weights/mtf_cnn.safetensors")
 
 
 class Cnn(Estimator):

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from pipeline.blur.base import BlurEstimate, Estimator
 from pipeline.blur.camera_fit import Fit, corrected
 from pipeline.errors import InputError
+from pipeline.project_files import located
 
-RELEASED = Path(__file__).resolve().parents[2] / "data/weights/mtf_spectral.safetensors"
+RELEASED = located("data/weights/mtf_spectral.safetensors")
 TYPICAL = "_typical.json"
 """Behind the stem of a weight file: its fit to cameras at large, for answers of kind "added"."""
 RELEASED_TYPICAL = RELEASED.parents[2] / "data/weights/mtf_spectral_typical.json"

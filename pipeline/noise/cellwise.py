@@ -26,11 +26,12 @@ from pipeline.camera.saturation import SATURATED
 from pipeline.errors import InputError
 from pipeline.noise.base import Estimator, Measured, NoiseEstimate, as_stack, assemble, screen
 from pipeline.noise.cellwise_features import CELL_PX
+from pipeline.project_files import located
 
 if TYPE_CHECKING:
     import torch
 
-RELEASED = Path(__file__).resolve().parents[2] / "data/weights/sigma_cellwise.safetensors"
+RELEASED = located("data/weights/sigma_cellwise.safetensors")
 TILE_PX = 128
 """Size of patch the network was trained on, and of the tiles that a map is made of."""
 

@@ -16,8 +16,9 @@ from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.saturation import SATURATED_FRACTION
 from pipeline.errors import InputError
 from pipeline.noise.base import Estimator, Measured, as_stack
+from pipeline.project_files import located
 
-RELEASED = Path(__file__).resolve().parents[2] / "data/weights/sigma_cnn.safetensors"
+RELEASED = located("data/weights/sigma_cnn.safetensors")
 
 
 class PixelCnn(Estimator):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.detection.base import Detections, each_image
 from pipeline.errors import InputError
+from pipeline.project_files import located
 from pipeline.scenes.labels import LABELS
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ class Compact:
             raise InputError(f"most: expected at least 1, not {most!r}")
         if not 0.05 <= scale <= 20:
             raise InputError(f"scale: expected a number in [0.05, 20], not {scale!r}")
-        self.weights, self.scale = Path(weights or self.released), scale
+        self.weights, self.scale = Path(weights or located(self.released)), scale
         self.score_floor, self.overlap, self.most = score_floor, overlap, most
         self._model: Any = None
         self._open()  # a wrong file is told at once

@@ -1,0 +1,138 @@
+"""README and docs run as printed: Python is executed, commands are parsed by the programs they call, TOML is read."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+from data_makers import picture
+
+from pipeline.cli import main
+from pipeline.config.compose import CONF, compose, parse
+from pipeline.config.overrides import check_overrides
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), ROOT / "data/raw/README.md"]
+NOT_EXECUTED: dict[str, str] = {}  # a line of a Python block that is too heavy for a test -> the reason
+DVC_COMMANDS = {"repro", "exp", "queue", "dag", "status", "plots", "metrics", "params", "pull", "checkout", "import"}
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced code block of a document."""
+
+    document: Path
+    line: int
+    language: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.document.relative_to(ROOT)}:{self.line}"
+
+
+def blocks(document: Path) -> list[Block]:
+    text = document.read_text(encoding="utf-8") if document.exists() else ""
+    fences = re.finditer(r"^```(\w*)[^\n]*\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    return [Block(document, text[: m.start()].count("\n") + 2, m.group(1), m.group(2)) for m in fences]
+
+
+BLOCKS = [block for document in DOCUMENTS for block in blocks(document)]
+SHELL = [block for block in BLOCKS if block.language in ("sh", "bash", "console")]
+WITH_PYTHON = sorted({block.document for block in BLOCKS if block.language == "python"})
+
+
+def test_documents_have_blocks_of_each_kind():
+    assert {"python", "sh", "toml"} <= {block.language for block in BLOCKS}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("document", WITH_PYTHON, ids=lambda path: path.name)
+def test_python_runs_as_printed(document, tmp_path, monkeypatch):
+    """All blocks of a document, top to bottom, given the reader's own patches and frame."""
+    monkeypatch.chdir(tmp_path)
+    image = picture("documentation", 448, 320).astype(np.float32) / np.float32(255)
+    patches = np.stack([image[None, y : y + 192, x : x + 192] for y in (0, 128) for x in (0, 128, 256)])
+    names = {"patches": patches, "sharp_patches": patches, "image": image}
+    for block in blocks(document):
+        if block.language != "python":
+            continue
+        reasons = [reason for line, reason in NOT_EXECUTED.items() if line in block.text]
+        if reasons:
+            continue
+        try:
+            exec(compile(block.text, str(block), "exec"), names)
+        except Exception as error:  # whatever it is, name the block
+            raise AssertionError(f"{block}: {type(error).__name__}: {error}") from error
+
+
+@pytest.mark.parametrize("block", [b for b in BLOCKS if b.language == "toml"], ids=str)
+def test_toml_is_valid(block):
+    assert tomllib.loads(block.text)
+
+
+@pytest.mark.parametrize("block", SHELL, ids=str)
+def test_commands_exist_with_their_options(block, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    for line in re.sub(r"\\\n\s*", " ", block.text).splitlines():
+        for words in commands(line.removeprefix("$ ")):
+            check_command(words)
+
+
+def commands(line: str) -> list[list[str]]:
+    """Commands of a line, each as its words, without comments."""
+    words = shlex.split(line, comments=True)
+    result: list[list[str]] = [[]]
+    for word in words:
+        if word in ("&&", "||", "|", ";"):
+            result.append([])
+        else:
+            result[-1].append(word)
+    return [command for command in result if command]
+
+
+def check_command(words: list[str]) -> None:
+    program, *rest = words
+    if program == "camera-monitor":
+        parse_click(main, rest)
+    elif program == "dvc":
+        assert rest[0] in DVC_COMMANDS, words
+        overrides = [rest[index + 1] for index, word in enumerate(rest[:-1]) if word in ("-S", "--set-param")]
+        if any(re.search(r"=[^\[]*,", override) for override in overrides):
+            check_overrides(overrides, CONF)
+        else:
+            parse(compose(overrides), "conf/")
+    elif program == "make":
+        targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+        assert all(word in targets for word in rest if "=" not in word), words
+    elif program == "python" and rest[0] == "-m":
+        module = ROOT / Path(*rest[1].split("."))
+        assert module.with_suffix(".py").is_file() or (module / "__main__.py").is_file() or rest[1] in ("venv", "pip")
+        if rest[1].startswith("pipeline.stages."):
+            check_overrides(rest[2:], CONF)
+    elif program == "python":
+        assert (ROOT / rest[0]).is_file(), words
+    else:
+        assert program in ("git", "pip", "source", "cd", "mkdir", "dask", "unzip", "tar", "curl", "wget"), words
+
+
+def parse_click(command: click.Command, words: list[str]) -> None:
+    """Parse the words as the program does, without running it."""
+    with command.make_context("camera-monitor", list(words), resilient_parsing=True) as context:
+        if isinstance(command, click.Group):
+            rest = [*context._protected_args, *context.args]
+            name, inner, arguments = command.resolve_command(context, rest)
+            assert inner is not None, name
+            parse_inner(inner, str(name), arguments)
+
+
+def parse_inner(command: click.Command, name: str, words: list[str]) -> None:
+    if isinstance(command, click.Group):
+        parse_click(command, words)
+    else:
+        command.make_context(name, list(words))  # unknown options and values out of range raise here
