@@ -10,11 +10,10 @@ from __future__ import annotations
 import difflib
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.config.references import check_references
 from pipeline.config.schema import Config, known_keys, validate
 from pipeline.errors import InputError, did_you_mean
 from pipeline.store import write_text
@@ -100,8 +99,15 @@ def load(path: Path = PARAMS) -> Config:
     return parse(path.read_text(encoding="utf-8"), str(path))
 
 
-def compile_params(overrides: Sequence[str] = (), path: Path = PARAMS) -> bool:
+def compile_params(
+    overrides: Sequence[str] = (), path: Path = PARAMS, further: Callable[[Config], None] = lambda config: None
+) -> bool:
     """Write ``params.yaml`` from ``conf/`` if it would change.
+
+    Args:
+        overrides: see `compose`.
+        path: the file.
+        further: a check beyond the schema, e.g. `pipeline.config.references.check_references`.
 
     Returns:
         whether the file changed.
@@ -111,24 +117,28 @@ def compile_params(overrides: Sequence[str] = (), path: Path = PARAMS) -> bool:
             written.
     """
     text = compose(overrides)
-    check_references(parse(text, "conf/"))
+    further(parse(text, "conf/"))
     if path.is_file() and path.read_text(encoding="utf-8") == text:
         return False
     write_text(path, text)
     return True
 
 
-def check(path: Path = PARAMS) -> None:
+def check(path: Path = PARAMS, further: Callable[[Config], None] = lambda config: None) -> None:
     """Refuse to run on a ``params.yaml`` that ``conf/`` would not give.
 
     Inside ``dvc exp run`` (DVC sets ``DVC_EXP_NAME``) the values may differ, since overrides were asked for; they
     are still checked against the schema.
 
+    Args:
+        path: the file.
+        further: as for `compile_params`.
+
     Raises:
         InputError: the two differ, with the lines that do.
     """
     given = load(path)
-    check_references(given)
+    further(given)
     if os.environ.get("DVC_EXP_NAME"):
         return
     expected = compose([f"profile={given.profile}"])

@@ -7,7 +7,6 @@ when this check runs.
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -16,7 +15,20 @@ from typing import Any
 
 from pipeline.errors import InputError, did_you_mean
 from pipeline.executor import ADDRESS_PATTERN
+from pipeline.registry import Registry
 
+REGISTRIES = Registry(
+    "registry",
+    "pipeline.config.references",
+    {
+        "sensor": "pipeline.camera.sensor:named",
+        "datasets": "pipeline.datasets:REGISTRY",
+        "noise": "pipeline.noise:REGISTRY",
+        "blur": "pipeline.blur:REGISTRY",
+        "detection": "pipeline.detection:REGISTRY",
+    },
+)
+"""Where names in the configuration are looked up, imported only by the check."""
 STAGE_FOLDER = Path("data")  # below it stages write: what is absent there may still be made
 USER_FOLDER = Path("data/raw")
 
@@ -38,10 +50,10 @@ def check_references(config: Any) -> None:
 def _problems(config: Any) -> Iterator[str]:
     yield from _sensor(config.camera.sensor)
     for key, group, entries in (
-        ("datasets", "pipeline.datasets", config.datasets),
-        ("noise.estimators", "pipeline.noise", config.noise.estimators),
-        ("blur.estimators", "pipeline.blur", config.blur.estimators),
-        ("detection.detectors", "pipeline.detection", config.detection.detectors),
+        ("datasets", "datasets", config.datasets),
+        ("noise.estimators", "noise", config.noise.estimators),
+        ("blur.estimators", "blur", config.blur.estimators),
+        ("detection.detectors", "detection", config.detection.detectors),
     ):
         for name, entry in entries.items():
             yield from _kind(f"{key}.{name}", group, entry)
@@ -53,7 +65,7 @@ def _problems(config: Any) -> Iterator[str]:
 
 
 def _sensor(section: Any) -> Iterator[str]:
-    named: Callable[..., Any] = importlib.import_module("pipeline.camera.sensor").named
+    named: Callable[..., Any] = REGISTRIES.get("sensor")
     for key, value in (section.model_extra or {}).items():
         if key != "kind" and value is not None and (isinstance(value, bool) or not isinstance(value, (int, float))):
             yield f"camera.sensor.{key}: expected a number (given: {value!r})"
@@ -68,7 +80,7 @@ def _sensor(section: Any) -> Iterator[str]:
 
 def _kind(key: str, package: str, entry: Any) -> Iterator[str]:
     """The problems of one entry of a mapping of sections with a ``kind`` and ``options``."""
-    registry = importlib.import_module(package).REGISTRY
+    registry: Registry = REGISTRIES.get(package)
     if entry.kind not in registry.names():
         yield f"{key}.kind: unknown {registry.kind} '{entry.kind}'; {did_you_mean(entry.kind, registry.names())}"
         return

@@ -10,6 +10,7 @@ import pytest
 
 from pipeline.config.compose import CONF, check, compile_params, compose
 from pipeline.config.overrides import check_overrides
+from pipeline.config.references import check_references
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,7 +45,7 @@ def at_top(monkeypatch):
 def test_what_does_not_exist_is_refused_when_compiling(tmp_path, overrides, words):
     path = tmp_path / "params.yaml"
     with pytest.raises(InputError) as caught:
-        compile_params(overrides, path)
+        compile_params(overrides, path, check_references)
     message = str(caught.value)
     assert all(word in message for word in words), message
     assert len(message.splitlines()) == 1
@@ -56,7 +57,7 @@ def test_the_first_stage_of_an_experiment_refuses_too(tmp_path, monkeypatch):
     path = tmp_path / "params.yaml"
     path.write_text(compose(["camera.sensor.model=papr"]))
     with pytest.raises(InputError, match="did you mean 'paper'"):
-        check(path)
+        check(path, check_references)
 
 
 @pytest.mark.parametrize(
