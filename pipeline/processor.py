@@ -16,7 +16,7 @@ were imported first, where the processor has no AVX2 or is not an x86-64, and wh
 Not covered: ONNX Runtime, which offers no such choice (published detectors); Embree, which renders *Sim*; and torch's
 square root, logarithm and inverse trigonometry on whole tensors, which come from MKL's vector library: it differs
 between Intel and AMD in the last digit whatever ``MKL_CBWR`` is. AdamW uses it, so that trainings are not covered; the
-estimate of `cellwise` does too, which is why stored estimates are rounded (`pipeline.store.Schema`).
+estimate of `cellwise` does too, one reason why stored estimates are rounded (`pipeline.store.ESTIMATE_DECIMALS`).
 """
 
 from __future__ import annotations

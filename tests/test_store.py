@@ -141,3 +141,20 @@ def test_writing_an_image_names_the_reason_of_the_system(tmp_path, monkeypatch):
         store.write_image(tmp_path / "a.png", np.zeros((8, 8), np.uint8))
     with pytest.raises(InputError, match="suffix of a picture format"):
         store.write_image(tmp_path / "a.txt", np.zeros((8, 8), np.uint8))
+
+
+def test_estimates_are_rounded_once_and_truths_are_not(tmp_path):
+    columns = {"estimator": "string", "sigma_dn": "float64", "true_sigma_dn": "float64"}
+    schema = store.Schema("estimates", columns)
+    table = pd.DataFrame(
+        {"estimator": ["a", "b"], "sigma_dn": [1.23456789, np.nan], "true_sigma_dn": [1.23456789, 2.0]}
+    )
+    again = table.assign(sigma_dn=table["sigma_dn"] + 1e-7)  # another processor's last digits
+    for name, content in (("one", table), ("two", again)):
+        store.write_table(tmp_path / f"{name}.parquet", content, schema)
+    assert (tmp_path / "one.parquet").read_bytes() == (tmp_path / "two.parquet").read_bytes()
+    written = store.read_table(tmp_path / "one.parquet", schema)
+    assert written["sigma_dn"][0] == 1.2346 and np.isnan(written["sigma_dn"][1])
+    assert written["true_sigma_dn"][0] == 1.23456789
+    plain = store.Schema("settings", {name: kind for name, kind in columns.items() if name != "estimator"})
+    assert plain.conform(table.drop(columns="estimator"))["sigma_dn"][0] == 1.23456789

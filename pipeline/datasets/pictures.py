@@ -183,6 +183,9 @@ def _decode(path: str | Path, data: bytes) -> Picture:
                 opened.load()
                 if opened.format == "PNG" and PNG_END not in data:
                     raise BadPicture(path, "truncated: the PNG end marker is missing")
+                if opened.format == "BMP" and len(data) < (size := int.from_bytes(data[2:6], "little")):
+                    # Pillow does not miss the bytes that pad the last row
+                    raise BadPicture(path, f"truncated: {len(data)} bytes, its header states {size}")
                 return Picture(
                     _pixels(path, data, opened), opened.mode in _ALPHA_MODES or "transparency" in opened.info
                 )

@@ -153,6 +153,16 @@ def test_any_truncation_is_noticed(tmp_path_factory, file_format, options, data)
     assert caught.value.reason
 
 
+@pytest.mark.parametrize("file_format", ["PNG", "JPEG", "BMP", "WEBP"])
+@pytest.mark.parametrize("image", [GREY, COLOUR], ids=["grey", "colour"])
+@pytest.mark.parametrize("lost", range(1, 9))
+def test_loss_of_the_last_bytes_is_noticed(tmp_path, file_format, image, lost):
+    path = tmp_path / "a.bin"
+    path.write_bytes(encoded(image, file_format)[:-lost])
+    with pytest.raises(BadPicture):
+        read_grey(path)
+
+
 def test_broken_files_say_why(tmp_path):
     cases = {
         "empty.png": (b"", "empty file (0 bytes)"),
