@@ -1,0 +1,61 @@
+"""The same bytes on another processor: one blur, one noise and one deconvolution estimate, natively and emulated.
+
+The emulated processor is a Haswell (Intel, AVX2, no AVX-512) under qemu's user mode.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+from pipeline import processor
+
+ROOT = Path(__file__).resolve().parents[1]
+QEMU = shutil.which("qemu-x86_64")
+PROGRAM = """
+import hashlib, json, sys
+import numpy as np
+from pipeline import blur, noise, processor
+from pipeline.streams import stream
+
+generator = stream(1, "other processor")
+yy, xx = np.mgrid[:192, :192]
+patch = np.full((192, 192), 0.5)
+for _ in range(60):
+    x, y, radius, level = generator.random(4) * (192, 192, 40, 1)
+    patch[(xx - x) ** 2 + (yy - y) ** 2 < radius**2] = level
+patch = (patch + np.roll(patch, 1, 1) + np.roll(patch, 2, 1)) / 3 + 0.01 * generator.standard_normal(patch.shape)
+patch = (np.rint(255 * patch.clip(0.02, 0.98)) / 255).astype(np.float32)[None, None]
+answers = {
+    "spectral": blur.create("spectral").estimate(patch).mtf,
+    "cellwise": noise.create("cellwise").estimate(patch[..., :128, :128]).sigma_dn,
+    "pca": noise.create("pca").estimate(patch[..., :128, :128]).sigma_dn,
+    "gbb": blur.create("gbb", mode="fast").estimate(patch).mtf,
+}
+assert all(np.isfinite(answer).all() for answer in answers.values())
+print(json.dumps({name: hashlib.sha256(answer.tobytes()).hexdigest() for name, answer in answers.items()}))
+"""
+
+
+def answers(command, **variables):
+    environment = {name: value for name, value in os.environ.items() if name not in processor.AVX512_PINS} | variables
+    environment |= {"PYTHONPATH": f"{ROOT}:{sysconfig.get_paths()['purelib']}", "OMP_NUM_THREADS": "1"}
+    ran = subprocess.run([*command, "-c", PROGRAM], env=environment, cwd=ROOT, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    return json.loads(ran.stdout.splitlines()[-1])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(QEMU is None, reason="qemu-x86_64 is absent: apt-get install qemu-user")
+@pytest.mark.skipif(not processor.pins(processor.cpu_features()), reason="the processor has no AVX2")
+def test_answers_are_the_same_bytes_on_an_emulated_haswell():
+    interpreter = str(Path(sys.executable).resolve())
+    native = answers([interpreter])
+    assert answers([QEMU, "-cpu", "Haswell", interpreter]) == native
