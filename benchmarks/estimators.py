@@ -46,6 +46,7 @@ ESTIMATORS: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
         ("cnn", "cnn", {}),
         ("pmp", "pmp", {"mode": "fast", "kernel_size": 31}),
         ("gbb", "gbb", {"mode": "fast", "kernel_size": 31}),
+        ("fused", "fused", {"shared_blur": "never"}),
     ),
     "noise": tuple((name, name, {}) for name in ("cellwise", "cnn", "pca", "bf", "wavelet", "immerkaer")),
 }
@@ -76,7 +77,7 @@ def create(task: str, kind: str, options: dict[str, Any]) -> tuple[Any, str]:
     released = {("blur", "cnn"): "mtf_cnn", ("noise", "cnn"): "sigma_cnn"}.get((task, kind))
     maker: Callable[..., Any] = blur.create if task == "blur" else noise.create
     if released is None:
-        return maker(kind, **options), "released" if kind in ("spectral", "cellwise") else ""
+        return maker(kind, **options), "released" if kind in ("spectral", "fused", "cellwise") else ""
     if (ROOT / f"data/weights/{released}.safetensors").is_file():
         return maker(kind, **options), "released"
     from pipeline.learning import weights

@@ -16,6 +16,7 @@ REGISTRY = Registry(
     "pipeline.blur",
     {
         "cnn": "pipeline.blur.cnn:Cnn",
+        "fused": "pipeline.blur.fused:Fused",
         "gbb": "pipeline.blur.gbb:GraphBlindDeblurring",
         "pmp": "pipeline.blur.pmp:PatchwiseMinimalPixels",
         "spectral": "pipeline.blur.spectral:Spectral",

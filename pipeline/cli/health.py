@@ -25,8 +25,12 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
     help="folder for health.csv, health.jsonl, health.json and pictures with maps; results of the last run there go",
 )  # fmt: skip
 @click.option(
-    "--blur", "blur_name", default="spectral", show_default=True, help="spectral, pmp, gbb or a plug-in's name"
+    "--blur", "blur_name", default="spectral", show_default=True, help="spectral, fused, pmp, gbb or a plug-in's name"
 )
+@click.option(
+    "--quality", type=click.Choice(["fast", "best"]), default="fast", show_default=True,
+    help="best: blur by the estimator fused, which takes about two seconds more for each blurred frame",
+)  # fmt: skip
 @click.option(
     "--noise", "noise_name", default="cellwise", show_default=True, help="cellwise, pca, bf, wavelet, immerkaer, ..."
 )
@@ -44,8 +48,8 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 )  # fmt: skip
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 def command(
-    paths: tuple[Path, ...], out: Path | None, blur_name: str, noise_name: str, sharp: tuple[Path, ...], fitted: bool,
-    added: bool, every: int,
+    paths: tuple[Path, ...], out: Path | None, blur_name: str, quality: str, noise_name: str, sharp: tuple[Path, ...],
+    fitted: bool, added: bool, every: int,
 ) -> None:  # fmt: skip
     """Estimate blur and noise of PATHS: pictures, videos, or folders of them.
 
@@ -65,6 +69,10 @@ def command(
     from pipeline.executor import one_thread
 
     one_thread()
+    if quality == "best":
+        if blur_name != "spectral":
+            raise InputError(f"--quality best chooses the blur estimator; leave --blur {blur_name} out")
+        blur_name = "fused"
     files = expand(paths)
     sharp_files = expand(sharp) if sharp else []
     if fitted and not sharp:

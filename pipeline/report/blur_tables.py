@@ -31,7 +31,7 @@ TYPICAL = (
 )
 MEAN = "Mean"
 NOT_COUNTED = "The paper has no estimator of this name, so the ledger does not count these rows."
-ADDED = frozenset({"fitted", "typical"})
+ADDED = frozenset({"fitted", "fused", "typical"})
 """Estimators that answer what was added to sharp frames: what they read from those is no curve of the frames."""
 
 Place = tuple[str, float]  # kind and size of a blur

@@ -202,6 +202,8 @@ def _weights(section: EstimatorSection) -> dict[str, str]:
         return {}
     path = Path(given)
     paths = [path, path.with_name(path.stem + TYPICAL)] if section.options.get("answer") == "added" else [path]
+    beside = section.options.get("spectral_weights")  # of an estimator that has a second network
+    paths += [Path(beside)] if beside else getattr(sys.modules[made.__module__], "RELEASED_BESIDE", [])
     for one in paths:
         if not one.is_file():
             raise InputError(f"weights of blur estimator '{section.kind}': no file {one}; restore data/weights")

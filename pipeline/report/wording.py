@@ -26,6 +26,7 @@ ESTIMATORS = {
     "spectral": "Spectral",
     "typical": "Spectral, typical lens",
     "fitted": "Spectral, fitted",
+    "fused": "Fused, fitted",
     "ground_truth": "Ground truth",
 }
 EFFECTS = {

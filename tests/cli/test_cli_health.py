@@ -196,3 +196,26 @@ def test_health_and_noise_agree_by_default(tmp_path):
     (row,) = json.loads((tmp_path / "out/health.json").read_text())["pictures"]
     noise = CliRunner().invoke(main, ["noise", str(path)])
     assert abs(float(noise.output.splitlines()[1].split()[0]) - row["sigma_dn"]) < 0.006
+
+
+def test_best_quality_estimates_blur_by_the_fused_estimator(tmp_path, monkeypatch):
+    from pipeline.blur import fused, fusion_gate
+    from pipeline.learning import weights
+
+    gate = fusion_gate.FusionGate()
+    gate.begin()
+    weights.save(tmp_path / "gate.safetensors", gate.state_dict(), fusion_gate.ARCHITECTURE, interval=3.0)
+    monkeypatch.setattr(fused, "RELEASED", tmp_path / "gate.safetensors")
+    path = write(tmp_path / "in/a.png", 0.0, blur_px=3.0)
+    mtf = {}
+    for quality in ("fast", "best"):
+        done = call(path, "--quality", quality, "--out", tmp_path / quality)
+        assert done.exit_code == 0, done.output
+        (shown,) = json.loads((tmp_path / quality / "health.json").read_text())["pictures"]
+        mtf[quality] = np.array(shown["mtf"])
+    assert 0.002 < np.abs(mtf["best"] - mtf["fast"]).max() < 0.3
+
+
+def test_best_quality_and_another_estimator_exclude_each_other(tmp_path):
+    done = call(write(tmp_path / "a.png", 0.0), "--quality", "best", "--blur", "gbb")
+    assert done.exit_code != 0 and "leave --blur gbb out" in str(done.output) + str(done.exception)

@@ -118,10 +118,35 @@ class TypicalCameraSection(Section):
     intrinsic_px: tuple[NonNegative, NonNegative]
 
 
+class FusionRecipeSection(Section):
+    """What the fusion gate's samples are drawn from; see `pipeline.blur.fusion_samples.Recipe`."""
+
+    samples: Annotated[int, Field(ge=4, le=100_000)]
+    views: Count
+    singles: Annotated[int, Field(ge=0, le=100)]
+    kernel_distribution: Literal["paper_like", "with_optics"]
+    anisotropy: Share
+    intrinsic_px: tuple[NonNegative, NonNegative]
+    clean_share: Share
+    largest_sigma_dn: Annotated[float, Field(gt=1, le=100)]
+    largest_mean_mtf: Annotated[float, Field(gt=0, le=1)]
+
+
+class FusionSection(Section):
+    """The training of the fused estimator's gate; see `pipeline.blur.fusion_training.Settings`."""
+
+    recipe: FusionRecipeSection
+    steps: Count
+    learning_rate: Positive
+    weight_decay: NonNegative
+    folds: Annotated[int, Field(ge=2, le=20)]
+
+
 class TrainSection(Section):
     """Trainings by what they estimate or find."""
 
     mtf: dict[Literal["spectral", "cnn"], MtfTrainingSection]
+    fusion: FusionSection
     typical_camera: TypicalCameraSection
     sigma: dict[Literal["cellwise", "cnn"], SigmaTrainingSection]
     detector: dict[Literal["compact", "compact_two_stage"], DetectorTrainingSection]

@@ -1,0 +1,206 @@
+"""Fused estimator: the spectral network on every patch, GBB and PMP on a few blurred ones, joined by a learned gate.
+
+The spectral network costs milliseconds and its errors are a common bias of scene and kernel; those of GBB and PMP are
+nearly independent of it (`pipeline.blur.fusion_gate`). Blind deconvolution costs about half a second a patch, and
+pays only where there is blur: with m the mean MTF by the spectral network (calibrated to the camera if that was done),
+
+    answer = w gate + (1 - w) spectral,     w = clip((0.6 - m) / 0.2, 0, 1),
+
+so sharp frames stay at milliseconds. Patches of one call that are blurred alike (`pipeline.blur.shared_blur`) share one
+kernel: GBB and PMP solve the stacked equations of at most `deconvolved_patches` of them, and the gate joins the answer
+with the spectral MTF of every one (or, without `joint`, each of them is solved alone). A patch with another blur is
+deconvolved alone. Nothing is random; the answer for a patch depends on the other patches of the call, by which ones are
+deconvolved with it.
+
+Answers are total MTFs until `Fused.calibrated` makes them relative to a camera's sharp frames. Ours; the gate is
+trained on procedural pictures only (`pipeline.blur.fusion_training`).
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.blur import shared_blur
+from pipeline.blur.base import BlurEstimate, Estimator, as_patches
+from pipeline.blur.camera_fit import SAMPLES, affine_fit
+from pipeline.blur.fusion_camera import SHARP_PATCHES, FusionMap
+from pipeline.blur.fusion_members import Deconvolution, join_members
+from pipeline.blur.spectral import RELEASED as RELEASED_SPECTRAL
+from pipeline.blur.spectral import Spectral
+from pipeline.errors import InputError, did_you_mean
+
+RELEASED = Path(__file__).resolve().parents[2] / "data/weights/mtf_fusion.safetensors"
+RELEASED_BESIDE = [RELEASED_SPECTRAL]
+SHARED = ("auto", "always", "never")
+PAYS_BELOW = 0.6  # mean MTF under which deconvolution begins to help
+PAYS_FULLY_BELOW = 0.4
+
+
+@dataclass(frozen=True)
+class SpectralAnswer:
+    """What the spectral network returns of N patches, calibrated where there is a calibration.
+
+    Attributes:
+        mtf: (N, 2, 8).
+        scale: (N, 2, 8) its Laplace scale.
+        sigma_dn: (N,) noise, DN.
+    """
+
+    mtf: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    sigma_dn: NDArray[np.float64]
+
+    def part(self, indices: NDArray[np.int_]) -> SpectralAnswer:
+        """Those of some patches."""
+        return SpectralAnswer(self.mtf[indices], self.scale[indices], self.sigma_dn[indices])
+
+
+class Fused(Estimator):
+    """See the module.
+
+    Args:
+        weights: file of the gate; None for the released one.
+        spectral_weights: file of the spectral network; None for the released one.
+        deconvolved_patches: how many of the patches that share a blur are deconvolved, evenly spread over them.
+        shared_blur: whether the patches of one call are blurred alike: ``"always"`` (a frame, a cell of a table),
+            ``"never"`` (every blurred patch is deconvolved), or ``"auto"``, which takes those for alike whose spectral
+            answers agree within their spread.
+        joint: solve one kernel for the patches that share a blur; else each is solved alone and the median of what that
+            adds to the spectral answers is added to those of all.
+        kernel_size: side of the kernels, odd, pixels.
+        batch, device: of the spectral network.
+
+    Attributes:
+        camera: calibration, or None: answers are then total MTFs.
+
+    Raises:
+        InputError: weight files that are absent or broken, or an option out of its range.
+    """
+
+    camera: FusionMap | None = None
+
+    def __init__(
+        self,
+        weights: str | Path | None = None,
+        *,
+        spectral_weights: str | Path | None = None,
+        deconvolved_patches: int = 4,
+        shared_blur: str = "auto",
+        joint: bool = True,
+        kernel_size: int = 31,
+        batch: int = 32,
+        device: str = "cpu",
+    ) -> None:
+        from pipeline.blur.fusion_gate import ARCHITECTURE, FusionGate
+        from pipeline.learning.weights import into
+
+        if not isinstance(deconvolved_patches, int) or deconvolved_patches < 1:
+            raise InputError(f"deconvolved_patches={deconvolved_patches!r}: expected a whole number of at least 1")
+        if shared_blur not in SHARED:
+            raise InputError(f"shared_blur={shared_blur!r}: {did_you_mean(str(shared_blur), SHARED)}")
+        self.deconvolved_patches, self.shared_blur, self.joint = deconvolved_patches, shared_blur, joint
+        self.spectral = Spectral(spectral_weights, batch=batch, device=device)
+        self.deconvolution = Deconvolution(kernel_size)
+        gate = FusionGate()
+        header = into(gate, Path(weights or RELEASED), ARCHITECTURE)
+        self.gate, self.interval = gate.eval(), float(header["interval"])
+
+    def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
+        """See `pipeline.blur.base.Estimator.measure`; relative MTFs where there is a calibration."""
+        total, total_scale, sigma_dn = self.spectral.predict(patches)
+        mtf, scale = np.asarray(total, np.float64), np.asarray(total_scale, np.float64)
+        if self.camera is not None:
+            mtf, scale = self.camera.spectral(mtf), scale * self.camera.spectral.widening
+        spectral = SpectralAnswer(mtf, scale, np.asarray(sigma_dn, np.float64))
+        answer, width = mtf.copy(), self.spectral.interval * scale
+        blurred = np.flatnonzero((reason == "") & (mtf.mean(axis=(1, 2)) < PAYS_BELOW))
+        for members in self._groups(mtf[blurred], scale[blurred]):
+            group = blurred[members]
+            picked = shared_blur.spread(group, self.deconvolved_patches)
+            if self.joint or len(picked) == 1:
+                answer[group], width[group] = self._fused(patches[picked], spectral.part(group))
+            else:
+                each = [self._fused(patches[index, None], spectral.part(np.array([index]))) for index in picked]
+                shift = np.median([fused - mtf[index] for (fused, _), index in zip(each, picked, strict=True)], axis=0)
+                answer[group] = np.clip(mtf[group] + shift, 0.0, 1.0)
+                width[group] = np.median([wide for _, wide in each], axis=0)
+        abstained = reason != ""
+        answer[abstained] = width[abstained] = np.nan
+        low, high = (np.clip(answer + sign * width, 0.0, 1.0) for sign in (-1, 1))
+        return BlurEstimate(answer, abstained, reason, low=low, high=high)
+
+    def _groups(self, mtf: NDArray[np.float64], scale: NDArray[np.float64]) -> list[NDArray[np.int_]]:
+        """Indices of the blurred patches, by blur."""
+        if self.shared_blur == "auto":
+            return shared_blur.groups(mtf, scale)
+        if self.shared_blur == "always":
+            return [np.arange(len(mtf))] if len(mtf) else []
+        return [np.array([index]) for index in range(len(mtf))]
+
+    def _fused(
+        self, patches: NDArray[np.float32], spectral: SpectralAnswer
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """MTF and half the width of its interval, both (N, 2, 8), with one kernel for all.
+
+        Args:
+            patches: (M, 1, 192, 192) to deconvolve together.
+            spectral: of N patches under the same blur.
+        """
+        import torch
+
+        others = self.deconvolution(patches)
+        if self.camera is not None:
+            others[0] = self.camera.relative(others[0])
+        arguments = (join_members(spectral.mtf, others), spectral.scale, spectral.sigma_dn)
+        count = np.full(len(spectral.mtf), len(patches))
+        with torch.inference_mode():
+            joined = self.gate(*(torch.from_numpy(np.asarray(part, np.float32)) for part in (*arguments, count)))
+        mtf, scale = (part.numpy().astype(np.float64) for part in joined)
+        weight = (PAYS_BELOW - spectral.mtf.mean(axis=(1, 2))) / (PAYS_BELOW - PAYS_FULLY_BELOW)
+        weight = np.clip(weight, 0.0, 1.0)[:, None, None]
+        width = weight * self.interval * scale + (1 - weight) * self.spectral.interval * spectral.scale
+        return weight * mtf + (1 - weight) * spectral.mtf, width
+
+    def fit_camera(self, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> FusionMap:
+        """Calibrate all members to a camera: see `pipeline.blur.fusion_camera`.
+
+        Args:
+            sharp_patches: (N, 1, 192, 192) float in [0, 1] of the camera's sharp frames; some tens, from
+                different scenes, are enough.
+            samples: see `pipeline.blur.camera_fit.affine_fit`.
+            seed: see there.
+
+        Raises:
+            InputError: see there.
+        """
+        sharp = as_patches(sharp_patches, "sharp_patches")
+        spectral = affine_fit(self.spectral, sharp, samples=samples, seed=seed)
+        picked = shared_blur.spread(np.arange(len(sharp)), SHARP_PATCHES)
+        found = self.deconvolution.gbb.estimate(sharp[picked])
+        kept = np.asarray(found.mtf, np.float64)[~found.abstained]
+        return FusionMap(spectral, np.median(kept, axis=0) if len(kept) else np.ones(found.mtf.shape[1:]))
+
+    def with_camera(self, camera: FusionMap | None) -> Self:
+        """The same estimator with this calibration."""
+        made = copy.copy(self)
+        made.camera = camera
+        return made
+
+    def calibrated(self, sharp_patches: Any) -> Self:
+        """The same estimator, calibrated to the camera of these sharp patches: answers are relative MTFs.
+
+        Takes some seconds: the spectral network is run on 1200 blurred patches, GBB on ten sharp ones.
+
+        Args:
+            sharp_patches: see `fit_camera`.
+
+        Raises:
+            InputError: see `fit_camera`.
+        """
+        return self.with_camera(self.fit_camera(sharp_patches))

@@ -1,0 +1,146 @@
+"""Labelled samples for the fusion gate: procedural pictures under one blur, with what the three estimators return.
+
+    D = round_or_floor(clip(255 (I * h * G_a) + n)),    label(f) = |H(f)| exp(-2 pi^2 a^2 f^2)
+
+as for the networks (`pipeline.learning.samples`): I a procedural view, h a training kernel, G_a the lens, n the noise.
+A sample has several views under the same h, G_a and noise level, like the patches of one frame. Kernels whose mean MTF
+is above a limit are passed over, because there the fused estimator does not deconvolve.
+
+Sample i is a pure function of (settings, i). The answers of GBB and PMP, which take seconds, are kept in a cache.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.blur.base import PATCH_PX
+from pipeline.streams import stream, torch_stream
+
+PURPOSE = "fusion samples"
+KERNELS = 12
+"""Kernels drawn for a sample, of which the first under the limit is used."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What samples are drawn from.
+
+    Attributes:
+        samples: number of blurs.
+        views: patches under each of them, which GBB and PMP are run on together.
+        singles: how many of these patches they are run on alone, too.
+        kernel_distribution: see `pipeline.learning.kernels.draw`.
+        anisotropy: see `pipeline.learning.images.view`.
+        intrinsic_px: range of the intrinsic Gaussian's standard deviation, pixels.
+        clean_share: share of samples without noise.
+        largest_sigma_dn: of the noise; half of the levels are even, half logarithmic from 1 DN.
+        largest_mean_mtf: kernels with a higher mean MTF are passed over.
+        seed: root of the random streams.
+    """
+
+    samples: int = 160
+    views: int = 3
+    singles: int = 1
+    kernel_distribution: str = "with_optics"
+    anisotropy: float = 0.7
+    intrinsic_px: tuple[float, float] = (0.0, 0.7)
+    clean_share: float = 0.5
+    largest_sigma_dn: float = 25.0
+    largest_mean_mtf: float = 0.65
+    seed: int = 1
+
+
+@dataclass(frozen=True)
+class Blurred:
+    """The patches of one sample.
+
+    Attributes:
+        patches: (V, 1, 192, 192) float32 in [0, 1], whole grey levels.
+        mtf: (2, 8) total MTF.
+        sigma_dn: noise added, DN.
+    """
+
+    patches: NDArray[np.float32]
+    mtf: NDArray[np.float64]
+    sigma_dn: float
+
+
+def blurred(recipe: Recipe, index: int) -> Blurred:
+    """The patches of sample `index`."""
+    import torch
+
+    from pipeline.camera import mtf
+    from pipeline.camera.blur import blur
+    from pipeline.camera.psf.gaussian import gaussian
+    from pipeline.learning import images
+    from pipeline.learning.samples import KINDS, noise_e, scaled
+
+    generator = stream(recipe.seed, PURPOSE, index)
+    kernel = _kernel(recipe, index)
+    spread = float(generator.uniform(*recipe.intrinsic_px))
+    label = np.asarray(mtf.sample(kernel)) * np.exp(-2 * (np.pi * spread * mtf.FREQUENCIES / 2) ** 2)
+    views = np.stack(
+        [
+            images.view(
+                images.picture(index * recipe.views + view, recipe.seed, f"{PURPOSE} image"),
+                generator,
+                PATCH_PX,
+                recipe.anisotropy,
+            )
+            for view in range(recipe.views)
+        ]
+    )
+    seen = torch.from_numpy(blur(blur(views[:, None], kernel), gaussian(spread))[:, 0].clip(0, 1))
+    sigma_dn = 0.0
+    dn = seen * 255
+    if generator.random() >= recipe.clean_share:
+        even = generator.uniform(0, recipe.largest_sigma_dn)
+        logarithmic = np.exp(generator.uniform(0, np.log(recipe.largest_sigma_dn)))
+        sigma_dn = float(even if generator.random() < 0.5 else logarithmic)
+        kind = torch.full((len(seen),), int(generator.integers(len(KINDS))))
+        noise = noise_e(seen, kind, torch_stream(recipe.seed, PURPOSE, index))
+        dn = dn + scaled(noise, torch.full((len(seen),), sigma_dn))
+    half = 0.5 if generator.random() < 0.5 else 0.0  # rounded, or truncated as by many cameras' programs
+    whole = (dn.clamp(0, 255) + half).floor().clamp(0, 255) / 255
+    return Blurred(whole.numpy()[:, None].astype(np.float32), label, sigma_dn)
+
+
+def _kernel(recipe: Recipe, index: int) -> NDArray[np.floating]:
+    """The first of a sample's kernels that is under the limit, else the widest of them; unit sum."""
+    from pipeline.camera import mtf
+    from pipeline.learning.kernels import block
+
+    drawn = block(index, recipe.seed, f"{PURPOSE} kernels", KERNELS, recipe.kernel_distribution)
+    means = np.asarray(mtf.sample(drawn)).mean(axis=(1, 2))
+    under = np.flatnonzero(means < recipe.largest_mean_mtf)
+    kernel = drawn[under[0] if len(under) else int(means.argmin())]
+    return np.asarray(kernel / kernel.sum())
+
+
+def deconvolved(index: int, recipe: Recipe, folder: Path) -> dict[str, NDArray[Any]]:
+    """Patches of a sample with the answers of GBB and PMP, from the cache or made now and kept there.
+
+    Returns:
+        patches: (V, 192, 192) uint8; mtf: (2, 8); sigma_dn: (); others: (singles + 1, 2, 2, 8) by GBB and PMP, on each
+        single patch and last on all together; NaN where no kernel is identifiable.
+    """
+    from pipeline.blur.fusion_members import Deconvolution
+    from pipeline.store import read_arrays, write_arrays
+
+    path = folder / f"{index:05d}.npz"
+    if not path.is_file():
+        sample, deconvolution = blurred(recipe, index), Deconvolution()
+        sets = [sample.patches[one : one + 1] for one in range(recipe.singles)] + [sample.patches]
+        write_arrays(
+            path,
+            patches=np.rint(sample.patches[:, 0] * 255).astype(np.uint8),
+            mtf=sample.mtf,
+            sigma_dn=np.array(sample.sigma_dn),
+            others=np.stack([deconvolution(patches) for patches in sets]),
+        )
+    return read_arrays(path)

@@ -1,0 +1,24 @@
+"""Stage `train_fusion`: trains the gate that joins the spectral network with GBB and PMP; released weights."""
+
+from __future__ import annotations
+
+from pipeline.config.entry import Run, stage
+
+
+@stage("train_fusion", reads=["seed", "train.fusion"])
+def run(run: Run) -> None:
+    """Draw samples, estimate them by all three, train; write weights and cross-validated errors."""
+    from pipeline import training_record
+    from pipeline.blur import fusion_rows, fusion_training
+    from pipeline.learning.conduct import Conduct
+
+    settings = fusion_training.Settings.from_section(run.params.train.fusion, run.params.seed)
+    spectral = run.inputs / "data/weights/mtf_spectral.safetensors"
+    rows = fusion_rows.rows(settings.recipe, spectral, Conduct().cache, run.map)
+    trained = fusion_training.train(rows, settings)
+    fusion_training.save(run.outputs / "data/weights/mtf_fusion.safetensors", trained, settings)
+    training_record.write_measures(run.outputs / "reports/metrics/train/mtf_fusion.json", trained.measures)
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,157 @@
+"""The fused estimator: where it deconvolves, which patches share a kernel, calibration, abstentions."""
+
+import numpy as np
+import pytest
+
+from pipeline import blur
+from pipeline.blur import fusion_gate
+from pipeline.blur.base import Estimator
+from pipeline.blur.fused import Fused
+from pipeline.blur.fusion_camera import FusionMap
+from pipeline.blur.fusion_members import Deconvolution, join_members
+from pipeline.camera.blur import blur as convolve
+from pipeline.camera.psf.defocus import create as defocus
+from pipeline.errors import InputError
+from pipeline.learning import images, weights
+from pipeline.streams import stream
+
+KERNEL_PX = 13  # small kernels keep the tests short
+
+
+@pytest.fixture(scope="module")
+def gate_file(tmp_path_factory):
+    """A gate that takes a fixed mean, as before its training."""
+    gate = fusion_gate.FusionGate()
+    gate.begin()
+    path = tmp_path_factory.mktemp("weights") / "gate.safetensors"
+    weights.save(path, gate.state_dict(), fusion_gate.ARCHITECTURE, interval=3.0)
+    return path
+
+
+@pytest.fixture(scope="module")
+def sharp():
+    tiles = [images.picture(index, 4, "test fused image") for index in range(4)]
+    views = [images.view(tile, stream(4, "test fused", index), 192) for index, tile in enumerate(tiles)]
+    return np.stack(views)[:, None].clip(0, 1)
+
+
+@pytest.fixture(scope="module")
+def blurred(sharp):
+    return np.rint(convolve(sharp, defocus(9.0)) * 255).astype(np.float32) / 255
+
+
+class Counting(Deconvolution):
+    """Notes how many patches each deconvolution is given."""
+
+    def __init__(self):
+        super().__init__(KERNEL_PX)
+        self.sizes = []
+
+    def __call__(self, patches):
+        self.sizes.append(len(patches))
+        return super().__call__(patches)
+
+
+def make(gate_file, **options):
+    estimator = Fused(gate_file, **options)
+    estimator.deconvolution = Counting()
+    return estimator
+
+
+@pytest.fixture(scope="module")
+def camera(gate_file, sharp):
+    return make(gate_file).fit_camera(sharp[:3], samples=100)
+
+
+def test_sharp_patches_are_left_to_the_spectral_network(gate_file, sharp):
+    estimator = make(gate_file)
+    fused = estimator.estimate(sharp)
+    spectral = estimator.spectral.estimate(sharp)
+    clear = spectral.mtf.mean(axis=(1, 2)) >= 0.6
+    assert clear.any() and len(estimator.deconvolution.sizes) <= (~clear).sum()
+    assert np.allclose(fused.mtf[clear], spectral.mtf[clear])
+    assert np.allclose(fused.low[clear], spectral.low[clear], atol=1e-6)
+
+
+def test_patches_blurred_alike_share_one_deconvolution(gate_file, blurred):
+    estimator = make(gate_file, deconvolved_patches=2, shared_blur="always")
+    answer = estimator.estimate(blurred)
+    assert estimator.deconvolution.sizes == [2]
+    assert not np.allclose(answer.mtf, estimator.spectral.estimate(blurred).mtf, atol=0.005)
+    assert ((answer.low <= answer.mtf) & (answer.mtf <= answer.high)).all()
+    again = make(gate_file, deconvolved_patches=2, shared_blur="always").estimate(blurred)
+    assert np.array_equal(again.mtf, answer.mtf)
+
+
+def test_without_joint_kernels_all_patches_get_the_same_correction(gate_file, blurred):
+    estimator = make(gate_file, deconvolved_patches=2, shared_blur="always", joint=False)
+    answer = estimator.estimate(blurred)
+    assert estimator.deconvolution.sizes == [1, 1]
+    shift = answer.mtf - estimator.spectral.estimate(blurred).mtf
+    unclipped = ((answer.mtf > 0) & (answer.mtf < 1)).all(axis=0)
+    assert unclipped.any() and np.abs(shift).max() > 0.002
+    assert np.allclose(shift[:, unclipped], shift[0, unclipped], atol=1e-6)
+
+
+def test_patches_can_be_deconvolved_one_by_one(gate_file, blurred):
+    estimator = make(gate_file, shared_blur="never")
+    estimator.estimate(blurred[:2])
+    assert estimator.deconvolution.sizes == [1, 1]
+
+
+def test_by_default_a_patch_with_another_blur_is_deconvolved_alone(gate_file, sharp, blurred):
+    other = np.rint(convolve(sharp[:1], defocus(21.0)) * 255).astype(np.float32) / 255
+    estimator = make(gate_file)
+    estimator.estimate(np.concatenate([blurred, other]))
+    assert sorted(estimator.deconvolution.sizes) == [1, len(blurred)]
+
+
+def test_flat_patches_are_abstained_from(gate_file, blurred):
+    patches = np.concatenate([blurred[:1], np.full_like(blurred[:1], 0.5)])
+    estimator = make(gate_file)
+    answer = estimator.estimate(patches)
+    assert answer.abstained.tolist() == [False, True] and answer.reason[1] == "flat"
+    assert np.isnan(answer.mtf[1]).all() and np.isfinite(answer.mtf[0]).all()
+    assert len(estimator.estimate(patches[:0])) == 0
+
+
+def test_calibration_covers_the_members(gate_file, camera, blurred, tmp_path):
+    estimator = make(gate_file, shared_blur="always", deconvolved_patches=1)
+    assert camera.samples == 100 and camera.gbb_sharp_mtf.shape == (2, 8)
+    calibrated = estimator.with_camera(camera)
+    assert estimator.camera is None and calibrated.camera is camera
+    answer = calibrated.estimate(blurred)
+    assert not np.allclose(answer.mtf, estimator.estimate(blurred).mtf)
+    camera.save(tmp_path / "camera.json")
+    read = FusionMap.load(tmp_path / "camera.json")
+    assert np.array_equal(read.answer(estimator, blurred).mtf, answer.mtf)
+    (tmp_path / "camera.json").write_text("[]")
+    with pytest.raises(InputError, match="not the calibration of the fused estimator"):
+        FusionMap.load(tmp_path / "camera.json")
+
+
+def test_gbb_is_divided_by_its_sharp_mtf_but_not_by_noise(camera):
+    level = np.where(np.arange(16).reshape(2, 8) % 2, 0.8, 0.1)
+    changed = FusionMap(camera.spectral, level)
+    assert np.allclose(changed.relative(np.full((2, 8), 0.4)), np.where(level == 0.8, 0.5, 1.0))
+
+
+def test_the_spectral_network_stands_in_for_what_is_not_identifiable():
+    mtf = np.full((2, 2, 8), 0.3)
+    others = np.stack([np.full((2, 8), np.nan), np.full((2, 8), 0.7)])
+    members = join_members(mtf, others)
+    assert members.shape == (2, 3, 2, 8)
+    assert (members[:, :2] == 0.3).all() and (members[:, 2] == 0.7).all()
+
+
+def test_options_out_of_range_are_refused(gate_file, tmp_path):
+    with pytest.raises(InputError, match="deconvolved_patches=0"):
+        blur.create("fused", weights=gate_file, deconvolved_patches=0)
+    with pytest.raises(InputError, match="shared_blur='mostly'"):
+        blur.create("fused", weights=gate_file, shared_blur="mostly")
+    with pytest.raises(InputError, match="no such weight file"):
+        blur.create("fused", weights=tmp_path / "absent.safetensors")
+
+
+def test_it_is_registered(gate_file):
+    assert isinstance(blur.create("fused", weights=gate_file), Estimator)
