@@ -51,9 +51,7 @@ def wheel(tmp_path_factory):
 def test_the_wheel_holds_weights_and_templates(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     assert RELEASED and {f"pipeline/released_weights/{name}" for name in RELEASED} <= names
-    templates = [
-        file for folder in ("report", "cli") for file in (ROOT / "pipeline" / folder / "templates").glob("*.*")
-    ]
+    templates = list((ROOT / "pipeline/report/templates").glob("*.*"))
     assert {file.relative_to(ROOT).as_posix() for file in templates} <= names
     assert not any(name.startswith(("tests/", "data/", "benchmarks/")) for name in names)
 

@@ -34,8 +34,9 @@ from pipeline.blur.fusion_members import Deconvolution, join_members
 from pipeline.blur.spectral import RELEASED as RELEASED_SPECTRAL
 from pipeline.blur.spectral import Spectral
 from pipeline.errors import InputError, did_you_mean
+from pipeline.project_files import located
 
-RELEASED = Path(__file__).resolve().parents[2] / "data/weights/mtf_fusion.safetensors"
+RELEASED = located("data/weights/mtf_fusion.safetensors")
 RELEASED_BESIDE = [RELEASED_SPECTRAL]
 SHARED = ("auto", "always", "never")
 PAYS_BELOW = 0.6  # mean MTF under which deconvolution begins to help

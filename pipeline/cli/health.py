@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipeline.cli.numbers import FiniteRange
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from pipeline.condition import ConditionMonitor
 
+ALARM = 3  # exit code
 SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is doubted: about a 4 px disc of defocus
 
 
@@ -46,10 +49,20 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
     "--added", is_flag=True,
     help="without --sharp: tell the blur beyond that of a typical lens, and not the lens's too (estimator spectral)",
 )  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="print the whole run as one JSON object instead of the table")
+@click.option("--jsonl", "as_lines", is_flag=True, help="print one JSON object per frame, as it comes, instead of it")
+@click.option(
+    "--alarm-sigma-dn", type=FiniteRange(0, 255), help="alarm (exit code 3) when noise exceeds this, grey levels"
+)
+@click.option(
+    "--alarm-mtf50", type=FiniteRange(0, 1),
+    help="alarm (exit code 3) when contrast falls to half below this fraction of Nyquist, on either axis",
+)  # fmt: skip
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 def command(
     paths: tuple[Path, ...], out: Path | None, blur_name: str, quality: str, noise_name: str, sharp: tuple[Path, ...],
-    fitted: bool, added: bool, every: int,
+    fitted: bool, added: bool, as_json: bool, as_lines: bool, alarm_sigma_dn: float | None, alarm_mtf50: float | None,
+    every: int,
 ) -> None:  # fmt: skip
     """Estimate blur and noise of PATHS: pictures, videos, or folders of them.
 
@@ -58,15 +71,20 @@ def command(
     gave an answer (flat and saturated ones do not). Hold the camera upright; --sharp removes what its lens does anyway;
     --fit also mends what the estimator misreads in this camera's pictures. Without sharp pictures, --added takes off a
     typical lens.
+
+    Exit codes: 0 fine; 3 a threshold was violated; else 2 if a file could not be used; 130 interrupted.
     """
+    import json
+
     from tqdm import tqdm
 
-    from pipeline.cli.health_files import HealthFiles
-    from pipeline.cli.health_rows import HEADER, condition_row, line
+    from pipeline.cli.health_files import HealthFiles, run_content
+    from pipeline.cli.health_rows import HEADER, alarms, condition_row, line
     from pipeline.cli.pictures import expand, named, readable
     from pipeline.condition import ConditionMonitor
     from pipeline.errors import InputError
     from pipeline.executor import one_thread
+    from pipeline.store import plain_json
 
     one_thread()
     if quality == "best":
@@ -79,13 +97,21 @@ def command(
         raise InputError("--fit needs pictures of the same camera that are known to be sharp; give them by --sharp")
     if added and (sharp or blur_name != "spectral"):
         raise InputError("--added is for the estimator spectral without --sharp, which tells the same more exactly")
-    about = {"blur_estimator": blur_name, "noise_estimator": noise_name, "sharp": [str(file) for file in sharp_files]}
+    if as_json and as_lines:
+        raise InputError("--json and --jsonl: choose one of the two")
+    about = {
+        "blur_estimator": blur_name, "noise_estimator": noise_name, "sharp": [str(file) for file in sharp_files],
+        "thresholds": {"sigma_dn": alarm_sigma_dn, "mtf50": alarm_mtf50},
+    }  # fmt: skip
+    rows: list[dict[str, Any]] = []  # kept for --json only
+    set_aside: list[str] = []
     with contextlib.ExitStack() as stack:
         results = stack.enter_context(HealthFiles(out, [*files, *sharp_files], about)) if out is not None else None
         monitor = ConditionMonitor(blur_name, noise_name, blur_options={"answer": "added"} if added else None)
         sharp_sizes = _calibrate(monitor, sharp_files, fitted, every) if sharp else set()
-        failed = 0
-        click.echo(HEADER)
+        failed = alarmed = 0
+        if not (as_json or as_lines):
+            click.echo(HEADER)
         for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
             try:
                 if image is None:
@@ -94,6 +120,7 @@ def command(
             except InputError as error:
                 failed += 1
                 reason = named(name, error)
+                set_aside.append(reason)
                 if results is not None:
                     results.set_aside.append(reason)
                 click.echo(f"set aside: {reason}", err=True)
@@ -102,11 +129,22 @@ def command(
                 _warn_of_size(name, image.shape, sharp_sizes)
                 sharp_sizes = set()  # once is enough
             row = condition_row(name, condition)
+            row["alarms"] = ", ".join(alarms(row, alarm_sigma_dn, alarm_mtf50))
+            alarmed += bool(row["alarms"])
             if results is not None:
                 results.add(row, image, condition)
-            click.echo(line(row))
+            if as_json:
+                rows.append(row)
+            else:
+                click.echo(json.dumps(plain_json(row), sort_keys=True) if as_lines else line(row))
+    if as_json:
+        content = run_content(about, rows, set_aside, complete=True)
+        click.echo(json.dumps(plain_json(content), indent=2, sort_keys=True))
     if out is not None:
-        click.echo(f"written to {out}")
+        click.echo(f"written to {out}", err=as_json or as_lines)
+    if alarmed:
+        click.echo(f"alarm: {alarmed} frames violate a threshold", err=True)
+        raise SystemExit(ALARM)
     if failed:
         raise InputError(f"{failed} of the pictures given could not be used; see above")
 

@@ -19,6 +19,26 @@ if TYPE_CHECKING:
     from pipeline.condition import Condition
 
 
+def run_content(
+    about: dict[str, Any], rows: Sequence[dict[str, Any]], set_aside: Sequence[str], *, complete: bool
+) -> dict[str, Any]:
+    """A run as one JSON object.
+
+    Args:
+        about: estimators and settings.
+        rows: of the finished frames.
+        set_aside: one reason per file or frame that could not be used.
+        complete: whether the run came to its end.
+    """
+    from pipeline.camera.mtf import FREQUENCIES
+
+    alarmed = sum(bool(row["alarms"]) for row in rows)
+    return {
+        **about, "alarmed_frames": alarmed, "complete": complete, "frequencies_of_nyquist": FREQUENCIES,
+        "pictures": list(rows), "set_aside": list(set_aside),
+    }  # fmt: skip
+
+
 class HealthFiles:
     """``health.csv`` and ``health.jsonl``, complete after every frame; ``health.json``, written when the run ends.
 
@@ -44,16 +64,12 @@ class HealthFiles:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        from pipeline.camera.mtf import FREQUENCIES
         from pipeline.store import write_json
 
         self._table.__exit__(kind, error, trace)
         self._lines.__exit__(kind, error, trace)
         try:
-            content = {
-                **self._about, "complete": kind is None, "frequencies_of_nyquist": FREQUENCIES,
-                "pictures": self._rows, "set_aside": self.set_aside,
-            }  # fmt: skip
+            content = run_content(self._about, self._rows, self.set_aside, complete=kind is None)
             write_json(self._json, content)
         finally:
             self._folder.__exit__(kind, error, trace)

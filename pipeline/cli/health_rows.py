@@ -12,7 +12,7 @@ AXES = ("horizontal", "vertical")
 COLUMNS = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "noise_patches", "noise_abstained", "mtf50_horizontal",
     "mtf50_vertical", "mtf50_horizontal_status", "mtf50_vertical_status", "blur_patches", "blur_abstained",
-    "milliseconds", "drawn",
+    "milliseconds", "alarms", "drawn",
 )  # fmt: skip
 HEADER = f"{'sigma DN':>9} {'95 % interval':>15} {'MTF50 H':>8} {'MTF50 V':>8} {'answered':>11} {'ms':>6}  picture"
 
@@ -27,9 +27,9 @@ def condition_row(name: str, condition: Condition) -> dict[str, Any]:
         condition: its blur and noise.
 
     Returns:
-        `COLUMNS` (``drawn`` empty), the MTF (2, 8) with its interval, and the reasons of abstentions. MTF50 is a
-        fraction of Nyquist; its status tells a value that is ``measured`` from one ``above_range`` (contrast stays
-        above half up to the last frequency; the number is infinite) and one that is ``unknown`` (NaN).
+        `COLUMNS` (``alarms`` and ``drawn`` empty), the MTF (2, 8) with its interval, and the reasons of abstentions.
+        MTF50 is a fraction of Nyquist; its status tells a value that is ``measured`` from one ``above_range`` (contrast
+        stays above half up to the last frequency; the number is infinite) and one that is ``unknown`` (NaN).
     """
     from pipeline.blur.base import PATCH_PX
     from pipeline.condition.summary import half_contrast
@@ -39,13 +39,30 @@ def condition_row(name: str, condition: Condition) -> dict[str, Any]:
     numbers = (
         name, float(condition.sigma_dn.value), float(condition.sigma_dn.low), float(condition.sigma_dn.high),
         len(noise), int(noise.abstained.sum()), horizontal, vertical, status(horizontal), status(vertical), len(blur),
-        int(blur.abstained.sum()), round(condition.milliseconds, 1), "",
+        int(blur.abstained.sum()), round(condition.milliseconds, 1), "", "",
     )  # fmt: skip
     reasons = condition.reasons
     if not len(blur):
         reasons["blur"] = {f"a side is shorter than {PATCH_PX} px": 1}
     curves = {"mtf": condition.mtf.value, "mtf_low": condition.mtf.low, "mtf_high": condition.mtf.high}
     return dict(zip(COLUMNS, numbers, strict=True)) | curves | {"abstained": reasons}
+
+
+def alarms(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: float | None) -> list[str]:
+    """Thresholds that a frame violates; what is unknown violates none.
+
+    Args:
+        row: of `condition_row`.
+        most_sigma_dn: noise above it is an alarm, DN; None for no threshold.
+        least_mtf50: an MTF50 below it, on either axis, is an alarm, fraction of Nyquist; None for no threshold.
+
+    Returns:
+        ``noise``, ``blur horizontal``, ``blur vertical``, those that apply.
+    """
+    result = ["noise"] if most_sigma_dn is not None and row["sigma_dn"] > most_sigma_dn else []
+    if least_mtf50 is not None:
+        result += [f"blur {axis}" for axis in AXES if row[f"mtf50_{axis}"] < least_mtf50]
+    return result
 
 
 def status(mtf50: float) -> str:
@@ -63,6 +80,7 @@ def line(row: dict[str, Any]) -> str:
     halves = " ".join(f"{number(row[f'mtf50_{axis}'], 2):>8}" for axis in AXES)
     reasons = [f"{part} {reason} {n}" for part, counts in row["abstained"].items() for reason, n in counts.items()]
     note = f"  ({', '.join(reasons)})" if reasons else ""
+    note += f"  ALARM: {row['alarms']}" if row["alarms"] else ""
     return (
         f"{number(row['sigma_dn'], 2):>9} {interval:>15} {halves} {answered:>11} {row['milliseconds']:>6.0f}"
         f"  {row['picture']}{note}"

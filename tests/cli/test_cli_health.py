@@ -219,3 +219,39 @@ def test_best_quality_estimates_blur_by_the_fused_estimator(tmp_path, monkeypatc
 def test_best_quality_and_another_estimator_exclude_each_other(tmp_path):
     done = call(write(tmp_path / "a.png", 0.0), "--quality", "best", "--blur", "gbb")
     assert done.exit_code != 0 and "leave --blur gbb out" in str(done.output) + str(done.exception)
+
+
+def test_json_on_standard_output_is_the_whole_run(tmp_path):
+    write(tmp_path / "in/a.png", 8.0)
+    (tmp_path / "in/b.png").write_bytes(b"none")
+    done = call(tmp_path / "in", "--json", "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    content = json.loads(done.stdout)
+    assert content == json.loads((tmp_path / "out/health.json").read_text())
+    assert len(content["pictures"]) == 1 and "b.png" in content["set_aside"][0]
+    lines = call(tmp_path / "in/a.png", "--jsonl")
+    assert lines.exit_code == 0
+    assert [abs(json.loads(text)["sigma_dn"] - 8) < 0.8 for text in lines.stdout.splitlines()] == [True]
+    assert "choose one" in call(tmp_path / "in/a.png", "--jsonl", "--json").output
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "alarms"),
+    [
+        (["--alarm-sigma-dn", 7], 3, "noise"),
+        (["--alarm-sigma-dn", 9], 0, ""),
+        (["--alarm-mtf50", 0.3], 3, "blur horizontal, blur vertical"),
+        (["--alarm-mtf50", 0.02], 0, ""),
+        (["--alarm-sigma-dn", "nan"], 2, None),
+    ],
+)
+def test_thresholds_raise_an_alarm_by_exit_code_and_in_the_row(tmp_path, options, code, alarms):
+    done = call(write(tmp_path / "a.png", 8.0, blur_px=3.0), "--jsonl", *options)
+    assert done.exit_code == code, done.output
+    if alarms is not None:
+        assert json.loads(done.stdout.splitlines()[0])["alarms"] == alarms
+
+
+def test_what_is_unknown_raises_no_alarm(tmp_path):
+    cv2.imwrite(str(tmp_path / "white.png"), np.full((320, 448), 255, np.uint8))
+    assert call(tmp_path / "white.png", "--alarm-sigma-dn", 1, "--alarm-mtf50", 0.5).exit_code == 0
