@@ -127,7 +127,7 @@ def for_children() -> Iterator[None]:
 def release_torch() -> bool:
     """Lift the pins of torch for this process and those it starts, before torch is imported.
 
-    Training in bfloat16 needs it: AVX2 has no such arithmetic, and emulating it takes 17 times as long
+    Training in bfloat16 needs it: AVX2 has no such arithmetic, and emulating it takes 15 times as long
     (``benchmarks/pins.py``). What depends on the result's last digits must come from its released weights.
 
     Returns:
