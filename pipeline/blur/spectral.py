@@ -24,7 +24,7 @@ from pipeline.project_files import located
 RELEASED = located("data/weights/mtf_spectral.safetensors")
 TYPICAL = "_typical.json"
 """Behind the stem of a weight file: its fit to cameras at large, for answers of kind "added"."""
-RELEASED_TYPICAL = RELEASED.parents[2] / "data/weights/mtf_spectral_typical.json"
+RELEASED_TYPICAL = located("data/weights/mtf_spectral_typical.json")
 
 ANSWERS = ("total", "added")
 AT_ONCE = 8
