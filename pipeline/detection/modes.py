@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.detection.nms import suppress
 from pipeline.errors import InputError, did_you_mean
 
 Mode = Literal["full", "paper"]
@@ -27,6 +28,33 @@ class Limits:
     score_floor: float
     overlap: float
     most: int
+
+    def select(
+        self,
+        boxes: NDArray[np.floating],
+        score: NDArray[np.floating],
+        kind: NDArray[np.integer],
+        *,
+        above: bool = False,
+        suppressed: bool = False,
+    ) -> NDArray[np.intp]:
+        """Which candidates are kept: those with an area in the image and score enough, the weaker of two alike dropped.
+
+        Args:
+            boxes: (M, 4) x1 y1 x2 y2, clipped to the image; those wholly in the margin have no area.
+            score: (M,) in [0, 1].
+            kind: (M,) class numbers.
+            above: a score must exceed `score_floor`; else equal it at least.
+            suppressed: the network has suppressed boxes already, only the strongest are kept.
+
+        Returns:
+            indices of the kept ones, strongest first.
+        """
+        real = (boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])
+        likely = np.flatnonzero(real & (score > self.score_floor if above else score >= self.score_floor))
+        if suppressed:
+            return likely[np.argsort(-score[likely], kind="stable")][: self.most]
+        return likely[suppress(boxes[likely], score[likely], kind[likely], self.overlap, self.most)]
 
 
 FULL = Limits(score_floor=0.01, overlap=0.5, most=300)

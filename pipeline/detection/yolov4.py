@@ -27,7 +27,6 @@ from pipeline.detection import coco
 from pipeline.detection.base import Detections, each_image
 from pipeline.detection.letterbox import Placement
 from pipeline.detection.modes import Limits, Mode, eight_bit, limits
-from pipeline.detection.nms import suppress
 from pipeline.detection.onnx_model import OnnxModel
 from pipeline.errors import InputError
 
@@ -100,9 +99,7 @@ class Yolov4:
         boxes = placement.undo(decode(rows[:, :4], self.side_px))
         if paper:
             boxes[:, 2:] = np.minimum(boxes[:, 2:], [image.shape[1] - 1, image.shape[0] - 1])
-        real = (boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])  # not those wholly in the margin
-        likely = np.flatnonzero(real & (score > self.limits.score_floor))
-        chosen = likely[suppress(boxes[likely], score[likely], kind[likely], self.limits.overlap, self.limits.most)]
+        chosen = self.limits.select(boxes, score, kind, above=True)
         found = np.trunc(boxes[chosen]) if paper else boxes[chosen]
         return Detections.of(found, np.clip(score[chosen], 0.0, 1.0), self.labels[kind[chosen]])
 

@@ -33,7 +33,6 @@ from pipeline.detection import coco
 from pipeline.detection.base import Detections, each_image
 from pipeline.detection.letterbox import letterbox
 from pipeline.detection.modes import Limits, Mode, limits
-from pipeline.detection.nms import suppress
 from pipeline.detection.onnx_model import OnnxModel
 from pipeline.detection.yolov4 import ANCHORS_PX, STRIDES
 from pipeline.errors import InputError
@@ -92,13 +91,7 @@ class Yolov7:
         canvas, placement = letterbox(image * np.float32(255.0), self.width_px, self.height_px, FILL_DN, centred=True)
         boxes, score, kind, suppressed = self._found(canvas)
         boxes = placement.undo(boxes)
-        real = (boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])  # not those wholly in the margin
-        likely = np.flatnonzero(real & (score >= self.limits.score_floor))
-        if suppressed:
-            chosen = likely[np.argsort(-score[likely], kind="stable")][: self.limits.most]
-        else:
-            kept = suppress(boxes[likely], score[likely], kind[likely], self.limits.overlap, self.limits.most)
-            chosen = likely[kept]
+        chosen = self.limits.select(boxes, score, kind, suppressed=suppressed)
         return Detections.of(boxes[chosen], np.clip(score[chosen], 0.0, 1.0), self.labels[kind[chosen]])
 
     def _found(

@@ -10,8 +10,9 @@ READS = ["seed", "train.mtf.spectral", "ablation.steps", "ablation.images", "abl
 @stage("ablation", reads=[*READS, "ablation.variants.{variant}"], job=["variant"])
 def run(run: Run) -> None:
     """Train, judge and write the measures."""
-    from pipeline import processor, training_record
+    from pipeline import processor
     from pipeline.blur import ablation
+    from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.training import Training
 

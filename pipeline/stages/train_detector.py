@@ -10,7 +10,8 @@ USES = {"pipeline.detection.compact": ["{network}"]}
 @stage("train_detector", reads=["seed", "train.detector.{network}"], job=["network"], uses=USES)
 def run(run: Run) -> None:
     """Render, train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
-    from pipeline import processor, training_record
+    from pipeline import processor
+    from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
 

@@ -8,8 +8,8 @@ from pipeline.config.entry import Run, stage
 @stage("train_fusion", reads=["seed", "train.fusion"])
 def run(run: Run) -> None:
     """Draw samples, estimate them by all three, train; write weights and cross-validated errors."""
-    from pipeline import training_record
     from pipeline.blur import fusion_rows, fusion_training
+    from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
 
     settings = fusion_training.Settings.from_section(run.params.train.fusion, run.params.seed)

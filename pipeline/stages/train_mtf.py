@@ -22,7 +22,8 @@ USES = {"pipeline.blur.training": ["{network}"]}
 @stage("train_mtf", reads=["seed", "train.mtf.{network}"], job=["network"], uses=USES)
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
-    from pipeline import processor, training_record
+    from pipeline import processor
+    from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
     from pipeline.learning.training import Training

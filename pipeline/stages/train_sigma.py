@@ -10,7 +10,7 @@ USES = {"pipeline.noise.training": ["{network}"]}
 @stage("train_sigma", reads=["seed", "train.sigma.{network}"], job=["network"], uses=USES)
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
-    from pipeline import training_record
+    from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
     from pipeline.noise import training

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pipeline import training_record
+from pipeline.learning import training_record
 
 RELEASED = Path(__file__).resolve().parents[1] / "data/weights"
 CURVE = [
