@@ -16,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
-from pipeline import processor
+from pipeline import processor, weight_files
 from pipeline.errors import InputError
 
 Item = TypeVar("Item")
@@ -49,6 +49,13 @@ def _progress(results: Iterable[Any], total: int, label: str) -> Iterable[Any]:
 
 def _call(function: Callable[[Item], Result], item: Item) -> Result:
     one_thread()
+    return function(item)
+
+
+def _call_there(function: Callable[[Item], Result], item: Item, weights: str | None) -> Result:
+    """As `_call`, in a process that this one did not start: with this one's folder of weights."""
+    one_thread()
+    weight_files.set_folder(weights)
     return function(item)
 
 
@@ -164,9 +171,10 @@ def _map_dask(
         client = Client(address, timeout=_SCHEDULER_TIMEOUT_S)
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         raise InputError(f"executor.address={address}: no Dask scheduler answers there ({error})") from None
+    weights = os.environ.get(weight_files.VARIABLE)
     with client:
         _check_pins(client.run(processor.status), address)
-        futures = [client.submit(_call, function, item, pure=False) for item in items]
+        futures = [client.submit(_call_there, function, item, weights, pure=False) for item in items]
         waiting = set(futures)
         bar = iter(_progress(range(len(items)), len(items), label))
         next(bar, None)

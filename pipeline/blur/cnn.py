@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pipeline.blur.base import SHARP_FLOOR, BlurEstimate, Estimator, as_patches, unusable
 from pipeline.errors import InputError
 from pipeline.project_files import located
+from pipeline.weight_files import active
 
 RELEASED = located("data/weights/mtf_cnn.safetensors")
 
@@ -42,7 +43,7 @@ class Cnn(Estimator):
             raise InputError(f"blur estimator 'cnn': batch={batch}, expected at least 1")
         self.batch, self.device = batch, device
         network = MtfCnn()
-        into(network, weights or RELEASED, ARCHITECTURE)
+        self.released = bool(into(network, weights or active(RELEASED), ARCHITECTURE)["released"])
         self.network = network.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:

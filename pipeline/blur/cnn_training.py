@@ -77,10 +77,10 @@ def train(training: Training, conduct: Conduct) -> Trained:
     )
 
 
-def save(path: Path, trained: Trained, training: Training) -> None:
+def save(path: Path, trained: Trained, training: Training, *, released: bool = False) -> None:
     """Write the weight file of a training: weights in half precision (13.5 MB instead of 27), settings and measures."""
     from pipeline.blur.cnn_net import ARCHITECTURE
     from pipeline.learning import fitting
 
     half = {name: value.half() for name, value in trained.model.state_dict().items()}
-    fitting.save(path, trained, training, architecture=ARCHITECTURE, code=__name__, tensors=half)
+    fitting.save(path, trained, training, architecture=ARCHITECTURE, code=__name__, released=released, tensors=half)

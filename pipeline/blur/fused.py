@@ -35,6 +35,7 @@ from pipeline.blur.spectral import RELEASED as RELEASED_SPECTRAL
 from pipeline.blur.spectral import Spectral
 from pipeline.errors import InputError, did_you_mean
 from pipeline.project_files import located
+from pipeline.weight_files import active
 
 RELEASED = located("data/weights/mtf_fusion.safetensors")
 RELEASED_BESIDE = [RELEASED_SPECTRAL]
@@ -109,7 +110,8 @@ class Fused(Estimator):
         self.spectral = Spectral(spectral_weights, batch=batch, device=device)
         self.deconvolution = Deconvolution(kernel_size)
         gate = FusionGate()
-        header = into(gate, Path(weights or RELEASED), ARCHITECTURE)
+        header = into(gate, Path(weights or active(RELEASED)), ARCHITECTURE)
+        self.released = bool(header["released"]) and self.spectral.released
         self.gate, self.interval = gate.eval(), float(header["interval"])
 
     def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:

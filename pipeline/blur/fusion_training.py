@@ -149,7 +149,7 @@ def _measures(data: Rows, error: np.ndarray) -> dict[str, float]:
     return {**found, "rows": float(len(error))}
 
 
-def save(path: Path, trained: TrainedGate, settings: Settings) -> None:
+def save(path: Path, trained: TrainedGate, settings: Settings, *, released: bool = False) -> None:
     """Write the weight file: weights, settings, fingerprint, measures and the interval's factor."""
     from pipeline.blur.fusion_gate import ARCHITECTURE
     from pipeline.learning import weights
@@ -160,6 +160,7 @@ def save(path: Path, trained: TrainedGate, settings: Settings) -> None:
         ARCHITECTURE,
         settings=asdict(settings),
         fingerprint=fingerprint(__name__, asdict(settings)),
+        released=released,
         measures=trained.measures,
         interval=trained.interval,
     )

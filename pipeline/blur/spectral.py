@@ -20,6 +20,7 @@ from pipeline.blur.base import BlurEstimate, Estimator
 from pipeline.blur.camera_fit import Fit, corrected
 from pipeline.errors import InputError
 from pipeline.project_files import located
+from pipeline.weight_files import active
 
 RELEASED = located("data/weights/mtf_spectral.safetensors")
 TYPICAL = "_typical.json"
@@ -67,8 +68,9 @@ class Spectral(Estimator):
         if answer not in ANSWERS:
             raise InputError(f"blur estimator 'spectral': answer={answer!r}, expected one of {', '.join(ANSWERS)}")
         self.mirrored, self.batch, self.device = mirrored, batch, device
-        network, path = SpectralNet(), Path(weights or RELEASED)
+        network, path = SpectralNet(), Path(weights or active(RELEASED))
         header = into(network, path, ARCHITECTURE)
+        self.released = bool(header["released"])
         self.typical = Fit.load(path.with_name(path.stem + TYPICAL)) if answer == "added" else None
         self.interval = float(header.get("interval", INTERVAL))
         self.network = network.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]

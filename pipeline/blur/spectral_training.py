@@ -102,10 +102,12 @@ def train(training: Training, conduct: Conduct) -> Trained:
     return trained
 
 
-def save(path: Path, trained: Trained, training: Training) -> None:
+def save(path: Path, trained: Trained, training: Training, *, released: bool = False) -> None:
     """Write the weight file of a training: weights, settings, measures and the interval's factor."""
     from pipeline.blur.spectral_net import ARCHITECTURE
     from pipeline.learning import fitting
 
     interval = fitting.final_measures(trained)["validation_interval"]
-    fitting.save(path, trained, training, architecture=ARCHITECTURE, code=__name__, interval=interval)
+    fitting.save(
+        path, trained, training, architecture=ARCHITECTURE, code=__name__, released=released, interval=interval
+    )

@@ -99,7 +99,7 @@ def command(
         raise InputError("--added is for the estimator spectral without --sharp, which tells the same more exactly")
     if as_json and as_lines:
         raise InputError("--json and --jsonl: choose one of the two")
-    about = {
+    about: dict[str, Any] = {
         "blur_estimator": blur_name, "noise_estimator": noise_name, "sharp": [str(file) for file in sharp_files],
         "thresholds": {"sigma_dn": alarm_sigma_dn, "mtf50": alarm_mtf50},
     }  # fmt: skip
@@ -108,9 +108,13 @@ def command(
     with contextlib.ExitStack() as stack:
         results = stack.enter_context(HealthFiles(out, [*files, *sharp_files], about)) if out is not None else None
         monitor = ConditionMonitor(blur_name, noise_name, blur_options={"answer": "added"} if added else None)
+        about["weights_released"] = monitor.weights_released
         sharp_sizes = _calibrate(monitor, sharp_files, fitted, every) if sharp else set()
         failed = alarmed = 0
         if not (as_json or as_lines):
+            for quantity, released in monitor.weights_released.items():
+                if not released:
+                    click.echo(f"weights not released: {quantity}")
             click.echo(HEADER)
         for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
             try:

@@ -140,6 +140,9 @@ class ConditionMonitor:
         self.blur_estimator = blur.create(blur_name, **(blur_options or {}))
         self.noise_estimator = noise.create(noise_name, **(noise_options or {}))
         self.tile_px = tile_px
+        estimators = {"blur": self.blur_estimator, "noise": self.noise_estimator}
+        self.weights_released = {name: bool(getattr(made, "released", True)) for name, made in estimators.items()}
+        """Of ``blur`` and ``noise``: False where the estimator runs on weights that are not the released ones."""
 
     def calibrate(self, sharp_frames: Sequence[NDArray[np.floating]], *, fitted: bool = False) -> None:
         """Answer from now on with the blur that was *added* to this camera's own sharp frames.

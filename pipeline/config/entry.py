@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError, did_you_mean
 from pipeline.registry import Registry
+from pipeline.weight_files import active_folder
 
 if TYPE_CHECKING:
     from pipeline.config.sections.executor import ExecutorSection
@@ -68,8 +69,10 @@ class Run:
     Attributes:
         params: the declared sections.
         job: what tells this stage of a matrix from its siblings, e.g. ``{"dataset": "sim"}``.
-        inputs: folder that input paths are relative to.
+        inputs: folder that outputs of earlier stages are relative to: the project, or the root of the profile.
         outputs: folder that output paths are relative to (the same under DVC, Hydra's folder in a sweep).
+        released: whether weights trained by this run are the released ones: under DVC, with the profile default.
+        project: folder that what belongs to no run is relative to: published tables, records, benchmarks.
         executor: where parallel work runs.
     """
 
@@ -78,6 +81,8 @@ class Run:
     inputs: Path
     outputs: Path
     executor: ExecutorSection
+    released: bool = False
+    project: Path = Path()
 
     def map(self, function: Callable[..., Any], items: Sequence[Any], label: str = "") -> list[Any]:
         """`pipeline.executor.run_map` with the configured executor."""
@@ -101,15 +106,32 @@ class Stage:
     uses: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def sections(self) -> list[str]:
-        """Sections of the configuration that this stage reads, and the executor's."""
-        return sorted({path.partition(".")[0] for path in self.reads} | {"executor"})
+        """Sections of the configuration that this stage reads, the executor's, and the root of its paths."""
+        return sorted({path.partition(".")[0] for path in self.reads} | {"executor", "root"})
 
     def declared(self, job: Mapping[str, str]) -> list[str]:
         """The parameter paths this stage reads for one job, as ``dvc.yaml`` lists them."""
         return [path.format(**job) for path in self.reads]
 
-    def run(self, config: Any, job: Mapping[str, str], inputs: Path, outputs: Path) -> None:
+    def run(
+        self,
+        config: Any,
+        job: Mapping[str, str],
+        inputs: Path,
+        outputs: Path,
+        *,
+        released: bool = False,
+        weights: Path | None = None,
+    ) -> None:
         """Check the job, mask the configuration and call the stage's body.
+
+        Args:
+            config: the configuration, or those of its sections that `sections` names.
+            job: see `Run`, as for the others.
+            inputs: see `Run`.
+            outputs: see `Run`.
+            released: see `Run`.
+            weights: folder that estimators take their weights from; None for the released ones.
 
         Raises:
             InputError: a job key is missing or unknown, or names nothing configured.
@@ -123,7 +145,8 @@ class Stage:
         params = Params(self.name)
         for path in self.declared(job):
             params._admit(path.split("."), self._find(config, path))
-        self.body(Run(params, dict(job), inputs, outputs, config.executor))
+        with active_folder(weights):
+            self.body(Run(params, dict(job), inputs, outputs, config.executor, released))
 
     def _find(self, config: Any, path: str) -> Any:
         value: Any = config

@@ -38,7 +38,9 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
         content: Any = OmegaConf.to_container(composed, resolve=True)
         job = {key: str(value) for key, value in (content.pop("job", None) or {}).items()}
         try:
-            stage.run(validate(content, "conf/"), job, Path(), outputs)
+            config = validate(content, "conf/")
+            root = Path(config.root)
+            stage.run(config, job, root, outputs, weights=root / "data/weights" if config.root else None)
         except InputError as error:
             print(f"error: {error}", file=sys.stderr)
             raise SystemExit(2) from None

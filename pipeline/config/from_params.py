@@ -46,4 +46,6 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
         raise InputError(f"{PARAMS}: not valid YAML ({error})") from None
     if not processor.status().startswith(processor.PINNED):
         print(f"note: {processor.status()}; last digits may differ from committed results", file=sys.stderr)
-    stage.run(sections.read(content or {}, stage.sections(), str(PARAMS)), job, Path(), Path())
+    config = sections.read(content or {}, stage.sections(), str(PARAMS))
+    root = Path(config.root)
+    stage.run(config, job, root, root, released=not config.root, weights=root / "data/weights" if config.root else None)

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError, model_validator
 
 from pipeline.config.schema_base import Name, Section
 from pipeline.config.schema_estimator import EstimatorSection
-from pipeline.config.sections import by_kind, datasets, profile, seed
+from pipeline.config.sections import by_kind, datasets, profile, root, seed
 from pipeline.config.sections.ablation import AblationSection
 from pipeline.config.sections.blur import BlurSection
 from pipeline.config.sections.camera import CameraSection, SensorSection
@@ -51,6 +51,7 @@ class Config(Section):
 
     profile: profile.SECTION
     seed: seed.SECTION
+    root: root.SECTION
     camera: CameraSection
     psf: PsfSection
     scenes: ScenesSection
@@ -67,6 +68,15 @@ class Config(Section):
     report: ReportSection
     matrix: MatrixSection
     by_kind: by_kind.SECTION
+
+    @model_validator(mode="after")
+    def _root_of_profile(self) -> Config:
+        if (self.root == "") is not (self.profile == "default"):
+            raise ValueError(
+                f"root is '{self.root}' with profile '{self.profile}': only profile default writes into the project "
+                "itself, since its weights and report are the released ones; expected a folder as runs/NAME/ for others"
+            )
+        return self
 
     @model_validator(mode="after")
     def _matrix_follows(self) -> Config:

@@ -106,16 +106,20 @@ def _group(name: str, entry: Mapping[str, Any], params: Mapping[str, Any]) -> Gr
         for value in over.values()
         if isinstance(value, str) and (match := _BY_KIND.match(value))
     }
-    items: list[Mapping[str, str]]
+    items: list[dict[str, str]]
     if "foreach" in entry:
         members = resolved(entry["foreach"])
         items = [{"key": str(member), "item": str(member)} for member in members]
         if isinstance(members, Mapping):
             for item, value in zip(items, members.values(), strict=True):
-                item |= {f"item.{key}": str(part) for key, part in value.items()} if isinstance(value, Mapping) else {}
+                parts = (
+                    {f"item.{key}": str(part) for key, part in value.items()} if isinstance(value, Mapping) else None
+                )
+                item |= {"item": str(value)} if parts is None else parts
     elif over:
         names = [f"item.{variable}" for variable in over]
-        items = [dict(zip(names, map(str, each), strict=True)) for each in product(*map(resolved, over.values()))]
+        values = [[str(resolved(value)) for value in resolved(variable)] for variable in over.values()]
+        items = [dict(zip(names, each, strict=True)) for each in product(*values)]
     else:
         items = [{}]
     return Group(name, entry.get("do", entry), items, kinds)
@@ -187,12 +191,14 @@ def expected(group: Group, params: Mapping[str, Any], outs: frozenset[str], root
         outs: outputs of all stages, as written in ``dvc.yaml``; a file among them with ``${root}`` gets it too.
         root: folder that holds the package.
     """
-    own = {_plain(line) for line in _outs(group.body)}
+    own = {_filled(_plain(line), item) for line in _outs(group.body) for item in group.items}
+    given = [line for line in group.body.get("deps", []) if not _MANAGED.match(line)]
+    by_hand = {_filled(line, item).removeprefix(params["root"]) for line in given for item in group.items}
     lines = []
     for path in _folders(files_of(group, params, root), root):
         if path.startswith(f"{PACKAGE}/"):
             lines.append(path)
-        elif path not in own:
+        elif path not in own and path not in by_hand:
             rooted = f"{_ROOTED}{path}"
             lines.append(rooted if rooted in outs else path)
     stage = f"{group.module.replace('.', '/')}.py"

@@ -153,6 +153,7 @@ def save(
     *,
     architecture: str,
     code: Code,
+    released: bool = False,
     tensors: Mapping[str, torch.Tensor] | None = None,
     **details: Any,
 ) -> None:
@@ -164,12 +165,15 @@ def save(
         settings: of the training.
         architecture: name and version; see `pipeline.learning.weights.save`.
         code: see `fingerprint`.
+        released: whether these weights are for use, as those of the profile default are; others are announced
+            wherever they are loaded (`pipeline.learning.weights.into`).
         tensors: in place of the network's weights as they are.
         details: what else its header says, or says in another way.
     """
     header = {
         "settings": asdict(settings),
         "fingerprint": fingerprint(settings, code),
+        "released": released,
         "step": trained.best_step,
         "measures": final_measures(trained),
     }

@@ -8,16 +8,32 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline import weight_files
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     import torch
 
 LARGEST_WEIGHT = 1e6
+RELEASED_WITHOUT_FLAG = frozenset(
+    {
+        "7a33ec6e671e3dadc5674290bd907c2b1f673b447b596d259f6e4a573d78a952",  # detector_compact.safetensors
+        "57b423190f7fc8e29ab5059c73dc1b51bbda2729c9fdeb2b9e6c64c98f4a2411",  # detector_compact_two_stage.safetensors
+        "a6ba4418f0151d67105247f8ce918f88c55e8b1c055bb6c4bc370de2dff20bfe",  # mtf_cnn.safetensors
+        "61b07e8d50a37d05a676f9027d6c32c7300e9191cfa9e461eb848b172ba3e2d8",  # mtf_spectral.safetensors
+        "60d8d773d134b1246571395745532e3ae8d9301ff8390b118ef51fd2338fc057",  # sigma_cellwise.safetensors
+        "30555c437e6bdd9149ad5a1f78a0654d4c4c7b193f4a0b729c4343d257082f7c",  # sigma_cnn.safetensors
+    }
+)
+"""SHA-256 of released files that were written before headers said whether a file is released."""
+
+_announced: set[str] = set()
 
 
 def save(path: str | Path, tensors: Mapping[str, torch.Tensor], architecture: str, **details: Any) -> None:
@@ -105,7 +121,10 @@ def _check_values(path: str | Path, tensors: Mapping[str, torch.Tensor]) -> None
 
 
 def into(model: torch.nn.Module, path: str | Path, architecture: str) -> dict[str, Any]:
-    """Load weights into a model, which must have exactly those; returns the header.
+    """Load weights into a model, which must have exactly those; announces weights that are not released.
+
+    Returns:
+        the header, with ``released`` (bool) in any case.
 
     Raises:
         InputError: see `load`; or names or shapes do not fit the model.
@@ -116,7 +135,31 @@ def into(model: torch.nn.Module, path: str | Path, architecture: str) -> dict[st
     except RuntimeError as error:
         lines = [line.strip() for line in str(error).splitlines()[1:2]]
         raise InputError(f"{path}: does not fit the network '{architecture}' ({' '.join(lines)})") from None
+    header["released"] = is_released(path, header)
+    if not header["released"]:
+        _announce(path, header)
     return header
+
+
+def is_released(path: str | Path, header: Mapping[str, Any]) -> bool:
+    """Whether weights are released ones: trained by the profile default, for use.
+
+    Args:
+        path: weight file.
+        header: of it.
+    """
+    if "released" in header:
+        return header["released"] is True
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest() in RELEASED_WITHOUT_FLAG
+
+
+def _announce(path: str | Path, header: Mapping[str, Any]) -> None:
+    """One line on standard error, once for each file; not in a run that trained them (`pipeline.weight_files`)."""
+    if weight_files.VARIABLE in os.environ or str(path) in _announced:
+        return
+    _announced.add(str(path))
+    step = f", step {header['step']}" if "step" in header else ""
+    print(f"warning: {path}: weights that are not released ({header['architecture']}{step})", file=sys.stderr)
 
 
 def _read(path: str | Path, tensors: bool) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:

@@ -27,6 +27,7 @@ from pipeline.errors import InputError
 from pipeline.noise.base import Estimator, Measured, NoiseEstimate, as_stack, assemble, screen
 from pipeline.noise.cellwise_features import CELL_PX
 from pipeline.project_files import located
+from pipeline.weight_files import active
 
 if TYPE_CHECKING:
     import torch
@@ -70,10 +71,11 @@ class Cellwise(Estimator):
         if batch < 1:
             raise InputError(f"noise estimator 'cellwise': batch={batch}, expected at least 1")
         network = CellwiseNet()
-        path = weights or RELEASED
+        path = weights or active(RELEASED)
         header = into(network, path, ARCHITECTURE)
+        self.released = bool(header["released"])
         if not isinstance(header.get("interval"), float):
-            raise InputError(f"{path}: says nothing of its interval; train it anew (dvc repro train_sigma)")
+            raise InputError(f"{path}: says nothing of its interval; train it anew (dvc repro train_sigma_cellwise)")
         self.interval: float = header["interval"]
         self.network = network.eval().to(device)
         self.batch, self.device = batch, device

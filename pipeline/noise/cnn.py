@@ -17,6 +17,7 @@ from pipeline.camera.saturation import SATURATED_FRACTION
 from pipeline.errors import InputError
 from pipeline.noise.base import Estimator, Measured, as_stack
 from pipeline.project_files import located
+from pipeline.weight_files import active
 
 RELEASED = located("data/weights/sigma_cnn.safetensors")
 
@@ -52,14 +53,14 @@ class PixelCnn(Estimator):
         super().__init__(saturated_fraction, quantise_like_paper=quantise_like_paper)
         if batch < 1:
             raise InputError(f"noise estimator 'cnn': batch={batch}, expected at least 1")
-        path = Path(weights or RELEASED)
+        path = Path(weights or active(RELEASED))
         if not path.is_file():
             raise InputError(
                 f"noise estimator 'cnn': {path} is absent; train it with"
                 " `python -m pipeline.stages.train_sigma --params +job.network=cnn`, or use 'cellwise'"
             )
         network = PixelNet()
-        into(network, path, ARCHITECTURE)
+        self.released = bool(into(network, path, ARCHITECTURE)["released"])
         self.network = network.eval().to(device)
         self.batch, self.device = batch, device
 

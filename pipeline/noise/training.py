@@ -185,13 +185,14 @@ def train(settings: Settings, conduct: Conduct) -> Trained:
     )
 
 
-def save(path: Path, trained: Trained, settings: Settings) -> None:
+def save(path: Path, trained: Trained, settings: Settings, *, released: bool = False) -> None:
     """Write the weight file of a training: weights, settings, measures, and for intervals their factor.
 
     Args:
         path: ``.safetensors``.
         trained: what `train` returned.
         settings: its settings.
+        released: see `pipeline.learning.fitting.save`.
     """
     program: Program = PROGRAMS.get(settings.kind)
     measures = {name: float(f"{value:.6g}") for name, value in fitting.final_measures(trained).items()}
@@ -201,6 +202,7 @@ def save(path: Path, trained: Trained, settings: Settings) -> None:
         settings,
         architecture=program.architecture,
         code=program.module,
+        released=released,
         measures=measures,
         interval=measures.get("validation_interval"),
     )

@@ -60,6 +60,7 @@ class ReportInputs:
         absent: dataset without data -> the line that would run it.
         lock: ``dvc.lock``, for the hashes of what went in.
         stages: names of the stages that this version has; None if unknown.
+        aliases: stages as tables name them, e.g. ``"noise@sim-pca"`` -> as ``dvc.yaml`` does.
         code_version: of the package.
         profile: name of the profile that ran.
         runs: stage -> the line that re-runs it, where that is not ``dvc repro <stage>``.
@@ -90,17 +91,28 @@ class ReportInputs:
     absent: Mapping[str, str] = field(default_factory=dict)
     lock: Path | None = None
     stages: frozenset[str] | None = None
+    aliases: Mapping[str, str] = field(default_factory=dict)
     code_version: str = ""
     profile: str = "default"
     runs: Mapping[str, str] = field(default_factory=dict)
 
     def line(self, stage: str) -> str:
         """The command that runs a stage again, or `NO_STAGE` where this version has no such stage."""
+        stage = self.in_graph(stage)
         if stage in self.runs:
             return self.runs[stage]
-        if self.stages is not None and stage.split("@")[0] not in self.stages:
+        group = stage.split("@")[0]
+        if self.stages is not None and group not in self.stages and "<kind>" not in group:
             return NO_STAGE
         return f"dvc repro {stage}"
+
+    def in_graph(self, stage: str) -> str:
+        """The name of a stage in ``dvc.yaml``, which has one group for each registry name of an estimator."""
+        if stage in self.aliases or self.stages is None:
+            return self.aliases.get(stage, stage)
+        group, at, item = stage.partition("@")
+        grouped = group not in self.stages and any(name.startswith(f"{group}_") for name in self.stages)
+        return f"{group}_<kind>{at}{item}" if grouped else stage
 
     @property
     def datasets(self) -> list[str]:

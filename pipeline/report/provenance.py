@@ -73,7 +73,7 @@ def origin(item: str, stage: str, stages: Mapping[str, Any], inputs: ReportInput
         stages: from `read_lock`.
         inputs: of the report.
     """
-    entry = stages.get(stage) or {}
+    entry = stages.get(inputs.in_graph(stage)) or {}
     hashes = {}
     for dependency in entry.get("deps", []):
         if str(dependency.get("path", "")).startswith("pipeline/"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
-USES = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
+USES: dict[str, list[str]] = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
 
 
 @stage("curves", reads=["seed", "detection.judge", "detection.curves"], job=["dataset", "detector"], uses=USES)

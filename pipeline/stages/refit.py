@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
-USES = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
+USES: dict[str, list[str]] = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
 
 
 @stage("refit", reads=["detection.regression.terms"], uses=USES)
@@ -15,8 +15,10 @@ def run(run: Run) -> None:
     from pipeline import store
     from pipeline.curves import by_settings, published
 
-    grid = store.read_published(run.inputs / "data/paper/fitted_ap_grid.csv", published.GRID_COLUMNS)
-    printed = store.read_published(run.inputs / "data/paper/regression_coefficients.csv", published.COEFFICIENT_COLUMNS)
+    grid = store.read_published(run.project / "data/paper/fitted_ap_grid.csv", published.GRID_COLUMNS)
+    printed = store.read_published(
+        run.project / "data/paper/regression_coefficients.csv", published.COEFFICIENT_COLUMNS
+    )
     coefficients, fitted, about = [], [], {}
     for (detector, kind), rows in grid.groupby(["detector", "object"], sort=True):
         label = f"{detector} {kind}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
-USES = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
+USES: dict[str, list[str]] = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
 
 
 @stage("regression", reads=["detection.regression"], job=["dataset", "detector"], uses=USES)

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from pipeline.config.entry import Run, stage
 
 READS = [
     "profile", "seed", "camera", "scenes", "datasets", "corruption", "noise", "blur", "report", "matrix",
 ]  # fmt: skip
-USES = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
+USES: dict[str, list[str]] = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
+NETWORKS = {
+    "train_mtf": ("spectral", "cnn"),
+    "train_sigma": ("cellwise", "cnn"),
+    "train_detector": ("compact", "compact_two_stage"),
+}
 
 
 @stage("report", reads=READS, uses=USES)
@@ -28,7 +34,7 @@ def run(run: Run) -> None:
     listed = list(params.datasets)
     absent = {name: line for name, line in params.report.not_run.items() if name not in listed}
     inputs = ReportInputs(
-        paper=data / "paper",
+        paper=run.project / "data/paper",
         index={name: data / "index" / name for name in listed},
         psf=data / "psf",
         corrupt={name: data / "corrupt" / name for name in listed},
@@ -43,10 +49,10 @@ def run(run: Run) -> None:
         weights=data / "weights",
         ablation=run.inputs / "reports/metrics/ablation",
         ablations=tuple(params.matrix.ablations),
-        runtime=run.inputs / "benchmarks/results/estimators.json",
-        unseen=run.inputs / "benchmarks/results/unseen_kernels.json",
+        runtime=run.project / "benchmarks/results/estimators.json",
+        unseen=run.project / "benchmarks/results/unseen_kernels.json",
         detection=data,
-        recorded=run.inputs / "reports/recorded",
+        recorded=run.project / "reports/recorded",
         detection_members=frozenset(
             (name, detector) for name in params.matrix.detection_datasets for detector in params.matrix.detectors
         ),
@@ -57,12 +63,26 @@ def run(run: Run) -> None:
         absent=absent,
         lock=Path("dvc.lock"),
         stages=frozenset(yaml.safe_load(Path("dvc.yaml").read_text(encoding="utf-8"))["stages"]),
+        aliases=stage_names(params),
         code_version=version("camera-condition-pipeline"),
         profile=params.profile,
         runs={"runtime": LINE},
     )
     score = build(inputs, run.outputs / "reports")
     store.write_json(run.outputs / "reports/metrics/report.json", score.metrics)
+
+
+def stage_names(params: Any) -> dict[str, str]:
+    """Stages of estimators and trainings as tables name them -> as ``dvc.yaml`` does, by registry name."""
+    names = {}
+    for group, estimators in (("noise", params.noise.estimators), ("blur", params.blur.estimators)):
+        for dataset in params.datasets:
+            for name, section in estimators.items():
+                names[f"{group}@{dataset}-{name}"] = f"{group}_{section.kind}@{dataset}-{name}"
+    for group, networks in NETWORKS.items():
+        names |= {f"{group}@{name}": f"{group}_{name}@{name}-{params.profile}" for name in networks}
+    names["typical_camera"] = f"typical_camera@{params.profile}"
+    return names
 
 
 if __name__ == "__main__":

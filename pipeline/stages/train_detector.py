@@ -23,7 +23,9 @@ def run(run: Run) -> None:
     settings = training.DetectorTraining.from_section(run.params.train.detector[name], run.params.seed)
 
     trained = training.train(name, settings, Conduct.reported(name, settings.schedule.steps, run.executor.workers))
-    training.save(run.outputs / f"data/weights/detector_{name}.safetensors", name, trained, settings)
+    training.save(
+        run.outputs / f"data/weights/detector_{name}.safetensors", name, trained, settings, released=run.released
+    )
     training_record.write(run.outputs, f"detector_{name}", trained.curve, final_measures(trained))
 
 

@@ -16,7 +16,7 @@ def run(run: Run) -> None:
     spectral = run.inputs / "data/weights/mtf_spectral.safetensors"
     rows = fusion_rows.rows(settings.recipe, spectral, Conduct().cache, run.map)
     trained = fusion_training.train(rows, settings)
-    fusion_training.save(run.outputs / "data/weights/mtf_fusion.safetensors", trained, settings)
+    fusion_training.save(run.outputs / "data/weights/mtf_fusion.safetensors", trained, settings, released=run.released)
     training_record.write_measures(run.outputs / "reports/metrics/train/mtf_fusion.json", trained.measures)
 
 

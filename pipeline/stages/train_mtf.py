@@ -34,7 +34,7 @@ def run(run: Run) -> None:
     training = Training.from_section(run.params.train.mtf[name], run.params.seed)
 
     trained = PROGRAMS.get(name)(training, Conduct.reported(name, training.schedule.steps, run.executor.workers))
-    SAVERS.get(name)(run.outputs / f"data/weights/mtf_{name}.safetensors", trained, training)
+    SAVERS.get(name)(run.outputs / f"data/weights/mtf_{name}.safetensors", trained, training, released=run.released)
     training_record.write(run.outputs, f"mtf_{name}", trained.curve, final_measures(trained))
 
 

@@ -19,7 +19,7 @@ def run(run: Run) -> None:
     settings = training.Settings.from_section(name, run.params.train.sigma[name], run.params.seed)
 
     trained = training.train(settings, Conduct.reported(name, settings.schedule.steps, run.executor.workers))
-    training.save(run.outputs / f"data/weights/sigma_{name}.safetensors", trained, settings)
+    training.save(run.outputs / f"data/weights/sigma_{name}.safetensors", trained, settings, released=run.released)
     training_record.write(run.outputs, f"sigma_{name}", trained.curve, final_measures(trained))
 
 

@@ -17,6 +17,7 @@ from pipeline.detection.base import Detections, each_image
 from pipeline.errors import InputError
 from pipeline.project_files import located
 from pipeline.scenes.labels import LABELS
+from pipeline.weight_files import active
 
 if TYPE_CHECKING:
     import torch
@@ -43,7 +44,7 @@ class Compact:
         InputError: an option out of range, or a file that is missing, broken or of another network.
     """
 
-    released: ClassVar[str] = "data/weights/detector_compact.safetensors"
+    released_file: ClassVar[str] = "data/weights/detector_compact.safetensors"
 
     def __init__(
         self,
@@ -60,9 +61,10 @@ class Compact:
             raise InputError(f"most: expected at least 1, not {most!r}")
         if not 0.05 <= scale <= 20:
             raise InputError(f"scale: expected a number in [0.05, 20], not {scale!r}")
-        self.weights, self.scale = Path(weights or located(self.released)), scale
+        self.weights, self.scale = Path(weights or active(located(self.released_file))), scale
         self.score_floor, self.overlap, self.most = score_floor, overlap, most
         self._model: Any = None
+        self.released = False
         self._open()  # a wrong file is told at once
 
     def __getstate__(self) -> dict[str, Any]:
@@ -86,7 +88,7 @@ class Compact:
             from pipeline.learning import weights
 
             model, architecture, candidates = self._network()
-            weights.into(model, self.weights, architecture)
+            self.released = bool(weights.into(model, self.weights, architecture)["released"])
             self._model = (model.eval(), candidates)
         return self._model
 

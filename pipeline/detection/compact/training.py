@@ -151,6 +151,6 @@ def train(name: str, training: DetectorTraining, conduct: Conduct) -> Trained:
     return trained
 
 
-def save(path: Path, name: str, trained: Trained, training: DetectorTraining) -> None:
+def save(path: Path, name: str, trained: Trained, training: DetectorTraining, *, released: bool = False) -> None:
     """Write the weight file of a training: weights, settings and measures."""
-    fitting.save(path, trained, training, architecture=program(name).ARCHITECTURE, code=code(name))
+    fitting.save(path, trained, training, architecture=program(name).ARCHITECTURE, code=code(name), released=released)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class CompactTwoStage(Compact):
     """Two-stage detector; arguments as for `Compact`."""
 
-    released: ClassVar[str] = "data/weights/detector_compact_two_stage.safetensors"
+    released_file: ClassVar[str] = "data/weights/detector_compact_two_stage.safetensors"
 
     def _network(self) -> tuple[torch.nn.Module, str, Candidates]:
         from pipeline.detection.compact import two_stage

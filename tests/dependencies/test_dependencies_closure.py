@@ -1,0 +1,106 @@
+"""Import closure: what importing and calling a module can execute, and fingerprints of it."""
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.dependencies.closure import closure, fingerprint, registered
+from pipeline.errors import InputError
+
+PACKAGE = {
+    "pipeline/__init__.py": "",
+    "pipeline/registry.py": "import importlib\nimportlib.import_module(name)\n",
+    "pipeline/base.py": "import numpy\n",
+    "pipeline/typed.py": "",
+    "pipeline/alone.py": "",
+    "pipeline/noise/__init__.py": (
+        "from pipeline.registry import Registry\n"
+        "REGISTRY = Registry('noise', 'pipeline.noise', {'a': 'pipeline.noise.a:A', 'b': 'pipeline.noise.b:B'})\n"
+    ),
+    "pipeline/noise/a.py": "def f():\n    from pipeline import base\n",
+    "pipeline/noise/b.py": "RELEASED = 'data/weights/b.safetensors'\n",
+    "pipeline/noise/tables.py": "",
+    "pipeline/uses.py": "from pipeline import noise\n",
+    "pipeline/reads.py": "from pipeline.noise.tables import SCHEMA\n",
+    "pipeline/checks.py": (
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pipeline import typed\n"
+        "else:\n    from . import base\n"
+    ),
+    "pipeline/sections/__init__.py": (
+        "from pipeline.registry import Registry\nS = Registry.of_folder('s', 'pipeline.s', 'pipeline.sections', 'S')\n"
+    ),
+    "pipeline/sections/one.py": "",
+    "pipeline/sections/two.py": "",
+    "pipeline/asks.py": "from pipeline.sections import S\n",
+    "pipeline/page/__init__.py": "from importlib import resources\nresources.files(__package__)\n",
+    "pipeline/page/style.css": "",
+    "pipeline/computed.py": "import importlib\nname = 'x'\nimportlib.import_module(f'pipeline.{name}')\n",
+}
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    for path, text in PACKAGE.items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+    return tmp_path
+
+
+def names(files: frozenset[str]) -> set[str]:
+    return {path.removeprefix("pipeline/") for path in files}
+
+
+NOISE = {"__init__.py", "registry.py", "noise/__init__.py"}
+
+
+@pytest.mark.parametrize(
+    ("module", "chosen", "expected"),
+    [
+        ("pipeline.noise.a", None, {*NOISE, "noise/a.py", "base.py"}),  # imports inside functions count
+        ("pipeline.checks", None, {"__init__.py", "checks.py", "base.py"}),  # those for types do not
+        ("pipeline.reads", None, {*NOISE, "reads.py", "noise/tables.py"}),  # a submodule leads to no registry entry
+        (
+            "pipeline.uses",
+            None,
+            {*NOISE, "uses.py", "noise/a.py", "noise/b.py", "base.py", "data/weights/b.safetensors"},
+        ),
+        ("pipeline.uses", {"pipeline.noise": frozenset({"a"})}, {*NOISE, "uses.py", "noise/a.py", "base.py"}),
+        ("pipeline.uses", {"pipeline.noise": frozenset()}, {*NOISE, "uses.py"}),
+        (
+            "pipeline.asks",
+            {"pipeline.s": frozenset({"two"})},
+            {"__init__.py", "registry.py", "asks.py", "sections/__init__.py", "sections/two.py"},
+        ),
+        ("pipeline.page", None, {"__init__.py", "page/__init__.py", "page/style.css"}),
+    ],
+)
+def test_closure(root, module, chosen, expected):
+    assert names(closure(module, chosen, root)) == expected
+
+
+def test_what_cannot_be_followed_is_an_error(root):
+    with pytest.raises(InputError, match=r"computed.py:3 imports a module by a computed name"):
+        closure("pipeline.computed", None, root)
+    with pytest.raises(InputError, match=r"pipeline\.nothing: no such module"):
+        closure("pipeline.nothing", None, root)
+
+
+def test_an_edit_of_any_file_of_the_closure_changes_the_fingerprint_and_no_other(root):
+    chosen = {"pipeline.noise": frozenset({"a"})}
+    files = closure("pipeline.uses", chosen, root)
+    before = fingerprint("pipeline.uses", {"size": 1}, chosen=chosen, root=root)
+    assert before == fingerprint("pipeline.uses", {"size": 1}, chosen=chosen, root=root)
+    assert before != fingerprint("pipeline.uses", {"size": 2}, chosen=chosen, root=root)
+    from pipeline.dependencies import closure as walker
+
+    for path in PACKAGE:
+        text = (root / path).read_text()
+        (root / path).write_text(text + "\n# edited\n")
+        walker._source_digest.cache_clear()
+        after = fingerprint("pipeline.uses", {"size": 1}, chosen=chosen, root=root)
+        assert (after != before) is (path in files), path
+        (root / path).write_text(text)
+
+
+def test_names_of_a_registry(root):
+    assert registered("pipeline.noise", root) == {"a", "b"}

@@ -1,0 +1,90 @@
+"""Code dependencies in ``dvc.yaml``: complete, nothing beside, and written without touching other lines."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pipeline.dependencies import dvc_yaml
+from pipeline.dependencies.closure import closure
+
+ROOT = Path(__file__).resolve().parents[2]
+TEXT = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
+PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
+GRAPH = yaml.safe_load(TEXT)
+GROUPS = {group.name: group for group in dvc_yaml.groups(GRAPH, PARAMS)}
+MODULES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py"))
+
+
+def covered(group, path):
+    """Whether DVC names a group's stages when a file is edited: it, or a folder above it, is among ``deps``."""
+    return any(path == line or path.startswith(f"{line}/") for line in group.body["deps"])
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_dvc_names_a_stage_when_a_module_it_can_execute_is_edited_and_no_other(name):
+    files = dvc_yaml.files_of(GROUPS[name], PARAMS)
+    assert [path for path in MODULES if covered(GROUPS[name], path) != (path in files)] == []
+
+
+def test_nothing_is_to_be_added_or_removed():
+    assert dvc_yaml.differences(TEXT, PARAMS) == []
+    assert dvc_yaml.rewritten(TEXT, PARAMS) == TEXT
+
+
+def test_a_missing_and_a_needless_line_are_named_and_mended():
+    broken = TEXT.replace("pipeline/stages/star.py, ", "", 1).replace("pipeline/camera/star.py", "pipeline/cli", 1)
+    problems = dvc_yaml.differences(broken, PARAMS)
+    assert problems == [
+        "dvc.yaml: stage 'star': add to deps:  - pipeline/stages/star.py",
+        "dvc.yaml: stage 'star': add to deps:  - pipeline/camera/star.py",
+        "dvc.yaml: stage 'star': remove from deps:  - pipeline/cli",
+    ]
+    assert dvc_yaml.rewritten(broken, PARAMS) == TEXT
+
+
+def test_other_lines_and_comments_stay():
+    commented = TEXT.replace("  star:\n", "  # the star\n  star:\n    # its words\n", 1)
+    assert dvc_yaml.rewritten(commented, PARAMS) == commented
+
+
+def test_stages_of_one_noise_estimator_do_not_depend_on_another():
+    pca, cellwise = (dvc_yaml.files_of(GROUPS[f"noise_{kind}"], PARAMS) for kind in ("pca", "cellwise"))
+    assert {"pipeline/noise/pca.py", "pipeline/datasets/corrupted.py"} <= pca
+    assert not any("cellwise" in path or path.startswith(("data/weights", "pipeline/learning")) for path in pca)
+    assert {"pipeline/noise/cellwise_net.py", "data/weights/sigma_cellwise.safetensors"} <= cellwise
+    assert "pipeline/noise/pca.py" not in cellwise
+
+
+def test_trainings_do_not_depend_on_sections_they_do_not_read():
+    files = dvc_yaml.files_of(GROUPS["train_mtf_cnn"], PARAMS)
+    sections = {path for path in files if path.startswith("pipeline/config/sections/")}
+    read = ("__init__", "executor", "root", "seed", "train")
+    assert sections == {f"pipeline/config/sections/{name}.py" for name in read}
+    assert not any("spectral" in path for path in files)
+
+
+@pytest.mark.parametrize("registry", dvc_yaml.ESTIMATORS)
+def test_every_registry_name_has_a_group(registry):
+    section = registry.rpartition(".")[2]
+    without = {**PARAMS, "by_kind": {**PARAMS["by_kind"], section: dict(PARAMS["by_kind"][section])}}
+    gone = sorted(set(without["by_kind"][section]) - {"other"})[0]
+    del without["by_kind"][section][gone]
+    graph = {
+        "stages": {name: body for name, body in GRAPH["stages"].items() if f".{section}.{gone}}}" not in str(body)}
+    }
+    problems = dvc_yaml._without_group(graph, without, ROOT)
+    assert f"conf/config.yaml: by_kind.{section}: add {gone}" in problems
+    assert any(f"over ${{by_kind.{section}.{gone}}}" in problem for problem in problems)
+
+
+def test_outputs_of_stages_that_are_read_below_the_root_are_declared_below_it():
+    lines = GROUPS["noise_cnn"].body["deps"]
+    assert "${root}data/weights/sigma_cnn.safetensors" in lines
+    assert re.search(r"\$\{root\}data/index/\$\{item\.dataset\}", " ".join(lines))
+
+
+def test_every_stage_module_can_be_followed():
+    for group in GROUPS.values():
+        assert closure(group.module)
