@@ -58,11 +58,12 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
     "--alarm-mtf50", type=FiniteRange(0, 1),
     help="alarm (exit code 3) when contrast falls to half below this fraction of Nyquist, on either axis",
 )  # fmt: skip
+@click.option("--alarm-flags", is_flag=True, help="alarm on black, dark, over-exposed and frozen frames too")
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 def command(
     paths: tuple[Path, ...], out: Path | None, blur_name: str, quality: str, noise_name: str, sharp: tuple[Path, ...],
     fitted: bool, added: bool, as_json: bool, as_lines: bool, alarm_sigma_dn: float | None, alarm_mtf50: float | None,
-    every: int,
+    alarm_flags: bool, every: int,
 ) -> None:  # fmt: skip
     """Estimate blur and noise of PATHS: pictures, videos, or folders of them.
 
@@ -72,6 +73,8 @@ def command(
     --fit also mends what the estimator misreads in this camera's pictures. Without sharp pictures, --added takes off a
     typical lens.
 
+    Frames that are black, dark, over-exposed or frozen are flagged, in brackets after their name.
+
     Exit codes: 0 fine; 3 a threshold was violated; else 2 if a file could not be used; 130 interrupted.
     """
     import json
@@ -80,8 +83,9 @@ def command(
 
     from pipeline.cli.health_files import HealthFiles, run_content
     from pipeline.cli.health_rows import HEADER, alarms, condition_row, line
-    from pipeline.cli.pictures import expand, named, readable
+    from pipeline.cli.pictures import expand, named, readable, stream_of
     from pipeline.condition import ConditionMonitor
+    from pipeline.condition.frame_flags import FrameInspector
     from pipeline.errors import InputError
     from pipeline.executor import one_thread
     from pipeline.store import plain_json
@@ -101,7 +105,7 @@ def command(
         raise InputError("--json and --jsonl: choose one of the two")
     about: dict[str, Any] = {
         "blur_estimator": blur_name, "noise_estimator": noise_name, "sharp": [str(file) for file in sharp_files],
-        "thresholds": {"sigma_dn": alarm_sigma_dn, "mtf50": alarm_mtf50},
+        "thresholds": {"sigma_dn": alarm_sigma_dn, "mtf50": alarm_mtf50, "flags": alarm_flags},
     }  # fmt: skip
     rows: list[dict[str, Any]] = []  # kept for --json only
     set_aside: list[str] = []
@@ -110,6 +114,7 @@ def command(
         monitor = ConditionMonitor(blur_name, noise_name, blur_options={"answer": "added"} if added else None)
         about["weights_released"] = monitor.weights_released
         sharp_sizes = _calibrate(monitor, sharp_files, fitted, every) if sharp else set()
+        inspector = FrameInspector()
         failed = alarmed = 0
         if not (as_json or as_lines):
             for quantity, released in monitor.weights_released.items():
@@ -132,8 +137,8 @@ def command(
             if sharp_sizes and image.shape not in sharp_sizes:
                 _warn_of_size(name, image.shape, sharp_sizes)
                 sharp_sizes = set()  # once is enough
-            row = condition_row(name, condition)
-            row["alarms"] = ", ".join(alarms(row, alarm_sigma_dn, alarm_mtf50))
+            row = condition_row(name, condition, inspector.inspect(image, stream_of(name)))
+            row["alarms"] = ", ".join(alarms(row, alarm_sigma_dn, alarm_mtf50, alarm_flags))
             alarmed += bool(row["alarms"])
             if results is not None:
                 results.add(row, image, condition)

@@ -7,24 +7,26 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pipeline.condition import Condition
+    from pipeline.condition.frame_flags import FrameFlags
 
 AXES = ("horizontal", "vertical")
 COLUMNS = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "noise_patches", "noise_abstained", "mtf50_horizontal",
     "mtf50_vertical", "mtf50_horizontal_status", "mtf50_vertical_status", "blur_patches", "blur_abstained",
-    "milliseconds", "alarms", "drawn",
+    "milliseconds", "bright_dn", "median_dn", "saturated_fraction", "repeats", "flags", "alarms", "drawn",
 )  # fmt: skip
 HEADER = f"{'sigma DN':>9} {'95 % interval':>15} {'MTF50 H':>8} {'MTF50 V':>8} {'answered':>11} {'ms':>6}  picture"
 
 MEASURED, ABOVE_RANGE, UNKNOWN = "measured", "above_range", "unknown"
 
 
-def condition_row(name: str, condition: Condition) -> dict[str, Any]:
+def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[str, Any]:
     """The numbers of one frame.
 
     Args:
         name: of the frame.
         condition: its blur and noise.
+        flags: its exposure and repetition.
 
     Returns:
         `COLUMNS` (``alarms`` and ``drawn`` empty), the MTF (2, 8) with its interval, and the reasons of abstentions.
@@ -39,7 +41,8 @@ def condition_row(name: str, condition: Condition) -> dict[str, Any]:
     numbers = (
         name, float(condition.sigma_dn.value), float(condition.sigma_dn.low), float(condition.sigma_dn.high),
         len(noise), int(noise.abstained.sum()), horizontal, vertical, status(horizontal), status(vertical), len(blur),
-        int(blur.abstained.sum()), round(condition.milliseconds, 1), "", "",
+        int(blur.abstained.sum()), round(condition.milliseconds, 1), flags.bright_dn,
+        flags.median_dn, flags.saturated_fraction, flags.repeats, ", ".join(flags.names), "", "",
     )  # fmt: skip
     reasons = condition.reasons
     if not len(blur):
@@ -48,21 +51,24 @@ def condition_row(name: str, condition: Condition) -> dict[str, Any]:
     return dict(zip(COLUMNS, numbers, strict=True)) | curves | {"abstained": reasons}
 
 
-def alarms(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: float | None) -> list[str]:
+def alarms(
+    row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: float | None, flagged: bool = False
+) -> list[str]:
     """Thresholds that a frame violates; what is unknown violates none.
 
     Args:
         row: of `condition_row`.
         most_sigma_dn: noise above it is an alarm, DN; None for no threshold.
         least_mtf50: an MTF50 below it, on either axis, is an alarm, fraction of Nyquist; None for no threshold.
+        flagged: whether the flags of the frame are alarms too.
 
     Returns:
-        ``noise``, ``blur horizontal``, ``blur vertical``, those that apply.
+        ``noise``, ``blur horizontal``, ``blur vertical`` and names of flags, those that apply.
     """
     result = ["noise"] if most_sigma_dn is not None and row["sigma_dn"] > most_sigma_dn else []
     if least_mtf50 is not None:
         result += [f"blur {axis}" for axis in AXES if row[f"mtf50_{axis}"] < least_mtf50]
-    return result
+    return result + (row["flags"].split(", ") if flagged and row["flags"] else [])
 
 
 def status(mtf50: float) -> str:
@@ -80,6 +86,7 @@ def line(row: dict[str, Any]) -> str:
     halves = " ".join(f"{number(row[f'mtf50_{axis}'], 2):>8}" for axis in AXES)
     reasons = [f"{part} {reason} {n}" for part, counts in row["abstained"].items() for reason, n in counts.items()]
     note = f"  ({', '.join(reasons)})" if reasons else ""
+    note += f"  [{row['flags']}]" if row["flags"] else ""
     note += f"  ALARM: {row['alarms']}" if row["alarms"] else ""
     return (
         f"{number(row['sigma_dn'], 2):>9} {interval:>15} {halves} {answered:>11} {row['milliseconds']:>6.0f}"

@@ -80,6 +80,11 @@ def result_stem(name: str) -> str:
     return f"{file}-{int(number):06d}" if of_video else Path(name).name
 
 
+def stream_of(name: str) -> str:
+    """The video that a frame is of: ``dir/drive.mp4`` for ``dir/drive.mp4#12``; empty for a picture."""
+    return "" if result_stem(name) == Path(name).name else name.rpartition("#")[0]
+
+
 def named(name: str, error: Exception) -> str:
     """An error's message, with the name of the picture before it unless it names it itself."""
     return str(error) if name in str(error) else f"{name}: {error}"

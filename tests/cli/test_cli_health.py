@@ -255,3 +255,19 @@ def test_thresholds_raise_an_alarm_by_exit_code_and_in_the_row(tmp_path, options
 def test_what_is_unknown_raises_no_alarm(tmp_path):
     cv2.imwrite(str(tmp_path / "white.png"), np.full((320, 448), 255, np.uint8))
     assert call(tmp_path / "white.png", "--alarm-sigma-dn", 1, "--alarm-mtf50", 0.5).exit_code == 0
+
+
+def test_frozen_and_dark_frames_are_flagged_and_alarm_on_request(tmp_path):
+    still = cv2.cvtColor(picture("frozen"), cv2.COLOR_GRAY2BGR)
+    writer = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 10, (448, 320))
+    for _ in range(8):  # the encoder settles on a quality in the first frames
+        writer.write(still)
+    writer.release()
+    done = call(tmp_path / "v.avi", "--jsonl", "--noise", "pca")
+    assert done.exit_code == 0, done.output
+    rows = [json.loads(text) for text in done.stdout.splitlines()]
+    assert all(row["flags"] == ("frozen" if row["repeats"] >= 3 else "") for row in rows)
+    assert rows[0]["flags"] == "" and rows[-1]["flags"] == "frozen"
+    cv2.imwrite(str(tmp_path / "dark.png"), picture("health") // 12)
+    done = call(tmp_path / "dark.png", "--jsonl", "--noise", "pca", "--alarm-flags")
+    assert done.exit_code == 3 and json.loads(done.stdout.splitlines()[0])["alarms"] == "dark"

@@ -1,0 +1,53 @@
+"""Flags of frames: raised by what they name, never by an ordinary picture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from data_makers import picture
+
+from pipeline.condition.frame_flags import FrameInspector
+from pipeline.streams import stream
+
+IMAGE = picture("flags").astype(np.float32) / np.float32(255)
+
+
+def noise(level_dn: float, sigma_dn: float = 1.0) -> np.ndarray:
+    drawn = stream(0, "flags", level_dn).normal(level_dn, sigma_dn, IMAGE.shape)
+    return (np.clip(np.rint(drawn), 0, 255) / 255).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("image", "names"),
+    [
+        (IMAGE, ()),
+        (noise(2.0), ("black",)),
+        (np.zeros_like(IMAGE), ("black",)),
+        ((0.1 * IMAGE).astype(np.float32), ("dark",)),
+        (noise(254.0), ("over_exposed",)),
+        (np.clip(2.5 * IMAGE, 0, 1), ("over_exposed",)),
+        (noise(60.0), ()),
+    ],
+)
+def test_exposure_flags(image, names):
+    assert FrameInspector().inspect(image).names == names
+
+
+def test_measures_are_in_grey_levels():
+    flags = FrameInspector().inspect(IMAGE)
+    assert flags.median_dn == pytest.approx(np.median(picture("flags")), abs=1e-3)
+    assert flags.saturated_fraction == np.mean(picture("flags") >= 250)
+
+
+def test_a_stream_freezes_after_three_repeats_and_thaws():
+    inspector = FrameInspector()
+    frames = [noise(100.0)] * 5 + [noise(101.0)] * 2
+    assert [inspector.inspect(frame, "v.mp4").repeats for frame in frames] == [0, 1, 2, 3, 4, 0, 1]
+    inspector = FrameInspector()
+    assert [inspector.inspect(frame, "v.mp4").names for frame in frames] == [()] * 3 + [("frozen",)] * 2 + [()] * 2
+
+
+def test_equal_pictures_and_equal_frames_of_two_streams_are_not_frozen():
+    inspector = FrameInspector()
+    assert [inspector.inspect(IMAGE).repeats for _ in range(5)] == [0] * 5
+    assert [inspector.inspect(IMAGE, f"{number}.mp4").repeats for number in range(5)] == [0] * 5
