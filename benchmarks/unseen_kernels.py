@@ -213,7 +213,7 @@ def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
     from matplotlib.lines import Line2D
 
     from pipeline.report import style
-    from pipeline.report.wording import word
+    from pipeline.report.display_names import word
 
     groups = rendered_psf.GROUPS
     ordered = sorted(kernels, key=lambda kernel: (groups.index(kernel.kind), kernel.size_px, kernel.name))

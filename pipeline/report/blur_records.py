@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.blur import evaluation
 from pipeline.errors import InputError
+from pipeline.report.display_names import DATASETS, in_order
 from pipeline.report.inputs import ReportInputs, any_table, existing
-from pipeline.report.wording import DATASETS, in_order
 from pipeline.store import read_json
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class BlurRecord:
         dataset: its name.
         said: its provenance (`pipeline.report.recorded_blur`).
         summary: `pipeline.blur.evaluation.SUMMARY`.
-        sharp: `pipeline.report.ledger_sources.sharp_curves`.
+        sharp: `pipeline.blur.sharp_curves.sharp_curves`.
         patches: how many each estimator was judged on.
     """
 

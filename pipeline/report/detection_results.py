@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pipeline.curves import by_settings, directions, precision
-from pipeline.report.inputs import ReportInputs, optional_json, optional_table
-from pipeline.report.wording import DATASETS, DETECTORS, in_order
+from pipeline.report.display_names import DATASETS, DETECTORS, in_order
+from pipeline.report.inputs import ReportInputs, optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,9 +68,9 @@ def _read_one(inputs: ReportInputs, dataset: str, detector: str) -> Results | No
         return None
     curves, turned = inputs.detection / "curves" / name, inputs.detection / "direction" / name
     fitted = inputs.detection / "regression" / name
-    table = optional_table(curves, "precision.parquet", precision.PRECISION)
-    heat = optional_table(curves, "heat.parquet", precision.HEAT)
-    isolated = optional_table(curves, "isolated.parquet", precision.ISOLATED)
+    table = optional(curves, "precision.parquet", precision.PRECISION)
+    heat = optional(curves, "heat.parquet", precision.HEAT)
+    isolated = optional(curves, "isolated.parquet", precision.ISOLATED)
     if table is None or heat is None or isolated is None:
         return None
     return Results(
@@ -79,11 +79,11 @@ def _read_one(inputs: ReportInputs, dataset: str, detector: str) -> Results | No
         table,
         heat,
         isolated,
-        optional_json(curves, "refused.json") or {},
-        optional_table(turned, "table.parquet", directions.TABLE),
-        optional_table(turned, "spread.parquet", directions.SPREAD),
-        optional_table(fitted, "coefficients.parquet", by_settings.COEFFICIENTS),
-        optional_table(fitted, "fitted.parquet", by_settings.FITTED),
-        optional_json(fitted, "fits.json") or {},
-        optional_json(fitted, "calibration.json") or {},
+        optional(curves, "refused.json") or {},
+        optional(turned, "table.parquet", directions.TABLE),
+        optional(turned, "spread.parquet", directions.SPREAD),
+        optional(fitted, "coefficients.parquet", by_settings.COEFFICIENTS),
+        optional(fitted, "fitted.parquet", by_settings.FITTED),
+        optional(fitted, "fits.json") or {},
+        optional(fitted, "calibration.json") or {},
     )

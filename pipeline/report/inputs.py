@@ -1,4 +1,4 @@
-"""What a report is made from: where each stage left its files. What is absent is shown as not run, never dropped."""
+"""The files that a report reads: where each stage left them. What is absent is shown as not run, never dropped."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import tables
 from pipeline.errors import InputError
+from pipeline.report.display_names import DATASETS, PAPER_NAMES, in_order
 from pipeline.store import Schema, read_arrays, read_json, read_table
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
+
+SYSTEM, CAMERA, GENERIC_LENS = "system", "camera", "generic lens"
+"""What an MTF is relative to: nothing (the whole system's), this camera's sharp frames, or a generic lens."""
 
 NO_STAGE = "(no stage of this version makes it)"
 
@@ -63,7 +66,10 @@ class ReportInputs:
         aliases: stages as tables name them, e.g. ``"noise@sim-pca"`` -> as ``dvc.yaml`` does.
         code_version: of the package.
         profile: name of the profile that ran.
-        runs: stage -> the line that re-runs it, where that is not ``dvc repro <stage>``.
+        runs: stage -> the command that reproduces it, where that is not ``dvc repro <stage>``.
+        relative: blur estimator -> what its MTF is relative to (`CAMERA`, `GENERIC_LENS`), see `relative_to`; `SYSTEM`
+            for those not named.
+        seed: root of the bootstrap's random streams.
     """
 
     paper: Path
@@ -95,6 +101,8 @@ class ReportInputs:
     code_version: str = ""
     profile: str = "default"
     runs: Mapping[str, str] = field(default_factory=dict)
+    relative: Mapping[str, str] = field(default_factory=dict)
+    seed: int = 0
 
     def line(self, stage: str) -> str:
         """The command that runs a stage again, or `NO_STAGE` where this version has no such stage."""
@@ -117,9 +125,14 @@ class ReportInputs:
     @property
     def datasets(self) -> list[str]:
         """Every dataset named, run or absent, in the paper's order."""
-        from pipeline.report.wording import DATASETS, in_order
-
         return in_order([*self.index, *self.corrupt, *self.absent], DATASETS)
+
+
+def relative_to(settings: Mapping[str, Any]) -> str:
+    """What the MTF of a blur estimator is relative to, by its settings (`pipeline.config.schema.EstimatorSection`)."""
+    if settings.get("camera_samples") is not None:
+        return CAMERA
+    return GENERIC_LENS if settings.get("options", {}).get("answer") == "added" else SYSTEM
 
 
 def existing(path: Path | None) -> Path | None:
@@ -127,42 +140,43 @@ def existing(path: Path | None) -> Path | None:
     return path if path is not None and path.exists() else None
 
 
-def benchmark_record(path: Path | None, keys: set[str], line: str) -> dict[str, Any] | None:
-    """What a benchmark recorded, or None where it was not run.
+def optional(folder: Path | None, name: str, schema: Schema | None = None) -> Any:
+    """A file of a stage's folder, or None where the stage has not run.
 
     Args:
-        path: of its JSON file.
+        folder: of the stage.
+        name: of the file; its suffix decides how it is read.
+        schema: of a Parquet table; without one, columns are taken as they are.
+
+    Returns:
+        a data frame (``.parquet``, ``.csv``), a dictionary of arrays (``.npz``) or JSON.
+    """
+    path = existing(folder / name if folder is not None else None)
+    if path is None:
+        return None
+    if path.suffix == ".json":
+        return read_json(path)
+    if path.suffix == ".npz":
+        return read_arrays(path)
+    return any_table(path) if schema is None else read_table(path, schema)
+
+
+def described(folder: Path | None, name: str, keys: Iterable[str], remedy: str = "run the stage again") -> Any:
+    """A JSON object with the keys that the report needs, or None where the stage has not run.
+
+    Args:
+        folder: of the stage.
+        name: of the file.
         keys: that it must have.
-        line: the command that makes it.
+        remedy: how to make it again.
 
     Raises:
         InputError: the file holds something else.
     """
-    place = existing(path)
-    if place is None:
-        return None
-    content = read_json(place)
-    if not isinstance(content, dict) or not keys <= set(content):
-        raise InputError(f"{place}: expected the record of a benchmark; make it again: {line}")
+    content = optional(folder, name)
+    if content is not None and not (isinstance(content, dict) and set(keys) <= set(content)):
+        raise InputError(f"{folder}/{name}: expected an object with {', '.join(keys)}; {remedy}")
     return content
-
-
-def optional_table(folder: Path | None, name: str, schema: Schema) -> pd.DataFrame | None:
-    """A table of a stage's folder, or None where the stage has not run."""
-    path = existing(folder / name if folder is not None else None)
-    return None if path is None else read_table(path, schema)
-
-
-def optional_arrays(folder: Path | None, name: str) -> dict[str, np.ndarray]:
-    """The arrays of a stage's folder; empty where the stage has not run."""
-    path = existing(folder / name if folder is not None else None)
-    return {} if path is None else read_arrays(path)
-
-
-def optional_json(folder: Path | None, name: str) -> Any:
-    """JSON of a stage's folder, or None where the stage has not run."""
-    path = existing(folder / name if folder is not None else None)
-    return None if path is None else read_json(path)
 
 
 def any_table(path: Path) -> pd.DataFrame:
@@ -185,21 +199,32 @@ def any_table(path: Path) -> pd.DataFrame:
     raise InputError(f"{path}: expected a .csv or .parquet table")
 
 
-def records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """The rows of a table as dictionaries of plain Python values."""
-    return [{str(name): cell for name, cell in row.items()} for row in table.to_dict("records")]
+def published(inputs: ReportInputs, name: str) -> pd.DataFrame | None:
+    """A file of published numbers, those of the paper's Sim also under our name of its authors' frames.
+
+    Args:
+        inputs: of the report.
+        name: of the file.
+    """
+    import pandas as pd
+
+    table: pd.DataFrame | None = optional(inputs.paper, name)
+    if table is None or "dataset" not in table:
+        return table
+    again = [table[table["dataset"] == theirs].assign(dataset=ours) for ours, theirs in PAPER_NAMES.items()]
+    return pd.concat([table, *again], ignore_index=True)
 
 
 def members(folder: Path | None, chosen: frozenset[str] | None) -> list[Path]:
-    """Folders of stage members that are there, the given one itself among them, sorted.
+    """Folders of stage members that exist, the given one itself among them, sorted.
 
     Args:
         folder: that holds a sub-folder for each member, or None.
         chosen: names of the sub-folders that count; None takes all.
     """
-    place = existing(folder)
-    found = sorted({path.parent for path in place.rglob("*.parquet")}) if place is not None else []
-    return [path for path in found if chosen is None or path.name in chosen]
+    parent = existing(folder)
+    folders = sorted({path.parent for path in parent.rglob("*.parquet")}) if parent is not None else []
+    return [path for path in folders if chosen is None or path.name in chosen]
 
 
 def _joined(folders: Iterable[Path], name: str, schema: Schema) -> pd.DataFrame:
@@ -213,18 +238,18 @@ def _joined(folders: Iterable[Path], name: str, schema: Schema) -> pd.DataFrame:
 
 
 def noise_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Every noise summary and every patch-wise estimate found, each as one table (empty where none is).
+    """Noise estimates of every dataset and estimator (empty where none is).
 
     Returns:
         summary (`pipeline.tables.NOISE_SUMMARY`), estimates (`pipeline.tables.NOISE_ESTIMATES`).
     """
-    found = members(inputs.noise, inputs.noise_members)
-    summary = _joined(found, "summary.parquet", tables.NOISE_SUMMARY)
-    return summary, _joined(found, "estimates.parquet", tables.NOISE_ESTIMATES)
+    folders = members(inputs.noise, inputs.noise_members)
+    summary = _joined(folders, "summary.parquet", tables.NOISE_SUMMARY)
+    return summary, _joined(folders, "estimates.parquet", tables.NOISE_ESTIMATES)
 
 
 def blur_summary(inputs: ReportInputs) -> pd.DataFrame:
-    """Every blur summary found, without noise beside the blur: `pipeline.blur.evaluation.SUMMARY`."""
+    """Blur summaries of every dataset and estimator, without added noise: `pipeline.blur.evaluation.SUMMARY`."""
     from pipeline.blur.evaluation import SUMMARY
 
     summary = _joined(members(inputs.blur, inputs.blur_members), "summary.parquet", SUMMARY)
@@ -232,16 +257,11 @@ def blur_summary(inputs: ReportInputs) -> pd.DataFrame:
 
 
 def blur_estimates(inputs: ReportInputs) -> pd.DataFrame:
-    """Every patch-wise blur estimate found, without noise beside the blur: `pipeline.blur.evaluation.ESTIMATES`."""
+    """Blur estimates of every patch, without added noise: `pipeline.blur.evaluation.ESTIMATES`."""
     from pipeline.blur.evaluation import ESTIMATES
 
     estimates = _joined(members(inputs.blur, inputs.blur_members), "estimates.parquet", ESTIMATES)
     return estimates[estimates["level_dn"] == 0].reset_index(drop=True)
-
-
-def combined_folders(inputs: ReportInputs) -> dict[str, Path]:
-    """Dataset -> folder of the stage `combined`, those that are there."""
-    return {name: folder for name, folder in inputs.combined.items() if folder.exists()}
 
 
 def combined_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
@@ -253,14 +273,14 @@ def combined_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame, p
     """
     from pipeline.condition.combined_tables import BLUR_CELLS, CURVES, NOISE_CELLS
 
-    folders = combined_folders(inputs).values()
+    folders = inputs.combined.values()
     names = {"blur.parquet": BLUR_CELLS, "noise.parquet": NOISE_CELLS, "curves.parquet": CURVES}
     blur, noise, curves = (_joined(folders, name, schema) for name, schema in names.items())
     return blur, noise, curves
 
 
 def denoised_cells(inputs: ReportInputs) -> pd.DataFrame:
-    """Errors of smoothing before estimating: `pipeline.condition.combined_tables.BLUR_CELLS`; empty where none is."""
+    """Errors with denoising before estimation: `pipeline.condition.combined_tables.BLUR_CELLS`; empty where none is."""
     from pipeline.condition.combined_tables import BLUR_CELLS
 
     return _joined(inputs.denoised.values(), "blur.parquet", BLUR_CELLS)

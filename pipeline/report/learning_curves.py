@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
+from pipeline.report.display_names import in_order, word
 from pipeline.report.inputs import any_table, existing
-from pipeline.report.wording import in_order, word
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,6 +70,11 @@ class LearningCurve:
     def unit(self) -> str:
         """Of the measure; empty where it has none."""
         return next((unit for ending, unit in _UNITS.items() if self.measure.endswith(ending)), "")
+
+    @property
+    def measure_heading(self) -> str:
+        """The measure with its unit in brackets."""
+        return f"{self.measure_title} [{self.unit}]" if self.unit else self.measure_title
 
     @property
     def steps(self) -> int:

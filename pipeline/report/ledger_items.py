@@ -1,29 +1,48 @@
-"""The published tables and figures that the ledger follows, in the paper's order.
+"""The published tables and figures that the ledger follows, in the paper's order, and their merge with our results.
 
-Each item names a file of published numbers, the columns that tell its rows apart, and where ours come from:
-either a function of the report's inputs, or a table with the same key and value columns given as
-``ReportInputs.results[item]``. A new experiment therefore enters the ledger by writing such a table.
+An item is data: a file of published numbers, the columns that identify its rows, the columns of numbers with their
+units, the stage and the function that give ours, a tolerance, and the reason why some rows cannot be compared. A new
+experiment enters the ledger by one more `Item`; ours may also be a table with the same key and value columns, given as
+``ReportInputs.results[item]``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
-from pipeline.report import ledger_combined, ledger_detection, ledger_recorded, ledger_sources
-from pipeline.report.inputs import ReportInputs, any_table, existing, records
+from pipeline.report import ledger_sources
+from pipeline.report.display_names import word
+from pipeline.report.inputs import ReportInputs, any_table, existing
 from pipeline.report.ledger import CLOSE, DIFFERS, NOT_RUN, LedgerRow, Tolerance
-from pipeline.report.wording import word
+from pipeline.report.tables import Row, records
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Key = tuple[str, ...]
 UNEXPLAINED = "not explained yet"
+UNITS = {"level_dn": "DN", "sigma_dn": "DN", "size_px": "px", "angle_deg": "°", "time_ms": "ms", "exposure_ms": "ms"}
+SYMBOLS = {"sigma_dn": "σ", "level_dn": "σ", "frequency": "f", "iso": "ISO", "d1_px": "d₁", "d2_px": "d₂"}
+PICTURES_ONLY = (
+    "The paper prints its noise curves, its object-detection (IOPC) curves and heat maps and its defocus with "
+    "dark-current-noise table as pictures only: no numbers exist to compare."
+)
+
+
+@dataclass(frozen=True)
+class Barrier:
+    """A reason why rows cannot be compared.
+
+    Attributes:
+        why: in words; ``{profile}`` is filled in.
+        applies: whether it holds for a published row; to all rows by default.
+    """
+
+    why: str
+    applies: Callable[[Row, ReportInputs], bool] = lambda row, inputs: True
 
 
 @dataclass(frozen=True)
@@ -32,139 +51,120 @@ class Item:
 
     Attributes:
         name: of the item, and of its entry in ``ReportInputs.results``.
-        title: what the paper calls it.
-        file: in the folder of published numbers.
-        keys: columns that tell rows apart, shown as the quantity.
+        title: the paper's name of it.
+        file: in the folder of published numbers; empty where `published` makes them.
+        keys: columns that identify rows, shown as the quantity.
         values: column of numbers -> unit.
-        stage: the stage that makes ours; ``{dataset}`` and other keys are filled in.
-        other_stage: makes the name of the stage for rows that another one makes, ``""`` for the rest.
+        stage: the stage that makes ours, or a function of the row; ``{dataset}`` and other keys are filled in.
         tolerance: how far ours may lie from the published value.
-        better: ``"lower"`` or ``"higher"`` where one side is the better one; said in the cause.
-        why: cause shown where ours differ.
-        incomparable: key columns -> the reason why such a row cannot be compared, or ``""``.
-        ours: makes ours from the inputs, beside what ``ReportInputs.results[name]`` holds.
+        ours: makes ours from the inputs, beside ``ReportInputs.results[name]``.
         published: makes the published side, where it is a rule rather than a file.
+        dataset: of all rows, where the file has no such column.
+        better: ``"lower"`` or ``"higher"`` where one side is the better one; stated in the cause.
+        why: cause shown where ours differ.
+        barrier: which rows cannot be compared.
     """
 
     name: str
     title: str
     file: str
-    keys: Key
-    values: dict[str, str]
-    stage: str
-    tolerance: Tolerance
-    better: str = ""
-    why: str = ""
-    incomparable: Callable[[dict[str, Any], ReportInputs], str] | None = None
+    keys: tuple[str, ...]
+    values: Mapping[str, str]
+    stage: str | Callable[[Row], str]
+    tolerance: Tolerance = field(default_factory=Tolerance)
     ours: Callable[[ReportInputs], pd.DataFrame | None] | None = None
     published: Callable[[ReportInputs], pd.DataFrame] | None = None
-    other_stage: Callable[[dict[str, Any]], str] | None = None
+    dataset: str = ""
+    better: str = ""
+    why: str = ""
+    barrier: Barrier | None = None
 
 
-def _elsewhere(row: dict[str, Any], inputs: ReportInputs) -> str:
-    return "the published run times are of other hardware (Xeon W-2145, Quadro RTX 6000)"
+def _of_authors(row: Row, inputs: ReportInputs) -> bool:
+    return row["dataset"] == "sim" and not ledger_sources.is_of_authors("sim", row["estimator"], inputs)
 
 
-def _own_sim(row: dict[str, Any], inputs: ReportInputs) -> str:
-    own = row["dataset"] == "sim"
-    return "the reference was measured on the authors' Sim frames; ours are rendered here" if own else ""
-
-
-def _own_sim_but_recorded(row: dict[str, Any], inputs: ReportInputs) -> str:
-    own = _own_sim(row, inputs)
-    return "" if own and ledger_recorded.authors_frames(row["dataset"], row["estimator"], inputs) else own
-
-
-def _own_sim_but_star(row: dict[str, Any], inputs: ReportInputs) -> str:
-    return "" if row["estimator"] == "ground_truth" else _own_sim_but_recorded(row, inputs)
-
-
-def _star(row: dict[str, Any]) -> str:
-    return "star" if row["estimator"] == "ground_truth" else ""
-
-
-def _chosen_size(row: dict[str, Any], inputs: ReportInputs) -> str:
-    chosen = str(row["quantity"]).startswith("frames_") and inputs.profile != "paper"
-    return f"a size that profile '{inputs.profile}' chooses, not a result" if chosen else ""
-
-
-def _other_detector(row: dict[str, Any], inputs: ReportInputs) -> str:
-    return "another detector on other frames than the paper's YOLOv7 on Udacity"
-
-
-def _of_the_data(row: dict[str, Any], inputs: ReportInputs) -> str:
-    of_data = row["parameter"] in ("chi2", "r2")
-    return "ours is of the printed grid, which is the paper's fit itself; its data are not published" if of_data else ""
-
-
+RENDERED = "the reference was measured on the authors' Sim frames; ours are rendered here"
 ITEMS: tuple[Item, ...] = (
     Item(
         "image_formation", "Image formation: sensor constants and moments", "image_formation.csv", ("quantity",),
-        {"value": ""}, "sensor", Tolerance(relative=0.02), ours=ledger_sources.formation,
+        {"value": ""}, "sensor", Tolerance(relative=0.02), ledger_sources.formation,
     ),
     Item(
         "noise_levels", "Image formation: largest miss of a noise level", "", ("dataset", "effect"),
-        {"miss_percent": "%"}, "corrupt@{dataset}", Tolerance(absolute=2.0), ours=ledger_sources.levels,
-        published=ledger_sources.expected_levels,
+        {"miss_percent": "%"}, "corrupt@{dataset}", Tolerance(absolute=2.0), ledger_sources.levels,
+        ledger_sources.expected_levels,
     ),
     Item(
         "dataset_sizes", "Datasets: sizes", "dataset_sizes.csv", ("dataset", "quantity"), {"value": ""},
-        "index@{dataset}", Tolerance(), why="another frame size is set or found", incomparable=_chosen_size,
-        ours=ledger_sources.sizes,
+        "index@{dataset}", Tolerance(), ledger_sources.sizes, why="another frame size is configured",
+        barrier=Barrier(
+            "a size that profile '{profile}' chooses, not a result",
+            lambda row, inputs: str(row["quantity"]).startswith("frames_") and inputs.profile != "paper",
+        ),
     ),
     Item(
         "noise_reference", "Fig. noise estimation: PCA and B+F by the authors' code", "noise_reference.csv",
         ("dataset", "effect", "level_dn", "estimator"), {"sigma_dn": "DN"}, "noise@{dataset}-{estimator}",
-        Tolerance(absolute=1.0), why="other frames than the reference's", incomparable=_own_sim,
-        ours=ledger_sources.noise_medians,
+        Tolerance(absolute=1.0), ledger_sources.noise_medians, why="other frames than the reference's",
+        barrier=Barrier(RENDERED, lambda row, inputs: row["dataset"] == "sim"),
     ),
     Item(
         "uncorrupted_mtf", "Fig. uncorrupted datasets", "uncorrupted_mtf.csv",
-        ("dataset", "estimator", "statistic", "frequency"), {"mtf": ""}, "blur@{dataset}-{estimator}",
-        Tolerance(absolute=0.05), why="other frames than the paper's, and another renderer and lens than its Sim",
-        incomparable=_own_sim_but_star, ours=ledger_recorded.uncorrupted, other_stage=_star,
+        ("dataset", "estimator", "statistic", "frequency"), {"mtf": ""},
+        lambda row: "star" if row["estimator"] == "ground_truth" else "blur@{dataset}-{estimator}",
+        Tolerance(absolute=0.05), ledger_sources.uncorrupted,
+        why="other frames than the paper's, and another renderer and lens than its Sim",
+        barrier=Barrier(
+            RENDERED, lambda row, inputs: row["estimator"] != "ground_truth" and _of_authors(row, inputs)
+        ),
     ),
     Item(
         "runtime", "Table: run times", "runtime.csv", ("estimator", "unit"), {"seconds": "s"}, "runtime",
-        Tolerance(), "lower", incomparable=_elsewhere, ours=ledger_sources.run_times,
+        Tolerance(), ledger_sources.run_times, better="lower",
+        barrier=Barrier("the published run times are of other hardware (Xeon W-2145, Quadro RTX 6000)"),
     ),
     Item(
         "blur_amae", "Table I: AMAE of blur estimators", "blur_amae.csv", ("dataset", "estimator", "blur", "size_px"),
-        {"amae_percent": "%"}, "blur@{dataset}-{estimator}", Tolerance(absolute=2.0), "lower",
-        why="other frames than the paper's 150, and estimators written or trained anew",
-        incomparable=_own_sim_but_recorded, ours=ledger_recorded.blur_amae,
+        {"amae_percent": "%"}, "blur@{dataset}-{estimator}", Tolerance(absolute=2.0), ledger_sources.blur_amae,
+        better="lower", why="other frames than the paper's 150, and estimators written or trained anew",
+        barrier=Barrier(RENDERED, _of_authors),
     ),
     Item(
         "photon_defocus_amae", "Fig. defocus in presence of photon noise", "photon_defocus_amae.csv",
-        ("sigma_dn", "size_px"), {"amae_percent": "%"}, "combined@{dataset}", Tolerance(absolute=2.0), "lower",
-        why="ours is the spectral network, on other frames", ours=ledger_combined.photon_defocus,
-        published=partial(ledger_combined.published, "photon_defocus_amae.csv"),
+        ("sigma_dn", "size_px"), {"amae_percent": "%"}, "combined@{dataset}", Tolerance(absolute=2.0),
+        ledger_sources.photon_defocus, dataset=ledger_sources.COMBINED_DATASET, better="lower",
+        why="ours is the spectral network, on other frames",
     ),
     Item(
         "photon_linear_motion_mtf", "Fig. linear motion in presence of photon noise", "photon_linear_motion_mtf.csv",
         ("series", "sigma_dn", "frequency"), {"mtf": ""}, "combined@{dataset}", Tolerance(absolute=0.05),
-        why="ours is the spectral network, whose curves stay by the truth while those of the paper's rise with the "
+        ledger_sources.photon_linear, dataset=ledger_sources.COMBINED_DATASET,
+        why="ours is the spectral network, whose curves stay near the ground truth while the paper's rise with the "
         "noise; other frames and another kernel of that size",
-        ours=ledger_combined.photon_linear,
-        published=partial(ledger_combined.published, "photon_linear_motion_mtf.csv"),
     ),
     Item(
         "improved_blur", "Supplement: improved blur estimation", "improved_blur.csv", ("d2_px", "d1_px", "sigma_dn"),
         {"mae_h_percent": "%", "mae_v_percent": "%", "amae_percent": "%", "expected_amae_percent": "%"},
-        "denoised_blur@{dataset}", Tolerance(absolute=2.0), "lower",
-        why="ours is trained on noise and takes smoothed noise for a scene that the disc alone has blurred; it does "
-        "better without smoothing (table of improved blur estimation)", ours=ledger_combined.improved,
-        published=partial(ledger_combined.published, "improved_blur.csv"),
+        "denoised_blur@{dataset}", Tolerance(absolute=2.0), ledger_sources.improved,
+        dataset=ledger_sources.COMBINED_DATASET, better="lower",
+        why="ours is trained on noise and takes smoothed noise for a scene that the disc alone has blurred; its error "
+        "is lower without smoothing (table of improved blur estimation)",
     ),
     Item(
         "yolov7_direction_ap", "Supplement: AP by blur direction", "yolov7_direction_ap.csv",
-        ("sigma_dn", "angle_deg", "size_px"), {"ap_percent": "%"}, "direction", Tolerance(absolute=2.0), "higher",
-        incomparable=_other_detector, ours=ledger_detection.direction_ap,
+        ("sigma_dn", "angle_deg", "size_px"), {"ap_percent": "%"}, "direction", Tolerance(absolute=2.0),
+        ledger_sources.direction_ap, better="higher",
+        barrier=Barrier("another detector on other frames than the paper's YOLOv7 on Udacity"),
     ),
     Item(
         "regression_coefficients", "Supplement: fit of AP over ISO and exposure", "regression_coefficients.csv",
         ("detector", "object", "parameter"), {"value": "", "std_dev": ""}, "refit", Tolerance(relative=0.02),
-        incomparable=_of_the_data, published=ledger_detection.published_coefficients,
+        published=ledger_sources.published_coefficients,
+        barrier=Barrier(
+            "ours is of the printed grid, which is the paper's fit itself; its data are not published",
+            lambda row, inputs: row["parameter"] in ("chi2", "r2"),
+        ),
     ),
     Item(
         "fitted_ap_grid", "Supplement: fitted AP over ISO and exposure", "fitted_ap_grid.csv",
@@ -177,123 +177,120 @@ ITEMS: tuple[Item, ...] = (
     ),
     Item(
         "controller_ap", "Fig. built-in control and framework: AP", "controller_ap.csv", ("controller",),
-        {"car_ap_percent": "%"}, "closed_loop", Tolerance(absolute=2.0), "higher",
+        {"car_ap_percent": "%"}, "closed_loop", Tolerance(absolute=2.0), better="higher",
     ),
     Item(
         "controller_response", "Fig. built-in control and framework: response", "controller_response.csv",
         ("controller", "quantity", "time_ms"), {"value": ""}, "closed_loop", Tolerance(relative=0.05),
     ),
 )  # fmt: skip
-
-PICTURES_ONLY = (
-    "The paper prints its noise curves, its object-detection (IOPC) curves and heat maps and its defocus with "
-    "dark-current-noise table as pictures only: no numbers exist to compare."
-)
+TITLES = {item.name: item.title for item in ITEMS}
 
 
-def _key(row: dict[str, Any], keys: Key) -> Key:
-    """Keys as text, so that 5, 5.0 and an integer column's 5 are the same."""
-    return tuple(f"{row[name]:g}" if isinstance(row[name], (int, float)) else str(row[name]) for name in keys)
+def _text(value: Any) -> str:
+    """A key as text, so that 5, 5.0 and an integer column's 5 are the same."""
+    return f"{value:g}" if isinstance(value, (int, float)) else str(value)
 
 
-def _quantity(item: Item, row: dict[str, Any], value: str) -> str:
-    """Which number of the item a row is, in words; the published file may give them itself as ``label``."""
-    if isinstance(row.get("label"), str):
-        dataset = f"{word(str(row['dataset']))}, " if "dataset" in row else ""
-        return dataset + row["label"]
-    units = {
-        "level_dn": "DN",
-        "sigma_dn": "DN",
-        "size_px": "px",
-        "angle_deg": "°",
-        "time_ms": "ms",
-        "exposure_ms": "ms",
-    }
-    names = {"sigma_dn": "σ", "level_dn": "σ", "frequency": "f", "iso": "ISO", "d1_px": "d₁", "d2_px": "d₂"}
-    words = []
-    for key in item.keys:
-        cell = row[key]
-        if isinstance(cell, (int, float)):
-            if math.isfinite(cell):
-                words.append(" ".join(part for part in (names.get(key, ""), f"{cell:g}", units.get(key, "")) if part))
-        else:
-            words.append(word(str(cell)))
-    if len(item.values) > 1:
-        words.append(value.rsplit("_percent", 1)[0].replace("_", " "))
-    return ", ".join(words)
+def _long(item: Item, table: pd.DataFrame, number: str) -> pd.DataFrame:
+    """One row per number: the table's columns, ``key`` (text), ``column`` (of the number) and the number."""
+    import pandas as pd
+
+    rows = [
+        {**row, "key": "\t".join(_text(row[name]) for name in item.keys), "column": column, number: row[column]}
+        for row in records(table)
+        for column in item.values
+        if column in row
+    ]
+    return pd.DataFrame(rows, columns=[*dict.fromkeys([*table.columns, "key", "column", number])])
 
 
-def _ours(item: Item, inputs: ReportInputs) -> dict[tuple[Key, str], float]:
-    """Ours by key and value column; empty where nothing has run."""
+def _ours(item: Item, inputs: ReportInputs) -> pd.DataFrame:
+    """Ours by key and column of the number; empty where nothing has run."""
+    import pandas as pd
+
     path = existing(inputs.results.get(item.name))
-    sources = [item.ours(inputs) if item.ours is not None else None, any_table(path) if path is not None else None]
-    found = {}
-    for table in sources:
-        if table is None:
-            continue
-        absent = [name for name in item.keys if name not in table.columns]
+    tables = [item.ours(inputs) if item.ours is not None else None, any_table(path) if path is not None else None]
+    parts = []
+    for table in tables:
+        absent = [name for name in item.keys if table is not None and name not in table.columns]
         if absent:
             raise InputError(
                 f"results of '{item.name}': column '{absent[0]}' is missing; expected the keys {list(item.keys)}"
             )
-        for row in records(table):
-            found.update({(_key(row, item.keys), value): float(row[value]) for value in item.values if value in row})
-    return found
+        if table is not None:
+            parts.append(_long(item, table, "ours")[["key", "column", "ours"]])
+    known = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"key": [], "column": [], "ours": []})
+    return known.drop_duplicates(["key", "column"], keep="last")
+
+
+def _published(item: Item, inputs: ReportInputs) -> pd.DataFrame:
+    if item.published is not None:
+        return item.published(inputs)
+    path = inputs.paper / item.file
+    if not path.exists():
+        raise InputError(f"{path}: no such file of published numbers; restore data/paper from git")
+    return any_table(path).assign(**({"dataset": item.dataset} if item.dataset else {}))
 
 
 def rows_of(item: Item, inputs: ReportInputs) -> list[LedgerRow]:
-    """The ledger's rows of one item, one per published number.
+    """The ledger's rows of one item: one per published number, merged with ours.
 
     Raises:
         InputError: the published file is absent, or ours lacks a key.
     """
-    if item.published is not None:
-        published = item.published(inputs)
-    else:
-        path = inputs.paper / item.file
-        if not path.exists():
-            raise InputError(f"{path}: no such file of published numbers; restore data/paper from git")
-        published = any_table(path)
+    paper = _long(item, _published(item, inputs), "paper")
+    paper = paper[paper["paper"].astype(float).map(math.isfinite)]
     ours = _ours(item, inputs)
-    rows = []
-    for row in records(published):
-        for value, unit in item.values.items():
-            if row.get(value) is not None and math.isfinite(float(row[value])):
-                rows.append(_row(item, row, value, unit, ours, inputs))
-    return rows
+    merged = paper.merge(ours, how="left", on=["key", "column"])
+    return [_row(item, row, len(ours) > 0, inputs) for row in records(merged)]
 
 
-def _row(
-    item: Item, row: dict[str, Any], value: str, unit: str, ours: dict[tuple[Key, str], float], inputs: ReportInputs
-) -> LedgerRow:
-    paper = float(row[value])
-    own = ours.get((_key(row, item.keys), value), math.nan)
-    dataset = str(row.get("dataset", "sim"))
-    stage = item.other_stage(row) if item.other_stage is not None else ""
-    stage = stage or item.stage.format_map({**{name: str(row[name]) for name in item.keys}, "dataset": dataset})
-    barrier = item.incomparable(row, inputs) if item.incomparable else ""
-    bound = float(row["tolerance"]) if "tolerance" in row else item.tolerance.around(paper)
+def _row(item: Item, row: Row, has_run: bool, inputs: ReportInputs) -> LedgerRow:
+    paper, dataset = float(row["paper"]), str(row.get("dataset", "sim"))
+    stage = item.stage(row) if callable(item.stage) else item.stage
+    unit = item.values[row["column"]]
+    if not unit and isinstance(row.get("unit"), str) and "unit" not in item.keys:
+        unit = row["unit"]
+    barrier = item.barrier.why if item.barrier is not None and item.barrier.applies(row, inputs) else ""
+    barrier = barrier.format(profile=inputs.profile)
     result = LedgerRow(
         item=item.name,
-        quantity=_quantity(item, row, value),
-        unit=unit or (str(row["unit"]) if isinstance(row.get("unit"), str) and "unit" not in item.keys else ""),
+        quantity=_quantity(item, row),
+        unit=unit,
         paper=paper,
-        ours=own,
-        tolerance=bound,
+        ours=float(row["ours"]),
+        tolerance=float(row["tolerance"]) if "tolerance" in row else item.tolerance.around(paper),
         why=barrier,
         comparable=not barrier,
-        line=inputs.line(stage),
+        line=inputs.line(stage.format_map({**{name: str(row[name]) for name in item.keys}, "dataset": dataset})),
     )
     if result.verdict == NOT_RUN:
         if dataset in inputs.absent and "dataset" in row:
             return replace(result, why="data absent", line=inputs.absent[dataset])
-        return replace(result, why="not among our results" if ours else "stage absent")
+        return replace(result, why="not among our results" if has_run else "stage absent")
     if result.verdict in (CLOSE, DIFFERS):
         causes = [row["why"] if isinstance(row.get("why"), str) else item.why]
-        if item.better and (own < paper) == (item.better == "lower"):
+        if item.better and (result.ours < paper) == (item.better == "lower"):
             causes.insert(0, f"ours is {item.better}, which is better")
         return replace(result, why="; ".join(cause for cause in causes if cause) or UNEXPLAINED)
     return result
+
+
+def _quantity(item: Item, row: Row) -> str:
+    """Which number of the item a row is, in words; the published file may give them itself as ``label``."""
+    if isinstance(row.get("label"), str):
+        return (f"{word(str(row['dataset']))}, " if "dataset" in row else "") + row["label"]
+    words = []
+    for key in item.keys:
+        cell = row[key]
+        if not isinstance(cell, (int, float)):
+            words.append(word(str(cell)))
+        elif math.isfinite(cell):
+            words.append(" ".join(part for part in (SYMBOLS.get(key, ""), f"{cell:g}", UNITS.get(key, "")) if part))
+    if len(item.values) > 1:
+        words.append(str(row["column"]).rsplit("_percent", 1)[0].replace("_", " "))
+    return ", ".join(words)
 
 
 def all_rows(inputs: ReportInputs) -> list[LedgerRow]:

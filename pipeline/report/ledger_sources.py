@@ -1,6 +1,6 @@
-"""Where the ledger's own numbers come from: each function reads one stage's files; None where it has not run.
+"""Our side of the ledger: each function reads the files of a stage and returns None where it has not run.
 
-Each returns a table with the key and value columns of one ledger item (`pipeline.report.ledger_items`).
+A table has the key and value columns of one ledger item (`pipeline.report.ledger_items`).
 """
 
 from __future__ import annotations
@@ -10,71 +10,79 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline import tables
+from pipeline.blur.evaluation import SHARP
+from pipeline.blur.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.errors import InputError
+from pipeline.report import blur_records, detection_results
+from pipeline.report.display_names import PAPER_NAMES
 from pipeline.report.inputs import (
     ReportInputs,
+    any_table,
     blur_estimates,
     blur_summary,
-    existing,
+    combined_tables,
+    denoised_cells,
     noise_tables,
-    optional_json,
-    optional_table,
-    records,
+    optional,
 )
-from pipeline.store import read_json
+from pipeline.report.tables import records
 
 if TYPE_CHECKING:
     import pandas as pd
 
 PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
-NOMINAL_FREQUENCIES = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6)
-"""What the paper's figures call its eight frequencies (`pipeline.camera.mtf.FREQUENCIES`, 0.054 to 0.595)."""
+COMBINED_DATASET, COMBINED_ESTIMATOR = "udacity", "spectral"
+"""All that the paper prints of blur and noise at once is on Udacity; ours is of this estimator."""
+
+EXAMPLE_PX, EXAMPLE_ANGLE_DEG = 11.0, 45.0
+DIRECTION_LABEL = "car"
+STD_DEV_FRACTION = 0.2
 
 
 def formation(inputs: ReportInputs) -> pd.DataFrame | None:
-    """Constants and moments of our sensor, from the JSON that names them: columns quantity, value."""
+    """Constants and moments of our sensor: quantity, value."""
     import pandas as pd
 
-    path = existing(inputs.sensor / "formation.json" if inputs.sensor is not None else None)
-    if path is None:
+    numbers = optional(inputs.sensor, "formation.json")
+    if numbers is None:
         return None
-    numbers = read_json(path)
     if not isinstance(numbers, dict) or not all(isinstance(value, (int, float)) for value in numbers.values()):
-        raise InputError(f"{path}: expected one JSON object that maps quantities to numbers; run the stage again")
+        raise InputError(
+            f"{inputs.sensor}/formation.json: expected one JSON object that maps quantities to numbers; "
+            "run the stage again"
+        )
     return pd.DataFrame({"quantity": list(numbers), "value": [float(value) for value in numbers.values()]})
 
 
 def levels(inputs: ReportInputs) -> pd.DataFrame | None:
-    """By how much, at most, the noise added misses the level asked for: dataset, effect, miss_percent.
+    """Largest deviation of the noise added from its target level: dataset, effect, miss_percent.
 
     The standard deviation is taken over a frame before the 8-bit range clips it; level 0 must be exact.
     """
     import pandas as pd
 
-    parts = [optional_table(folder, "corruption.parquet", tables.CORRUPTION) for folder in inputs.corrupt.values()]
-    found = [part for part in parts if part is not None]
-    if not found:
+    parts = [optional(folder, "corruption.parquet", tables.CORRUPTION) for folder in inputs.corrupt.values()]
+    if all(part is None for part in parts):
         return None
-    together = pd.concat(found, ignore_index=True)
-    miss = 100.0 * (together["sigma_dn"] - together["level_dn"]).abs() / together["level_dn"].clip(lower=1.0)
-    keys = ["dataset", "effect"]
-    return together.assign(miss_percent=miss)[[*keys, "miss_percent"]].groupby(keys, as_index=False).max()
+    rows = pd.concat([part for part in parts if part is not None], ignore_index=True)
+    miss = 100.0 * (rows["sigma_dn"] - rows["level_dn"]).abs() / rows["level_dn"].clip(lower=1.0)
+    return rows.assign(miss_percent=miss).groupby(["dataset", "effect"], as_index=False)[["miss_percent"]].max()
 
 
 def expected_levels(inputs: ReportInputs) -> pd.DataFrame:
-    """What the paper's scaling of the noise promises, no miss at all: the published side of `levels`.
+    """No deviation, as the paper's scaling of the noise promises: the published side of `levels`.
 
     Datasets that have not run are listed with the paper's effects.
     """
     import pandas as pd
 
     own = levels(inputs)
-    rows = [] if own is None else records(own[["dataset", "effect"]])
-    ran = {row["dataset"] for row in rows}
-    absent = [dataset for dataset in inputs.datasets if dataset not in ran]
-    rows += [{"dataset": dataset, "effect": effect} for dataset in absent for effect in PAPER_EFFECTS]
-    place = {dataset: number for number, dataset in enumerate(inputs.datasets)}
-    rows.sort(key=lambda row: place.get(row["dataset"], len(place)))  # stable: effects keep their order
+    ran = [] if own is None else records(own)
+    absent = [name for name in inputs.datasets if name not in {row["dataset"] for row in ran}]
+    rows = [(row["dataset"], row["effect"]) for row in ran]
+    rows += [(dataset, effect) for dataset in absent for effect in PAPER_EFFECTS]
+    order = {dataset: number for number, dataset in enumerate(inputs.datasets)}
+    rows.sort(key=lambda row: order.get(row[0], len(order)))  # stable: effects keep their order
     return pd.DataFrame(rows, columns=["dataset", "effect"]).assign(miss_percent=0.0)
 
 
@@ -82,34 +90,24 @@ def sizes(inputs: ReportInputs) -> pd.DataFrame | None:
     """Frames and patches of each dataset: dataset, quantity, value."""
     import pandas as pd
 
-    rows = []
+    rows: list[tuple[str, str, float]] = []
     for dataset, folder in inputs.index.items():
-        frames = optional_table(folder, "frames.parquet", tables.FRAMES)
-        patches = optional_table(folder, "patches.parquet", tables.PATCHES)
+        frames = optional(folder, "frames.parquet", tables.FRAMES)
+        patches = optional(folder, "patches.parquet", tables.PATCHES)
         if frames is not None and len(frames):
-            found = {
-                "frames_noise": len(frames),
-                "width_px": frames["width_px"].median(),
-                "height_px": frames["height_px"].median(),
-            }
-            rows += [{"dataset": dataset, "quantity": name, "value": value} for name, value in found.items()]
+            rows.append((dataset, "frames_noise", len(frames)))
+            rows += [(dataset, name, frames[name].median()) for name in ("width_px", "height_px")]
         if patches is not None:
-            blur = patches[patches["purpose"] == "blur"]
-            noise = patches[patches["purpose"] == "noise"].groupby("frame").size()
-            rows.append({"dataset": dataset, "quantity": "frames_blur", "value": blur["frame"].nunique()})
-            if len(noise):
-                rows.append({"dataset": dataset, "quantity": "noise_patches_per_frame", "value": noise.median()})
-    return pd.DataFrame(rows) if rows else None
+            per_frame = patches[patches["purpose"] == "noise"].groupby("frame").size()
+            rows.append((dataset, "frames_blur", patches.loc[patches["purpose"] == "blur", "frame"].nunique()))
+            rows += [(dataset, "noise_patches_per_frame", per_frame.median())] if len(per_frame) else []
+    return pd.DataFrame(rows, columns=["dataset", "quantity", "value"]) if rows else None
 
 
 def noise_medians(inputs: ReportInputs) -> pd.DataFrame | None:
-    """Robust medians of every noise estimator: dataset, effect, level_dn, estimator, sigma_dn."""
+    """Robust medians of every noise estimator: dataset, effect, level_dn, estimator, sigma_dn and its interval."""
     summary, _ = noise_tables(inputs)
-    if summary.empty:
-        return None
-    return summary[["dataset", "effect", "level_dn", "estimator", "median_dn"]].rename(
-        columns={"median_dn": "sigma_dn"}
-    )
+    return None if summary.empty else summary.rename(columns={"median_dn": "sigma_dn"})
 
 
 def star_curve(inputs: ReportInputs) -> dict[str, np.ndarray] | None:
@@ -118,7 +116,7 @@ def star_curve(inputs: ReportInputs) -> dict[str, np.ndarray] | None:
     Raises:
         InputError: a curve is missing or of another length.
     """
-    content = optional_json(inputs.star, "star.json")
+    content = optional(inputs.star, "star.json")
     if content is None:
         return None
     names = ("frequency", "measured", "formula")
@@ -140,109 +138,149 @@ def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:
     curves = star_curve(inputs)
     if curves is None:
         return None
-    wanted = np.array(NOMINAL_FREQUENCIES)
     order = np.argsort(curves["frequency"])
     frequency = np.concatenate([[0.0], curves["frequency"][order]])
     measured = np.concatenate([[1.0], curves["measured"][order]])
-    wanted = wanted[wanted <= frequency[-1] + 1e-9]
-    return pd.DataFrame(
-        {
-            "dataset": "sim",
-            "estimator": "ground_truth",
-            "statistic": "value",
-            "frequency": wanted,
-            "mtf": np.interp(wanted, frequency, measured),
-        }
-    )
-
-
-def sharp_curves(estimates: pd.DataFrame) -> pd.DataFrame:
-    """What each estimator reads from sharp frames, the outliers among patches rejected.
-
-    Args:
-        estimates: `pipeline.blur.evaluation.ESTIMATES`; rows of other kernels are passed over.
-
-    Returns:
-        dataset, estimator, axis (H, V), frequency (one of `NOMINAL_FREQUENCIES`), place (its number, from 0), median,
-        min, max, count (patches with an answer), rejected and abstained (patches).
-    """
-    import pandas as pd
-
-    from pipeline.blur.evaluation import SHARP
-    from pipeline.statistics import inliers
-
-    columns = ["dataset", "estimator", "axis", "frequency", "place", "median", "min", "max"]
-    rows = []
-    sharp = estimates[estimates["kernel"] == SHARP]
-    for (dataset, estimator, axis), curve in sharp.groupby(["dataset", "estimator", "axis"], sort=True):
-        for place, (_, point) in enumerate(curve.groupby("frequency", sort=True)):
-            given = point["mtf"].to_numpy(float)
-            answers = given[np.isfinite(given)]
-            kept = answers[inliers(answers)] if answers.size else np.array([np.nan])
-            rows.append(
-                {
-                    "dataset": dataset,
-                    "estimator": estimator,
-                    "axis": axis,
-                    "frequency": NOMINAL_FREQUENCIES[place],
-                    "place": place,
-                    "median": float(np.median(kept)),
-                    "min": float(kept.min()),
-                    "max": float(kept.max()),
-                    "count": answers.size,
-                    "rejected": answers.size - (kept.size if answers.size else 0),
-                    "abstained": int(point["abstained"].sum()),
-                }
-            )
-    return pd.DataFrame(rows, columns=[*columns, "count", "rejected", "abstained"])
+    nominal = np.array(NOMINAL_FREQUENCIES)
+    nominal = nominal[nominal <= frequency[-1] + 1e-9]
+    table = pd.DataFrame({"frequency": nominal, "mtf": np.interp(nominal, frequency, measured)})
+    return table.assign(dataset="sim", estimator="ground_truth", statistic="value")
 
 
 def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
-    """MTF of uncorrupted frames, horizontal, as the paper publishes it: the star's, and what each estimator reads.
+    """MTF of uncorrupted frames, horizontal, as the paper publishes it: the star's, and of each estimator.
 
     Returns:
         dataset, estimator, statistic, frequency, mtf.
     """
     import pandas as pd
 
-    found = (sharp_mtf(inputs), horizontal(sharp_curves(blur_estimates(inputs))))
-    parts = [part for part in found if part is not None and len(part)]
-    return pd.concat(parts, ignore_index=True) if parts else None
+    parts = [sharp_mtf(inputs), _horizontal(sharp_curves(blur_estimates(inputs)))]
+    known = [part for part in parts if part is not None and len(part)]
+    own = pd.concat(known, ignore_index=True) if known else None
+    return _with_records(own, [_horizontal(one.sharp) for one in blur_records.read(inputs)])
 
 
-def horizontal(curves: pd.DataFrame) -> pd.DataFrame:
-    """The horizontal ones of `sharp_curves` in long form: dataset, estimator, statistic, frequency, mtf."""
+def _horizontal(curves: pd.DataFrame) -> pd.DataFrame:
     keys = ["dataset", "estimator", "frequency"]
     return curves[curves["axis"] == "H"].melt(keys, ["median", "min", "max"], "statistic", "mtf")
 
 
 def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:
-    """AMAE of every blur estimator, uncalibrated as the paper's: dataset, estimator, blur, size_px, amae_percent."""
-    from pipeline.blur.evaluation import SHARP
+    """Uncalibrated AMAE of every blur estimator: dataset, estimator, blur, size_px, amae_percent and its interval."""
+    parts = [blur_summary(inputs), *(one.summary for one in blur_records.read(inputs))]
+    columns = ["dataset", "estimator", "blur", "size_px", "amae_percent", "low_percent", "high_percent"]
+    raw = [
+        part[~part["calibrated"].astype(bool) & (part["kind"] != SHARP)].rename(columns={"kind": "blur"})[columns]
+        for part in parts
+    ]
+    return _with_records(raw[0] if len(raw[0]) else None, raw[1:])
 
-    summary = blur_summary(inputs)
-    own = summary[~summary["calibrated"] & (summary["kind"] != SHARP)]
-    if own.empty:
-        return None
-    return own.rename(columns={"kind": "blur"})[["dataset", "estimator", "blur", "size_px", "amae_percent"]]
+
+def is_of_authors(dataset: str, estimator: str, inputs: ReportInputs) -> bool:
+    """Whether an estimator was recorded on the very frames that the paper calls by this name, ours being others."""
+    recorded = blur_records.estimators(inputs)
+    return any(estimator in recorded.get(own, ()) for own, name in PAPER_NAMES.items() if name == dataset)
+
+
+def _with_records(own: pd.DataFrame | None, recorded: list[pd.DataFrame]) -> pd.DataFrame | None:
+    """Rows of our stages and of records under the paper's names, one of the two for each dataset and estimator.
+
+    A run of a stage on KITTI or Udacity wins over the record. The paper's Sim is the authors' own: a record of their
+    frames wins over the Sim rendered here, which cannot be compared.
+    """
+    import pandas as pd
+
+    if not recorded:
+        return own
+    rows = pd.concat(recorded, ignore_index=True)
+    is_authors = rows["dataset"].isin(list(PAPER_NAMES)).to_numpy()
+    rows = rows.assign(dataset=rows["dataset"].replace(PAPER_NAMES))
+    if own is None:
+        return rows
+    ran, known = (table["dataset"].astype(str) + " " + table["estimator"].astype(str) for table in (own, rows))
+    kept = is_authors | ~known.isin(ran).to_numpy()
+    return pd.concat([own[~ran.isin(known[kept]).to_numpy()], rows[kept]], ignore_index=True)
 
 
 def run_times(inputs: ReportInputs) -> pd.DataFrame | None:
-    """Run times as the paper's table counts them: estimator, unit, seconds (of the processor, least disturbed)."""
+    """Run times as the paper's table counts them: estimator, unit, seconds (of the processor)."""
+    from pipeline.report.sections.runtime import patch_times
+
+    times = patch_times(inputs)
+    times = times[times["name"] != ""]
+    if times.empty:
+        return None
+    of_four = times["name"] == "cnn_mtf"  # the paper's network averages four frames of one place
+    seconds = (4e-3 * times["batched_ms"]).where(of_four, 1e-3 * times["one_ms"]).astype(float)
+    unit = of_four.map({True: "batch of 4 patches", False: "patch"})
+    return times[["name"]].rename(columns={"name": "estimator"}).assign(unit=unit, seconds=seconds)
+
+
+def _of_udacity(table: pd.DataFrame) -> pd.DataFrame:
+    """Raw rows of blur and noise at once that stand for the paper's."""
+    is_ours = (table["dataset"] == COMBINED_DATASET) & (table["estimator"] == COMBINED_ESTIMATOR)
+    return table[is_ours & ~table["calibrated"].astype(bool)]
+
+
+def photon_defocus(inputs: ReportInputs) -> pd.DataFrame | None:
+    """AMAE of defocus in the presence of photon noise: sigma_dn, size_px, amae_percent and its interval."""
+    cells = _of_udacity(combined_tables(inputs)[0])
+    own = cells[(cells["experiment"] == "photon_defocus") & (cells["filter_px"] == 0)]
+    return own.rename(columns={"level_dn": "sigma_dn"}) if len(own) else None
+
+
+def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
+    """Curves of linear motion of 11 px in the presence of photon noise: series, sigma_dn, frequency, mtf.
+
+    The paper's curves are means of horizontal and vertical of its diagonal kernel, as the ground truth shows.
+    """
     import pandas as pd
 
-    from pipeline.report.run_times import patch_times
+    curves = _of_udacity(combined_tables(inputs)[2])
+    own = curves[
+        (curves["experiment"] == "photon_linear")
+        & (curves["filter_px"] == 0)
+        & (curves["axis"] == "HV")
+        & (curves["size_px"] == EXAMPLE_PX)
+        & (curves["angle_deg"] == EXAMPLE_ANGLE_DEG)
+    ]
+    if own.empty:
+        return None
+    own = own.assign(frequency=[NOMINAL_FREQUENCIES[place] for place in own["place"]], sigma_dn=own["level_dn"])
+    truth = own[own["level_dn"] == own["level_dn"].min()].assign(series="ground_truth", sigma_dn=float("nan"))
+    parts = [truth.assign(mtf=truth["true_mtf"]), own.assign(series="cnn", mtf=own["median"])]
+    return pd.concat(parts, ignore_index=True)[["series", "sigma_dn", "frequency", "mtf"]]
 
-    times = patch_times(inputs.runtime)
-    rows = []
-    for task, name, published in (
-        ("blur", "cnn", "cnn_mtf"), ("blur", "pmp", "pmp"), ("blur", "gbb", "gbb"), ("noise", "cnn", "cnn_sigma"),
-        ("noise", "pca", "pca"), ("noise", "bf", "bf"),
-    ):  # fmt: skip
-        own = [time for time in times if (time.task, time.estimator) == (task, name)]
-        if own:
-            of_four = published == "cnn_mtf"  # the paper's network averages four frames of one place
-            seconds = 4e-3 * own[0].batched_ms if of_four else 1e-3 * own[0].one_ms
-            unit = "batch of 4 patches" if of_four else "patch"
-            rows.append({"estimator": published, "unit": unit, "seconds": seconds})
-    return pd.DataFrame(rows) if rows else None
+
+def improved(inputs: ReportInputs) -> pd.DataFrame | None:
+    """Errors after smoothing by a disc: d2_px, d1_px, sigma_dn, and the errors in percent."""
+    cells = _of_udacity(denoised_cells(inputs))
+    own = cells[(cells["filter_px"] > 0) & (cells["level_dn"] > 0)]
+    return own.rename(columns={"filter_px": "d2_px", "size_px": "d1_px", "level_dn": "sigma_dn"}) if len(own) else None
+
+
+def direction_ap(inputs: ReportInputs) -> pd.DataFrame | None:
+    """AP of cars by noise, direction and length: of YOLOv7 where it has run, else of the first detector that has.
+
+    Returns:
+        sigma_dn, angle_deg, size_px, ap_percent.
+    """
+    results = [
+        one for one in detection_results.read(inputs) if one.directions is not None and DIRECTION_LABEL in one.labels
+    ]
+    if not results:
+        return None
+    chosen = next((one for one in results if one.detector == "yolov7"), results[0])
+    assert chosen.directions is not None
+    own = chosen.directions[chosen.directions["label"] == DIRECTION_LABEL]
+    return own.rename(columns={"level_dn": "sigma_dn"})
+
+
+def published_coefficients(inputs: ReportInputs) -> pd.DataFrame:
+    """The published coefficients, each with a fifth of its printed standard deviation as tolerance.
+
+    They are fitted to a grid that is printed to 0.1 points, which moves them by up to an eighth of it.
+    """
+    coefficients = any_table(inputs.paper / "regression_coefficients.csv")
+    return coefficients.assign(tolerance=(STD_DEV_FRACTION * coefficients["std_dev"]).fillna(0.0))

@@ -12,13 +12,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pipeline.report import style, templates
+from pipeline.report.display_names import DATASETS, in_order, listing, word
 from pipeline.report.ledger import VERDICTS, LedgerRow, score, summary_table, to_table
-from pipeline.report.ledger_items import ITEMS, PICTURES_ONLY
+from pipeline.report.ledger_items import ITEMS, PICTURES_ONLY, TITLES
 from pipeline.report.provenance import Provenance
-from pipeline.report.sections.base import NotRun, Run, Section, ShownFigure
+from pipeline.report.spec import Figure, NotRun, Run, Section
 from pipeline.report.table_formats import to_html
 from pipeline.report.tables import Table
-from pipeline.report.wording import DATASETS, in_order, listing, word
 
 # The figures' neutral colours, and the blue that is too dark on a dark page, become the page's own.
 _COLOURS = {
@@ -122,7 +122,6 @@ def render(
     Returns:
         HTML.
     """
-    titles = {item.name: item.title for item in ITEMS}
     runs = [run for section in sections for run in section.runs]
     return (
         templates.environment()
@@ -132,7 +131,7 @@ def render(
             score=score(rows),
             verdicts=VERDICTS,
             ledger=_ledger_parts(rows),
-            ledger_summary=to_html(summary_table(rows, titles)),
+            ledger_summary=to_html(summary_table(rows, TITLES)),
             pictures_only=PICTURES_ONLY,
             runs=runs,
             ran=sum(run.ran for run in runs),
@@ -143,7 +142,7 @@ def render(
             script=templates.text("script.js"),
             svg=lambda figure: inline_svg(svgs[figure.name], figure.name, figure.drawing.alt),
             table=to_html,
-            is_figure=lambda block: isinstance(block, ShownFigure),
+            is_figure=lambda block: isinstance(block, Figure),
             is_missing=lambda block: isinstance(block, NotRun),
             word=word,
             themed=themed,

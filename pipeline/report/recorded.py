@@ -19,8 +19,9 @@ from pipeline.datasets.corrupted import CameraSettings
 from pipeline.detection import sweep
 from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError
-from pipeline.report import heat_figure, iopc_figure, style
+from pipeline.report import style
 from pipeline.report.record_files import write_csv
+from pipeline.report.sections import detection_figures
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,7 +67,8 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
     with store.replacing_folder(out) as folder:
         write_csv(folder / "precision.csv", table[table["label"].isin(labels)])
         write_csv(folder / "conditions.csv", conditions)
-        for name, parts, draw in (("iopc", isolated, iopc_figure.draw), ("iopc_heat", heats, heat_figure.draw)):
+        figures = (("iopc", isolated, detection_figures.iopc), ("iopc_heat", heats, detection_figures.heat))
+        for name, parts, draw in figures:
             drawing = draw(_joined(parts).assign(detector=detector))
             style.save(drawing.figure, folder / name, drawing.values)
         for label, surface in surfaces.items():

@@ -4,7 +4,7 @@ As `pipeline.report.recorded` for detection: measured by hand, with ``camera-mon
 files from which the report draws. Pictures, kernels and weights are named by their SHA-256; no picture is kept.
 
     summary.csv      AMAE of every kind and size of blur, raw and calibrated (`pipeline.blur.evaluation.SUMMARY`)
-    sharp.csv        what is read from sharp frames (`pipeline.report.ledger_sources.sharp_curves`)
+    sharp.csv        what is read from sharp frames (`pipeline.blur.sharp_curves.sharp_curves`)
     patches.csv      where the patches lie
     metrics.json     estimator -> `pipeline.blur.evaluation.metrics`
     provenance.json  source, dataset, frames, kernels, weights, settings
@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import blur, store
 from pipeline.blur import evaluation, table_one
+from pipeline.blur.sharp_curves import sharp_curves
 from pipeline.blur.spectral import TYPICAL
 from pipeline.camera import kernel_bank
 from pipeline.camera.paper_kernels import PaperKernel
@@ -33,7 +34,6 @@ from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError, did_you_mean
 from pipeline.report import blur_records
 from pipeline.report.blur_records import METRICS_FILE, PATCHES_FILE, PROVENANCE_FILE, SHARP_FILE, SUMMARY_FILE
-from pipeline.report.ledger_sources import sharp_curves
 from pipeline.report.record_files import write_csv
 from pipeline.tables import PATCHES
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from pipeline.report.wording import word
+from pipeline.report.display_names import word
 from pipeline.store import replacing, write_text
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ INK, MUTED, GRID, PAPER = "#1b1f24", "#6b7280", "#d9dde3", "#ffffff"
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31")
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 _DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)), (0, (8, 2)), (0, (3, 1)), (0, (1, 2)))
-# Each place in the palette belongs to one estimator, so that it has the same colour in every figure.
-_PLACES = {
+# Each position in the palette belongs to one estimator, so that it has the same colour in every figure.
+_POSITIONS = {
     "pca": 0, "bf": 1, "cnn": 2, "cellwise": 3, "wavelet": 4, "immerkaer": 5,
     "pmp": 0, "gbb": 1, "spectral": 3, "fitted": 4, "typical": 5, "fused": 6,
     "sim": 0, "photos": 4, "kitti": 1, "udacity": 2, "sim_authors": 3,
@@ -84,6 +84,9 @@ RC: dict[str, Any] = {
     "path.simplify": True,
 }
 
+Look = dict[str, Any]
+"""Keyword arguments of matplotlib's ``plot``: colour, marker, line style."""
+
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
 
@@ -94,7 +97,7 @@ class Drawing:
 
     Attributes:
         figure: the matplotlib figure, drawn in this style.
-        alt: what it shows, said with numbers from the data, for readers who do not see it.
+        alt: description with numbers from the data, for readers who do not see it.
         values: the numbers plotted, long format; None where the figure shows pictures only.
         series: name, word and colour of each series that a reader may switch off; see `series_id`.
     """
@@ -173,10 +176,9 @@ def sheet(
     for row, tall_in in enumerate(row_heights_in):
         for column in range(columns):
             start_in = left_in + column * (cell_in + gap_in)
-            place = (
-                start_in / width_in, (upper_in - tall_in) / height_in, cell_in / width_in, tall_in / height_in
-            )  # fmt: skip
-            axes[row, column] = figure.add_axes(place)
+            axes[row, column] = figure.add_axes(
+                (start_in / width_in, (upper_in - tall_in) / height_in, cell_in / width_in, tall_in / height_in)
+            )
         upper_in -= tall_in + (gaps[row] if row < len(gaps) else 0.0)
     return figure, axes
 
@@ -188,15 +190,34 @@ def sheet_cell_in(
     return (width_in - margins_in - (columns - 1) * gap_in) / columns
 
 
-def series_look(name: str, position: int = 0) -> dict[str, Any]:
-    """Colour, marker and line style of a series: fixed for the project's own names, else by position."""
-    place = _PLACES.get(name, position) % len(PALETTE)
-    return {"color": PALETTE[place], "marker": _MARKERS[place], "linestyle": _DASHES[place]}
+def series_look(name: str, position: int = 0) -> Look:
+    """Colour, marker and line style of a series: fixed for the project's names, else by position."""
+    index = _POSITIONS.get(name, position) % len(PALETTE)
+    return {"color": PALETTE[index], "marker": _MARKERS[index], "linestyle": _DASHES[index]}
+
+
+def series_looks(names: Iterable[str], **changes: Any) -> dict[str, Look]:
+    """`series_look` of each name in order, with the same changes to all, e.g. ``linestyle="-"``."""
+    return {name: series_look(name, position) | changes for position, name in enumerate(names)}
+
+
+def ordinal_looks(values: Iterable[float]) -> dict[float, Look]:
+    """Colour and marker of each value of an ordered quantity, e.g. kernel size, from light to dark; zero is grey."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    ascending = sorted(set(values))
+    positive = [value for value in ascending if value != 0]
+    looks: dict[float, Look] = {0: {"color": MUTED, "marker": "."}} if 0 in ascending else {}
+    for rank, value in enumerate(positive):
+        depth = 0.88 * (1 - rank / max(len(positive) - 1, 1))  # viridis without its yellow, the largest darkest
+        looks[value] = {"color": to_hex(colormaps["viridis"](depth)), "marker": _MARKERS[rank % len(_MARKERS)]}
+    return looks
 
 
 def switches(names: Iterable[str]) -> tuple[tuple[str, str, str], ...]:
     """`Drawing.series` of the project's own names, in the order given."""
-    return tuple((name, word(name), str(series_look(name, place)["color"])) for place, name in enumerate(names))
+    return tuple((name, word(name), str(look["color"])) for name, look in series_looks(names).items())
 
 
 def series_id(name: str, part: str) -> str:
@@ -213,6 +234,15 @@ def bare(axes: Axes) -> None:
     for spine in axes.spines.values():
         spine.set_visible(True)
         spine.set_linewidth(0.4)
+
+
+def shrunk(image: np.ndarray, side_px: int) -> tuple[np.ndarray, float]:
+    """A picture with its longest side at most so long, and the scale used (area averages, no aliasing)."""
+    import cv2
+
+    scale = min(1.0, side_px / max(image.shape))
+    size = (max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale)))
+    return (image if scale == 1.0 else cv2.resize(image, size, interpolation=cv2.INTER_AREA)), scale
 
 
 @styled

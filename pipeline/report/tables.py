@@ -1,24 +1,41 @@
-"""One model of a table, which four writers render: CSV, Markdown, LaTeX and HTML.
+"""One description of a table: rows of a data frame, and columns that say what to take from each.
 
-A cell is a word, a number, or an `Estimate`: a number with its 95 % interval, its sample count and, where there
-is one, the value the paper prints. `pipeline.report.table_formats` renders; nothing is rounded in the model.
+A cell is text, a number, or an `Estimate`: a number with its 95 % interval, its sample count and, where there is one,
+the value the paper prints. `table` evaluates the columns, `pivot` spreads the values of one column over several
+columns of the table, `pipeline.report.table_formats` renders. Nothing is rounded here.
+
+    table(
+        "noise_patches", "Noise of single patches.", summary,
+        [
+            named("dataset", "Dataset"),
+            Column("error_dn", "Error", "DN", 2, estimate("error_dn", "error_low_dn", "error_high_dn", "count")),
+        ],
+        stage="noise@<dataset>-<estimator>",
+    )
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pipeline.errors import InputError, did_you_mean
+from pipeline.report.display_names import in_order, word
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number as statistics knows it.
+    """A number with its uncertainty.
 
     Attributes:
-        value: in the column's unit; NaN where nothing could be said.
+        value: in the column's unit; NaN where there is no result.
         low, high: 95 % interval, NaN where the method has none.
         count: how many samples it rests on; None where that is not known.
         reference: the published value beside it; None where there is none.
@@ -36,6 +53,7 @@ class Estimate:
 
 
 Cell = str | int | float | bool | Estimate | None
+Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -47,6 +65,7 @@ class Column:
         title: heading shown to readers; the name where empty.
         unit: shown in brackets after the title.
         decimals: digits after the point of numbers; None shows up to four significant digits.
+        source: column of the data frame, or a function of its row; the column of the same name where empty.
         wide: the column holds sentences and may take several lines.
     """
 
@@ -54,7 +73,15 @@ class Column:
     title: str = ""
     unit: str = ""
     decimals: int | None = None
+    source: str | Callable[[Row], Cell] = ""
     wide: bool = False
+
+    def cell(self, row: Row) -> Cell:
+        """The cell of one row of the data frame; None where the row has no such value."""
+        if callable(self.source):
+            return self.source(row)
+        value: Cell = row.get(self.source or self.name)
+        return value
 
     @property
     def heading(self) -> str:
@@ -108,6 +135,146 @@ class Table:
     def has_estimates(self, column: Column) -> bool:
         """Whether any cell of a column is an estimate."""
         return any(isinstance(row.get(column.name), Estimate) for row in self.rows)
+
+
+def records(frame: pd.DataFrame | Iterable[Row]) -> list[dict[str, Any]]:
+    """The rows of a data frame, or of any iterable of mappings, as dictionaries with text keys."""
+    rows = frame if not hasattr(frame, "to_dict") else frame.to_dict("records")
+    return [{str(name): cell for name, cell in row.items()} for row in rows]
+
+
+def table(
+    name: str,
+    caption: str,
+    frame: pd.DataFrame | Iterable[Row],
+    columns: Sequence[Column],
+    notes: Sequence[str] = (),
+    stage: str = "",
+    reference_word: str = "paper",
+) -> Table:
+    """A table of a data frame: one line per row, each column evaluated on it.
+
+    Args:
+        name: see `Table`.
+        caption: see `Table`.
+        frame: rows in the order shown.
+        columns: from left to right.
+        notes: footnotes.
+        stage: see `Table`.
+        reference_word: see `Table`.
+    """
+    rows = []
+    for row in records(frame):
+        cells = {column.name: column.cell(row) for column in columns}
+        rows.append({key: cell for key, cell in cells.items() if cell is not None})
+    return Table(name, caption, columns, rows, tuple(notes), stage, reference_word)
+
+
+def named(name: str, title: str, source: str = "") -> Column:
+    """A column of display names (`pipeline.report.display_names.word`).
+
+    Args:
+        name: see `Column`.
+        title: see `Column`.
+        source: column of names in the data frame; the same name where empty.
+    """
+    return Column(name, title, source=lambda row: word(str(row[source or name])))
+
+
+def estimate(
+    value: str, low: str, high: str, count: str | Callable[[Row], int | None] = "", reference: str = ""
+) -> Callable[[Row], Cell]:
+    """A function from a row to an `Estimate`; None for a row without the value's column.
+
+    Args:
+        value: column of the number.
+        low: column of the lower end of its interval; an absent one gives no interval.
+        high: column of the upper end.
+        count: column, or a function of the row.
+        reference: column of the published value; an absent one gives none.
+    """
+
+    def cell(row: Row) -> Cell:
+        if value not in row:
+            return None
+        number = count(row) if callable(count) else row[count] if count else None
+        beside = row.get(reference)
+        return Estimate(
+            row[value],
+            row.get(low, math.nan),
+            row.get(high, math.nan),
+            None if number is None or not math.isfinite(number) else int(number),
+            None if beside is None or not math.isfinite(beside) else beside,
+        )
+
+    return cell
+
+
+amae = estimate("amae_percent", "low_percent", "high_percent", "count", "paper_percent")
+"""AMAE in percent with its bootstrap interval, patches with an estimate, and the paper's value (`paper_percent`)."""
+
+
+def pivot(
+    frame: pd.DataFrame,
+    index: Sequence[str],
+    across: str,
+    cell: Callable[[Row], Cell],
+    key: Callable[[Any], str] = str,
+) -> list[dict[str, Any]]:
+    """Rows of a wide table: one per combination of the index columns, in order of appearance.
+
+    Args:
+        frame: long table.
+        index: columns that identify a row.
+        across: column whose values become columns.
+        cell: makes the cell from a row of the frame.
+        key: name of the column of one value.
+
+    Returns:
+        dictionaries of the index columns and one cell for each value of `across` that the combination has.
+    """
+    wide: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for row in records(frame):
+        place = tuple(row[name] for name in index)
+        wide.setdefault(place, {name: row[name] for name in index})[key(row[across])] = cell(row)
+    return list(wide.values())
+
+
+def ordered(frame: pd.DataFrame, **orders: Iterable[Any]) -> pd.DataFrame:
+    """A data frame sorted by several columns, each in an order of its own (`display_names.in_order`).
+
+    Args:
+        frame: any.
+        orders: column -> its values in order; others follow alphabetically, an empty order sorts by value.
+    """
+    ranks = {}
+    for number, (name, order) in enumerate(orders.items()):
+        values = in_order(frame[name], order)
+        ranks[f"__{number}"] = frame[name].map({value: rank for rank, value in enumerate(values)})
+    return frame.assign(**ranks).sort_values(list(ranks), kind="stable").drop(columns=list(ranks))
+
+
+def mean_cell(cells: Sequence[Cell], *, complete: bool = True) -> Cell:
+    """The mean of cells, beside the mean of the paper's values where every averaged cell has one.
+
+    Args:
+        cells: numbers and estimates.
+        complete: give None unless every cell is a finite number; otherwise average those that are.
+    """
+    estimates = [cell if isinstance(cell, Estimate) else Estimate(_number(cell)) for cell in cells]
+    finite = [cell for cell in estimates if math.isfinite(cell.value)]
+    if not cells or (complete and len(finite) < len(cells)):
+        return None
+    value = float(np.mean([cell.value for cell in finite])) if finite else math.nan
+    if not any(isinstance(cell, Estimate) for cell in cells):
+        return value
+    paper = [cell.reference for cell in finite or estimates]
+    known = [number for number in paper if number is not None]
+    return Estimate(value, reference=float(np.mean(known)) if known and len(known) == len(paper) else None)
+
+
+def _number(cell: Cell) -> float:
+    return float(cell) if isinstance(cell, (int, float)) else math.nan
 
 
 def format_number(value: float | None, decimals: int | None = None) -> str:

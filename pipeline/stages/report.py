@@ -20,18 +20,20 @@ NETWORKS = {
 
 @stage("report", reads=READS, uses=USES)
 def run(run: Run) -> None:
-    """Hand the stages' folders to the report and write the ledger's score."""
+    """Write the report from the stages' folders, and the ledger's score."""
     from importlib.metadata import version
 
     import yaml
 
     from pipeline import store
-    from pipeline.report.build import ReportInputs, build
-    from pipeline.report.run_times import LINE
+    from pipeline.report.build import build
+    from pipeline.report.inputs import SYSTEM, ReportInputs, relative_to
+    from pipeline.report.sections.runtime import COMMAND
 
     params = run.params
     data = run.inputs / "data"
     listed = list(params.datasets)
+    relative = {name: relative_to(section.model_dump()) for name, section in params.blur.estimators.items()}
     absent = {name: line for name, line in params.report.not_run.items() if name not in listed}
     inputs = ReportInputs(
         paper=run.project / "data/paper",
@@ -66,7 +68,8 @@ def run(run: Run) -> None:
         aliases=stage_names(params),
         code_version=version("camera-condition-pipeline"),
         profile=params.profile,
-        runs={"runtime": LINE},
+        runs={"runtime": COMMAND},
+        relative={name: to for name, to in relative.items() if to != SYSTEM},
     )
     score = build(inputs, run.outputs / "reports")
     store.write_json(run.outputs / "reports/metrics/report.json", score.metrics)

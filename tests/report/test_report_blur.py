@@ -15,15 +15,15 @@ from blur_makers import BIAS, add_blur, bank
 from report_makers import ABSENT, REPO, make_star
 
 from pipeline import store
+from pipeline.blur.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.camera import mtf
 from pipeline.errors import InputError
-from pipeline.report import amae_figure, blur_tables, kernel_estimates_figure, ledger_sources, sharp_curves_figure
 from pipeline.report.build import build
 from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary
-from pipeline.report.kernel_estimates_figure import Gallery
 from pipeline.report.ledger_items import ITEMS, rows_of
-from pipeline.report.sections import blur
-from pipeline.report.sections.base import NotRun, ShownFigure
+from pipeline.report.sections import blur, blur_amae, kernel_gallery
+from pipeline.report.sections.kernel_gallery import Gallery
+from pipeline.report.spec import Figure, NotRun
 from pipeline.report.tables import Estimate, Table
 
 BY_NAME = {item.name: item for item in ITEMS}
@@ -48,8 +48,13 @@ def summary(inputs: ReportInputs) -> pd.DataFrame:
 
 
 @pytest.fixture(scope="module")
-def published() -> dict[tuple[str, str, str, float], float]:
-    return blur_tables.published_amae(pd.read_csv(REPO / "data/paper/blur_amae.csv"))
+def paper() -> pd.DataFrame:
+    return pd.read_csv(REPO / "data/paper/blur_amae.csv")
+
+
+@pytest.fixture(scope="module")
+def published(paper: pd.DataFrame) -> dict[tuple[str, str, str, float], float]:
+    return paper.set_index(["dataset", "estimator", "blur", "size_px"])["amae_percent"].to_dict()
 
 
 def artists(figure: object, prefix: str) -> list:
@@ -65,35 +70,35 @@ def test_members_of_other_runs_are_left_out(inputs: ReportInputs) -> None:
 
 def test_sharp_curves_are_robust_medians_of_sharp_patches(inputs: ReportInputs) -> None:
     estimates = blur_estimates(inputs)
-    curves = ledger_sources.sharp_curves(estimates)
+    curves = sharp_curves(estimates)
     assert len(curves) == 2 * 3 * 2 * 8 and (curves["abstained"] == 1).all()
     assert (curves["count"] + curves["abstained"] == 8).all()
     camera = np.exp(-0.6 * mtf.FREQUENCIES)
     for _, curve in curves.groupby(["dataset", "estimator", "axis"]):
         assert curve["median"].to_numpy() == pytest.approx(camera, abs=0.02)
-        assert curve["frequency"].tolist() == list(ledger_sources.NOMINAL_FREQUENCIES)
+        assert curve["frequency"].tolist() == list(NOMINAL_FREQUENCIES)
     spoilt = estimates.copy()
     here = (spoilt["kernel"] == "sharp") & (spoilt["frame"].str.endswith("0000")) & (spoilt["patch"] == 0)
     spoilt.loc[here, "mtf"] = 0.0
-    again = ledger_sources.sharp_curves(spoilt)
+    again = sharp_curves(spoilt)
     assert (again["rejected"] >= 1).all() and (again["min"] > 0.5).all()
 
 
 def test_a_curve_of_nothing_but_abstentions_is_nan(inputs: ReportInputs) -> None:
     estimates = blur_estimates(inputs).assign(mtf=np.nan, abstained=True)
-    curves = ledger_sources.sharp_curves(estimates)
+    curves = sharp_curves(estimates)
     assert curves["median"].isna().all() and (curves["count"] == 0).all() and (curves["rejected"] == 0).all()
 
 
 def test_nominal_frequencies_are_the_bins_in_order() -> None:
-    assert np.abs(mtf.FREQUENCIES - ledger_sources.NOMINAL_FREQUENCIES).max() < 0.015
+    assert np.abs(mtf.FREQUENCIES - NOMINAL_FREQUENCIES).max() < 0.015
 
 
 def test_the_figure_of_sharp_curves_shows_ours_theirs_and_the_star(inputs: ReportInputs) -> None:
-    curves = ledger_sources.sharp_curves(blur_estimates(inputs))
+    curves = sharp_curves(blur_estimates(inputs))
     paper = pd.read_csv(REPO / "data/paper/uncorrupted_mtf.csv")
     star = (np.array([0.1, 0.5, 0.9]), np.array([0.98, 0.8, 0.4]))
-    drawing = sharp_curves_figure.draw(curves, ["sim", "kitti", "udacity"], paper, {"sim": star})
+    drawing = blur.uncorrupted(curves, ["sim", "kitti", "udacity"], paper, {"sim": star})
     lines = artists(drawing.figure, "series--pmp--median")
     assert len(lines) == 4  # two datasets, two directions
     own = curves[(curves["dataset"] == "sim") & (curves["estimator"] == "pmp") & (curves["axis"] == "H")]
@@ -109,7 +114,7 @@ def test_the_figure_of_sharp_curves_shows_ours_theirs_and_the_star(inputs: Repor
 
 def test_the_figure_of_amae_draws_each_cell(summary: pd.DataFrame) -> None:
     raw = summary[~summary["calibrated"] & (summary["kind"] != "sharp")]
-    drawing = amae_figure.draw(raw, ["sim", "kitti"], pd.read_csv(REPO / "data/paper/blur_amae.csv"))
+    drawing = blur_amae.curves(raw, ["sim", "kitti"], pd.read_csv(REPO / "data/paper/blur_amae.csv"))
     line = artists(drawing.figure, "series--gbb--amae_sim_defocus")[0]
     cells = raw[(raw["dataset"] == "sim") & (raw["estimator"] == "gbb") & (raw["kind"] == "defocus")]
     assert np.asarray(line.get_ydata()) == pytest.approx(cells.sort_values("size_px")["amae_percent"].to_numpy())
@@ -120,8 +125,8 @@ def test_the_figure_of_amae_draws_each_cell(summary: pd.DataFrame) -> None:
     assert f"GBB {raw[raw['estimator'] == 'gbb']['amae_percent'].mean():.1f} %" in drawing.alt
 
 
-def test_table_one_sets_the_papers_value_beside_each_cell(summary: pd.DataFrame, published: dict) -> None:
-    table = blur_tables.amae("sim", summary, published, False)
+def test_table_one_sets_the_papers_value_beside_each_cell(summary: pd.DataFrame, paper: pd.DataFrame) -> None:
+    table = blur_amae.table_one("sim", summary, paper, False, {})
     assert [row["blur"] for row in table.rows] == [
         "None (sharp)", *(f"{kind} {size}" for kind in "DLN" for size in (3, 7, 11, 15, 21)), "Mean"
     ]  # fmt: skip
@@ -137,8 +142,10 @@ def test_table_one_sets_the_papers_value_beside_each_cell(summary: pd.DataFrame,
     assert isinstance(skipped["gbb"], Estimate) and math.isnan(skipped["gbb"].value) and skipped["best"] == ""
 
 
-def test_means_of_table_one_are_over_the_same_kernels(summary: pd.DataFrame, published: dict) -> None:
-    mean = blur_tables.amae("sim", summary, published, False).rows[-1]
+def test_means_of_table_one_are_over_the_same_kernels(
+    summary: pd.DataFrame, paper: pd.DataFrame, published: dict
+) -> None:
+    mean = blur_amae.table_one("sim", summary, paper, False, {}).rows[-1]
     own = summary[(summary["dataset"] == "sim") & ~summary["calibrated"] & (summary["kind"] != "sharp")]
     pmp = own[own["estimator"] == "pmp"]
     assert isinstance(mean["pmp"], Estimate)
@@ -149,18 +156,18 @@ def test_means_of_table_one_are_over_the_same_kernels(summary: pd.DataFrame, pub
     assert mean["cnn"].reference == pytest.approx(np.mean([v for k, v in published.items() if k[:2] == ("sim", "cnn")]))
 
 
-def test_calibrated_answers_stand_in_a_table_of_their_own(summary: pd.DataFrame, published: dict) -> None:
-    table = blur_tables.amae("kitti", summary, published, True)
+def test_calibrated_answers_stand_in_a_table_of_their_own(summary: pd.DataFrame, paper: pd.DataFrame) -> None:
+    table = blur_amae.table_one("kitti", summary, paper, True, {})
     assert [row["blur"] for row in table.rows] == ["D 3", "D 21", "L 3", "L 21", "N 3", "N 21", "Mean"]
     cells = [cell for row in table.rows for cell in row.values() if isinstance(cell, Estimate)]
     assert all(cell.reference is None for cell in cells)  # the paper calibrates nothing
-    raw = blur_tables.amae("kitti", summary, published, False).rows[-1]["spectral"]
+    raw = blur_amae.table_one("kitti", summary, paper, False, {}).rows[-1]["spectral"]
     own = table.rows[-1]["spectral"]
     assert isinstance(raw, Estimate) and isinstance(own, Estimate) and own.value < 0.5 * raw.value
 
 
-def test_ours_stands_beside_the_papers_best_of_three(summary: pd.DataFrame, published: dict) -> None:
-    table = blur_tables.beside_the_best(summary, published)
+def test_ours_stands_beside_the_papers_best_of_three(summary: pd.DataFrame, paper: pd.DataFrame) -> None:
+    table = blur_amae.beside_the_best(summary, paper)
     assert table is not None
     assert [column.name for column in table.columns][2:4] == ["spectral", "spectral_calibrated"]
     assert [row["dataset"] for row in table.rows] == ["Sim"] * 7 + ["KITTI"] * 7
@@ -168,12 +175,12 @@ def test_ours_stands_beside_the_papers_best_of_three(summary: pd.DataFrame, publ
     assert (row["cnn"], row["best"], row["which"]) == (25.0, 11.5, "PMP")
     assert table.rows[6]["best"] == pytest.approx(np.mean([row["best"] for row in table.rows[:6]]))
     photos = summary.assign(dataset="photos")
-    assert blur_tables.beside_the_best(photos, published) is None
-    assert blur_tables.beside_the_best(summary[summary["estimator"] == "pmp"], published) is None
+    assert blur_amae.beside_the_best(photos, paper) is None
+    assert blur_amae.beside_the_best(summary[summary["estimator"] == "pmp"], paper) is None
 
 
 def test_abstentions_are_counted_once_a_patch(inputs: ReportInputs, summary: pd.DataFrame) -> None:
-    table = blur_tables.abstentions(summary, blur_estimates(inputs))
+    table = blur_amae.abstentions(summary, blur_estimates(inputs))
     kernels = 1 + len(bank(SIZES))
     assert len(table.rows) == 6
     for row in table.rows:
@@ -194,7 +201,7 @@ def galleries(inputs: ReportInputs, dataset: str = "sim") -> list[Gallery]:
 def test_the_gallery_shows_truth_and_estimates_at_one_scale(inputs: ReportInputs) -> None:
     shown = galleries(inputs)
     other = {"spectral": {"defocus_3": np.linspace(1, 0.5, 16).reshape(2, 8)}}
-    drawing = kernel_estimates_figure.draw(shown, other)
+    drawing = kernel_gallery.draw(shown, other)
     # Six blurs: a patch, a true kernel, and a kernel of each estimator but for GBB's one abstention.
     assert sum(len(axes.images) for axes in drawing.figure.axes) == 6 * 4 - 1
     texts = [text.get_text() for axes in drawing.figure.axes for text in axes.texts]
@@ -214,16 +221,16 @@ def test_galleries_that_do_not_fit_are_refused(inputs: ReportInputs) -> None:
     one, two = galleries(inputs)
     with pytest.raises(InputError, match="lacks the array 'truth_defocus_3'"):
         arrays = {name: array for name, array in one.arrays.items() if name != "truth_defocus_3"}
-        kernel_estimates_figure.draw([dataclasses.replace(one, arrays=arrays)])
+        kernel_gallery.draw([dataclasses.replace(one, arrays=arrays)])
     with pytest.raises(InputError, match="other kernels than 'pmp'"):
-        kernel_estimates_figure.draw([one, dataclasses.replace(two, kernels=two.kernels[1:])])
+        kernel_gallery.draw([one, dataclasses.replace(two, kernels=two.kernels[1:])])
     with pytest.raises(InputError, match="no gallery"):
-        kernel_estimates_figure.draw([])
+        kernel_gallery.draw([])
 
 
 def test_the_section_shows_everything_and_says_what_did_not_run(inputs: ReportInputs) -> None:
     section = blur.section(inputs)
-    figures = [block.name for block in section.blocks if isinstance(block, ShownFigure)]
+    figures = [block.name for block in section.blocks if isinstance(block, Figure)]
     assert figures == [
         "uncorrupted_mtf", "blur_amae", "blur_amae_calibrated", "kernel_estimates_sim", "kernel_estimates_kitti"
     ]  # fmt: skip
@@ -235,7 +242,7 @@ def test_the_section_shows_everything_and_says_what_did_not_run(inputs: ReportIn
     missing = [block for block in section.blocks if isinstance(block, NotRun)]
     assert [(block.why, block.line) for block in missing] == [("data absent", ABSENT["udacity"])]
     assert sum(run.ran for run in section.runs) == 6 and len(section.runs) == 9
-    drawing = next(b for b in section.blocks if isinstance(b, ShownFigure) and b.name == "kernel_estimates_sim").drawing
+    drawing = next(b for b in section.blocks if isinstance(b, Figure) and b.name == "kernel_estimates_sim").drawing
     assert drawing.values is not None and set(drawing.values["estimator"]) == {"pmp", "gbb", "spectral"}
 
 
@@ -263,7 +270,7 @@ def test_galleries_of_different_patches_are_refused(inputs: ReportInputs, tmp_pa
     with pytest.raises(InputError, match="show different patches"):
         blur.section(dataclasses.replace(inputs, blur=tmp_path, blur_members=None))
     store.write_json(tmp_path / "sim-gbb/gallery.json", {"kernels": []})
-    with pytest.raises(InputError, match="expected dataset, estimator, frame"):
+    with pytest.raises(InputError, match="expected an object with dataset, estimator, frame"):
         blur.section(dataclasses.replace(inputs, blur=tmp_path, blur_members=None))
 
 

@@ -14,12 +14,22 @@ from report_makers import ABSENT, REPO
 
 from pipeline import store
 from pipeline.blur.evaluation import SUMMARY
-from pipeline.report import blur_tables, ledger_recorded, ledger_sources
+from pipeline.blur.sharp_curves import sharp_curves
+from pipeline.config.compose import compose, parse
+from pipeline.report import ledger_sources
 from pipeline.report.build import build
-from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary
+from pipeline.report.inputs import (
+    CAMERA,
+    GENERIC_LENS,
+    ReportInputs,
+    blur_estimates,
+    blur_summary,
+    published,
+    relative_to,
+)
 from pipeline.report.ledger_items import ITEMS, rows_of
-from pipeline.report.sections import blur, blur_recorded, detection, published
-from pipeline.report.sections.base import ShownFigure
+from pipeline.report.sections import blur, blur_recorded, detection
+from pipeline.report.spec import Figure
 from pipeline.report.tables import Estimate, Table
 
 BY_NAME = {item.name: item for item in ITEMS}
@@ -32,7 +42,7 @@ def write(folder: Path, made: ReportInputs, dataset: str) -> None:
     """A record as `pipeline.report.recorded_blur` writes it, of made-up stage outputs."""
     own = blur_summary(made)
     estimates = blur_estimates(made)
-    curves = ledger_sources.sharp_curves(estimates[estimates["dataset"] == dataset])
+    curves = sharp_curves(estimates[estimates["dataset"] == dataset])
     for name, table in (("summary", own[own["dataset"] == dataset]), ("sharp", curves)):
         store.write_text(folder / f"{name}.csv", table.to_csv(index=False))
     store.write_text(folder / "patches.csv", "frame,patch\n" + "a,0\n" * 8)
@@ -58,13 +68,13 @@ def inputs(made: ReportInputs, tmp_path_factory: pytest.TempPathFactory) -> Repo
 
 
 @pytest.fixture(scope="module")
-def blocks(inputs: ReportInputs) -> dict[str, ShownFigure | Table]:
+def blocks(inputs: ReportInputs) -> dict[str, Figure | Table]:
     section = blur_recorded.section(inputs)
     assert section is not None and section.key == "blur_recorded" and not section.runs
-    return {block.name: block for block in section.blocks if isinstance(block, (ShownFigure, Table))}
+    return {block.name: block for block in section.blocks if isinstance(block, (Figure, Table))}
 
 
-def test_every_dataset_has_figures_and_both_tables(blocks: dict[str, ShownFigure | Table]) -> None:
+def test_every_dataset_has_figures_and_both_tables(blocks: dict[str, Figure | Table]) -> None:
     assert list(blocks) == [
         "recorded_blur_sources", "recorded_uncorrupted_mtf", "recorded_blur_amae", "recorded_blur_amae_calibrated",
         "recorded_blur_amae_kitti", "recorded_blur_amae_kitti_calibrated", "recorded_blur_amae_sim_authors",
@@ -72,7 +82,7 @@ def test_every_dataset_has_figures_and_both_tables(blocks: dict[str, ShownFigure
     ]  # fmt: skip
 
 
-def test_sources_frames_and_patches_are_said(blocks: dict[str, ShownFigure | Table]) -> None:
+def test_sources_frames_and_patches_are_said(blocks: dict[str, Figure | Table]) -> None:
     table = blocks["recorded_blur_sources"]
     assert isinstance(table, Table)
     assert [row["dataset"] for row in table.rows] == ["KITTI", "Sim (authors’)"]
@@ -83,7 +93,7 @@ def test_sources_frames_and_patches_are_said(blocks: dict[str, ShownFigure | Tab
 
 
 def test_tables_hold_the_record_and_the_papers_own_values(
-    blocks: dict[str, ShownFigure | Table], made: ReportInputs
+    blocks: dict[str, Figure | Table], made: ReportInputs
 ) -> None:
     table = blocks["recorded_blur_amae_sim_authors"]
     assert isinstance(table, Table) and "Sim (authors’)" in table.caption and table.stage == ""
@@ -99,9 +109,9 @@ def test_tables_hold_the_record_and_the_papers_own_values(
     assert isinstance(beside, Table) and {row["dataset"] for row in beside.rows} == {"KITTI", "Sim (authors’)"}
 
 
-def test_figures_show_the_papers_curves_of_its_own_sim(blocks: dict[str, ShownFigure | Table]) -> None:
+def test_figures_show_the_papers_curves_of_its_own_sim(blocks: dict[str, Figure | Table]) -> None:
     shown = blocks["recorded_uncorrupted_mtf"]
-    assert isinstance(shown, ShownFigure) and "Sim (authors’)" in shown.drawing.alt
+    assert isinstance(shown, Figure) and "Sim (authors’)" in shown.drawing.alt
     lines = shown.drawing.figure.findobj(lambda artist: str(artist.get_gid()).startswith("series--cnn--paper_sim"))
     assert len(lines) == 1
     paper = pd.read_csv(REPO / "data/paper/uncorrupted_mtf.csv")
@@ -117,9 +127,8 @@ def test_without_records_there_is_no_section(made: ReportInputs, tmp_path: Path)
 
 def test_a_record_of_one_kind_is_no_record_of_the_other(inputs: ReportInputs) -> None:
     """Those of detection in the repository are not taken for blur's; blur's not for detection's."""
-    chapter = next(one for one in published.AFTER_NOISE if one.key == "detection")
-    found = detection.section(chapter, [], inputs)
-    assert not [block for block in found.blocks if isinstance(block, ShownFigure)]
+    found = detection.section(inputs)
+    assert not [block for block in found.blocks if isinstance(block, Figure)]
     both = blur_recorded.section(dataclasses.replace(inputs, recorded=REPO / "reports/recorded"))
     assert both is not None and not [block for block in both.blocks if "iopc" in getattr(block, "name", "")]
 
@@ -149,24 +158,30 @@ def test_own_runs_win_over_records_but_for_the_sim_rendered_here(inputs: ReportI
     assert rows["KITTI, PMP, Defocus, 3 px"].ours == 50.0
     assert rows["Sim, PMP, Defocus, 3 px"].ours < 50.0 and rows["Sim, PMP, Defocus, 3 px"].comparable
     assert rows["Sim, GBB, Defocus, 3 px"].ours == 50.0 and not rows["Sim, GBB, Defocus, 3 px"].comparable
-    table = ledger_recorded.blur_amae(ran)
+    table = ledger_sources.blur_amae(ran)
     assert table is not None and not table.duplicated(["dataset", "estimator", "blur", "size_px"]).any()
 
 
 def test_the_papers_numbers_stand_under_both_names() -> None:
-    table = blur_tables.paper_table(ReportInputs(paper=REPO / "data/paper"), "blur_amae.csv")
-    found = blur_tables.published_amae(table)
+    table = published(ReportInputs(paper=REPO / "data/paper"), "blur_amae.csv")
+    assert table is not None and len(table) == 180
+    found = table.set_index(["dataset", "estimator", "blur", "size_px"])["amae_percent"]
     assert found["sim_authors", "pmp", "defocus", 3.0] == found["sim", "pmp", "defocus", 3.0] == 13.9
-    assert len(found) == 180
 
 
-def test_what_was_added_is_no_curve_of_sharp_frames(made: ReportInputs, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An estimator that answers relative to sharp frames is left out of their figure."""
-    assert {"fitted", "typical"} <= blur_tables.ADDED
-    for added, left in ((frozenset(), set(ESTIMATORS)), (frozenset({"pmp"}), {"spectral"})):
-        monkeypatch.setattr(blur_tables, "ADDED", added)
-        shown = next(block for block in blur.section(made).blocks if getattr(block, "name", "") == "uncorrupted_mtf")
-        assert isinstance(shown, ShownFigure) and set(shown.drawing.values["estimator"]) == left
+def test_a_relative_mtf_is_no_curve_of_sharp_frames(made: ReportInputs) -> None:
+    """Estimators whose MTF is relative to sharp frames or to a generic lens are left out of their figure."""
+    for relative, left in (({}, set(ESTIMATORS)), ({"pmp": CAMERA}, {"spectral"})):
+        shown = blur.section(dataclasses.replace(made, relative=relative)).blocks
+        figure = next(block for block in shown if getattr(block, "name", "") == "uncorrupted_mtf")
+        assert isinstance(figure, Figure) and set(figure.drawing.values["estimator"]) == left
+
+
+def test_what_an_mtf_is_relative_to_follows_from_the_settings_not_from_names() -> None:
+    estimators = parse(compose([], REPO / "conf"), "conf/").blur.estimators
+    to = {name: relative_to(section.model_dump()) for name, section in estimators.items()}
+    assert to["fitted"] == CAMERA and to["typical"] == GENERIC_LENS
+    assert {to[name] for name in ("spectral", "pmp", "gbb", "cnn")} == {"system"}
 
 
 @pytest.mark.slow

@@ -21,13 +21,13 @@ from pipeline.report.build import build
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import MATCH, NOT_COMPARABLE
 from pipeline.report.ledger_items import ITEMS, rows_of
-from pipeline.report.sections import detection, published
-from pipeline.report.sections.base import NotRun, ShownFigure
+from pipeline.report.sections import detection
+from pipeline.report.spec import Figure, NotRun
 from pipeline.report.tables import Estimate, Table
 from pipeline.stages import curves, direction, refit, regression
 
 BY_NAME = {item.name: item for item in ITEMS}
-CHAPTER = next(chapter for chapter in published.AFTER_NOISE if chapter.key == "detection")
+PUBLISHED = ("yolov7_direction_ap", "regression_coefficients", "fitted_ap_grid")
 DETECTORS = ("compact", "compact_two_stage")
 
 
@@ -63,14 +63,12 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
 
 
 @pytest.fixture(scope="module")
-def blocks(inputs: ReportInputs) -> dict[str, ShownFigure | Table]:
-    found = detection.section(
-        CHAPTER, [row for name in CHAPTER.items for row in rows_of(BY_NAME[name], inputs)], inputs
-    )
+def blocks(inputs: ReportInputs) -> dict[str, Figure | Table]:
+    found = detection.section(inputs, [row for name in PUBLISHED for row in rows_of(BY_NAME[name], inputs)])
     return {block.name: block for block in found.blocks if not isinstance(block, NotRun)}
 
 
-def test_corners_of_the_sweep_with_intervals_and_counts(blocks: dict[str, ShownFigure | Table]) -> None:
+def test_corners_of_the_sweep_with_intervals_and_counts(blocks: dict[str, Figure | Table]) -> None:
     table = blocks["detection_ap_sim"]
     assert isinstance(table, Table)
     first, second = table.rows
@@ -82,9 +80,9 @@ def test_corners_of_the_sweep_with_intervals_and_counts(blocks: dict[str, ShownF
     assert [row["label"] for row in table.rows] == ["Car", "Car"]  # a class without an object is no row
 
 
-def test_figures_hold_every_point(blocks: dict[str, ShownFigure | Table]) -> None:
+def test_figures_hold_every_point(blocks: dict[str, Figure | Table]) -> None:
     iopc, heat = blocks["iopc_sim"], blocks["iopc_heat_sim"]
-    assert isinstance(iopc, ShownFigure) and isinstance(heat, ShownFigure)
+    assert isinstance(iopc, Figure) and isinstance(heat, Figure)
     values = iopc.drawing.values
     assert values is not None and heat.drawing.values is not None
     noise = values[(values["quantity"] == "sigma_dn") & (values["detector"] == "compact")]
@@ -96,7 +94,7 @@ def test_figures_hold_every_point(blocks: dict[str, ShownFigure | Table]) -> Non
     assert "100" in texts and "67" in texts
 
 
-def test_the_direction_table_has_a_row_for_each_noise_and_angle(blocks: dict[str, ShownFigure | Table]) -> None:
+def test_the_direction_table_has_a_row_for_each_noise_and_angle(blocks: dict[str, Figure | Table]) -> None:
     table = blocks["direction_sim_compact"]
     assert isinstance(table, Table)
     assert [(row["level_dn"], row["angle_deg"]) for row in table.rows] == [(n, a) for n in LEVELS for a in (0.0, 90.0)]
@@ -104,7 +102,7 @@ def test_the_direction_table_has_a_row_for_each_noise_and_angle(blocks: dict[str
     assert "direction_sim_car" in blocks and "direction_spread_sim" in blocks
 
 
-def test_too_few_cells_for_the_regression_are_said(blocks: dict[str, ShownFigure | Table]) -> None:
+def test_too_few_cells_for_the_regression_are_said(blocks: dict[str, Figure | Table]) -> None:
     """Fifteen cells make a fit of eight coefficients; a class without objects makes none and says why."""
     table = blocks["regression_fits_sim"]
     assert isinstance(table, Table)
@@ -113,9 +111,9 @@ def test_too_few_cells_for_the_regression_are_said(blocks: dict[str, ShownFigure
     assert all("no fit" in str(row["reason"]) for row in table.rows if row["label"] == "Person")
 
 
-def test_recorded_curves_carry_their_source(blocks: dict[str, ShownFigure | Table]) -> None:
+def test_recorded_curves_carry_their_source(blocks: dict[str, Figure | Table]) -> None:
     shown = blocks["recorded_kitti_yolox_iopc"]
-    assert isinstance(shown, ShownFigure) and "CC BY-NC-SA" in shown.caption and "16 frames" in shown.caption
+    assert isinstance(shown, Figure) and "CC BY-NC-SA" in shown.caption and "16 frames" in shown.caption
     assert "recorded_kitti_yolox_iopc_heat" in blocks and "93 to 72 % under noise" in shown.drawing.alt
 
 
@@ -135,16 +133,16 @@ def test_another_detector_is_not_set_against_the_papers(inputs: ReportInputs) ->
 
 
 def test_what_did_not_run_says_how(inputs: ReportInputs) -> None:
-    found = detection.section(CHAPTER, [], inputs)
-    notes = {(block.what, block.why): block.line for block in found.blocks if isinstance(block, NotRun)}
+    found = detection.section(inputs)
+    notes = {(block.title, block.why): block.line for block in found.blocks if isinstance(block, NotRun)}
     assert notes["Detection by YOLOv4", "weights absent"].startswith("camera-monitor weights get yolov4")
     assert notes["Detection on KITTI", "data absent"] == ABSENT["kitti"]
     ran = {(run.experiment, run.dataset) for run in found.runs if run.ran}
     assert ("Detection by Compact", "sim") in ran
     nothing = dataclasses.replace(inputs, detection=None)
-    bare = detection.section(CHAPTER, [], nothing)
+    bare = detection.section(nothing)
     assert not detection_results.read(nothing)
-    assert any(isinstance(block, NotRun) and "IOPC" in block.what for block in bare.blocks)
+    assert any(isinstance(block, NotRun) and "IOPC" in block.title for block in bare.blocks)
 
 
 @pytest.mark.slow
@@ -161,7 +159,7 @@ def test_the_page_is_built_twice_with_the_same_bytes(inputs: ReportInputs, tmp_p
 def test_figures_drawn_twice_are_the_same_bytes(inputs: ReportInputs, tmp_path: Path) -> None:
     written = []
     for place in ("a", "b"):
-        shown = [b for b in detection.section(CHAPTER, [], inputs).blocks if isinstance(b, ShownFigure)]
+        shown = [b for b in detection.section(inputs).blocks if isinstance(b, Figure)]
         names = [block.name for block in shown]
         assert "regression_sim" in names and "iopc_heat_sim" in names
         paths = [style.save(block.drawing.figure, tmp_path / place / block.name) for block in shown]

@@ -1,39 +1,55 @@
-"""Cells with intervals: the columns a row is read from, and when a bootstrap says nothing."""
+"""Cells of a data frame: columns with intervals, pivots, orders and means."""
 
 import math
 
-import numpy as np
+import pandas as pd
 import pytest
 
-from pipeline.report.estimates import bootstrapped, of_amae, of_row
-from pipeline.report.tables import Estimate
-from pipeline.statistics import bootstrap_interval
-from pipeline.streams import stream
+from pipeline.report.tables import Column, Estimate, amae, estimate, mean_cell, named, ordered, pivot, table
 
 ROW = {"amae_percent": 5.0, "low_percent": 4.0, "high_percent": 6.5, "median_dn": 9.0, "low_dn": 8.0, "high_dn": 9.5,
-       "count": 72.0}  # fmt: skip
+       "count": 72.0, "paper_percent": 5.2}  # fmt: skip
 
 
-def test_a_row_gives_its_value_and_the_interval_in_its_unit():
-    assert of_row(ROW, "amae_percent") == Estimate(5.0, 4.0, 6.5)
-    assert of_row(ROW, "median_dn", "dn", 70, 8.8) == Estimate(9.0, 8.0, 9.5, 70, 8.8)
-    assert of_amae(ROW, 5.2) == Estimate(5.0, 4.0, 6.5, 72, 5.2)
-    with pytest.raises(KeyError):
-        of_row(ROW, "median_dn", "px")
+def test_a_row_gives_its_value_interval_count_and_reference():
+    assert estimate("amae_percent", "low_percent", "high_percent")(ROW) == Estimate(5.0, 4.0, 6.5)
+    assert estimate("median_dn", "low_dn", "high_dn", lambda row: 70)(ROW) == Estimate(9.0, 8.0, 9.5, 70)
+    assert amae(ROW) == Estimate(5.0, 4.0, 6.5, 72, 5.2)
+    assert amae(ROW | {"paper_percent": math.nan, "count": math.nan}) == Estimate(5.0, 4.0, 6.5)
+    assert amae({"median_dn": 9.0}) is None
 
 
-def test_a_bootstrap_narrows_with_the_samples_and_is_the_streams():
-    wide, narrow = (
-        bootstrapped(0.0, stream(1, "samples").normal(size=count), count, stream(0, "draws", count))
-        for count in (20, 2000)
+def test_a_pivot_keeps_the_order_of_rows_and_leaves_absent_cells_out():
+    frame = pd.DataFrame({"kind": ["b", "a", "b"], "name": ["x", "x", "y"], "value": [1.0, 2.0, 3.0]})
+    rows = pivot(frame, ["kind"], "name", lambda row: row["value"])
+    assert rows == [{"kind": "b", "x": 1.0, "y": 3.0}, {"kind": "a", "x": 2.0}]
+    shown = table(
+        "t", "", rows, [Column("kind"), Column("x"), Column("y"), Column("twice", source=lambda r: 2 * r["x"])]
     )
-    assert wide.low < 0 < wide.high and narrow.high - narrow.low < (wide.high - wide.low) / 3
-    samples = stream(1, "samples").random(9)
-    again = bootstrap_interval(samples, stream(0, "draws"), np.mean, 500)
-    assert bootstrapped(0.5, samples, 3, stream(0, "draws"), np.mean) == Estimate(0.5, *again, 3)
+    assert shown.rows == [{"kind": "b", "x": 1.0, "y": 3.0, "twice": 2.0}, {"kind": "a", "x": 2.0, "twice": 4.0}]
 
 
-@pytest.mark.parametrize("samples", [[], [4.0]])
-def test_fewer_than_two_samples_give_no_interval(samples):
-    found = bootstrapped(4.0, samples, len(samples), stream(0, "draws"))
-    assert not found.has_interval and math.isnan(found.low) and (found.value, found.count) == (4.0, len(samples))
+def test_rows_are_sorted_by_each_columns_own_order():
+    frame = pd.DataFrame({"dataset": ["kitti", "sim", "mine", "sim"], "size": [1, 3, 2, 1]})
+    shown = ordered(frame, dataset=["sim", "kitti"], size=())
+    assert list(zip(shown["dataset"], shown["size"], strict=True)) == [
+        ("sim", 1),
+        ("sim", 3),
+        ("kitti", 1),
+        ("mine", 2),
+    ]
+    assert list(shown.columns) == ["dataset", "size"]
+
+
+def test_display_names_are_looked_up_by_column():
+    assert named("dataset", "Dataset").cell({"dataset": "kitti"}) == "KITTI"
+    assert named("estimator", "Estimator", "method").cell({"method": "pca"}) == "PCA"
+
+
+def test_a_mean_is_of_all_cells_or_of_those_with_a_number():
+    cells = [Estimate(1.0, reference=3.0), Estimate(math.nan, reference=9.0)]
+    assert mean_cell(cells) is None and mean_cell([]) is None
+    assert mean_cell(cells, complete=False) == Estimate(1.0, reference=3.0)
+    assert mean_cell(cells[1:], complete=False).reference == 9.0
+    assert mean_cell([Estimate(1.0, reference=3.0), Estimate(3.0)]) == Estimate(2.0)  # the paper lacks one
+    assert mean_cell([1.0, 2.0]) == pytest.approx(1.5) and mean_cell([1.0, "PMP"]) is None

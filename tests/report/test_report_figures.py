@@ -10,17 +10,11 @@ from hypothesis import strategies as st
 from report_makers import picture
 
 from pipeline import store, tables
+from pipeline.datasets.power_spectrum import power_spectrum
 from pipeline.errors import InputError
-from pipeline.report import (
-    datasets_figure,
-    formation_gallery,
-    kernel_sheet,
-    noise_figure,
-    photon_transfer_figure,
-    star_figure,
-)
-from pipeline.report.datasets_figure import DatasetSample
 from pipeline.report.inputs import ReportInputs, noise_tables
+from pipeline.report.sections import datasets, formation, noise, optics
+from pipeline.report.sections.datasets import DatasetSample
 from pipeline.streams import stream
 
 
@@ -30,14 +24,14 @@ def artists(figure: object, prefix: str) -> list:
 
 def test_white_noise_has_a_flat_spectrum_of_its_variance() -> None:
     noise = stream(0, "white").normal(scale=10.0, size=(256, 320))
-    _, power = datasets_figure.radial_spectrum(noise, bins=8)
+    _, power = power_spectrum(noise, bins=8)
     assert power[3:] == pytest.approx(100.0, rel=0.1)
 
 
 def test_a_sinusoid_peaks_at_its_frequency() -> None:
     x = np.arange(512)
     wave = np.broadcast_to(100 + 50 * np.sin(2 * np.pi * 0.1 * x), (128, 512))
-    frequency, power = datasets_figure.radial_spectrum(wave)
+    frequency, power = power_spectrum(wave)
     assert frequency[np.nanargmax(power)] == pytest.approx(0.1, rel=0.1)
 
 
@@ -47,7 +41,7 @@ def test_datasets_figure_draws_boxes_and_patches() -> None:
         [{"frame": "a", "purpose": purpose, "x_px": 4, "y_px": 8, "size_px": 96} for purpose in ("blur", "noise")]
     )
     frames = {"a": picture("a"), "b": picture("b")}
-    drawing = datasets_figure.draw([DatasetSample("sim", frames, {"a": [box, {**box, "ignore": True}]}, patches)])
+    drawing = datasets.samples_figure([DatasetSample("sim", frames, {"a": [box, {**box, "ignore": True}]}, patches)])
     shown = drawing.figure.subfigs[0].axes[0]
     assert len(shown.patches) == 3  # two boxes and the blur patch; noise patches are not shown
     assert (shown.patches[1].get_width(), shown.patches[1].get_height()) == (60, 30)
@@ -59,27 +53,27 @@ def test_datasets_figure_draws_boxes_and_patches() -> None:
 def test_large_frames_are_shrunk_and_boxes_with_them() -> None:
     frame = np.zeros((600, 1200), np.uint8)
     box = {"label": "car", "x1": 0, "y1": 0, "x2": 1200, "y2": 600}
-    shown = datasets_figure.draw([DatasetSample("kitti", {"a": frame}, {"a": [box]})]).figure.subfigs[0].axes[0]
-    assert max(shown.images[0].get_array().shape) == datasets_figure.SHOWN_PX
-    assert shown.patches[0].get_width() == pytest.approx(datasets_figure.SHOWN_PX)
+    shown = datasets.samples_figure([DatasetSample("kitti", {"a": frame}, {"a": [box]})]).figure.subfigs[0].axes[0]
+    assert max(shown.images[0].get_array().shape) == datasets.SHOWN_PX
+    assert shown.patches[0].get_width() == pytest.approx(datasets.SHOWN_PX)
 
 
 def test_the_chain_reports_each_change() -> None:
     clean = np.full((64, 64), 100, np.uint8)
     noisy = (clean + np.where(np.arange(64) % 2, 3, -3)).astype(np.uint8)
     entries = [{"array": name, "title": name.title()} for name in ("scene", "photon", "same")]
-    drawing = formation_gallery.draw_chain({"scene": clean, "photon": noisy, "same": noisy}, entries)
+    drawing = formation.chain({"scene": clean, "photon": noisy, "same": noisy}, entries)
     assert drawing.values["change_std_dn"].tolist()[1:] == pytest.approx([3.0, 0.0])
     assert "Photon (3.00 DN)" in drawing.alt
     with pytest.raises(InputError, match=r"array 'photn'.*did you mean 'photon'"):
-        formation_gallery.draw_chain({"photon": clean}, [{"array": "photn", "title": ""}])
+        formation.chain({"photon": clean}, [{"array": "photn", "title": ""}])
 
 
 def test_the_gallery_crops_and_never_shrinks() -> None:
     picture_in = stream(0, "gallery").integers(0, 255, (300, 400)).astype(np.uint8)
-    drawing = formation_gallery.draw_effects({"a": picture_in}, [{"array": "a", "effect": "photon", "level_dn": 0}])
+    drawing = formation.effects({"a": picture_in}, [{"array": "a", "effect": "photon", "level_dn": 0}])
     shown = np.asarray(drawing.figure.axes[0].images[0].get_array())
-    side = formation_gallery.EFFECTS_PX
+    side = formation.EFFECTS_PX
     top, left = (300 - side) // 2, (400 - side) // 2
     assert np.array_equal(shown, picture_in[top : top + side, left : left + side])
 
@@ -92,7 +86,7 @@ def test_effects_measure_what_was_added_and_show_gaps() -> None:
         {"array": "noisy", "effect": "photon", "level_dn": 5},
         {"array": "clean", "effect": "dcsn", "level_dn": 0},
     ]
-    drawing = formation_gallery.draw_effects({"clean": clean, "noisy": noisy}, entries)
+    drawing = formation.effects({"clean": clean, "noisy": noisy}, entries)
     added = drawing.values.set_index(["effect", "level_dn"])["added_std_dn"]
     assert added["photon", 5.0] == pytest.approx(5.0, rel=0.1)
     assert any(text.get_text() == "not run" for axes in drawing.figure.axes for text in axes.texts)
@@ -101,28 +95,28 @@ def test_effects_measure_what_was_added_and_show_gaps() -> None:
 def test_kernel_sheet_shows_every_kernel_once(report_inputs: ReportInputs) -> None:
     table = store.read_table(report_inputs.psf / "kernels.parquet", tables.KERNELS)
     kernels = store.read_arrays(report_inputs.psf / "kernels.npz")
-    drawing = kernel_sheet.draw(table, kernels, "generated")
+    drawing = optics.kernel_sheet(table, kernels, "generated")
     assert sum(len(axes.images) for axes in drawing.figure.axes) == table["kernel"].nunique() == 27
     assert len(artists(drawing.figure, "series--H--")) == len(artists(drawing.figure, "series--V--")) == 27
     assert "27 blur kernels" in drawing.alt
     kernels.pop("defocus-3-0")
     with pytest.raises(InputError, match="defocus-3-0"):
-        kernel_sheet.draw(table, kernels, "generated")
+        optics.kernel_sheet(table, kernels, "generated")
     with pytest.raises(InputError, match="source 'paper'"):
-        kernel_sheet.draw(table, kernels, "paper")
+        optics.kernel_sheet(table, kernels, "paper")
 
 
 @given(st.integers(1, 12), st.integers(1, 12), st.integers(0, 6))
 def test_framing_keeps_the_middle(height: int, width: int, extra: int) -> None:
     kernel = np.arange(1.0, height * width + 1).reshape(height, width)
-    framed = kernel_sheet._framed(kernel, max(height, width) + extra)
+    framed = optics._framed(kernel, max(height, width) + extra)
     assert framed.sum() == kernel.sum()
     assert framed.shape == (max(height, width) + extra,) * 2
 
 
 def test_noise_figure_plots_the_medians_and_counts_abstentions(report_inputs: ReportInputs) -> None:
     summary, _ = noise_tables(report_inputs)
-    drawing = noise_figure.draw(summary, ["sim", "kitti"])
+    drawing = noise.curves(summary, ["sim", "kitti"])
     lines = artists(drawing.figure, "series--pca--median")
     assert len(lines) == 4  # one per effect; KITTI has none
     own = summary[(summary["estimator"] == "pca") & (summary["effect"] == "photon")].sort_values("level_dn")
@@ -135,16 +129,15 @@ def test_noise_figure_plots_the_medians_and_counts_abstentions(report_inputs: Re
 
 def test_noise_figure_without_numbers_says_so() -> None:
     empty = tables.NOISE_SUMMARY.conform(pd.DataFrame({name: [] for name in tables.NOISE_SUMMARY.columns}))
-    assert noise_figure.draw(empty, ["sim"]).alt == "Noise estimation: not run."
+    assert noise.curves(empty, ["sim"]).alt == "Noise estimation: not run."
 
 
 def test_star_figure_says_how_far_measurement_and_formula_part() -> None:
     frequency = np.array([0.25, 0.5, 0.75])
-    drawing = star_figure.draw(np.zeros((700, 600)), frequency, [0.9, 0.8, 0.6], [0.9, 0.79, 0.63])
+    curves = {"measured": np.array([0.9, 0.8, 0.6]), "formula": np.array([0.9, 0.79, 0.63]), "frequency": frequency}
+    drawing = optics.star_figure(np.zeros((700, 600)), curves)
     assert "0.800 at half" in drawing.alt and "at most 0.0300, at 0.75" in drawing.alt
     assert max(drawing.figure.axes[0].images[0].get_array().shape) == 512
-    with pytest.raises(InputError, match="one length"):
-        star_figure.draw(np.zeros((8, 8)), frequency, [0.9], [0.9, 0.8, 0.7])
 
 
 def test_photon_transfer_compares_slope_and_gain() -> None:
@@ -152,6 +145,6 @@ def test_photon_transfer_compares_slope_and_gain() -> None:
         "mean_dn": [0, 100, 200], "variance_dn2": [0, 1, 2], "slope_dn_per_e": 0.0101, "offset_dn2": 0.0,
         "gain_dn_per_e": 0.01,
     }  # fmt: skip
-    assert "+1.00 % from the sensor's gain" in photon_transfer_figure.draw(curve).alt
-    with pytest.raises(InputError, match="gain_dn_per_e"):
-        photon_transfer_figure.draw({key: curve[key] for key in curve if key != "gain_dn_per_e"})
+    assert "+1.00 % from the sensor's gain" in formation.photon_transfer(curve).alt
+    with pytest.raises(InputError, match="equally long"):
+        formation.photon_transfer(curve | {"mean_dn": [0]})

@@ -13,11 +13,10 @@ from report_makers import REPO, make_noise, picture
 
 from pipeline import store
 from pipeline.errors import InputError
-from pipeline.report import noise_maps_figure, noise_patch_tables
 from pipeline.report.inputs import ReportInputs, noise_tables
-from pipeline.report.noise_maps_figure import NoiseMaps
 from pipeline.report.sections import noise
-from pipeline.report.sections.base import ShownFigure
+from pipeline.report.sections.noise import NoiseMaps
+from pipeline.report.spec import Figure
 from pipeline.report.tables import Estimate, Table
 
 
@@ -49,7 +48,7 @@ def rows(table: Table) -> list[dict[str, object]]:
 
 
 def test_maps_are_drawn_with_how_well_they_agree(inputs: ReportInputs) -> None:
-    blocks = [block for block in noise.section(inputs).blocks if isinstance(block, ShownFigure)]
+    blocks = [block for block in noise.section(inputs).blocks if isinstance(block, Figure)]
     assert [block.name for block in blocks] == ["noise", "noise_maps_sim"]
     values = blocks[1].drawing.values
     assert values is not None
@@ -65,7 +64,7 @@ def test_maps_are_drawn_with_how_well_they_agree(inputs: ReportInputs) -> None:
 
 def test_maps_that_lack_a_part_or_show_another_frame_are_refused(tmp_path: Path, inputs: ReportInputs) -> None:
     with pytest.raises(InputError, match="photon_added"):
-        noise_maps_figure.draw([NoiseMaps("cellwise", {"photon_seen": np.zeros((8, 8), np.uint8)}, ["photon"], 15.0)])
+        noise.maps([NoiseMaps("cellwise", {"photon_seen": np.zeros((8, 8), np.uint8)}, ["photon"], 15.0)])
     for estimator, frame in (("cellwise", "a"), ("pca", "b")):
         make_noise(tmp_path, "sim", estimator)
         add_maps(tmp_path / f"sim-{estimator}", "sim", frame=frame)
@@ -78,7 +77,7 @@ def test_maps_that_lack_a_part_or_show_another_frame_are_refused(tmp_path: Path,
 
 def test_patches_are_judged_against_both_truths(inputs: ReportInputs) -> None:
     _, estimates = noise_tables(inputs)
-    table = rows(noise_patch_tables.patch_errors(estimates))
+    table = rows(noise.single_patches(estimates, 0))
     assert len(table) == 2 * 4
     ours = next(row for row in table if row["estimator"] == "Cell-wise" and row["effect"] == "DCSN")
     own = estimates[(estimates["estimator"] == "cellwise") & (estimates["effect"] == "dcsn")]
@@ -100,10 +99,10 @@ def test_the_interval_is_over_frames_not_over_patches(inputs: ReportInputs) -> N
     _, estimates = noise_tables(inputs)
     own = estimates[estimates["estimator"] == "cellwise"].copy()
     own["sigma_dn"] = own["added_sigma_dn"] + np.where(own["patch"] % 2 == 0, 1.0, 3.0)
-    one = rows(noise_patch_tables.patch_errors(own))[0]["added_dn"]
+    one = rows(noise.single_patches(own, 0))[0]["added_dn"]
     assert isinstance(one, Estimate) and not one.has_interval  # a single frame says nothing of others
     copies = [own.assign(frame=f"sim-{number}", sigma_dn=own["added_sigma_dn"] + number) for number in range(8)]
-    many = rows(noise_patch_tables.patch_errors(pd.concat(copies, ignore_index=True)))[0]["added_dn"]
+    many = rows(noise.single_patches(pd.concat(copies, ignore_index=True), 0))[0]["added_dn"]
     assert isinstance(many, Estimate)
     assert many.value == pytest.approx(3.5)
     assert many.high - many.low > 1.5
@@ -111,7 +110,7 @@ def test_the_interval_is_over_frames_not_over_patches(inputs: ReportInputs) -> N
 
 def test_saturated_patches_have_rows_of_their_own_at_the_highest_level(inputs: ReportInputs) -> None:
     _, estimates = noise_tables(inputs)
-    table = noise_patch_tables.saturated(estimates)
+    table = noise.saturated(estimates, 0)
     assert table is not None and "25 DN" in table.caption
     found = rows(table)
     assert [row["effect"] for row in found] == ["Photon", "DCSN", "Readout", "Combined"]
@@ -124,7 +123,7 @@ def test_saturated_patches_have_rows_of_their_own_at_the_highest_level(inputs: R
     ]
     cell = found[1]["cellwise"]
     assert isinstance(cell, Estimate) and cell.value == pytest.approx(chosen["sigma_dn"].iloc[0])
-    assert noise_patch_tables.saturated(estimates.assign(saturated_share=0.5)) is None
+    assert noise.saturated(estimates.assign(saturated_share=0.5), 0) is None
 
 
 def test_the_medians_stand_beside_noise_added_and_noise_present(inputs: ReportInputs) -> None:

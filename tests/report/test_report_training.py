@@ -10,11 +10,10 @@ import pytest
 from report_makers import REPO
 
 from pipeline.errors import InputError
-from pipeline.report import learning_figure
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.learning_curves import read
 from pipeline.report.sections import training
-from pipeline.report.sections.base import NotRun, ShownFigure
+from pipeline.report.spec import Figure, NotRun
 from pipeline.report.tables import Estimate, Table
 
 NOTHING = ReportInputs(paper=REPO / "data/paper")
@@ -61,7 +60,7 @@ def test_curves_are_read_by_what_their_columns_say(folder: Path) -> None:
 def test_the_section_shows_budget_size_and_error_beside_the_papers(folder: Path) -> None:
     found = training.section(dataclasses.replace(NOTHING, weights=folder))
     figure, table = found.blocks[:2]
-    assert isinstance(figure, ShownFigure) and isinstance(table, Table)
+    assert isinstance(figure, Figure) and isinstance(table, Table)
     assert figure.stages == ("train_mtf@cnn", "train_sigma@cellwise", "train_detector@compact")
     assert "MTF error 10 %" in figure.drawing.alt
     row = table.rows[0]
@@ -74,7 +73,7 @@ def test_the_section_shows_budget_size_and_error_beside_the_papers(folder: Path)
 
 def test_one_panel_a_network_with_the_released_step_marked(folder: Path) -> None:
     curves = read(folder)
-    drawing = learning_figure.draw(curves)
+    drawing = training.curves_figure(curves)
     panels = [axes for axes in drawing.figure.axes if axes.axison]
     assert [axes.get_title() for axes in panels] == [one.title for one in curves]
     marked = [line for line in panels[0].get_lines() if line.get_label() == "released"]

@@ -1,183 +1,196 @@
-"""The section of blur estimation: uncorrupted datasets, Table I, its curves, and the kernels found."""
+"""Blur estimation: MTF of uncorrupted datasets, Table I, and the gallery of kernel estimates."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.blur.evaluation import SHARP
-from pipeline.camera import mtf
-from pipeline.errors import InputError
-from pipeline.report import blur_tables, kernel_estimates_figure, sharp_curves_figure, unseen_kernels
-from pipeline.report.blur_tables import ANY_STAGE, STAGE
-from pipeline.report.inputs import (
-    ReportInputs,
-    blur_estimates,
-    blur_summary,
-    members,
-    optional_arrays,
-    optional_json,
-    records,
-)
-from pipeline.report.kernel_estimates_figure import Gallery
-from pipeline.report.ledger_sources import sharp_curves, star_curve
-from pipeline.report.sections import blur_amae
-from pipeline.report.sections.base import Block, NotRun, Run, Section, ShownFigure
-from pipeline.report.wording import ESTIMATORS, in_order, word
+from pipeline.blur.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
+from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
+from pipeline.report import style
+from pipeline.report.display_names import ESTIMATORS, in_order, listing, word
+from pipeline.report.figures import PAPER, Facet, abstentions, beside_the_paper, lines, small_multiples
+from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, described, published
+from pipeline.report.ledger import LedgerRow
+from pipeline.report.ledger_sources import star_curve
+from pipeline.report.sections import blur_amae, kernel_gallery
+from pipeline.report.sections.blur_amae import ANY_STAGE, STAGE
+from pipeline.report.spec import Block, Figure, NotRun, Run, Section, missing, overview, single
+from pipeline.report.style import Drawing
+from pipeline.report.tables import Table, records
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
+TITLE = "Blur estimation"
 TEXT = (
-    "Frames are blurred by known kernels, and each estimator reads the modulation transfer function (MTF) from patches "
-    "on objects. The average mean absolute error (AMAE) is the distance between the median of its answers and the "
-    "kernel's own MTF, averaged over eight frequencies, horizontal and vertical, and over rotations."
+    "Frames are blurred by known kernels, and each estimator estimates the modulation transfer function (MTF) of "
+    "patches on objects. The average mean absolute error (AMAE) is the distance between the median of its estimates "
+    "and the kernel's own MTF, averaged over eight frequencies, horizontal and vertical, and over rotations."
 )
-PARTS = (
-    "MTF of uncorrupted frames, Table I (AMAE of blur estimators), AMAE over the size of the blur, gallery of kernels"
-)
+PARTS = "MTF of uncorrupted frames, Table I (AMAE of blur estimators), AMAE over the size of the blur, kernel gallery"
+STAR: style.Look = {"color": style.INK, "linewidth": 1.0}
 
 
-def _stages(table: pd.DataFrame) -> tuple[str, ...]:
-    ran = {(str(row["dataset"]), str(row["estimator"])) for row in records(table[["dataset", "estimator"]])}
+@style.styled
+def uncorrupted(
+    curves: pd.DataFrame,
+    datasets: Sequence[str],
+    paper: pd.DataFrame | None = None,
+    stars: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
+) -> Drawing:
+    """The paper's figure of uncorrupted datasets: median and range of the inliers over the eight frequencies.
+
+    Args:
+        curves: `pipeline.blur.sharp_curves.sharp_curves`.
+        datasets: rows of the figure; one without numbers is shown as not run.
+        paper: columns dataset, estimator, statistic, frequency, mtf: the paper's, horizontal.
+        stars: dataset -> (K,) frequency as fraction of Nyquist and (K,) MTF, where a dataset's own is known.
+    """
+    import pandas as pd
+
+    stars = stars or {}
+    theirs = pd.DataFrame({"dataset": [], "estimator": [], "at": [], "mtf": []}) if paper is None else paper
+    theirs = theirs[theirs["dataset"].isin(list(datasets))]
+    has_paper = len(theirs) > 0
+    if has_paper:
+        theirs = theirs[(theirs["statistic"] == "median") & (theirs["estimator"] != "ground_truth")]
+        theirs = theirs.assign(at=[FREQUENCIES[NOMINAL_FREQUENCIES.index(value)] for value in theirs["frequency"]])
+    estimators = in_order(curves["estimator"], ESTIMATORS)
+    looks = style.series_looks(in_order([*estimators, *theirs["estimator"]], ESTIMATORS), linestyle="-")
+
+    def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+        dataset, axis = key.rsplit(" ", 1)
+        if dataset in stars:
+            frequency, mtf = (np.asarray(values, dtype=float) for values in stars[dataset])
+            inside = frequency <= 0.62
+            axes.plot(frequency[inside], mtf[inside], zorder=4, **STAR)
+        if axis == "H":
+            beside = theirs[theirs["dataset"] == dataset]
+            lines(axes, beside, "estimator", looks, "at", "mtf", change=PAPER, zorder=2, part="paper", key=key)
+        lines(axes, rows, "estimator", looks, "at", "median", band=("min", "max"), part="median", key=key)
+        first = rows[rows["place"] == 0].set_index("estimator")[["abstained", "count"]]
+        counts = {name: (int(first["abstained"][name]), int(first.loc[name].sum())) for name in first.index}
+        abstentions(axes, {name: counts[name] for name in estimators if name in counts}, key, at_top=False)
+
+    legend = beside_the_paper(looks, estimators, has_paper)
+    if any(name in stars for name in datasets):
+        legend.append(("Siemens star", STAR))
+    return small_multiples(
+        curves.assign(at=FREQUENCIES[curves["place"].to_numpy(int)]),
+        Facet("dataset", datasets), Facet("axis", "HV", lambda axis: DIRECTIONS["HV".index(axis)].capitalize()), panel,
+        x="spatial frequency [fraction of Nyquist]", y="MTF", alt=_uncorrupted_alt(curves, estimators, stars),
+        axes={"xlim": (0, 0.62), "ylim": (0, 1.03), "xticks": np.arange(0, 0.61, 0.1),
+              "yticks": np.arange(0, 1.01, 0.25)},
+        legend=legend, values=curves.drop(columns="place").sort_values(["dataset", "estimator", "axis", "frequency"]),
+        series=style.switches(looks), panel_in=1.62, margin_in=0.62,
+    )  # fmt: skip
+
+
+def _uncorrupted_alt(
+    curves: pd.DataFrame, estimators: Sequence[str], stars: Mapping[str, tuple[np.ndarray, np.ndarray]]
+) -> str:
+    if curves.empty:
+        return "MTF of uncorrupted frames: not run."
+    last = curves[(curves["place"] == curves["place"].max()) & (curves["axis"] == "H")]
+    ends = {name: [f"{value:.2f}" for value in own.agg(["min", "max"])] for name, own in
+            last.groupby("estimator")["median"]}  # fmt: skip
+    counts = last["estimator"].value_counts()
+    words = [f"{word(name)} {' to '.join(ends[name][: 2 if counts[name] > 1 else 1])}" for name in estimators]
+    star = [
+        f" The Siemens star of {word(dataset)} has {np.interp(FREQUENCIES[-1], frequency, mtf):.2f} there."
+        for dataset, (frequency, mtf) in stars.items()
+    ]
+    return (
+        f"MTF estimated on sharp frames of {listing(word(name) for name in curves['dataset'].unique())} over the "
+        f"paper's eight frequencies. At the highest, {FREQUENCIES[-1]:.2f} of Nyquist, the horizontal medians are "
+        f"{listing(words)}.{''.join(star)}"
+    )
+
+
+def _stages(rows: pd.DataFrame) -> tuple[str, ...]:
+    ran = {(str(row["dataset"]), str(row["estimator"])) for row in records(rows[["dataset", "estimator"]])}
     return tuple(STAGE.format(dataset=dataset, estimator=estimator) for dataset, estimator in sorted(ran))
 
 
-def _sharp(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block]:
+def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> Block:
     curves = sharp_curves(estimates)
     if curves.empty:
-        return [NotRun("MTF of uncorrupted frames", "stage absent", inputs.line(ANY_STAGE))]
+        return NotRun("MTF of uncorrupted frames", "stage absent", inputs.line(ANY_STAGE))
     star = star_curve(inputs)
-    truths = {"sim": (star["frequency"], star["measured"])} if star is not None and "sim" in datasets else {}
-    drawing = sharp_curves_figure.draw(curves, datasets, blur_tables.paper_table(inputs, "uncorrupted_mtf.csv"), truths)
+    stars = {"sim": (star["frequency"], star["measured"])} if star is not None and "sim" in datasets else {}
     caption = (
         "Uncorrupted datasets. Median (line) and range of the inliers (band) of the MTF over patches of sharp frames. "
         "Dashed: the paper's medians, which it publishes for the horizontal direction; its Sim is another renderer's."
     )
-    if truths:
+    if stars:
         caption += " Black: the MTF of Sim, measured on its Siemens star."
-    return [ShownFigure("uncorrupted_mtf", drawing, caption, _stages(curves) + (("star",) if truths else ()))]
+    drawing = uncorrupted(curves, datasets, published(inputs, "uncorrupted_mtf.csv"), stars)
+    return Figure("uncorrupted_mtf", drawing, caption, _stages(curves) + (("star",) if stars else ()))
 
 
-def _amae(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block]:
-    table = blur_tables.paper_table(inputs, "blur_amae.csv")
-    published = blur_tables.published_amae(table)
-    blurred = summary[summary["kind"] != SHARP]
-    if blurred.empty:
+def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block]:
+    paper = published(inputs, "blur_amae.csv")
+    blocks: list[Block] = blur_amae.figures(summary, datasets, paper, _stages, inputs.relative)
+    if not blocks:
         return [NotRun("Table I: AMAE of blur estimators", "stage absent", inputs.line(ANY_STAGE))]
-    figures = blur_amae.figures(blurred, datasets, table, _stages)
-    tables: list[Block] = []
     for dataset in datasets:
         for is_calibrated in (False, True):
             if ((summary["dataset"] == dataset) & (summary["calibrated"] == is_calibrated)).any():
-                tables.append(blur_tables.amae(dataset, summary, published, is_calibrated))
-    beside = blur_tables.beside_the_best(summary, published)
-    extra = (beside, unseen_kernels.table(inputs.unseen))
-    return [*figures, *tables, *(one for one in extra if one is not None)]
+                blocks.append(blur_amae.table_one(dataset, summary, paper, is_calibrated, inputs.relative))
+    extra = (blur_amae.beside_the_best(summary, paper), unseen(inputs))
+    return [*blocks, *(one for one in extra if one is not None)]
 
 
-def _galleries(inputs: ReportInputs) -> dict[str, list[tuple[Gallery, dict[str, Any]]]]:
-    """Dataset -> galleries found, with their descriptions, in the estimators' order."""
-    found: dict[str, list[tuple[Gallery, dict[str, Any]]]] = {}
-    for folder in members(inputs.blur, inputs.blur_members):
-        said = optional_json(folder, "gallery.json")
-        if said is None:
-            continue
-        if not isinstance(said, dict) or not set(said) >= {"dataset", "estimator", "frame", "patch", "kernels"}:
-            raise InputError(f"{folder / 'gallery.json'}: expected dataset, estimator, frame, patch and kernels; "
-                             "run the stage blur again")  # fmt: skip
-        gallery = Gallery(said["estimator"], optional_arrays(folder, "gallery.npz"), said["kernels"])
-        found.setdefault(said["dataset"], []).append((gallery, said))
-    order = list(ESTIMATORS)
-    for dataset, pairs in found.items():
-        if len({(said["frame"], said["patch"]) for _, said in pairs}) > 1:
-            raise InputError(
-                f"galleries of '{dataset}' show different patches; run the stage blur again for all of them"
-            )
-        pairs.sort(key=lambda pair: order.index(pair[0].estimator) if pair[0].estimator in order else len(order))
-    return found
+def unseen(inputs: ReportInputs) -> Table | None:
+    """The table of kernels of a kind that no network was trained on, or None without a record.
 
+    Args:
+        inputs: of the report.
 
-def _other_curves(estimates: pd.DataFrame, said: dict[str, Any], shown: set[str]) -> dict[str, dict[str, np.ndarray]]:
-    """Estimator -> kernel -> (2, 8) MTF of the gallery's patch, for estimators without a gallery."""
-    here = estimates[
-        (estimates["dataset"] == said["dataset"])
-        & (estimates["frame"] == said["frame"])
-        & (estimates["patch"] == said["patch"])
-        & estimates["kernel"].isin([entry["kernel"] for entry in said["kernels"]])
-        & ~estimates["estimator"].isin(list(shown))
-    ].sort_values(["axis", "frequency"])
-    found: dict[str, dict[str, np.ndarray]] = {}
-    for (estimator, kernel), rows in here.groupby(["estimator", "kernel"], sort=True):
-        curves = rows["mtf"].to_numpy(float).reshape(2, len(mtf.FREQUENCIES))
-        found.setdefault(str(estimator), {})[str(kernel)] = curves
-    return found
-
-
-def _kernels(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block]:
-    found = _galleries(inputs)
-    blocks: list[Block] = []
-    for dataset in datasets:
-        pairs = found.get(dataset)
-        if not pairs:
-            line = inputs.line(STAGE.format(dataset=dataset, estimator="pmp"))
-            blocks.append(NotRun(f"Gallery of kernels found on {word(dataset)}", "stage absent", line))
-            continue
-        galleries, said = [gallery for gallery, _ in pairs], pairs[0][1]
-        names = {gallery.estimator for gallery in galleries}
-        others = _other_curves(estimates, said, names | {"typical"})  # nearly the network's own, and curves are many
-        drawing = kernel_estimates_figure.draw(galleries, others)
-        caption = (
-            f"Kernels found in one patch of {word(dataset)}. Seen: the middle of the blurred patch. True and found "
-            "kernels share a scale, its width in pixels beneath the true one; beneath a found one, the AMAE of this "
-            "patch alone. Curves: MTF, horizontal (H) and vertical (V), the truth in black."
-        )
-        stages = tuple(STAGE.format(dataset=dataset, estimator=name) for name in in_order(names, ESTIMATORS))
-        blocks.append(ShownFigure(f"kernel_estimates_{dataset}", drawing, caption, stages))
-    return blocks
+    Raises:
+        InputError: the record holds something else.
+    """
+    if inputs.unseen is None:
+        return None
+    remedy = "make it again: python benchmarks/unseen_kernels.py"
+    content = described(inputs.unseen.parent, inputs.unseen.name, ("kernels", "results"), remedy)
+    return None if content is None else blur_amae.unseen_kernels(content)
 
 
 def _runs(summary: pd.DataFrame, inputs: ReportInputs) -> list[Run]:
     ran = {(str(row["dataset"]), str(row["estimator"])) for row in records(summary[["dataset", "estimator"]])}
-    named = {
+    planned = {
         member.removeprefix(f"{dataset}-")
         for dataset in inputs.datasets
         for member in inputs.blur_members or ()
         if member.startswith(f"{dataset}-")
     }
-    lines = []
-    for dataset in inputs.datasets:
-        for estimator in in_order({*named, *(name for _, name in ran)}, ESTIMATORS):
-            done = (dataset, estimator) in ran
-            absent = None if done else inputs.absent.get(dataset)
-            why = "" if done else "data absent" if absent else "stage absent"
-            line = absent or inputs.line(STAGE.format(dataset=dataset, estimator=estimator))
-            lines.append(Run(f"Blur by {word(estimator)}", dataset, done, why, line))
-    return lines
+    return [
+        run
+        for estimator in in_order({*planned, *(name for _, name in ran)}, ESTIMATORS)
+        for run in overview(
+            f"Blur by {word(estimator)}", f"blur@{{dataset}}-{estimator}",
+            [dataset for dataset, name in ran if name == estimator], inputs,
+        )
+    ]  # fmt: skip
 
 
-def section(inputs: ReportInputs) -> Section:
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Blur estimation on every dataset."""
-    title, line = "Blur estimation", inputs.line(ANY_STAGE)
     summary = blur_summary(inputs)
     if summary.empty:
-        run = Run(title, "", False, "stage absent", line)
-        return Section("blur", title, (TEXT,), [NotRun(PARTS, "stage absent", line)], [run])
+        run = single(TITLE, ANY_STAGE, False, inputs)
+        return Section("blur", TITLE, (TEXT,), [NotRun(PARTS, run.why, run.line)], [run])
     estimates = blur_estimates(inputs)
     datasets = in_order(summary["dataset"], inputs.datasets)
     runs = _runs(summary, inputs)
-    # An answer of what was added to sharp frames is no curve of theirs.
-    absolute = set(summary.loc[~summary["calibrated"], "estimator"]) - blur_tables.ADDED
-    blocks = [
-        *_sharp(estimates[estimates["estimator"].isin(absolute)], datasets, inputs),
-        *_amae(summary, datasets, inputs),
-    ]
-    blocks += [blur_tables.abstentions(summary, estimates), *_kernels(estimates, datasets, inputs)]
-    noted: set[tuple[str, str]] = set()
-    for run in runs:
-        if not run.ran and (run.dataset, run.line) not in noted:
-            noted.add((run.dataset, run.line))
-            what = "Blur estimation" if run.why == "data absent" else run.experiment
-            blocks.append(NotRun(f"{what} on {word(run.dataset)}", run.why, run.line))
-    return Section("blur", title, (TEXT,), blocks, runs)
+    # A relative MTF of sharp frames is no curve of theirs.
+    system = set(summary.loc[~summary["calibrated"], "estimator"]) - set(inputs.relative)
+    blocks: list[Block] = [_uncorrupted(estimates[estimates["estimator"].isin(system)], datasets, inputs)]
+    blocks += _table_one(summary, datasets, inputs)
+    blocks += [blur_amae.abstentions(summary, estimates), *kernel_gallery.blocks(estimates, datasets, inputs)]
+    return Section("blur", TITLE, (TEXT,), [*blocks, *missing(TITLE, runs)], runs)

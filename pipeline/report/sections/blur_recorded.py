@@ -1,7 +1,7 @@
-"""The section of blur estimation on recorded pictures: the paper's own datasets, measured by hand with its own kernels.
+"""Blur estimation on recorded pictures: the paper's own datasets with its own kernels, measured by hand.
 
-It is drawn from what `camera-monitor blur record` kept (`pipeline.report.recorded_blur`), as the section of blur is
-from the outputs of the stage.
+`camera-monitor blur record` measures and stores (`pipeline.report.recorded_blur`); the figures and tables are those of
+the section of blur.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pipeline.report import blur_records, blur_tables, sharp_curves_figure
-from pipeline.report.blur_records import BlurRecord
-from pipeline.report.inputs import ReportInputs
-from pipeline.report.sections import blur_amae
-from pipeline.report.sections.base import Block, Section, ShownFigure
-from pipeline.report.tables import Cell, Column, Table
-from pipeline.report.wording import ESTIMATORS, in_order, word
+from pipeline.report import blur_records
+from pipeline.report.display_names import ESTIMATORS, in_order, word
+from pipeline.report.inputs import SYSTEM, ReportInputs, published, relative_to
+from pipeline.report.ledger import LedgerRow
+from pipeline.report.sections import blur, blur_amae
+from pipeline.report.spec import Block, Figure, Section
+from pipeline.report.tables import Column, Table, named, table
 
 TITLE = "Blur estimation on recorded pictures"
 TEXT = (
@@ -26,64 +26,62 @@ TEXT = (
 FRAMES = "Frames are a few of each dataset; the paper takes 150."
 
 
-def _sources(found: Sequence[BlurRecord]) -> Table:
-    rows: list[dict[str, Cell]] = [
+def _recorded(shown: Table, notes: tuple[str, ...]) -> Table:
+    """A table of the section of blur as one of recorded pictures, which no stage makes."""
+    caption = f"{shown.caption.rstrip('.')} (recorded)."
+    return replace(shown, name=f"recorded_{shown.name}", caption=caption, footnotes=notes, stage="")
+
+
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+    """Blur estimation on every recorded dataset, or None where nothing was recorded."""
+    import pandas as pd
+
+    recordings = blur_records.read(inputs)
+    if not recordings:
+        return None
+    datasets = [one.dataset for one in recordings]
+    settings = {name: own for one in recordings for name, own in one.said["blur"]["estimators"].items()}
+    relative = {name: to for name, own in settings.items() if (to := relative_to(own)) != SYSTEM}
+    sources = [
         {
-            "dataset": word(one.dataset),
+            "dataset": one.dataset,
             "frames": len(one.said["frames"]),
             "patches": one.patches,
             "kernels": len(one.said["kernels"]),
             "estimators": "; ".join(map(word, in_order(one.estimators, ESTIMATORS))),
             "source": one.said["source"],
         }
-        for one in found
+        for one in recordings
     ]
     columns = [
-        Column("dataset", "Dataset"),
+        named("dataset", "Dataset"),
         Column("frames", "Frames"),
         Column("patches", "Patches"),
         Column("kernels", "Kernels"),
         Column("estimators", "Estimators", wide=True),
         Column("source", "Source", wide=True),
     ]
-    return Table("recorded_blur_sources", "Recorded: pictures, kernels and where they come from.", columns, rows)
-
-
-def _recorded(table: Table, notes: Sequence[str]) -> Table:
-    """A table of the section of blur as one of recorded pictures, which no stage makes."""
-    caption = f"{table.caption.rstrip('.')} (recorded)."
-    return replace(table, name=f"recorded_{table.name}", caption=caption, footnotes=tuple(notes), stage="")
-
-
-def section(inputs: ReportInputs) -> Section | None:
-    """Blur estimation on every recorded dataset, or None where nothing was recorded."""
-    import pandas as pd
-
-    found = blur_records.read(inputs)
-    if not found:
-        return None
-    datasets = [one.dataset for one in found]
-    summary = pd.concat([one.summary for one in found], ignore_index=True)
-    paper = blur_tables.paper_table(inputs, "blur_amae.csv")
-    published = blur_tables.published_amae(paper)
-    figures: list[Block] = []
-    tables: list[Block] = []
-    sharp = [one.sharp for one in found if len(one.sharp)]
-    if sharp:
-        drawing = sharp_curves_figure.draw(
-            pd.concat(sharp, ignore_index=True), datasets, blur_tables.paper_table(inputs, "uncorrupted_mtf.csv")
-        )
+    blocks: list[Block] = [
+        table("recorded_blur_sources", "Recorded: pictures and kernels with their source.", sources, columns)
+    ]
+    curves = [one.sharp for one in recordings if len(one.sharp)]
+    if curves:
+        paper = published(inputs, "uncorrupted_mtf.csv")
         caption = (
             "Recorded: uncorrupted datasets. Median (line) and range of the inliers (band) of the MTF over patches of "
             "sharp frames. Dashed: the paper's medians, which it publishes for the horizontal direction."
         )
-        figures.append(ShownFigure("recorded_uncorrupted_mtf", drawing, caption))
-    figures += blur_amae.figures(summary, datasets, paper, lambda _: (), "recorded")
-    for one in found:
+        drawing = blur.uncorrupted(pd.concat(curves, ignore_index=True), datasets, paper)
+        blocks.append(Figure("recorded_uncorrupted_mtf", drawing, caption))
+    summary = pd.concat([one.summary for one in recordings], ignore_index=True)
+    paper = published(inputs, "blur_amae.csv")
+    blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), relative, "recorded")
+    for one in recordings:
         for is_calibrated in (False, True):
             if (one.summary["calibrated"] == is_calibrated).any():
-                table = blur_tables.amae(one.dataset, one.summary, published, is_calibrated)
-                tables.append(_recorded(table, [*table.footnotes, FRAMES]))
-    beside = blur_tables.beside_the_best(summary, published)
-    extra = [] if beside is None else [_recorded(beside, [blur_tables.NOT_COUNTED, FRAMES])]
-    return Section("blur_recorded", TITLE, (TEXT,), [_sources(found), *figures, *tables, *extra])
+                shown = blur_amae.table_one(one.dataset, one.summary, paper, is_calibrated, relative)
+                blocks.append(_recorded(shown, (*shown.footnotes, FRAMES)))
+    beside = blur_amae.beside_the_best(summary, paper)
+    if beside is not None:
+        blocks.append(_recorded(beside, (blur_amae.NOT_COUNTED, FRAMES)))
+    return Section("blur_recorded", TITLE, (TEXT,), blocks)

@@ -1,25 +1,33 @@
-"""The section of the datasets: frames shown, pixel statistics, sizes, and what was put in quarantine."""
+"""The datasets: sample frames, pixel statistics, sizes, and files in quarantine."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import PurePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pipeline import tables
-from pipeline.report import datasets_figure
-from pipeline.report.datasets_figure import DatasetSample
-from pipeline.report.inputs import ReportInputs, existing, optional_arrays, optional_json, optional_table
-from pipeline.report.sections.base import Block, Section, ShownFigure, missing, overview
-from pipeline.report.tables import Cell, Column, Estimate, Table
-from pipeline.report.wording import word
-from pipeline.statistics import robust
-from pipeline.streams import stream
+from pipeline.datasets.power_spectrum import power_spectrum
+from pipeline.grouped_statistics import robust_by
+from pipeline.report import style
+from pipeline.report.display_names import listing, word
+from pipeline.report.inputs import ReportInputs, existing, optional
+from pipeline.report.ledger import LedgerRow
+from pipeline.report.spec import Block, Figure, Section, missing, overview
+from pipeline.report.style import Drawing
+from pipeline.report.tables import Column, Table, estimate, named, pivot, records, table
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
-STAGE = "index@{dataset}"
+STAGE, ANY_STAGE = "index@{dataset}", "index@<dataset>"
 PREFIX = "frame_"
+SHOWN_PX = 300  # longest side of a picture inside the figure
+MAX_FRAMES = 4
 # Column of the frames table -> heading, unit, decimals.
 STATISTICS = {
     "mean_dn": ("Mean", "DN", 1),
@@ -32,41 +40,135 @@ STATISTICS = {
 }
 
 
+@dataclass(frozen=True)
+class DatasetSample:
+    """Sample frames of one dataset.
+
+    Attributes:
+        name: of the dataset.
+        frames: frame name -> (H, W) uint8.
+        boxes: frame name -> list of ``{label, x1, y1, x2, y2, ignore}``.
+        patches: columns frame, purpose, x_px, y_px, size_px; None where there is no such table.
+    """
+
+    name: str
+    frames: Mapping[str, np.ndarray]
+    boxes: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
+    patches: pd.DataFrame | None = None
+
+
+def _picture(axes: Axes, sample: DatasetSample, frame: str) -> None:
+    from matplotlib.patches import Rectangle
+
+    picture, scale = style.shrunk(sample.frames[frame], SHOWN_PX)
+    axes.imshow(picture, cmap="gray", vmin=0, vmax=255)
+    style.bare(axes)
+    axes.set(xlim=(-0.5, picture.shape[1] - 0.5), ylim=(picture.shape[0] - 0.5, -0.5))
+
+    def outline(x: float, y: float, width: float, height: float, **look: Any) -> None:
+        corner = (x * scale - 0.5, y * scale - 0.5)
+        axes.add_patch(Rectangle(corner, width * scale, height * scale, fill=False, **look))
+
+    if sample.patches is not None:
+        here = sample.patches[(sample.patches["frame"] == frame) & (sample.patches["purpose"] == "blur")]
+        for patch in records(here):
+            side = patch["size_px"]
+            outline(patch["x_px"], patch["y_px"], side, side, edgecolor=style.PALETTE[5], lw=0.7, ls=(0, (2.5, 1.5)))
+    for box in sample.boxes.get(frame, ()):
+        colour, dash = (style.MUTED, ":") if box.get("ignore") else (style.PALETTE[4], "-")
+        width, height = box["x2"] - box["x1"], box["y2"] - box["y1"]
+        outline(box["x1"], box["y1"], width, height, edgecolor=colour, lw=0.8, linestyle=dash)
+
+
+@style.styled
+def samples_figure(samples: Sequence[DatasetSample]) -> Drawing:
+    """One row of frames per dataset (boxes solid, blur patches dashed), then spectrum and histogram of all.
+
+    Args:
+        samples: datasets in the order shown, each with at least one frame.
+    """
+    import pandas as pd
+
+    across = max(1, min(MAX_FRAMES, max(len(sample.frames) for sample in samples)))
+    width = style.TWO_COLUMNS_IN
+    heights = []
+    for sample in samples:
+        shapes = [frame.shape for frame in list(sample.frames.values())[:across]]
+        heights.append(max(height / long for height, long in shapes) * width / across + 0.12)
+    figure = style.new_figure(width, sum(heights) + 2.0)
+    upper, lower = np.ravel(np.asarray(figure.subfigures(2, 1, height_ratios=[sum(heights), 2.0])))
+    pictures = upper.subplots(len(samples), across, squeeze=False, height_ratios=heights)
+    spectrum_axes, histogram_axes = lower.subplots(1, 2)
+    curves = []
+    for number, sample in enumerate(samples):
+        names = list(sample.frames)[:across]
+        for axes in pictures[number][len(names) :]:
+            axes.set_axis_off()
+        for axes, frame in zip(pictures[number], names, strict=False):
+            _picture(axes, sample, frame)
+        pictures[number][0].set_title(word(sample.name), loc="left", pad=3)
+        look = style.series_look(sample.name, number)
+        spectra = [power_spectrum(sample.frames[frame]) for frame in names]
+        frequency, power = spectra[0][0], np.exp(np.log(np.maximum([one for _, one in spectra], 1e-9)).mean(axis=0))
+        counts = np.sum([np.bincount(sample.frames[frame].ravel(), minlength=256) for frame in names], axis=0)
+        percent = 100 * counts.astype(float).reshape(64, 4).sum(axis=1) / max(int(counts.sum()), 1)
+        spectrum_axes.loglog(
+            frequency, power, color=look["color"], linestyle=look["linestyle"], label=word(sample.name),
+            gid=style.series_id(sample.name, "spectrum"),
+        )  # fmt: skip
+        histogram_axes.stairs(
+            percent, np.arange(0, 257, 4), color=look["color"], label=word(sample.name), linewidth=1.0,
+            gid=style.series_id(sample.name, "histogram"),
+        )  # fmt: skip
+        for curve, x, y in (("spectrum", frequency, power), ("histogram_percent", np.arange(0, 256, 4), percent)):
+            curves.append(pd.DataFrame({"dataset": sample.name, "curve": curve, "x": x.astype(float), "y": y}))
+    spectrum_axes.set(xlabel="spatial frequency [cycles/px]", ylabel="power [DN²]", title="Power spectrum")
+    histogram_axes.set(xlabel="grey level [DN]", ylabel="share of pixels [%]", title="Histogram", xlim=(0, 256))
+    spectrum_axes.legend()
+    words = [f"{word(sample.name)} ({len(sample.frames)} shown)" for sample in samples]
+    boxes = sum(len(list(sample.boxes.get(frame, ()))) for sample in samples for frame in sample.frames)
+    alt = (
+        f"Sample frames of {listing(words)} with {boxes} object boxes drawn; below, the radially averaged power "
+        "spectrum and the grey-level histogram of the frames shown."
+    )
+    series = style.switches(sample.name for sample in samples) if len(samples) > 1 else ()
+    return Drawing(figure, alt, pd.concat(curves), series)
+
+
 def _samples(inputs: ReportInputs) -> list[DatasetSample]:
-    found = []
+    samples = []
     for dataset in inputs.datasets:
         folder = inputs.index.get(dataset)
-        arrays = optional_arrays(folder, "samples.npz")
+        arrays = optional(folder, "samples.npz") or {}
         frames = {name.removeprefix(PREFIX): array for name, array in arrays.items() if name.startswith(PREFIX)}
         if frames:
-            boxes = optional_json(folder, "samples.json") or {}
-            patches = optional_table(folder, "patches.parquet", tables.PATCHES)
-            found.append(DatasetSample(dataset, frames, boxes, patches))
-    return found
+            patches = optional(folder, "patches.parquet", tables.PATCHES)
+            samples.append(DatasetSample(dataset, frames, optional(folder, "samples.json") or {}, patches))
+    return samples
 
 
-def _sizes(frames: dict[str, pd.DataFrame], inputs: ReportInputs) -> Table:
-    rows: list[dict[str, Cell]] = []
-    for dataset, table in frames.items():
-        patches = optional_table(inputs.index[dataset], "patches.parquet", tables.PATCHES)
-        quarantine = optional_table(inputs.index[dataset], "quarantine.parquet", tables.QUARANTINE)
+def _sizes(frames: Mapping[str, pd.DataFrame], inputs: ReportInputs) -> Table:
+    rows = []
+    for dataset, own in frames.items():
+        patches = optional(inputs.index[dataset], "patches.parquet", tables.PATCHES)
+        quarantine = optional(inputs.index[dataset], "quarantine.parquet", tables.QUARANTINE)
         purposes = patches["purpose"].value_counts().to_dict() if patches is not None else {}
-        sizes = table.groupby(["width_px", "height_px"]).size().sort_values(ascending=False, kind="stable")
+        sizes = own.groupby(["width_px", "height_px"]).size().sort_values(ascending=False, kind="stable")
         size = "\u00a0×\u00a0".join(str(side) for side in sizes.index[0]) if len(sizes) else ""
         rows.append(
             {
-                "dataset": word(dataset),
-                "frames": len(table),
+                "dataset": dataset,
+                "frames": len(own),
                 "size_px": size + (" and others" if len(sizes) > 1 else ""),
-                "objects": int(table["objects"].sum()),
-                "ignored": int(table["objects_ignored"].sum()),
+                "objects": int(own["objects"].sum()),
+                "ignored": int(own["objects_ignored"].sum()),
                 "blur_patches": int(purposes.get("blur", 0)),
                 "noise_patches": int(purposes.get("noise", 0)),
-                "quarantined": len(quarantine) if quarantine is not None else None,
+                "quarantined": None if quarantine is None else len(quarantine),
             }
         )
     columns = [
-        Column("dataset", "Dataset"),
+        named("dataset", "Dataset"),
         Column("frames", "Frames"),
         Column("size_px", "Size", "px"),
         Column("objects", "Objects"),
@@ -75,63 +177,50 @@ def _sizes(frames: dict[str, pd.DataFrame], inputs: ReportInputs) -> Table:
         Column("noise_patches", "Noise patches"),
         Column("quarantined", "In quarantine"),
     ]
-    notes = ("An ignored object counts neither way in average precision, and no patch is taken from it.",)
-    return Table("dataset_sizes", "What was used of each dataset.", columns, rows, notes, "index@<dataset>")
+    notes = ["An ignored object is neither a true nor a false positive, and no patch is taken from it."]
+    return table("dataset_sizes", "Frames, objects and patches used of each dataset.", rows, columns, notes, ANY_STAGE)
 
 
-def _statistics(frames: dict[str, pd.DataFrame]) -> Table:
-    rows: list[dict[str, Cell]] = []
-    for dataset, table in frames.items():
-        row: dict[str, Cell] = {"dataset": word(dataset)}
-        for name in STATISTICS:
-            found = robust(table[name], stream(0, "report", "frames", dataset, name))
-            row[name] = Estimate(found.median, found.low, found.high, found.count)
-        rows.append(row)
-    columns = [Column("dataset", "Dataset")]
+def _statistics(frames: Mapping[str, pd.DataFrame], seed: int) -> Table:
+    import pandas as pd
+
+    long = pd.concat([own.melt(["dataset"], list(STATISTICS), "statistic") for own in frames.values()])
+    cells = robust_by(long, ["dataset", "statistic"], "value", seed, "report", "frames")
+    rows = pivot(cells, ["dataset"], "statistic", estimate("median", "low", "high", "count"))
+    columns = [named("dataset", "Dataset")]
     columns += [Column(name, title, unit, decimals) for name, (title, unit, decimals) in STATISTICS.items()]
-    notes = (
+    notes = [
         "Median over frames after rejecting outliers (3.5 MAD), with its bootstrap 95 % interval and number of frames. "
-        "Gradient: magnitude of finite differences. Flat: share of pixels whose gradient is below 1.5 DN.",
-    )
+        "Gradient: magnitude of finite differences. Flat: share of pixels whose gradient is below 1.5 DN."
+    ]
     caption = "Pixel statistics: how alike the datasets are."
-    return Table("dataset_statistics", caption, columns, rows, notes, "index@<dataset>")
+    return table("dataset_statistics", caption, rows, columns, notes, ANY_STAGE)
 
 
 def _quarantine(inputs: ReportInputs) -> Table | None:
-    rows: list[dict[str, Cell]] = []
+    rows = []
     for dataset in inputs.datasets:
-        table = optional_table(inputs.index.get(dataset), "quarantine.parquet", tables.QUARANTINE)
-        if table is None or table.empty:
-            continue
-        for reason, files in table.groupby("reason", sort=True)["file"]:
+        own = optional(inputs.index.get(dataset), "quarantine.parquet", tables.QUARANTINE)
+        for reason, files in own.groupby("reason", sort=True)["file"] if own is not None else ():
             names = sorted(PurePath(str(name)).name for name in files)
-            rows.append(
-                {
-                    "dataset": word(dataset),
-                    "reason": str(reason),
-                    "files": len(names),
-                    "examples": ", ".join(names[:3]) + (" …" if len(names) > 3 else ""),
-                }
-            )
+            examples = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
+            rows.append({"dataset": dataset, "reason": str(reason), "files": len(names), "examples": examples})
     if not rows:
         return None
     columns = [
-        Column("dataset", "Dataset"),
+        named("dataset", "Dataset"),
         Column("reason", "Reason", wide=True),
         Column("files", "Files"),
         Column("examples", "Examples", wide=True),
     ]
-    return Table("quarantine", "Files set aside, and why.", columns, rows, (), "index@<dataset>")
+    return table("quarantine", "Files in quarantine, with the reason.", rows, columns, (), ANY_STAGE)
 
 
-def section(inputs: ReportInputs) -> Section:
-    """Datasets: figure, sizes, statistics, quarantine; what is absent is said."""
-    frames: dict[str, pd.DataFrame] = {}
-    for dataset in inputs.datasets:
-        table = optional_table(inputs.index.get(dataset), "frames.parquet", tables.FRAMES)
-        if table is not None:
-            frames[dataset] = table
-    runs = overview("Datasets", STAGE, list(frames), inputs)
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+    """Datasets: figure, sizes, statistics, quarantine."""
+    index = {name: optional(inputs.index.get(name), "frames.parquet", tables.FRAMES) for name in inputs.datasets}
+    frames = {name: own for name, own in index.items() if own is not None}
+    runs = overview("Datasets", STAGE, frames, inputs)
     blocks: list[Block] = []
     samples = _samples(inputs)
     if samples:
@@ -140,14 +229,12 @@ def section(inputs: ReportInputs) -> Section:
             "estimated (dashed). Below: power spectrum and histogram of the frames shown."
         )
         stages = tuple(STAGE.format(dataset=sample.name) for sample in samples)
-        blocks.append(ShownFigure("datasets", datasets_figure.draw(samples), caption, stages))
+        blocks.append(Figure("datasets", samples_figure(samples), caption, stages))
     if frames:
-        blocks += [_sizes(frames, inputs), _statistics(frames)]
+        blocks += [_sizes(frames, inputs), _statistics(frames, inputs.seed)]
     quarantine = _quarantine(inputs)
-    if quarantine is not None:
-        blocks.append(quarantine)
+    blocks += [] if quarantine is None else [quarantine]
     text = []
-    scanned = [name for name in inputs.index if existing(inputs.index[name] / "quarantine.parquet") is not None]
-    if scanned and quarantine is None:
-        text.append("Every file of the datasets used was readable and well labelled; none is in quarantine.")
+    if quarantine is None and any(existing(folder / "quarantine.parquet") for folder in inputs.index.values()):
+        text.append("Every file of the datasets used was readable with valid labels; none is in quarantine.")
     return Section("datasets", "Datasets", text, [*blocks, *missing("Dataset figure and statistics", runs)], runs)

@@ -1,195 +1,323 @@
-"""The chapter of detection: average precision, IOPC curves and heat maps, blur direction, regression."""
+"""Detection under blur and noise: average precision, IOPC curves and heat maps, blur direction, regression."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import pandas as pd
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from pipeline.curves import by_settings
-from pipeline.report import (
-    detection_results,
-    detection_tables,
-    direction_figure,
-    heat_figure,
-    iopc_figure,
-    regression_figure,
-)
+from pipeline.report import detection_results
 from pipeline.report.detection_results import Results
-from pipeline.report.inputs import ReportInputs, any_table, existing, optional_json, optional_table
+from pipeline.report.display_names import DATASETS, DETECTORS, in_order, word
+from pipeline.report.inputs import ReportInputs, any_table, existing, optional
 from pipeline.report.ledger import LedgerRow
-from pipeline.report.sections import published
-from pipeline.report.sections.base import Block, NotRun, Run, Section, ShownFigure
-from pipeline.report.tables import Table
-from pipeline.report.wording import DATASETS, DETECTORS, in_order, word
+from pipeline.report.sections import detection_figures
+from pipeline.report.sections.published import beside_ours
+from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, overview
+from pipeline.report.tables import (
+    Cell,
+    Column,
+    Estimate,
+    Table,
+    estimate,
+    format_number,
+    named,
+    pivot,
+    table,
+)
 from pipeline.store import read_json
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 TEXT = (
-    "Each detector looks at every frame under every blur, direction and noise of the sweep. What a camera could know "
-    "of these conditions, noise and modulation transfer function (MTF), is estimated on the objects of the same "
-    "frames; average precision (AP) is drawn over these estimates. Intervals come from resampling scenes."
+    "Each detector is applied to every frame under every blur, direction and noise of the sweep. Noise and modulation "
+    "transfer function (MTF) are estimated on the objects of the same frames, as a camera could do; average precision "
+    "(AP) is drawn over these estimates. Intervals come from resampling scenes."
 )
 PARTS = "AP under blur and noise, IOPC curves and heat maps, blur-direction table, regression over ISO and exposure"
+RISE = " ↑"
 
 
-def _joined(found: Sequence[Results], part: str) -> pd.DataFrame:
+def _joined(results: Sequence[Results], part: str) -> pd.DataFrame:
     """One part of several detectors' results, with a column ``detector``; classes without an object are left out."""
-    tables = []
-    for one in found:
-        table = getattr(one, part)
-        if table is not None:
-            tables.append(table[table["label"].isin(one.labels)].assign(detector=one.detector))
-    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+    import pandas as pd
+
+    parts = [
+        own[own["label"].isin(one.labels)].assign(detector=one.detector)
+        for one in results
+        if (own := getattr(one, part)) is not None
+    ]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
-def _stages(stage: str, found: Sequence[Results]) -> tuple[str, ...]:
-    return tuple(f"{stage}@{one.dataset}-{one.detector}" for one in found)
+def _stages(stage: str, results: Sequence[Results]) -> tuple[str, ...]:
+    return tuple(f"{stage}@{one.dataset}-{one.detector}" for one in results)
 
 
-def _curves(dataset: str, found: Sequence[Results], inputs: ReportInputs) -> list[Block]:
-    blocks: list[Block] = [detection_tables.precision(dataset, found)]
-    isolated, heat = _joined(found, "isolated"), _joined(found, "heat")
-    if not isolated.empty:
+def corners(dataset: str, results: Sequence[Results]) -> Table:
+    """AP of every detector and class at the corners of the sweep."""
+    rows = []
+    for one in results:
+        size, level = one.precision["size_px"].max(), one.precision["level_dn"].max()
+        for label in one.labels:
+            own = one.precision[one.precision["label"] == label]
+            row = {"detector": one.detector, "label": label, **own[["objects", "objects_ignored", "images"]].iloc[0]}
+            places = {"clean": (0, 0), "noisy": (0, level), "blurred": (size, 0), "both": (size, level)}
+            for name, (px, dn) in places.items():
+                cells = own[(own["size_px"] == px) & (own["level_dn"] == dn)]
+                if len(cells):
+                    low, high = float(cells["low_percent"].min()), float(cells["high_percent"].max())
+                    row[name] = Estimate(float(cells["ap_percent"].mean()), low, high)
+            rows.append(row)
+    columns = [
+        named("detector", "Detector"),
+        named("label", "Class"),
+        Column("clean", "Sharp, no noise", "%", 1),
+        Column("noisy", "Strongest noise", "%", 1),
+        Column("blurred", "Longest blur", "%", 1),
+        Column("both", "Both", "%", 1),
+        Column("objects", "Objects", source=lambda row: int(row["objects"])),
+        Column("ignored", "Ignored", source=lambda row: int(row["objects_ignored"])),
+        Column("images", "Frames", source=lambda row: int(row["images"])),
+    ]
+    notes = [
+        "Average precision by the paper's rules (IoU 0.5, whole area), with a bootstrap 95 % interval over scenes. "
+        "Blurred columns: mean over directions, interval from the lowest to the highest end of any direction's. "
+        "Ignored: low or hidden objects, which are neither true nor false positives.",
+    ]
+    caption = f"Average precision on {word(dataset)} at the corners of the sweep."
+    return table(f"detection_ap_{dataset}", caption, rows, columns, notes, f"curves@{dataset}-<detector>")
+
+
+def by_direction(one: Results) -> Table | None:
+    """The paper's table of blur directions, of one detector: rows noise and angle, columns class and length."""
+    if one.directions is None or one.directions.empty:
+        return None
+
+    def cell(row: Mapping[str, Any]) -> Cell:
+        mark = RISE if row["rises_with_size"] or row["rises_with_sigma"] else ""
+        return format_number(row["ap_percent"], 1) + mark if math.isfinite(row["ap_percent"]) else None
+
+    own = one.directions.sort_values(["level_dn", "angle_deg"], kind="stable")
+    own = own.assign(place=[f"{label}_{size:g}" for label, size in zip(own["label"], own["size_px"], strict=True)])
+    labels = [label for label in one.labels if (own["label"] == label).any()]
+    columns = [Column("level_dn", "Noise", "DN"), Column("angle_deg", "Angle", "°")]
+    for label in labels:
+        columns += [Column(f"{label}_{px:g}", f"{word(label)} {px:g} px", "%") for px in sorted(set(own["size_px"]))]
+    notes = [f"{RISE.strip()}: better than with the next shorter blur, or at the next lower noise. 0°: horizontal."]
+    caption = f"Average precision of {word(one.detector)} on {word(one.dataset)} by direction and length of the blur."
+    name = f"{one.dataset}_{one.detector}"
+    rows = pivot(own, ["level_dn", "angle_deg"], "place", cell)
+    return table(f"direction_{name}", caption, rows, columns, notes, f"direction@{one.dataset}-{one.detector}")
+
+
+def spread(dataset: str, results: Sequence[Results]) -> Table | None:
+    """Largest effect of the blur direction: best less worst angle, without noise."""
+    cells = _joined(results, "spread")
+    cells = cells[cells["level_dn"] == 0] if len(cells) else cells
+    if cells.empty:
+        return None
+    columns = [
+        named("detector", "Detector"),
+        named("label", "Class"),
+        Column("size_px", "Length", "px"),
+        Column("mean", "Mean over directions", "%", 1, "mean_percent"),
+        Column("spread", "Best less worst direction", "points", 1,
+               estimate("spread_percent", "low_percent", "high_percent")),
+        Column("worst", "Worst direction", "°", source="worst_angle_deg"),
+    ]  # fmt: skip
+    caption = f"Effect of the blur direction on {word(dataset)}, without noise."
+    return table(f"direction_spread_{dataset}", caption, cells, columns, (), f"direction@{dataset}-<detector>")
+
+
+def coefficients(name: str, fitted: pd.DataFrame, caption: str, stage: str) -> Table:
+    """Coefficients of several fits, with the effect of leaving each term out.
+
+    Args:
+        name: of the table.
+        fitted: `pipeline.curves.by_settings.COEFFICIENTS` with a column ``fit``, its title.
+        caption: of the table.
+        stage: that made it.
+    """
+    columns = [
+        Column("fit", "Fit"),
+        Column("term", "Term"),
+        Column("formula", "Multiplies"),
+        Column("value", "Value"),
+        Column("std_dev", "Std. dev."),
+        Column("largest_change", "Largest change without it", "points", 2),
+        Column("f", "Partial F"),
+        Column("p_value", "p"),
+        Column("r2_without", "R² without it", "", 4),
+    ]
+    notes = ["x: ISO, y: exposure time in ms. A term matters where leaving it out changes the fit: a large F."]
+    return table(name, caption, fitted, columns, notes, stage)
+
+
+def fits(dataset: str, results: Sequence[Results]) -> Table:
+    """Goodness of each fit, and the calibration of its axes."""
+    rows = [
+        {"detector": one.detector, "label": label, **numbers}
+        for one in results
+        for label, numbers in sorted(one.fits.items())
+    ]
+    columns = [
+        named("detector", "Detector"),
+        named("label", "Class"),
+        Column("cells", "Cells"),
+        Column("chi2", "χ²", "", 2),
+        Column("r2", "R²", "", 4),
+        Column("adjusted_r2", "Adjusted R²", "", 4),
+        Column("largest_residual", "Largest residual", "points", 2),
+        Column("reason", "Note", wide=True,
+               source=lambda row: f"no fit: {row['reason']}" if "reason" in row else None),
+    ]  # fmt: skip
+    notes = ["Weighted by the bootstrap error of each cell; χ² is the sum of squared residuals over these errors."]
+    known = results[0].calibration if results else {}
+    if "lambda1" in known:
+        notes.append(
+            f"Calibration by the estimators: λ₁ {known['lambda1']:.5f} ± {known['lambda1_std_dev']:.5f} DN per ISO "
+            f"(taken: {known['lambda1_nominal']:g}), λ₂ {known['lambda2']:.3f} ± "
+            f"{known['lambda2_std_dev']:.3f} px per ms (taken: {known['lambda2_nominal']:g})."
+        )
+    caption = f"Regression of average precision over ISO and exposure time on {word(dataset)}."
+    return table(f"regression_fits_{dataset}", caption, rows, columns, notes, f"regression@{dataset}-<detector>")
+
+
+def _curves(dataset: str, results: Sequence[Results], inputs: ReportInputs) -> list[Block]:
+    blocks: list[Block] = [corners(dataset, results)]
+    isolated, heat = _joined(results, "isolated"), _joined(results, "heat")
+    stages = _stages("curves", results)
+    if len(isolated):
         caption = (
             f"Isolated curves (IOPC) on {word(dataset)}: AP over estimated noise, and over estimated MTF, with 95 % "
-            "intervals. A ring marks a point that does better than its milder neighbour."
+            "intervals. A ring marks a point whose AP exceeds that of its milder neighbour."
         )
-        blocks.append(ShownFigure(f"iopc_{dataset}", iopc_figure.draw(isolated), caption, _stages("curves", found)))
-    if not heat.empty:
+        blocks.append(Figure(f"iopc_{dataset}", detection_figures.iopc(isolated), caption, stages))
+    if len(heat):
         caption = (
             f"Heat maps on {word(dataset)}: AP in the paper's bins of estimated noise and MTF; white bins were not "
-            "measured. A triangle marks a cell that does better than a milder one, a filled one where 97.5 % of the "
+            "measured. A triangle marks a cell whose AP exceeds that of a milder one, a filled one where 97.5 % of the "
             "bootstrap draws agree."
         )
-        blocks.append(ShownFigure(f"iopc_heat_{dataset}", heat_figure.draw(heat), caption, _stages("curves", found)))
-    for one in found:
-        for label, reason in sorted(one.refused.items()):
-            if label in one.labels:
-                what = f"Surface of {word(one.detector)} for {word(label)} on {word(dataset)} ({reason})"
-                blocks.append(NotRun(what, "too little measured", inputs.line(f"curves@{dataset}-{one.detector}")))
+        blocks.append(Figure(f"iopc_heat_{dataset}", detection_figures.heat(heat), caption, stages))
+    for one in results:
+        for label in sorted(set(one.refused) & set(one.labels)):
+            title = f"Surface of {word(one.detector)} for {word(label)} on {word(dataset)} ({one.refused[label]})"
+            blocks.append(NotRun(title, "too little measured", inputs.line(f"curves@{dataset}-{one.detector}")))
     return blocks
 
 
-def _directions(dataset: str, found: Sequence[Results]) -> list[Block]:
-    table = _joined(found, "directions")
-    if table.empty:
-        return []
+def _directions(dataset: str, results: Sequence[Results]) -> list[Block]:
+    cells = _joined(results, "directions")
     blocks: list[Block] = []
-    for label in sorted(set(table["label"])):
+    for label in sorted(set(cells["label"])) if len(cells) else ():
         caption = f"AP of {word(label).lower()} by length and direction of the blur on {word(dataset)}."
-        name, drawing = f"direction_{dataset}_{label}", direction_figure.draw(table, label)
-        blocks.append(ShownFigure(name.replace(" ", "_"), drawing, caption, _stages("direction", found)))
-    parts = [detection_tables.spread(dataset, found), *map(detection_tables.direction, found)]
+        name = f"direction_{dataset}_{label}".replace(" ", "_")
+        drawing = detection_figures.direction(cells, label)
+        blocks.append(Figure(name, drawing, caption, _stages("direction", results)))
+    parts = [spread(dataset, results), *map(by_direction, results)] if blocks else []
     return [*blocks, *(part for part in parts if part is not None)]
 
 
-def _regression(dataset: str, found: Sequence[Results]) -> list[Block]:
-    if not any(one.fits for one in found):
+def _regression(dataset: str, results: Sequence[Results]) -> list[Block]:
+    import pandas as pd
+
+    if not any(one.fits for one in results):
         return []
-    blocks: list[Block] = []
-    tables, coefficients, titles = [], [], {}
-    for one in found:
-        if one.fitted is None or one.coefficients is None:
-            continue
-        for label in one.labels:
+    cells, found, titles = [], [], {}
+    for one in results:
+        for label in one.labels if one.fitted is not None and one.coefficients is not None else ():
+            assert one.fitted is not None and one.coefficients is not None
             rows = one.fitted[one.fitted["label"] == label]
-            if rows.empty:
-                continue
-            name, title = f"{one.detector} {label}", f"{word(one.detector)}, {word(label).lower()}"
-            titles[name] = title
-            tables.append(rows.assign(fit=name))
-            coefficients.append(one.coefficients[one.coefficients["label"] == label].assign(fit=title))
-    if tables:
+            if len(rows):
+                name, title = f"{one.detector} {label}", f"{word(one.detector)}, {word(label).lower()}"
+                titles[name] = title
+                cells.append(rows.assign(fit=name))
+                found.append(one.coefficients[one.coefficients["label"] == label].assign(fit=title))
+    blocks: list[Block] = [fits(dataset, results)]
+    if cells:
         caption = (
             f"Regression on {word(dataset)}: fitted AP over ISO and exposure time (dots: measured cells; ISO 100 is "
             "1 DN, 1 ms a motion of 1 px), and the residuals of the cells."
         )
-        drawing = regression_figure.draw(pd.concat(tables, ignore_index=True), titles)
-        blocks.append(ShownFigure(f"regression_{dataset}", drawing, caption, _stages("regression", found)))
-    blocks.append(detection_tables.fits(dataset, found))
-    if coefficients:
-        caption = f"Coefficients of the regression on {word(dataset)}, and what each term is worth."
+        drawing = detection_figures.regression(pd.concat(cells, ignore_index=True), titles)
+        blocks.insert(0, Figure(f"regression_{dataset}", drawing, caption, _stages("regression", results)))
+        caption = f"Coefficients of the regression on {word(dataset)}, and the effect of each term."
         name, stage = f"regression_coefficients_{dataset}", f"regression@{dataset}-<detector>"
-        blocks.append(detection_tables.coefficients(name, pd.concat(coefficients), caption, stage))
+        blocks.append(coefficients(name, pd.concat(found), caption, stage))
     return blocks
 
 
 def _recorded(inputs: ReportInputs) -> list[Block]:
     """Curves measured earlier on recorded pictures, each with its source."""
     blocks: list[Block] = []
-    place = existing(inputs.recorded)
-    for path in sorted(place.glob("*/precision.csv")) if place is not None else []:
-        said = read_json(path.parent / "provenance.json")
+    folder = existing(inputs.recorded)
+    for path in sorted(folder.glob("*/precision.csv")) if folder is not None else []:
+        about = read_json(path.parent / "provenance.json")
         name = path.parent.name.replace("-", "_")
-        title = f"{word(said['detector']['kind'])} on {word(said['dataset'])}"
-        curves = iopc_figure.draw(any_table(path.parent / "iopc.csv"))
-        heat = heat_figure.draw(any_table(path.parent / "iopc_heat.csv"))
-        where = f"{len(said['frames'])} frames: {said['source'].rstrip('.')}"
-        caption = f"Recorded: isolated curves of {title}, {where}. Weights: {said['detector']['sha256'][:12]}."
-        blocks.append(ShownFigure(f"recorded_{name}_iopc", curves, caption))
+        title = f"{word(about['detector']['kind'])} on {word(about['dataset'])}"
+        source = f"{len(about['frames'])} frames: {about['source'].rstrip('.')}"
+        caption = f"Recorded: isolated curves of {title}, {source}. Weights: {about['detector']['sha256'][:12]}."
+        drawing = detection_figures.iopc(any_table(path.parent / "iopc.csv"))
+        blocks.append(Figure(f"recorded_{name}_iopc", drawing, caption))
+        drawing = detection_figures.heat(any_table(path.parent / "iopc_heat.csv"))
         caption = f"Recorded: heat maps of {title}, of the same frames."
-        blocks.append(ShownFigure(f"recorded_{name}_iopc_heat", heat, caption))
+        blocks.append(Figure(f"recorded_{name}_iopc_heat", drawing, caption))
     return blocks
 
 
 def _refit(inputs: ReportInputs) -> list[Block]:
     """The published grids fitted anew."""
     folder = None if inputs.detection is None else inputs.detection / "refit"
-    found = optional_table(folder, "coefficients.parquet", by_settings.COEFFICIENTS)
-    numbers = optional_json(folder, "fits.json")
-    if found is None or not numbers:
+    fitted = optional(folder, "coefficients.parquet", by_settings.COEFFICIENTS)
+    numbers = optional(folder, "fits.json")
+    if fitted is None or not numbers:
         return []
     words = "; ".join(
         f"{label.replace('_', ' ')}: R² {one['r2']:.6f}, coefficients within {one['largest_miss_in_std_devs']:.2f} of "
         f"their printed standard deviations, printed grid within {one['largest_miss_of_grid']:.3f} points"
         for label, one in sorted(numbers.items())
     )
+    titled = fitted.assign(fit=fitted["label"].str.replace("_", " "))
     caption = f"The paper's published grids fitted anew. {words}."
-    titled = found.assign(fit=found["label"].str.replace("_", " "))
-    table: Table = detection_tables.coefficients("regression_refit", titled, caption, "refit")
-    return [table]
+    return [coefficients("regression_refit", titled, caption, "refit")]
 
 
-def _runs(found: Sequence[Results], inputs: ReportInputs) -> list[Run]:
-    ran = {(one.dataset, one.detector) for one in found}
-    named = sorted(inputs.detection_members)
-    detectors = in_order({pair[1] for pair in named}, DETECTORS)
-    lines = []
-    for dataset in in_order({*(pair[0] for pair in named), *(set(inputs.absent) & set(DATASETS))}, DATASETS):
-        for detector in detectors:
-            done, absent = (dataset, detector) in ran, inputs.absent.get(dataset)
-            why = "" if done else "data absent" if absent else "stage absent"
-            line = inputs.line(f"curves@{dataset}-{detector}") if done or not absent else absent
-            lines.append(Run(f"Detection by {word(detector)}", dataset, done, why, line))
-    lines += [
-        Run(f"Detection by {word(name)}", "", False, "weights absent", line)
-        for name, line in inputs.detectors_absent.items()
-    ]
-    return lines
+def _runs(results: Sequence[Results], inputs: ReportInputs) -> list[Run]:
+    planned = sorted(inputs.detection_members)
+    names = {*(dataset for dataset, _ in planned), *(set(inputs.absent) & set(DATASETS))}
+    runs = [
+        run
+        for detector in in_order({name for _, name in planned}, DETECTORS)
+        for run in overview(
+            f"Detection by {word(detector)}", f"curves@{{dataset}}-{detector}",
+            [one.dataset for one in results if one.detector == detector], inputs, in_order(names, DATASETS),
+        )
+    ]  # fmt: skip
+    absent = inputs.detectors_absent.items()
+    return [*runs, *(Run(f"Detection by {word(name)}", "", False, "weights absent", line) for name, line in absent)]
 
 
-def section(chapter: published.Chapter, rows: Sequence[LedgerRow], inputs: ReportInputs) -> Section:
-    """Detection on every dataset, then the paper's published numbers beside ours.
-
-    Args:
-        chapter: the paper's part.
-        rows: the whole ledger.
-        inputs: of the report.
-    """
-    beside = published.section(chapter, rows, inputs)
-    found = detection_results.read(inputs)
-    runs = _runs(found, inputs)
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+    """Detection on every dataset, then the paper's published numbers beside ours."""
+    results = detection_results.read(inputs)
+    runs = _runs(results, inputs)
     blocks: list[Block] = []
-    for dataset in in_order((one.dataset for one in found), DATASETS):
-        own = [one for one in found if one.dataset == dataset]
+    for dataset in in_order((one.dataset for one in results), DATASETS):
+        own = [one for one in results if one.dataset == dataset]
         blocks += [*_curves(dataset, own, inputs), *_directions(dataset, own), *_regression(dataset, own)]
-    if not found:
-        blocks.append(NotRun(PARTS, "stage absent", inputs.line("curves@<dataset>-<detector>")))
-    noted = set()
-    for run in runs:
-        if not run.ran and run.why != "stage absent" and run.line not in noted:
-            noted.add(run.line)
-            where = f" on {word(run.dataset)}" if run.dataset else ""
-            blocks.append(NotRun(f"{run.experiment if not run.dataset else 'Detection'}{where}", run.why, run.line))
-    blocks += [*_recorded(inputs), *_refit(inputs), *beside.blocks]
-    return Section(chapter.key, chapter.title, (TEXT,), blocks, [*runs, *beside.runs])
+    if not results:
+        blocks.append(NotRun(PARTS, STAGE_ABSENT, inputs.line("curves@<dataset>-<detector>")))
+    notes = {
+        run.line: NotRun(f"Detection on {word(run.dataset)}" if run.dataset else run.experiment, run.why, run.line)
+        for run in reversed(runs)
+        if not run.ran and run.why != STAGE_ABSENT
+    }
+    blocks += [*reversed(notes.values()), *_recorded(inputs), *_refit(inputs)]
+    items = ("yolov7_direction_ap", "regression_coefficients", "fitted_ap_grid")
+    published, published_runs = beside_ours(items, ledger, inputs)
+    title = "Object detection under blur and noise"
+    return Section("detection", title, (TEXT,), [*blocks, *published], [*runs, *published_runs])

@@ -1,110 +1,231 @@
-"""The section of image formation: the chain step by step, effects at levels, and how well a level is reached."""
+"""Image formation: the chain step by step, noise sources at their levels, the levels reached, and photon transfer.
+
+Photon transfer: Janesick, *Photon Transfer* (SPIE 2007); EMVA Standard 1288.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pipeline import tables
-from pipeline.errors import InputError
-from pipeline.report import formation_gallery, photon_transfer_figure
-from pipeline.report.inputs import ReportInputs, existing, optional_arrays, optional_json, optional_table
-from pipeline.report.sections.base import Block, NotRun, Run, Section, ShownFigure, missing, overview
-from pipeline.report.tables import Cell, Column, Estimate, Table
-from pipeline.report.wording import EFFECTS, in_order, word
-from pipeline.statistics import robust
-from pipeline.streams import stream
+from pipeline.errors import InputError, did_you_mean
+from pipeline.grouped_statistics import robust_by
+from pipeline.report import style
+from pipeline.report.display_names import EFFECTS, in_order, listing, word
+from pipeline.report.inputs import ReportInputs, described, existing, optional
+from pipeline.report.ledger import LedgerRow
+from pipeline.report.spec import Block, Figure, NotRun, Section, missing, overview, single
+from pipeline.report.style import Drawing
+from pipeline.report.tables import Column, Table, estimate, pivot, table
 
 if TYPE_CHECKING:
     import pandas as pd
 
 STAGE, SENSOR_STAGE = "corrupt@{dataset}", "sensor"
+CHAIN_PX, EFFECTS_PX = 144, 96  # side of the square shown from a picture's middle, pixel for pixel
+CURVE_KEYS = ("mean_dn", "variance_dn2", "slope_dn_per_e", "offset_dn2", "gain_dn_per_e")
+
+
+def _crop(arrays: Mapping[str, np.ndarray], entry: Mapping[str, Any], side_px: int) -> np.ndarray:
+    """The middle of the picture that an entry names, in DN. Shrinking it instead would average the noise away."""
+    name = str(entry["array"])
+    if name not in arrays:
+        raise InputError(f"gallery.json names array '{name}', which gallery.npz lacks; {did_you_mean(name, arrays)}")
+    picture = np.asarray(arrays[name])
+    top, left = (max(0, (side - side_px) // 2) for side in picture.shape)
+    picture = picture[top : top + side_px, left : left + side_px]
+    return picture.astype(float) * (255.0 if picture.dtype.kind == "f" else 1.0)
+
+
+@style.styled
+def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]) -> Drawing:
+    """The chain in the order light meets it, each step with its change against the step before.
+
+    Args:
+        arrays: name -> (H, W), uint8 or float in [0, 1].
+        entries: ``{"array", "title", "caption"}`` in order; the first is the input.
+
+    Raises:
+        InputError: an entry names an absent array.
+    """
+    import pandas as pd
+
+    pictures = [_crop(arrays, entry, CHAIN_PX) for entry in entries]
+    changes = [after - before for before, after in itertools.pairwise(pictures)]
+    span = max([float(np.percentile(np.abs(change), 99.5)) for change in changes if change.size] + [1.0])
+    cell_in = style.sheet_cell_in(len(entries))
+    figure, axes = style.sheet(len(entries), [cell_in, cell_in], bottom_in=0.2, row_gaps_in=[0.08])
+    axes[1, 0].set_axis_off()
+    axes[1, 0].text(
+        0.5, 0.5, f"change against\nthe step before,\ngrey = none,\n±{span:.3g} DN", ha="center", va="center",
+        transform=axes[1, 0].transAxes, fontsize=6.2, color=style.MUTED,
+    )  # fmt: skip
+    rows = []
+    for number, (entry, picture) in enumerate(zip(entries, pictures, strict=True)):
+        title = str(entry["title"])[:1].upper() + str(entry["title"])[1:]
+        axes[0, number].imshow(picture, cmap="gray", vmin=0, vmax=255)
+        style.bare(axes[0, number])
+        axes[0, number].set_title(f"{number}  {title}" if number else title, pad=3)
+        change = float(changes[number - 1].std()) if number else float("nan")
+        if number:
+            axes[1, number].imshow(changes[number - 1], cmap="gray", vmin=-span, vmax=span)
+            style.bare(axes[1, number])
+            axes[1, number].set_xlabel(f"std {change:.2f} DN", fontsize=6.2, labelpad=2)
+        rows.append({"step": number, "title": title, "mean_dn": picture.mean(), "change_std_dn": change})
+    steps = [f"{row['title']} ({row['change_std_dn']:.2f} DN)" for row in rows[1:]]
+    alt = f"One patch through the chain of image formation, the standard deviation of each change: {listing(steps)}."
+    return Drawing(figure, alt, pd.DataFrame(rows))
+
+
+@style.styled
+def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]) -> Drawing:
+    """Noise sources down, levels across; beneath each patch the standard deviation added to this part of the frame.
+
+    Args:
+        arrays: name -> (H, W), uint8 or float in [0, 1].
+        entries: ``{"array", "effect", "level_dn"}``.
+
+    Raises:
+        InputError: an entry names an absent array.
+    """
+    import pandas as pd
+
+    sources = in_order((str(entry["effect"]) for entry in entries), EFFECTS)
+    levels = sorted({float(entry["level_dn"]) for entry in entries})
+    crops = {(str(entry["effect"]), float(entry["level_dn"])): _crop(arrays, entry, EFFECTS_PX) for entry in entries}
+    cell_in = style.sheet_cell_in(len(levels), margins_in=0.24)
+    figure, axes = style.sheet(
+        len(levels), [cell_in] * len(sources), left_in=0.22, bottom_in=0.16, row_gaps_in=[0.19] * (len(sources) - 1)
+    )
+    rows = []
+    for (across, level), (down, effect) in itertools.product(enumerate(levels), enumerate(sources)):
+        spot, picture = axes[down, across], crops.get((effect, level))
+        style.bare(spot)
+        if down == 0:
+            spot.set_title(f"σ = {level:g} DN", pad=3)
+        if across == 0:
+            spot.set_ylabel(word(effect), fontweight="bold", color=style.INK)
+        if picture is None:
+            spot.text(0.5, 0.5, "not run", ha="center", va="center", transform=spot.transAxes, color=style.MUTED)
+            continue
+        spot.imshow(picture, cmap="gray", vmin=0, vmax=255)
+        clean = crops.get((effect, 0.0))
+        added = float("nan") if clean is None or clean.shape != picture.shape else float((picture - clean).std())
+        if level > 0 and np.isfinite(added):
+            spot.set_xlabel(f"{added:.1f} DN added", fontsize=5.8, labelpad=1.5)
+        rows.append({"effect": effect, "level_dn": level, "mean_dn": picture.mean(), "added_std_dn": added})
+    alt = (
+        f"The same patch under {listing(word(effect) for effect in sources)} noise at "
+        f"{listing(f'{level:g}' for level in levels)} DN."
+    )
+    return Drawing(figure, alt, pd.DataFrame(rows))
+
+
+@style.styled
+def photon_transfer(curve: Mapping[str, Any]) -> Drawing:
+    """Variance over mean of evenly lit frames: points, the fitted line, and the line that the sensor's gain implies.
+
+    Args:
+        curve: ``mean_dn`` and ``variance_dn2`` (equally long), ``slope_dn_per_e`` and ``offset_dn2`` of the fit, and
+            ``gain_dn_per_e`` of the sensor.
+
+    Raises:
+        InputError: the two lists differ in length.
+    """
+    import pandas as pd
+
+    if len(curve["mean_dn"]) != len(curve["variance_dn2"]):
+        raise InputError("photon_transfer.json: mean_dn and variance_dn2 must be equally long; run the stage sensor")
+    mean, variance = np.asarray(curve["mean_dn"], dtype=float), np.asarray(curve["variance_dn2"], dtype=float)
+    slope, offset, gain = (float(curve[key]) for key in CURVE_KEYS[2:])
+    figure = style.new_figure(style.ONE_COLUMN_IN * 1.4, 2.5)
+    axes = figure.subplots()
+    ends = np.array([0.0, mean.max() * 1.05])
+    axes.plot(ends, gain * ends + offset, color=style.INK, linewidth=0.9, label=f"sensor: {gain:.5f} DN/e⁻")
+    axes.plot(
+        ends, slope * ends + offset, color=style.PALETTE[1], linestyle=(0, (4, 2)), label=f"fit: {slope:.5f} DN/e⁻"
+    )
+    axes.plot(mean, variance, color=style.PALETTE[0], marker="o", linestyle="none", label="simulated frames")
+    axes.set(xlabel="mean [DN]", ylabel="variance [DN²]", xlim=(0, None), ylim=(0, None))
+    axes.legend(loc="upper left")
+    alt = (
+        f"Variance over mean of {len(mean)} evenly lit exposures: the fitted slope is {slope:.5f} DN per electron, "
+        f"{100 * (slope / gain - 1):+.2f} % from the sensor's gain of {gain:.5f}."
+    )
+    return Drawing(figure, alt, pd.DataFrame({"mean_dn": mean, "variance_dn2": variance}))
 
 
 def _galleries(dataset: str, inputs: ReportInputs) -> list[Block]:
     folder = inputs.corrupt[dataset]
-    order = optional_json(folder, "gallery.json")
-    if order is None:
+    gallery = described(folder, "gallery.json", ("chain", "effects"))
+    if gallery is None:
         return []
-    if not isinstance(order, dict) or not set(order) >= {"chain", "effects"}:
-        raise InputError(f"{folder / 'gallery.json'}: expected an object with lists 'chain' and 'effects'")
-    arrays = optional_arrays(folder, "gallery.npz")
-    stages = (STAGE.format(dataset=dataset),)
+    arrays, stages = optional(folder, "gallery.npz") or {}, (STAGE.format(dataset=dataset),)
     blocks: list[Block] = []
-    if order["chain"]:
-        captions = " ".join(str(entry.get("caption", "")) for entry in order["chain"]).strip()
-        caption = f"Image formation on {word(dataset)}, in the order light meets the camera. {captions}"
-        drawing = formation_gallery.draw_chain(arrays, order["chain"])
-        blocks.append(ShownFigure(f"formation_chain_{dataset}", drawing, caption.strip(), stages))
-    if order["effects"]:
+    if gallery["chain"]:
+        captions = " ".join(str(entry.get("caption", "")) for entry in gallery["chain"]).strip()
+        caption = f"Image formation on {word(dataset)}, in the order light meets the camera. {captions}".strip()
+        blocks.append(Figure(f"formation_chain_{dataset}", chain(arrays, gallery["chain"]), caption, stages))
+    if gallery["effects"]:
         caption = (
-            f"Noise effects and levels on {word(dataset)}. Each frame is brought to the standard deviation above its "
-            "column; beneath each patch, the part shown, stands what it received itself after clipping."
+            f"Noise sources and levels on {word(dataset)}. Each frame is brought to the standard deviation above its "
+            "column; beneath each patch, which is a part of the frame, the noise of this part after clipping."
         )
-        drawing = formation_gallery.draw_effects(arrays, order["effects"])
-        blocks.append(ShownFigure(f"formation_effects_{dataset}", drawing, caption, stages))
+        blocks.append(Figure(f"formation_effects_{dataset}", effects(arrays, gallery["effects"]), caption, stages))
     return blocks
 
 
-def _sensor(inputs: ReportInputs) -> list[Block]:
-    curve = optional_json(inputs.sensor, "photon_transfer.json")
-    if curve is None:
-        return [NotRun("Photon transfer of the sensor", "stage absent", inputs.line(SENSOR_STAGE))]
-    caption = (
-        "Photon transfer. Variance over mean of evenly lit frames drawn from the sensor: the slope is its gain, so "
-        "photon noise, conversion and scale fit together."
+def _levels(dataset: str, corruption: pd.DataFrame, seed: int) -> Table:
+    """Noise present after clipping at each target level; by how much the noise added misses the level."""
+    own = corruption.assign(dataset=dataset).sort_values("level_dn", kind="stable")
+    cells = robust_by(own, ["dataset", "effect", "level_dn"], "sigma_clipped_dn", seed, "report", "levels")
+    rows = pivot(
+        cells, ["level_dn"], "effect", estimate("median", "low", "high", lambda row: int(row["count"]) or None)
     )
-    return [ShownFigure("photon_transfer", photon_transfer_figure.draw(curve), caption, (SENSOR_STAGE,))]
-
-
-def _level_table(dataset: str, corruption: pd.DataFrame) -> Table:
-    rows: list[dict[str, Cell]] = []
-    effects = in_order(corruption["effect"], EFFECTS)
-    for level in sorted(set(corruption["level_dn"])):
-        here = corruption[corruption["level_dn"] == level]
-        row: dict[str, Cell] = {"level_dn": level, "off_percent": None}
-        if level > 0:
-            row["off_percent"] = 100.0 * float((here["sigma_dn"] / level - 1.0).abs().max())
-        for effect in effects:
-            values = here.loc[here["effect"] == effect, "sigma_clipped_dn"]
-            found = robust(values, stream(0, "report", "levels", dataset, effect, float(level)))
-            row[effect] = Estimate(found.median, found.low, found.high, found.count or None)
-        rows.append(row)
-    columns = [Column("level_dn", "Level", "DN"), Column("off_percent", "Missed before clipping", "%", 2)]
-    columns += [Column(effect, word(effect), "DN", 2) for effect in effects]
-    notes = (
+    missed = (own["sigma_dn"] / own["level_dn"].where(own["level_dn"] > 0) - 1.0).abs().groupby(own["level_dn"]).max()
+    columns = [
+        Column("level_dn", "Level", "DN"),
+        Column(
+            "off_percent", "Missed before clipping", "%", 2,
+            lambda row: 100.0 * float(missed[row["level_dn"]]) if row["level_dn"] > 0 else None,
+        ),
+        *(Column(effect, word(effect), "DN", 2) for effect in in_order(own["effect"], EFFECTS)),
+    ]  # fmt: skip
+    notes = [
         "Standard deviation of the noise over a whole frame after clipping to 0..255 and rounding: median over frames "
-        "with bootstrap 95 % interval and number of frames. Missed before clipping: by how much, at most, the noise as "
-        "added misses the level in any frame. At level 0 the frame is left as it is.",
-    )
-    caption = f"Noise really present on {word(dataset)} at each level."
-    return Table(f"noise_levels_{dataset}", caption, columns, rows, notes, STAGE.format(dataset=dataset))
+        "with bootstrap 95 % interval and number of frames. Missed before clipping: largest deviation of the noise "
+        "added from the level, over frames. At level 0 the frame is left as it is."
+    ]
+    caption = f"Noise present on {word(dataset)} at each level."
+    return table(f"noise_levels_{dataset}", caption, rows, columns, notes, STAGE.format(dataset=dataset))
 
 
-def section(inputs: ReportInputs) -> Section:
-    """Image formation: galleries and the table of levels, per dataset."""
-    blocks: list[Block] = []
-    level_tables: list[Block] = []
-    ran = []
-    for dataset in inputs.datasets:
-        if existing(inputs.corrupt.get(dataset)) is None:
-            continue
-        corruption = optional_table(inputs.corrupt[dataset], "corruption.parquet", tables.CORRUPTION)
-        if corruption is None:
-            continue
-        ran.append(dataset)
-        blocks += _galleries(dataset, inputs)
-        level_tables.append(_level_table(dataset, corruption))
-    runs = overview("Image formation", STAGE, ran, inputs)
-    done = existing(inputs.sensor) is not None
-    sensor_run = Run("Sensor", "", done, "" if done else "stage absent", inputs.line(SENSOR_STAGE))
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+    """Image formation: galleries, the table of levels per dataset, and the sensor."""
+    corruption = {
+        name: own
+        for name in inputs.datasets
+        if (own := optional(inputs.corrupt.get(name), "corruption.parquet", tables.CORRUPTION)) is not None
+    }
+    runs = overview("Image formation", STAGE, corruption, inputs)
+    blocks: list[Block] = [block for dataset in corruption for block in _galleries(dataset, inputs)]
+    blocks += [_levels(dataset, own, inputs.seed) for dataset, own in corruption.items()]
+    curve = described(inputs.sensor, "photon_transfer.json", CURVE_KEYS)
+    sensor = single("Sensor", SENSOR_STAGE, existing(inputs.sensor) is not None, inputs)
+    if curve is None:
+        blocks.append(NotRun("Photon transfer of the sensor", "stage absent", sensor.line))
+    else:
+        caption = (
+            "Photon transfer. Variance over mean of evenly lit frames drawn from the sensor: the slope is its gain, so "
+            "photon noise, conversion and scale are consistent."
+        )
+        blocks.append(Figure("photon_transfer", photon_transfer(curve), caption, (SENSOR_STAGE,)))
     text = (
         "Frames are corrupted at the level of electrons, in the order light meets the camera: photon noise, blur by "
         "the optics, dark-current shot noise, readout noise, quantisation.",
     )
-    return Section(
-        "formation",
-        "Image formation",
-        text,
-        [*blocks, *level_tables, *_sensor(inputs), *missing("Image formation", runs)],
-        [sensor_run, *runs],
-    )
+    return Section("formation", "Image formation", text, [*blocks, *missing("Image formation", runs)], [sensor, *runs])

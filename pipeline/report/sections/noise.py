@@ -1,166 +1,360 @@
-"""The section of noise estimation: the paper's figure, medians, local maps, single patches, and the abstentions."""
+"""Noise estimation: the paper's figure, medians, local maps, errors of single patches, and abstentions."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.report import noise_figure, noise_maps_figure, noise_patch_tables
-from pipeline.report.estimates import of_row
-from pipeline.report.inputs import (
-    ReportInputs,
-    any_table,
-    members,
-    noise_tables,
-    optional_arrays,
-    optional_json,
-    records,
-)
-from pipeline.report.noise_maps_figure import NoiseMaps
-from pipeline.report.sections.base import Block, NotRun, Run, Section, ShownFigure
-from pipeline.report.tables import Cell, Column, Estimate, Table
-from pipeline.report.wording import EFFECTS, ESTIMATORS, in_order, word
+from pipeline.noise.patch_errors import SATURATED, agreement, patch_errors, saturated_patches
+from pipeline.report import style
+from pipeline.report.display_names import DATASETS, EFFECTS, ESTIMATORS, in_order, listing, word
+from pipeline.report.figures import Facet, abstentions, lines, small_multiples
+from pipeline.report.inputs import ReportInputs, described, members, noise_tables, optional
+from pipeline.report.ledger import LedgerRow
+from pipeline.report.spec import Block, Figure, Section, missing, overview
+from pipeline.report.style import Drawing
+from pipeline.report.tables import Cell, Column, Estimate, Row, Table, estimate, named, ordered, pivot, records, table
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
 
 STAGE = "noise@{dataset}-{estimator}"
-REFERENCE = "noise_reference.csv"
+ANY_STAGE = "noise@<dataset>-<estimator>"
+PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
+PRESENT: style.Look = {"color": style.INK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+DIAGONAL: style.Look = {"color": style.MUTED, "linewidth": 0.6}
+SHOWN_PX = 260  # longest side of a map's frame inside the figure
+OPACITY = 0.6  # of the map over the frame
+TOP_PERCENTILE = 99.0  # of the noise added, shown in the last colour
 
 
-def _reference(inputs: ReportInputs) -> dict[tuple[str, str, float, str], float]:
-    path = inputs.paper / REFERENCE
-    if not path.exists():
-        return {}
-    return {
-        (row["dataset"], row["effect"], float(row["level_dn"]), row["estimator"]): float(row["sigma_dn"])
-        for row in records(any_table(path))
-    }
+@style.styled
+def curves(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
+    """The paper's figure: median and range of the inliers over the target level; datasets down, noise sources across.
+
+    Args:
+        summary: `pipeline.tables.NOISE_SUMMARY`.
+        datasets: rows of the figure; one without numbers is shown as not run.
+    """
+    effects = in_order([*PAPER_EFFECTS, *summary["effect"]], EFFECTS)
+    looks = style.series_looks(in_order(summary["estimator"], ESTIMATORS))
+    # The bands are shown up to 40 DN; a single outlier must not flatten every panel.
+    tops = [25.0, summary["level_dn"].max(), summary["median_dn"].max(), min(40.0, summary["maximum_dn"].max())]
+    top = 5.0 * np.ceil(float(np.nanmax(tops)) / 5.0)
+    right = max(25.0, summary["level_dn"].max())
+
+    def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+        axes.plot([0, top], [0, top], zorder=1, **DIAGONAL)
+        if rows.empty:
+            return
+        present = rows.groupby("level_dn")["true_median_dn"].median()
+        axes.plot(present.index, present.to_numpy(), zorder=2, **PRESENT)
+        band = ("minimum_dn", "maximum_dn")
+        lines(axes, rows, "estimator", looks, "level_dn", "median_dn", band=band, part="median", key=key)
+        counts = rows.groupby("estimator")[["abstained", "count"]].sum().to_dict("index")
+        pairs = {name: (int(one["abstained"]), int(one["abstained"] + one["count"])) for name, one in counts.items()}
+        abstentions(axes, {name: pairs[name] for name in looks if name in pairs}, key)
+
+    columns = ["dataset", "effect", "estimator", "level_dn", "true_median_dn", "median_dn", "minimum_dn", "maximum_dn"]
+    columns += ["added_median_dn", "low_dn", "high_dn", "count", "rejected", "abstained"]
+    return small_multiples(
+        summary, Facet("dataset", datasets), Facet("effect", effects), panel,
+        x="noise level σ [DN]", y="estimated σ [DN]", alt=_curves_alt(summary, list(looks)),
+        axes={"xlim": (0, right), "ylim": (0, top + 3), "yticks": np.arange(0, top + 1, 5),
+              "xticks": np.arange(0, right + 1, 5)},
+        legend=[*((word(name), look) for name, look in looks.items()), ("noise present", PRESENT),
+                ("target level", DIAGONAL)],
+        values=summary[columns].sort_values(columns[:4]), series=style.switches(looks),
+        panel_in=style.TWO_COLUMNS_IN / len(effects) * 0.98, margin_in=0.45,
+    )  # fmt: skip
 
 
-def _medians(dataset: str, summary: pd.DataFrame, inputs: ReportInputs) -> Table:
-    own = summary[summary["dataset"] == dataset]
-    estimators = in_order(own["estimator"], ESTIMATORS)
-    reference = _reference(inputs)
-    rows: list[dict[str, Cell]] = []
-    for effect in in_order(own["effect"], EFFECTS):
-        for level in sorted(set(own.loc[own["effect"] == effect, "level_dn"])):
-            cells = own[(own["effect"] == effect) & (own["level_dn"] == level)]
-            row: dict[str, Cell] = {
-                "effect": word(effect),
-                "level_dn": level,
-                "added_dn": float(cells["added_median_dn"].median()),
-                "present_dn": float(cells["true_median_dn"].median()),
-            }
-            for found in records(cells):
-                key = (dataset, effect, float(level), found["estimator"])
-                inliers = int(found["count"]) - int(found["rejected"])
-                row[found["estimator"]] = of_row(found, "median_dn", "dn", inliers, reference.get(key))
-            rows.append(row)
-    columns = [Column("effect", "Effect"), Column("level_dn", "Level", "DN")]
-    columns += [Column("added_dn", "Added", "DN", 2), Column("present_dn", "Present", "DN", 2)]
-    columns += [Column(name, word(name), "DN", 2) for name in estimators]
-    notes = [
-        "Median of the inliers (3.5 MAD) with bootstrap 95 % interval; n: inliers. Added and present: robust median of "
-        "the noise in the patches before and after the 8-bit range clips it. The cell-wise estimator tells what was "
-        "added, the others what is present."
-    ]
-    if any(isinstance(cell, Estimate) and cell.reference is not None for row in rows for cell in row.values()):
-        notes.append("Code: the same statistic from the authors' published program, on its own frames.")
-    caption = f"Noise estimated on {word(dataset)}."
-    stage = STAGE.format(dataset=dataset, estimator="<estimator>")
-    return Table(f"noise_{dataset}", caption, columns, rows, notes, stage, "code")
+def _curves_alt(summary: pd.DataFrame, estimators: Sequence[str]) -> str:
+    if summary.empty:
+        return "Noise estimation: not run."
+    highest = summary[summary["level_dn"] == summary["level_dn"].max()]
+    medians = highest.groupby("estimator")["median_dn"].agg(["min", "max"])
+    words = [f"{word(name)} {medians['min'][name]:.1f} to {medians['max'][name]:.1f}" for name in estimators]
+    present = f"{highest['true_median_dn'].min():.1f} to {highest['true_median_dn'].max():.1f}"
+    return (
+        f"Estimated noise over the target level, for {listing(word(name) for name in summary['dataset'].unique())}. "
+        f"At {highest['level_dn'].iloc[0]:g} DN, where {present} DN are present, the medians over the panels are "
+        f"{listing(words)} DN; {int(summary['abstained'].sum()):,} estimates were abstained from."
+    )
 
 
-def _abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
-    rows: list[dict[str, Cell]] = []
-    grouped = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)
-    for sums in records(grouped[["count", "rejected", "abstained"]].sum()):
-        dataset, estimator = sums["dataset"], sums["estimator"]
-        chosen = (estimates["dataset"] == dataset) & (estimates["estimator"] == estimator) & estimates["abstained"]
-        reasons = estimates.loc[chosen, "reason"].value_counts().sort_index()
-        rows.append(
-            {
-                "dataset": word(dataset),
-                "estimator": word(estimator),
-                "asked": int(sums["count"] + sums["abstained"]),
-                "abstained": int(sums["abstained"]),
-                "rejected": int(sums["rejected"]),
-                "reasons": ", ".join(f"{reason}: {count:,}" for reason, count in reasons.items()),
-            }
+@dataclass(frozen=True)
+class NoiseMaps:
+    """Maps of one frame by one estimator.
+
+    Attributes:
+        estimator: its name.
+        arrays: ``<effect>_seen`` (H, W) uint8, ``<effect>_added`` and ``<effect>_found`` (h, w) DN.
+        effects: in the order shown.
+        level_dn: target standard deviation over the frame.
+    """
+
+    estimator: str
+    arrays: Mapping[str, np.ndarray]
+    effects: Sequence[str]
+    level_dn: float
+
+    def of(self, effect: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Frame, noise added and noise estimated under one effect.
+
+        Raises:
+            InputError: an array is missing.
+        """
+        names = [f"{effect}_{part}" for part in ("seen", "added", "found")]
+        absent = [name for name in names if name not in self.arrays]
+        if absent:
+            raise InputError(f"noise maps by {self.estimator}: missing {', '.join(absent)}; run the stage noise again")
+        frame, added, estimated = (self.arrays[name] for name in names)
+        return frame, added, estimated
+
+
+def _map_panel(axes: Axes, frame: NDArray[np.uint8], cells: NDArray[np.floating] | None, top: float) -> Any:
+    picture, _ = style.shrunk(frame, SHOWN_PX)
+    axes.imshow(picture, cmap="gray", vmin=0, vmax=255)
+    style.bare(axes)
+    height, width = picture.shape
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
+    if cells is None:
+        return None
+    return axes.imshow(
+        np.ma.masked_invalid(cells), cmap="viridis", vmin=0, vmax=top, alpha=OPACITY,
+        extent=(-0.5, width - 0.5, height - 0.5, -0.5),
+    )  # fmt: skip
+
+
+@style.styled
+def maps(galleries: Sequence[NoiseMaps]) -> Drawing:
+    """Rows: noise sources. Columns: the frame, the noise added, the noise estimated by each estimator.
+
+    Args:
+        galleries: of one frame, at least one; all with the same effects.
+
+    Raises:
+        InputError: an array is missing.
+    """
+    import pandas as pd
+
+    effects, columns = list(galleries[0].effects), 2 + len(galleries)
+    height, width = galleries[0].of(effects[0])[0].shape
+    tall = style.TWO_COLUMNS_IN / (columns + 0.25) * height / width
+    figure = style.new_figure(style.TWO_COLUMNS_IN, len(effects) * (tall + 0.14) + 0.2)
+    panels = figure.subplots(len(effects), columns, squeeze=False)
+    rows: list[dict[str, Any]] = []
+    for down, effect in enumerate(effects):
+        frame, added, _ = galleries[0].of(effect)
+        known = added[np.isfinite(added)]
+        top = float(np.percentile(known, TOP_PERCENTILE)) if known.size else 1.0
+        _map_panel(panels[down, 0], frame, None, top)
+        panels[down, 0].set_ylabel(f"{word(effect)}, {galleries[0].level_dn:g} DN")
+        image = _map_panel(panels[down, 1], frame, added, top)
+        for across, one in enumerate(galleries):
+            estimated = one.of(effect)[2]
+            _map_panel(panels[down, 2 + across], frame, estimated, top)
+            rows.append({"effect": effect, "estimator": one.estimator, **agreement(added, estimated)})
+        figure.colorbar(image, ax=list(panels[down]), label="σ [DN]", fraction=0.03, pad=0.01)
+    titles = ["Frame", "Noise added", *(f"Estimated by {word(one.estimator)}" for one in galleries)]
+    for axes, title in zip(panels[0], titles, strict=True):
+        axes.set_title(title, loc="left")
+    words = []
+    for row in rows:
+        pattern = f", correlation {row['correlation']:.2f}" if np.isfinite(row["correlation"]) else ""
+        words.append(
+            f"{word(row['effect'])} by {word(row['estimator'])}: mean error {row['mean_error_dn']:.2f} DN about a "
+            f"median of {row['added_median_dn']:.1f} DN{pattern}"
         )
-    columns = [
-        Column("dataset", "Dataset"),
-        Column("estimator", "Estimator"),
-        Column("asked", "Patches asked about"),
-        Column("abstained", "Abstained"),
-        Column("rejected", "Outliers rejected"),
-        Column("reasons", "Reasons of abstention", wide=True),
-    ]
-    notes = ("Over all effects and levels. An abstention is neither a zero nor a dropped row: it is counted here.",)
-    stage = STAGE.format(dataset="<dataset>", estimator="<estimator>")
-    return Table("noise_abstentions", "Abstentions of the noise estimators.", columns, rows, notes, stage)
+    alt = f"Local noise over one frame, added and estimated cell by cell. {'; '.join(words)}."
+    return Drawing(figure, alt, pd.DataFrame(rows))
 
 
 def _maps(inputs: ReportInputs) -> list[Block]:
-    """Local noise over a frame, of every dataset whose stage left maps."""
-    found: dict[str, list[tuple[NoiseMaps, str]]] = {}
+    """Local noise over a frame, of every dataset whose stage stored maps."""
+    galleries: dict[str, list[tuple[NoiseMaps, str]]] = {}
     for folder in members(inputs.noise, inputs.noise_members):
-        said = optional_json(folder, "maps.json")
-        if said is None:
-            continue
-        if not isinstance(said, dict) or not set(said) >= {"dataset", "estimator", "frame", "effects", "level_dn"}:
-            raise InputError(
-                f"{folder / 'maps.json'}: expected dataset, estimator, frame, effects and level_dn; "
-                "run the stage noise again"
-            )
-        maps = NoiseMaps(said["estimator"], optional_arrays(folder, "maps.npz"), said["effects"], said["level_dn"])
-        found.setdefault(said["dataset"], []).append((maps, said["frame"]))
+        about = described(folder, "maps.json", ("dataset", "estimator", "frame", "effects", "level_dn"))
+        if about is not None:
+            one = NoiseMaps(about["estimator"], optional(folder, "maps.npz") or {}, about["effects"], about["level_dn"])
+            galleries.setdefault(about["dataset"], []).append((one, about["frame"]))
     blocks: list[Block] = []
-    for dataset in in_order(found, inputs.datasets):
-        if len({(frame, tuple(maps.effects), maps.level_dn) for maps, frame in found[dataset]}) > 1:
+    for dataset in in_order(galleries, inputs.datasets):
+        pairs = sorted(galleries[dataset], key=lambda pair: pair[0].estimator)
+        if len({(frame, tuple(one.effects), one.level_dn) for one, frame in pairs}) > 1:
             raise InputError(f"noise maps of '{dataset}' show different frames; run the stage noise again for all")
-        pairs = sorted(found[dataset], key=lambda pair: pair[0].estimator)
         caption = (
             f"Local noise over a frame of {word(dataset)}. Added: root mean square over 40 px about each cell of 8 px, "
-            "before clipping. Found: the estimator's own map. Grey where nothing can be said."
+            "before clipping. Estimated: the estimator's map. Grey where the estimator abstains."
         )
-        stages = tuple(STAGE.format(dataset=dataset, estimator=maps.estimator) for maps, _ in pairs)
-        drawing = noise_maps_figure.draw([maps for maps, _ in pairs])
-        blocks.append(ShownFigure(f"noise_maps_{dataset}", drawing, caption, stages))
+        stages = tuple(STAGE.format(dataset=dataset, estimator=one.estimator) for one, _ in pairs)
+        blocks.append(Figure(f"noise_maps_{dataset}", maps([one for one, _ in pairs]), caption, stages))
     return blocks
 
 
-def section(inputs: ReportInputs) -> Section:
+def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame | None) -> Table:
+    """Median estimates of one dataset: a row for each effect and level, a column for each estimator.
+
+    Args:
+        dataset: name.
+        summary: `pipeline.tables.NOISE_SUMMARY`.
+        reference: columns dataset, effect, level_dn, estimator, sigma_dn: by the authors' program.
+    """
+    keys = ["dataset", "effect", "level_dn", "estimator"]
+    own = ordered(summary[summary["dataset"] == dataset], effect=EFFECTS, level_dn=())
+    own = own.assign(inliers=own["count"] - own["rejected"])
+    if reference is not None:
+        own = own.merge(reference.drop_duplicates(keys)[[*keys, "sigma_dn"]], how="left", on=keys)
+    levels = own.groupby(keys[1:3])[["added_median_dn", "true_median_dn"]].transform("median")
+    own = own.assign(added_dn=levels["added_median_dn"], present_dn=levels["true_median_dn"])
+    cell = estimate("median_dn", "low_dn", "high_dn", "inliers", "sigma_dn")
+    rows = pivot(own, ["effect", "level_dn", "added_dn", "present_dn"], "estimator", cell)
+    columns = [
+        named("effect", "Effect"),
+        Column("level_dn", "Level", "DN"),
+        Column("added_dn", "Added", "DN", 2),
+        Column("present_dn", "Present", "DN", 2),
+        *(Column(name, word(name), "DN", 2) for name in in_order(own["estimator"], ESTIMATORS)),
+    ]
+    notes = [
+        "Median of the inliers (3.5 MAD) with bootstrap 95 % interval; n: inliers. Added and present: robust median of "
+        "the noise in the patches before and after the 8-bit range clips it. The cell-wise estimator estimates the "
+        "noise added, the others the noise present."
+    ]
+    if any(isinstance(cell, Estimate) and cell.reference is not None for row in rows for cell in row.values()):
+        notes.append("Code: the same statistic from the authors' published program, on its own frames.")
+    stage = STAGE.format(dataset=dataset, estimator="<estimator>")
+    return table(f"noise_{dataset}", f"Noise estimated on {word(dataset)}.", rows, columns, notes, stage, "code")
+
+
+def single_patches(estimates: pd.DataFrame, seed: int) -> Table:
+    """Error of single patches against both ground truths, coverage of the intervals, abstentions.
+
+    Args:
+        estimates: `pipeline.tables.NOISE_ESTIMATES`.
+        seed: root of the bootstrap's random streams.
+    """
+    errors = ordered(patch_errors(estimates, seed), dataset=DATASETS, estimator=ESTIMATORS, effect=EFFECTS)
+    has_interval = "coverage_percent" in errors
+
+    def quantity(name: str, title: str, unit: str, decimals: int) -> Column:
+        whole = estimate(name, f"{name}_low", f"{name}_high", f"{name}_count")
+
+        def cell(row: Row) -> Cell:
+            return whole(row) if np.isfinite(row.get(f"{name}_count", np.nan)) else None
+
+        return Column(name, title, unit, decimals, cell)
+
+    columns = [
+        named("dataset", "Dataset"),
+        named("estimator", "Estimator"),
+        named("effect", "Effect"),
+        quantity("present_dn", "Error, noise present", "DN", 2),
+        quantity("added_dn", "Error, noise added", "DN", 2),
+        quantity("coverage_percent", "Interval holds the noise added", "%", 1),
+        quantity("clean_percent", "The same where none was added", "%", 1),
+        Column(
+            "width_dn", "Median width of the interval", "DN", 2,
+            lambda row: row["width_dn"] if has_interval and np.isfinite(row["coverage_percent_count"]) else None,
+        ),
+        Column("abstained_percent", "Abstained", "%", 2),
+    ]  # fmt: skip
+    notes = [
+        "Over all levels and patches. Error: mean distance of a patch's estimate to the standard deviation of the "
+        "noise in this patch, after clipping to the 8-bit range (present) and as the sensor added it (added). "
+        "PCA, B+F and similar estimators estimate the noise present; the cell-wise estimator the noise added. "
+        "Intervals are nominally 95 %; an estimator without them has empty cells. Photographs without added noise have "
+        "noise of their own, which counts against the interval there. In brackets: bootstrap 95 % interval over frames."
+    ]
+    return table("noise_patches", "Noise of single patches.", errors, columns, notes, ANY_STAGE)
+
+
+def saturated(estimates: pd.DataFrame, seed: int) -> Table | None:
+    """Estimates at the highest level in patches that are nearly all black or white; None without such patches.
+
+    Args:
+        estimates: `pipeline.tables.NOISE_ESTIMATES`.
+        seed: root of the bootstrap's random streams.
+    """
+    cells = saturated_patches(estimates, seed)
+    if cells.empty:
+        return None
+    index = ["dataset", "effect", "patches", "added_dn", "present_dn"]
+    rows = pivot(
+        ordered(cells, dataset=DATASETS, effect=EFFECTS), index, "estimator",
+        estimate("median_dn", "low_dn", "high_dn", "count"),
+    )  # fmt: skip
+    columns = [
+        named("dataset", "Dataset"),
+        named("effect", "Effect"),
+        Column("patches", "Patches"),
+        Column("added_dn", "Added", "DN", 2),
+        Column("present_dn", "Present", "DN", 2),
+        *(Column(name, word(name), "DN", 2) for name in in_order(cells["estimator"], ESTIMATORS)),
+    ]
+    level = float(cells["level_dn"].iloc[0])
+    caption = f"Saturated patches at {level:g} DN: more than {100 * SATURATED:.0f} % black or white when sharp."
+    notes = [
+        "Medians over these patches with bootstrap 95 % interval; n: patches with an estimate. Clipping removes half "
+        "of the noise: the noise present is less than the noise added."
+    ]
+    return table("noise_saturated", caption, rows, columns, notes, ANY_STAGE)
+
+
+def _abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
+    def reasons(row: Row) -> str:
+        own = (estimates["dataset"] == row["dataset"]) & (estimates["estimator"] == row["estimator"])
+        counts = estimates.loc[own & estimates["abstained"], "reason"].value_counts().sort_index()
+        return ", ".join(f"{reason}: {count:,}" for reason, count in counts.items())
+
+    sums = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)[["count", "rejected", "abstained"]]
+    columns = [
+        named("dataset", "Dataset"),
+        named("estimator", "Estimator"),
+        Column("asked", "Patches", source=lambda row: int(row["count"] + row["abstained"])),
+        Column("abstained", "Abstained"),
+        Column("rejected", "Outliers rejected"),
+        Column("reasons", "Reasons of abstention", source=reasons, wide=True),
+    ]
+    notes = ["Over all effects and levels. An abstention is neither a zero nor a dropped row: it is counted here."]
+    caption = "Abstentions of the noise estimators."
+    return table("noise_abstentions", caption, sums.sum(), columns, notes, ANY_STAGE)
+
+
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Noise estimation on every dataset."""
     summary, estimates = noise_tables(inputs)
     ran = {(row["dataset"], row["estimator"]) for row in records(summary[["dataset", "estimator"]])}
     estimators = in_order((estimator for _, estimator in ran), ESTIMATORS)
-    runs: list[Run] = []
+    runs = [
+        run
+        for estimator in estimators or ["<estimator>"]
+        for run in overview(
+            f"Noise by {word(estimator)}", f"noise@{{dataset}}-{estimator}",
+            [dataset for dataset, name in ran if name == estimator], inputs,
+        )
+    ]  # fmt: skip
     blocks: list[Block] = []
-    for dataset in inputs.datasets:
-        for estimator in estimators or ["<estimator>"]:
-            stage = STAGE.format(dataset=dataset, estimator=estimator)
-            done = (dataset, estimator) in ran
-            absent = inputs.absent.get(dataset) if not done else None
-            why = "" if done else "data absent" if absent else "stage absent"
-            runs.append(Run(f"Noise by {word(estimator)}", dataset, done, why, absent or inputs.line(stage)))
     if not summary.empty:
         caption = (
-            "Noise estimation. Median (line) and range of the inliers (band) of the estimates over the level asked "
-            "for. Thin diagonal: that level. Dashed: the noise really present after clipping to 8 bit."
+            "Noise estimation. Median (line) and range of the inliers (band) of the estimates over the target level. "
+            "Thin diagonal: that level. Dashed: the noise present after clipping to 8 bit."
         )
         stages = tuple(sorted(STAGE.format(dataset=dataset, estimator=estimator) for dataset, estimator in ran))
-        done_on = in_order(summary["dataset"], inputs.datasets)
-        blocks.append(ShownFigure("noise", noise_figure.draw(summary, done_on), caption, stages))
-        blocks += [_medians(name, summary, inputs) for name in done_on]
+        datasets = in_order(summary["dataset"], inputs.datasets)
+        blocks.append(Figure("noise", curves(summary, datasets), caption, stages))
+        reference = optional(inputs.paper, "noise_reference.csv")
+        blocks += [medians(name, summary, reference) for name in datasets]
         blocks += _maps(inputs)
-        clipped = noise_patch_tables.saturated(estimates)
-        blocks += [noise_patch_tables.patch_errors(estimates), *([clipped] if clipped is not None else [])]
+        blocks.append(single_patches(estimates, inputs.seed))
+        clipped = saturated(estimates, inputs.seed)
+        blocks += [] if clipped is None else [clipped]
         blocks.append(_abstentions(summary, estimates))
-    shown: set[tuple[str, str]] = set()
-    for run in runs:
-        if not run.ran and (run.dataset, run.line) not in shown:
-            shown.add((run.dataset, run.line))
-            blocks.append(NotRun(f"Noise estimation on {word(run.dataset)}", run.why, run.line))
-    return Section("noise", "Noise estimation", (), blocks, runs)
+    return Section("noise", "Noise estimation", (), [*blocks, *missing("Noise estimation", runs)], runs)

@@ -1,33 +1,171 @@
-"""The section of the optics: the bank of blur kernels, and the sharpness of Sim by its Siemens star."""
+"""The optics: the bank of blur kernels with their MTF, and the MTF of Sim measured on its Siemens star."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
 from pipeline import tables
 from pipeline.errors import InputError
-from pipeline.report import kernel_sheet, star_figure
-from pipeline.report.inputs import ReportInputs, any_table, existing, optional_arrays, optional_table, records
+from pipeline.report import style
+from pipeline.report.display_names import BLURS, counted, in_order, listing, word
+from pipeline.report.inputs import ReportInputs, existing, optional, published
+from pipeline.report.ledger import LedgerRow
 from pipeline.report.ledger_sources import sharp_mtf, star_curve
-from pipeline.report.sections.base import Block, NotRun, Run, Section, ShownFigure
-from pipeline.report.tables import Cell, Column, Table
+from pipeline.report.spec import Block, Figure, NotRun, Section, overview, single
+from pipeline.report.style import Drawing
+from pipeline.report.tables import Column, table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
 BANK_STAGE, STAR_STAGE = "psf_bank", "star"
 SOURCES = {"generated": "generated here", "paper": "the paper's own"}
+AXES = {"H": "horizontal", "V": "vertical"}
+KEYS = ["kind", "angle_deg", "size_px"]
+
+
+def _mtf(axes: Axes, rows: pd.DataFrame) -> None:
+    for axis, dash in (("H", "-"), ("V", (0, (3, 1.2)))):
+        line = rows[rows["axis"] == axis].sort_values("frequency")
+        axes.plot(
+            line["frequency"], line["mtf"], color=style.series_look(axis)["color"], linestyle=dash, linewidth=0.9,
+            gid=style.series_id(axis, str(rows["kernel"].iloc[0])),
+        )  # fmt: skip
+    axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xticks=[0, 0.3, 0.6], yticks=[0, 0.5, 1])
+    axes.tick_params(labelsize=4.8, pad=1, length=1.5)
+
+
+@style.styled
+def kernel_sheet(bank: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: str) -> Drawing:
+    """Sizes down, kinds and rotations across; each kernel scaled to its maximum, with its MTF beneath.
+
+    Args:
+        bank: `pipeline.tables.KERNELS`.
+        kernels: kernel name -> (k, k), unit sum.
+        source: which rows of the table to show, ``"generated"`` or ``"paper"``.
+
+    Raises:
+        InputError: the table has no such rows, or names a kernel without a picture.
+    """
+    bank = bank[bank["source"] == source]
+    if bank.empty:
+        raise InputError(f"kernels.parquet: no kernel with source '{source}'; expected 'generated' or 'paper'")
+    absent = sorted(set(bank["kernel"]) - set(kernels))
+    if absent:
+        raise InputError(f"kernels.npz: no array for kernel '{absent[0]}'; run dvc repro psf_bank")
+    names = bank.drop_duplicates("kernel").set_index(KEYS)["kernel"]
+    kinds, sizes = in_order(bank["kind"], BLURS), sorted(set(bank["size_px"]))
+    columns = [(kind, angle) for kind in kinds for angle in sorted(set(names.xs(kind).index.get_level_values(0)))]
+    cell_in = min(style.sheet_cell_in(len(columns), margins_in=0.48, gap_in=0.07), 1.0)
+    figure, axes = style.sheet(
+        len(columns), [cell_in, 0.6 * cell_in] * len(sizes), left_in=0.42, right_in=0.06, top_in=0.4, bottom_in=0.3,
+        gap_in=0.07, row_gaps_in=([0.05, 0.12] * len(sizes))[:-1],
+    )  # fmt: skip
+    for across, (kind, angle) in enumerate(columns):
+        heading = word(kind) if kind == "defocus" else f"{word(kind)}, {angle:g}°".replace(" motion", "\nmotion")
+        axes[0, across].set_title(heading, fontsize=5.8, pad=3)
+        for down, size in enumerate(sizes):
+            picture, curve = axes[2 * down, across], axes[2 * down + 1, across]
+            name = names.get((kind, angle, size))
+            if not isinstance(name, str):
+                picture.set_axis_off()
+                curve.set_axis_off()
+                continue
+            kernel = np.asarray(kernels[name], dtype=float)
+            # A kernel is shown in a frame a little larger than its nominal size, whatever its array's margin.
+            frame = max(int(size * 1.6) | 1, *(side for side in kernel.shape if side <= 1.6 * size), 7)
+            picture.imshow(_framed(kernel, frame), cmap="gray", vmin=0, vmax=max(kernel.max(), 1e-12))
+            style.bare(picture)
+            _mtf(curve, bank[bank["kernel"] == name])
+            if across:
+                curve.set_yticklabels([])
+            else:
+                picture.set_ylabel(f"{size} px", fontweight="bold")
+                curve.set_ylabel("MTF", fontsize=5.5, labelpad=1)
+            if down + 1 < len(sizes):
+                curve.set_xticklabels([])
+            else:
+                curve.set_xlabel("f / Nyquist", fontsize=5.5, labelpad=1)
+    means = bank[bank["kind"] == kinds[0]].groupby("size_px")["mtf"].mean()
+    alt = (
+        f"{counted(bank['kernel'].nunique(), 'blur kernel')} ({source}): "
+        f"{listing(word(kind).lower() for kind in kinds)} "
+        f"in sizes {listing(f'{size} px' for size in sizes)} with MTF curves. Mean MTF over the sampled frequencies of "
+        f"{word(kinds[0]).lower()}: {means[sizes[0]]:.2f} at {sizes[0]} px, {means[sizes[-1]]:.2f} at {sizes[-1]} px."
+    )
+    values = bank.drop(columns="source").sort_values([*KEYS, "axis", "frequency"])
+    series = [(axis, title, str(style.series_look(axis)["color"])) for axis, title in AXES.items()]
+    return Drawing(figure, alt, values, tuple(series))
+
+
+def _framed(kernel: np.ndarray, side: int) -> np.ndarray:
+    """The middle ``side`` x ``side`` of a kernel, padded with zeros where the kernel is smaller."""
+    pads = [(max(0, (side - length) // 2), max(0, side - length - (side - length) // 2)) for length in kernel.shape]
+    padded = np.pad(kernel, pads)
+    top, left = ((length - side) // 2 for length in padded.shape)
+    return padded[top : top + side, left : left + side]
+
+
+@style.styled
+def star_figure(image: np.ndarray, curves: Mapping[str, np.ndarray], paper: pd.DataFrame | None = None) -> Drawing:
+    """The star beside its MTF: measured, by formula, as published.
+
+    Args:
+        image: (H, W) star, uint8 or float in [0, 1].
+        curves: ``frequency`` as fractions of Nyquist, ``measured`` contrast and the contrast by ``formula``, each (K,).
+        paper: columns frequency, mtf: the star of the paper's Sim.
+    """
+    import pandas as pd
+
+    figure = style.new_figure(style.TWO_COLUMNS_IN, 2.7)
+    left, right = figure.subplots(1, 2, width_ratios=[1, 1.5])
+    picture, _ = style.shrunk(np.asarray(image), 512)
+    left.imshow(picture, cmap="gray", vmin=0, vmax=1 if picture.dtype.kind == "f" else 255)
+    style.bare(left)
+    blue, red = style.PALETTE[:2]
+    looks: dict[str, tuple[str, str, style.Look]] = {
+        "formula": ("formula", "line", {"color": style.INK, "linewidth": 0.9}),
+        "measured": ("measured on the star", "points", {"color": blue, "marker": "o", "linestyle": "none"}),
+        "published": (
+            "the paper's Sim", "line", {"color": red, "marker": "s", "linestyle": (0, (3, 2)), "linewidth": 0.8}
+        ),
+    }  # fmt: skip
+    data = {name: (curves["frequency"], curves[name]) for name in ("formula", "measured")}
+    if paper is not None and not paper.empty:
+        data["published"] = (paper["frequency"].to_numpy(float), paper["mtf"].to_numpy(float))
+    for name, (frequency, mtf) in data.items():
+        label, part, look = looks[name]
+        right.plot(frequency, mtf, label=label, gid=style.series_id(name, part), **look)
+    right.set(xlabel="spatial frequency [fraction of Nyquist]", ylabel="MTF", ylim=(0, 1.05), xlim=(0, None))
+    right.legend(loc="lower left")
+    error = np.abs(curves["measured"] - curves["formula"])
+    worst = int(np.nanargmax(error))
+    alt = (
+        f"Siemens star and its MTF: measured {np.interp(0.5, curves['frequency'], curves['measured']):.3f} at half "
+        f"Nyquist; measurement and formula differ by at most {error[worst]:.4f}, at "
+        f"{curves['frequency'][worst]:.2f} of Nyquist."
+    )
+    titles = {"formula": "formula", "measured": "measured", "published": "the paper's Sim"}
+    series = tuple((name, titles[name], str(looks[name][2]["color"])) for name in data)
+    return Drawing(figure, alt, pd.DataFrame(dict(curves)), series)
 
 
 def _bank(inputs: ReportInputs) -> list[Block]:
-    table = optional_table(inputs.psf, "kernels.parquet", tables.KERNELS)
-    if table is None:
+    bank = optional(inputs.psf, "kernels.parquet", tables.KERNELS)
+    if bank is None:
         return [NotRun("Bank of blur kernels", "stage absent", inputs.line(BANK_STAGE))]
-    kernels = optional_arrays(inputs.psf, "kernels.npz")
+    kernels = optional(inputs.psf, "kernels.npz") or {}
     blocks: list[Block] = []
-    for source in sorted(set(table["source"])):
+    for source in sorted(set(bank["source"])):
         caption = (
             f"Blur kernels, {SOURCES.get(source, source)}. Each with its MTF beneath, horizontal (solid) and vertical "
             "(dashed), at the paper's eight frequencies."
         )
-        blocks.append(
-            ShownFigure(f"kernels_{source}", kernel_sheet.draw(table, kernels, source), caption, (BANK_STAGE,))
-        )
+        blocks.append(Figure(f"kernels_{source}", kernel_sheet(bank, kernels, source), caption, (BANK_STAGE,)))
     return blocks
 
 
@@ -35,42 +173,34 @@ def _star(inputs: ReportInputs) -> list[Block]:
     curves = star_curve(inputs)
     if curves is None:
         return [NotRun("Siemens star of Sim", "stage absent", inputs.line(STAR_STAGE))]
-    arrays = optional_arrays(inputs.star, "star.npz")
-    if "image" not in arrays:
+    image = (optional(inputs.star, "star.npz") or {}).get("image")
+    if image is None:
         raise InputError(f"{inputs.star}/star.npz: expected an array 'image'; run the stage again")
-    path = inputs.paper / "uncorrupted_mtf.csv"
-    published = None
-    if path.exists():
-        paper = any_table(path)
-        published = paper[(paper["dataset"] == "sim") & (paper["estimator"] == "ground_truth")]
-    drawing = star_figure.draw(arrays["image"], curves["frequency"], curves["measured"], curves["formula"], published)
+    paper = published(inputs, "uncorrupted_mtf.csv")
+    if paper is not None:
+        paper = paper[(paper["dataset"] == "sim") & (paper["estimator"] == "ground_truth")]
     caption = (
         "Sharpness of Sim. A Siemens star rendered through the same rays as the frames, and its MTF: measured, by the "
         "formula of sampling and lens, and as the paper states it for its own Sim."
     )
-    own = sharp_mtf(inputs)
-    theirs = {} if published is None else dict(zip(published["frequency"], published["mtf"], strict=True))
-    rows: list[dict[str, Cell]] = [
-        {"frequency": row["frequency"], "ours": row["mtf"], "paper": theirs.get(row["frequency"])}
-        for row in (records(own) if own is not None else [])
-    ]
+    ours = sharp_mtf(inputs)
+    theirs = {} if paper is None else dict(zip(paper["frequency"], paper["mtf"], strict=True))
     columns = [
         Column("frequency", "Frequency", "fraction of Nyquist", 2),
-        Column("ours", "Ours, measured", "", 3),
-        Column("paper", "Paper", "", 2),
+        Column("ours", "Ours, measured", "", 3, "mtf"),
+        Column("paper", "Paper", "", 2, lambda row: theirs.get(row["frequency"])),
     ]
-    notes = ("Ours is interpolated linearly at the paper's frequencies.",)
-    table = Table("sim_sharpness", "MTF of uncorrupted Sim frames.", columns, rows, notes, STAR_STAGE)
-    return [ShownFigure("sim_star", drawing, caption, (STAR_STAGE,)), table]
+    notes = ["Ours is interpolated linearly at the paper's frequencies."]
+    sharpness = table(
+        "sim_sharpness", "MTF of uncorrupted Sim frames.", [] if ours is None else ours, columns, notes, STAR_STAGE
+    )
+    return [Figure("sim_star", star_figure(image, curves, paper), caption, (STAR_STAGE,)), sharpness]
 
 
-def section(inputs: ReportInputs) -> Section:
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Optics: kernels and star."""
-    bank_ran = existing(inputs.psf) is not None
-    star_ran = existing(inputs.star) is not None
-    why = "stage absent"
     runs = [
-        Run("Blur kernels", "", bank_ran, "" if bank_ran else why, inputs.line(BANK_STAGE)),
-        Run("Siemens star", "sim", star_ran, "" if star_ran else why, inputs.line(STAR_STAGE)),
+        single("Blur kernels", BANK_STAGE, existing(inputs.psf) is not None, inputs),
+        *overview("Siemens star", STAR_STAGE, ["sim"] if existing(inputs.star) else [], inputs, ["sim"]),
     ]
     return Section("optics", "Optics: blur kernels and sharpness", (), [*_bank(inputs), *_star(inputs)], runs)

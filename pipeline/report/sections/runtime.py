@@ -1,107 +1,144 @@
-"""The section of run times: estimators per patch and per frame on a named machine, the paper's beside them."""
+"""Run times of the estimators on a named machine, the paper's beside them.
+
+They are measured by an explicit call of a benchmark and committed, not by a stage: a time that changed with every run
+would change every report. The report only reads the record (``benchmarks/results/estimators.json``).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pipeline.report.inputs import ReportInputs, any_table, existing, records
-from pipeline.report.run_times import LINE, TASKS, PatchTime, patch_times, record
-from pipeline.report.sections.base import Block, NotRun, Run, Section
-from pipeline.report.tables import Cell, Column, Table
-from pipeline.report.wording import ESTIMATORS, in_order, word
+import pandas as pd
 
-# The paper's names for its estimators.
+from pipeline.errors import InputError
+from pipeline.report.display_names import ESTIMATORS, word
+from pipeline.report.inputs import ReportInputs, described, optional
+from pipeline.report.ledger import LedgerRow
+from pipeline.report.spec import STAGE_ABSENT, NotRun, Run, Section
+from pipeline.report.tables import Column, Table, ordered, records, table
+
+COMMAND = "python benchmarks/estimators.py"
+TITLE = "Run times"
+TASKS = {"blur": "Blur", "noise": "Noise"}
 PUBLISHED = {
     ("blur", "cnn"): "cnn_mtf", ("blur", "pmp"): "pmp", ("blur", "gbb"): "gbb", ("noise", "cnn"): "cnn_sigma",
     ("noise", "pca"): "pca", ("noise", "bf"): "bf",
 }  # fmt: skip
-ASKED_FPS = {("blur", "spectral"): 5.0, ("noise", "cellwise"): 10.0}
-"""Whole frames per second that this project asks of its own estimators on two cores."""
+"""The paper's names of its estimators. Its blur network counts a batch of four patches."""
+
+REQUIRED_FPS = {("blur", "spectral"): 5.0, ("noise", "cellwise"): 10.0}
+"""Whole frames per second that this project requires of its own estimators on two cores."""
 
 
-def _paper(inputs: ReportInputs) -> dict[str, float]:
+def record(inputs: ReportInputs) -> Mapping[str, Any] | None:
+    """The benchmark's record, or None where it was not made.
+
+    Raises:
+        InputError: the file holds something else.
+    """
+    if inputs.runtime is None:
+        return None
+    keys = ("machine", "results", "frame_px", "patch_px")
+    content: Mapping[str, Any] | None = described(
+        inputs.runtime.parent, inputs.runtime.name, keys, f"make the record again: {COMMAND}"
+    )
+    return content
+
+
+def patch_times(inputs: ReportInputs) -> pd.DataFrame:
+    """Processor times of every estimator of the record, one thread; empty without a record.
+
+    Returns:
+        task, estimator, name (the paper's), patch_px, one_ms and batched_ms (medians per patch, alone and among many),
+        untrained, clock_fps and processor_fps (whole frames per second of two processes; None where not timed).
+
+    Raises:
+        InputError: the file holds something else.
+    """
+    content = record(inputs) or {"results": {}}
+    rows: list[dict[str, Any]] = []
+    for task in TASKS:
+        for name, entry in content["results"].get(task, {}).items():
+            try:
+                one, batched = (entry[key]["processor_median_ms"] for key in ("one_patch", "batched"))
+            except (KeyError, TypeError):
+                raise InputError(f"{inputs.runtime}: no times of '{name}'; make the record again: {COMMAND}") from None
+            frame = entry.get("frame") or {}
+            rows.append(
+                {
+                    "task": task,
+                    "estimator": name,
+                    "name": PUBLISHED.get((task, name), ""),
+                    "patch_px": content["patch_px"][task],
+                    "one_ms": one,
+                    "batched_ms": batched,
+                    "untrained": entry.get("weights") == "untrained",
+                    "clock_fps": frame.get("clock_fps"),
+                    "processor_fps": frame.get("processor_fps"),
+                }
+            )
+    columns = ["task", "estimator", "name", "patch_px", "one_ms", "batched_ms", "untrained"]
+    return pd.DataFrame(rows, columns=[*columns, "clock_fps", "processor_fps"], dtype=object)
+
+
+def _paper_ms(inputs: ReportInputs) -> dict[str, float]:
     """Published milliseconds per patch; the paper's blur network counts a batch of four."""
-    path = existing(inputs.paper / "runtime.csv")
-    found = {} if path is None else {str(row["estimator"]): row for row in records(any_table(path))}
+    published = optional(inputs.paper, "runtime.csv")
+    last = {str(row["estimator"]): row for row in ([] if published is None else records(published))}
     return {
         name: 1e3 * float(row["seconds"]) / (4 if str(row["unit"]).startswith("batch of 4") else 1)
-        for name, row in found.items()
+        for name, row in last.items()
     }
 
 
-def _machine(content: Mapping[str, Any]) -> str:
-    """One sentence on what was measured where."""
-    machine, packages = content["machine"], content["machine"].get("packages", {})
-    versions = ", ".join(f"{name} {version}" for name, version in sorted(packages.items()) if version)
-    return (
-        f"{machine.get('processor')}, {machine.get('cores')} cores, load {machine.get('load')} at the end, "
-        f"Python {machine.get('python')}, {versions}."
-    )
-
-
-def _ordered(times: list[PatchTime]) -> list[PatchTime]:
-    order = in_order((time.estimator for time in times), ESTIMATORS)
-    return sorted(times, key=lambda time: (TASKS.index(time.task), order.index(time.estimator)))
-
-
-def _table(times: list[PatchTime], content: Mapping[str, Any], inputs: ReportInputs) -> Table:
-    paper, sides = _paper(inputs), content["patch_px"]
-    rows: list[dict[str, Cell]] = []
-    for time in _ordered(times):
-        published = paper.get(PUBLISHED.get((time.task, time.estimator), ""))
-        rows.append(
-            {
-                "task": "Blur" if time.task == "blur" else "Noise",
-                "estimator": word(time.estimator) + (" (untrained)" if time.untrained else ""),
-                "patch_px": sides[time.task],
-                "one_ms": time.one_ms,
-                "batched_ms": time.batched_ms,
-                "paper_ms": published,
-                "ratio": None if published is None else published / time.one_ms,
-                "processor_fps": time.processor_fps,
-                "clock_fps": time.clock_fps,
-                "asked_fps": ASKED_FPS.get((time.task, time.estimator)),
-            }
-        )
+def _table(content: Mapping[str, Any], inputs: ReportInputs) -> Table:
+    paper = _paper_ms(inputs)
+    times = ordered(patch_times(inputs), task=TASKS, estimator=ESTIMATORS)
     columns = [
-        Column("task", "Of"),
-        Column("estimator", "Estimator"),
+        Column("task", "Of", source=lambda row: TASKS[row["task"]]),
+        Column(
+            "estimator", "Estimator",
+            source=lambda row: word(row["estimator"]) + (" (untrained)" if row["untrained"] else ""),
+        ),
         Column("patch_px", "Patch", "px"),
         Column("one_ms", "One patch", "ms"),
         Column("batched_ms", "Batched, per patch", "ms"),
-        Column("paper_ms", "Paper, per patch", "ms"),
-        Column("ratio", "Paper over ours"),
+        Column("paper_ms", "Paper, per patch", "ms", source=lambda row: paper.get(row["name"])),
+        Column(
+            "ratio", "Paper over ours",
+            source=lambda row: paper[row["name"]] / row["one_ms"] if row["name"] in paper else None,
+        ),
         Column("processor_fps", "Frames a second, two free cores"),
         Column("clock_fps", "The same on the clock"),
-        Column("asked_fps", "Asked of ours"),
-    ]
+        Column("asked_fps", "Required", source=lambda row: REQUIRED_FPS.get((row["task"], row["estimator"]))),
+    ]  # fmt: skip
+    machine, packages = content["machine"], content["machine"].get("packages", {})
+    versions = ", ".join(f"{name} {version}" for name, version in sorted(packages.items()) if version)
     width, height = content["frame_px"]
-    joint = content["results"].get("joint", {})
     notes = [
-        f"Measured on: {_machine(content)} One thread a process; median processor times, which other programs on the "
-        "machine hardly enter.",
+        f"Measured on: {machine.get('processor')}, {machine.get('cores')} cores, load {machine.get('load')} at the "
+        f"end, Python {machine.get('python')}, {versions}. One thread a process; median processor times, which other "
+        "programs on the machine hardly affect.",
         f"A frame is {width} x {height} px with its whole grid of patches, by two processes at a time. Free cores: two "
-        "over the processor time of a frame. On the clock: beside all else that ran at the time.",
+        "over the processor time of a frame. On the clock: beside all other processes at the time.",
         "The paper's times are of a Xeon W-2145 with a Quadro RTX 6000; a batch of its blur network is four patches.",
     ]
     notes += [
         f"Blur, noise and maps of a frame in one call ({name}): {entry['frame']['processor_fps']:g} frames a second on "
         f"two free cores, {entry['frame']['clock_fps']:g} on the clock."
-        for name, entry in joint.items()
+        for name, entry in content["results"].get("joint", {}).items()
     ]
-    if any(time.untrained for time in times):
-        notes.append("Untrained: with fresh weights, which cost what trained ones do.")
-    return Table("runtime", "Run times of the estimators.", columns, rows, notes)
+    if times["untrained"].any():
+        notes.append("Untrained: with fresh weights, which take as long as trained ones.")
+    return table("runtime", "Run times of the estimators.", times, columns, notes)
 
 
-def section(inputs: ReportInputs) -> Section:
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Run times as recorded; the ledger holds the paper's too, as not comparable across hardware."""
-    title = "Run times"
-    content = record(inputs.runtime)
+    content = record(inputs)
+    run = Run(TITLE, "", content is not None, "" if content is not None else STAGE_ABSENT, COMMAND)
     if content is None:
-        run = Run(title, "", False, "stage absent", LINE)
-        return Section("runtime", title, (), [NotRun(title, "stage absent", LINE)], [run])
-    text = f"Recorded by {LINE}, not by a stage, so that a report is the same bytes on a slow and on a fast day."
-    blocks: list[Block] = [_table(patch_times(inputs.runtime), content, inputs)]
-    return Section("runtime", title, (text,), blocks, [Run(title, "", True, "", LINE)])
+        return Section("runtime", TITLE, (), [NotRun(TITLE, run.why, COMMAND)], [run])
+    text = f"Recorded by {COMMAND}, not by a stage, so that a report has the same bytes on any machine and day."
+    return Section("runtime", TITLE, (text,), [_table(content, inputs)], [run])

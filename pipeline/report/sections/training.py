@@ -1,17 +1,28 @@
-"""The section of training: learning curves, budget, size and held-out error of every network that was trained."""
+"""Training: learning curves, budget, size and held-out error of every network, and trainings with one thing changed."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from pipeline.report import ablation_table, learning_figure
-from pipeline.report.inputs import ReportInputs
+import numpy as np
+import pandas as pd
+
+from pipeline.report import style
+from pipeline.report.display_names import listing
+from pipeline.report.inputs import ReportInputs, existing, optional
 from pipeline.report.learning_curves import HELD_OUT, LearningCurve, read
-from pipeline.report.sections.base import Block, NotRun, Run, Section, ShownFigure
-from pipeline.report.tables import Cell, Column, Estimate, Table
+from pipeline.report.ledger import LedgerRow
+from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, single
+from pipeline.report.style import Drawing
+from pipeline.report.tables import Column, Estimate, Row, Table, table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 TEXT = (
-    "Networks are trained here from scratch, on pictures made by procedures: no photograph and no frame of any dataset "
+    "Networks are trained here from scratch, on procedural images: no photograph and no frame of any dataset "
     "of this report is among them. Held-out samples share no picture, kernel or draw of noise with those trained on."
 )
 STAGES = {"mtf": "train_mtf@{network}", "sigma": "train_sigma@{network}", "detector": "train_detector@{network}"}
@@ -22,6 +33,19 @@ PAPER_PARAMETERS = {"mtf_cnn": 6_757_384, "sigma_cnn": 519_361}
 PAPER_SQUARED_ERROR = {"mtf_cnn": 0.0083}
 """Best validation MSE in the log of the paper's training, 47 of 51 epochs of 160,500 samples less 15 % held out."""
 
+ACROSS = 3  # panels in a row
+VARIANTS = {
+    "base": "as released, but short",
+    "seed_2": "another seed (2)",
+    "seed_3": "another seed (3)",
+    "no_noise": "no noise in training",
+    "isotropic": "no upright prior (isotropic pictures)",
+    "kernel_label": "label without the lens's own blur",
+    "few_images": "a tenth of the pictures",
+    "few_kernels": "a fifteenth of the kernels",
+}
+SEEDS = ("base", "seed_2", "seed_3")
+
 
 def stage_of(name: str) -> str:
     """The stage that trains a network, e.g. ``train_mtf@spectral``."""
@@ -29,35 +53,80 @@ def stage_of(name: str) -> str:
     return STAGES.get(task, "train_{task}@{network}").format(task=task, network=network)
 
 
-def _row(one: LearningCurve) -> dict[str, Cell]:
-    steps = one.steps
-    squared = one.at_release(f"{HELD_OUT}mean_squared_error")
-    paper = PAPER_SQUARED_ERROR.get(one.name)
-    parameters: Cell = one.parameters
-    if one.parameters is not None and one.name in PAPER_PARAMETERS:
-        parameters = Estimate(one.parameters, reference=PAPER_PARAMETERS[one.name])
-    measure = f"{one.measure_title} [{one.unit}]" if one.unit else one.measure_title
-    return {
-        "network": one.title,
-        "parameters": parameters,
-        "steps": steps,
-        "samples": None if one.samples is None else steps * one.samples,
-        "released": one.chosen,
-        "measure": measure,
-        "held_out": one.at_release(HELD_OUT + one.measure),
-        "training": None if one.training() is None else one.at_release(one.measure),
-        "squared": Estimate(squared, reference=paper) if math.isfinite(squared) else None,
-    }
+def _panel(axes: Axes, one: LearningCurve) -> None:
+    training, held_out = one.training(), one.held_out()
+    if training is not None and len(training):
+        axes.plot(training.index, training.to_numpy(), color=style.MUTED, linewidth=0.7, label="training samples")
+    colour = style.series_look(one.name.partition("_")[2])["color"]
+    axes.plot(held_out.index, held_out.to_numpy(), color=colour, linewidth=1.2, label="held out")
+    if one.chosen is not None and one.chosen in held_out.index:
+        point = {"marker": "o", "markersize": 4, "linestyle": "none", "color": colour}
+        axes.plot([one.chosen], [held_out[one.chosen]], label="released", **point)
+    values = np.concatenate([held_out.to_numpy(), training.to_numpy() if training is not None else np.empty(0)])
+    if values.size and values.min() > 0 and values.max() > 8 * values.min():
+        from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set(title=one.title, xlabel="step", ylabel=one.measure_heading, xlim=(0, 1.03 * one.steps))
+    axes.legend(loc="best", fontsize=5.4)
 
 
-def _table(curves: list[LearningCurve]) -> Table:
+@style.styled
+def curves_figure(curves: Sequence[LearningCurve]) -> Drawing:
+    """One panel per network: held-out samples over training samples.
+
+    Args:
+        curves: at least one.
+    """
+    across = min(ACROSS, len(curves))
+    down = -(-len(curves) // across)
+    width = max(style.TWO_COLUMNS_IN * across / ACROSS, style.ONE_COLUMN_IN)
+    figure = style.new_figure(width, 1.75 * down + 0.1)
+    panels = np.ravel(figure.subplots(down, across, squeeze=False))
+    for axes in panels[len(curves) :]:
+        axes.set_axis_off()
+    tables, words = [], []
+    for axes, one in zip(panels, curves, strict=False):
+        _panel(axes, one)
+        for samples, values in (("held out", one.held_out()), ("training", one.training())):
+            if values is not None:
+                head = {"network": one.name, "measure": one.measure, "samples": samples}
+                tables.append(pd.DataFrame({"step": values.index, "value": values.to_numpy()}).assign(**head))
+        value = f"{one.at_release(HELD_OUT + one.measure):.3g} {one.unit}".strip()
+        words.append(f"{one.title}, {one.measure_title} {value} after {one.steps:,} steps")
+    alt = f"Learning curves on held-out and on training samples. At release: {listing(words)}."
+    return Drawing(figure, alt, pd.concat(tables)[["network", "measure", "samples", "step", "value"]])
+
+
+def _networks(curves: Sequence[LearningCurve]) -> Table:
+    rows = []
+    for one in curves:
+        squared, paper = one.at_release(f"{HELD_OUT}mean_squared_error"), PAPER_PARAMETERS.get(one.name)
+        rows.append(
+            {
+                "network": one.title,
+                "parameters": one.parameters if paper is None or one.parameters is None
+                else Estimate(one.parameters, reference=paper),
+                "steps": one.steps,
+                "samples": None if one.samples is None else one.steps * one.samples,
+                "released": one.chosen,
+                "measure": one.measure_heading,
+                "held_out": one.at_release(HELD_OUT + one.measure),
+                "training": None if one.training() is None else one.at_release(one.measure),
+                "squared": None if math.isnan(squared)
+                else Estimate(squared, reference=PAPER_SQUARED_ERROR.get(one.name)),
+            }
+        )  # fmt: skip
     columns = [
         Column("network", "Network"),
         Column("parameters", "Parameters"),
         Column("steps", "Steps"),
         Column("samples", "Samples seen"),
         Column("released", "Released step"),
-        Column("measure", "Judged by"),
+        Column("measure", "Validation measure"),
         Column("held_out", "Held out"),
         Column("training", "Training"),
         Column("squared", "Held out, mean squared error"),
@@ -65,40 +134,63 @@ def _table(curves: list[LearningCurve]) -> Table:
     notes = [
         "Samples seen: a sample shown twice counts twice. Held out and training: at the released step; training is the "
         "mean since the row before. The paper's blur network reached a mean squared error of 0.0083 on its own "
-        "held-out samples (photographs, without noise, on a GPU); ours are other pictures, so that the two numbers "
-        "stand beside each other without being a contest."
+        "held-out samples (photographs, without noise, on a GPU); ours are other pictures, so the two numbers are not "
+        "compared."
     ]
-    return Table(
-        "training",
-        "Networks trained.",
-        columns,
-        [_row(one) for one in curves],
-        notes,
-        "train_mtf, train_sigma, train_detector",
-    )
+    return table("training", "Networks trained.", rows, columns, notes, "train_mtf, train_sigma, train_detector")
 
 
-def section(inputs: ReportInputs) -> Section:
-    """Every network whose learning curve lies beside its weights."""
+def ablation(inputs: ReportInputs) -> Table | None:
+    """Short trainings of the blur network with one thing changed, and with other seeds; None where none was run.
+
+    Args:
+        inputs: of the report; variants in the order of ``ablations``, without it every file by name.
+    """
+    folder = existing(inputs.ablation)
+    names = list(inputs.ablations) or sorted(path.stem for path in (folder.glob("*.json") if folder else ()))
+    measures = {name: optional(folder, f"{name}.json") for name in names}
+    rows = [{"variant": name, **own} for name, own in measures.items() if own is not None]
+    if not rows:
+        return None
+
+    def variant(row: Row) -> str:
+        return VARIANTS.get(row["variant"], str(row["variant"]))
+
+    columns = [
+        Column("variant", "Training", source=variant),
+        Column("all", "MTF error [%]", source="mtf_error_percent"),
+        Column("clean", "without noise [%]", source="mtf_error_clean_percent"),
+        Column("noisy", "with noise [%]", source="mtf_error_noisy_percent"),
+        Column("sigma", "σ error [DN]", source="sigma_error_dn"),
+    ]
+    notes = ["All are evaluated on the same held-out samples, those of the released training."]
+    seeds = [row["mtf_error_percent"] for row in rows if row["variant"] in SEEDS]
+    if len(seeds) > 1:
+        spread = max(seeds) - min(seeds)
+        notes.append(f"Seeds alone differ by {spread:.2f} % in the MTF error: smaller differences are not significant.")
+    return table("ablation", "Ablation of the training of the blur network.", rows, columns, notes, "ablation")
+
+
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+    """Every network with a learning curve beside its weights."""
     curves = read(inputs.weights)
-    there = [one.name for one in curves]
+    names = [one.name for one in curves]
     blocks: list[Block] = []
-    runs = [Run(f"Training, {one.title}", "", True, "", inputs.line(stage_of(one.name))) for one in curves]
+    runs = [single(f"Training, {one.title}", stage_of(one.name), True, inputs) for one in curves]
     if curves:
         caption = (
             "Learning curves. Coloured: on samples held out; grey: on those trained on, mean since the row before. The "
-            "point marks the weights released, which are those that did best on held-out samples."
+            "point marks the weights released, which are those with the lowest error on held-out samples."
         )
-        stages = tuple(stage_of(name) for name in there)
-        blocks += [ShownFigure("learning_curves", learning_figure.draw(curves), caption, stages), _table(curves)]
-    compared = ablation_table.table(inputs.ablation, inputs.ablations)
+        stages = tuple(stage_of(name) for name in names)
+        blocks += [Figure("learning_curves", curves_figure(curves), caption, stages), _networks(curves)]
+    compared = ablation(inputs)
     if compared is not None:
         blocks.append(compared)
-        runs.append(Run("What matters in training", "", True, "", inputs.line("ablation")))
+        runs.append(single("Ablation of the training", "ablation", True, inputs))
     for name in EXPECTED:
-        if name not in there:
-            line = inputs.line(stage_of(name))
-            title = name.replace("_", " ")
-            blocks.append(NotRun(f"Training of {title}", "stage absent", line))
-            runs.append(Run(f"Training, {title}", "", False, "stage absent", line))
+        if name not in names:
+            title, line = f"Training of {name.replace('_', ' ')}", inputs.line(stage_of(name))
+            blocks.append(NotRun(title, STAGE_ABSENT, line))
+            runs.append(Run(title, "", False, STAGE_ABSENT, line))
     return Section("training", "Training", (TEXT,), blocks, runs)

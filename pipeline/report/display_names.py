@@ -1,8 +1,9 @@
-"""Words shown to readers for the names used in tables: datasets, estimators, noise effects, kinds of blur."""
+"""Display names of datasets, estimators, noise sources, kinds of blur and detectors, and small helpers of prose."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 DATASETS = {
     "sim": "Sim",
@@ -60,7 +61,7 @@ def word(name: str) -> str:
     return _WORDS.get(name, name.replace("_", " "))
 
 
-def in_order(names: Iterable[str], order: Iterable[str]) -> list[str]:
+def in_order(names: Iterable[Any], order: Iterable[Any] = ()) -> list[Any]:
     """Names without repeats: those of ``order`` first, in its order, then the others alphabetically."""
     present = set(names)
     known = [name for name in order if name in present]

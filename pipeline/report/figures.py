@@ -1,0 +1,238 @@
+"""One description of a figure of small multiples: rows and columns of panels, and what one panel draws.
+
+`small_multiples` selects the rows of a data frame for each panel and places titles, axis labels, the legend, a colour
+bar and the note on panels without data. `lines` draws one line per series, with its band. A complete figure:
+
+    @style.styled
+    def figure(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
+        looks = style.series_looks(in_order(summary["estimator"], ESTIMATORS))
+
+        def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+            lines(axes, rows, "estimator", looks, "level_dn", "median_dn", band=("low_dn", "high_dn"), key=key)
+
+        return small_multiples(
+            summary, Facet("dataset", datasets), Facet("effect", in_order(summary["effect"], EFFECTS)), panel,
+            x="noise level σ [DN]", y="estimated σ [DN]", legend=[(word(name), look) for name, look in looks.items()],
+            alt="...", values=summary, series=style.switches(looks),
+        )
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pipeline.report import style
+from pipeline.report.display_names import word
+from pipeline.report.style import Drawing, Look
+from pipeline.report.tables import format_number
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PAPER_DASH = (0, (3, 1.6))
+PAPER: Look = {"linestyle": PAPER_DASH, "linewidth": 0.9, "marker": ""}
+"""Changes to the look of a series for the paper's values."""
+
+Panel = Callable[["Axes", "pd.DataFrame", str], Any]
+Legend = Sequence[tuple[str, Look]]
+
+
+@dataclass(frozen=True)
+class Facet:
+    """One direction of the grid.
+
+    Attributes:
+        column: of the data frame.
+        values: one row or column of panels each, in order.
+        label: title of a value.
+    """
+
+    column: str
+    values: Sequence[Any]
+    label: Callable[[Any], str] = word
+
+
+@style.styled
+def small_multiples(
+    frame: pd.DataFrame,
+    down: Facet,
+    across: Facet,
+    panel: Panel,
+    *,
+    x: str | Callable[[Any], str],
+    y: str,
+    alt: str,
+    axes: Mapping[str, Any] | Callable[[Any], Mapping[str, Any]] | None = None,
+    legend: Legend = (),
+    bar: str = "",
+    values: pd.DataFrame | None = None,
+    series: tuple[tuple[str, str, str], ...] = (),
+    panel_in: float = 1.72,
+    margin_in: float = 0.55,
+    width_in: float = style.TWO_COLUMNS_IN,
+    title_size: float | None = None,
+    share_x: bool = True,
+    absent: str = "not run",
+) -> Drawing:
+    """A grid of panels with common axes.
+
+    Args:
+        frame: long table; a panel gets the rows with its values of both facets.
+        down: facet of the rows of the grid.
+        across: facet of its columns.
+        panel: draws the rows of one panel; gets a key that is unique to the panel for SVG ids, and may return a
+            mappable for the colour bar.
+        x: label beneath the lowest panels, or a function of the column's value.
+        y: label beside the first panels, beneath the row's title.
+        alt: description for readers who do not see the figure.
+        axes: settings of every panel (`Axes.set`), or a function of the column's value.
+        legend: label and look of every entry.
+        bar: label of a colour bar; none where empty.
+        values: the numbers plotted, see `Drawing`.
+        series: what a reader may switch off, see `Drawing`.
+        panel_in: height of a row of panels, inches.
+        margin_in: height of everything else, inches.
+        width_in: of the figure.
+        title_size: font size of the column titles.
+        share_x: panels share the horizontal axis; the vertical one is always shared.
+        absent: text in a panel without rows.
+    """
+    figure = style.new_figure(width_in, panel_in * len(down.values) + margin_in)
+    grid = figure.subplots(len(down.values), len(across.values), squeeze=False, sharex=share_x, sharey=True)
+    mappable = None
+    for row, upper in enumerate(down.values):
+        for column, left in enumerate(across.values):
+            spot = grid[row, column]
+            chosen = frame[(frame[down.column] == upper) & (frame[across.column] == left)]
+            mappable = panel(spot, chosen, f"{upper} {left}") or mappable
+            if chosen.empty:
+                spot.text(0.5, 0.5, absent, transform=spot.transAxes, ha="center", va="center", color=style.MUTED)
+            spot.set(**(axes(left) if callable(axes) else axes or {}))
+            if row == 0:
+                spot.set_title(across.label(left), fontsize=title_size)
+            if row == len(down.values) - 1:
+                spot.set_xlabel(x(left) if callable(x) else x)
+        grid[row, 0].set_ylabel(f"{down.label(upper)}\n{y}")
+    add_legend(figure, legend)
+    if bar and mappable is not None:
+        colours = figure.colorbar(mappable, ax=grid, shrink=0.9, pad=0.01)
+        colours.set_label(bar)
+        colours.outline.set_visible(False)
+    return Drawing(figure, alt, values, series)
+
+
+def add_legend(figure: Figure, legend: Legend) -> None:
+    """One legend above all panels."""
+    from matplotlib.lines import Line2D
+
+    if legend:
+        handles = [Line2D([], [], label=label, **look) for label, look in legend]
+        figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 8))
+
+
+def lines(
+    axes: Axes,
+    rows: pd.DataFrame,
+    by: str,
+    looks: Mapping[Any, Look],
+    x: str,
+    y: str,
+    *,
+    band: tuple[str, str] | None = None,
+    alpha: float = 0.13,
+    ring: Sequence[str] = (),
+    change: Look | None = None,
+    zorder: float = 3,
+    part: str = "line",
+    key: str = "",
+) -> None:
+    """One line per series, with its band and rings about marked points.
+
+    Args:
+        axes: to draw into.
+        rows: of the panel; series without rows are skipped.
+        by: column that names the series.
+        looks: series -> look, in the order drawn.
+        x: column of the horizontal axis.
+        y: column of the vertical axis.
+        band: columns of the lower and upper edge of a band.
+        alpha: opacity of the band.
+        ring: boolean columns; a point is ringed where any of them holds.
+        change: changes to every look, e.g. `PAPER`.
+        zorder: of the lines.
+        part: of the panel, in the SVG ids by which a reader switches a series off.
+        key: of the panel, there too.
+    """
+    for name, look in looks.items():
+        own = rows[rows[by] == name].sort_values(x, kind="stable")
+        if own.empty:
+            continue
+        at = own[x].to_numpy(float)
+
+        def gid(kind: str, name: Any = name) -> str | None:
+            return style.series_id(name, f"{kind} {key}") if isinstance(name, str) else None
+
+        if band is not None:
+            low, high = (own[edge].to_numpy(float) for edge in band)
+            axes.fill_between(at, low, high, color=look["color"], alpha=alpha, linewidth=0, gid=gid("band"))
+        axes.plot(at, own[y].to_numpy(float), zorder=zorder, gid=gid(part), **(look | (change or {})))
+        if ring:
+            marked = own[list(ring)].any(axis=1).to_numpy()
+            axes.scatter(
+                at[marked], own[y].to_numpy(float)[marked], s=30, zorder=4, facecolors="none",
+                edgecolors=look["color"], linewidths=0.7, gid=gid("rise"),
+            )  # fmt: skip
+
+
+RING: Look = {
+    "linestyle": "none", "marker": "o", "markersize": 6, "markerfacecolor": "none", "markeredgecolor": style.MUTED,
+}  # fmt: skip
+"""Legend entry of the rings that `lines` draws."""
+
+
+def beside_the_paper(looks: Mapping[str, Look], ours: Sequence[str], has_paper: bool) -> list[tuple[str, Look]]:
+    """Legend of estimators: solid where they ran, dashed where only the paper has them.
+
+    Args:
+        looks: estimator -> look, in the order shown.
+        ours: estimators that ran.
+        has_paper: the paper's values are shown.
+    """
+    entries = [
+        (word(name), look) if name in ours else (f"{word(name)} (paper's only)", look | PAPER)
+        for name, look in looks.items()
+    ]
+    return [*entries, ("the paper's", PAPER | {"color": style.MUTED})] if has_paper else entries
+
+
+def ordinal_legend(looks: Mapping[float, Look], unit: str, zero: str) -> list[tuple[str, Look]]:
+    """Legend of an ordered quantity (`style.ordinal_looks`).
+
+    Args:
+        looks: value -> look.
+        unit: of the values.
+        zero: label of the value zero.
+    """
+    return [(f"{format_number(value)} {unit}" if value else zero, look) for value, look in looks.items()]
+
+
+def abstentions(axes: Axes, counts: Mapping[str, tuple[int, int]], key: str, *, at_top: bool = True) -> None:
+    """Text in a corner of the panel: how many patches each estimator abstained from.
+
+    Args:
+        axes: to draw into.
+        counts: estimator -> abstentions and all patches; no line for an estimator without abstentions.
+        key: of the panel.
+        at_top: the upper left corner, otherwise the lower left.
+    """
+    shown = {name: pair for name, pair in counts.items() if pair[0]}
+    for line, (name, (abstained, total)) in enumerate(shown.items()):
+        height = 0.97 - 0.085 * line if at_top else 0.04 + 0.085 * (len(shown) - 1 - line)
+        axes.text(
+            0.03, height, f"{word(name)} abstained {abstained:,} of {total:,}", fontsize=4.6, color=style.MUTED,
+            transform=axes.transAxes, va="top" if at_top else "bottom", gid=style.series_id(name, f"abstained {key}"),
+        )  # fmt: skip

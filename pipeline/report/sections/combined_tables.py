@@ -1,0 +1,214 @@
+"""Tables of blur and noise at once: AMAE over kernel and level, and the supplement's denoising before estimation."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pipeline.grouped_statistics import weighted_mean
+from pipeline.report.display_names import DATASETS, ESTIMATORS, EXPERIMENTS, word
+from pipeline.report.tables import (
+    Cell,
+    Column,
+    Row,
+    Table,
+    amae,
+    estimate,
+    format_number,
+    mean_cell,
+    named,
+    ordered,
+    pivot,
+    table,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STAGE, ANY_STAGE = "combined@{dataset}", "combined@<dataset>"
+DENOISED_STAGE = "denoised_blur@{dataset}"
+PAPERS_DATASET = "udacity"
+OURS_FIRST = ["spectral", *(name for name in ESTIMATORS if name != "spectral")]
+WAY = ["estimator", "filter_px", "calibrated"]
+
+
+def _way(row: Row) -> str:
+    how = "calibrated" if row["calibrated"] else "raw"
+    return f"{how}, smoothed {row['filter_px']:g} px" if row["filter_px"] else how
+
+
+def _level(level_dn: float) -> str:
+    return f"level_{level_dn:g}"
+
+
+def _level_columns(cells: pd.DataFrame) -> list[Column]:
+    return [Column(_level(level), f"{level:g} DN", "%", 1) for level in sorted(set(cells["level_dn"]))]
+
+
+def _shown(cells: pd.DataFrame, *by: str) -> pd.DataFrame:
+    """Raw and calibrated estimates, and raw ones with each disc that smoothed any patch (of the same group)."""
+    smoothed = (cells["smoothed_share"] > 0).groupby([cells[name] for name in (*by, "filter_px")]).transform("any")
+    return cells[(cells["filter_px"] == 0) | (~cells["calibrated"] & smoothed)]
+
+
+def error(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFrame | None = None) -> Table:
+    """AMAE of one dataset and experiment: a row per estimator, way and kernel size, a column per level, and means.
+
+    Args:
+        dataset: name.
+        experiment: name.
+        cells: `pipeline.condition.combined_tables.BLUR_CELLS`.
+        paper: columns sigma_dn, size_px, amae_percent: its CNN on Udacity, beside raw estimates of the first estimator.
+    """
+    own = cells[(cells["dataset"] == dataset) & (cells["experiment"] == experiment)]
+    levels = _level_columns(own)
+    own = ordered(_shown(own, "estimator"), estimator=OURS_FIRST, filter_px=(), calibrated=(), size_px=())
+    if paper is not None and len(own):
+        theirs = paper.rename(columns={"sigma_dn": "level_dn", "amae_percent": "paper_percent"})
+        theirs = theirs[["level_dn", "size_px", "paper_percent"]].astype(float)
+        theirs = theirs.assign(estimator=own["estimator"].iloc[0], filter_px=0.0, calibrated=False)
+        own = own.merge(theirs, how="left", on=[*WAY, "level_dn", "size_px"])
+    rows: list[dict[str, Any]] = []
+    for _, group in own.groupby(WAY, sort=False):
+        lines = pivot(group, [*WAY, "size_px"], "level_dn", amae, _level)
+        complete = [column.name for column in levels if all(column.name in line for line in lines)]
+        means = {name: mean_cell([line[name] for line in lines]) for name in complete}
+        rows += [*lines, {**lines[0], **dict.fromkeys(column.name for column in levels), **means, "size_px": None}]
+    columns = [
+        named("estimator", "Estimator"),
+        Column("way", "Answer", source=_way),
+        Column("size", "Blur", "px", source=lambda row: "Mean" if row["size_px"] is None else _number(row["size_px"])),
+        *levels,
+    ]
+    notes = [
+        "AMAE of the robust median over patches, averaged over rotations, with bootstrap 95 % interval; n: patches "
+        "with an estimate, over all rotations. Calibrated: divided by the same camera's estimate for its own sharp "
+        "frames without noise. Smoothed: patches estimated to be noisy are smoothed by a disc before estimation, and "
+        "the disc's MTF is divided out after; frequencies at which it leaves too little are left out of the error."
+    ]
+    if paper is not None:
+        notes.append("Paper: its CNN on Udacity" + (".", ", beside ours on other frames.")[dataset != PAPERS_DATASET])
+    caption = f"{word(experiment)} on {word(dataset)}: error of the MTF."
+    stage = STAGE.format(dataset=dataset)
+    return table(f"combined_{experiment}_{dataset}", caption, rows, columns, notes, stage)
+
+
+def _number(value: float) -> str:
+    return format_number(float(value))
+
+
+def overview(cells: pd.DataFrame) -> Table:
+    """Every estimator's error over the noise level, mean over kernel sizes: a row per dataset, experiment and way.
+
+    Args:
+        cells: `pipeline.condition.combined_tables.BLUR_CELLS`.
+    """
+    index = ["dataset", "experiment", *WAY]
+    shown = _shown(cells, "dataset", "experiment", "estimator")
+    shown = ordered(
+        shown, dataset=DATASETS, experiment=EXPERIMENTS, estimator=OURS_FIRST, filter_px=(), calibrated=()
+    )  # fmt: skip
+    sizes = shown.groupby(index)["size_px"].unique()
+    means = shown.groupby([*index, "level_dn"], sort=False, as_index=False)[["amae_percent"]].mean()
+    rows = pivot(means, index, "level_dn", lambda row: float(row["amae_percent"]), _level)
+    columns = [
+        named("dataset", "Dataset"),
+        named("experiment", "Experiment"),
+        named("estimator", "Estimator"),
+        Column("way", "Answer", source=_way),
+        Column(
+            "sizes", "Mean over", "px",
+            source=lambda row: ", ".join(_number(size) for size in sorted(sizes[tuple(row[name] for name in index)])),
+        ),
+        *_level_columns(cells),
+    ]  # fmt: skip
+    notes = ["Compare only what ran on the same sizes. The tables below have each size with its interval."]
+    caption = "Blur and noise at once: mean AMAE over the noise level."
+    return table("combined_overview", caption, rows, columns, notes, ANY_STAGE)
+
+
+def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame | None) -> Table:
+    """The supplement's table: blur d1, noise, disc d2; as it is, smoothed, and as propagation of errors predicts.
+
+    Args:
+        dataset: name.
+        cells: `pipeline.condition.combined_tables.BLUR_CELLS` of the stage `denoised_blur`.
+        paper: columns d2_px, d1_px, sigma_dn, mae_h_percent, mae_v_percent, amae_percent, expected_amae_percent.
+    """
+    own = cells[(cells["dataset"] == dataset) & (cells["level_dn"] > 0)]
+    own = own.sort_values(["estimator", "filter_px", "size_px", "level_dn", "calibrated"])
+    errors = ["mae_h_percent", "mae_v_percent", "amae_percent", "expected_amae_percent"]
+    if paper is not None:
+        theirs = paper.rename(columns={"d2_px": "filter_px", "d1_px": "size_px", "sigma_dn": "level_dn"})
+        keys = ["filter_px", "size_px", "level_dn"]
+        theirs = theirs[[*keys, *errors]].astype(float).rename(columns={name: f"paper_{name}" for name in errors})
+        own = own.merge(theirs.assign(calibrated=False), how="left", on=[*keys, "calibrated"])
+    h, v, whole, expected = (estimate(name, "", "", "", f"paper_{name}") for name in errors)
+    whole = estimate("amae_percent", "low_percent", "high_percent", "count", "paper_amae_percent")
+
+    def filter_text(row: Row) -> str:
+        return _number(row["filter_px"]) if row["filter_px"] else "none"
+
+    columns = [
+        Column(
+            "estimator", "Estimator",
+            source=lambda row: word(str(row["estimator"])) + (", calibrated" if row["calibrated"] else ""),
+        ),
+        Column("filter", "d₂", "px", source=filter_text),
+        Column("size", "d₁", "px", source=lambda row: _number(row["size_px"])),
+        Column("level", "σ", "DN", source=lambda row: _number(row["level_dn"])),
+        Column("h", "MAE, horizontal", "%", 1, h),
+        Column("v", "MAE, vertical", "%", 1, v),
+        Column("amae", "AMAE", "%", 1, whole),
+        Column("expected", "Expected", "%", 1, lambda row: expected(row) if row["filter_px"] else None),
+        Column("frequencies", "Frequencies answered", "%", 0, lambda row: 100 * row["frequencies_share"]),
+    ]  # fmt: skip
+    notes = [
+        "d₁: linear motion; σ: dark-current noise after it; d₂: the smoothing disc, none for patches as they are. "
+        "Expected: root of the sum of squares of the errors for d₁ and for d₂ without noise. Frequencies at which the "
+        "disc leaves too little are left out of the error.",
+        "Smoothed noise falls off as the disc's own MTF does. Taken for the picture, it gives an MTF of 1 after the "
+        "division: nearly right for a blur of 3 px, wrong for a larger one.",
+        "Paper: its CNN on Udacity, on other frames.",
+    ]
+    caption = f"Improved blur estimation under noise on {word(dataset)} (supplement)."
+    stage = DENOISED_STAGE.format(dataset=dataset)
+    return table(f"denoised_blur_{dataset}", caption, own, columns, notes, stage)
+
+
+def abstentions(blur: pd.DataFrame, noise: pd.DataFrame) -> Table:
+    """Abstentions of each estimator, error of a single patch, and coverage of the intervals.
+
+    Args:
+        blur: `pipeline.condition.combined_tables.BLUR_CELLS`.
+        noise: `pipeline.condition.combined_tables.NOISE_CELLS`.
+    """
+    rows: list[dict[str, Any]] = []
+    keys = ["dataset", "experiment", "estimator", "filter_px"]
+    for cells, error_name in ((blur[~blur["calibrated"]], "patch_error_percent"), (noise, "patch_error_dn")):
+        cells = cells if "filter_px" in cells else cells.assign(filter_px=0.0, smoothed_share=0.0)
+        for key, group in cells.groupby(keys, sort=False):
+            if key[3] == 0 or group["smoothed_share"].any():
+                error_of: dict[str, Cell] = {error_name: weighted_mean(group, error_name)}
+                totals = {name: int(group[name].sum()) for name in ("count", "abstained")}
+                coverage = 100 * weighted_mean(group, "coverage")
+                rows.append(dict(zip(keys, key, strict=True)) | error_of | totals | {"coverage": coverage})
+    columns = [
+        named("dataset", "Dataset"),
+        named("experiment", "Experiment"),
+        Column(
+            "estimator", "Estimator",
+            source=lambda row: word(row["estimator"])
+            + (f", smoothed {row['filter_px']:g} px" if row["filter_px"] else ""),
+        ),
+        Column("asked", "Patches", source=lambda row: row["count"] + row["abstained"]),
+        Column("abstained", "Abstained"),
+        Column("patch_error_percent", "MTF of a single patch: error", "%", 1),
+        Column("patch_error_dn", "σ of a single patch: error", "DN", 2),
+        Column("coverage", "Ground truths within the 95 % interval", "%", 0),
+    ]  # fmt: skip
+    notes = [
+        "Over all sizes, rotations and levels, uncalibrated. σ is compared with the noise as added, photon noise as "
+        "the optics transmit it. An en dash: the estimator gives no interval."
+    ]
+    caption = "Blur and noise at once: abstentions, single-patch errors, intervals."
+    return table("combined_abstentions", caption, rows, columns, notes, ANY_STAGE)

@@ -1,0 +1,293 @@
+"""The gallery of kernel estimates: one patch under each blur, its true kernel, the kernels estimated, and their MTF.
+
+Kinds of blur stand beside each other, sizes beneath. All kernels of a cell have one scale in pixels, each its own
+maximum as white; beneath an estimate stands the AMAE of this patch alone. The curves also show estimators without a
+kernel, on the same patch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.camera import mtf
+from pipeline.errors import InputError
+from pipeline.report import style
+from pipeline.report.display_names import BLURS, ESTIMATORS, counted, in_order, listing, word
+from pipeline.report.inputs import GENERIC_LENS, ReportInputs, described, members, optional
+from pipeline.report.sections.blur_amae import STAGE
+from pipeline.report.spec import Block, Figure, NotRun
+from pipeline.report.style import Drawing
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+SHOWN_PX = 96  # side of the middle of a patch that is shown
+LARGEST_CELL_IN, CURVES_IN = 0.8, 0.56
+LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN = 0.46, 0.05, 0.46, 0.3
+GROUP_GAP_IN, CELL_GAP_IN, UNDER_PICTURES_IN, UNDER_ROW_IN = 0.2, 0.04, 0.16, 0.24
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """Kernels that one estimator estimates in one patch of a dataset.
+
+    Attributes:
+        estimator: its name.
+        arrays: ``patch_<kernel>``, ``truth_<kernel>``, ``estimate_<kernel>`` (`pipeline.blur.gallery`).
+        kernels: descriptions of the kernels, as the stage wrote them.
+    """
+
+    estimator: str
+    arrays: Mapping[str, np.ndarray]
+    kernels: Sequence[Mapping[str, Any]]
+
+    def array(self, part: str, kernel: str) -> np.ndarray:
+        """One array.
+
+        Raises:
+            InputError: the archive lacks it.
+        """
+        name = f"{part}_{kernel}"
+        if name not in self.arrays:
+            raise InputError(f"gallery of '{self.estimator}' lacks the array '{name}'; run the stage blur again")
+        return np.asarray(self.arrays[name])
+
+
+class _Sheet:
+    """Positions of axes: groups of picture cells with two panels of curves beneath, in inches from the upper left."""
+
+    def __init__(self, groups: int, rows: int, cells: int) -> None:
+        inner = style.TWO_COLUMNS_IN - LEFT_IN - RIGHT_IN - (groups - 1) * GROUP_GAP_IN
+        self.cell_in = min(LARGEST_CELL_IN, (inner / groups - (cells - 1) * CELL_GAP_IN) / cells)
+        self.group_in = cells * self.cell_in + (cells - 1) * CELL_GAP_IN
+        self.row_in = self.cell_in + UNDER_PICTURES_IN + CURVES_IN + UNDER_ROW_IN
+        self.width_in = LEFT_IN + RIGHT_IN + groups * self.group_in + (groups - 1) * GROUP_GAP_IN
+        self.height_in = TOP_IN + rows * self.row_in - UNDER_ROW_IN + BOTTOM_IN
+        self.figure: Canvas = style.new_figure(self.width_in, self.height_in)
+        self.figure.set_layout_engine("none")
+
+    def left_in(self, group: int) -> float:
+        return LEFT_IN + group * (self.group_in + GROUP_GAP_IN)
+
+    def picture(self, group: int, row: int, cell: int) -> Axes:
+        start = self.left_in(group) + cell * (self.cell_in + CELL_GAP_IN)
+        return self._axes(start, TOP_IN + row * self.row_in, self.cell_in, self.cell_in)
+
+    def curves(self, group: int, row: int, half: int) -> Axes:
+        wide = (self.group_in - CELL_GAP_IN) / 2
+        upper = TOP_IN + row * self.row_in + self.cell_in + UNDER_PICTURES_IN
+        return self._axes(self.left_in(group) + half * (wide + CELL_GAP_IN), upper, wide, CURVES_IN)
+
+    def _axes(self, left: float, upper: float, wide: float, tall: float) -> Axes:
+        lower = 1 - (upper + tall) / self.height_in
+        return self.figure.add_axes((left / self.width_in, lower, wide / self.width_in, tall / self.height_in))
+
+
+def _kernel(axes: Axes, kernel: np.ndarray, side_px: int) -> None:
+    tall, wide = kernel.shape
+    axes.imshow(kernel, cmap="gray", vmin=0, vmax=max(float(kernel.max()), 1e-12),
+                extent=(-wide / 2, wide / 2, tall / 2, -tall / 2))  # fmt: skip
+    style.bare(axes)
+    axes.set(xlim=(-side_px / 2, side_px / 2), ylim=(side_px / 2, -side_px / 2), facecolor="black")
+
+
+def _estimate(axes: Axes, gallery: Gallery, entry: Mapping[str, Any], side_px: int) -> None:
+    if entry["abstained"]:
+        style.bare(axes)
+        text = f"abstained:\n{entry['reason']}".replace(" ", "\n")
+        axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=4.6, color=style.MUTED)
+        return
+    _kernel(axes, gallery.array("estimate", entry["kernel"]), side_px)
+    axes.set_xlabel(f"{entry['amae_percent']:.1f} %", fontsize=5.2, labelpad=1.5)
+
+
+def _curves(axes: Axes, truth: np.ndarray, estimates: Mapping[str, np.ndarray], key: str) -> None:
+    axes.plot(mtf.FREQUENCIES, truth, color=style.INK, linewidth=1.2, zorder=2)
+    for position, (name, curve) in enumerate(estimates.items()):
+        if np.isfinite(curve).all():
+            axes.plot(
+                mtf.FREQUENCIES, curve, color=style.series_look(name, position)["color"], linewidth=0.9, zorder=3,
+                gid=style.series_id(name, key),
+            )  # fmt: skip
+    axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xticks=[0, 0.3, 0.6], yticks=[0, 0.5, 1])
+    axes.tick_params(labelsize=4.8, pad=1, length=1.5)
+
+
+@style.styled
+def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndarray]] | None = None) -> Drawing:
+    """One figure of a dataset's galleries, all of the same patch.
+
+    Args:
+        galleries: of the kernel estimators, at least one, in the order shown.
+        others: estimator -> kernel -> (2, 8) MTF of the same patch, NaN where abstained: estimators without kernels.
+
+    Raises:
+        InputError: no gallery, an array is missing, or the galleries are not of the same kernels.
+    """
+    import pandas as pd
+
+    if not galleries:
+        raise InputError("no gallery of kernel estimates; run the stage blur for a kernel estimator")
+    entries = {gallery.estimator: {str(one["kernel"]): one for one in gallery.kernels} for gallery in galleries}
+    first = entries[galleries[0].estimator]
+    for name, own in entries.items():
+        if set(own) != set(first):
+            raise InputError(
+                f"gallery of '{name}': other kernels than '{galleries[0].estimator}'; run the stage blur again for both"
+            )
+    kinds = in_order((str(entry["kind"]) for entry in first.values()), BLURS)
+    sizes = sorted({float(entry["size_px"]) for entry in first.values()})
+    names = in_order([*entries, *(others or {})], ESTIMATORS)
+    sheet = _Sheet(len(kinds), len(sizes), 2 + len(galleries))
+    headings = ["corrupted", "true", *map(word, entries)]
+    rows: list[dict[str, Any]] = []
+    for across, kind in enumerate(kinds):
+        middle = (sheet.left_in(across) + sheet.group_in / 2) / sheet.width_in
+        sheet.figure.text(middle, 1 - 0.25 / sheet.height_in, word(kind), ha="center", fontsize=7.5, fontweight="bold")
+    for kernel, entry in first.items():
+        across, down = kinds.index(str(entry["kind"])), sizes.index(float(entry["size_px"]))
+        truth = galleries[0].array("truth", kernel)
+        widest = min(gallery.array("estimate", kernel).shape[0] for gallery in galleries)
+        side_px = max(min(int(2 * sizes[down]) + 1, widest), 11, truth.shape[0])
+        cells = [sheet.picture(across, down, cell) for cell in range(len(headings))]
+        patch = galleries[0].array("patch", kernel)
+        top, left = (max(0, (side - SHOWN_PX) // 2) for side in patch.shape)
+        cells[0].imshow(patch[top : top + SHOWN_PX, left : left + SHOWN_PX], cmap="gray", vmin=0, vmax=255)
+        style.bare(cells[0])
+        _kernel(cells[1], truth, side_px)
+        cells[1].set_xlabel(f"{side_px} px", fontsize=5.2, labelpad=1.5)
+        curves = {key: np.asarray(known[kernel], float) for key, known in (others or {}).items() if kernel in known}
+        for cell, gallery in zip(cells[2:], galleries, strict=True):
+            about = entries[gallery.estimator][kernel]
+            _estimate(cell, gallery, about, side_px)
+            curves[gallery.estimator] = np.array(about["mtf"], dtype=float)  # null becomes NaN
+        curves = {key: curves[key] for key in names if key in curves}
+        true_mtf = np.array(entry["true_mtf"], dtype=float)
+        for half, axis in enumerate("HV"):
+            panel = sheet.curves(across, down, half)
+            _curves(panel, true_mtf[half], {key: curve[half] for key, curve in curves.items()}, f"{kernel} {axis}")
+            panel.text(0.03, 0.06, axis, transform=panel.transAxes, ha="left", va="bottom", fontsize=5.2)
+            if half or across:
+                panel.set_yticklabels([])
+            if down + 1 < len(sizes):
+                panel.set_xticklabels([])
+            else:
+                panel.set_xticklabels(["", "0.3", "0.6"] if half else ["0", "0.3", ""])
+                panel.set_xlabel("f / Nyquist", fontsize=5.5, labelpad=1)
+        if across == 0:
+            cells[0].set_ylabel(f"{sizes[down]:g} px", fontweight="bold", labelpad=8)
+        if down == 0:
+            for cell, heading in zip(cells, headings, strict=True):
+                cell.set_title(heading, fontsize=5.8, fontweight="normal", pad=2.5)
+        rows += [
+            {
+                "kernel": kernel, "kind": entry["kind"], "size_px": sizes[down], "estimator": name, "axis": "HV"[axis],
+                "frequency": mtf.FREQUENCIES[number], "true_mtf": true_mtf[axis, number], "mtf": curve[axis, number],
+            }
+            for name, curve in curves.items() for axis, number in np.ndindex(*true_mtf.shape)
+        ]  # fmt: skip
+    _legend(sheet.figure, names)
+    values = pd.DataFrame(rows)
+    order = {kind: number for number, kind in enumerate(kinds)}
+    values = values.sort_values(["kind", "size_px"], key=lambda one: one.map(order) if one.name == "kind" else one,
+                                kind="stable")  # fmt: skip
+    alt = f"One patch under {counted(len(first), 'blur kernel')} with the kernels estimated in it: {_errors(entries)}."
+    return Drawing(sheet.figure, alt, values, style.switches(names))
+
+
+def _legend(figure: Canvas, names: Sequence[str]) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], color=style.INK, linewidth=1.2, label="true")]
+    for name, look in style.series_looks(names).items():
+        handles.append(Line2D([], [], color=look["color"], linewidth=0.9, label=word(name)))
+    figure.legend(
+        handles=handles, loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=len(handles), borderpad=0.15,
+        borderaxespad=0.1,
+    )  # fmt: skip
+
+
+def _errors(entries: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
+    """Mean AMAE and abstentions of every estimator, in words."""
+    words = []
+    for name, kernels in entries.items():
+        errors = [float(entry["amae_percent"]) for entry in kernels.values() if not entry["abstained"]]
+        mean = f"mean AMAE {np.mean(errors):.1f} %" if errors else "no kernel"
+        abstained = len(kernels) - len(errors)
+        words.append(f"{word(name)} {mean}" + (f", {abstained} abstained" if abstained else ""))
+    return listing(words)
+
+
+def _galleries(inputs: ReportInputs) -> dict[str, list[tuple[Gallery, Mapping[str, Any]]]]:
+    """Dataset -> its galleries with their descriptions, in the estimators' order."""
+    pairs = []
+    for folder in members(inputs.blur, inputs.blur_members):
+        about = described(folder, "gallery.json", ("dataset", "estimator", "frame", "patch", "kernels"))
+        if about is not None:
+            arrays = optional(folder, "gallery.npz") or {}
+            pairs.append((Gallery(about["estimator"], arrays, about["kernels"]), about))
+    galleries: dict[str, list[tuple[Gallery, Mapping[str, Any]]]] = {}
+    for name in in_order((gallery.estimator for gallery, _ in pairs), ESTIMATORS):
+        for gallery, about in pairs:
+            if gallery.estimator == name:
+                galleries.setdefault(about["dataset"], []).append((gallery, about))
+    for dataset, own in galleries.items():
+        if len({(about["frame"], about["patch"]) for _, about in own}) > 1:
+            raise InputError(
+                f"galleries of '{dataset}' show different patches; run the stage blur again for all of them"
+            )
+    return galleries
+
+
+def _other_curves(
+    estimates: pd.DataFrame, about: Mapping[str, Any], hidden: set[str]
+) -> dict[str, dict[str, np.ndarray]]:
+    """Estimator -> kernel -> (2, 8) MTF of the gallery's patch, of estimators that are not hidden."""
+    here = estimates[
+        (estimates["dataset"] == about["dataset"])
+        & (estimates["frame"] == about["frame"])
+        & (estimates["patch"] == about["patch"])
+        & estimates["kernel"].isin([entry["kernel"] for entry in about["kernels"]])
+        & ~estimates["estimator"].isin(list(hidden))
+    ].sort_values(["axis", "frequency"])
+    curves: dict[str, dict[str, np.ndarray]] = {}
+    for (estimator, kernel), rows in here.groupby(["estimator", "kernel"], sort=True):
+        curve = rows["mtf"].to_numpy(float).reshape(2, len(mtf.FREQUENCIES))
+        curves.setdefault(str(estimator), {})[str(kernel)] = curve
+    return curves
+
+
+def blocks(estimates: pd.DataFrame, datasets: Sequence[str], inputs: ReportInputs) -> list[Block]:
+    """One gallery per dataset, or a note on the stage that would make it.
+
+    Args:
+        estimates: `pipeline.blur.evaluation.ESTIMATES`.
+        datasets: in their order.
+        inputs: of the report.
+    """
+    galleries = _galleries(inputs)
+    made: list[Block] = []
+    for dataset in datasets:
+        pairs = galleries.get(dataset)
+        if not pairs:
+            line = inputs.line(STAGE.format(dataset=dataset, estimator="pmp"))
+            made.append(NotRun(f"Gallery of kernel estimates on {word(dataset)}", "stage absent", line))
+            continue
+        names = [gallery.estimator for gallery, _ in pairs]
+        # Relative to a generic lens, a network's MTF is nearly that of the system, and curves are many.
+        hidden = {*names, *(name for name, to in inputs.relative.items() if to == GENERIC_LENS)}
+        drawing = draw([gallery for gallery, _ in pairs], _other_curves(estimates, pairs[0][1], hidden))
+        caption = (
+            f"Kernels estimated in one patch of {word(dataset)}. Corrupted: the middle of the blurred patch. True and "
+            "estimated kernels share a scale, its width in pixels beneath the true one; beneath an estimate, the AMAE "
+            "of this patch alone. Curves: MTF, horizontal (H) and vertical (V), the ground truth in black."
+        )
+        stages = tuple(STAGE.format(dataset=dataset, estimator=name) for name in names)
+        made.append(Figure(f"kernel_estimates_{dataset}", drawing, caption, stages))
+    return made

@@ -1,0 +1,146 @@
+"""How to describe a part of the report: a section is a list of figures, tables and notes on what did not run.
+
+To add a table, a figure and a section, write one module in `pipeline.report.sections` and name its function in
+`pipeline.report.build.SECTIONS`::
+
+    def section(inputs: ReportInputs, ledger: pd.DataFrame) -> Section:
+        summary = optional(inputs.control, "summary.parquet", SUMMARY)  # None where the stage has not run
+        runs = overview("Camera control", "closed_loop@{dataset}", [] if summary is None else ["sim"], inputs)
+        blocks: list[Block] = []
+        if summary is not None:
+            blocks.append(Figure("control_ap", figure(summary), "AP over time, by controller.", ("closed_loop@sim",)))
+            blocks.append(table("control_ap", "AP by controller.", summary, [
+                named("controller", "Controller"),
+                Column("ap", "AP", "%", 1, estimate("ap_percent", "low_percent", "high_percent", "frames")),
+            ], stage="closed_loop@sim"))
+        return Section("control", "Camera control", (), [*blocks, *missing("Camera control", runs)], runs)
+
+`pipeline.report.tables` describes tables (columns, intervals, the paper's values), `pipeline.report.figures` small
+multiples (`figure` above), `pipeline.report.ledger_items` published numbers. Files in ``tables/`` and ``figures/``, the
+page, alternative text, provenance and the overview of what ran follow from these descriptions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from pipeline.report.display_names import word
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.style import Drawing
+from pipeline.report.tables import Table
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure on the page.
+
+    Attributes:
+        name: stem of its files, and its anchor.
+        drawing: the figure, its alternative text and values.
+        caption: a short title and what to look for.
+        stages: the DVC stages whose outputs it shows.
+    """
+
+    name: str
+    drawing: Drawing
+    caption: str
+    stages: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class NotRun:
+    """Something the page would show if it had been run.
+
+    Attributes:
+        title: the figure, table or experiment.
+        why: ``"data absent"``, ``"weights absent"`` or ``"stage absent"``.
+        line: the command that would run it.
+    """
+
+    title: str
+    why: str
+    line: str
+
+
+@dataclass(frozen=True)
+class Run:
+    """One line of the overview: an experiment on a dataset, and whether it ran."""
+
+    experiment: str
+    dataset: str
+    ran: bool
+    why: str
+    line: str
+
+
+Block = Figure | Table | NotRun
+STAGE_ABSENT = "stage absent"
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the page.
+
+    Attributes:
+        key: anchor.
+        title: heading.
+        text: paragraphs before the blocks.
+        blocks: figures, tables and notes of absence, in order.
+        runs: what the overview says about it.
+    """
+
+    key: str
+    title: str
+    text: Sequence[str] = ()
+    blocks: Sequence[Block] = ()
+    runs: Sequence[Run] = field(default=())
+
+
+def overview(
+    experiment: str, stage: str, ran: Iterable[str], inputs: ReportInputs, datasets: Sequence[str] | None = None
+) -> list[Run]:
+    """The overview's lines of one experiment, over every dataset of the report.
+
+    Args:
+        experiment: in words.
+        stage: name of its stage, with ``{dataset}``.
+        ran: datasets it ran on.
+        inputs: of the report.
+        datasets: those that it could run on; all of the report where None.
+    """
+    done = set(ran)
+    runs = []
+    for dataset in inputs.datasets if datasets is None else datasets:
+        absent = None if dataset in done else inputs.absent.get(dataset)
+        why = "" if dataset in done else "data absent" if absent else STAGE_ABSENT
+        line = absent or inputs.line(stage.format(dataset=dataset))
+        runs.append(Run(experiment, dataset, dataset in done, why, line))
+    return runs
+
+
+def single(experiment: str, stage: str, ran: bool, inputs: ReportInputs) -> Run:
+    """The overview's line of an experiment that belongs to no dataset.
+
+    Args:
+        experiment: in words.
+        stage: its name.
+        ran: whether it has.
+        inputs: of the report.
+    """
+    return Run(experiment, "", ran, "" if ran else STAGE_ABSENT, inputs.line(stage))
+
+
+def missing(title: str, runs: Sequence[Run]) -> list[NotRun]:
+    """One note for each dataset and command of an experiment that did not run.
+
+    Args:
+        title: of the whole experiment, which stands for every run where the data are absent.
+        runs: from `overview`.
+    """
+    notes: dict[tuple[str, str], NotRun] = {}
+    for run in runs:
+        if not run.ran:
+            name = title if run.why == "data absent" else run.experiment
+            notes.setdefault((run.dataset, run.line), NotRun(f"{name} on {word(run.dataset)}", run.why, run.line))
+    return list(notes.values())
