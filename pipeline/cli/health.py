@@ -35,7 +35,11 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
     help="best: blur by the estimator fused, which takes about two seconds more for each blurred frame",
 )  # fmt: skip
 @click.option(
-    "--noise", "noise_name", default="cellwise", show_default=True, help="cellwise, pca, bf, wavelet, immerkaer, ..."
+    "--noise",
+    "noise_name",
+    default="adaptive",
+    show_default=True,
+    help="adaptive, cellwise, correlated, pca, bf, wavelet, immerkaer, ...",
 )
 @click.option(
     "--sharp", multiple=True, type=click.Path(path_type=Path),

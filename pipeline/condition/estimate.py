@@ -128,7 +128,7 @@ class ConditionMonitor:
     def __init__(
         self,
         blur_name: str = "spectral",
-        noise_name: str = "cellwise",
+        noise_name: str = noise.DEFAULT,
         *,
         blur_options: Mapping[str, Any] | None = None,
         noise_options: Mapping[str, Any] | None = None,

@@ -22,10 +22,15 @@ REGISTRY = Registry(
         "bf": "pipeline.noise.bf:BlockAndFilter",
         "wavelet": "pipeline.noise.wavelet:WaveletMedian",
         "cellwise": "pipeline.noise.cellwise:Cellwise",
+        "correlated": "pipeline.noise.correlated:Correlated",
+        "adaptive": "pipeline.noise.adaptive:Adaptive",
         "cnn": "pipeline.noise.cnn:PixelCnn",
         "immerkaer": "pipeline.noise.immerkaer:Immerkaer",
     },
 )
+
+DEFAULT = "adaptive"
+"""The estimator that the monitor and the command line use: right on white noise and on processed pictures."""
 
 
 def create(name: str, **options: Any) -> NoiseEstimator:

@@ -40,7 +40,11 @@ class NoiseEstimate:
         sigma_dn: (N,) standard deviation, DN; NaN where abstained.
         low_dn, high_dn: (N,) ends of a 95 % interval, DN; NaN where abstained or where the method has none.
         abstained: (N,) bool.
-        reason: (N,) words for the abstention (``"saturated"``, ``"flat"``); empty where there is an estimate.
+        reason: (N,) words for the abstention (``"saturated"``, ``"flat"``, ``"compressed"``, ``"uncertain"``); empty
+            where there is an estimate.
+        white_sigma_dn: (N,) the part of sigma that is white, as the sensor's is before processing smooths it, DN; None
+            from methods that do not separate it.
+        correlation: (N,) correlation of the noise of adjacent pixels, -1 to 1; None likewise.
     """
 
     sigma_dn: NDArray[np.float64]
@@ -48,6 +52,8 @@ class NoiseEstimate:
     high_dn: NDArray[np.float64]
     abstained: NDArray[np.bool_]
     reason: NDArray[np.object_]
+    white_sigma_dn: NDArray[np.float64] | None = None
+    correlation: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.sigma_dn)
@@ -60,11 +66,14 @@ class Measured:
     Attributes:
         sigma_dn: (N,) standard deviation, DN; NaN where there is none.
         low_dn, high_dn: (N,) ends of a 95 % interval, DN, NaN where there is none; None if the method has no interval.
+        white_sigma_dn, correlation: (N,) see `NoiseEstimate`; None if the method does not separate them.
     """
 
     sigma_dn: NDArray[np.float64]
     low_dn: NDArray[np.float64] | None = None
     high_dn: NDArray[np.float64] | None = None
+    white_sigma_dn: NDArray[np.float64] | None = None
+    correlation: NDArray[np.float64] | None = None
 
 
 class NoiseEstimator(Protocol):
@@ -152,36 +161,36 @@ def screen(stack: NDArray[np.floating], saturated_fraction: float = SATURATED_FR
     return reason
 
 
-def assemble(
-    sigma_dn: NDArray[np.float64],
-    reason: NDArray[np.object_],
-    low_dn: NDArray[np.float64] | None = None,
-    high_dn: NDArray[np.float64] | None = None,
-) -> NoiseEstimate:
+def assemble(measured: Measured, reason: NDArray[np.object_]) -> NoiseEstimate:
     """Join numbers and reasons; an estimate that is no number, or below `LEAST_SIGMA_DN`, becomes an abstention.
 
     Args:
-        sigma_dn: (N,) raw estimates, DN; anything where there is a reason.
+        measured: raw estimates, anything where there is a reason. A patch whose interval reaches above `LEAST_SIGMA_DN`
+            may have any estimate.
         reason: (N,) reasons, empty where there is none.
-        low_dn: (N,) lower end of the interval, NaN where there is none; or None if the method has no interval.
-        high_dn: (N,) upper end; a patch whose interval reaches above `LEAST_SIGMA_DN` may have any estimate.
 
     Returns:
         the estimate, NaN wherever it abstains.
     """
-    nothing = np.full(len(sigma_dn), np.nan)
-    low_dn = nothing if low_dn is None else low_dn
-    high_dn = nothing if high_dn is None else high_dn
+    nothing = np.full(len(measured.sigma_dn), np.nan)
+    low_dn = nothing if measured.low_dn is None else measured.low_dn
+    high_dn = nothing if measured.high_dn is None else measured.high_dn
     reason = reason.copy()
-    seen = (sigma_dn >= LEAST_SIGMA_DN) | (high_dn >= LEAST_SIGMA_DN)
+    seen = (measured.sigma_dn >= LEAST_SIGMA_DN) | (high_dn >= LEAST_SIGMA_DN)
     reason[(reason == "") & ~seen] = FLAT
     abstained = reason != ""
+
+    def kept(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.where(abstained, np.nan, values)
+
     return NoiseEstimate(
-        sigma_dn=np.where(abstained, np.nan, sigma_dn),
-        low_dn=np.where(abstained, np.nan, low_dn),
-        high_dn=np.where(abstained, np.nan, high_dn),
+        sigma_dn=kept(measured.sigma_dn),
+        low_dn=kept(low_dn),
+        high_dn=kept(high_dn),
         abstained=abstained,
         reason=reason,
+        white_sigma_dn=None if measured.white_sigma_dn is None else kept(measured.white_sigma_dn),
+        correlation=None if measured.correlation is None else kept(measured.correlation),
     )
 
 
@@ -257,4 +266,4 @@ class Estimator(ABC):
         measured = self.measure(stack, reason)
         if self.quantise_like_paper:
             return as_published(measured.sigma_dn)
-        return assemble(measured.sigma_dn, reason, measured.low_dn, measured.high_dn)
+        return assemble(measured, reason)

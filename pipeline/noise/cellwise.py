@@ -16,32 +16,23 @@ It knows 8-bit images; others are rounded to 8 bit first.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
-from pipeline.camera.saturation import SATURATED
 from pipeline.errors import InputError
-from pipeline.noise.base import Estimator, Measured, NoiseEstimate, as_stack, assemble, screen
-from pipeline.noise.cellwise_features import CELL_PX
+from pipeline.noise.base import Measured
+from pipeline.noise.cell_mapper import CELL_PX, CellMapper
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
-if TYPE_CHECKING:
-    import torch
-
 RELEASED = located("data/weights/sigma_cellwise.safetensors")
-TILE_PX = 128
-"""Size of patch the network was trained on, and of the tiles that a map is made of."""
-
-STEP_PX = 64
 SATURATED_FRACTION = 0.98
 """Default fraction of saturated pixels from which a patch is refused: of a white patch with noise, half lie inside."""
 
 
-class Cellwise(Estimator):
+class Cellwise(CellMapper):
     """See the module.
 
     Args:
@@ -80,69 +71,13 @@ class Cellwise(Estimator):
         self.network = network.eval().to(device)
         self.batch, self.device = batch, device
 
-    def measure(self, stack: NDArray[np.floating], reason: NDArray[np.object_]) -> Measured:
-        """See `pipeline.noise.base.Estimator.measure`.
+    def measure_cells(
+        self, stack: NDArray[np.floating], reason: NDArray[np.object_]
+    ) -> tuple[Measured, NDArray[np.float32]]:
+        """See `pipeline.noise.cell_mapper.CellMapper.measure_cells`.
 
-        Rows and columns beyond a multiple of 8 px are left out. The ends of the interval are those of
-        ``ln(1 + sigma) +- k b``, at least 0.
+        The ends of the interval are those of ``ln(1 + sigma) +- k b``, at least 0.
         """
-        return self._measure_cells(stack)[0]
-
-    def estimate_cells(self, patches: NDArray[np.floating] | torch.Tensor) -> tuple[NoiseEstimate, NDArray[np.float32]]:
-        """The same answer, and with it sigma of every 8 x 8 px cell of each patch, at no further cost.
-
-        Args:
-            patches: as for `estimate`.
-
-        Returns:
-            the estimate, and (N, H // 8, W // 8) DN, NaN in patches abstained from as saturated.
-
-        Raises:
-            InputError: as for `estimate`.
-        """
-        stack = as_stack(patches, self.min_size_px)
-        reason = screen(stack, self.saturated_fraction)
-        measured, cells = self._measure_cells(stack)
-        cells[reason == SATURATED] = np.nan
-        return assemble(measured.sigma_dn, reason, measured.low_dn, measured.high_dn), cells
-
-    def map(self, image: NDArray[np.floating] | torch.Tensor) -> NDArray[np.float32]:
-        """Local noise of a picture: sigma of every 8 x 8 px cell.
-
-        The picture is judged in overlapping tiles of 128 px and their answers are averaged.
-
-        Args:
-            image: (H, W) float in [0, 1], at least 32 px each.
-
-        Returns:
-            (ceil(H / 8), ceil(W / 8)) DN; cells with nearly no pixel inside the range in tiles that are abstained
-            from are NaN.
-
-        Raises:
-            InputError: wrong shape, type or range.
-        """
-        if getattr(image, "ndim", None) != 2:
-            raise InputError(f"image: expected (H, W), not {getattr(image, 'shape', type(image).__name__)}")
-        picture = as_stack(image[None, None], self.min_size_px)[0]
-        padding = [(0, -side % CELL_PX) for side in picture.shape]
-        picture = np.pad(picture, padding, mode="reflect")
-        rows, columns = picture.shape
-        height, width = min(rows, TILE_PX), min(columns, TILE_PX)
-        corners = [(y, x) for y in _starts(rows, height) for x in _starts(columns, width)]
-        stack = np.stack([picture[y : y + height, x : x + width] for y, x in corners])
-        maps = self._predict(stack)[2]
-        kept = screen(stack, self.saturated_fraction) != SATURATED
-        total = np.zeros((rows // CELL_PX, columns // CELL_PX))
-        count = np.zeros_like(total)
-        for (y, x), found, good in zip(corners, maps, kept, strict=True):
-            if good:
-                part = np.s_[y // CELL_PX : (y + height) // CELL_PX, x // CELL_PX : (x + width) // CELL_PX]
-                total[part] += found
-                count[part] += 1
-        return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
-
-    def _measure_cells(self, stack: NDArray[np.floating]) -> tuple[Measured, NDArray[np.float32]]:
-        """Noise levels with their intervals, and maps (N, H // 8, W // 8) DN, of patches (N, H, W)."""
         sigma, scale, cells = self._predict(stack)
         middle, reach = np.log1p(sigma), self.interval * scale
         return Measured(sigma, np.maximum(np.expm1(middle - reach), 0.0), np.expm1(middle + reach)), cells
@@ -166,7 +101,3 @@ class Cellwise(Estimator):
                 sigma[part], scale[part], maps[part] = (value.cpu().numpy() for value in found)
         return sigma, scale, maps
 
-
-def _starts(length: int, tile: int) -> list[int]:
-    """Where tiles begin along one axis: every `STEP_PX`, the last one at the border."""
-    return sorted({*range(0, length - tile, STEP_PX), length - tile})

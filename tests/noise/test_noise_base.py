@@ -174,7 +174,7 @@ def test_saturation_is_a_share_of_pixels(share: float, limit: float, white: bool
 
 
 def test_numbers_below_the_rounding_of_a_picture_are_no_estimates() -> None:
-    estimate = assemble(np.array([np.nan, 0.0, 1e-4, 0.5]), np.full(4, "", dtype=object))
+    estimate = assemble(Measured(np.array([np.nan, 0.0, 1e-4, 0.5])), np.full(4, "", dtype=object))
     assert list(estimate.reason) == [FLAT, FLAT, FLAT, ""]
 
 

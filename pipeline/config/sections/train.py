@@ -85,6 +85,44 @@ class SigmaTrainingSection(Section):
     validation_chunks: Count
 
 
+class CameraRecipeSection(Section):
+    """Distribution of random cameras; see `pipeline.learning.cameras.CameraRecipe`."""
+
+    sigma_dn: tuple[Positive, Positive]
+    noise_free_fraction: Share
+    codec_only_fraction: Share
+    denoising_fraction: Share
+    scaling_fraction: Share
+    video_fraction: Share
+
+
+class CameraSamplesSection(Section):
+    """What shots of random cameras are drawn from; see `pipeline.noise.camera_samples.Recipe`."""
+
+    scenes: Count
+    cameras: CameraRecipeSection
+    texture_fraction: Share
+    fur_fraction: Share
+    text_fraction: Share
+    lens_px: tuple[NonNegative, NonNegative]
+    added_fraction: Share
+
+
+class CorrelatedTrainingSection(Section):
+    """The training of the network for correlated noise; see `pipeline.noise.correlated_training.Settings`."""
+
+    schedule: ScheduleSection
+    recipe: CameraSamplesSection
+    members: Annotated[int, Field(ge=1, le=16)]
+    white_noise_free_fraction: Share
+    images: Count
+    validation_images: Count
+    fresh: Count
+    uses: Count
+    window: Count
+    validation_chunks: Count
+
+
 class CropRecipeSection(Section):
     """How a detector's samples are cut; see `pipeline.detection.compact.samples.CropRecipe`."""
 
@@ -149,6 +187,7 @@ class TrainSection(Section):
     fusion: FusionSection
     typical_camera: TypicalCameraSection
     sigma: dict[Literal["cellwise", "cnn"], SigmaTrainingSection]
+    sigma_correlated: CorrelatedTrainingSection
     detector: dict[Literal["compact", "compact_two_stage"], DetectorTrainingSection]
 
 

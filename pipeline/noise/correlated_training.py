@@ -1,0 +1,212 @@
+"""Training the network for correlated noise: samples through random cameras, and white noise beside them.
+
+Every `WHITE_EVERY`-th chunk holds white sensor noise on clean views (`samples`, without its noise that a blur has
+smoothed, which it labels as none); all others hold shots of random cameras (`camera_samples`). Statistics are made where
+samples are made, so that a step costs a few milliseconds and each sample can serve often.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.learning import fitting
+from pipeline.learning.conduct import Conduct
+from pipeline.learning.trainer import Schedule, Trained
+from pipeline.noise import camera_samples, samples
+from pipeline.noise.camera_samples import Recipe
+from pipeline.noise.correlated_features import CELL_PX
+
+if TYPE_CHECKING:
+    import torch
+
+COVERAGE = 0.95
+WHITE_EVERY = 4
+NOISE_FREE_DN = 0.3  # validation reports what is read from samples with less noise
+CODE = __name__
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The training of the network for correlated noise.
+
+    Attributes:
+        schedule: of the optimiser.
+        recipe: of the camera samples.
+        members: perceptrons that are averaged.
+        white_noise_free_fraction: of the samples with white noise: those without any, as a renderer makes them.
+        images, validation_images: pictures in the banks.
+        fresh, uses, window: see `pipeline.learning.feed`; a batch has fresh * uses chunks.
+        validation_chunks: chunks that weights are selected on, of pictures never trained on.
+        seed: of everything.
+    """
+
+    schedule: Schedule
+    recipe: Recipe = field(default_factory=Recipe)
+    members: int = 4
+    white_noise_free_fraction: float = 0.35
+    images: int = 2400
+    validation_images: int = 160
+    fresh: int = 1
+    uses: int = 8
+    window: int = 4000
+    validation_chunks: int = 60
+    seed: int = 1
+
+    @classmethod
+    def from_section(cls, section: Any, seed: int) -> Settings:
+        """From the section ``train.sigma.correlated`` of the configuration."""
+        from pydantic import TypeAdapter
+
+        return TypeAdapter(cls).validate_python(section.model_dump() | {"seed": seed})
+
+
+@dataclass
+class Maker:
+    """Makes chunks: number -> arrays. Opens its bank on first use, in whichever process that is."""
+
+    settings: Settings
+    cache: Path
+    validation: bool = False
+    _tiles: np.ndarray | None = None
+
+    def __call__(self, number: int) -> dict[str, np.ndarray]:
+        """Chunk `number`: see `correlated_net.loss` for the arrays."""
+        if self._tiles is None:
+            self._tiles = self.bank()
+        word = "validation" if self.validation else "training"
+        if number % WHITE_EVERY == WHITE_EVERY - 1:
+            return white_arrays(self._tiles, self.settings, f"{word} white noise", number)
+        return camera_arrays(self._tiles, self.settings, f"{word} camera noise", number)
+
+    def bank(self, executor: Mapping[str, Any] | None = None) -> np.ndarray:
+        """The pictures, drawn if they are not in the cache."""
+        from pipeline.learning import images
+
+        count = self.settings.validation_images if self.validation else self.settings.images
+        purpose = f"{'validation' if self.validation else 'training'} image"
+        return images.bank(count, self.settings.seed, purpose=purpose, folder=self.cache / "images", executor=executor)
+
+
+def camera_arrays(tiles: np.ndarray, settings: Settings, purpose: str, number: int) -> dict[str, np.ndarray]:
+    """A chunk of camera samples as arrays."""
+    made = camera_samples.chunk(tiles, settings.recipe, settings.seed, purpose, number)
+    return {
+        **_seen(made.patches_dn),
+        "sigma_dn": made.sigma_dn,
+        "white_sigma_dn": made.white_sigma_dn,
+        "correlation": made.correlation,
+        "map_dn": made.map_dn.astype(np.float16),
+    }
+
+
+def white_arrays(tiles: np.ndarray, settings: Settings, purpose: str, number: int) -> dict[str, np.ndarray]:
+    """A chunk of white noise on clean views as arrays."""
+    recipe = replace(samples.Recipe(), blurred_noise_share=0.0, clean_share=settings.white_noise_free_fraction)
+    made = samples.chunk(tiles, recipe, settings.seed, purpose, number)
+    return {
+        **_seen(made.patches_dn),
+        "sigma_dn": made.sigma_dn,
+        "white_sigma_dn": made.sigma_dn,
+        "correlation": np.zeros_like(made.sigma_dn),
+        "map_dn": made.map_dn.astype(np.float16),
+    }
+
+
+def _seen(patches_dn: np.ndarray) -> dict[str, np.ndarray]:
+    """What the network sees of patches (N, 128, 128): statistics, and the brightness of the cells."""
+    from pipeline.noise.correlated_features import statistics
+
+    side = patches_dn.shape[1] // CELL_PX
+    cells = patches_dn.reshape(-1, side, CELL_PX, side, CELL_PX).mean(axis=(2, 4), dtype=np.float32)
+    return {
+        "statistics": np.stack([statistics(patch.astype(np.float32)) for patch in patches_dn]),
+        "brightness_dn": cells.astype(np.float16),
+    }
+
+
+def measures(data: Mapping[str, torch.Tensor]) -> Callable[[torch.nn.Module], dict[str, float]]:
+    """Measures on held-out samples.
+
+    ``score_dn``, which selects weights, is the mean of |s - s'| / (1 + s' / 10); ``interval`` is the factor k for which
+    t +- k b holds ln(1 + sigma) in 95 % of the patches.
+    """
+    import torch
+
+    truth, correlated = data["sigma_dn"], data["correlation"] > 0.25
+
+    def measure(model: torch.nn.Module) -> dict[str, float]:
+        with torch.no_grad():
+            sigma, scale, white, correlation, _ = model(data["statistics"])
+        error = (sigma - truth).abs()
+        miss = (torch.log1p(sigma) - torch.log1p(truth)).abs() / scale
+        noisy = truth > NOISE_FREE_DN
+        return {
+            "score_dn": float((error / (1 + truth / 10)).mean()),
+            "sigma_error_dn": float(error.mean()),
+            "sigma_error_correlated_dn": float(error[correlated & noisy].mean()),
+            "sigma_error_white_dn": float(error[~correlated & noisy].mean()),
+            "noise_free_sigma_dn": float(sigma[~noisy].mean()),
+            "white_sigma_error_dn": float((white * sigma - data["white_sigma_dn"]).abs().mean()),
+            "correlation_error": float((correlation - data["correlation"])[noisy].abs().mean()),
+            "interval": float(torch.quantile(miss, COVERAGE)),
+        }
+
+    return measure
+
+
+def train(settings: Settings, conduct: Conduct) -> Trained:
+    """Train the network, or go on training it.
+
+    Args:
+        settings: all that the result depends on.
+        conduct: how it runs.
+
+    Returns:
+        the network that validated best, and its learning curve.
+    """
+    import torch
+
+    from pipeline.learning.initial import initialise
+    from pipeline.noise.correlated_net import CorrelatedNet, loss
+
+    for held_out in (False, True):
+        Maker(settings, conduct.cache, held_out).bank(conduct.executor)
+    make = Maker(settings, conduct.cache)
+    model = CorrelatedNet(settings.members)
+    initialise(model, settings.seed, "correlated noise network")
+    first = [torch.from_numpy(make(number)["statistics"]) for number in range(4 * WHITE_EVERY)]
+    model.standardise(torch.cat(first))
+    held = fitting.held_out(Maker(settings, conduct.cache, validation=True), settings.validation_chunks)
+    return fitting.fit(
+        model,
+        loss,  # type: ignore[arg-type]
+        make,
+        settings,
+        conduct,
+        name="sigma-correlated",
+        code=CODE,
+        validate=measures(held),
+        score="score_dn",
+    )
+
+
+def save(path: Path, trained: Trained, settings: Settings) -> None:
+    """Write the weight file of a training: weights, settings, measures and the interval's factor."""
+    from pipeline.noise.correlated_net import ARCHITECTURE
+
+    values = {name: float(f"{value:.6g}") for name, value in fitting.final_measures(trained).items()}
+    fitting.save(
+        path,
+        trained,
+        settings,
+        architecture=ARCHITECTURE,
+        code=CODE,
+        measures=values,
+        interval=values["validation_interval"],
+        members=settings.members,
+    )

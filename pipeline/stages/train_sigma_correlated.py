@@ -1,0 +1,24 @@
+"""Stage `train_sigma_correlated`: trains the network for correlated noise; released weights, learning curve."""
+
+from __future__ import annotations
+
+from pipeline.config.entry import Run, stage
+
+
+@stage("train_sigma_correlated", reads=["seed", "train.sigma_correlated"])
+def run(run: Run) -> None:
+    """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
+    from pipeline import training_record
+    from pipeline.learning.conduct import Conduct
+    from pipeline.learning.fitting import final_measures
+    from pipeline.noise import correlated_training
+
+    settings = correlated_training.Settings.from_section(run.params.train.sigma_correlated, run.params.seed)
+    conduct = Conduct.reported("correlated", settings.schedule.steps, run.executor.workers)
+    trained = correlated_training.train(settings, conduct)
+    correlated_training.save(run.outputs / "data/weights/sigma_correlated.safetensors", trained, settings)
+    training_record.write(run.outputs, "sigma_correlated", trained.curve, final_measures(trained))
+
+
+if __name__ == "__main__":
+    run()
