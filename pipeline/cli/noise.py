@@ -13,7 +13,10 @@ COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reaso
 @click.command("noise")
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
-    "--estimator", default="adaptive", show_default=True, help="adaptive, cellwise, correlated, pca, bf, wavelet, immerkaer, or a plug-in's"
+    "--estimator",
+    default="adaptive",
+    show_default=True,
+    help="adaptive, cellwise, correlated, pca, bf, wavelet, immerkaer, or a plug-in's",
 )
 @click.option(
     "--tile", "tile_px", default=128, show_default=True, type=click.IntRange(16, 4096), help="side of a tile, pixels"

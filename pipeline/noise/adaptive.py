@@ -1,19 +1,27 @@
 """The default noise estimator: right on white sensor noise and on pictures as cameras deliver them.
 
-Two networks answer, and the correlation of the noise decides between them:
+Two networks answer:
 
     cellwise      white noise: rendered frames, raw and machine-vision cameras, noise added in software
     correlated    noise behind demosaicing, denoising, sharpening or a codec
 
-    ln(1 + sigma) = (1 - w) ln(1 + sigma_white) + w ln(1 + sigma_correlated),   w = ramp of the correlation, 0.24 to 0.38
+and the answer is a mean of their ln(1 + sigma) with weight w of the second:
+
+    w = 1                  where the picture shows the traces of a codec, which `cellwise` takes for a noise-free surface
+    w = ramp of r          of the correlation r of adjacent pixels, 0.24 to 0.38
+    w = disagreement       where the intervals of the two do not meet and the second is sure
+    w = 0                  where the second network is not sure at all, and nothing points to processing
 
 Where the second network is unsure, which happens on fine texture, principal components of every second pixel (`pca`,
-``stride=2``) join it: v = b^2 / (b^2 + b0^2) of the answer, b the network's scale. Where the interval stays too wide to
-be of use the patch is abstained from: as ``"compressed"`` where the picture shows the traces of a strong codec, which
-removes weak noise and leaves its own, else as ``"uncertain"``.
+``stride=2``) join it: v = d^4 / (d^4 + 0.6^4) of its answer, d the half-width of its interval of ln(1 + sigma). Where d
+stays too wide to be of use the patch is abstained from: as ``"compressed"`` behind a codec, which removes weak noise and
+leaves its own, else as ``"uncertain"``.
 
 `NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. A patch that is
-plainly white skips the second network, so that such frames cost no more than `cellwise`.
+plainly white skips the second network, so that such frames cost little more than `cellwise`.
+
+The constants were chosen on the development pictures of two sets of real camera noise (CC and PolyU), on frames with
+white noise, and on such frames behind JPEG and video codecs.
 """
 
 from __future__ import annotations
@@ -36,16 +44,23 @@ COMPRESSED, UNCERTAIN = "compressed", "uncertain"
 WHITE_BELOW, CORRELATED_ABOVE = 0.24, 0.38
 """Correlation of adjacent pixels between which the answer moves from one network to the other."""
 
+SURE_BELOW, UNSURE_ABOVE = 0.7, 1.1
+"""Half-width of the second network's interval of ln(1 + sigma) between which its disagreement loses its weight."""
+
+CLEARLY_CORRELATED = 0.45  # an unsure network is still asked above this correlation
+DISAGREEMENT_WIDTH = 0.15  # of ln(1 + sigma), over which disagreeing intervals hand over
+MIN_REACH = 0.05  # of the interval of cellwise, for that comparison
 PLAINLY_WHITE = 0.1  # lag-1 correlation of flat windows below which ...
 PLAIN_SIGMA_DN = 1.0  # ... noise that certainly exceeds this is white
-PCA_FACTOR = 1.15  # principal components of every second pixel read correlated noise low by this factor
-PCA_SCALE = 0.35  # b0, of the half-width of the interval
+PCA_FACTOR = 1.1  # principal components of every second pixel read correlated noise low by this factor
+PCA_REACH = 0.6  # half-width of the interval at which they count half
 PCA_MIN_PX = 64
 WIDEST_REACH = 0.9
 """Half-width of the interval of ln(1 + sigma) beyond which there is no answer: a factor of 2.5 either way."""
 
-VANISHED_COEFFICIENTS = 0.9  # of high-frequency DCT coefficients: a codec has removed them
-GRID_STEP = 0.25  # ln of the step at block edges over that elsewhere
+WIDEST_COMPRESSED_REACH = 0.45  # the same behind a codec: a factor of 1.6
+VANISHED_COEFFICIENTS = 0.85  # of high-frequency DCT coefficients: a codec has removed them
+GRID_STEP = 0.12  # ln of the step at block edges over that elsewhere
 
 
 class Adaptive(CellMapper):
@@ -53,7 +68,8 @@ class Adaptive(CellMapper):
 
     Args:
         cellwise_weights, correlated_weights: weight files of the two networks; None for the released ones.
-        widest_reach: half-width of the interval of ln(1 + sigma) from which a patch is abstained from.
+        widest_reach, widest_compressed_reach: half-width of the interval of ln(1 + sigma) beyond which a patch is
+            abstained from, without and with the traces of a codec.
         saturated_fraction: of saturated pixels, (0, 1], from which a patch is refused.
 
     Raises:
@@ -68,13 +84,14 @@ class Adaptive(CellMapper):
         correlated_weights: str | Path | None = None,
         *,
         widest_reach: float = WIDEST_REACH,
+        widest_compressed_reach: float = WIDEST_COMPRESSED_REACH,
         saturated_fraction: float = SATURATED_FRACTION,
     ) -> None:
         super().__init__(saturated_fraction)
         self.white = Cellwise(cellwise_weights)
         self.correlated = Correlated(correlated_weights)
         self.principal = PrincipalComponents(stride=2)
-        self.widest_reach = widest_reach
+        self.widest_reach, self.widest_compressed_reach = widest_reach, widest_compressed_reach
 
     def measure_cells(
         self, stack: NDArray[np.floating], reason: NDArray[np.object_]
@@ -87,20 +104,19 @@ class Adaptive(CellMapper):
         asked = np.flatnonzero(~self._plainly_white(stack, white.low_dn))
         if len(asked):
             answer = self.correlated.predict(stack[asked])
-            ratio = (answer.correlation - WHITE_BELOW) / (CORRELATED_ABOVE - WHITE_BELOW)
-            weight = np.clip(ratio, 0.0, 1.0)
-            total, total_low, total_high = self._correlated_answer(stack[asked], answer)
-            sigma[asked] = _between(sigma[asked], total, weight)
-            low[asked] = np.where(weight > 0, _between(low[asked], total_low, weight), low[asked])
-            high[asked] = np.where(weight > 0, _between(high[asked], total_high, weight), high[asked])
-            white_sigma[asked] = _between(white_sigma[asked], answer.white_sigma_dn, weight)
-            correlation[asked] = answer.correlation
-            level = sigma[asked] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
-            adapted = answer.cells_dn * level[:, None, None].astype(np.float32)
-            cells[asked] = np.where(weight[:, None, None] >= 0.5, adapted, cells[asked])
-            wide = (np.log1p(high[asked]) - np.log1p(low[asked])) / 2 > self.widest_reach
-            unsure = wide & (weight > 0) & (reason[asked] == "")
             traces = compressed(answer.statistics)
+            weight = weights(sigma[asked], high[asked], answer, traces)
+            level, reach = self._joined(stack[asked], answer), answer.reach
+            sigma[asked] = _between(sigma[asked], level, weight)
+            low[asked] = _between(low[asked], np.maximum(level - reach, 0.0), weight)
+            high[asked] = _between(high[asked], level + reach, weight)
+            white_sigma[asked] = _between(white_sigma[asked], np.log1p(answer.white_sigma_dn), weight)
+            correlation[asked] = answer.correlation
+            scale = sigma[asked] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
+            adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
+            cells[asked] = np.where(weight[:, None, None] >= 0.5, adapted, cells[asked])
+            widest = np.where(traces, self.widest_compressed_reach, self.widest_reach)
+            unsure = (reach > widest) & (weight > 0.02) & (reason[asked] == "")
             reason[asked[unsure & traces]] = COMPRESSED
             reason[asked[unsure & ~traces]] = UNCERTAIN
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
@@ -112,19 +128,37 @@ class Adaptive(CellMapper):
             plain[index] = whiteness(np.rint(stack[index] * np.float32(FULL_SCALE_DN))) < PLAINLY_WHITE
         return plain
 
-    def _correlated_answer(
-        self, stack: NDArray[np.floating], answer: Prediction
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Sigma and its interval, DN, with principal components where the network is unsure."""
-        level, reach = np.log1p(answer.sigma_dn), answer.reach
-        if min(stack.shape[1:]) >= PCA_MIN_PX:
-            share = reach**2 / (reach**2 + PCA_SCALE**2)
-            reason = np.full(len(stack), "", dtype=object)
-            principal = np.log1p(PCA_FACTOR * np.nan_to_num(self.principal.measure(stack, reason).sigma_dn))
-            joined = (1 - share) * level + share * principal
-            # The interval covers what the network alone would have allowed, about the joined answer.
-            level, reach = joined, np.maximum(reach, np.abs(joined - level))
-        return np.expm1(level), np.maximum(np.expm1(level - reach), 0.0), np.expm1(level + reach)
+    def _joined(self, stack: NDArray[np.floating], answer: Prediction) -> NDArray[np.float64]:
+        """ln(1 + sigma) of the second network, with principal components where it is unsure."""
+        level = np.log1p(answer.sigma_dn)
+        if min(stack.shape[1:]) < PCA_MIN_PX:
+            return level
+        share = answer.reach**4 / (answer.reach**4 + PCA_REACH**4)
+        reason = np.full(len(stack), "", dtype=object)
+        principal = np.log1p(PCA_FACTOR * np.nan_to_num(self.principal.measure(stack, reason).sigma_dn))
+        return (1 - share) * level + share * principal
+
+
+def weights(
+    white_dn: NDArray[np.float64], white_high_dn: NDArray[np.float64], answer: Prediction, traces: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Weight of the network for correlated noise; see the module.
+
+    Args:
+        white_dn, white_high_dn: (N,) sigma of `cellwise` and the upper end of its interval, DN.
+        answer: of the other network, for the same patches.
+        traces: (N,) whether they show the traces of a codec.
+
+    Returns:
+        (N,) in [0, 1].
+    """
+    first, second = np.log1p(white_dn), np.log1p(answer.sigma_dn)
+    reach = np.maximum(np.log1p(white_high_dn) - first, MIN_REACH)
+    apart = np.clip((np.abs(first - second) - answer.reach - reach) / DISAGREEMENT_WIDTH + 1, 0, 1)
+    sure = np.clip((UNSURE_ABOVE - answer.reach) / (UNSURE_ABOVE - SURE_BELOW), 0, 1)
+    ramp = np.clip((answer.correlation - WHITE_BELOW) / (CORRELATED_ABOVE - WHITE_BELOW), 0, 1)
+    lost = (answer.reach > UNSURE_ABOVE) & (answer.correlation < CLEARLY_CORRELATED)
+    return np.where(traces, 1.0, np.where(lost, 0.0, np.maximum(ramp, apart * sure)))
 
 
 def compressed(statistics: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -134,11 +168,11 @@ def compressed(statistics: NDArray[np.float32]) -> NDArray[np.bool_]:
         statistics: (N, COUNT), see `correlated_features.statistics`.
     """
     grid = statistics[:, GRID_START : GRID_START + 9]
-    return (np.minimum(grid[:, 0], grid[:, 3]) > GRID_STEP) | (grid[:, 8] > VANISHED_COEFFICIENTS)
+    return np.asarray((np.minimum(grid[:, 0], grid[:, 3]) > GRID_STEP) | (grid[:, 8] > VANISHED_COEFFICIENTS))
 
 
 def _between(
-    first: NDArray[np.float64], second: NDArray[np.float64], weight: NDArray[np.float64]
+    first_dn: NDArray[np.float64], level: NDArray[np.float64], weight: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """A weighted mean of ln(1 + x): the first where the weight is 0, the second where it is 1."""
-    return np.expm1((1 - weight) * np.log1p(first) + weight * np.log1p(second))
+    """A weighted mean, DN: the first where the weight is 0, expm1 of the level where it is 1."""
+    return np.where(weight > 0, np.expm1((1 - weight) * np.log1p(first_dn) + weight * level), first_dn)

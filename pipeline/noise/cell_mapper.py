@@ -1,4 +1,4 @@
-"""Base class of noise estimators whose answer for a patch holds one for every 8 x 8 px cell of it, and maps of frames."""
+"""Base class of noise estimators that answer for every 8 x 8 px cell of a patch, and their maps of frames."""
 
 from __future__ import annotations
 

@@ -100,4 +100,3 @@ class Cellwise(CellMapper):
                 found = self.network(*features(torch.from_numpy(pixels.astype(np.float32, copy=False)).to(self.device)))
                 sigma[part], scale[part], maps[part] = (value.cpu().numpy() for value in found)
         return sigma, scale, maps
-

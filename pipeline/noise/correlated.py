@@ -26,8 +26,10 @@ from pipeline.errors import InputError
 from pipeline.noise.base import Measured
 from pipeline.noise.cell_mapper import CELL_PX, CellMapper
 from pipeline.noise.correlated_features import LEAST_PX, statistics
+from pipeline.project_files import located
+from pipeline.weight_files import active
 
-RELEASED = Path(__file__).resolve().parents[2] / "data/weights/sigma_correlated.safetensors"
+RELEASED = located("data/weights/sigma_correlated.safetensors")
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ class Correlated(CellMapper):
         from pipeline.noise.correlated_net import ARCHITECTURE, CorrelatedNet
 
         super().__init__(saturated_fraction)
-        path = weights or RELEASED
+        path = weights or active(RELEASED)
         header = load(Path(path), ARCHITECTURE)[1]
         if not isinstance(header.get("interval"), float) or not isinstance(header.get("members"), int):
             raise InputError(f"{path}: has no interval or members in its header; train it anew (dvc repro train_sigma)")

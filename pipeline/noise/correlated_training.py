@@ -1,8 +1,8 @@
 """Training the network for correlated noise: samples through random cameras, and white noise beside them.
 
 Every `WHITE_EVERY`-th chunk holds white sensor noise on clean views (`samples`, without its noise that a blur has
-smoothed, which it labels as none); all others hold shots of random cameras (`camera_samples`). Statistics are made where
-samples are made, so that a step costs a few milliseconds and each sample can serve often.
+smoothed, which it labels as none); all others hold shots of random cameras (`camera_samples`). Statistics are made
+where samples are made, so that a step costs a few milliseconds and each sample can serve often.
 """
 
 from __future__ import annotations

@@ -99,7 +99,7 @@ def _denoised(luma: Float, settings: Denoising, sigma: float) -> Float:
         filtered: NDArray[Any] = cv2.fastNlMeansDenoising(
             whole, None, max(settings.strength * 0.6 * sigma * 255, 0.5), 3, 9
         )
-        return filtered.astype(np.float32) / 255
+        return filtered.astype(np.float32) / np.float32(255)
     weights = (1.0, settings.coarse, 0.5 * settings.coarse**2)
     rest, detail = luma, np.zeros_like(luma)
     for scale_px, share, weight in zip(_SCALES_PX, _NOISE_FRACTION, weights, strict=True):

@@ -1,0 +1,80 @@
+"""Default noise estimator: white noise as by cellwise, processed noise as by correlated, abstentions where unsure."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_noise_correlated import flat
+
+from pipeline import noise
+from pipeline.camera.processing import presets, temporal_noise
+from pipeline.camera.processing.develop import grey
+from pipeline.condition import ConditionMonitor
+from pipeline.errors import InputError
+from pipeline.noise.adaptive import COMPRESSED, UNCERTAIN, Adaptive
+from pipeline.streams import stream
+
+ADAPTIVE = noise.create("adaptive")
+
+
+def stack(*patches):
+    return np.stack(patches)[:, None] / np.float32(255)
+
+
+def test_plainly_white_noise_is_answered_by_cellwise():
+    patches = stack(flat(4), flat(10), flat(20))
+    estimate = ADAPTIVE.estimate(patches)
+    assert estimate.sigma_dn == pytest.approx(noise.create("cellwise").estimate(patches).sigma_dn, rel=1e-6)
+    assert estimate.white_sigma_dn == pytest.approx(estimate.sigma_dn)
+
+
+def test_noise_of_a_phone_is_read_where_cellwise_answers_zero():
+    scene = np.full((160, 160, 3), 0.18, np.float32)
+    camera = presets.named("phone").at_iso(1600)
+    shots = np.stack([grey(camera.shoot(scene, stream(1, "phone", index)))[16:-16, 16:-16] for index in range(4)])
+    truth = temporal_noise.measure(shots).sigma_dn
+    estimate = ADAPTIVE.estimate(shots[:, None] / np.float32(255))
+    assert not estimate.abstained.any()
+    assert np.abs(estimate.sigma_dn - truth).max() < max(0.25 * truth, 0.5)
+    assert ((estimate.low_dn <= truth) & (truth <= estimate.high_dn)).mean() >= 0.75
+    assert (noise.create("cellwise").estimate(shots[:, None] / np.float32(255)).sigma_dn < 0.5 * truth).all()
+
+
+def test_intervals_hold_their_estimate_and_nothing_is_negative():
+    estimate = ADAPTIVE.estimate(stack(flat(0.5), flat(3), flat(3, 0.9), flat(15, 0.7), flat(25)))
+    answered = ~estimate.abstained
+    assert (estimate.low_dn[answered] <= estimate.sigma_dn[answered] + 1e-9).all()
+    assert (estimate.sigma_dn[answered] <= estimate.high_dn[answered] + 1e-9).all()
+    assert (estimate.low_dn[answered] >= 0).all()
+    assert (estimate.white_sigma_dn[answered] <= estimate.sigma_dn[answered] + 1e-9).all()
+
+
+def test_wide_intervals_become_abstentions_with_their_reason():
+    strict = Adaptive(widest_reach=1e-3)
+    estimate = strict.estimate(stack(flat(6, 0.9), flat(8)))
+    assert estimate.abstained[0] and estimate.reason[0] in (COMPRESSED, UNCERTAIN)
+    assert not estimate.abstained[1]  # white: the interval of cellwise is not judged by it
+
+
+def test_answers_do_not_depend_on_the_batch():
+    patches = stack(flat(3, 0.9), flat(9), flat(6, 0.6))
+    together = ADAPTIVE.estimate(patches).sigma_dn
+    alone = np.concatenate([ADAPTIVE.estimate(patch[None]).sigma_dn for patch in patches])
+    assert together == pytest.approx(alone, rel=1e-5)
+
+
+def test_maps_cover_every_cell():
+    estimate, cells = ADAPTIVE.estimate_cells(stack(flat(5, 0.9), flat(9)))
+    assert cells.shape == (2, 16, 16) and np.isfinite(cells).all()
+    assert np.sqrt((cells**2).mean(axis=(1, 2))) == pytest.approx(estimate.sigma_dn, rel=0.05)
+    assert ADAPTIVE.map(flat(5, 0.9, side=200) / np.float32(255)).shape == (25, 25)
+
+
+def test_it_is_the_default_of_the_monitor():
+    assert isinstance(ConditionMonitor().noise_estimator, Adaptive)
+
+
+def test_no_patches_give_no_answers():
+    assert len(ADAPTIVE.estimate(np.zeros((0, 1, 128, 128), np.float32))) == 0
+    with pytest.raises(InputError):
+        ADAPTIVE.estimate(np.zeros((1, 1, 40, 40), np.float32))

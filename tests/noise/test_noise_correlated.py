@@ -1,0 +1,103 @@
+"""Statistics and network for correlated noise: what they separate, how answers and maps are put together."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from pipeline import noise
+from pipeline.errors import InputError
+from pipeline.noise import camera_samples, correlated_features
+from pipeline.noise.correlated import Correlated
+from pipeline.noise.correlated_net import CURVE_LEVELS_DN, CorrelatedNet, cell_map
+from pipeline.streams import stream
+
+
+def flat(sigma_dn, blur_px=0.0, key="flat", level=120.0, side=128):
+    field = stream(1, key, sigma_dn, blur_px).standard_normal((side + 32, side + 32), dtype=np.float32)
+    if blur_px:
+        field = cv2.GaussianBlur(field, (0, 0), blur_px)
+        field /= field.std()
+    picture = level + sigma_dn * field[16:-16, 16:-16]
+    return np.clip(np.rint(picture), 0, 255).astype(np.float32)
+
+
+def test_statistics_have_their_length_and_are_finite_for_any_patch():
+    ramp = np.broadcast_to(np.linspace(0, 255, 128, dtype=np.float32), (128, 128)).round()
+    for patch in (flat(5), flat(0), np.zeros((64, 48), np.float32), np.full((128, 96), 255, np.float32), ramp):
+        values = correlated_features.statistics(patch)
+        assert values.shape == (correlated_features.COUNT,) and np.isfinite(values).all()
+
+
+def test_the_reference_statistic_is_near_white_noise():
+    values = correlated_features.statistics(flat(6))
+    assert np.exp(values[correlated_features.REFERENCE]) == pytest.approx(6, rel=0.25)
+
+
+def test_whiteness_separates_white_noise_from_smoothed_noise():
+    assert abs(correlated_features.whiteness(flat(5))) < 0.1
+    assert correlated_features.whiteness(flat(5, blur_px=0.8)) > 0.2
+
+
+def test_compression_finds_the_grid_of_jpeg():
+    noisy = flat(8).astype(np.uint8)
+    coded = cv2.imdecode(cv2.imencode(".jpg", noisy, [cv2.IMWRITE_JPEG_QUALITY, 40])[1], 0).astype(np.float32)
+    plain, jpeg = (correlated_features.compression(picture) for picture in (noisy.astype(np.float32), coded))
+    assert jpeg[8] > plain[8] + 0.3  # fine coefficients have vanished
+    shifted = correlated_features.compression(coded[3:, 5:])
+    assert shifted[6:] == pytest.approx(jpeg[6:], abs=0.05)  # wherever the grid begins
+
+
+def test_the_map_keeps_the_patch_level_and_follows_the_curve():
+    curve = torch.zeros(1, len(CURVE_LEVELS_DN))
+    curve[0, 2] = np.log(2)  # twice the noise at middle grey
+    brightness = torch.full((1, 4, 4), CURVE_LEVELS_DN[0])
+    brightness[0, :2] = CURVE_LEVELS_DN[2]
+    cells = cell_map(torch.tensor([3.0]), curve, brightness)
+    assert float(cells.square().mean().sqrt()) == pytest.approx(3, rel=1e-5)
+    assert float(cells[0, 0, 0] / cells[0, 3, 3]) == pytest.approx(2, rel=1e-5)
+
+
+def test_the_mean_answer_of_equal_members_is_theirs():
+    net = CorrelatedNet(members=2)
+    net.members[1].load_state_dict(net.members[0].state_dict())
+    statistics = torch.from_numpy(np.stack([correlated_features.statistics(flat(level)) for level in (2, 9)]))
+    with torch.no_grad():
+        sigma, scale, white, correlation, curve = net(statistics)
+        one = net.answers(statistics)
+    assert torch.allclose(sigma, one[0][0].clamp_min(0), atol=1e-4) and torch.allclose(scale, one[1][0], atol=1e-5)
+    assert white.shape == correlation.shape == (2,) and curve.shape == (2, len(CURVE_LEVELS_DN))
+
+
+def test_samples_are_labelled_with_what_their_shots_show():
+    from pipeline.learning import images
+
+    tiles = np.stack([images.picture(index, 1, size_px=384) for index in range(2)])
+    recipe = camera_samples.Recipe(scenes=2, added_fraction=0.0)
+    made = camera_samples.chunk(tiles, recipe, 1, "test", 0)
+    again = camera_samples.chunk(tiles, recipe, 1, "test", 0)
+    assert all(np.array_equal(getattr(made, name), getattr(again, name)) for name in vars(made))
+    assert made.patches_dn.shape == (6, 128, 128) and made.map_dn.shape == (6, 16, 16)
+    shots = made.patches_dn[:3].astype(float)
+    assert made.sigma_dn[0] == pytest.approx(np.sqrt(shots.var(axis=0, ddof=1).mean()), abs=0.02)
+    assert np.sqrt((made.map_dn**2).mean(axis=(1, 2))) == pytest.approx(made.sigma_dn, rel=1e-3)
+    assert (made.white_sigma_dn <= made.sigma_dn + 1e-5).all()
+
+
+def test_the_released_network_reads_smoothed_noise_that_cellwise_does_not_see():
+    levels = (3.0, 6.0, 12.0)
+    patches = np.stack([flat(level, blur_px=0.8) for level in levels])[:, None] / np.float32(255)
+    estimate = noise.create("correlated").estimate(patches)
+    assert estimate.sigma_dn == pytest.approx(levels, rel=0.25)
+    assert (estimate.correlation > 0.4).all() and (estimate.white_sigma_dn < 0.6 * estimate.sigma_dn).all()
+    assert (noise.create("cellwise").estimate(patches).sigma_dn < 0.5 * np.array(levels)).all()
+
+
+def test_small_and_wrong_patches_are_refused():
+    with pytest.raises(InputError, match="48 x 48"):
+        noise.create("correlated").estimate(np.zeros((1, 1, 40, 40), np.float32))
+    with pytest.raises(InputError, match="absent"):
+        Correlated("absent.safetensors")
+    assert len(noise.create("correlated").estimate(np.zeros((0, 1, 128, 128), np.float32))) == 0
