@@ -7,14 +7,14 @@ Two networks answer:
 
 and the answer is a mean of their ln(1 + sigma) with weight w of the second:
 
-    w = 1                  where the picture shows the traces of a codec, which `cellwise` takes for a noise-free surface
+    w = 1                  where the picture shows the traces of a codec, where `cellwise` sees a noise-free surface
     w = ramp of r          of the correlation r of adjacent pixels, 0.24 to 0.38
     w = disagreement       where the intervals of the two do not meet and the second is sure
     w = 0                  where the second network is not sure at all, and nothing points to processing
 
 Where the second network is unsure, which happens on fine texture, principal components of every second pixel (`pca`,
 ``stride=2``) join it: v = d^4 / (d^4 + 0.6^4) of its answer, d the half-width of its interval of ln(1 + sigma). Where d
-stays too wide to be of use the patch is abstained from: as ``"compressed"`` behind a codec, which removes weak noise and
+is too wide to be of use the patch is abstained from: as ``"compressed"`` behind a codec, which removes weak noise and
 leaves its own, else as ``"uncertain"``.
 
 `NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. A patch that is
@@ -145,7 +145,8 @@ def weights(
     """Weight of the network for correlated noise; see the module.
 
     Args:
-        white_dn, white_high_dn: (N,) sigma of `cellwise` and the upper end of its interval, DN.
+        white_dn: (N,) sigma of `cellwise`, DN.
+        white_high_dn: (N,) upper end of its interval, DN.
         answer: of the other network, for the same patches.
         traces: (N,) whether they show the traces of a codec.
 

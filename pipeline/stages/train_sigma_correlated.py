@@ -8,7 +8,7 @@ from pipeline.config.entry import Run, stage
 @stage("train_sigma_correlated", reads=["seed", "train.sigma_correlated"])
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
-    from pipeline import training_record
+    from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
     from pipeline.noise import correlated_training
