@@ -116,13 +116,13 @@ def _names(config: Any) -> Iterator[str]:
 def _paths(config: Any) -> Iterator[str]:
     for name, dataset in config.datasets.items():
         root = dataset.root
-        if root is not None and not _may_be_made(root) and not Path(root).is_dir():
+        if root is not None and not _may_be_made(root, config.root) and not Path(root).is_dir():
             yield f"datasets.{name}.root={root}: no such folder; see data/raw/README.md for what goes where"
         if dataset.whitelist is not None and not Path(dataset.whitelist).is_file():
             yield f"datasets.{name}.whitelist={dataset.whitelist}: no such file"
     for name, detector in config.detection.detectors.items():
         weights = detector.weights
-        if weights and not _may_be_made(weights) and not Path(weights).is_file():
+        if weights and not _may_be_made(weights, config.root) and not Path(weights).is_file():
             yield (
                 f"detection.detectors.{name}.weights={weights}: no such file; "
                 "'camera-monitor weights list' shows what there is to get"
@@ -131,7 +131,7 @@ def _paths(config: Any) -> Iterator[str]:
         yield f"psf.folder={config.psf.folder}: no such folder of the paper's kernels"
 
 
-def _may_be_made(path: str) -> bool:
-    """Whether a stage may make a path: relative, below ``data/`` and not below ``data/raw``."""
+def _may_be_made(path: str, root: str) -> bool:
+    """Whether a stage may make a path: below ``data/`` of the profile's root and not below ``data/raw``."""
     parts = Path(path)
-    return not parts.is_absolute() and parts.is_relative_to(STAGE_FOLDER) and not parts.is_relative_to(USER_FOLDER)
+    return parts.is_relative_to(Path(root) / STAGE_FOLDER) and not parts.is_relative_to(USER_FOLDER)

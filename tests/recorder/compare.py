@@ -1,0 +1,66 @@
+"""Compares what stage processes executed and opened with the dependencies that ``dvc.yaml`` declares for them.
+
+``python tests/recorder/compare.py FOLDER`` in the project's top folder prints each difference and exits with 1 if there
+is one; `make smoke` calls it.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import yaml
+
+from pipeline.dependencies import dvc_yaml
+
+FREE = ("params.yaml", "dvc.yaml", "dvc.lock", ".cache/", ".git", "conf/", ".dvc", "tests/recorder/")
+"""Opened by machinery (parameters are dependencies by value) or caches with a fingerprint in their name."""
+BY_HASH = {"data/index/": "data/sim/", "data/detector/": "data/weights/"}
+"""A folder whose content hashes are in a dependency -> files that may be opened."""
+
+
+def declared(group, item, params):
+    """Dependencies and outputs of one member of a group, as paths."""
+    body, values = group.body, {"root": params["root"], **item}
+    outs = [
+        next(iter(out)) if isinstance(out, dict) else out for key in ("outs", "metrics") for out in body.get(key, [])
+    ]
+    return {dvc_yaml._filled(line, values) for line in [*body["deps"], *outs]}
+
+
+def problems(folder, top=Path()):
+    """Differences of all records of a folder, one line each."""
+    params = yaml.safe_load((top / "params.yaml").read_text(encoding="utf-8"))
+    groups = dvc_yaml.groups(yaml.safe_load((top / "dvc.yaml").read_text(encoding="utf-8")), params)
+    found = set()
+    for path in sorted(Path(folder).glob("*.json")):
+        record = json.loads(path.read_text(encoding="utf-8"))
+        module, *words = record["stage"]
+        job = dict(word.removeprefix("+job.").split("=", 1) for word in words)
+        members = [(g, item) for g in groups for item, of in zip(g.items, g.jobs(), strict=False)
+                   if g.module == module and of == job]  # fmt: skip
+        if not members:
+            found.add(f"{module} {job}: no stage of dvc.yaml")
+            continue
+        group, item = members[0]
+        paths = declared(group, item, params)
+        root = params["root"]
+        free = (*FREE, *(f"{root}{opened}" for given, opened in BY_HASH.items()
+                         if any(line.startswith(f"{root}{given}") for line in paths)))  # fmt: skip
+
+        def inside(file, paths=paths):
+            return any(file == line or file.startswith(f"{line.rstrip('/')}/") for line in paths)
+
+        for file in record["executed"]:
+            if file.startswith("pipeline/") and file.endswith(".py") and not inside(file):
+                found.add(f"{group.name}: executes {file}, which is not in deps")
+        for file in record["opened"]:
+            compiled = file.endswith((".pyc", ".py")) or "__pycache__" in file or "/.writing-" in file
+            if not compiled and not file.startswith(free) and not inside(file) and Path(top, file).is_file():
+                found.add(f"{group.name}: opens {file}, which is not in deps or outs")
+    return sorted(found)
+
+
+if __name__ == "__main__":
+    lines = problems(sys.argv[1])
+    print("\n".join(lines) or "every module executed and file opened is a declared dependency")
+    raise SystemExit(1 if lines else 0)

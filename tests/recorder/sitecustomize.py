@@ -1,0 +1,45 @@
+"""Records what a stage process executed and opened; on PYTHONPATH, Python imports this before anything else.
+
+With the environment variable RECORD_STAGES naming a folder, every process of a stage (``python -m pipeline.stages.X``)
+and its workers write one JSON there when they end: modules of the package, and files of the project that were opened.
+"""
+
+import atexit
+import json
+import os
+import sys
+from pathlib import Path
+
+_FOLDER, _STAGE = "RECORD_STAGES", "RECORD_STAGES_OF"
+
+
+def _start() -> None:
+    folder, top = Path(os.environ[_FOLDER]), str(Path.cwd()) + os.sep
+    named = [word for word in sys.orig_argv if word.startswith(("pipeline.stages.", "+job."))]
+    if named:
+        os.environ[_STAGE] = json.dumps(named)  # workers inherit it
+    stage = os.environ.get(_STAGE)
+    if not stage:
+        return
+    opened = set()
+
+    def hook(event: str, arguments: tuple) -> None:
+        if event == "open" and isinstance(arguments[0], str):
+            path = os.path.normpath(os.path.join(top, arguments[0]))  # noqa: PTH118  (links are not followed)
+            if path.startswith(top):
+                opened.add(path[len(top) :])
+
+    def write() -> None:
+        modules = [module for name, module in sys.modules.items() if name.startswith("pipeline")]
+        files = {getattr(module, "__file__", None) or "" for module in modules}
+        executed = {file.removeprefix(top) for file in files if file}
+        executed |= {path for path in opened if path.startswith("pipeline/stages/")}  # -m runs it as __main__
+        record = {"stage": json.loads(stage), "executed": sorted(executed), "opened": sorted(opened)}
+        (folder / f"{os.getpid()}.json").write_text(json.dumps(record), encoding="utf-8")
+
+    sys.addaudithook(hook)
+    atexit.register(write)
+
+
+if _FOLDER in os.environ:
+    _start()
