@@ -61,6 +61,11 @@ class Group:
             raise InputError(f"dvc.yaml: stage '{self.name}': expected cmd: python -m MODULE ...")
         return match[1]
 
+    @property
+    def is_stage(self) -> bool:
+        """Whether it runs a stage; the check of the configuration only imports what it names and opens no data."""
+        return self.module.startswith(f"{PACKAGE}.stages.")
+
     def jobs(self) -> list[dict[str, str]]:
         """What ``+job.KEY=`` gives each member; names in the place of values where it has no member."""
         given = re.findall(r"\+job\.(\w+)=(\S+)", str(self.body["cmd"]))
@@ -198,7 +203,7 @@ def expected(group: Group, params: Mapping[str, Any], outs: frozenset[str], root
     for path in _folders(files_of(group, params, root), root):
         if path.startswith(f"{PACKAGE}/"):
             lines.append(path)
-        elif path not in own and path not in by_hand:
+        elif group.is_stage and path not in own and path not in by_hand:
             rooted = f"{_ROOTED}{path}"
             lines.append(rooted if rooted in outs else path)
     stage = f"{group.module.replace('.', '/')}.py"

@@ -29,6 +29,7 @@ RELEASED_WITHOUT_FLAG = frozenset(
         "61b07e8d50a37d05a676f9027d6c32c7300e9191cfa9e461eb848b172ba3e2d8",  # mtf_spectral.safetensors
         "60d8d773d134b1246571395745532e3ae8d9301ff8390b118ef51fd2338fc057",  # sigma_cellwise.safetensors
         "30555c437e6bdd9149ad5a1f78a0654d4c4c7b193f4a0b729c4343d257082f7c",  # sigma_cnn.safetensors
+        "f79dfecdbfb2d3d8ad2af9c19fa6f653ca50c772c1095cd59840d7b984245ff4",  # sigma_correlated.safetensors
     }
 )
 """SHA-256 of released files that were written before headers said whether a file is released."""

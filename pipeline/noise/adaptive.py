@@ -90,6 +90,7 @@ class Adaptive(CellMapper):
         super().__init__(saturated_fraction)
         self.white = Cellwise(cellwise_weights)
         self.correlated = Correlated(correlated_weights)
+        self.released = self.white.released and self.correlated.released
         self.principal = PrincipalComponents(stride=2)
         self.widest_reach, self.widest_compressed_reach = widest_reach, widest_compressed_reach
 

@@ -76,7 +76,7 @@ class Correlated(CellMapper):
         if not isinstance(header.get("interval"), float) or not isinstance(header.get("members"), int):
             raise InputError(f"{path}: has no interval or members in its header; train it anew (dvc repro train_sigma)")
         network = CorrelatedNet(header["members"])
-        into(network, path, ARCHITECTURE)
+        self.released = bool(into(network, path, ARCHITECTURE)["released"])
         self.interval: float = header["interval"]
         self.network = network.eval()
 

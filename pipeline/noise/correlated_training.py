@@ -195,7 +195,7 @@ def train(settings: Settings, conduct: Conduct) -> Trained:
     )
 
 
-def save(path: Path, trained: Trained, settings: Settings) -> None:
+def save(path: Path, trained: Trained, settings: Settings, *, released: bool = False) -> None:
     """Write the weight file of a training: weights, settings, measures and the interval's factor."""
     from pipeline.noise.correlated_net import ARCHITECTURE
 
@@ -206,6 +206,7 @@ def save(path: Path, trained: Trained, settings: Settings) -> None:
         settings,
         architecture=ARCHITECTURE,
         code=CODE,
+        released=released,
         measures=values,
         interval=values["validation_interval"],
         members=settings.members,

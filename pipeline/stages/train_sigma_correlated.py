@@ -16,7 +16,8 @@ def run(run: Run) -> None:
     settings = correlated_training.Settings.from_section(run.params.train.sigma_correlated, run.params.seed)
     conduct = Conduct.reported("correlated", settings.schedule.steps, run.executor.workers)
     trained = correlated_training.train(settings, conduct)
-    correlated_training.save(run.outputs / "data/weights/sigma_correlated.safetensors", trained, settings)
+    path = run.outputs / "data/weights/sigma_correlated.safetensors"
+    correlated_training.save(path, trained, settings, released=run.released)
     training_record.write(run.outputs, "sigma_correlated", trained.curve, final_measures(trained))
 
 

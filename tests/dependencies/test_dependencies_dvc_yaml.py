@@ -85,6 +85,18 @@ def test_outputs_of_stages_that_are_read_below_the_root_are_declared_below_it():
     assert re.search(r"\$\{root\}data/index/\$\{item\.dataset\}", " ".join(lines))
 
 
+@pytest.mark.parametrize("name", GROUPS)
+def test_a_profile_writes_below_its_root_and_does_not_stand_for_another_training(name):
+    group = GROUPS[name]
+    given = [*group.body.get("outs", []), *group.body.get("metrics", [])]
+    outs = [next(iter(out)) if isinstance(out, dict) else out for out in given]
+    assert all(out.startswith("${root}") for out in outs), outs
+    if any("data/weights/" in out for out in outs):
+        assert GRAPH["stages"][name]["matrix"]["profile"] == ["${profile}"]
+    made = re.compile(r"(data/(?!paper|raw)|reports/(?!recorded))")
+    assert not [line for line in group.body["deps"] if made.match(line)]
+
+
 def test_every_stage_module_can_be_followed():
     for group in GROUPS.values():
         assert closure(group.module)

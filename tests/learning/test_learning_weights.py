@@ -10,6 +10,8 @@ from safetensors.torch import save_file
 from pipeline.errors import InputError
 from pipeline.learning import weights
 
+RELEASED = sorted((Path(__file__).resolve().parents[2] / "data/weights").glob("*.safetensors"))
+
 
 @pytest.fixture
 def path(tmp_path):
@@ -81,6 +83,24 @@ def test_weights_changed_after_they_were_written_are_refused(path):
     path.write_bytes(content)
     with pytest.raises(InputError, match="SHA-256 differs|expected at most|NaN"):
         weights.load(path, "net-1")
+
+
+def test_weights_that_are_not_released_are_announced_once(path, capsys):
+    for _ in range(2):
+        assert weights.into(torch.nn.Linear(3, 2), path, "net-1")["released"] is False
+    assert capsys.readouterr().err == f"warning: {path}: weights that are not released (net-1)\n"
+    weights.save(path, torch.nn.Linear(3, 2).state_dict(), "net-1", released=True)
+    assert weights.into(torch.nn.Linear(3, 2), path, "net-1")["released"] is True
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "file",
+    sorted((Path(__file__).resolve().parents[2] / "data/weights").glob("*.safetensors")),
+    ids=lambda file: file.stem,
+)
+def test_weights_of_the_project_are_released(file):
+    assert weights.is_released(file, weights.details(file))
 
 
 def test_released_weights_are_finite():
