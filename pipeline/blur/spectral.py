@@ -5,6 +5,14 @@ Both directions come from one pass (`spectral_features`, `spectral_net`); traine
 own sharp frames is what `calibrated` gives; where there are none, ``answer="added"`` takes off a typical lens
 (`pipeline.blur.typical_camera`).
 
+Noise that a camera has processed (demosaiced, denoised, sharpened, coded) looks like texture, and the main network,
+which knows white noise only, takes it for sharpness. A second network of the same form was trained through random
+cameras; it reads such noise, and where it reads more than the main one it takes over:
+
+    w = clip((sigma_processed - sigma - 0.8 DN) / 1.2 DN, 0, 1),    MTF = (1 - w) MTF_main + w MTF_processed
+
+There the interval spans those of both, as the two differ by more than either allows for.
+
 It expects scenes the right way up: it knows that street scenes hold less detail across than along, so frames of a
 rolled camera must be turned upright first.
 """
@@ -12,6 +20,7 @@ rolled camera must be turned upright first.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +31,19 @@ from pipeline.errors import InputError
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
+if TYPE_CHECKING:
+    import torch
+
+    from pipeline.blur.spectral_net import SpectralNet
+
 RELEASED = located("data/weights/mtf_spectral.safetensors")
 TYPICAL = "_typical.json"
 """Behind the stem of a weight file: its fit to cameras at large, for answers of kind "added"."""
+RELEASED_PROCESSED = located("data/weights/mtf_spectral_processed.safetensors")
+EXCESS_DN = (0.8, 2.0)
+"""Noise that the network for processed pictures reads beyond the main one, over which it takes over."""
+
+WIDENED_FROM = 0.25  # weight of that network from which the interval spans both
 RELEASED_TYPICAL = located("data/weights/mtf_spectral_typical.json")
 
 ANSWERS = ("total", "added")
@@ -32,11 +51,17 @@ AT_ONCE = 8
 INTERVAL = 3.0  # of a Laplace distribution, ln 20 scales hold 95 %; weight files carry their measured factor
 
 
+Answer = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+"""MTF (N, 2, 8), its Laplace scale (N, 2, 8), and noise sigma (N,), DN."""
+
+
 class Spectral(Estimator):
     """See the module.
 
     Args:
         weights: file of `pipeline.learning.weights`; None for the released one.
+        processed_weights: of the network for processed pictures; None for the released one.
+        processed: whether that network takes part.
         answer: ``"total"``, the MTF of lens, sensor and motion together, or ``"added"``, that of what was added to a
             typical camera's sharp frames; the latter's map lies beside the weights (``STEM_typical.json``).
         mirrored: average the answers for the patch and its mirror image (whose spectrum is known already): the network
@@ -53,6 +78,8 @@ class Spectral(Estimator):
         self,
         weights: str | Path | None = None,
         *,
+        processed_weights: str | Path | None = None,
+        processed: bool = True,
         answer: str = "total",
         mirrored: bool = False,
         batch: int = 32,
@@ -74,6 +101,13 @@ class Spectral(Estimator):
         self.typical = Fit.load(path.with_name(path.stem + TYPICAL)) if answer == "added" else None
         self.interval = float(header.get("interval", INTERVAL))
         self.network = network.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.processed: SpectralNet | None = None
+        if processed:
+            second = SpectralNet()
+            header = into(second, Path(processed_weights or active(RELEASED_PROCESSED)), ARCHITECTURE)
+            self.released &= bool(header["released"])
+            self.processed_interval = float(header.get("interval", INTERVAL))
+            self.processed = second.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
         """The uncalibrated answer; see `pipeline.blur.base.Estimator.measure`."""
@@ -119,6 +153,29 @@ class Spectral(Estimator):
                 ways = 2 if self.mirrored else 1
                 if self.mirrored:
                     maps, vector = torch.cat([maps, mirrored(maps)]), torch.cat([vector, vector])
-                found = [value.unflatten(0, (ways, -1)).mean(0) for value in self.network(maps, vector)[:3]]
-                mtf[part], scale[part], sigma_dn[part] = (value.cpu().numpy() for value in found)
+                main = _answer(self.network, maps, vector, ways)
+                if self.processed is not None:
+                    main = self._joined(main, _answer(self.processed, maps, vector, ways))
+                mtf[part], scale[part], sigma_dn[part] = main
         return mtf, scale, sigma_dn
+
+    def _joined(self, main: Answer, processed: Answer) -> Answer:
+        """The answers of both networks as one; scales are those of the main network's interval."""
+        excess = processed[2] - main[2]
+        weight = np.clip((excess - EXCESS_DN[0]) / (EXCESS_DN[1] - EXCESS_DN[0]), 0, 1).astype(np.float32)[
+            :, None, None
+        ]
+        mtf = (1 - weight) * main[0] + weight * processed[0]
+        reach = np.maximum(
+            np.abs(main[0] - mtf) + self.interval * main[1],
+            np.abs(processed[0] - mtf) + self.processed_interval * processed[1],
+        )
+        wide = np.minimum(weight / WIDENED_FROM, 1)
+        scale = (1 - wide) * main[1] + wide * reach / self.interval
+        return mtf, scale, main[2] + weight[:, 0, 0] * excess
+
+
+def _answer(network: SpectralNet, maps: torch.Tensor, vector: torch.Tensor, ways: int) -> Answer:
+    """What a network answers, averaged over the ways a patch is seen."""
+    means = [value.unflatten(0, (ways, -1)).mean(0).cpu().numpy() for value in network(maps, vector)[:3]]
+    return means[0], means[1], means[2]

@@ -8,12 +8,20 @@ from pipeline.registry import Registry
 PROGRAMS = Registry(
     "trained blur network",
     "pipeline.blur.training",
-    {"spectral": "pipeline.blur.spectral_training:train", "cnn": "pipeline.blur.cnn_training:train"},
+    {
+        "spectral": "pipeline.blur.spectral_training:train",
+        "spectral_processed": "pipeline.blur.spectral_training:train",
+        "cnn": "pipeline.blur.cnn_training:train",
+    },
 )
 SAVERS = Registry(
     "trained blur network",
     "pipeline.blur.training",
-    {"spectral": "pipeline.blur.spectral_training:save", "cnn": "pipeline.blur.cnn_training:save"},
+    {
+        "spectral": "pipeline.blur.spectral_training:save",
+        "spectral_processed": "pipeline.blur.spectral_training:save",
+        "cnn": "pipeline.blur.cnn_training:save",
+    },
 )
 
 USES = {"pipeline.blur.training": ["{network}"]}

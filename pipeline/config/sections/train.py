@@ -183,7 +183,7 @@ class FusionSection(Section):
 class TrainSection(Section):
     """Trainings by what they estimate or find."""
 
-    mtf: dict[Literal["spectral", "cnn"], MtfTrainingSection]
+    mtf: dict[Literal["spectral", "spectral_processed", "cnn"], MtfTrainingSection]
     fusion: FusionSection
     typical_camera: TypicalCameraSection
     sigma: dict[Literal["cellwise", "cnn"], SigmaTrainingSection]
