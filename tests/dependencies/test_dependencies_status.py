@@ -1,0 +1,59 @@
+"""``dvc status`` itself: it names the stages of an edited module, in a small copy with stages as in ``dvc.yaml``."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A DVC project with the code dependencies of a few stages, whose commands only write their output."""
+    top = tmp_path_factory.mktemp("project")
+    shutil.copytree(ROOT / "pipeline", top / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / ".dvcignore", top)
+    graph = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+    stages = {}
+    for name in ("noise_pca", "noise_cellwise", "train_mtf_cnn", "corrupt", "refit"):
+        deps = [line for line in graph[name]["deps"] if line.startswith("pipeline/")]
+        stages[name] = {"cmd": f"echo {name} > {name}.txt", "deps": deps, "outs": [{f"{name}.txt": {"cache": False}}]}
+    (top / "dvc.yaml").write_text(yaml.safe_dump({"stages": stages}))
+    dvc(top, "init", "--no-scm", "-q")
+    dvc(top, "repro", "-q")
+    return top
+
+
+def dvc(top, *arguments):
+    done = subprocess.run(
+        [sys.executable, "-m", "dvc", *arguments], cwd=top, capture_output=True, text=True, check=True
+    )
+    return done.stdout
+
+
+@pytest.mark.parametrize(
+    ("edited", "named"),
+    [
+        ("datasets/corrupted.py", {"noise_pca", "noise_cellwise", "corrupt"}),
+        ("noise/pca.py", {"noise_pca"}),
+        ("noise/cellwise_net.py", {"noise_cellwise"}),
+        ("learning/streets.py", {"train_mtf_cnn"}),
+        ("blur/spectral_net.py", set()),
+        ("noise/base.py", {"noise_pca", "noise_cellwise"}),
+        ("curves/published.py", {"refit"}),
+        ("__init__.py", {"noise_pca", "noise_cellwise", "train_mtf_cnn", "corrupt", "refit"}),
+    ],
+)
+def test_status_names_the_stages_that_can_execute_an_edited_module(project, edited, named):
+    path = project / "pipeline" / edited
+    before = path.read_text(encoding="utf-8")
+    path.write_text(before + "\n# edited\n", encoding="utf-8")
+    try:
+        status = dvc(project, "status")
+    finally:
+        path.write_text(before, encoding="utf-8")
+    assert {line.rstrip(":") for line in status.splitlines() if line.endswith(":") and line[0] != "\t"} == named
