@@ -36,6 +36,8 @@ NOISE_GAINS = ("physical", "linear")
 SATURATED_LEVEL = 0.98
 """Linear level from which a pixel counts as saturated: read noise spreads pixels of a full well below full scale."""
 
+_MOST_COUNTED_E = np.float32(2.0**19)  # brighter light than this is far beyond any well: it is not drawn
+
 Float = NDArray[np.float32]
 Double = NDArray[np.float64]
 
@@ -276,11 +278,12 @@ class Camera:
         dark = self.sensor.dark_electrons(self.temperature_k, exposure_s)
         if self.noise_gain == "linear":
             at = self.sensor
-            bright = mean_e * np.float32(gain)
-            charge = mean_e + (draws.poisson(np.minimum(bright, 2.0**19), photons, poisson) - bright)
+            bright = np.minimum(mean_e * np.float32(gain), _MOST_COUNTED_E)
+            charge = mean_e + (draws.poisson(bright, photons, poisson) - bright)
         else:
             at = self.sensor.at_gain(gain)
-            charge = draws.poisson(mean_e, photons, poisson)
+            counted = np.minimum(mean_e, _MOST_COUNTED_E)
+            charge = draws.poisson(counted, photons, poisson) + (mean_e - counted)
         charge += draws.poisson_even(dark, charge.shape, heat)
         if self.noise_gain == "physical":
             np.minimum(charge, np.float32(self.sensor.full_well_e), out=charge)

@@ -26,6 +26,7 @@ COMMANDS = {
     "render": "Render frames of the procedural dataset Sim.",
     "blur": "Measure blur estimators on recorded pictures: the paper's Table I.",
     "curves": "Ask measured curves for a detector's average precision at some noise and blur.",
+    "advise": "Advise exposure and gain for pictures, and say why.",
     "weights": "List, download and verify published detector weights.",
 }
 

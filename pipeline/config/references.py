@@ -26,6 +26,7 @@ REGISTRIES = Registry(
         "noise": "pipeline.noise:REGISTRY",
         "blur": "pipeline.blur:REGISTRY",
         "detection": "pipeline.detection:REGISTRY",
+        "control": "pipeline.control:REGISTRY",
     },
 )
 """Where names in the configuration are looked up, imported only by the check."""
@@ -54,6 +55,7 @@ def _problems(config: Any) -> Iterator[str]:
         ("noise.estimators", "noise", config.noise.estimators),
         ("blur.estimators", "blur", config.blur.estimators),
         ("detection.detectors", "detection", config.detection.detectors),
+        ("control.policies", "control", config.control.policies),
     ):
         for name, entry in entries.items():
             yield from _kind(f"{key}.{name}", group, entry)

@@ -19,6 +19,7 @@ from pipeline.config.sections.ablation import AblationSection
 from pipeline.config.sections.blur import BlurSection
 from pipeline.config.sections.camera import CameraSection, SensorSection
 from pipeline.config.sections.combined import CombinedSection
+from pipeline.config.sections.control import ControlSection
 from pipeline.config.sections.corruption import CorruptionSection
 from pipeline.config.sections.datasets import DatasetSection
 from pipeline.config.sections.denoised_blur import DenoisedBlurSection
@@ -61,6 +62,7 @@ class Config(Section):
     combined: CombinedSection
     denoised_blur: DenoisedBlurSection
     detection: DetectionSection
+    control: ControlSection
     train: TrainSection
     ablation: AblationSection
     noise: NoiseSection
@@ -89,6 +91,11 @@ class Config(Section):
         ):
             if listed != defined:
                 raise ValueError(f"{key} is {listed} but should follow {defined}; it is derived, do not set it")
+        unknown = set(self.matrix.scenarios) - set(self.control.scenarios)
+        if unknown:
+            raise ValueError(f"matrix.scenarios: {sorted(unknown)} are not in control.scenarios")
+        if self.control.detector not in self.detection.detectors:
+            raise ValueError(f"control.detector '{self.control.detector}' is not among detection.detectors")
         unknown = set(self.matrix.ablations) - set(self.ablation.variants)
         if unknown:
             raise ValueError(f"matrix.ablations: {sorted(unknown)} are not in ablation.variants")

@@ -15,6 +15,7 @@ from pipeline.control.motion import motion_length
 from pipeline.control.scenario import Scenario
 from pipeline.control.scoring import Judge, Score, average_precision
 from pipeline.detection.base import Detections
+from pipeline.errors import InputError, did_you_mean
 from pipeline.store import Schema
 from pipeline.streams import stream
 
@@ -231,6 +232,25 @@ def summary(
                 pairs.append({"scenario": scenario.name, "policy": name, "other": other, **difference})
     empty = pd.DataFrame(pairs, columns=list(PAIRS.columns))
     return SUMMARY.conform(pd.DataFrame(rows)), PAIRS.conform(empty)
+
+
+def metrics(table: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """Numbers to watch by policy: average precision, regret, frames lost."""
+    names = ("ap_percent", "regret_percent", "frames_lost_percent")
+    return {
+        str(row["policy"]): {name: float(np.nan_to_num(row[name])) for name in names} for _, row in table.iterrows()
+    }
+
+
+def named_scenario(scenarios: Mapping[str, Any], name: str) -> Any:
+    """A scenario's section.
+
+    Raises:
+        InputError: there is none of this name.
+    """
+    if name not in scenarios:
+        raise InputError(f"job.scenario={name}: not in control.scenarios; {did_you_mean(name, scenarios)}")
+    return scenarios[name]
 
 
 def paired(one: Score, other: Score) -> tuple[float, float, float]:

@@ -78,6 +78,8 @@ class IopcPolicy(Policy):
             raise InputError(f"smoothing is a weight in [0, 1), got {smoothing!r}")
         self.metering = None if target is None else Metering(target, tolerance)
         self.smoothing = smoothing
+        self.known_speed_px_s: float | None = None
+        """Speed of the image from another source (odometry), px/s; None takes it from the estimated MTF."""
         self._speed_px_s = self._speed_high_px_s = self._noise_ratio = math.nan
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:
@@ -143,6 +145,10 @@ class IopcPolicy(Policy):
         moving = motion_length(observation.mtf, self.performance.reference)
         modelled = float(model_sigma_dn(self.camera.formation, self._level(observation), state.gain, state.exposure_s))
         ratio = float(np.clip(float(observation.sigma_dn.value) / modelled, *_RATIO_RANGE))
+        if self.known_speed_px_s is not None:
+            self._speed_px_s = self._speed_high_px_s = self.known_speed_px_s
+            self._noise_ratio = math.exp(self._smoothed(_log(self._noise_ratio), math.log(ratio)))
+            return
         self._speed_px_s = self._smoothed(self._speed_px_s, moving.value_px / state.exposure_s)
         self._speed_high_px_s = self._smoothed(self._speed_high_px_s, moving.high_px / state.exposure_s)
         self._noise_ratio = math.exp(self._smoothed(_log(self._noise_ratio), math.log(ratio)))

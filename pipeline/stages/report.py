@@ -61,7 +61,12 @@ def run(run: Run) -> None:
         detectors_absent={
             name: line for name, line in params.report.not_run_detectors.items() if name not in params.matrix.detectors
         },
-        results={item: data / f"refit/{item}.csv" for item in ("regression_coefficients", "fitted_ap_grid")},
+        results={
+            **{item: data / f"refit/{item}.csv" for item in ("regression_coefficients", "fitted_ap_grid")},
+            "worked_examples": data / "worked_examples/steps.parquet",
+            "controller_ap": data / "worked_examples/precision.parquet",
+            "controller_response": data / "worked_examples/response.parquet",
+        },
         absent=absent,
         lock=Path("dvc.lock"),
         stages=frozenset(yaml.safe_load(Path("dvc.yaml").read_text(encoding="utf-8"))["stages"]),

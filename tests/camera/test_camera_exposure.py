@@ -172,3 +172,10 @@ def test_exposure_refuses_wrong_frames_and_settings():
         camera.expose(flat(0.1), 0.01, 1.0, noise_generator(1, "x"), motion=Motion(-1.0))
     with pytest.raises(InputError, match="light"):
         camera.electrons(flat(0.1), 0.01, -1.0)
+
+
+@pytest.mark.parametrize("noise_gain", ["physical", "linear"])
+def test_exposure_far_beyond_the_well_is_white_for_any_sensor(noise_gain):
+    camera = Camera(Sensor(full_well_e=1e6), noise_gain=noise_gain)
+    frame = camera.expose(flat(50.0)[:40, :40], 0.008, 4.0, noise_generator(7, "white"))
+    assert frame.image.min() > 0.98

@@ -98,7 +98,7 @@ def test_nothing_of_this_machine_or_of_the_time_is_in_the_report(
 
 
 def test_what_did_not_run_is_shown_with_the_line_that_would_run_it(text: str) -> None:
-    for line in (*ABSENT.values(), "dvc repro closed_loop", "dvc repro blur@&lt;dataset&gt;-&lt;estimator&gt;"):
+    for line in (*ABSENT.values(), "dvc repro worked_examples", "dvc repro blur@&lt;dataset&gt;-&lt;estimator&gt;"):
         assert line in text
     assert "not run: data absent" in text and "not run: stage absent" in text
 

@@ -14,6 +14,7 @@ class MatrixSection(Section):
     ablations: list[Name]
     detectors: list[Name]
     detection_datasets: list[Name]
+    scenarios: list[Name]
 
 
 SECTION = MatrixSection

@@ -1,0 +1,111 @@
+"""The camera in the loop: what is simulated, which policies drive it, and through which scenarios."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from pipeline.config.schema_base import Count, Level, Name, NonNegative, Positive, Section, Share
+
+Step = Annotated[int, Field(ge=0)]
+Knots = Annotated[list[tuple[NonNegative, NonNegative]], Field(min_length=1)]
+
+
+class LimitsSection(Section):
+    """What the camera accepts; see `pipeline.control.state.Limits`."""
+
+    exposure_min_ms: Positive
+    exposure_max_ms: Positive
+    iso_min: Positive
+    iso_max: Positive
+    exposure_steps_per_stop: Annotated[int, Field(ge=0, le=100)]
+    gain_step_db: NonNegative
+
+
+class ControlCameraSection(Section):
+    """The camera that is controlled; see `pipeline.camera.exposure.Camera`."""
+
+    sensor: Name
+    noise_gain: Literal["physical", "linear"]
+    reference_exposure_ms: Positive
+    temperature_k: Annotated[float, Field(ge=233, le=373)]
+    limits: LimitsSection
+
+
+class ControlSurfaceSection(Section):
+    """Conditions of the surface that policies ask; see `pipeline.control.measured_surface`."""
+
+    levels_dn: list[Level] = Field(min_length=2)
+    sizes_px: list[Annotated[float, Field(ge=0, le=36)]] = Field(min_length=2)
+    moments: list[Annotated[int, Field(ge=0, le=3)]] = Field(min_length=1)
+    target_level: Annotated[float, Field(gt=0, lt=1)]
+    exposure_ms: Positive
+
+
+class PolicySection(Section):
+    """One policy by its registry name, with the options its class takes."""
+
+    kind: Name
+    options: dict[str, Any] = Field(default_factory=dict)
+
+
+class FaultSection(Section):
+    """What is wrong with the estimator; see `pipeline.control.scenario.EstimatorFault`."""
+
+    silent: tuple[Step, Step] | None = None
+    sigma_factor: Positive = 1.0
+    motion_factor: Positive = 1.0
+
+
+class ScenarioSection(Section):
+    """One drive; see `pipeline.control.scenario.Scenario`."""
+
+    steps: Annotated[int, Field(ge=2, le=10_000)]
+    light: Knots
+    speed_px_s: Knots
+    start_exposure_ms: Positive = 8.0
+    start_iso: Positive = 100.0
+    direction_deg: Annotated[float, Field(ge=0, lt=360)] = 0.0
+    frame_period_s: Positive = 0.0333
+    delay_frames: Annotated[int, Field(ge=0, le=10)] = 0
+    sun_radius_fraction: Share = 0.0
+    flicker_hz: NonNegative = 0.0
+    flicker_depth: Share = 0.0
+    fault: FaultSection = Field(default_factory=FaultSection)
+    also: list[Name] = Field(default_factory=list)
+    """Policies that only this scenario runs."""
+
+
+class OrderStudySection(Section):
+    """Conditions of the comparison of orders and lights; see `pipeline.condition.order_study`."""
+
+    sizes_px: list[Annotated[float, Field(ge=0, le=55)]] = Field(min_length=1)
+    levels_dn: list[Level] = Field(min_length=1)
+
+
+class ControlSection(Section):
+    """Closed-loop evaluation."""
+
+    detector: Name
+    viewpoints: Count
+    folds: Annotated[int, Field(ge=1, le=10)]
+    camera: ControlCameraSection
+    surface: ControlSurfaceSection
+    policies: dict[Name, PolicySection] = Field(min_length=1)
+    optional: list[Name]
+    scenarios: dict[Name, ScenarioSection] = Field(min_length=1)
+    film_policies: list[Name]
+    film_steps: Count
+    order_study: OrderStudySection
+
+    @model_validator(mode="after")
+    def _policies_exist(self) -> ControlSection:
+        named = {*self.optional, *self.film_policies, *(one for part in self.scenarios.values() for one in part.also)}
+        unknown = sorted(named - set(self.policies))
+        if unknown:
+            raise ValueError(f"{unknown} are not in control.policies")
+        return self
+
+
+SECTION = ControlSection

@@ -1,0 +1,101 @@
+"""Advice for one picture: its condition, the average precision expected now, the best settings and why."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.control.motion import motion_length
+from pipeline.control.observation import observe
+from pipeline.control.performance import Performance
+from pipeline.control.policies.iopc_optimal import IopcOptimal
+from pipeline.control.policy import ControlledCamera
+from pipeline.control.state import CameraState
+
+if TYPE_CHECKING:
+    from pipeline.condition import ConditionMonitor
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What is advised for one picture; numbers are NaN where unknown.
+
+    Attributes:
+        exposure_ms, iso: settings of the picture.
+        sigma_dn, motion_px: estimated condition.
+        ap_percent, low_percent, high_percent: average precision expected at these settings, with its interval.
+        best_exposure_ms, best_iso: advised settings.
+        best_ap_percent: average precision expected there.
+        action: kind of decision (`pipeline.control.decision.Action`).
+        reason: one sentence.
+    """
+
+    exposure_ms: float
+    iso: float
+    sigma_dn: float
+    motion_px: float
+    ap_percent: float
+    low_percent: float
+    high_percent: float
+    best_exposure_ms: float
+    best_iso: float
+    best_ap_percent: float
+    action: str
+    reason: str
+
+    def row(self) -> dict[str, Any]:
+        """The fields by name."""
+        return asdict(self)
+
+
+def advise(
+    image: NDArray[np.floating],
+    state: CameraState,
+    camera: ControlledCamera,
+    performance: Performance,
+    monitor: ConditionMonitor,
+    speed_px_s: float | None = None,
+) -> Advice:
+    """Advice for a picture.
+
+    Args:
+        image: (H, W) float in [0, 1], grey, encoded.
+        state: settings it was taken with.
+        camera: limits, and the sensor for predictions.
+        performance: surface of average precision.
+        monitor: estimates noise and MTF.
+        speed_px_s: speed of the image if it is known; None takes it from the estimated MTF.
+
+    Raises:
+        InputError: not such a picture.
+    """
+    seen = observe(image, monitor)
+    policy = IopcOptimal(camera, performance, least_gain_percent=0.5)
+    policy.known_speed_px_s = speed_px_s
+    decision = policy.decide(seen, state)
+    nan = float("nan")
+    sigma = nan if seen.sigma_dn is None else float(seen.sigma_dn.value)
+    motion = nan
+    if speed_px_s is not None:
+        motion = speed_px_s * state.exposure_s
+    elif seen.mtf is not None:
+        motion = motion_length(seen.mtf, performance.reference).value_px
+    here = performance.expected(sigma, motion) if np.isfinite([sigma, motion]).all() else (nan, nan, nan)
+    ap, low, high = (float(part) for part in here)
+    return Advice(
+        exposure_ms=state.exposure_ms,
+        iso=state.iso,
+        sigma_dn=sigma,
+        motion_px=motion,
+        ap_percent=ap,
+        low_percent=low,
+        high_percent=high,
+        best_exposure_ms=decision.state.exposure_ms,
+        best_iso=decision.state.iso,
+        best_ap_percent=decision.ap_percent,
+        action=str(decision.action.value),
+        reason=decision.reason,
+    )

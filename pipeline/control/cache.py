@@ -1,0 +1,41 @@
+"""Keys of kept work: settings, data and the source that is executed on them."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.dependencies import closure
+
+
+def fingerprint(module: str, settings: Mapping[str, Any]) -> str:
+    """Hash of settings and of the source that a module can execute.
+
+    Args:
+        module: dotted name.
+        settings: numbers, words, dataclasses of them, lists, and bytes.
+    """
+    return closure.fingerprint((module,), _plain(settings))
+
+
+def forget(folder: Path) -> None:
+    """Remove kept work, and the folder above it if it is empty then."""
+    shutil.rmtree(folder, ignore_errors=True)
+    if folder.parent.is_dir() and not any(folder.parent.iterdir()):
+        folder.parent.rmdir()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return hashlib.blake2b(value, digest_size=16).hexdigest()
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
+    if isinstance(value, Mapping):
+        return {str(key): _plain(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    return value

@@ -1,0 +1,75 @@
+"""Stage `closed_loop`: every policy through one scenario; goes on where it was killed."""
+
+from __future__ import annotations
+
+from pipeline.config.entry import Run, stage
+
+READS = ["seed", "control", "detection.judge", "detection.detectors"]
+
+
+@stage("closed_loop", reads=READS, job=["scenario"])
+def run(run: Run) -> None:
+    """Drive; write steps, the policies' scores, paired differences, film strips and metrics."""
+    from functools import partial
+
+    import pandas as pd
+
+    from pipeline import store
+    from pipeline.control import evaluation, setup
+    from pipeline.control.cache import fingerprint
+    from pipeline.control.loop import Rig
+    from pipeline.control.scenario import Scenario
+    from pipeline.control.views import folds, views
+
+    params, section, name = run.params, run.params.control, run.job["scenario"]
+    scenario = Scenario.from_section(name, evaluation.named_scenario(section.scenarios, name))
+    detector = params.detection.detectors[section.detector]
+    options = {"weights": detector.weights, **detector.options}
+    about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")
+    every = folds(views(run.inputs / "data/sim"), section.viewpoints, section.folds)
+    camera = setup.camera(section.camera)
+    pixels = [[view.name, view.path.read_bytes()] for fold in every for view in fold]
+    key = fingerprint(
+        "pipeline.control.loop",
+        {
+            "camera": camera,
+            "seed": params.seed,
+            "frames": pixels,
+            "detector": [detector.kind, options, about["sha256"]],
+        },
+    )
+    rig = Rig(
+        camera=camera,
+        controlled=setup.controlled(section.camera),
+        detector=detector.kind,
+        detector_options=setup.as_json(options),
+        seed=params.seed,
+        cache=run.inputs / ".cache/closed_loop" / key,
+    )
+    chosen = setup.policies(section, name)
+    surfaces = run.inputs / "data/control_surface"
+    work = setup.drives(chosen, every, surfaces)
+    pictures = setup.film_steps(scenario.steps, section.film_steps)
+    driven = run.map(partial(setup.drive, rig=rig, scenario=scenario, pictures=pictures), work, f"scenario {name}")
+    judge, reference = setup.judge(params.detection.judge), setup.surface(surfaces / "all.npz").reference
+    tables: dict[str, list[pd.DataFrame]] = {policy: [] for policy in chosen}
+    records: dict[str, list] = {policy: [] for policy in chosen}
+    for item, found in zip(work, driven, strict=True):
+        records[item.policy] += found
+        tables[item.policy].append(
+            evaluation.steps_table(scenario, item.policy, item.fold, found, judge, reference, params.seed)
+        )
+    steps = {policy: pd.concat(parts, ignore_index=True) for policy, parts in tables.items()}
+    summary, pairs = evaluation.summary(scenario, steps, records, judge, params.seed)
+    with store.replacing_folder(run.outputs / "data/closed_loop" / name) as out:
+        store.write_table(out / "steps.parquet", pd.concat(steps.values()), evaluation.STEPS)
+        store.write_table(out / "summary.parquet", summary, evaluation.SUMMARY)
+        store.write_table(out / "pairs.parquet", pairs, evaluation.PAIRS)
+        for item, found in zip(work, driven, strict=True):
+            if item.fold == 0 and item.policy in section.film_policies:
+                store.write_arrays(out / f"film-{item.policy}.npz", **setup.film(found))
+    store.write_json(run.outputs / f"reports/metrics/closed_loop/{name}.json", evaluation.metrics(summary))
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,77 @@
+"""Stage `control_surface`: average precision over noise and motion of the controlled camera, by fold of viewpoints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.config.entry import Run, stage
+
+if TYPE_CHECKING:
+    from pipeline.control.views import View
+
+READS = ["seed", "control", "detection.judge", "detection.detectors"]
+ARRAYS = frozenset({"condition", "boxes", "score", "label", "true_sigma", "sigma", "mtf"})
+
+
+@stage("control_surface", reads=READS)
+def run(run: Run) -> None:
+    """Detect and estimate in every view under every condition; write surfaces of each fold, of the others, of all."""
+    from functools import partial
+
+    import pandas as pd
+
+    from pipeline import store
+    from pipeline.control import measured_surface, setup
+    from pipeline.control.cache import fingerprint, forget
+    from pipeline.control.views import folds, views
+
+    params, section = run.params, run.params.control
+    detector = params.detection.detectors[section.detector]
+    options = {"weights": detector.weights, **detector.options}
+    every = folds(views(run.inputs / "data/sim"), section.viewpoints, section.folds)
+    moments = set(section.surface.moments)
+    work = [view for fold in every for view in fold if view.moment in moments]
+    about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")
+    shared = {"camera": setup.camera(section.camera), "design": setup.design(section.surface), "seed": params.seed}
+    key = fingerprint(
+        "pipeline.control.measured_surface", {**shared, "detector": [detector.kind, options, about["sha256"]]}
+    )
+    folder = run.inputs / ".cache/control_surface" / key
+    measure = partial(look, folder=folder, kind=detector.kind, options=options, shared=shared)
+    measured = list(zip(work, run.map(measure, work, "surface for control"), strict=True))
+    judge = setup.judge(params.detection.judge)
+    parts = {"all": list(range(len(every)))}
+    for number in range(len(every)):
+        parts[f"fold{number}"] = [number]
+        parts[f"without_fold{number}"] = [other for other in parts["all"] if other != number] or [number]
+    tables = []
+    with store.replacing_folder(run.outputs / "data/control_surface") as out:
+        for name, chosen in parts.items():
+            mine = [(view, part) for view, part in measured if any(view in every[number] for number in chosen)]
+            label = chosen[0] if len(chosen) == 1 else -1
+            surface, table = measured_surface.performance(mine, shared["design"], judge, label, params.seed)
+            surface.save(out / f"{name}.npz")
+            if name == "all" or name.startswith("fold"):
+                tables.append(table.assign(fold=-1 if name == "all" else label))
+        store.write_table(out / "knots.parquet", pd.concat(tables), measured_surface.KNOTS)
+    forget(folder)
+
+
+def look(view: View, *, folder: Path, kind: str, options: dict[str, Any], shared: dict[str, Any]) -> Any:
+    """What one worker does: one view under every condition, kept as soon as it is done."""
+    import json
+
+    from pipeline.control import measured_surface
+    from pipeline.detection.pieces import kept
+
+    def make() -> Any:
+        return measured_surface.measure(
+            view, kind=kind, options=json.dumps(options, sort_keys=True), most=100, estimate=True, **shared
+        )
+
+    return kept(folder, view.name, view.path.read_bytes(), ARRAYS, make)
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,43 @@
+"""Stage `order_study`: photon noise before or behind the optics, in encoded or linear light."""
+
+from __future__ import annotations
+
+from pipeline.config.entry import Run, stage
+
+READS = ["seed", "camera", "control", "datasets.sim", "detection.judge", "detection.detectors"]
+
+
+@stage("order_study", reads=READS)
+def run(run: Run) -> None:
+    """Corrupt, estimate and detect under both orders and in both lights; write the table."""
+    import json
+    from functools import partial
+
+    from pipeline import store
+    from pipeline.condition import order_study
+    from pipeline.datasets.corrupted import CameraSettings
+    from pipeline.datasets.index import indexed_frames
+    from pipeline.detection.sweep import class_map
+
+    params, section = run.params, run.params.control
+    detector, source = params.detection.detectors[section.detector], params.datasets["sim"]
+    frames = indexed_frames(run.inputs / "data/index/sim", "sim", source)
+    chosen = order_study.conditions(section.order_study.sizes_px, section.order_study.levels_dn)
+    options = json.dumps({"weights": detector.weights, **detector.options}, sort_keys=True)
+    look = partial(
+        order_study.look,
+        chosen=chosen,
+        camera=CameraSettings.from_section(params.camera),
+        kind=detector.kind,
+        options=options,
+        seed=params.seed,
+    )
+    found = run.map(look, frames, "order study")
+    words = class_map(source.kind)
+    table = order_study.table(frames, found, chosen, words, params.detection.judge, params.seed)
+    with store.replacing_folder(run.outputs / "data/order_study") as out:
+        store.write_table(out / "study.parquet", table, order_study.STUDY)
+
+
+if __name__ == "__main__":
+    run()

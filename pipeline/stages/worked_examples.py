@@ -1,0 +1,39 @@
+"""Stage `worked_examples`: the paper's Examples 1 and 2 of control, simulated."""
+
+from __future__ import annotations
+
+from pipeline.config.entry import Run, stage
+
+READS = ["seed", "control", "detection.judge", "detection.detectors"]
+
+
+@stage("worked_examples", reads=READS)
+def run(run: Run) -> None:
+    """See the views at every setting of the examples; write steps, response and average precision."""
+    from functools import partial
+
+    from pipeline import store
+    from pipeline.control import setup, worked_examples
+    from pipeline.control.views import folds, views
+
+    params, section = run.params, run.params.control
+    detector = params.detection.detectors[section.detector]
+    options = setup.as_json({"weights": detector.weights, **detector.options})
+    (every,) = folds(views(run.inputs / "data/sim"), section.viewpoints, 1)
+    work = [view for view in every if view.moment == 3]
+    camera = setup.camera(section.camera)
+    chosen = worked_examples.shots(camera, worked_examples.noisy_full_well(camera, work[0].radiance()))
+    look = partial(
+        worked_examples.look, camera=camera, chosen=chosen, kind=detector.kind, options=options, seed=params.seed
+    )
+    seen = list(zip(work, run.map(look, work, "worked examples"), strict=True))
+    judge = setup.judge(params.detection.judge)
+    steps, response, precision = worked_examples.tables(seen, chosen, judge, params.seed)
+    with store.replacing_folder(run.outputs / "data/worked_examples") as out:
+        store.write_table(out / "steps.parquet", steps, worked_examples.EXAMPLE_STEPS)
+        store.write_table(out / "response.parquet", response, worked_examples.RESPONSE)
+        store.write_table(out / "precision.parquet", precision, worked_examples.CONTROLLER_AP)
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,56 @@
+"""``camera-monitor advise``: settings from options and EXIF, one JSON object per picture, mistakes in one line."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from control_makers import performance
+from PIL import Image
+
+from pipeline.cli.advise import command, exif, seconds, settings
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("4ms", 0.004), ("250us", 250e-6), ("1/250s", 0.004), ("0.5 s", 0.5), ("1/2ms", 0.0005)]
+)
+def test_advise_reads_times(text, value):
+    assert seconds(text, "--exposure") == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["4", "ms", "-4ms", "0ms", "1/0s", "4 minutes"])
+def test_advise_refuses_times_without_unit_or_sense(text):
+    with pytest.raises(InputError, match=r"--exposure .* e\.g\. 4ms"):
+        seconds(text, "--exposure")
+
+
+def test_advise_takes_settings_from_exif_and_options_win(tmp_path):
+    picture = Image.new("L", (8, 8))
+    tags = Image.Exif()
+    tags.get_ifd(0x8769)[33434] = 0.008
+    tags.get_ifd(0x8769)[34855] = 400
+    picture.save(tmp_path / "a.jpg", exif=tags)
+    assert exif(tmp_path / "a.jpg") == (pytest.approx(0.008), 400.0)
+    assert settings(tmp_path / "a.jpg", None, None) == (pytest.approx(0.008), 400.0)
+    assert settings(tmp_path / "a.jpg", "2ms", None) == (pytest.approx(0.002), 400.0)
+    picture.save(tmp_path / "b.png")
+    with pytest.raises(InputError, match="--exposure"):
+        settings(tmp_path / "b.png", None, 100.0)
+
+
+def test_advise_answers_in_json(tmp_path):
+    performance().save(tmp_path / "surface.npz")
+    coarse = stream(1, "advise").random((28, 28))
+    picture = np.kron(coarse, np.ones((8, 8))) * 200 + 5 * stream(2, "advise").standard_normal((224, 224))
+    Image.fromarray(np.clip(picture, 0, 255).astype(np.uint8)).save(tmp_path / "frame.png")
+    asked = ["--exposure", "4ms", "--iso", "400", "--speed", "760", "--surface", str(tmp_path / "surface.npz")]
+    done = CliRunner().invoke(command, [str(tmp_path / "frame.png"), *asked])
+    assert done.exit_code == 0, done.output
+    row = json.loads(done.stdout.strip().splitlines()[-1])
+    assert row["motion_px"] == pytest.approx(3.04) and row["exposure_ms"] == 4.0 and row["iso"] == 400.0
+    assert 100 <= row["best_iso"] <= 3200 and row["reason"]
+    assert row["action"] == "move" and 0 < row["best_ap_percent"] <= 100 and row["low_percent"] <= row["ap_percent"]

@@ -1,0 +1,140 @@
+"""The closed loop on small made-up views: common random numbers, resumption, faults, delay, scores."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from control_makers import CAMERA, performance
+
+from pipeline.camera.exposure import Camera
+from pipeline.control import evaluation
+from pipeline.control.decision import Action
+from pipeline.control.loop import Rig, make_policy, run
+from pipeline.control.scenario import EstimatorFault, Flicker, Scenario
+from pipeline.control.scoring import Judge
+from pipeline.control.state import CameraState
+from pipeline.control.views import folds, views, with_sun
+from pipeline.errors import InputError
+from pipeline.store import write_image
+from pipeline.streams import stream
+
+SIDE = 224
+LABELS = ("car", "person")
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """Two viewpoints of two moments each: textured squares, one box of each class."""
+    root = tmp_path_factory.mktemp("sim")
+    folder = root / "evaluation"
+    folder.mkdir()
+    for number in range(2):
+        for moment in range(2):
+            name = f"evaluation-{number:04d}-{moment}"
+            coarse = stream(1, "views", number).random((28, 28)) * 1.2
+            radiance = np.kron(coarse, np.ones((8, 8))).astype(np.float32)
+            write_image(folder / f"{name}.png", np.clip(0.4 * radiance, 0, 1) ** (1 / 2.2))
+            np.savez(folder / f"{name}.radiance.npz", radiance=radiance.astype(np.float16))
+            boxes = [
+                {"label": label, "box": [20 + 60 * k, 40, 70 + 60 * k, 120], "visible_fraction": 1.0, "pixels": 900}
+                for k, label in enumerate(LABELS)
+            ]
+            (folder / f"{name}.json").write_text(json.dumps({"boxes": boxes}), encoding="utf-8")
+    return views(root)
+
+
+def scenario(**changes):
+    start = {"name": "test", "steps": 3, "light": ((1.0, 1.0), (2.0, 0.25)), "speed_px_s": ((0.0, 500.0),)}
+    return Scenario(**{**start, "start": CameraState.of(4, 100), **changes})
+
+
+def rig(cache=None):
+    return Rig(Camera(), CAMERA, "compact", "{}", seed=1, cache=cache)
+
+
+def trace(records):
+    return [
+        (r.state, r.decision.state, r.decision.action, [d["score"].tobytes() for d in r.detections]) for r in records
+    ]
+
+
+def test_loop_of_equal_policies_is_the_same_and_a_killed_run_goes_on(seen, tmp_path):
+    drives = [
+        trace(run(make_policy("iopc_continuous", {}, CAMERA, performance()), rig(cache), scenario(), seen))
+        for cache in (None, tmp_path / "kept", tmp_path / "kept")
+    ]
+    assert drives[0] == drives[1] == drives[2]
+    files = sorted((tmp_path / "kept").rglob("*.npz"))
+    assert files
+    files[0].write_bytes(b"broken")
+    files[-1].unlink()
+    again = run(make_policy("iopc_continuous", {}, CAMERA, performance()), rig(tmp_path / "kept"), scenario(), seen)
+    assert trace(again) == drives[0]
+
+
+def test_loop_policies_share_their_random_numbers(seen):
+    """At equal settings two policies see the same frames."""
+    one, other = (
+        run(make_policy(kind, options, CAMERA, performance()), rig(), scenario(steps=2), seen, pictures=(0,))
+        for kind, options in (("fixed", {"exposure_ms": 4.0, "iso": 100.0}), ("mean_intensity", {}))
+    )
+    np.testing.assert_array_equal(one[0].picture, other[0].picture)
+    assert trace(one)[0][3] == trace(other)[0][3]
+
+
+def test_loop_delay_and_a_silent_estimator(seen):
+    late = run(make_policy("mean_intensity", {}, CAMERA, None), rig(), scenario(steps=4, delay_frames=2), seen[:2])
+    assert late[0].state == late[1].state == late[2].state != late[3].state
+    silent = run(
+        make_policy("iopc_optimal", {}, CAMERA, performance()),
+        rig(),
+        scenario(steps=2, fault=EstimatorFault(silent=(0, 5))),
+        seen[:2],
+    )
+    assert {record.decision.action for record in silent} == {Action.ABSTAINED}
+    assert all("silent" in record.decision.reason for record in silent)
+
+
+def test_loop_oracle_and_summary(seen):
+    names = ("fixed", "oracle")
+    drive = scenario()
+    records = {name: run(make_policy(name, {}, CAMERA, performance()), rig(), drive, seen) for name in names}
+    judge = Judge(bootstrap_draws=20)
+    tables = {
+        name: evaluation.steps_table(drive, name, 0, found, judge, performance().reference, 1)
+        for name, found in records.items()
+    }
+    summary, pairs = evaluation.summary(drive, tables, records, judge, 1)
+    rows = summary.set_index("policy")
+    assert rows.loc["oracle", "regret_percent"] == 0.0 and len(pairs) == 2
+    assert rows.loc["fixed", "frames"] == 6 and rows.loc["fixed", "objects"] == 12
+    assert pairs["difference_percent"].sum() == pytest.approx(0.0)
+    level = tables["oracle"]["mean_level"].to_numpy()
+    assert np.abs(level - 0.5).max() < 0.06
+
+
+def test_scenario_light_speed_flicker_and_disturbances():
+    drive = scenario(steps=10, light=((3.0, 1.0), (4.0, 1 / 16)), speed_px_s=((0.0, 100.0), (9.0, 1000.0)))
+    assert drive.light_at(0, 0.01) == drive.light_at(3, 0.01) == 1.0
+    assert drive.light_at(4, 0.01) == pytest.approx(1 / 16) and drive.speed_at(9) == 1000.0
+    assert drive.disturbances == [0, 4]
+    lamp = Flicker(100.0, 0.8)
+    assert lamp.factor(0.0123, 0.01) == pytest.approx(1.0) and lamp.factor(0.0, 0.002) > 1.2
+    with pytest.raises(InputError, match="rising steps"):
+        scenario(light=((3.0, 1.0), (2.0, 1.0)))
+
+
+def test_views_are_dealt_to_folds_that_share_no_viewpoint(seen):
+    parts = folds(seen, 2, 2)
+    names = [{view.viewpoint for view in part} for part in parts]
+    assert len(parts) == 2 and not names[0] & names[1]
+    assert with_sun(seen[0].radiance(), 0.05).max() > 100 > seen[0].radiance().max()
+
+
+def test_settling_is_counted_from_the_disturbance():
+    stops = np.array([0.0, -4.0, -2.0, -0.1, 0.0, 0.05, 0.0])
+    assert evaluation.settling_frames(stops, 1, 7) == 2
+    assert np.isnan(evaluation.settling_frames(np.array([0.0, 1, 2, 3, 4, 5]), 0, 6))
+    assert evaluation.settling_frames(np.zeros(5), 0, 5) == 0

@@ -1,0 +1,69 @@
+"""The surface measured by the controlled camera: gain for a noise, light for a level, knots in order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.camera.exposure import Camera
+from pipeline.control import measured_surface as surface
+from pipeline.control.scoring import Judge
+from pipeline.control.views import View
+from pipeline.datasets.frame import Box
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+RADIANCE = (np.kron(stream(1, "surface").random((16, 16)), np.ones((8, 8))) * 2).astype(np.float32)
+DESIGN = surface.SurfaceDesign((0.0, 10.0, 20.0), (0.0, 7.0, 21.0), 0.5, 0.008)
+
+
+def test_surface_gain_and_light_meet_noise_and_level():
+    camera = Camera()
+    light = surface.light_for_level(camera, RADIANCE, 0.5, 0.008)
+    level = np.clip(camera.electrons(RADIANCE, 0.008, light) / camera.sensor.full_well_e, 0, 1)
+    assert float((level ** (1 / 2.2)).mean()) == pytest.approx(0.5, abs=0.005)
+    for sigma in (5.0, 20.0, 40.0):
+        gain = surface.gain_for_sigma(camera, RADIANCE, light, 0.008, sigma)
+        electrons = camera.electrons(RADIANCE, 0.008, light / gain)
+        assert camera.sigma_dn(electrons, gain, 0.008) == pytest.approx(sigma, rel=0.1)
+    assert surface.gain_for_sigma(camera, RADIANCE, light, 0.008, 0.0) == 1.0
+
+
+def measured(score_falls=True):
+    """Detections whose scores pass for fewer objects where noise and motion are stronger."""
+    boxes = tuple(Box("car", 40 * k, 10, 40 * k + 30, 60) for k in range(6))
+    view = View("evaluation-0000-0", "evaluation-0000", 0, None, boxes)
+    parts = {"condition": [], "boxes": [], "score": [], "label": []}
+    mtf = np.full((9, 2, 8), np.nan)
+    for number in range(9):
+        hits = max(0, 6 - number // 3 - 2 * (number % 3)) if score_falls else 6
+        for k in range(hits):
+            parts["condition"].append(number)
+            parts["boxes"].append([40 * k, 10, 40 * k + 30, 60])
+            parts["score"].append(0.9)
+            parts["label"].append("car")
+        mtf[number] = 0.95
+    arrays = {name: np.asarray(value) for name, value in parts.items()}
+    truth = np.repeat([1.0, 10.0, 20.0], 3)
+    sigma = truth + np.array([0, 0.1, np.nan, 0.2, 0, 0, 0, -12.0, 0])  # one abstains, one is far off
+    return [(view, {**arrays, "true_sigma": truth, "sigma": sigma, "mtf": mtf})]
+
+
+def test_surface_through_measured_knots():
+    found, table = surface.performance(measured(), DESIGN, Judge(bootstrap_draws=10), 0, 1)
+    assert len(table) == 9 and table["estimates_abstained"].sum() == 1
+    grid = table.pivot(index="target_sigma_dn", columns="motion_px", values="sigma_dn").to_numpy()
+    assert (np.diff(grid, axis=0) > 0).all()  # an estimate that is far off does not fold the surface
+    for row in table[table["motion_px"] != 7].itertuples():  # beside the estimate that is far off the surface is steep
+        answer = float(found.expected(row.sigma_dn, row.motion_px).ap_percent)
+        assert answer == pytest.approx(row.ap_percent, abs=4)
+    assert float(found.expected(1.0, 0.0).ap_percent) > float(found.expected(15.0, 14.0).ap_percent)
+
+
+def test_surface_refuses_impossible_designs():
+    with pytest.raises(InputError, match="sizes_px"):
+        surface.SurfaceDesign((0.0, 5.0), (3.0,), 0.5, 0.008)
+    with pytest.raises(InputError, match="no object"):
+        part = measured()
+        empty = View("a-0", "a", 0, None, ())
+        surface.performance([(empty, part[0][1])], DESIGN, Judge(bootstrap_draws=5), 0, 1)
