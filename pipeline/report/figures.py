@@ -113,7 +113,7 @@ def small_multiples(
                 spot.text(0.5, 0.5, absent, transform=spot.transAxes, ha="center", va="center", color=style.MUTED)
             spot.set(**(axes(left) if callable(axes) else axes or {}))
             if row == 0:
-                spot.set_title(across.label(left), fontsize=title_size)
+                spot.set_title(across.label(left), **({"fontsize": title_size} if title_size else {}))
             if row == len(down.values) - 1:
                 spot.set_xlabel(x(left) if callable(x) else x)
         grid[row, 0].set_ylabel(f"{down.label(upper)}\n{y}")
