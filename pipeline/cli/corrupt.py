@@ -42,6 +42,18 @@ LARGEST_KERNEL_PX = 255
     "--seed", default=1, show_default=True, type=click.IntRange(0, 2**63 - 1),
     help="same seed, same picture name: same noise",
 )  # fmt: skip
+@click.option(
+    "--pipeline", "preset", default=None,
+    help="instead: a whole camera with its processing; phone, reflex, dashcam or machine_vision",
+)  # fmt: skip
+@click.option(
+    "--iso", default=800.0, show_default=True, type=FiniteRange(0, 409_600),
+    help="setting of the camera of --pipeline, 100 or more; 0 for no noise",
+)  # fmt: skip
+@click.option(
+    "--shots", default=4, show_default=True, type=click.IntRange(2, 64),
+    help="with --pipeline: shots of the same scene that the truth is measured from",
+)  # fmt: skip
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 def command(
     paths: tuple[Path, ...],
@@ -54,6 +66,9 @@ def command(
     angle_deg: float,
     camera: str,
     seed: int,
+    preset: str | None,
+    iso: float,
+    shots: int,
     every: int,
 ) -> None:
     """Corrupt PATHS, pictures, videos or folders of them, as a noisier or blurrier camera would have seen them.
@@ -61,7 +76,18 @@ def command(
     Prints per picture the noise asked for and reached (before and after clipping to 0..255) and its file. Writes
     NAME.png and NAME.json, the truth: noise asked for and reached, clipped share, kernel, its MTF. Each frame of a
     video becomes a picture with noise of its own.
+
+    With --pipeline pictures are decoded to linear light and go through a whole camera: raw noise at --iso,
+    demosaicing, denoising, sharpening and codec. The truth then holds the noise between --shots of the scene, its
+    white part and its correlation between adjacent pixels.
     """
+    context = click.get_current_context()
+    _check_options(context, preset)
+    if preset is not None:
+        from pipeline.cli.corrupt_processed import run
+
+        run(paths, out, preset, iso, shots, seed, every)
+        return
     import numpy as np
     from tqdm import tqdm
 
@@ -115,6 +141,25 @@ def command(
     click.echo(f"written to {out}")
     if failed:
         raise InputError(f"{failed} of the files given could not be used; see above")
+
+
+def _check_options(context: click.Context, preset: str | None) -> None:
+    """Options of the two kinds of cameras are not mixed.
+
+    Raises:
+        InputError: they are.
+    """
+    from click.core import ParameterSource
+
+    from pipeline.errors import InputError
+
+    processed = {"iso", "shots"}
+    sensor = {"effect", "sigma_dn", "blur", "size_px", "mtf50", "angle_deg", "camera"}
+    for name in sorted(processed if preset is None else sensor):
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            option = f"--{name.replace('_', '-')}"
+            clash = "needs --pipeline NAME" if preset is None else f"is not combined with --pipeline {preset}"
+            raise InputError(f"{option}: {clash}")
 
 
 def _kernel(

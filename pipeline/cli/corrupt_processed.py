@@ -1,0 +1,96 @@
+"""``camera-monitor corrupt --pipeline``: pictures through a whole camera, with the noise that its processing leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    import numpy as np
+
+HEADER = f"{'sigma DN':>8} {'white':>7} {'correlation':>11}  picture -> file"
+
+
+def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int, seed: int, every: int) -> None:
+    """Deliver pictures and videos as a named camera would, and write the truth beside each.
+
+    Args:
+        paths: files and folders.
+        out: folder of NAME.png, the first shot, and NAME.json, its truth.
+        preset: name in `pipeline.camera.processing.presets`.
+        iso: setting of the camera; 0 for no noise.
+        shots: that the truth is measured from.
+        seed: of the noise, with the picture's name.
+        every: of a video, each n-th frame.
+
+    Raises:
+        InputError: no such preset or setting; at the end, if a file could not be used.
+    """
+    from tqdm import tqdm
+
+    from pipeline import store
+    from pipeline.camera.processing import presets
+    from pipeline.camera.processing.delivered import deliver
+    from pipeline.cli.outputs import OutputFolder
+    from pipeline.cli.pictures import expand, named, result_stem
+    from pipeline.errors import InputError
+    from pipeline.streams import stream
+
+    camera = presets.named(preset).at_iso(iso)
+    files = expand(paths)
+    failed = 0
+    with OutputFolder(out, "--out", files) as folder:
+        click.echo(HEADER)
+        for name, image, problem in tqdm(_coloured(files, every), delay=2, leave=False, unit=" frames"):
+            stem = result_stem(name)
+            stem = Path(name).stem if stem == Path(name).name else stem
+            try:
+                if image is None:
+                    raise InputError(problem)
+                shown = deliver(image, camera, shots, stream(seed, "corrupt pipeline", stem, preset, iso))
+            except InputError as error:
+                failed += 1
+                click.echo(f"set aside: {named(name, error)}", err=True)
+                continue
+            noise = shown.noise
+            picture, sidecar = folder.claim_all(stem, (".png", ".json"))
+            store.write_image(picture, shown.picture)
+            truth = {
+                "sigma_dn": noise.sigma_dn,
+                "white_sigma_dn": noise.white_sigma_dn,
+                "correlation": noise.correlation,
+                "spectrum_dn2": noise.spectrum_dn2,
+                "pipeline": preset,
+                "iso": iso,
+                "shots": shots,
+                "seed": seed,
+                "source": name,
+            }
+            store.write_json(sidecar, truth)
+            click.echo(
+                f"{noise.sigma_dn:8.2f} {noise.white_sigma_dn:7.2f} {noise.correlation:11.2f}  {name} -> {picture.name}"
+            )
+    click.echo(f"written to {out}")
+    if failed:
+        raise InputError(f"{failed} of the files given could not be used; see above")
+
+
+def _coloured(files: Sequence[Path], every: int) -> Iterator[tuple[str, np.ndarray | None, str]]:
+    """Name, picture in [0, 1] with its colours (frames of videos are grey) or None, and the reason for None."""
+    from pipeline.cli.pictures import VIDEOS, readable
+    from pipeline.datasets.pictures import read_picture
+    from pipeline.errors import InputError
+
+    for file in files:
+        if file.suffix.lower() in VIDEOS:
+            yield from readable([file], every)
+            continue
+        try:
+            image = read_picture(file).unit()
+        except InputError as error:
+            yield str(file), None, str(error)
+            continue
+        yield str(file), image, ""

@@ -1,0 +1,68 @@
+"""Pictures through a named camera from the command line: colour in, colour out, truth from several shots."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from data_makers import picture
+
+from pipeline.camera.processing import temporal_noise
+from pipeline.cli import main
+
+
+def call(*arguments):
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def source(tmp_path):
+    smooth = cv2.GaussianBlur(picture("a"), (0, 0), 3)
+    coloured = np.stack([smooth // 2 + 30, smooth // 2 + 60, smooth // 2 + 90], axis=-1)
+    assert cv2.imwrite(str(tmp_path / "a.png"), coloured)
+    return tmp_path / "a.png"
+
+
+def test_the_truth_is_what_shots_of_other_seeds_show(tmp_path, source):
+    shots = []
+    for seed in (1, 2, 3, 4):
+        out = tmp_path / f"out{seed}"
+        done = call("corrupt", source, "--pipeline", "phone", "--iso", 1600, "--seed", seed, "--out", out)
+        assert done.exit_code == 0, done.output
+        shots.append(cv2.imread(str(out / "a.png"), cv2.IMREAD_GRAYSCALE))
+    truth = json.loads((tmp_path / "out1/a.json").read_text())
+    seen = temporal_noise.measure(np.stack(shots)[:, :320, :448])
+    assert truth["sigma_dn"] == pytest.approx(seen.sigma_dn, rel=0.05) and truth["sigma_dn"] > 1
+    assert truth["correlation"] == pytest.approx(seen.correlation, abs=0.05)
+    assert truth["white_sigma_dn"] < truth["sigma_dn"]
+    assert (truth["pipeline"], truth["iso"], truth["shots"]) == ("phone", 1600, 4)
+    assert f"{truth['sigma_dn']:.2f}" in call(
+        "corrupt", source, "--pipeline", "phone", "--iso", 1600, "--out", tmp_path / "again"
+    ).output  # fmt: skip
+    assert (tmp_path / "again/a.png").read_bytes() == (tmp_path / "out1/a.png").read_bytes()
+
+
+def test_colours_stay_and_equal_names_do_not_collide(tmp_path, source):
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b/a.png").write_bytes(source.read_bytes())
+    options = ["--pipeline", "reflex", "--iso", 100, "--out", tmp_path / "out"]
+    done = call("corrupt", source, tmp_path / "b/a.png", *options)
+    assert done.exit_code == 0, done.output
+    assert sorted(path.name for path in (tmp_path / "out").glob("a*.png")) == ["a-2.png", "a.png"]
+    means = cv2.imread(str(tmp_path / "out/a.png")).mean(axis=(0, 1))
+    assert means[0] + 15 < means[1] and means[1] + 15 < means[2]
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (["--pipeline", "fone"], "phone"),
+        (["--pipeline", "phone", "--sigma-dn", "5"], "--sigma-dn"),
+        (["--pipeline", "phone", "--iso", "50"], "iso=50"),
+        (["--iso", "800"], "--pipeline"),
+    ],
+)
+def test_mistakes_are_one_line_that_names_them(tmp_path, source, options, word):
+    done = call("corrupt", source, "--out", tmp_path / "out", *options)
+    assert done.exit_code == 2 and word in done.output and len(done.output.splitlines()) == 1
