@@ -1,0 +1,273 @@
+"""Noise estimators on photographs of real cameras whose noise was measured.
+
+A pair is a photograph ``NAME_real.*`` and the mean ``NAME_mean.*`` of many photographs of the same static scene. The
+ground truth of a patch is the standard deviation of their difference,
+
+    true sigma = std(real - mean)
+
+It also holds what is not noise: misregistration and drift of light show as a difference wherever the mean varies.
+`cleaned` removes it, in blocks of 64 px, by least squares:
+
+    real - mean = a0 + a1 m + a2 dm/dx + a3 dm/dy + a4 laplacian(m) + noise,    m = mean smoothed by 0.8 px
+
+Estimators run on the photograph, and on the mean, which is nearly free of noise and shows what they take for it.
+Pictures are the independent units: intervals resample pictures, not patches.
+
+Such pairs are those of Nam et al. 2016 ("A holistic approach to cross-channel image noise modeling") and Xu et al. 2018
+("Real-world noisy image denoising: a new benchmark").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.datasets.pictures import SUFFIXES, read_grey8
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.noise.base import NoiseEstimate, NoiseEstimator
+
+ESTIMATORS: dict[str, tuple[str, dict[str, Any]]] = {
+    "adaptive": ("adaptive", {}),
+    "correlated": ("correlated", {}),
+    "cellwise": ("cellwise", {}),
+    "pca": ("pca", {}),
+    "pca_stride_2": ("pca", {"stride": 2}),
+    "bf": ("bf", {}),
+    "wavelet": ("wavelet", {}),
+}
+"""Those that are measured by default: name in the table -> registered name and options."""
+
+TILE_PX = 128
+BLOCK_PX = 64
+SMOOTH_PX = 0.8
+REAL, MEAN = "_real", "_mean"
+
+COLUMNS = (
+    "picture", "x_px", "y_px", "estimator", "sigma_dn", "low_dn", "high_dn", "white_sigma_dn", "correlation", "reason",
+    "mean_picture_sigma_dn", "mean_picture_reason", "true_sigma_dn", "cleaned_sigma_dn", "true_correlation",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A photograph and the mean of many of its scene.
+
+    Attributes:
+        name: what their file names have in common.
+        real, mean: the files.
+    """
+
+    name: str
+    real: Path
+    mean: Path
+
+
+def pairs(folder: str | Path) -> list[Pair]:
+    """The pairs of a folder, by name.
+
+    Raises:
+        InputError: no such folder, no pair in it, or a picture without its partner.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"pairs: no folder {folder}")
+    files = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in SUFFIXES]
+    halves: dict[str, dict[str, Path]] = {REAL: {}, MEAN: {}}
+    for path in files:
+        for ending, by_name in halves.items():
+            if path.stem.endswith(ending):
+                by_name[path.stem.removesuffix(ending)] = path
+    alone = sorted(set(halves[REAL]) ^ set(halves[MEAN]))
+    if alone or not halves[REAL]:
+        problem = f"{alone[0]} has no partner" if alone else "no pairs"
+        raise InputError(f"pairs {folder}: {problem}; expected NAME_real.* and NAME_mean.* for each NAME")
+    return [Pair(name, path, halves[MEAN][name]) for name, path in sorted(halves[REAL].items())]
+
+
+def cleaned(difference: NDArray[np.floating], mean: NDArray[np.floating]) -> NDArray[np.float64]:
+    """A difference of pictures without the part that the mean picture explains; see the module.
+
+    Args:
+        difference: (H, W) real - mean, DN.
+        mean: (H, W) mean picture, DN.
+
+    Returns:
+        (H, W) residual, DN; every block has mean zero.
+    """
+    import cv2
+
+    smooth = cv2.GaussianBlur(mean.astype(np.float64), (0, 0), SMOOTH_PX)
+    terms = (
+        np.ones_like(smooth),
+        smooth,
+        cv2.Sobel(smooth, cv2.CV_64F, 1, 0, scale=1 / 8),
+        cv2.Sobel(smooth, cv2.CV_64F, 0, 1, scale=1 / 8),
+        cv2.Laplacian(smooth, cv2.CV_64F),
+    )
+    residual = np.array(difference, dtype=np.float64)
+    for y in range(0, residual.shape[0], BLOCK_PX):
+        for x in range(0, residual.shape[1], BLOCK_PX):
+            block = np.s_[y : y + BLOCK_PX, x : x + BLOCK_PX]
+            design = np.stack([term[block].ravel() for term in terms], axis=1)
+            target = residual[block].ravel()
+            solution = np.linalg.lstsq(design, target, rcond=None)[0]
+            residual[block] = (target - design @ solution).reshape(residual[block].shape)
+    return residual
+
+
+def measure(pair: Pair, estimators: Mapping[str, NoiseEstimator], tile_px: int = TILE_PX) -> pd.DataFrame:
+    """Estimates and ground truth of every patch of a pair.
+
+    Args:
+        pair: the pictures; grey levels are their BT.601 luma, rounded to 8 bit.
+        estimators: name in the table -> estimator.
+        tile_px: side of the patches, which lie side by side from the upper left corner.
+
+    Returns:
+        `COLUMNS`, a row per patch and estimator; NaN where there is none.
+
+    Raises:
+        InputError: pictures of unequal size, or smaller than a patch.
+    """
+    import pandas as pd
+
+    real, mean = read_grey8(pair.real), read_grey8(pair.mean)
+    if real.shape != mean.shape or min(real.shape) < tile_px:
+        raise InputError(
+            f"pair {pair.name}: {pair.real.name} is {real.shape}, {pair.mean.name} is {mean.shape}; expected the same, "
+            f"{tile_px} px or more"
+        )
+    difference = real.astype(np.float64) - mean
+    residual = cleaned(difference, mean)
+    corners = [
+        (y, x)
+        for y in range(0, real.shape[0] - tile_px + 1, tile_px)
+        for x in range(0, real.shape[1] - tile_px + 1, tile_px)
+    ]
+
+    def tiles(picture: NDArray[Any]) -> NDArray[Any]:
+        return np.stack([picture[y : y + tile_px, x : x + tile_px] for y, x in corners])
+
+    truth = {
+        "picture": pair.name,
+        "x_px": [x for _, x in corners],
+        "y_px": [y for y, _ in corners],
+        "true_sigma_dn": tiles(difference).std(axis=(1, 2)),
+        "cleaned_sigma_dn": tiles(residual).std(axis=(1, 2)),
+        "true_correlation": _lag_1(tiles(residual)),
+    }
+    photograph, reference = (tiles(picture)[:, None].astype(np.float32) / np.float32(255) for picture in (real, mean))
+    tables = []
+    for name, estimator in estimators.items():
+        answer, of_mean = estimator.estimate(photograph), estimator.estimate(reference)
+        columns = {
+            "estimator": name,
+            "sigma_dn": answer.sigma_dn,
+            "low_dn": answer.low_dn,
+            "high_dn": answer.high_dn,
+            "white_sigma_dn": _or_nan(answer, answer.white_sigma_dn),
+            "correlation": _or_nan(answer, answer.correlation),
+            "reason": answer.reason,
+            "mean_picture_sigma_dn": of_mean.sigma_dn,
+            "mean_picture_reason": of_mean.reason,
+        }
+        tables.append(pd.DataFrame(truth | columns)[list(COLUMNS)])
+    return pd.concat(tables, ignore_index=True)
+
+
+def summarise(table: pd.DataFrame, seed: int = 1, draws: int = 500) -> pd.DataFrame:
+    """Figures of each estimator over all patches.
+
+    Args:
+        table: `COLUMNS`.
+        seed: root of the bootstrap's stream.
+        draws: resamples of pictures, with all their patches.
+
+    Returns:
+        a row per estimator, errors in DN over the answered patches: ``patches``, ``pictures``, ``answered_fraction``,
+        ``mean_sigma_dn``; ``mean_picture_sigma_dn``, the mean reading on the noise-free means, where answered in
+        ``mean_picture_answered_fraction``; ``correlation_mae``; and against each truth, ``true`` and ``cleaned``:
+        ``_mean_dn``, ``_mae_dn`` with the 95 % interval ``_mae_low_dn`` to ``_mae_high_dn``, ``_bias_dn`` and
+        ``_coverage_fraction``, patches whose interval holds the truth. NaN where nothing is answered.
+    """
+    import pandas as pd
+
+    rows = []
+    for name, group in table.groupby("estimator", sort=False):
+        answered = group[np.isfinite(group["sigma_dn"])]
+        row: dict[str, Any] = {
+            "estimator": name,
+            "pictures": group["picture"].nunique(),
+            "patches": len(group),
+            "answered_fraction": len(answered) / len(group),
+            "mean_sigma_dn": answered["sigma_dn"].mean(),
+            "mean_picture_answered_fraction": np.isfinite(group["mean_picture_sigma_dn"]).mean(),
+            "mean_picture_sigma_dn": group["mean_picture_sigma_dn"].mean(),
+            "correlation_mae": (answered["correlation"] - answered["true_correlation"]).abs().mean(),
+        }
+        bounded = answered[np.isfinite(answered["low_dn"]) & np.isfinite(answered["high_dn"])]
+        for truth in ("true", "cleaned"):
+            error = answered["sigma_dn"] - answered[f"{truth}_sigma_dn"]
+            draw = stream(seed, "real noise", str(name), truth)
+            low, high = _cluster_interval(error.abs(), answered["picture"], draws, draw)
+            inside = bounded[f"{truth}_sigma_dn"].between(bounded["low_dn"], bounded["high_dn"])
+            row |= {
+                f"{truth}_mean_dn": group[f"{truth}_sigma_dn"].mean(),
+                f"{truth}_mae_dn": error.abs().mean(),
+                f"{truth}_mae_low_dn": low,
+                f"{truth}_mae_high_dn": high,
+                f"{truth}_bias_dn": error.mean(),
+                f"{truth}_coverage_fraction": inside.mean() if len(bounded) else np.nan,
+            }
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def estimators(kinds: Mapping[str, tuple[str, Mapping[str, Any]]]) -> dict[str, NoiseEstimator]:
+    """Estimators by the name they have in a table.
+
+    Args:
+        kinds: name -> registered name and options.
+
+    Raises:
+        InputError: see `pipeline.noise.create`.
+    """
+    from pipeline.noise import create
+
+    return {name: create(kind, **options) for name, (kind, options) in kinds.items()}
+
+
+def _cluster_interval(
+    errors: pd.Series[Any], pictures: pd.Series[Any], draws: int, generator: np.random.Generator
+) -> tuple[float, float]:
+    """95 % percentile interval of a mean, pictures resampled with all their patches."""
+    sums = errors.groupby(pictures).agg(["sum", "count"]).to_numpy(dtype=float)
+    if not len(sums):
+        return float("nan"), float("nan")
+    picks = generator.integers(len(sums), size=(draws, len(sums)))
+    means = sums[picks, 0].sum(axis=1) / sums[picks, 1].sum(axis=1)
+    low, high = np.percentile(means, [2.5, 97.5])
+    return float(low), float(high)
+
+
+def _lag_1(residual: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) mean correlation of horizontally and vertically adjacent pixels of (N, H, W); 0 where all are equal."""
+    centred = residual - residual.mean(axis=(1, 2), keepdims=True)
+    products = (centred[:, :, 1:] * centred[:, :, :-1]).mean(axis=(1, 2))
+    products += (centred[:, 1:] * centred[:, :-1]).mean(axis=(1, 2))
+    variance = (centred**2).mean(axis=(1, 2))
+    return np.asarray(products / 2 / np.where(variance > 0, variance, np.inf))
+
+
+def _or_nan(answer: NoiseEstimate, values: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    return np.full(len(answer), np.nan) if values is None else values

@@ -1,0 +1,120 @@
+"""Noise estimators measured on photographs of real cameras that the project may not keep.
+
+As `pipeline.report.recorded_blur` for blur: measured by hand, with ``camera-monitor record noise``. Pictures and
+weights are named by their SHA-256; no picture is kept.
+
+    noise_patches.csv      dataset, then `pipeline.noise.real_noise.COLUMNS`
+    noise_summary.csv      dataset, then `pipeline.noise.real_noise.summarise`
+    noise_provenance.json  source, datasets with their files, weights, estimators, seed
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline import store
+from pipeline.detection.weights import file_sha256
+from pipeline.errors import InputError
+from pipeline.noise import cellwise, correlated, real_noise
+from pipeline.noise.real_noise import Pair
+from pipeline.report.record_files import write_csv
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PATCHES_FILE, SUMMARY_FILE, PROVENANCE_FILE = "noise_patches.csv", "noise_summary.csv", "noise_provenance.json"
+
+Kinds = Mapping[str, tuple[str, Mapping[str, Any]]]
+
+_WEIGHTS = {
+    "cellwise": {"weights": cellwise.RELEASED},
+    "correlated": {"weights": correlated.RELEASED},
+    "adaptive": {"cellwise_weights": cellwise.RELEASED, "correlated_weights": correlated.RELEASED},
+}
+"""Registered name -> option that names a weight file -> the released file."""
+
+
+def record(
+    folders: Mapping[str, Path],
+    kinds: Kinds,
+    out: Path,
+    source: str,
+    run_map: Callable[..., list[Any]],
+    *,
+    seed: int = 1,
+    draws: int = 500,
+) -> pd.DataFrame:
+    """Measure noise estimators on pairs of pictures and write everything into a folder.
+
+    Args:
+        folders: name of a dataset -> folder of its pairs, see `pipeline.noise.real_noise.pairs`.
+        kinds: name in the tables -> registered estimator and its options.
+        out: folder; replaced.
+        source: where the pictures come from, their revision and licence, in words.
+        run_map: see `pipeline.executor.run_map`; changes no result.
+        seed: root of the bootstrap's streams.
+        draws: its resamples.
+
+    Returns:
+        the summary.
+
+    Raises:
+        InputError: a folder, a picture or weights are absent or broken, or there is no such estimator.
+    """
+    import pandas as pd
+
+    weights = _weights(kinds)
+    patches: list[pd.DataFrame] = []
+    summaries: list[pd.DataFrame] = []
+    files: dict[str, dict[str, str]] = {}
+    for name, folder in folders.items():
+        pairs = real_noise.pairs(folder)
+        tables = run_map(partial(_measured, kinds=kinds), pairs, label=f"noise of {name}")
+        table = pd.concat(tables, ignore_index=True)
+        for part, rows in ((table, patches), (real_noise.summarise(table, seed, draws), summaries)):
+            part.insert(0, "dataset", name)
+            rows.append(part)
+        files[name] = {path.name: file_sha256(path) for pair in pairs for path in (pair.real, pair.mean)}
+    summary = pd.concat(summaries, ignore_index=True)
+    provenance = {
+        "source": source,
+        "datasets": files,
+        "weights": weights,
+        "estimators": {
+            name: {"kind": kind, "options": {key: _placeless(value) for key, value in options.items()}}
+            for name, (kind, options) in kinds.items()
+        },
+        "tile_px": real_noise.TILE_PX,
+        "seed": seed,
+        "bootstrap_draws": draws,
+    }
+    with store.replacing_folder(out) as folder:
+        write_csv(folder / PATCHES_FILE, pd.concat(patches, ignore_index=True))
+        write_csv(folder / SUMMARY_FILE, summary)
+        store.write_json(folder / PROVENANCE_FILE, provenance)
+    return summary
+
+
+def _measured(pair: Pair, kinds: Kinds) -> pd.DataFrame:
+    return real_noise.measure(pair, real_noise.estimators(kinds))
+
+
+def _weights(kinds: Kinds) -> dict[str, str]:
+    """File name -> SHA-256 of the weights that the estimators use."""
+    files = {
+        Path(options.get(option) or released)
+        for kind, options in kinds.values()
+        for option, released in _WEIGHTS.get(kind, {}).items()
+    }
+    for path in files:
+        if not path.is_file():
+            raise InputError(f"weights of a noise estimator: no file {path}; restore data/weights")
+    return {path.name: file_sha256(path) for path in sorted(files)}
+
+
+def _placeless(value: Any) -> Any:
+    """An option; of a file, its name."""
+    return Path(value).name if isinstance(value, (str, Path)) and Path(value).is_absolute() else value

@@ -1,0 +1,106 @@
+"""Noise of real cameras: pairs are read completely, the truth is the noise, what the mean explains is removed."""
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.camera.processing import presets, temporal_noise
+from pipeline.camera.processing.delivered import linear_scene
+from pipeline.camera.processing.develop import grey
+from pipeline.errors import InputError
+from pipeline.noise import real_noise
+from pipeline.streams import stream
+
+SIZE = 256
+
+
+def scene(name):
+    """A smooth coloured picture with an edge, [0, 1]."""
+    field = cv2.GaussianBlur(stream(1, "real noise", name).random((SIZE, SIZE, 3)).astype(np.float32), (0, 0), 12)
+    picture = 0.45 + 4 * (field - field.mean())
+    picture[:, SIZE // 2 :] += 0.15
+    return np.clip(picture, 0.05, 0.95)
+
+
+def write_pair(folder, name, iso=1600, shots=12):
+    camera = presets.named("reflex").at_iso(iso)
+    generator = stream(1, "real noise shots", name)
+    greys = np.stack([grey(camera.shoot(linear_scene(scene(name)), generator)) for _ in range(shots)])
+    cv2.imwrite(str(folder / f"{name}_real.png"), greys[0])
+    cv2.imwrite(str(folder / f"{name}_mean.png"), np.rint(greys[1:].mean(axis=0)).astype(np.uint8))
+    return temporal_noise.measure(greys)
+
+
+def test_truth_and_estimates_of_a_simulated_camera(tmp_path):
+    truth = {name: write_pair(tmp_path, name) for name in ("a", "b")}
+    found = real_noise.pairs(tmp_path)
+    assert [pair.name for pair in found] == ["a", "b"]
+    kinds = {name: real_noise.ESTIMATORS[name] for name in ("pca", "pca_stride_2")}
+    table = pd.concat([real_noise.measure(pair, real_noise.estimators(kinds)) for pair in found], ignore_index=True)
+    assert list(table.columns) == list(real_noise.COLUMNS) and len(table) == 2 * 2 * 4
+    for name, noise in truth.items():
+        rows = table[table["picture"] == name]
+        rms = np.sqrt((rows["cleaned_sigma_dn"] ** 2).mean())
+        # The mean of 11 shots has 1/11 of the variance, and is rounded.
+        assert rms == pytest.approx(np.sqrt(noise.sigma_dn**2 * 12 / 11 + 1 / 12), rel=0.04)
+        assert rows["true_correlation"].mean() == pytest.approx(noise.correlation, abs=0.06)
+        assert (rows["cleaned_sigma_dn"] <= rows["true_sigma_dn"] + 1e-9).all()
+    summary = real_noise.summarise(table).set_index("estimator")
+    assert summary.loc["pca_stride_2", "true_mae_dn"] < 0.5 * summary.loc["pca", "true_mae_dn"]
+    assert (summary["answered_fraction"] == 1).all() and (summary["pictures"] == 2).all()
+    assert summary.loc["pca", "mean_picture_sigma_dn"] < summary.loc["pca", "mean_sigma_dn"]
+
+
+def test_cleaning_removes_drift_and_misregistration_and_keeps_noise():
+    mean = 255 * cv2.GaussianBlur(scene("clean"), (0, 0), 1.5)[..., 0].astype(np.float64)
+    noise = stream(1, "real noise", "clean").normal(0, 3, mean.shape)
+    shifted = np.roll(mean, 1, axis=1) - mean
+    shifted[:, 0] = 0
+    residual = real_noise.cleaned(0.05 * mean + shifted + noise, mean)
+    assert (0.05 * mean + shifted + noise).std() > 1.1 * noise.std()
+    assert residual.std() == pytest.approx(noise.std(), rel=0.01)
+
+
+def test_the_summary_is_arithmetic():
+    table = pd.DataFrame(
+        {
+            "picture": ["a", "a", "b", "b"],
+            "estimator": "x",
+            "sigma_dn": [1.0, 3.0, 2.0, np.nan],
+            "low_dn": [0.5, 2.5, 1.5, np.nan],
+            "high_dn": [2.5, 3.5, 2.2, np.nan],
+            "correlation": [0.5, 0.5, 0.5, np.nan],
+            "true_correlation": 0.4,
+            "mean_picture_sigma_dn": [0.1, 0.3, np.nan, np.nan],
+            "true_sigma_dn": [2.0, 2.0, 2.0, 2.0],
+            "cleaned_sigma_dn": [1.0, 1.0, 1.0, 1.0],
+        }
+    )
+    row = real_noise.summarise(table).iloc[0]
+    assert row["answered_fraction"] == 0.75 and row["mean_picture_answered_fraction"] == 0.5
+    assert row["true_mae_dn"] == pytest.approx(2 / 3) and row["true_bias_dn"] == pytest.approx(0)
+    assert row["cleaned_mae_dn"] == pytest.approx(1) and row["cleaned_bias_dn"] == pytest.approx(1)
+    assert row["true_coverage_fraction"] == pytest.approx(2 / 3)
+    assert row["cleaned_coverage_fraction"] == pytest.approx(1 / 3)
+    assert row["mean_picture_sigma_dn"] == pytest.approx(0.2) and row["correlation_mae"] == pytest.approx(0.1)
+    assert 0 <= row["true_mae_low_dn"] <= row["true_mae_dn"] <= row["true_mae_high_dn"] <= 1
+
+
+def test_an_estimator_that_never_answers_has_no_figures():
+    table = pd.DataFrame(np.nan, range(2), real_noise.COLUMNS).assign(picture="a", estimator="x")
+    row = real_noise.summarise(table).iloc[0]
+    assert row["answered_fraction"] == 0 and np.isnan(row["true_mae_dn"]) and np.isnan(row["true_coverage_fraction"])
+
+
+def test_incomplete_folders_are_refused(tmp_path):
+    with pytest.raises(InputError, match="no folder"):
+        real_noise.pairs(tmp_path / "absent")
+    with pytest.raises(InputError, match="no pairs"):
+        real_noise.pairs(tmp_path)
+    cv2.imwrite(str(tmp_path / "a_real.png"), np.zeros((128, 128), np.uint8))
+    with pytest.raises(InputError, match="a has no partner"):
+        real_noise.pairs(tmp_path)
+    cv2.imwrite(str(tmp_path / "a_mean.png"), np.zeros((128, 130), np.uint8))
+    with pytest.raises(InputError, match=r"pair a: .*130"):
+        real_noise.measure(real_noise.pairs(tmp_path)[0], {})
