@@ -5,20 +5,25 @@ Photon transfer: the variance of a linear sensor's grey values grows with their 
     sigma^2 = c + K mu,    c = K^2 sigma_d^2 + 1/12,
 
 with K the system gain in DN per electron, sigma_d the dark noise in electrons and 1/12 DN^2 of quantisation. Two frames
-of one scene give the variance in time, half the variance of their difference. From one frame it is measured where the
-scene is flat, from
+a and b of one scene, b of r times the exposure, differ by noise alone once a is scaled,
+
+    var(b - r a) / (1 + r^2) = c + K mu_b (1 + r) / (1 + r^2),
+
+which for r = 1 is half the variance of their difference. From one frame it is measured where the scene is flat, from
 
     (x00 - x01 - x10 + x11) / 2
 
-of four neighbours of one colour, which has the noise's variance and cancels any linear shading. Flat blocks are chosen
-on smoothed values, so that the choice does not depend on the noise.
+of four neighbours of one colour, which has the noise's variance and cancels any linear shading. Flat blocks are
+chosen on smoothed values, so that the choice hardly depends on the noise; texture everywhere in a scene raises K.
 
-Dark current: the mean of dark frames grows linearly with the exposure time; its slope over K is in electrons per second.
-A camera whose black level is at 0 cuts off half of its dark noise: means and variances of its dark frames are then
-limits, not measurements, which `DarkCurrent.zero_fraction` shows.
+Dark current: the mean of dark frames grows linearly with the exposure time; its slope over K is in electrons per
+second. A camera whose black level is at 0 cuts off half of its dark noise: means and variances of its dark frames are
+then limits, not measurements, which `DarkCurrent.zero_fraction` shows.
 
-Frames are raw mosaics in DN; each of the four colour planes ("00", "01", "10", "11", row and column of the first pixel)
-is a sensor by itself. Source: EMVA Standard 1288, release 4.0, sections 2.3, 2.4, 6 and 7; Immerkaer 1996 for the mask.
+Frames are raw mosaics in DN; each of the four colour planes ("00", "01", "10", "11": row and column of its first
+pixel) is a sensor by itself.
+
+Source: EMVA Standard 1288, release 4.0, sections on photon transfer and dark current; Immerkaer 1996 for the mask.
 """
 
 from __future__ import annotations
@@ -35,6 +40,7 @@ PLANES = ("00", "01", "10", "11")
 QUANTISATION_DN2 = 1 / 12
 BLOCK_PX = 16
 FLATTEST_FRACTION = 0.3
+LEVELS = 8  # groups of blocks of like brightness, each of which gives its flattest
 LOWEST_DN = 4.0  # below this the black level cuts off part of the noise
 CLIPPED_FRACTION = 0.98  # of white: pixels from here on count as clipped
 MEAN_BINS = 24
@@ -45,8 +51,8 @@ class TransferPoints:
     """Points of the photon-transfer curve.
 
     Attributes:
-        mean_dn: (N,) mean grey value of a block, DN.
-        variance_dn2: (N,) variance of its noise, DN^2.
+        mean_dn: (N,) mean grey value of a block, DN; of frames of two exposures mu_b (1 + r) / (1 + r^2).
+        variance_dn2: (N,) variance of the noise at that grey value, DN^2.
     """
 
     mean_dn: NDArray[np.float64]
@@ -122,10 +128,11 @@ def plane(frame: NDArray[np.generic], name: str) -> NDArray[np.float64]:
 
 
 def points_of_pair(first: NDArray[np.generic], second: NDArray[np.generic], white_dn: float) -> TransferPoints:
-    """Points from two frames of one scene: variance in time, block by block.
+    """Points from two frames of one scene, block by block.
 
     Args:
-        first, second: (H, W) one colour plane, or a sensor without colour filters, DN.
+        first: (H, W) one colour plane, or a sensor without colour filters, DN above black.
+        second: the same at the same or a longer exposure; the ratio is estimated in each block.
         white_dn: grey value of saturation, DN.
 
     Raises:
@@ -134,9 +141,12 @@ def points_of_pair(first: NDArray[np.generic], second: NDArray[np.generic], whit
     if first.shape != second.shape:
         raise InputError(f"frames: shapes {first.shape} and {second.shape}, expected the same")
     a, b = _blocks(first), _blocks(second)
-    mean = (a + b).mean(axis=(1, 2)) / 2
-    variance = (a - b).var(axis=(1, 2), ddof=1) / 2
-    return _usable(mean, variance, np.maximum(a, b), white_dn)
+    keep = (a.mean(axis=(1, 2)) >= LOWEST_DN) & (np.maximum(a, b).max(axis=(1, 2)) < CLIPPED_FRACTION * white_dn)
+    a, b = a[keep], b[keep]
+    mean = b.mean(axis=(1, 2))
+    ratio = mean / a.mean(axis=(1, 2))
+    variance = (b - ratio[:, None, None] * a).var(axis=(1, 2), ddof=1) / (1 + ratio**2)
+    return TransferPoints(mean * (1 + ratio) / (1 + ratio**2), variance)
 
 
 def points_of_frame(frame: NDArray[np.generic], white_dn: float) -> TransferPoints:
@@ -153,13 +163,15 @@ def points_of_frame(frame: NDArray[np.generic], white_dn: float) -> TransferPoin
     blocks, structure = _blocks(values), _blocks(smooth)
     noise = (blocks[:, :-1, :-1] - blocks[:, :-1, 1:] - blocks[:, 1:, :-1] + blocks[:, 1:, 1:]) / 2
     mean, variance = blocks.mean(axis=(1, 2)), (noise**2).mean(axis=(1, 2))
-    # Shot noise grows with the mean, and with it the variation of a smoothed flat block.
-    roughness = structure.std(axis=(1, 2)) / np.sqrt(np.maximum(mean, 1.0))
+    roughness = structure.std(axis=(1, 2))  # compared among blocks of like brightness, whose noise is alike
     usable = (mean >= LOWEST_DN) & (blocks.max(axis=(1, 2)) < CLIPPED_FRACTION * white_dn)
-    if not usable.any():
-        return TransferPoints(np.empty(0), np.empty(0))
-    flat = usable & (roughness <= np.quantile(roughness[usable], FLATTEST_FRACTION))
-    return TransferPoints(mean[flat], variance[flat])
+    flat = [
+        group[roughness[group] <= np.quantile(roughness[group], FLATTEST_FRACTION)]
+        for group in np.array_split(np.flatnonzero(usable)[np.argsort(mean[usable], kind="stable")], LEVELS)
+        if len(group)
+    ]
+    chosen = np.concatenate(flat) if flat else np.empty(0, dtype=np.intp)
+    return TransferPoints(mean[chosen], variance[chosen])
 
 
 def photon_transfer(points: Sequence[TransferPoints]) -> PhotonTransfer:
@@ -203,7 +215,7 @@ def dark_current(exposures_s: Sequence[float], frames: Sequence[NDArray[np.gener
         raise InputError(
             f"dark current: {len(frames)} frames of {len(set(exposures_s))} exposures, expected three exposures or more"
         )
-    means = np.array([np.mean(frame, dtype=np.float64) for frame in frames])
+    means = np.array([np.asarray(frame, dtype=np.float64).mean() for frame in frames])
     (slope, offset), error = _line(np.asarray(exposures_s, dtype=np.float64), means, np.ones(len(means)))
     zero = float(np.mean([np.mean(frame == 0) for frame in frames]))
     return DarkCurrent(slope, error, offset, zero)
@@ -215,13 +227,6 @@ def _blocks(values: NDArray[np.generic]) -> NDArray[np.float64]:
     cut = np.asarray(values[: height * BLOCK_PX, : width * BLOCK_PX], dtype=np.float64)
     split = cut.reshape(height, BLOCK_PX, width, BLOCK_PX).transpose(0, 2, 1, 3)
     return split.reshape(-1, BLOCK_PX, BLOCK_PX)
-
-
-def _usable(
-    mean: NDArray[np.float64], variance: NDArray[np.float64], blocks: NDArray[np.float64], white_dn: float
-) -> TransferPoints:
-    keep = (mean >= LOWEST_DN) & (blocks.max(axis=(1, 2)) < CLIPPED_FRACTION * white_dn)
-    return TransferPoints(mean[keep], variance[keep])
 
 
 def _line(

@@ -25,7 +25,7 @@ COMMANDS = {
     "dataset": "Check a dataset: what is usable, what would be set aside and why.",
     "render": "Render frames of the procedural dataset Sim.",
     "blur": "Measure blur estimators on recorded pictures: the paper's Table I.",
-    "record": "Measure noise estimators on photographs of real cameras with measured noise.",
+    "record": "Measure noise of real cameras: estimators on photographs, sensors from raw frames.",
     "curves": "Ask measured curves for a detector's average precision at some noise and blur.",
     "advise": "Advise exposure and gain for pictures, and say why.",
     "weights": "List, download and verify published detector weights.",

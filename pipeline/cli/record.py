@@ -60,3 +60,31 @@ def noise_command(
             f" {row['mean_picture_sigma_dn']:7.2f}"
         )
     click.echo(f"written to {out}")
+
+
+@command.command("sensor")
+@click.option(
+    "--light", required=True, type=click.Path(path_type=Path),
+    help="folder of raw mosaics SCENE_250ms_*.tif, each scene at two exposures or more",
+)  # fmt: skip
+@click.option(
+    "--dark", required=True, type=click.Path(path_type=Path), help="folder of dark frames of three exposures or more"
+)
+@click.option("--white-dn", default=255.0, show_default=True, help="grey value of saturation")
+@click.option("--source", required=True, help="where the frames come from: revision and licence, for the record")
+@click.option("--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced")
+def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: Path) -> None:
+    """Measure gain, dark noise and dark current of a sensor from raw frames, after EMVA 1288.
+
+    Prints, per colour plane, the system gain in DN per electron with its standard error, the dark noise and the
+    saturation in electrons.
+    """
+    from pipeline.report.recorded_sensor import record
+
+    click.echo(f"{'plane':5} {'gain DN/e':>9} {'error':>7} {'dark noise e':>12} {'saturation e':>12}")
+    for row in record(light, dark, white_dn, out, source).to_dict("records"):
+        click.echo(
+            f"{row['plane']:5} {row['gain_dn_per_e']:9.4f} {row['gain_error']:7.4f} {row['dark_sigma_e']:12.1f}"
+            f" {row['saturation_e']:12.0f}"
+        )
+    click.echo(f"written to {out}")

@@ -57,3 +57,32 @@ def test_mistakes_are_one_line_that_names_them(tmp_path, folder, pairs, estimato
     done = call("record", "noise", "--pairs", pairs, "--estimator", estimator, "--source", "x", "--to", out)
     assert done.exit_code == 2 and word in done.output and len(done.output.splitlines()) == 1
     assert not out.exists()
+
+
+def write_raw(folder, name, exposure_ms, level, gain=0.05):
+    """A raw frame of a ramp: shot noise, 10 electrons of dark noise."""
+    generator = stream(1, "record raw", name, exposure_ms)
+    electrons = generator.poisson(level / gain) + generator.normal(0, 10, level.shape)
+    folder.mkdir(exist_ok=True)
+    picture = np.clip(np.rint(gain * electrons), 0, 255).astype(np.uint8)
+    assert cv2.imwrite(str(folder / f"{name}_{exposure_ms}ms_1.tif"), picture)
+
+
+def test_a_sensor_is_measured_from_exposures_of_a_scene(tmp_path):
+    ramp = np.tile(np.linspace(10, 230, 640), (480, 1))
+    for exposure in (100, 200, 400):
+        write_raw(tmp_path / "light", "scene", exposure, ramp * exposure / 400)
+        write_raw(tmp_path / "dark", "dark", exposure, np.full((64, 64), 4 + 0.01 * exposure))
+    options = ["--light", tmp_path / "light", "--dark", tmp_path / "dark", "--source", "made", "--to", tmp_path / "out"]
+    done = call("record", "sensor", *options)
+    assert done.exit_code == 0, done.output
+    transfer = pd.read_csv(tmp_path / "out/sensor_transfer.csv", dtype={"plane": str})
+    assert list(transfer["plane"]) == ["00", "01", "10", "11"]
+    assert transfer["gain_dn_per_e"].to_numpy() == pytest.approx(0.05, rel=0.1)
+    assert transfer["gain_dn_per_e"].mean() == pytest.approx(0.05, rel=0.04)
+    dark = pd.read_csv(tmp_path / "out/sensor_dark.csv")
+    assert dark["slope_dn_per_s"].mean() == pytest.approx(10, rel=0.05)
+    assert len(json.loads((tmp_path / "out/sensor_provenance.json").read_text())["frames"]["light"]) == 3
+    (tmp_path / "dark/unnamed.tif").write_bytes((tmp_path / "dark/dark_100ms_1.tif").read_bytes())
+    done = call("record", "sensor", *options)
+    assert done.exit_code == 2 and "no exposure" in done.output
