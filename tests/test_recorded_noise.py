@@ -1,0 +1,78 @@
+"""What is kept of noise on real cameras: complete, consistent, of the named pictures, and no picture among it."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.noise import real_noise
+from pipeline.report import recorded_noise, recorded_sensor
+from pipeline.store import read_json
+
+ROOT = Path(__file__).resolve().parents[1]
+NOISE, SENSOR = ROOT / "reports/recorded/real-noise", ROOT / "reports/recorded/real-sensor"
+PAIRS = {"cc": ("cc_noise", 8), "polyu": ("polyu", 50)}
+TILES = 16  # 128 px patches of 512 x 512 px
+
+
+@pytest.fixture(scope="module")
+def summary() -> pd.DataFrame:
+    return pd.read_csv(NOISE / recorded_noise.SUMMARY_FILE).set_index(["dataset", "estimator"])
+
+
+def test_every_estimator_is_measured_on_every_patch() -> None:
+    patches = pd.read_csv(NOISE / recorded_noise.PATCHES_FILE, keep_default_na=False, na_values=[""])
+    assert list(patches.columns) == ["dataset", *real_noise.COLUMNS]
+    counts = patches.groupby(["dataset", "estimator"]).size()
+    for dataset, (_, pictures) in PAIRS.items():
+        assert set(counts[dataset].index) == set(real_noise.ESTIMATORS) and (counts[dataset] == pictures * TILES).all()
+
+
+def test_the_summary_is_that_of_the_patches(summary: pd.DataFrame) -> None:
+    patches = pd.read_csv(NOISE / recorded_noise.PATCHES_FILE)
+    provenance = read_json(NOISE / recorded_noise.PROVENANCE_FILE)
+    for dataset in PAIRS:
+        table = patches[patches["dataset"] == dataset]
+        again = real_noise.summarise(table, provenance["seed"], provenance["bootstrap_draws"]).set_index("estimator")
+        kept = summary.loc[dataset]
+        pd.testing.assert_frame_equal(again, kept[list(again.columns)], rtol=1e-4, check_dtype=False)
+
+
+@pytest.mark.parametrize(("dataset", "error_dn", "truth"), [("cc", 0.5, "true"), ("polyu", 0.85, "true")])
+def test_the_default_estimator_stays_below_the_bar(
+    summary: pd.DataFrame, dataset: str, error_dn: float, truth: str
+) -> None:
+    row = summary.loc[(dataset, "adaptive")]
+    assert row[f"{truth}_mae_dn"] < error_dn
+    assert row["cleaned_coverage_fraction"] > 0.85 and row["answered_fraction"] > 0.7
+
+
+def test_pictures_are_named_by_hash_and_none_is_kept() -> None:
+    for folder, file in ((NOISE, recorded_noise.PROVENANCE_FILE), (SENSOR, recorded_sensor.PROVENANCE_FILE)):
+        provenance = read_json(folder / file)
+        assert "licence" in provenance["source"]
+        assert sorted(path.suffix for path in folder.iterdir()) == [".csv", ".csv", ".json"]
+        names = [name for files in provenance.get("datasets", provenance.get("frames")).values() for name in files]
+        assert names and "/" not in "".join(names)
+
+
+@pytest.mark.parametrize("dataset", PAIRS)
+def test_hashes_are_those_of_the_pictures(dataset: str) -> None:
+    folder = ROOT.parent / "shared/realdata" / PAIRS[dataset][0]
+    if not folder.is_dir():
+        pytest.skip(f"{folder.name}: the pictures are not part of the project")
+    for name, digest in read_json(NOISE / recorded_noise.PROVENANCE_FILE)["datasets"][dataset].items():
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest, name
+
+
+def test_colour_planes_of_a_sensor_agree() -> None:
+    """Gain and dark noise belong to the amplifier that all colours share."""
+    transfer = pd.read_csv(SENSOR / recorded_sensor.TRANSFER_FILE)
+    gain = transfer["gain_dn_per_e"]
+    assert np.ptp(gain) < 4 * transfer["gain_error"].max() and gain.between(0.03, 0.06).all()
+    assert transfer["dark_sigma_e"].between(5, 15).all()
+    assert (pd.read_csv(SENSOR / recorded_sensor.DARK_FILE)["slope_dn_per_s"] > 0).all()
