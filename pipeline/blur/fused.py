@@ -161,9 +161,8 @@ class Fused(Estimator):
         if self.camera is not None:
             others[0] = self.camera.relative(others[0])
         arguments = (join_members(spectral.mtf, others), spectral.scale, spectral.sigma_dn)
-        count = np.full(len(spectral.mtf), len(patches))
         with torch.inference_mode():
-            joined = self.gate(*(torch.from_numpy(np.asarray(part, np.float32)) for part in (*arguments, count)))
+            joined = self.gate(*(torch.from_numpy(np.asarray(part, np.float32)) for part in arguments))
         mtf, scale = (part.numpy().astype(np.float64) for part in joined)
         weight = (PAYS_BELOW - spectral.mtf.mean(axis=(1, 2))) / (PAYS_BELOW - PAYS_FULLY_BELOW)
         weight = np.clip(weight, 0.0, 1.0)[:, None, None]

@@ -5,8 +5,7 @@
 for each direction and frequency; one small network, shared by all of them, computes the weights (a softmax), the offset
 c and a factor on the spectral network's Laplace scale. It sees the logits of the three with their neighbours in
 frequency and the other direction, how far GBB and PMP are from the spectral network, its scale, the blur's strength,
-the frequency, the noise and how many patches GBB and PMP were solved on. Errors of the three are nearly independent,
-so what they agree on is likely right.
+the frequency and the noise. Errors of the three are nearly independent, so what they agree on is likely right.
 
 Several networks that differ in their initial weights are averaged. Ours.
 """
@@ -24,7 +23,7 @@ MEMBERS = ("spectral", "gbb", "pmp")
 HIDDEN = 12
 NETWORKS = 3
 NEAREST = 0.004  # to 0 and 1 that a logit is taken of
-INPUTS = 24
+INPUTS = 23
 INPUT_SCALE = 0.5
 OFFSET_SCALE = 0.5
 SPECTRAL_START = 1.0  # initial bias of its weight: the softmax begins with it in front
@@ -45,14 +44,13 @@ def _neighbours(values: torch.Tensor) -> torch.Tensor:
     return torch.stack([values, lower, higher, values.flip(1)], dim=-1)
 
 
-def inputs(members: torch.Tensor, scale: torch.Tensor, sigma_dn: torch.Tensor, count: torch.Tensor) -> torch.Tensor:
+def inputs(members: torch.Tensor, scale: torch.Tensor, sigma_dn: torch.Tensor) -> torch.Tensor:
     """What the gate sees of every value.
 
     Args:
         members: (N, 3, 2, 8) MTF by spectral network, GBB and PMP.
         scale: (N, 2, 8) Laplace scale of the first.
         sigma_dn: (N,) noise that the spectral network reads, DN.
-        count: (N,) patches that GBB and PMP were solved on together.
 
     Returns:
         (N, 2, 8, `INPUTS`).
@@ -71,7 +69,6 @@ def inputs(members: torch.Tensor, scale: torch.Tensor, sigma_dn: torch.Tensor, c
         frequency,
         frequency**2,
         spread((1 + sigma_dn / SIGMA_KNEE_DN).log()),
-        spread(count.to(scale.dtype).log2()),
     ]
     for index, other in enumerate(others):
         difference = (members[:, 1 + index] - members[:, 0]).abs().mean((1, 2))
@@ -102,18 +99,18 @@ class FusionGate(nn.Module):
                 last.bias[0] = SPECTRAL_START
 
     def every(
-        self, members: torch.Tensor, scale: torch.Tensor, sigma_dn: torch.Tensor, count: torch.Tensor
+        self, members: torch.Tensor, scale: torch.Tensor, sigma_dn: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Answers of each network: logits of the MTF and Laplace scales, both (networks, N, 2, 8)."""
-        seen, logits = inputs(members, scale, sigma_dn, count), logit(members).movedim(1, -1)
+        seen, logits = inputs(members, scale, sigma_dn), logit(members).movedim(1, -1)
         outputs = torch.stack([network(seen) for network in self.networks])
         weights = torch.softmax(outputs[..., : len(MEMBERS)], dim=-1)
         fused = (weights * logits).sum(-1) + OFFSET_SCALE * outputs[..., -2]
         return fused, scale * functional.softplus(outputs[..., -1] + 0.5413) + SMALLEST_SCALE
 
     def forward(
-        self, members: torch.Tensor, scale: torch.Tensor, sigma_dn: torch.Tensor, count: torch.Tensor
+        self, members: torch.Tensor, scale: torch.Tensor, sigma_dn: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """The fused MTF (N, 2, 8) in (0, 1) and its Laplace scale; arguments as for `inputs`."""
-        fused, wide = self.every(members, scale, sigma_dn, count)
+        fused, wide = self.every(members, scale, sigma_dn)
         return torch.sigmoid(fused.mean(0)), wide.mean(0)

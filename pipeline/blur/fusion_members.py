@@ -41,8 +41,8 @@ def join_members(mtf: NDArray[np.floating], others: NDArray[np.floating]) -> NDA
 
     Args:
         mtf: (N, 2, 8) by the spectral network, which stands in for the others where those have no answer.
-        others: (2, 2, 8) by GBB and PMP; NaN where abstained.
+        others: (N, 2, 2, 8) by GBB and PMP, or (2, 2, 8) that all share; NaN where abstained.
     """
-    every = np.broadcast_to(others, (len(mtf), *others.shape))
+    every = np.broadcast_to(others, (len(mtf), *others.shape[-3:]))
     spectral = np.asarray(mtf, np.float64)[:, None]
     return np.concatenate([spectral, np.where(np.isnan(every), spectral, every)], axis=1)

@@ -21,25 +21,21 @@ RunMap = Callable[..., list[Any]]
 
 @dataclass(frozen=True)
 class Rows:
-    """What the gate is trained on: one row for each patch and each set of patches that it was deconvolved in.
+    """What the gate is trained on, one row for each sample.
 
     Attributes:
         members: (N, 3, 2, 8) MTF by the spectral network, GBB and PMP; the first stands in where another abstains.
         scale: (N, 2, 8) Laplace scale of the first.
         sigma_read_dn: (N,) noise that the spectral network reads, DN.
-        count: (N,) patches that GBB and PMP were run on together.
         mtf: (N, 2, 8) the truth.
         sigma_dn: (N,) noise added, DN.
-        sample: (N,) number of the sample.
     """
 
     members: NDArray[np.float32]
     scale: NDArray[np.float32]
     sigma_read_dn: NDArray[np.float32]
-    count: NDArray[np.float32]
     mtf: NDArray[np.float32]
     sigma_dn: NDArray[np.float32]
-    sample: NDArray[np.int_]
 
     def part(self, kept: NDArray[np.bool_]) -> Rows:
         """The rows where `kept`."""
@@ -58,24 +54,11 @@ def rows(recipe: Recipe, spectral_weights: Path, cache: Path, run_map: RunMap) -
     from pipeline.blur.spectral import Spectral
 
     folder = cache / f"fusion-{fingerprint(fusion_samples.__name__, asdict(recipe))}"
-    made = run_map(
-        partial(fusion_samples.deconvolved, recipe=recipe, folder=folder), range(recipe.samples), "fusion samples"
+    deconvolved = partial(fusion_samples.deconvolved, recipe=recipe, folder=folder)
+    made = run_map(deconvolved, range(recipe.samples), "fusion samples")
+    patch, mtf, sigma_dn, others = (
+        np.stack([sample[name] for sample in made]) for name in ("patch", "mtf", "sigma_dn", "others")
     )
-    spectral, parts = Spectral(spectral_weights), []
-    for index, sample in enumerate(made):
-        mtf, scale, sigma_read = spectral.predict(sample["patches"][:, None].astype(np.float32) / 255)
-        for others, views in zip(sample["others"], [*range(recipe.singles), slice(None)], strict=True):
-            chosen = np.atleast_1d(np.arange(recipe.views)[views])
-            count = len(chosen)
-            parts.append(
-                Rows(
-                    join_members(mtf[chosen], others).astype(np.float32),
-                    scale[chosen],
-                    sigma_read[chosen],
-                    np.full(count, count, np.float32),
-                    np.repeat(sample["mtf"][None], count, axis=0).astype(np.float32),
-                    np.full(count, sample["sigma_dn"], np.float32),
-                    np.full(count, index),
-                )
-            )
-    return Rows(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
+    read, scale, sigma_read_dn = Spectral(spectral_weights).predict(patch[:, None].astype(np.float32) / 255)
+    arrays = (join_members(read, others), scale, sigma_read_dn, mtf, sigma_dn)
+    return Rows(*(np.asarray(part, np.float32) for part in arrays))

@@ -2,8 +2,8 @@
 
 The mean absolute error of the MTF over all rows (`pipeline.blur.fusion_rows`), and beside it the likelihood of a
 Laplace distribution, which trains the scale only. All rows at once, a fixed number of AdamW steps, the rate falling to
-zero. Cross-validation over samples (no kernel and no picture on both sides) gives the errors reported and the factor on
-the scale that holds 95 % of them; the released gate is trained on all samples.
+zero. Cross-validation over samples, each of which has a picture and a kernel of its own, gives the errors reported and
+the factor on the scale that holds 95 % of them; the released gate is trained on all samples.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def train(data: Rows, settings: Settings) -> TrainedGate:
     one_thread()
     error, scale = np.empty_like(data.mtf), np.empty_like(data.mtf)
     for fold in range(settings.folds):
-        held_out = data.sample % settings.folds == fold
+        held_out = np.arange(len(error)) % settings.folds == fold
         gate = _fit(data.part(~held_out), settings, f"fold {fold}")
         with torch.inference_mode():
             mtf, wide = gate(*_tensors(data.part(held_out)))
@@ -92,14 +92,11 @@ def train(data: Rows, settings: Settings) -> TrainedGate:
     return TrainedGate(_fit(data, settings, "all"), interval, {**_measures(data, error), "interval": interval})
 
 
-def _tensors(data: Rows) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+def _tensors(data: Rows) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """The gate's arguments."""
     import torch
 
-    members, scale, sigma, count = (
-        torch.from_numpy(part) for part in (data.members, data.scale, data.sigma_read_dn, data.count)
-    )
-    return members, scale, sigma, count
+    return torch.from_numpy(data.members), torch.from_numpy(data.scale), torch.from_numpy(data.sigma_read_dn)
 
 
 def _fit(data: Rows, settings: Settings, name: str) -> FusionGate:
@@ -128,7 +125,7 @@ def _fit(data: Rows, settings: Settings, name: str) -> FusionGate:
 
 
 def _measures(data: Rows, error: np.ndarray) -> dict[str, float]:
-    """Mean absolute errors of the gate and its members by noise and number of patches, percent."""
+    """Mean absolute errors of the gate and its members by noise, percent."""
     errors = {"fused": error} | {
         name: np.abs(data.members[:, index] - data.mtf) for index, name in enumerate(("spectral", "gbb", "pmp"))
     }
@@ -137,8 +134,6 @@ def _measures(data: Rows, error: np.ndarray) -> dict[str, float]:
         "_clean": data.sigma_dn == 0,
         "_low_noise": (data.sigma_dn > 0) & (data.sigma_dn <= LOW_NOISE_DN),
         "_high_noise": data.sigma_dn > LOW_NOISE_DN,
-        "_single": data.count == 1,
-        "_together": data.count > 1,
     }
     found = {
         f"{name}_error{subset}_percent": 100 * float(values[kept].mean())

@@ -142,6 +142,7 @@ def test_the_spectral_network_stands_in_for_what_is_not_identifiable():
     members = join_members(mtf, others)
     assert members.shape == (2, 3, 2, 8)
     assert (members[:, :2] == 0.3).all() and (members[:, 2] == 0.7).all()
+    assert np.array_equal(join_members(mtf, np.stack([others, others])), members)
 
 
 def test_options_out_of_range_are_refused(gate_file, tmp_path):

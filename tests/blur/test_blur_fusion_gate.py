@@ -17,7 +17,7 @@ def arguments():
     generator = stream(1, "test gate")
     members = torch.from_numpy(generator.uniform(0.05, 0.95, (COUNT, 3, 2, 8)).astype(np.float32))
     scale = torch.from_numpy(generator.uniform(0.01, 0.1, (COUNT, 2, 8)).astype(np.float32))
-    return members, scale, torch.full((COUNT,), 3.0), torch.full((COUNT,), 4.0)
+    return members, scale, torch.full((COUNT,), 3.0)
 
 
 def gate(begin):
@@ -29,9 +29,9 @@ def gate(begin):
 
 
 def test_inputs_have_the_declared_number_and_are_finite_at_the_ends(arguments):
-    members, scale, sigma, count = arguments
+    members, scale, sigma = arguments
     members[0], members[1] = 0.0, 1.0
-    seen = fusion_gate.inputs(members, 0 * scale, sigma, count)
+    seen = fusion_gate.inputs(members, 0 * scale, sigma)
     assert seen.shape == (COUNT, 2, 8, fusion_gate.INPUTS)
     assert torch.isfinite(seen).all()
 
@@ -55,11 +55,11 @@ def test_members_that_agree_are_believed(arguments):
 
 
 def test_directions_are_treated_alike(arguments):
-    members, scale, sigma, count = arguments
+    members, scale, sigma = arguments
     trained = gate(begin=False)
     with torch.inference_mode():
         mtf, wide = trained(*arguments)
-        turned, turned_wide = trained(members.flip(2), scale.flip(1), sigma, count)
+        turned, turned_wide = trained(members.flip(2), scale.flip(1), sigma)
     assert torch.allclose(turned.flip(1), mtf, atol=1e-6)
     assert torch.allclose(turned_wide.flip(1), wide, atol=1e-6)
 

@@ -160,8 +160,6 @@ class FusionRecipeSection(Section):
     """What the fusion gate's samples are drawn from; see `pipeline.blur.fusion_samples.Recipe`."""
 
     samples: Annotated[int, Field(ge=4, le=100_000)]
-    views: Count
-    singles: Annotated[int, Field(ge=0, le=100)]
     kernel_distribution: Literal["paper_like", "with_optics"]
     anisotropy: Share
     intrinsic_px: tuple[NonNegative, NonNegative]
