@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from pipeline.detection.base import Images
 
-    Candidates = Callable[[torch.nn.Module, torch.Tensor, float], tuple[torch.Tensor, ...]]
+    Candidates = Callable[[Any, torch.Tensor, float], tuple[torch.Tensor, ...]]
 
 COARSEST = 32
 FILL = 114 / 255
