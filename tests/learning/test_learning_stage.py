@@ -20,6 +20,9 @@ CONF = Path(__file__).resolve().parents[2] / "conf/train/default.yaml"
 class Section(dict):
     """A section of the configuration as far as the stage uses one."""
 
+    def __getattr__(self, name):
+        return self[name]
+
     def model_dump(self):
         return {key: dict(value) if isinstance(value, dict) else value for key, value in self.items()}
 
