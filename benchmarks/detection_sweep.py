@@ -30,13 +30,14 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 import numpy as np  # noqa: E402
 from common import machine  # noqa: E402
 
+from pipeline.camera.settings import CameraSettings  # noqa: E402
 from pipeline.config.compose import compose, parse  # noqa: E402
-from pipeline.curves.measured import Measurement  # noqa: E402
-from pipeline.datasets.conditions import conditions, kernels  # noqa: E402
-from pipeline.datasets.corrupted import CameraSettings  # noqa: E402
 from pipeline.datasets.frame import Box, Frame  # noqa: E402
-from pipeline.detection.sweep import Sweep, class_map, opened, options_of  # noqa: E402
 from pipeline.executor import one_thread, run_map  # noqa: E402
+from pipeline.experiments import iopc  # noqa: E402
+from pipeline.experiments.condition import grid, sweep_kernels  # noqa: E402
+from pipeline.experiments.corrupt import SharpFrame  # noqa: E402
+from pipeline.experiments.detect import Sweep, class_map, opened, options_of  # noqa: E402
 from pipeline.learning.dead_leaves import draw  # noqa: E402
 from pipeline.store import write_image, write_json  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
@@ -104,7 +105,8 @@ def main() -> None:
     config = parse(compose(overrides), "conf/")
     section, judge = config.detection.sweep, config.detection.judge
     camera, levels = CameraSettings.from_section(config.camera), tuple(section.levels_dn)
-    blurs = kernels(section.blur, section.sizes_px, section.angles_deg, section.match, config.seed)[: arguments.kernels]
+    blurs = sweep_kernels(section.blur, section.sizes_px, section.angles_deg, section.match, config.seed)
+    blurs = blurs[: arguments.kernels]
     result: dict[str, Any] = {
         "frame": f"{WIDTH_PX}x{HEIGHT_PX} px",
         "conditions": len(blurs) * len(levels),
@@ -114,15 +116,20 @@ def main() -> None:
     }
     with tempfile.TemporaryDirectory() as place:
         shown = frames(Path(place), arguments.frames)
-        sharp = shown[0].image()
-        form = lambda: list(conditions(sharp, shown[0], blurs[-1], section.effect, levels, camera, 1))  # noqa: E731
+        conditions = grid([blurs[-1]], [section.effect], levels)
+        words, sharp = class_map("sim"), shown[0].image()
+
+        def form() -> None:
+            frame = SharpFrame(shown[0], camera, 1)
+            for condition in conditions:
+                frame.under(condition)
+
         result["form_a_condition"] = least(form) / len(levels)
-        measure = Measurement(
-            **config.detection.measure.model_dump(), lowest_px=judge.lowest_px, least_visible=judge.least_visible
+        where = iopc.on_objects(shown[:1], words, config.detection.measure, judge)
+        see = partial(
+            iopc.measure, where, [blurs[-1]], section.effect, levels, config.detection.measure, camera=camera, seed=1
         )
-        words = class_map("sim")
-        see = partial(measure.look, words=words, effect=section.effect, levels_dn=levels, camera=camera, seed=1)
-        result["form_and_measure_a_condition"] = least(lambda: see((shown[0], blurs[-1]))) / len(levels)
+        result["form_and_measure_a_condition"] = least(see) / len(levels)
         for name, _, _ in names:
             chosen = config.detection.detectors[name]
             if not Path(chosen.weights).is_file():

@@ -40,18 +40,21 @@ import numpy as np  # noqa: E402
 
 from benchmarks import rendered_psf  # noqa: E402
 from pipeline import blur  # noqa: E402
-from pipeline.blur import camera_fit, cross_fit, evaluation, spectral  # noqa: E402
+from pipeline.blur import camera_fit, spectral  # noqa: E402
 from pipeline.camera import mtf  # noqa: E402
-from pipeline.datasets.corrupted import CameraSettings  # noqa: E402
+from pipeline.camera.settings import CameraSettings  # noqa: E402
+from pipeline.datasets.selection import evenly_spread  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
+from pipeline.experiments import calibrate, table_one  # noqa: E402
+from pipeline.experiments.condition import SHARP, grid, sharp_kernel  # noqa: E402
+from pipeline.experiments.frames import TestFrame, of_index  # noqa: E402
+from pipeline.experiments.run import Method, Registered, run  # noqa: E402
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.config.schema import Config
-    from pipeline.datasets.frame import Frame
-    from pipeline.datasets.patches import Patch
     from pipeline.report.style import Drawing
 
 PEERS = {name: {"mode": "fast", "kernel_size": 31} for name in ("pmp", "gbb")}
@@ -65,7 +68,6 @@ SOURCE = (
     "Kernels are rendered by wave optics (pupil, Zernike aberrations, three wavelengths, hand shake) in "
     "benchmarks/rendered_psf.py; truth is the MTF of the rendered kernel. No estimator was trained on such kernels."
 )
-Work = list[tuple["Frame", Sequence["Patch"]]]
 
 
 def configuration(datasets: Sequence[str]) -> Config:
@@ -93,58 +95,49 @@ def configuration(datasets: Sequence[str]) -> Config:
     return validate(content)
 
 
-def indexed(config: Config, name: str, patches_per_frame: int | None) -> tuple[Work, Work]:
-    """A dataset's frames, each with the patches to judge by, and with all of them to fit on."""
-    from pipeline.datasets.index import indexed_frames, indexed_patches
+def indexed(config: Config, name: str, patches_per_frame: int | None) -> tuple[list[TestFrame], list[TestFrame]]:
+    """A dataset's frames, each with the patches to evaluate on, and with all of them to calibrate on."""
     from pipeline.stages import index
 
     with tempfile.TemporaryDirectory() as temporary:
         index.run.run(config, {"dataset": name}, Path(temporary), Path(temporary))
-        folder = Path(temporary) / "data/index" / name
-        frames = indexed_frames(folder, name, config.datasets[name])
-        some, every = indexed_patches(folder, "blur", patches_per_frame), indexed_patches(folder, "blur")
-    frames = [frame for frame in frames if frame.name in some]
-    return [(frame, some[frame.name]) for frame in frames], [(frame, every[frame.name]) for frame in frames]
+        folder, section = Path(temporary) / "data/index" / name, config.datasets[name]
+        some, every = (of_index(folder, name, section, {"mtf": count}) for count in (patches_per_frame, None))
+        return some, every
 
 
-def estimates(work: Work, kernels: Sequence[Kernel], name: str, config: Config) -> pd.DataFrame:
-    """One estimator's answers under every kernel and for sharp frames, row by row (`evaluation.ESTIMATES`)."""
-    import pandas as pd
-
-    estimator = blur.create(name, **PEERS.get(name, {}))
+def estimates(frames: Sequence[TestFrame], kernels: Sequence[Kernel], name: str, config: Config) -> pd.DataFrame:
+    """One estimator under every kernel and on sharp frames (`pipeline.experiments.tables.MEASUREMENTS`)."""
+    method = Method(name, "mtf", Registered(blur.create, name, PEERS.get(name, {})))
     camera = CameraSettings.from_section(config.camera)
-    shown = [evaluation.sharp_kernel(), *kernels]
-    rows = [
-        row
-        for frame, patches in work
-        for row in evaluation.evaluate_frame(frame, patches, shown, estimator, camera, config.seed)
-    ]
-    return evaluation.ESTIMATES.conform(pd.DataFrame(rows).assign(estimator=name))
+    return run(frames, grid([sharp_kernel(), *kernels]), [method], camera=camera, seed=config.seed)
 
 
-def fitted(read: pd.DataFrame, every: Work, seed: int, samples: int) -> tuple[pd.DataFrame, list[float]]:
-    """Spectral answers corrected by a fit to the other half's frames; and each fit's error on its samples, percent."""
-    halves = cross_fit.halves(len(every))
-    half_of = {frame.name: half for (frame, _), half in zip(every, halves, strict=True)}
-    changed, errors = read.copy(), []
-    place = read["frame"].map(half_of).to_numpy()
-    for own, fit in enumerate(cross_fit.fits(every, "spectral", {}, samples=samples, seed=seed)):
-        assert isinstance(fit, camera_fit.Fit)  # of the spectral estimator
-        changed.loc[place == own, "mtf"] = mapped(read[place == own], fit)
+def fitted(
+    measurements: pd.DataFrame, every: Sequence[TestFrame], seed: int, samples: int
+) -> tuple[pd.DataFrame, list[float]]:  # fmt: skip
+    """Spectral estimates calibrated to the other half's frames, and each calibration's error on its samples, %."""
+    fold_of = {item.frame.name: fold for item, fold in zip(every, calibrate.folds(len(every)), strict=True)}
+    changed, errors = measurements.copy(), []
+    folds = measurements["frame"].map(fold_of).to_numpy()
+    maps = calibrate.cross_fit(every, Registered(blur.create, "spectral"), samples=samples, seed=seed)
+    for fold, fit in enumerate(maps):
+        assert isinstance(fit, camera_fit.Fit)
+        changed.loc[folds == fold, "estimate"] = mapped(measurements[folds == fold], fit)
         errors.append(round(fit.error_percent[1], 3))
     return changed, errors
 
 
-def mapped(read: pd.DataFrame, fit: camera_fit.Fit) -> np.ndarray:
-    """Answers, row by row, corrected by a fit: rows go through a patch's directions and frequencies before the next."""
-    return fit(read["mtf"].to_numpy(float).reshape(-1, 2, len(mtf.FREQUENCIES))).ravel()
+def mapped(measurements: pd.DataFrame, fit: camera_fit.Fit) -> np.ndarray:
+    """Estimates corrected by a fit: rows go through a patch's directions and frequencies before the next."""
+    return fit(measurements["estimate"].to_numpy(float).reshape(-1, 2, len(mtf.FREQUENCIES))).ravel()
 
 
 def outcome(table: pd.DataFrame, seed: int) -> dict[str, Any]:
     """AMAE of each kernel and their means, percent; patches that answered and that did not."""
     # Each kernel is a cell of its own, whatever its size.
-    cells = table[table["kernel"] != evaluation.SHARP].assign(kind=lambda rows: rows["kernel"])
-    rows = evaluation.summarise(cells, seed, 0).set_index("kind")
+    cells = table[table["kernel"] != SHARP].assign(blur_kind=lambda rows: rows["kernel"])
+    rows = table_one.summarise(cells, seed, 0).set_index("kind")
     amae = rows["amae_percent"]
     group_of = amae.index.map({one.name: one.group for one in rendered_psf.BANK})
     return {
@@ -158,13 +151,13 @@ def outcome(table: pd.DataFrame, seed: int) -> dict[str, Any]:
 
 def ways(read: pd.DataFrame, seed: int) -> dict[str, Any]:
     """Raw and calibrated."""
-    return {"raw": outcome(read, seed), "calibrated": outcome(evaluation.calibrated(read), seed)}
+    return {"raw": outcome(read, seed), "calibrated": outcome(calibrate.divided_by_sharp(read), seed)}
 
 
 def spectral_ways(read: pd.DataFrame, corrected: pd.DataFrame, seed: int) -> dict[str, Any]:
     """The spectral estimator's answers read in every way of `WAYS`."""
     typical = camera_fit.Fit.load(spectral.RELEASED.with_name(spectral.RELEASED.stem + spectral.TYPICAL))
-    added = read.assign(mtf=mapped(read, typical))
+    added = read.assign(estimate=mapped(read, typical))
     return {**ways(read, seed), "typical": outcome(added, seed), "fitted": outcome(corrected, seed)}
 
 
@@ -175,14 +168,14 @@ def measure(config: Config, name: str, kernels: Sequence[Kernel], arguments: arg
     table, errors = fitted(read, every, config.seed, arguments.samples)
     found: dict[str, Any] = {
         "frames": len(work),
-        "patches": sum(len(patches) for _, patches in work),
+        "patches": sum(len(item.patches["mtf"]) for item in work),
         "spectral": spectral_ways(read, table, config.seed),
     }
     found["spectral"]["fitted"]["error_on_fitting_samples_percent"] = errors
     if arguments.peers:
         count = min(arguments.peers, len(work))
-        few = [(frame, patches[:1]) for frame, patches in (work[i * len(work) // count] for i in range(count))]
-        chosen = [frame.name for frame, _ in few]
+        few = [TestFrame(item.frame, {"mtf": item.patches["mtf"][:1]}) for item in evenly_spread(work, count)]
+        chosen = [item.frame.name for item in few]
         own = {way: own_rows[own_rows["frame"].isin(chosen) & (own_rows["patch"] == 0)] for way, own_rows in
                (("raw", read), ("fitted", table))}  # fmt: skip
         found["few"] = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from pipeline.curves.measured import CONDITIONS
-from pipeline.detection.sweep import DETECTIONS, LOOKED, OBJECTS
+from pipeline.experiments.detect import DETECTIONS, LOOKED, OBJECTS
+from pipeline.experiments.tables import CONDITIONS
 
 SIZES, ANGLES, LEVELS = (0.0, 3.0, 7.0, 14.0, 21.0), (0.0, 90.0), (0.0, 10.0, 20.0)
 FRAMES = 12

@@ -19,10 +19,11 @@ FLOORS = {
     "scenes": 2,
     "datasets": 3, "learning": 3,
     "blur": 4, "noise": 4, "detection": 4,
-    "condition": 5, "curves": 5,
-    "control": 6,
-    "report": 7,
-    "stages": 8, "cli": 8,
+    "condition": 5, "experiments": 5,
+    "curves": 6,
+    "control": 7,
+    "report": 8,
+    "stages": 9, "cli": 9,
 }  # fmt: skip
 
 

@@ -10,10 +10,12 @@ import yaml
 from data_makers import make_kitti
 
 from pipeline import store, tables
+from pipeline.camera.settings import CameraSettings
 from pipeline.config.compose import compose
 from pipeline.config.schema import validate
-from pipeline.datasets.corrupted import CameraSettings, corrupted
 from pipeline.datasets.frame import Frame
+from pipeline.experiments.condition import Condition
+from pipeline.experiments.corrupt import SharpFrame
 from pipeline.stages import corrupt, index, noise, psf_bank, render_sim, report, sensor, star
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -102,10 +104,10 @@ def test_a_subset_gives_the_same_rows(data, once, tmp_path):
 def test_corruption_does_not_depend_on_the_order_of_frames(data):
     frames = [Frame("kitti", path.stem, path) for path in sorted((data / "kitti/training/image_2").iterdir())]
     shuffled = random.Random(3).sample(frames, len(frames))
-    camera = CameraSettings()
+    camera, condition = CameraSettings(), Condition(noise_source="combined", target_sigma_dn=10.0)
 
     def noise_of(some):
-        return {f.name: corrupted(f.image(), f, "combined", 10.0, camera, 1).image.tobytes() for f in some}
+        return {frame.name: SharpFrame(frame, camera, 1).under(condition).image.tobytes() for frame in some}
 
     assert noise_of(frames) == noise_of(shuffled)
     assert len(set(noise_of(frames).values())) == len(frames)

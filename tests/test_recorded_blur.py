@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.blur.evaluation import SHARP
 from pipeline.config.compose import compose, parse
 from pipeline.executor import run_map
+from pipeline.experiments.condition import SHARP
 from pipeline.report import blur_records
 from pipeline.report.blur_records import BlurRecord
 from pipeline.report.inputs import ReportInputs

@@ -45,6 +45,19 @@ def divided(combined: NDArray[np.floating], known: NDArray[np.floating], epsilon
     return np.where(usable, combined / np.where(known > epsilon, known, 1.0), np.nan)
 
 
+def divided_end(
+    end: NDArray[np.floating], known: NDArray[np.floating], epsilon: float = EPSILON
+) -> NDArray[np.float64]:
+    """An end of the interval of MTF12 as one of MTF1, clipped to [0, 1].
+
+    Args:
+        end: (..., 2, 8).
+        known: (2, 8) MTF2.
+        epsilon: see `divided`.
+    """
+    return np.clip(end / np.maximum(known, epsilon), 0.0, 1.0)
+
+
 def expected_amae(first_percent: ArrayLike, second_percent: ArrayLike) -> NDArray[np.float64]:
     """The error to be expected of a quotient: sqrt(a1^2 + a2^2).
 
@@ -106,9 +119,7 @@ class Denoised:
         lost = np.isnan(clear).all(axis=(1, 2)) & ~found.abstained
         clear = clear.astype(found.mtf.dtype)
         ends = {
-            name: np.where(
-                noisy[:, None, None] & ~np.isnan(clear), np.clip(end / np.maximum(self.known, self.epsilon), 0, 1), end
-            )
+            name: np.where(noisy[:, None, None] & ~np.isnan(clear), divided_end(end, self.known, self.epsilon), end)
             for name in ("low", "high")
             if (end := getattr(found, name)) is not None
         }

@@ -158,7 +158,7 @@ def calibration(conditions: pd.DataFrame, section: Any) -> dict[str, Any]:
     all of them, like MTFs that no length of motion leaves, say nothing and are left out.
 
     Args:
-        conditions: `pipeline.curves.measured.CONDITIONS`.
+        conditions: `pipeline.experiments.tables.CONDITIONS`.
         section: ``detection.regression`` of the configuration.
 
     Returns:

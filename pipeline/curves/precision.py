@@ -18,8 +18,8 @@ from pipeline.curves.surface import Surface
 from pipeline.detection.average_precision import evaluate
 from pipeline.detection.base import Detections
 from pipeline.detection.matching import Truth
-from pipeline.detection.sweep import CONDITION
 from pipeline.errors import InputError
+from pipeline.experiments.tables import CONDITION
 from pipeline.store import Schema
 from pipeline.streams import stream
 
@@ -115,10 +115,10 @@ def average_precision(
     """Judge every condition.
 
     Args:
-        detections: `pipeline.detection.sweep.DETECTIONS`.
-        looked: `pipeline.detection.sweep.LOOKED`.
-        objects: `pipeline.detection.sweep.OBJECTS`.
-        conditions: `pipeline.curves.measured.CONDITIONS`, for noise and MTF.
+        detections: `pipeline.experiments.detect.DETECTIONS`.
+        looked: `pipeline.experiments.detect.LOOKED`.
+        objects: `pipeline.experiments.detect.OBJECTS`.
+        conditions: `pipeline.experiments.tables.CONDITIONS`, for noise and MTF.
         labels: classes.
         judge: section ``detection.judge`` of the configuration.
         seed: root seed.

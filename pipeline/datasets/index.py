@@ -16,6 +16,7 @@ from pipeline.datasets.dataset import Dataset
 from pipeline.datasets.frame import Frame
 from pipeline.datasets.patches import BLUR_PX, NOISE_PX, Patch, object_patches, tiles
 from pipeline.datasets.quarantine import MAX_BAD_SHARE, Inspection, gather, inspect
+from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError
 from pipeline.executor import run_map
 from pipeline.store import Schema, read_table
@@ -43,6 +44,10 @@ class Index(NamedTuple):
     quarantine: pd.DataFrame
     usable: list[Frame]
     notes: dict[str, int]
+
+    def patches_for(self, purpose: str, per_frame: int | None = None) -> dict[str, list[Patch]]:
+        """Frame name -> its patches for ``"blur"`` or ``"noise"``; see `indexed_patches`."""
+        return patches_of(self.patches, purpose, per_frame)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,15 +152,23 @@ def indexed_patches(folder: str | Path, purpose: str, per_frame: int | None = No
     Returns:
         frame name -> its patches; frames without any are not in it.
     """
-    table = read_table(Path(folder) / "patches.parquet", PATCHES)
-    found: dict[str, list[Patch]] = {}
+    return patches_of(read_table(Path(folder) / "patches.parquet", PATCHES), purpose, per_frame)
+
+
+def patches_of(table: pd.DataFrame, purpose: str, per_frame: int | None = None) -> dict[str, list[Patch]]:
+    """The patches of an index table; see `indexed_patches`.
+
+    Args:
+        table: schema `PATCHES`.
+        purpose: ``"blur"`` or ``"noise"``.
+        per_frame: at most this many of each frame, evenly spread over them; None takes all.
+    """
+    patches: dict[str, list[Patch]] = {}
     for frame, rows in table[table["purpose"] == purpose].groupby("frame", sort=True):
         columns = (rows["x_px"], rows["y_px"], rows["size_px"], rows["label"])
-        patches = [Patch(int(x), int(y), int(size), str(label)) for x, y, size, label in zip(*columns, strict=True)]
-        if per_frame is not None and len(patches) > per_frame:
-            patches = [patches[number * len(patches) // per_frame] for number in range(per_frame)]
-        found[str(frame)] = patches
-    return found
+        of_frame = [Patch(int(x), int(y), int(size), str(label)) for x, y, size, label in zip(*columns, strict=True)]
+        patches[str(frame)] = evenly_spread(of_frame, per_frame)
+    return patches
 
 
 def _enter(frame: Frame, patch_px: int, tile_px: int, tile_policy: str, from_objects: bool) -> _Entry:

@@ -23,14 +23,14 @@ from pipeline.store import read_arrays, write_arrays
 Arrays = Mapping[str, NDArray[Any]]
 
 
-def fingerprint(settings: Mapping[str, Any], kind: str) -> str:
+def fingerprint(code: str, settings: Mapping[str, Any], kind: str) -> str:
     """Hash of settings (anything JSON can hold) and of the source that a sweep with one detector executes.
 
     Args:
+        code: the module that executes it.
         settings: of the sweep.
         kind: the detector's registry name.
     """
-    code = ("pipeline.detection.sweep", "pipeline.datasets.conditions")
     return closure.fingerprint(code, settings, chosen={"pipeline.detection": frozenset({kind})})
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.blur import evaluation
 from pipeline.errors import InputError
+from pipeline.experiments.tables import BLUR_SUMMARY
 from pipeline.report.display_names import DATASETS, in_order
 from pipeline.report.inputs import ReportInputs, any_table, existing
 from pipeline.store import read_json
@@ -33,8 +33,8 @@ class BlurRecord:
     Attributes:
         dataset: its name.
         said: its provenance (`pipeline.report.recorded_blur`).
-        summary: `pipeline.blur.evaluation.SUMMARY`.
-        sharp: `pipeline.blur.sharp_curves.sharp_curves`.
+        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
+        sharp: `pipeline.experiments.sharp_curves.sharp_curves`.
         patches: how many each estimator was judged on.
     """
 
@@ -139,6 +139,6 @@ def _read(dataset: str, folder: Path) -> BlurRecord:
     table = any_table(folder / SUMMARY_FILE)
     if "effect" in table:  # empty cells, "" for no noise beside the blur, are read as no number
         table = table.assign(effect=table["effect"].astype("string").fillna(""))
-    summary = evaluation.SUMMARY.conform(table, str(folder / SUMMARY_FILE))
+    summary = BLUR_SUMMARY.conform(table, str(folder / SUMMARY_FILE))
     patches = len(any_table(folder / PATCHES_FILE))
     return BlurRecord(dataset, _said(folder), summary, any_table(folder / SHARP_FILE), patches)

@@ -38,12 +38,12 @@ class ReportInputs:
             and estimator.
         noise_members: names of those sub-folders that belong to this run; None takes all.
         blur: folder whose sub-folders ``<dataset>-<estimator>`` hold ``estimates.parquet`` and ``summary.parquet``
-            (`pipeline.blur.evaluation`) and, for estimators that find kernels, ``gallery.npz`` and ``gallery.json``
-            (`pipeline.blur.gallery`).
+            (`pipeline.experiments.tables`) and, for estimators that find kernels, ``gallery.npz`` and ``gallery.json``
+            (`pipeline.experiments.kernel_gallery`).
         blur_members: names of those sub-folders that belong to this run; None takes all.
         combined: dataset -> folder of the stage `combined`: ``blur.parquet``, ``noise.parquet``, ``curves.parquet``
-            (`pipeline.condition.combined_tables`), ``example.npz`` and ``example.json``
-            (`pipeline.condition.combined_example`).
+            (`pipeline.experiments.tables`), ``example.npz`` and ``example.json``
+            (`pipeline.experiments.combined_example`).
         denoised: dataset -> folder of the stage `denoised_blur`: ``blur.parquet``.
         star: folder with ``star.npz`` (``image``, (H, W)) and ``star.json`` (``frequency`` in fractions of Nyquist,
             ``measured``, ``formula``).
@@ -249,18 +249,18 @@ def noise_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def blur_summary(inputs: ReportInputs) -> pd.DataFrame:
-    """Blur summaries of every dataset and estimator, without added noise: `pipeline.blur.evaluation.SUMMARY`."""
-    from pipeline.blur.evaluation import SUMMARY
+    """Blur summaries of every dataset and estimator, without added noise: `pipeline.experiments.tables.BLUR_SUMMARY`."""
+    from pipeline.experiments.tables import BLUR_SUMMARY
 
-    summary = _joined(members(inputs.blur, inputs.blur_members), "summary.parquet", SUMMARY)
+    summary = _joined(members(inputs.blur, inputs.blur_members), "summary.parquet", BLUR_SUMMARY)
     return summary[summary["level_dn"] == 0].reset_index(drop=True)
 
 
 def blur_estimates(inputs: ReportInputs) -> pd.DataFrame:
-    """Blur estimates of every patch, without added noise: `pipeline.blur.evaluation.ESTIMATES`."""
-    from pipeline.blur.evaluation import ESTIMATES
+    """Blur estimates of every patch, without added noise: `pipeline.experiments.tables.BLUR_ESTIMATES`."""
+    from pipeline.experiments.tables import BLUR_ESTIMATES
 
-    estimates = _joined(members(inputs.blur, inputs.blur_members), "estimates.parquet", ESTIMATES)
+    estimates = _joined(members(inputs.blur, inputs.blur_members), "estimates.parquet", BLUR_ESTIMATES)
     return estimates[estimates["level_dn"] == 0].reset_index(drop=True)
 
 
@@ -269,9 +269,9 @@ def combined_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame, p
 
     Returns:
         blur (`BLUR_CELLS`), noise (`NOISE_CELLS`) and the example's curves (`CURVES`) of
-        `pipeline.condition.combined_tables`.
+        `pipeline.experiments.tables`.
     """
-    from pipeline.condition.combined_tables import BLUR_CELLS, CURVES, NOISE_CELLS
+    from pipeline.experiments.tables import BLUR_CELLS, CURVES, NOISE_CELLS
 
     folders = inputs.combined.values()
     names = {"blur.parquet": BLUR_CELLS, "noise.parquet": NOISE_CELLS, "curves.parquet": CURVES}
@@ -280,7 +280,7 @@ def combined_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame, p
 
 
 def denoised_cells(inputs: ReportInputs) -> pd.DataFrame:
-    """Errors with denoising before estimation: `pipeline.condition.combined_tables.BLUR_CELLS`; empty where none is."""
-    from pipeline.condition.combined_tables import BLUR_CELLS
+    """Errors with denoising before estimation: `pipeline.experiments.tables.BLUR_CELLS`; empty where none is."""
+    from pipeline.experiments.tables import BLUR_CELLS
 
     return _joined(inputs.denoised.values(), "blur.parquet", BLUR_CELLS)

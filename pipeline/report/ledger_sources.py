@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline import tables
-from pipeline.blur.evaluation import SHARP
-from pipeline.blur.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.errors import InputError
+from pipeline.experiments.condition import SHARP
+from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.report import blur_records, detection_results
 from pipeline.report.display_names import PAPER_NAMES
 from pipeline.report.inputs import (

@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import store
-from pipeline.curves import measured, precision
-from pipeline.datasets.conditions import evaluation_frames, kernels, scene_of, spread
-from pipeline.datasets.corrupted import CameraSettings
-from pipeline.detection import sweep
+from pipeline.camera.settings import CameraSettings
+from pipeline.curves import precision
+from pipeline.datasets.selection import evaluation_frames, evenly_spread, scene_of
 from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError
+from pipeline.experiments import detect, iopc
+from pipeline.experiments.condition import sweep_kernels
+from pipeline.experiments.summarise import condition_medians
 from pipeline.report import style
 from pipeline.report.record_files import write_csv
 from pipeline.report.sections import detection_figures
@@ -101,7 +103,7 @@ def _frames(config: Config, dataset: str) -> list[Frame]:
     section, count = config.datasets[dataset], config.detection.sweep.frames
     options = config.detection.sweep.options.get(dataset)
     if not options:
-        return spread([frame for frame in open_section(dataset, section).frames() if not frame.defect], count)
+        return evenly_spread([frame for frame in open_section(dataset, section).frames() if not frame.defect], count)
     return evaluation_frames(None, dataset, section, options, count)
 
 
@@ -109,40 +111,37 @@ def _measure(
     config: Config, dataset: str, detector: str, frames: list[Frame], run_map: Map
 ) -> tuple[pd.DataFrame, dict[str, Any], pd.DataFrame]:
     """Average precisions, their draws, and the estimated conditions."""
-    import pandas as pd
-
     settings, section = config.detection, config.detection.detectors[detector]
-    words = sweep.class_map(config.datasets[dataset].kind)
+    words = detect.class_map(config.datasets[dataset].kind)
     camera, levels = CameraSettings.from_section(config.camera), tuple(settings.sweep.levels_dn)
     shape = settings.sweep
-    blurs = kernels(shape.blur, shape.sizes_px, shape.angles_deg, shape.match, config.seed)
+    blurs = sweep_kernels(shape.blur, shape.sizes_px, shape.angles_deg, shape.match, config.seed)
     work = [(frame, kernel) for frame in frames for kernel in blurs]
     judge = settings.judge
-    look = partial(
-        measured.Measurement(
-            **settings.measure.model_dump(), lowest_px=judge.lowest_px, least_visible=judge.least_visible
-        ).look,
-        words=words,
-        effect=shape.effect,
-        levels_dn=levels,
+    estimates = iopc.measure(
+        iopc.on_objects(frames, words, settings.measure, judge),
+        blurs,
+        shape.effect,
+        levels,
+        settings.measure,
         camera=camera,
         seed=config.seed,
+        executor=lambda function, items, label: run_map(function, items, label=label),
+        label=f"condition of {dataset}",
     )
-    rows = [row for part in run_map(look, work, label=f"condition of {dataset}") for row in part]
-    estimates = measured.MEASURED.conform(pd.DataFrame(rows))
-    conditions = measured.summarise(estimates, config.seed, judge.bootstrap_draws)
-    classes, options = tuple(words.classes), sweep.options_of(section)
-    one = sweep.Sweep(section.kind, options, classes, shape.effect, levels, camera, config.seed)
+    conditions = condition_medians(estimates, config.seed, judge.bootstrap_draws)
+    classes, options = tuple(words.classes), detect.options_of(section)
+    one = detect.Sweep(section.kind, options, classes, shape.effect, levels, camera, config.seed)
     found = run_map(partial(_look, one), work, label=f"{detector} on {dataset}")
     scenes = {frame.name: scene_of(config.datasets[dataset].kind, frame.name) for frame in frames}
-    detections, looked = sweep.tables(work, found, one, scenes)
+    detections, looked = detect.tables(work, found, one, scenes)
     table, draws = precision.average_precision(
-        detections, looked, sweep.objects(frames, words), conditions, classes, judge, config.seed
+        detections, looked, detect.objects(frames, words), conditions, classes, judge, config.seed
     )
     return table, draws, conditions
 
 
-def _look(one: sweep.Sweep, work: tuple[Any, Any]) -> dict[str, Any]:
+def _look(one: detect.Sweep, work: tuple[Any, Any]) -> dict[str, Any]:
     return one.look(*work)
 
 

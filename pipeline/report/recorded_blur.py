@@ -3,10 +3,10 @@
 As `pipeline.report.recorded` for detection: measured by hand, with ``camera-monitor blur record``, and kept as small
 files from which the report draws. Pictures, kernels and weights are named by their SHA-256; no picture is kept.
 
-    summary.csv      AMAE of every kind and size of blur, raw and calibrated (`pipeline.blur.evaluation.SUMMARY`)
-    sharp.csv        what is read from sharp frames (`pipeline.blur.sharp_curves.sharp_curves`)
+    summary.csv      AMAE of every kind and size of blur, raw and calibrated (`pipeline.experiments.tables.BLUR_SUMMARY`)
+    sharp.csv        what is read from sharp frames (`pipeline.experiments.sharp_curves.sharp_curves`)
     patches.csv      where the patches lie
-    metrics.json     estimator -> `pipeline.blur.evaluation.metrics`
+    metrics.json     estimator -> `pipeline.experiments.metrics.table_one_metrics`
     provenance.json  source, dataset, frames, kernels, weights, settings
 """
 
@@ -14,35 +14,34 @@ from __future__ import annotations
 
 import hashlib
 import sys
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import blur, store
-from pipeline.blur import evaluation, table_one
-from pipeline.blur.sharp_curves import sharp_curves
 from pipeline.blur.spectral import TYPICAL
 from pipeline.camera import kernel_bank
 from pipeline.camera.paper_kernels import PaperKernel
 from pipeline.camera.psf import stored
-from pipeline.datasets.corrupted import CameraSettings
-from pipeline.datasets.index import index, indexed_patches
+from pipeline.camera.settings import CameraSettings
+from pipeline.datasets.index import index
 from pipeline.datasets.open import open_section
 from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError, did_you_mean
+from pipeline.experiments import table_one
+from pipeline.experiments.frames import TestFrame, with_patches
+from pipeline.experiments.metrics import table_one_metrics
+from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.report import blur_records
 from pipeline.report.blur_records import METRICS_FILE, PATCHES_FILE, PROVENANCE_FILE, SHARP_FILE, SUMMARY_FILE
 from pipeline.report.record_files import write_csv
-from pipeline.tables import PATCHES
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.config.schema import Config, EstimatorSection
-    from pipeline.datasets.frame import Frame
 
 Map = Callable[..., list[Any]]
 
@@ -69,7 +68,7 @@ def record(
         join: keep what the folder has of other estimators.
 
     Returns:
-        estimator -> metrics of those measured: see `pipeline.blur.evaluation.metrics`.
+        estimator -> metrics of those measured: see `pipeline.experiments.metrics.table_one_metrics`.
 
     Raises:
         InputError: the dataset, its labels, the kernels or weights are absent, there is no such estimator, or the
@@ -84,31 +83,25 @@ def record(
             raise InputError(f"blur.estimators.{name}: not in the configuration; {known}")
     bank = kernel_bank.configured(config.psf, config.camera.kind, config.seed)
     weights = {name: _weights(section.estimators[name]) for name in estimators}
-    found, some, whole = _patches(config, dataset, run_map)
-    where = f"dataset '{dataset}'"
-    judged = table_one.paired(found, some, where)
-    with tempfile.TemporaryDirectory() as temporary:  # the very numbers that the stage `blur` reads
-        stored.write(Path(temporary), bank, config.psf.source)
-        kernels = stored.read(Path(temporary))
-    said = _provenance(config, dataset, source, judged, bank, weights)
+    frames, all_patches = _frames(config, dataset, run_map)
+    said = _provenance(config, dataset, source, frames, bank, weights)
     earlier = blur_records.others(out, said) if join else None
     measured = [
         table_one.measure(
-            name,
-            section.estimators[name],
-            judged,
-            table_one.paired(found, whole, where),
-            kernels,
-            CameraSettings.from_section(config.camera),
+            {name: table_one.Candidate.configured(section.estimators[name])},
+            frames,
+            stored.as_stored(bank),
+            calibration_frames=all_patches,
+            camera=CameraSettings.from_section(config.camera),
             seed=config.seed,
             draws=section.bootstrap_draws,
-            run_map=lambda function, items, label="": run_map(function, items, label=label),
-            label=f"blur of {dataset} by {name}",
+            executor=lambda function, items, label="": run_map(function, items, label=label),
+            label=f"blur of {dataset} by {{}}".format,
         )
         for name in estimators
     ]
-    metrics = {name: evaluation.metrics(one.summary) for name, one in zip(estimators, measured, strict=True)}
-    # An answer of what was added to sharp frames is no curve of theirs: with no other estimator there are no rows.
+    metrics = {name: table_one_metrics(one.summary) for name, one in zip(estimators, measured, strict=True)}
+    # A relative MTF of sharp frames is no curve of theirs: with no other estimator there are no rows.
     parts = [
         one.estimates.iloc[: 0 if section.estimators[name].answers_added else None]
         for name, one in zip(estimators, measured, strict=True)
@@ -125,7 +118,7 @@ def record(
     with store.replacing_folder(out) as folder:
         write_csv(folder / SUMMARY_FILE, summary)
         write_csv(folder / SHARP_FILE, sharp)
-        write_csv(folder / PATCHES_FILE, _places(judged))
+        write_csv(folder / PATCHES_FILE, _patches(frames))
         store.write_json(folder / METRICS_FILE, kept | metrics)
         store.write_json(folder / PROVENANCE_FILE, said)
     return metrics
@@ -135,7 +128,7 @@ def _provenance(
     config: Config,
     dataset: str,
     source: str,
-    judged: Sequence[table_one.Work],
+    frames: Sequence[TestFrame],
     bank: Sequence[Kernel],
     weights: Mapping[str, Mapping[str, str]],
 ) -> dict[str, Any]:
@@ -145,9 +138,9 @@ def _provenance(
         "source": source,
         "dataset": dataset,
         "kind": config.datasets[dataset].kind,
-        "frames": {frame.name: file_sha256(frame.path) for frame, _ in judged},
+        "frames": {item.frame.name: file_sha256(item.frame.path) for item in frames},
         # Earlier moments, at which an estimator from several frames looks.
-        "previous": {path.name: file_sha256(path) for frame, _ in judged for path in frame.previous},
+        "previous": {path.name: file_sha256(path) for item in frames for path in item.frame.previous},
         "kernels": {kernel.name: _kernel_sha256(kernel) for kernel in bank},
         "weights": {name: files for name, files in weights.items() if files},
         "blur": {
@@ -160,29 +153,28 @@ def _provenance(
     }
 
 
-def _patches(config: Config, dataset: str, run_map: Map) -> tuple[list[Frame], dict[str, Any], dict[str, Any]]:
-    """Usable frames, and by their names the patches to judge by and all of them, as the stages take them."""
+def _frames(config: Config, dataset: str, run_map: Map) -> tuple[list[TestFrame], list[TestFrame]]:
+    """Usable frames with the patches to evaluate on, and with all of them, as the stages take them."""
     section = config.datasets[dataset]
-    found = index(
+    result = index(
         open_section(dataset, section),
         tile_px=config.noise.tile_px,
         patch_px=config.blur.patch_px,
         max_bad_share=section.max_bad_share,
         run_map=run_map,
     )
-    with tempfile.TemporaryDirectory() as temporary:
-        store.write_table(Path(temporary) / "patches.parquet", found.patches, PATCHES)
-        some = indexed_patches(temporary, "blur", config.blur.patches_per_frame)
-        return found.usable, some, indexed_patches(temporary, "blur")
+    some, every = (result.patches_for("blur", count) for count in (config.blur.patches_per_frame, None))
+    where = f"dataset '{dataset}'"
+    return with_patches(result.usable, {"mtf": some}, where), with_patches(result.usable, {"mtf": every}, where)
 
 
-def _places(judged: Sequence[table_one.Work]) -> pd.DataFrame:
+def _patches(frames: Sequence[TestFrame]) -> pd.DataFrame:
     import pandas as pd
 
     rows = [
-        {"frame": frame.name, "patch": number, **asdict(patch)}
-        for frame, patches in judged
-        for number, patch in enumerate(patches)
+        {"frame": item.frame.name, "patch": number, **asdict(patch)}
+        for item in frames
+        for number, patch in enumerate(item.patches["mtf"])
     ]
     return pd.DataFrame(rows)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.config.entry import Run, stage
 
 if TYPE_CHECKING:
-    from pipeline.datasets.corrupted import CameraSettings
+    from pipeline.camera.settings import CameraSettings
     from pipeline.datasets.frame import Frame
 
 
@@ -18,9 +18,9 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store, tables
-    from pipeline.datasets.corrupted import CameraSettings
-    from pipeline.datasets.gallery import gallery
+    from pipeline.camera.settings import CameraSettings
     from pipeline.datasets.index import indexed_frames
+    from pipeline.experiments.formation_gallery import gallery
 
     name, params = run.job["dataset"], run.params
     camera = CameraSettings.from_section(params.camera)
@@ -47,15 +47,12 @@ def truth_of_frame(
     frame: Frame, *, effects: list[str], levels_dn: list[float], camera: CameraSettings, seed: int
 ) -> list[dict[str, Any]]:
     """What one worker does: the truth of all effects and levels of one frame."""
-    from pipeline.datasets.corrupted import corrupted
+    from pipeline.experiments.condition import grid, sharp_kernel
+    from pipeline.experiments.corrupt import SharpFrame
 
-    sharp = frame.image()
-    place = {"dataset": frame.dataset, "frame": frame.name}
-    return [
-        {**place, **corrupted(sharp, frame, effect, level, camera, seed).row()}
-        for effect in effects
-        for level in levels_dn
-    ]
+    sharp = SharpFrame(frame, camera, seed, paired=False)
+    names = {"dataset": frame.dataset, "frame": frame.name}
+    return [{**names, **sharp.formation(condition).row()} for condition in grid([sharp_kernel()], effects, levels_dn)]
 
 
 if __name__ == "__main__":

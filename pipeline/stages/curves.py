@@ -13,19 +13,19 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store
-    from pipeline.curves import measured, precision
-    from pipeline.detection import sweep
+    from pipeline.curves import precision
     from pipeline.errors import InputError
+    from pipeline.experiments import detect, tables
 
     name, params = f"{run.job['dataset']}-{run.job['detector']}", run.params
     folder, settings = run.inputs / "data/detect" / name, params.detection.curves
     conditions = store.read_table(
-        run.inputs / f"data/measured/{run.job['dataset']}/conditions.parquet", measured.CONDITIONS
+        run.inputs / f"data/measured/{run.job['dataset']}/conditions.parquet", tables.CONDITIONS
     )
     table, draws = precision.average_precision(
-        store.read_table(folder / "detections.parquet", sweep.DETECTIONS),
-        store.read_table(folder / "looked.parquet", sweep.LOOKED),
-        store.read_table(folder / "objects.parquet", sweep.OBJECTS),
+        store.read_table(folder / "detections.parquet", detect.DETECTIONS),
+        store.read_table(folder / "looked.parquet", detect.LOOKED),
+        store.read_table(folder / "objects.parquet", detect.OBJECTS),
         conditions,
         store.read_json(folder / "about.json")["classes"],
         params.detection.judge,

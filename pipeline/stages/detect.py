@@ -10,7 +10,7 @@ from pipeline.config.entry import Run, stage
 if TYPE_CHECKING:
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.datasets.frame import Frame
-    from pipeline.detection.sweep import Sweep
+    from pipeline.experiments.detect import Sweep
 
 READS = ["seed", "camera", "datasets.{dataset}", "detection.sweep", "detection.detectors.{detector}"]
 USES = {"pipeline.detection": ["detection.detectors.{detector}"]}
@@ -23,19 +23,21 @@ def run(run: Run) -> None:
     from functools import partial
 
     from pipeline import store
-    from pipeline.datasets.conditions import evaluation_frames, kernels, scene_of
-    from pipeline.datasets.corrupted import CameraSettings
-    from pipeline.detection import pieces, sweep
+    from pipeline.camera.settings import CameraSettings
+    from pipeline.datasets.selection import evaluation_frames, scene_of
+    from pipeline.detection import pieces
+    from pipeline.experiments import detect
+    from pipeline.experiments.condition import sweep_kernels
 
     dataset, name, params = run.job["dataset"], run.job["detector"], run.params
     section, source, settings = params.detection.detectors[name], params.datasets[dataset], params.detection.sweep
-    words = sweep.class_map(source.kind)
+    words = detect.class_map(source.kind)
     options = settings.options.get(dataset, {})
     frames = evaluation_frames(run.inputs / "data/index" / dataset, dataset, source, options, settings.frames)
-    blurs = kernels(settings.blur, settings.sizes_px, settings.angles_deg, settings.match, params.seed)
-    one = sweep.Sweep(
+    blurs = sweep_kernels(settings.blur, settings.sizes_px, settings.angles_deg, settings.match, params.seed)
+    one = detect.Sweep(
         kind=section.kind,
-        options=sweep.options_of(section),
+        options=detect.options_of(section),
         classes=tuple(words.classes),
         effect=settings.effect,
         levels_dn=tuple(settings.levels_dn),
@@ -43,16 +45,16 @@ def run(run: Run) -> None:
         seed=params.seed,
     )
     about = store.read_json(run.inputs / "data/detector" / name / "detector.json")
-    key = pieces.fingerprint({"sweep": vars(one), "weights": about["sha256"]}, section.kind)
+    key = pieces.fingerprint(detect.__name__, {"sweep": vars(one), "weights": about["sha256"]}, section.kind)
     folder = run.inputs / ".cache/detect" / key
     work = [(frame, kernel) for frame in frames for kernel in blurs]
     found = run.map(partial(look, sweep=one, folder=folder), work, f"{name} on {dataset}")
     scenes = {frame.name: scene_of(source.kind, frame.name) for frame in frames}
-    detections, looked = sweep.tables(work, found, one, scenes)
+    detections, looked = detect.tables(work, found, one, scenes)
     with store.replacing_folder(run.outputs / f"data/detect/{dataset}-{name}") as out:
-        store.write_table(out / "detections.parquet", detections, sweep.DETECTIONS)
-        store.write_table(out / "looked.parquet", looked, sweep.LOOKED)
-        store.write_table(out / "objects.parquet", sweep.objects(frames, words), sweep.OBJECTS)
+        store.write_table(out / "detections.parquet", detections, detect.DETECTIONS)
+        store.write_table(out / "looked.parquet", looked, detect.LOOKED)
+        store.write_table(out / "objects.parquet", detect.objects(frames, words), detect.OBJECTS)
         store.write_json(out / "about.json", {**about, "classes": words.classes})
     pieces.forget(folder)
 

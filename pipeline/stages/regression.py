@@ -13,15 +13,14 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store
-    from pipeline.curves import by_settings, measured, precision
+    from pipeline.curves import by_settings, precision
     from pipeline.errors import InputError
+    from pipeline.experiments.tables import CONDITIONS
 
     name, section = f"{run.job['dataset']}-{run.job['detector']}", run.params.detection.regression
     folder = run.inputs / "data/curves" / name
     table = store.read_table(folder / "precision.parquet", precision.PRECISION)
-    conditions = store.read_table(
-        run.inputs / f"data/measured/{run.job['dataset']}/conditions.parquet", measured.CONDITIONS
-    )
+    conditions = store.read_table(run.inputs / f"data/measured/{run.job['dataset']}/conditions.parquet", CONDITIONS)
     coefficients, fitted, about = [], [], {}
     for label, draws in sorted(store.read_arrays(folder / "draws.npz").items()):
         data = by_settings.cells(table[table["label"] == label], draws, section)

@@ -10,7 +10,7 @@ def run(run: Run) -> None:
     """Measure the sensor by drawing from it; write the numbers and the metrics."""
     from pipeline import store
     from pipeline.camera.moments import moments, photon_transfer, transfer_rows
-    from pipeline.datasets.corrupted import CameraSettings
+    from pipeline.camera.settings import CameraSettings
 
     sensor = CameraSettings.from_section(run.params.camera).sensor
     found = moments(sensor, run.params.seed)

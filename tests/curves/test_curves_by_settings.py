@@ -12,8 +12,8 @@ import pytest
 from pipeline.config.schema import validate
 from pipeline.curves import by_settings, evaluate
 from pipeline.curves.calibration import motion_mtf
-from pipeline.curves.measured import CONDITIONS
 from pipeline.errors import InputError
+from pipeline.experiments.tables import CONDITIONS
 from pipeline.stages import refit
 
 ROOT = Path(__file__).resolve().parents[2]

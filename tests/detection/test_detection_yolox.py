@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from yolox_makers import LABELS, tiny_yolox
 
 from pipeline import detection
 from pipeline.datasets.frame import Frame
@@ -18,45 +19,6 @@ from pipeline.detection.evaluate_frames import evaluate_frames
 from pipeline.detection.yolox import decode
 from pipeline.errors import InputError
 from pipeline.streams import stream
-
-
-def tiny_yolox(path: Path, size: int | str = 64, classes: int = 3) -> Path:
-    """A network in YOLOX's form: each cell's objectness is its mean grey / 255, its class is 1, its box is the cell."""
-    onnx = pytest.importorskip("onnx")
-    helper, array = onnx.helper, onnx.numpy_helper.from_array
-    columns = 5 + classes
-    nodes, constants, parts = [], [array(np.array([1, columns, -1]), "rows")], []
-    for stride in (8, 16, 32):
-        weight = np.zeros((columns, 3, stride, stride), np.float32)
-        weight[4] = 1.0 / (255.0 * 3 * stride * stride)
-        bias = np.zeros(columns, np.float32)
-        bias[:2], bias[6] = 0.5, 1.0
-        constants += [array(weight, f"w{stride}"), array(bias, f"b{stride}")]
-        nodes += [
-            helper.make_node(
-                "Conv", ["images", f"w{stride}", f"b{stride}"], [f"c{stride}"], strides=[stride] * 2,
-            ),
-            helper.make_node("Reshape", [f"c{stride}", "rows"], [f"r{stride}"]),
-        ]  # fmt: skip
-        parts.append(f"r{stride}")
-    nodes += [
-        helper.make_node("Concat", parts, ["all"], axis=2),
-        helper.make_node("Transpose", ["all"], ["output"], perm=[0, 2, 1]),
-    ]
-    cells = sum((size // stride) ** 2 for stride in (8, 16, 32)) if isinstance(size, int) else "cells"
-    graph = helper.make_graph(
-        nodes,
-        "tiny",
-        [helper.make_tensor_value_info("images", 1, [1, 3, size, size])],
-        [helper.make_tensor_value_info("output", 1, [1, cells, columns])],
-        constants,
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
-    onnx.save(model, str(path))
-    return path
-
-
-LABELS = ["person", "car", "bicycle"]
 
 
 def test_one_bright_cell_is_one_box(tmp_path: Path) -> None:

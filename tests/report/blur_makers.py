@@ -10,12 +10,15 @@ import pandas as pd
 from report_makers import picture
 
 from pipeline import store, tables
-from pipeline.blur import evaluation
 from pipeline.camera import mtf
 from pipeline.camera.psf import stored
 from pipeline.camera.psf.defocus import create as defocus
 from pipeline.camera.psf.kernel import Kernel
 from pipeline.camera.psf.linear_motion import create as motion
+from pipeline.experiments.calibrate import divided_by_sharp
+from pipeline.experiments.condition import SHARP, sharp_kernel
+from pipeline.experiments.table_one import summarise
+from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY, measurements_of
 from pipeline.report.inputs import ReportInputs
 from pipeline.streams import stream
 
@@ -56,7 +59,7 @@ def make_blur(
     generator = stream(0, "blur", dataset, estimator)
     camera = np.exp(-0.6 * mtf.FREQUENCIES)
     rows, entries, arrays = [], [], {}
-    for kernel in [evaluation.sharp_kernel(), *kernels]:
+    for kernel in [sharp_kernel(), *kernels]:
         truth = mtf.sample(kernel.psf)
         for number in range(frames):
             for patch in range(patches):
@@ -80,7 +83,7 @@ def make_blur(
                             "high": value + 0.1 if has_interval else np.nan,
                         }
                     )  # fmt: skip
-                if (number, patch) == (0, 0) and kernel.name != evaluation.SHARP and kernel.angle_deg == 0:
+                if (number, patch) == (0, 0) and kernel.name != SHARP and kernel.angle_deg == 0:
                     refuse = kernel.name == "defocus_21" and estimator == "gbb"
                     shown = np.full((2, 8), np.nan) if refuse else answer
                     entries.append(
@@ -93,17 +96,13 @@ def make_blur(
                     arrays[f"patch_{kernel.name}"] = blurred(picture(f"blur-{dataset}", (192, 192)), kernel.psf)
                     arrays[f"truth_{kernel.name}"] = kernel.psf.astype(np.float32)
                     arrays[f"estimate_{kernel.name}"] = rough(kernel.psf, generator)
-    estimates = evaluation.ESTIMATES.conform(pd.DataFrame(rows))
-    summary = pd.concat(
-        [
-            evaluation.summarise(estimates, 1, 5),
-            evaluation.summarise(evaluation.calibrated(estimates), 1, 5, is_calibrated=True),
-        ],
-        ignore_index=True,
-    )
+    estimates = BLUR_ESTIMATES.conform(pd.DataFrame(rows))
+    rows = measurements_of(estimates, "mtf")
+    parts = [summarise(rows, 1, 5), summarise(divided_by_sharp(rows), 1, 5, calibrated=True)]
+    summary = pd.concat(parts, ignore_index=True)
     place = folder / f"{dataset}-{estimator}"
-    store.write_table(place / "estimates.parquet", estimates, evaluation.ESTIMATES)
-    store.write_table(place / "summary.parquet", summary, evaluation.SUMMARY)
+    store.write_table(place / "estimates.parquet", estimates, BLUR_ESTIMATES)
+    store.write_table(place / "summary.parquet", summary, BLUR_SUMMARY)
     if estimator in WITH_KERNEL:
         head = {"dataset": dataset, "estimator": estimator, "frame": f"{dataset}-0000", "patch": 0, "label": "car"}
         store.write_arrays(place / "gallery.npz", **arrays)

@@ -11,7 +11,7 @@ from report_makers import picture
 
 from pipeline import store
 from pipeline.camera import mtf
-from pipeline.condition.combined_tables import BLUR_CELLS, CURVES, NOISE_CELLS
+from pipeline.experiments.tables import BLUR_CELLS, CURVES, NOISE_CELLS
 from pipeline.report.inputs import ReportInputs
 
 EXPERIMENTS = {

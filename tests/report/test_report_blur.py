@@ -15,9 +15,9 @@ from blur_makers import BIAS, add_blur, bank
 from report_makers import ABSENT, REPO, make_star
 
 from pipeline import store
-from pipeline.blur.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.camera import mtf
 from pipeline.errors import InputError
+from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.report.build import build
 from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary
 from pipeline.report.ledger_items import ITEMS, rows_of

@@ -13,9 +13,9 @@ from blur_makers import add_blur
 from report_makers import ABSENT, REPO
 
 from pipeline import store
-from pipeline.blur.evaluation import SUMMARY
-from pipeline.blur.sharp_curves import sharp_curves
 from pipeline.config.compose import compose, parse
+from pipeline.experiments.sharp_curves import sharp_curves
+from pipeline.experiments.tables import BLUR_SUMMARY
 from pipeline.report import ledger_sources
 from pipeline.report.build import build
 from pipeline.report.inputs import (
@@ -152,8 +152,8 @@ def test_own_runs_win_over_records_but_for_the_sim_rendered_here(inputs: ReportI
     ran = add_blur(inputs, tmp_path, ("kitti", "sim"), ("pmp", "gbb"), SIZES)
     for name in ("kitti-pmp", "sim-pmp", "sim-gbb", "kitti-gbb"):
         path = tmp_path / "blur" / name / "summary.parquet"
-        table = store.read_table(path, SUMMARY)
-        store.write_table(path, table.assign(amae_percent=50.0), SUMMARY)
+        table = store.read_table(path, BLUR_SUMMARY)
+        store.write_table(path, table.assign(amae_percent=50.0), BLUR_SUMMARY)
     rows = {row.quantity: row for row in rows_of(BY_NAME["blur_amae"], ran)}
     assert rows["KITTI, PMP, Defocus, 3 px"].ours == 50.0
     assert rows["Sim, PMP, Defocus, 3 px"].ours < 50.0 and rows["Sim, PMP, Defocus, 3 px"].comparable

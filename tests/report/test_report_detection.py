@@ -14,8 +14,8 @@ from sweep_makers import LEVELS, SIZES, sweep_tables
 from pipeline import store
 from pipeline.config.compose import compose
 from pipeline.config.schema import validate
-from pipeline.curves.measured import CONDITIONS
-from pipeline.detection.sweep import DETECTIONS, LOOKED, OBJECTS
+from pipeline.experiments.detect import DETECTIONS, LOOKED, OBJECTS
+from pipeline.experiments.tables import CONDITIONS
 from pipeline.report import detection_results, style
 from pipeline.report.build import build
 from pipeline.report.inputs import ReportInputs

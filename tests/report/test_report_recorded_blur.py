@@ -14,7 +14,6 @@ from data_makers import make_folder, make_kitti
 from report_makers import REPO
 
 from pipeline import store, tables
-from pipeline.blur import evaluation
 from pipeline.camera import kernel_bank
 from pipeline.camera.psf import stored
 from pipeline.config.compose import compose, parse
@@ -23,6 +22,7 @@ from pipeline.datasets.index import index
 from pipeline.datasets.open import open_section
 from pipeline.errors import InputError
 from pipeline.executor import run_map
+from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY
 from pipeline.report import blur_records
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.recorded_blur import record
@@ -72,10 +72,10 @@ def test_the_numbers_are_those_of_the_stages(root: Path, read: blur_records.Blur
     stored.write(tmp_path / "data/psf", kernel_bank.configured(config.psf, "physical", config.seed), "generated")
     for name in ESTIMATORS:
         stage.run(config, {"dataset": "mine", "estimator": name}, tmp_path, tmp_path)
-        own = store.read_table(tmp_path / f"data/blur/mine-{name}/summary.parquet", evaluation.SUMMARY)
+        own = store.read_table(tmp_path / f"data/blur/mine-{name}/summary.parquet", BLUR_SUMMARY)
         kept = read.summary[read.summary["estimator"] == name].reset_index(drop=True)
         pd.testing.assert_frame_equal(kept, own, rtol=1e-5)
-    estimates = store.read_table(tmp_path / "data/blur/mine-spectral/estimates.parquet", evaluation.ESTIMATES)
+    estimates = store.read_table(tmp_path / "data/blur/mine-spectral/estimates.parquet", BLUR_ESTIMATES)
     sharp = estimates[(estimates["kernel"] == "sharp") & (estimates["axis"] == "V")]
     median = sharp.groupby("frequency")["mtf"].median()  # two patches: none is an outlier
     assert read.sharp[read.sharp["axis"] == "V"]["median"].to_numpy() == pytest.approx(median.to_numpy(), rel=1e-5)

@@ -44,6 +44,11 @@ def write(folder: Path, kernels: Sequence[Kernel], source: str) -> pd.DataFrame:
     return rows
 
 
+def as_stored(kernels: Sequence[Kernel]) -> list[Kernel]:
+    """The kernels as `read` gives them after `write`, without a file between: single precision."""
+    return [Kernel(k.name, k.kind, float(k.size_px), float(k.angle_deg), k.psf.astype(np.float32)) for k in kernels]
+
+
 def read(folder: Path) -> list[Kernel]:
     """Read a bank from the folder `write` filled, in its order.
 

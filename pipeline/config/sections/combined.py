@@ -35,7 +35,7 @@ class DenoiseSection(Section):
 
 
 class CombinedSection(Section):
-    """Blur and noise at once; see `pipeline.condition.combined`."""
+    """Blur and noise at once; see `pipeline.experiments.combined`."""
 
     experiments: dict[Name, ExperimentSection] = Field(min_length=1)
     sizes_px: list[Positive] = Field(min_length=1)

@@ -22,7 +22,7 @@ class DetectorSection(Section):
 
 
 class SweepSection(Section):
-    """The conditions a detector is put through; see `pipeline.datasets.conditions`."""
+    """The conditions a detector is put through; see `pipeline.experiments.condition`."""
 
     blur: Literal["defocus", "linear_motion", "nonlinear_motion"]
     match: Literal["nominal", "paper"]
@@ -45,7 +45,7 @@ class JudgeSection(Section):
 
 
 class MeasureSection(Section):
-    """How noise and MTF are estimated on objects; see `pipeline.curves.measured`."""
+    """How noise and MTF are estimated on objects; see `pipeline.experiments.iopc`."""
 
     mtf: Name
     sigma: Name

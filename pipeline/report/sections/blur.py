@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.blur.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
+from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.report import style
 from pipeline.report.display_names import ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import PAPER, Facet, abstentions, beside_the_paper, lines, small_multiples
@@ -45,7 +45,7 @@ def uncorrupted(
     """The paper's figure of uncorrupted datasets: median and range of the inliers over the eight frequencies.
 
     Args:
-        curves: `pipeline.blur.sharp_curves.sharp_curves`.
+        curves: `pipeline.experiments.sharp_curves.sharp_curves`.
         datasets: rows of the figure; one without numbers is shown as not run.
         paper: columns dataset, estimator, statistic, frequency, mtf: the paper's, horizontal.
         stars: dataset -> (K,) frequency as fraction of Nyquist and (K,) MTF, where a dataset's own is known.

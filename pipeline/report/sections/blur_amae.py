@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.blur.evaluation import SHARP
+from pipeline.experiments.condition import SHARP
 from pipeline.grouped_statistics import weighted_mean
 from pipeline.report import style
 from pipeline.report.display_names import BLURS, DATASETS, ESTIMATORS, in_order, listing, word
@@ -54,7 +54,7 @@ def with_paper(summary: pd.DataFrame, paper: pd.DataFrame | None) -> pd.DataFram
     """The summary with the paper's Table I in a column ``paper_percent``, beside raw estimates only.
 
     Args:
-        summary: `pipeline.blur.evaluation.SUMMARY`.
+        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
         paper: columns dataset, estimator, blur, size_px, amae_percent; rows that did not run are appended for the
             summary's datasets, with NaN for ours.
     """
@@ -78,7 +78,7 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame |
     """AMAE over the kernel size: datasets down, kinds of blur across.
 
     Args:
-        summary: `pipeline.blur.evaluation.SUMMARY`, without sharp frames, all raw or all calibrated.
+        summary: `pipeline.experiments.tables.BLUR_SUMMARY`, without sharp frames, all raw or all calibrated.
         datasets: rows of the figure; one without numbers is shown as not run.
         paper: columns dataset, estimator, blur, size_px, amae_percent: Table I.
     """
@@ -133,7 +133,7 @@ def figures(
     """A figure of raw estimates and one of calibrated ones, where there are any.
 
     Args:
-        summary: `pipeline.blur.evaluation.SUMMARY`.
+        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
         datasets: in their order.
         paper: the paper's Table I.
         stages: (rows shown) -> stages that made them.
@@ -171,7 +171,7 @@ def table_one(
 
     Args:
         dataset: name.
-        summary: `pipeline.blur.evaluation.SUMMARY`.
+        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
         paper: the paper's Table I, shown beside raw estimates, which are what the paper prints.
         is_calibrated: show estimates divided by those for sharp frames.
         relative: estimator -> what its MTF is relative to.
@@ -220,7 +220,7 @@ def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame | None) -> Table 
     """Estimators of this project beside the paper's CNN and the best of its three, per dataset and blur.
 
     Args:
-        summary: `pipeline.blur.evaluation.SUMMARY`.
+        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
         paper: the paper's Table I.
 
     Returns:
@@ -262,8 +262,8 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
     """Abstentions with their reasons, error of a single patch, and coverage of the intervals.
 
     Args:
-        summary: `pipeline.blur.evaluation.SUMMARY`.
-        estimates: `pipeline.blur.evaluation.ESTIMATES`.
+        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
+        estimates: `pipeline.experiments.tables.BLUR_ESTIMATES`.
     """
     # An estimator that is calibrated to its camera has calibrated estimates only.
     calibrated_only = summary.groupby(["dataset", "estimator"])["calibrated"].transform("all")

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.blur.sharp_curves import NOMINAL_FREQUENCIES
 from pipeline.camera.mtf import FREQUENCIES
+from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
 from pipeline.report import style
 from pipeline.report.display_names import ESTIMATORS, EXPERIMENTS, in_order, listing, word
 from pipeline.report.figures import PAPER, PAPER_DASH, Facet, add_legend, lines, ordinal_legend, small_multiples
@@ -93,7 +93,7 @@ def example_figure(
     """One blur under growing noise: the patch, and the median MTF over all patches; one row per experiment.
 
     Args:
-        curves: rows of `pipeline.condition.combined_tables.CURVES` of one dataset and estimator, raw.
+        curves: rows of `pipeline.experiments.tables.CURVES` of one dataset and estimator, raw.
         arrays: ``level_<experiment>_<number>``.
         example: ``example.json`` of the stage `combined`.
         paper: columns series, sigma_dn, frequency, mtf: the paper's photon noise with linear motion.
@@ -155,7 +155,7 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
     with the picture: little of it is left (dashed).
 
     Args:
-        cells: `pipeline.condition.combined_tables.NOISE_CELLS`.
+        cells: `pipeline.experiments.tables.NOISE_CELLS`.
         dataset: name.
     """
     own = cells[cells["dataset"] == dataset]
@@ -193,7 +193,7 @@ def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFram
     """Error of the blur estimate over the noise level, coloured by kernel size: datasets down, experiments across.
 
     Args:
-        cells: rows of `pipeline.condition.combined_tables.BLUR_CELLS` of one estimator, raw or calibrated.
+        cells: rows of `pipeline.experiments.tables.BLUR_CELLS` of one estimator, raw or calibrated.
         datasets: rows of the figure.
         paper: columns size_px, sigma_dn, amae_percent: the paper's photon noise with defocus, on Udacity.
     """

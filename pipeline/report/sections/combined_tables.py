@@ -56,7 +56,7 @@ def error(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFram
     Args:
         dataset: name.
         experiment: name.
-        cells: `pipeline.condition.combined_tables.BLUR_CELLS`.
+        cells: `pipeline.experiments.tables.BLUR_CELLS`.
         paper: columns sigma_dn, size_px, amae_percent: its CNN on Udacity, beside raw estimates of the first estimator.
     """
     own = cells[(cells["dataset"] == dataset) & (cells["experiment"] == experiment)]
@@ -100,7 +100,7 @@ def overview(cells: pd.DataFrame) -> Table:
     """Every estimator's error over the noise level, mean over kernel sizes: a row per dataset, experiment and way.
 
     Args:
-        cells: `pipeline.condition.combined_tables.BLUR_CELLS`.
+        cells: `pipeline.experiments.tables.BLUR_CELLS`.
     """
     index = ["dataset", "experiment", *WAY]
     shown = _shown(cells, "dataset", "experiment", "estimator")
@@ -131,7 +131,7 @@ def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame | None) -> T
 
     Args:
         dataset: name.
-        cells: `pipeline.condition.combined_tables.BLUR_CELLS` of the stage `denoised_blur`.
+        cells: `pipeline.experiments.tables.BLUR_CELLS` of the stage `denoised_blur`.
         paper: columns d2_px, d1_px, sigma_dn, mae_h_percent, mae_v_percent, amae_percent, expected_amae_percent.
     """
     own = cells[(cells["dataset"] == dataset) & (cells["level_dn"] > 0)]
@@ -179,8 +179,8 @@ def abstentions(blur: pd.DataFrame, noise: pd.DataFrame) -> Table:
     """Abstentions of each estimator, error of a single patch, and coverage of the intervals.
 
     Args:
-        blur: `pipeline.condition.combined_tables.BLUR_CELLS`.
-        noise: `pipeline.condition.combined_tables.NOISE_CELLS`.
+        blur: `pipeline.experiments.tables.BLUR_CELLS`.
+        noise: `pipeline.experiments.tables.NOISE_CELLS`.
     """
     rows: list[dict[str, Any]] = []
     keys = ["dataset", "experiment", "estimator", "filter_px"]

@@ -39,7 +39,7 @@ class Gallery:
 
     Attributes:
         estimator: its name.
-        arrays: ``patch_<kernel>``, ``truth_<kernel>``, ``estimate_<kernel>`` (`pipeline.blur.gallery`).
+        arrays: ``patch_<kernel>``, ``truth_<kernel>``, ``estimate_<kernel>`` (`pipeline.experiments.kernel_gallery`).
         kernels: descriptions of the kernels, as the stage wrote them.
     """
 
@@ -267,7 +267,7 @@ def blocks(estimates: pd.DataFrame, datasets: Sequence[str], inputs: ReportInput
     """One gallery per dataset, or a note on the stage that would make it.
 
     Args:
-        estimates: `pipeline.blur.evaluation.ESTIMATES`.
+        estimates: `pipeline.experiments.tables.BLUR_ESTIMATES`.
         datasets: in their order.
         inputs: of the report.
     """

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.noise.patch_errors import SATURATED, agreement, patch_errors, saturated_patches
+from pipeline.experiments.patch_errors import SATURATED, agreement, patch_errors, saturated_patches
 from pipeline.report import style
 from pipeline.report.display_names import DATASETS, EFFECTS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import Facet, abstentions, lines, small_multiples

@@ -1,0 +1,47 @@
+"""Which frames of a dataset an experiment uses, and which of them are independent samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from pipeline.datasets.frame import Frame
+
+Item = TypeVar("Item")
+
+
+def evenly_spread(items: Sequence[Item], count: int | None) -> list[Item]:
+    """At most so many of them, evenly spread; None takes all."""
+    if count is None or len(items) <= count:
+        return list(items)
+    return [items[number * len(items) // count] for number in range(count)]
+
+
+def evaluation_frames(
+    folder: Any, name: str, section: Any, options: dict[str, Any], count: int | None = None
+) -> list[Frame]:
+    """Frames to judge detectors on: those of the stored index, or more of the same dataset with other options.
+
+    Args:
+        folder: where the stage `index` wrote.
+        name: the dataset's name.
+        section: its section of the configuration.
+        options: options of its reader that differ, e.g. ``{"moments": "all"}``; with any, every frame of the dataset is
+            taken that has no defect.
+        count: at most this many, evenly spread; None takes all.
+    """
+    from pipeline.datasets.index import indexed_frames
+    from pipeline.datasets.open import open_section
+
+    if options:
+        changed = section.model_copy(update={"options": {**section.options, **options}, "limit": None})
+        frames = [frame for frame in open_section(name, changed).frames() if not frame.defect]
+    else:
+        frames = indexed_frames(folder, name, section)
+    return evenly_spread(frames, count)
+
+
+def scene_of(kind: str, frame: str) -> str:
+    """What a frame shows: frames of one scene are no independent samples. Sim's moments share their viewpoint."""
+    return frame.rpartition("-")[0] or frame if kind == "sim" else frame

@@ -1,0 +1,186 @@
+"""The example of a combined experiment: one patch at each step of image formation and noise level, and MTF curves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.camera import mtf
+from pipeline.camera.psf.kernel import Kernel
+from pipeline.camera.settings import CameraSettings
+from pipeline.camera.truth import Corrupted, through_optics
+from pipeline.datasets.patches import Patch
+from pipeline.experiments.calibrate import raw_and_calibrated
+from pipeline.experiments.combined import CELL, Pair
+from pipeline.experiments.condition import Condition, nearest_rotation
+from pipeline.experiments.corrupt import SharpFrame
+from pipeline.experiments.frames import TestFrame
+from pipeline.experiments.tables import CURVES, WRITTEN
+from pipeline.statistics import robust
+from pipeline.streams import stream
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.datasets.frame import Frame
+
+STEPS = ("scene", "photon", "optics", "dark", "readout", "frame")
+"""What an image shows: the light, after photon noise, after the optics, dark current, readout, and as recorded."""
+
+
+def steps(formation: Corrupted, patch: Patch) -> dict[str, NDArray[np.uint8]]:
+    """One patch after every step of image formation that did something.
+
+    Args:
+        formation: a corrupted frame.
+        patch: of that frame.
+
+    Returns:
+        name of `STEPS` -> (h, w) uint8, in their order.
+    """
+    light = formation.signal_e
+    images = {"scene": light}
+    if "photon" in formation.noise_e:
+        images["photon"] = light = light + formation.noise_e["photon"]
+    if formation.psf is not None:
+        images["optics"] = light = through_optics(light, formation.psf, formation.boundary)
+    for source in ("dark", "readout"):
+        if source in formation.noise_e:
+            images[source] = light = light + formation.noise_e[source]
+    crops = {name: _middle(np.clip(formation.sensor.dn(value), 0, 255), patch) for name, value in images.items()}
+    return {**crops, "frame": _middle(formation.image * 255.0, patch)}
+
+
+def _middle(image_dn: NDArray[np.floating], patch: Patch) -> NDArray[np.uint8]:
+    """The middle quarter of a patch, uint8."""
+    side, edge = patch.size_px // 2, patch.size_px // 4
+    piece = image_dn[patch.y_px + edge : patch.y_px + edge + side, patch.x_px + edge : patch.x_px + edge + side]
+    return np.rint(piece).astype(np.uint8)
+
+
+def highest_contrast_patch(frames: Iterable[TestFrame]) -> tuple[Frame, Patch]:
+    """The patch whose middle has the highest standard deviation, so that a blur is visible in it.
+
+    Args:
+        frames: with patches for the MTF, at least one; the first of equals is taken.
+    """
+    candidates = []
+    for item in frames:
+        image = item.frame.image()
+        for patch in item.patches["mtf"]:
+            candidates.append((float(_middle(image * 255.0, patch).std()), item.frame, patch))
+    _, frame, patch = max(candidates, key=lambda entry: entry[0])
+    return frame, patch
+
+
+def example(
+    frame: Frame,
+    patch: Patch,
+    pairs: Sequence[Pair],
+    kernels: Sequence[Kernel],
+    size_px: float,
+    levels_dn: Sequence[float],
+    camera: CameraSettings,
+    seed: int,
+) -> tuple[dict[str, NDArray[np.uint8]], dict[str, Any]]:
+    """Images and their description, as the report draws them.
+
+    Args:
+        frame: the frame shown.
+        patch: its patch.
+        pairs: what comes together.
+        kernels: the bank.
+        size_px: of the blur shown.
+        levels_dn: shown; the steps are those of the highest.
+        camera: the camera that forms the image.
+        seed: root of the random streams.
+
+    Returns:
+        ``step_<experiment>_<step>`` and ``level_<experiment>_<number>`` (h, w) uint8; and ``{"dataset", "frame",
+        "label", "size_px", "experiments": [{"experiment", "kernel", "kind", "effect", "angle_deg", "steps",
+        "levels_dn"}]}``. Experiments whose kernel the bank lacks are left out.
+    """
+    sharp = SharpFrame(frame, camera, seed, paired=False)
+    arrays: dict[str, NDArray[np.uint8]] = {}
+    entries = []
+    for pair in pairs:
+        kernel = nearest_rotation(kernels, pair.blur_kind, size_px)
+        if kernel is None:
+            continue
+        for number, level in enumerate(levels_dn):
+            formation = sharp.formation(Condition(kernel, pair.noise_source, float(level), pair.name))
+            arrays[f"level_{pair.name}_{number}"] = _middle(formation.image * 255.0, patch)
+            if level == max(levels_dn):
+                images = steps(formation, patch)
+                arrays |= {f"step_{pair.name}_{name}": image for name, image in images.items()}
+        entries.append(
+            {
+                "experiment": pair.name,
+                "kernel": kernel.name,
+                "kind": kernel.kind,
+                "effect": pair.noise_source,
+                "angle_deg": float(kernel.angle_deg),
+                "steps": list(images),
+                "levels_dn": [float(level) for level in levels_dn],
+            }
+        )
+    head = {"dataset": frame.dataset, "frame": frame.name, "label": patch.label, "size_px": float(size_px)}
+    return arrays, {**head, "experiments": entries}
+
+
+def example_angle(measurements: pd.DataFrame, kind: str, size_px: float, angle_deg: float = 45.0) -> float:
+    """The rotation, of those measured, that is nearest to the one wanted (the smaller of two)."""
+    rows = (measurements["blur_kind"] == kind) & (measurements["kernel_size_px"] == size_px)
+    return float(min(measurements.loc[rows, "angle_deg"].unique(), key=lambda angle: (abs(angle - angle_deg), angle)))
+
+
+def example_curves(measurements: pd.DataFrame, size_px: float) -> pd.DataFrame:
+    """MTF curves of one kernel of each experiment, over levels: robust statistics over patches.
+
+    Args:
+        measurements: `pipeline.experiments.tables.MEASUREMENTS`; rows of noise are passed over.
+        size_px: of the kernel; of motion, the rotation nearest to 45 degrees.
+
+    Returns:
+        `pipeline.experiments.tables.CURVES`; axis ``"HV"`` is the mean of both directions, which the paper draws.
+    """
+    import pandas as pd
+
+    keys = [*CELL, "angle_deg"]
+    rows = []
+    for calibrated, table in raw_and_calibrated(measurements[measurements["quantity"] == "mtf"]):
+        of_size = table[table["kernel_size_px"] == size_px]
+        for key, group in of_size.groupby(keys, sort=True):
+            cell = dict(zip(keys, key, strict=True))
+            if cell["angle_deg"] != example_angle(of_size, str(cell["blur_kind"]), size_px):
+                continue
+            ordered = group.sort_values(["frame", "patch", "axis", "frequency"])
+            shape = (-1, 2, len(mtf.FREQUENCIES))
+            estimates, truth = (ordered[name].to_numpy(float).reshape(shape) for name in ("estimate", "truth"))
+            del cell["noise_source"]
+            for axis, curves, true in (
+                ("H", estimates[:, 0], truth[0, 0]),
+                ("V", estimates[:, 1], truth[0, 1]),
+                ("HV", estimates.mean(axis=1), truth[0].mean(axis=0)),
+            ):
+                for point, values in enumerate(curves.T):
+                    statistics = robust(values, stream(0, "bootstrap", "no interval"), 1)
+                    rows.append(
+                        {
+                            **{WRITTEN.get(name, name): value for name, value in cell.items()},
+                            "calibrated": calibrated,
+                            "axis": axis,
+                            "place": point,
+                            "frequency": float(mtf.FREQUENCIES[point]),
+                            "true_mtf": float(true[point]),
+                            "median": statistics.median,
+                            "minimum": statistics.minimum,
+                            "maximum": statistics.maximum,
+                            "count": statistics.count,
+                            "abstained": statistics.abstained,
+                        }
+                    )
+    return CURVES.conform(pd.DataFrame(rows, columns=list(CURVES.columns)))

@@ -1,0 +1,180 @@
+"""A detector under every condition of a sweep: what it finds in one frame behind one kernel, at every level of noise.
+
+That is the unit of work, of parallelism and of what an interrupted run keeps (`pipeline.detection.pieces`). Everything
+is tidy: one row per detection, one row per frame and condition looked at (frames without a detection are no gap), one
+row per object to be found.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.detection.classes import CLASS_MAPS, ClassMap
+from pipeline.errors import InputError, did_you_mean
+from pipeline.experiments.condition import Condition
+from pipeline.experiments.corrupt import SharpFrame
+from pipeline.experiments.tables import CONDITION
+from pipeline.store import Schema
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.camera.psf.kernel import Kernel
+    from pipeline.camera.settings import CameraSettings
+    from pipeline.datasets.frame import Frame
+    from pipeline.detection.base import Detector
+
+_CORNERS = {"x1": "float64", "y1": "float64", "x2": "float64", "y2": "float64"}
+DETECTIONS = Schema(
+    "detections",
+    {"frame": "string", "kernel": "string", "level_dn": "float64", "label": "string", "score": "float64", **_CORNERS},
+    {"level_dn": "DN", "x1": "px", "y1": "px", "x2": "px", "y2": "px"},
+)
+
+LOOKED = Schema(
+    "frames looked at",
+    {"frame": "string", "scene": "string", **CONDITION, "detections": "int64"},
+    {"size_px": "px", "angle_deg": "deg", "level_dn": "DN"},
+)
+
+OBJECTS = Schema(
+    "objects",
+    {
+        "frame": "string",
+        "label": "string",
+        **_CORNERS,
+        "ignore": "bool",  # by the dataset, or as a neighbour of the class
+        "visible_fraction": "float64",  # NaN where the dataset does not say
+    },
+    {"x1": "px", "y1": "px", "x2": "px", "y2": "px"},
+)
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What one sweep has in common over its frames and kernels.
+
+    Attributes:
+        kind: the detector's registry name.
+        options: its options, weights among them, as JSON.
+        classes: labels that are kept.
+        effect: noise source.
+        levels_dn: of the noise.
+        camera: that adds it.
+        seed: root seed.
+        most: detections kept of one frame, best first.
+    """
+
+    kind: str
+    options: str
+    classes: tuple[str, ...]
+    effect: str
+    levels_dn: tuple[float, ...]
+    camera: CameraSettings
+    seed: int
+    most: int = 100
+
+    def look(self, frame: Frame, kernel: Kernel) -> dict[str, NDArray[Any]]:
+        """Detections in one frame behind one kernel.
+
+        Returns:
+            ``level`` (M,) number of the level, ``boxes`` (M, 4), ``score`` (M,), ``label`` (M,); best first within a
+            level.
+        """
+        detector = opened(self.kind, self.options)
+        parts: list[tuple[NDArray[Any], ...]] = []
+        sharp = SharpFrame(frame, self.camera, self.seed)
+        for number, level in enumerate(self.levels_dn):
+            found = detector.detect([sharp.under(Condition(kernel, self.effect, float(level))).image])[0]
+            found = found.where(np.isin(found.label, self.classes))
+            found = found.where(np.argsort(-found.score, kind="stable")[: self.most])
+            parts.append((np.full(len(found), number), found.boxes, found.score, found.label))
+        level, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return {"level": level, "boxes": boxes.reshape(-1, 4), "score": score, "label": label.astype(np.str_)}
+
+
+@functools.lru_cache(maxsize=2)
+def opened(kind: str, options: str) -> Detector:
+    """A detector, kept open by each worker process."""
+    from pipeline import detection
+
+    return detection.create(kind, **json.loads(options))
+
+
+def options_of(section: Any) -> str:
+    """A detector's options with its weights, as JSON, from its section of the configuration."""
+    return json.dumps({"weights": section.weights, **section.options}, sort_keys=True)
+
+
+def class_map(kind: str) -> ClassMap:
+    """What the words of a dataset mean to detectors.
+
+    Args:
+        kind: the dataset's layout.
+
+    Raises:
+        InputError: there is no map for it.
+    """
+    words: Mapping[str, ClassMap] = {**CLASS_MAPS, "folder": CLASS_MAPS["sim"]}
+    if kind not in words:
+        hint = did_you_mean(kind, words)
+        raise InputError(
+            f"no class map says what the labels of datasets of kind '{kind}' mean to a detector; {hint} (they are in"
+            " pipeline/detection/classes.py)"
+        )
+    return words[kind]
+
+
+def objects(frames: Sequence[Frame], words: ClassMap) -> pd.DataFrame:
+    """What is to be found: schema `OBJECTS`; a frame without objects has no row."""
+    import pandas as pd
+
+    rows = []
+    for frame in frames:
+        for box in frame.boxes:
+            truth = words.truth([box])  # one box may stand for several classes, or for none
+            for corners, label, ignore in zip(truth.boxes, truth.label, truth.ignore, strict=True):
+                row = dict(zip(_CORNERS, corners.tolist(), strict=True))
+                named = {"frame": frame.name, "label": str(label), "ignore": bool(ignore)}
+                rows.append({**named, **row, "visible_fraction": float(box.visible_fraction)})
+    return OBJECTS.conform(pd.DataFrame(rows, columns=list(OBJECTS.columns)))
+
+
+def tables(
+    work: Sequence[tuple[Frame, Kernel]],
+    found: Sequence[Mapping[str, NDArray[Any]]],
+    sweep: Sweep,
+    scenes: Mapping[str, str],
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """One table of detections and one of what was looked at.
+
+    Args:
+        work: frame and kernel of each piece.
+        found: what `Sweep.look` gave, in the same order.
+        sweep: that looked.
+        scenes: frame -> its scene.
+
+    Returns:
+        schemas `DETECTIONS` and `LOOKED`.
+    """
+    import pandas as pd
+
+    parts, looked = [], []
+    for (frame, kernel), piece in zip(work, found, strict=True):
+        levels = np.asarray(sweep.levels_dn, dtype=float)
+        columns = {"level_dn": levels[piece["level"].astype(int)], "label": piece["label"], "score": piece["score"]}
+        columns |= dict(zip(_CORNERS, piece["boxes"].T, strict=True))
+        parts.append(pd.DataFrame({"frame": frame.name, "kernel": kernel.name, **columns}))
+        counts = np.bincount(piece["level"].astype(int), minlength=len(levels))
+        for level, count in zip(levels, counts, strict=True):
+            where = {"frame": frame.name, "scene": scenes[frame.name], "kernel": kernel.name, "kind": kernel.kind}
+            place = {"size_px": float(kernel.size_px), "angle_deg": float(kernel.angle_deg), "effect": sweep.effect}
+            looked.append({**where, **place, "level_dn": float(level), "detections": int(count)})
+    return DETECTIONS.conform(pd.concat(parts, ignore_index=True)), LOOKED.conform(pd.DataFrame(looked))

@@ -1,0 +1,135 @@
+"""Errors of noise estimates on single patches, saturated patches and maps, with intervals.
+
+The ground truths of a patch are the noise added by the sensor and the noise present after clipping to 8 bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.experiments.summarise import coverage
+from pipeline.grouped_statistics import cluster_mean
+from pipeline.statistics import bootstrap_interval
+from pipeline.streams import stream
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import NDArray
+
+SATURATED = 0.8
+"""Fraction of black or white pixels in the sharp frame beyond which a patch counts as saturated."""
+
+UNIFORM_BELOW = 0.1
+"""Relative spread of the noise over a frame below which there is no pattern to correlate with."""
+
+
+def patch_errors(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
+    """Mean absolute error per dataset, estimator and effect, with a bootstrap 95 % interval over frames.
+
+    Args:
+        estimates: `pipeline.tables.NOISE_ESTIMATES`.
+        seed: root of the random streams.
+
+    Returns:
+        dataset, estimator, effect, abstained_percent, width_dn (median width of the intervals; NaN without), and for
+        each quantity (present_dn, added_dn: errors; coverage_percent, clean_percent: intervals that hold the noise
+        added, of patches with and without added noise) its value, ``<quantity>_low``, ``_high`` and ``_count``.
+    """
+    import pandas as pd
+
+    rows = []
+    groups: Any = estimates.groupby(["dataset", "estimator", "effect"], sort=False)
+    for (dataset, estimator, effect), own in groups:
+        ends = (own[name].to_numpy(float) for name in ("low_dn", "high_dn", "added_sigma_dn"))
+        covered, clean = pd.Series(100.0 * coverage(*ends), own.index), own["level_dn"] == 0
+        quantities = {
+            "present_dn": ("present", (own["sigma_dn"] - own["true_sigma_dn"]).abs()),
+            "added_dn": ("added", (own["sigma_dn"] - own["added_sigma_dn"]).abs()),
+        }
+        if covered.notna().any():
+            quantities["coverage_percent"] = ("coverage", covered.mask(clean))
+            quantities["clean_percent"] = ("clean", covered.where(clean))
+        row = {
+            "dataset": dataset,
+            "estimator": estimator,
+            "effect": effect,
+            "abstained_percent": 100.0 * float(own["abstained"].mean()),
+            "width_dn": float((own["high_dn"] - own["low_dn"]).median()) if covered.notna().any() else math.nan,
+        }
+        for name, (part, values) in quantities.items():
+            generator = stream(seed, "report", "noise patches", dataset, estimator, effect, part)
+            cells = cluster_mean(values, own["frame"], generator)
+            row |= dict(zip((name, f"{name}_low", f"{name}_high", f"{name}_count"), cells, strict=True))
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def saturated_patches(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
+    """Median estimate at the highest level, of patches that are nearly all black or white.
+
+    Args:
+        estimates: `pipeline.tables.NOISE_ESTIMATES`.
+        seed: root of the random streams.
+
+    Returns:
+        dataset, effect, level_dn, patches, added_dn, present_dn (medians over the patches), estimator, median_dn,
+        low_dn, high_dn (bootstrap 95 % interval) and count (patches with an estimate); empty without such patches.
+    """
+    import pandas as pd
+
+    chosen = estimates[estimates["saturated_share"] > SATURATED]
+    level = float(chosen["level_dn"].max()) if len(chosen) else math.nan
+    rows = []
+    groups: Any = chosen[chosen["level_dn"] == level].groupby(["dataset", "effect"], sort=False)
+    for (dataset, effect), here in groups:
+        patches = here[here["estimator"] == here["estimator"].iloc[0]]
+        for estimator, own in here.groupby("estimator", sort=False):
+            answers = own.loc[~own["abstained"], "sigma_dn"].to_numpy(float)
+            generator = stream(seed, "report", "saturated", dataset, effect, estimator)
+            low, high = bootstrap_interval(answers, generator) if len(answers) > 1 else (math.nan, math.nan)
+            rows.append(
+                {
+                    "dataset": dataset,
+                    "effect": effect,
+                    "level_dn": level,
+                    "patches": len(patches),
+                    "added_dn": float(patches["added_sigma_dn"].median()),
+                    "present_dn": float(patches["true_sigma_dn"].median()),
+                    "estimator": estimator,
+                    "median_dn": float(np.median(answers)) if answers.size else math.nan,
+                    "low_dn": low,
+                    "high_dn": high,
+                    "count": len(answers),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def agreement(added_dn: NDArray[np.floating], estimated_dn: NDArray[np.floating]) -> dict[str, float]:
+    """Agreement of two maps of one frame, over the cells that both have.
+
+    Args:
+        added_dn: (h, w) noise added, DN; NaN where unknown.
+        estimated_dn: (h, w) noise estimated, DN; NaN where the estimator abstains.
+
+    Returns:
+        cells (in both), unknown (in either), added_median_dn, found_median_dn, mean_error_dn and correlation (NaN for
+        uniform noise).
+    """
+    known = np.isfinite(added_dn) & np.isfinite(estimated_dn)
+    added, estimated = added_dn[known].astype(float), estimated_dn[known].astype(float)
+    numbers: dict[str, float] = {"cells": int(known.sum()), "unknown": int((~known).sum())}
+    if not added.size:
+        names = ("added_median_dn", "found_median_dn", "mean_error_dn", "correlation")
+        return numbers | dict.fromkeys(names, float("nan"))
+    spread = added.std() * estimated.std() if added.std() > UNIFORM_BELOW * np.median(added) else 0.0
+    covariance = ((added - added.mean()) * (estimated - estimated.mean())).mean()
+    return numbers | {
+        "added_median_dn": float(np.median(added)),
+        "found_median_dn": float(np.median(estimated)),
+        "mean_error_dn": float(np.abs(added - estimated).mean()),
+        "correlation": float(covariance / spread) if spread else float("nan"),
+    }

@@ -1,0 +1,228 @@
+"""The sweep of a detector: a killed run goes on, workers change nothing, and every odd input has a clear end."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from data_makers import make_folder, make_kitti, make_udacity
+from yolox_makers import LABELS, tiny_yolox
+
+from pipeline import store
+from pipeline.config.compose import compose
+from pipeline.config.schema import Config, validate
+from pipeline.curves import precision
+from pipeline.datasets.frame import Box, Frame
+from pipeline.detection import pieces
+from pipeline.errors import InputError
+from pipeline.experiments import detect as sweep
+from pipeline.stages import curves, detect, detector, direction, index, measured, regression
+
+ROOT = Path(__file__).resolve().parents[2]
+LEVELS = [0.0, 10.0]
+KERNELS = 5  # sharp, and two lengths in two directions
+
+
+def configured(folder: Path, workers: int = 1, name: str = "kitti", **options: object) -> Config:
+    """The smoke profile on a made-up dataset with a detector that calls every bright cell a car."""
+    content = yaml.safe_load(compose(["profile=smoke", f"executor.workers={workers}"], ROOT / "conf"))
+    content["datasets"] = {
+        name: {**yaml.safe_load((ROOT / f"conf/dataset/{name}.yaml").read_text()), "root": str(folder / name)}
+    }
+    content["datasets"][name]["watch"] = "."
+    weights = str(folder / "tiny.onnx")
+    given = {"labels": LABELS, "input_px": 128, "score_floor": 0.6, **options}
+    tiny = {"kind": "yolox", "weights": weights, "watch": weights, "get": "make it", "options": given}
+    content["detection"]["detectors"] = {"tiny": tiny}
+    content["detection"]["datasets"] = [name]
+    content["detection"]["sweep"] |= {"levels_dn": LEVELS, "sizes_px": [3, 9], "angles_deg": [0, 90], "frames": None}
+    content["matrix"] |= {"datasets": [name], "detectors": ["tiny"], "detection_datasets": [name]}
+    content["by_kind"]["detection"] = {"yolox": {"tiny": weights}}
+    return validate(content)
+
+
+def prepare(config: Config, out: Path, name: str = "kitti") -> None:
+    index.run.run(config, {"dataset": name}, out, out)
+    detector.run.run(config, {"detector": "tiny"}, out, out)
+
+
+def run(config: Config, out: Path, name: str = "kitti") -> None:
+    detect.run.run(config, {"dataset": name, "detector": "tiny"}, out, out)
+
+
+def digests(folder: Path) -> dict[str, str]:
+    paths = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data")
+    make_kitti(folder / "kitti", frames=2)
+    tiny_yolox(folder / "tiny.onnx", "side")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def once(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sweep run without interruption by one worker."""
+    out = tmp_path_factory.mktemp("once")
+    prepare(configured(data), out)
+    run(configured(data), out)
+    return out
+
+
+def test_every_condition_of_every_frame_is_looked_at(once: Path) -> None:
+    folder = once / "data/detect/kitti-tiny"
+    looked = store.read_table(folder / "looked.parquet", sweep.LOOKED)
+    assert len(looked) == 2 * KERNELS * len(LEVELS)
+    assert not looked.duplicated(["frame", "kernel", "level_dn"]).any()
+    found = store.read_table(folder / "detections.parquet", sweep.DETECTIONS)
+    assert set(found["label"]) == {"car"} and len(found) == looked["detections"].sum() > 0
+    assert (found.groupby(["frame", "kernel", "level_dn"])["score"].diff().dropna() <= 0).all()  # best first
+    objects = store.read_table(folder / "objects.parquet", sweep.OBJECTS)
+    assert objects[~objects["ignore"]].groupby("label").size().to_dict() == {"car": 2, "person": 2}
+    assert not (once / ".cache/detect").exists()  # the pieces are gone once the run is done
+
+
+def test_two_workers_write_the_same_bytes(data: Path, once: Path, tmp_path: Path) -> None:
+    prepare(configured(data), tmp_path)
+    run(configured(data, workers=2), tmp_path)
+    assert digests(tmp_path / "data/detect") == digests(once / "data/detect")
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+sys.path.insert(0, {here!r})
+from test_experiments_detect import configured, run
+from pipeline.experiments.detect import Sweep
+looked, left = Sweep.look, [4]
+def look(self, frame, kernel):
+    if not left[0]:
+        os.kill(os.getpid(), signal.SIGKILL)
+    left[0] -= 1
+    return looked(self, frame, kernel)
+Sweep.look = look
+run(configured(Path({data!r})), Path({out!r}))
+"""
+
+
+def test_a_killed_run_goes_on_and_its_result_is_the_same_bytes(
+    data: Path, once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare(configured(data), tmp_path)
+    here = Path(__file__).parent
+    script = KILLED.format(tests=str(here.parent), here=str(here), data=str(data), out=str(tmp_path))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    died = subprocess.run([sys.executable, "-c", script], cwd=ROOT, env=environment, capture_output=True, check=False)
+    assert died.returncode == -signal.SIGKILL, died.stderr.decode()
+    kept = sorted((tmp_path / ".cache/detect").rglob("*.npz"))
+    assert len(kept) == 4
+    assert not (tmp_path / "data/detect").exists()
+    kept[0].write_bytes(kept[0].read_bytes()[:100])  # and one piece was cut short
+    fresh = []
+    looked = sweep.Sweep.look
+    monkeypatch.setattr(sweep.Sweep, "look", lambda *given: fresh.append(1) or looked(*given))
+    run(configured(data), tmp_path)
+    assert len(fresh) == 2 * KERNELS - 3
+    assert digests(tmp_path / "data/detect") == digests(once / "data/detect")
+
+
+def test_pieces_of_another_run_are_not_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = pieces.fingerprint("pipeline.experiments.detect", {"weights": "a", "levels": (0, 5)}, "compact")
+    assert one == pieces.fingerprint("pipeline.experiments.detect", {"levels": (0, 5), "weights": "a"}, "compact")
+    assert one != pieces.fingerprint("pipeline.experiments.detect", {"weights": "b", "levels": (0, 5)}, "compact")
+    assert one != pieces.fingerprint("pipeline.experiments.detect", {"weights": "a", "levels": (0, 5)}, "yolox")
+    names = frozenset({"x"})
+    made = [pieces.kept(tmp_path, "frame", depends, names, lambda n=n: {"x": np.array(n)})["x"].item()
+            for n, depends in enumerate((b"sharp", b"other picture", b"sharp"))]  # fmt: skip
+    assert made == [0, 1, 0]
+    store.write_arrays(next(tmp_path.glob("frame-*")), y=np.zeros(1))  # a piece of another shape is made again
+    again = [
+        pieces.kept(tmp_path, "frame", d, names, lambda: {"x": np.array(9)})["x"].item()
+        for d in (b"sharp", b"other picture")
+    ]
+    assert sorted(again)[-1] == 9 and len(set(again)) == 2
+
+
+def whole(config: Config, out: Path, name: str) -> None:
+    """All stages of detection, in the graph's order."""
+    prepare(config, out, name)
+    run(config, out, name)
+    measured.run.run(config, {"dataset": name}, out, out)
+    for stage in (curves, direction, regression):
+        stage.run.run(config, {"dataset": name, "detector": "tiny"}, out, out)
+
+
+@pytest.mark.parametrize("floor", [0.6, 1.0])
+def test_frames_without_objects_and_without_detections_are_counted(data: Path, tmp_path: Path, floor: float) -> None:
+    """Udacity's last frame has no object; at a score floor of 1 nothing is ever found."""
+    make_udacity(tmp_path / "udacity", frames=3, layout="autti")
+    (tmp_path / "tiny.onnx").write_bytes((data / "tiny.onnx").read_bytes())
+    config = configured(tmp_path, name="udacity", score_floor=floor)
+    whole(config, tmp_path / "out", "udacity")
+    table = store.read_table(tmp_path / "out/data/curves/udacity-tiny/precision.parquet", precision.PRECISION)
+    cars, people = table[table["label"] == "car"], table[table["label"] == "person"]
+    assert (table["images"] == 3).all() and (cars["objects"] == 2).all()
+    assert people["ap_percent"].isna().all() and (people["objects"] == 0).all()  # a class without an object has no AP
+    assert ((cars["detections"] == 0) == (floor == 1.0)).all()
+    if floor == 1.0:
+        assert (cars["ap_percent"] == 0).all() and (cars["high_percent"] == 0).all()
+    refused = store.read_json(tmp_path / "out/data/curves/udacity-tiny/refused.json")
+    assert "no object" in refused["person"]
+    fits = store.read_json(tmp_path / "out/data/regression/udacity-tiny/fits.json")
+    assert "expected at least as many" in fits["person"]["reason"]
+
+
+def test_a_dataset_without_any_object_is_refused_by_name(data: Path, tmp_path: Path) -> None:
+    make_folder(tmp_path / "folder", frames=2, labels=True)
+    for path in (tmp_path / "folder/labels").iterdir():
+        path.write_text("")
+    (tmp_path / "tiny.onnx").write_bytes((data / "tiny.onnx").read_bytes())
+    config = configured(tmp_path, name="folder")
+    with pytest.raises(InputError, match="'folder'.*no frame has an object"):
+        measured.run.run(config, {"dataset": "folder"}, tmp_path, _indexed(config, tmp_path, "folder"))
+
+
+def _indexed(config: Config, out: Path, name: str) -> Path:
+    index.run.run(config, {"dataset": name}, out, out)
+    return out
+
+
+def test_a_missing_class_map_is_named() -> None:
+    with pytest.raises(InputError, match="kind 'photo'.*known: .*kitti"):
+        sweep.class_map("photo")
+
+
+def test_neighbours_and_ignored_words_become_ignored_objects() -> None:
+    boxes = (Box("Van", 0, 0, 9, 9), Box("DontCare", 1, 1, 5, 5, True), Box("Car", 2, 2, 8, 8))
+    frames = [Frame("kitti", "a", Path("a.png"), boxes), Frame("kitti", "b", Path("b.png"))]
+    table = sweep.objects(frames, sweep.class_map("kitti"))
+    rows = sorted(map(tuple, table[["frame", "label", "ignore"]].to_numpy().tolist()))
+    assert rows == [("a", "car", False), ("a", "car", True), ("a", "car", True), ("a", "person", True)]
+
+
+def test_absent_and_corrupt_weights_say_what_to_do(data: Path, tmp_path: Path) -> None:
+    config = configured(tmp_path)
+    with pytest.raises(InputError, match=r"tiny\.weights: no file .*'make it' gets it"):
+        detector.run.run(config, {"detector": "tiny"}, tmp_path, tmp_path)
+    (tmp_path / "tiny.onnx").write_bytes((data / "tiny.onnx").read_bytes()[:2000])
+    sweep.opened.cache_clear()
+    with pytest.raises(InputError, match="not an ONNX network"):
+        detector.run.run(config, {"detector": "tiny"}, tmp_path, tmp_path)
+
+
+def test_other_weights_are_noticed(data: Path, once: Path, tmp_path: Path) -> None:
+    about = json.loads((once / "data/detector/tiny/detector.json").read_text())
+    assert about["sha256"] == hashlib.sha256((data / "tiny.onnx").read_bytes()).hexdigest()
+    assert about["kind"] == "yolox"

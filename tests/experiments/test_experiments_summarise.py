@@ -1,0 +1,131 @@
+"""Summaries: an estimator that returns the truth scores zero, a camera's own blur is divided out, intervals repeat."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from data_makers import make_folder
+
+from pipeline import datasets
+from pipeline.blur.base import BlurEstimate
+from pipeline.camera import mtf
+from pipeline.camera.psf.defocus import create as defocus
+from pipeline.camera.psf.kernel import Kernel
+from pipeline.camera.psf.linear_motion import create as motion
+from pipeline.errors import InputError
+from pipeline.experiments.calibrate import divided_by_sharp
+from pipeline.experiments.condition import grid, sharp_kernel
+from pipeline.experiments.frames import of_dataset
+from pipeline.experiments.metrics import table_one_metrics
+from pipeline.experiments.run import Method, run
+from pipeline.experiments.summarise import frame_interval, robust_median
+from pipeline.experiments.table_one import summarise
+from pipeline.statistics import robust
+from pipeline.streams import stream
+
+KERNELS = [
+    sharp_kernel(),
+    Kernel("defocus_7", "defocus", 7, 0, defocus(7.0)),
+    *(Kernel(f"linear_motion_7_{angle}", "linear_motion", 7, angle, motion(7.0, angle)) for angle in (0, 45)),
+]
+
+
+class Knowing:
+    """Returns the true MTF of each kernel in turn, times the camera's own."""
+
+    def __init__(self, system):
+        self.system, self.turn = system, 0
+
+    def estimate(self, patches):
+        value = np.repeat((mtf.sample(KERNELS[self.turn % len(KERNELS)].psf) * self.system)[None], len(patches), 0)
+        self.turn += 1
+        count = len(patches)
+        return BlurEstimate(value, np.zeros(count, bool), np.full(count, ""), low=value - 0.1, high=value + 0.1)
+
+
+@pytest.fixture(scope="module")
+def estimates(tmp_path_factory):
+    root = make_folder(tmp_path_factory.mktemp("frames"), 2)
+    frames = of_dataset(datasets.open_dataset("folder", "mine", root))
+    return run(frames, grid(KERNELS), [Method("knowing", "mtf", Knowing(0.8))])
+
+
+def test_every_patch_kernel_axis_and_frequency_has_a_row(estimates):
+    patches = estimates[["frame", "patch"]].drop_duplicates()
+    assert len(estimates) == len(patches) * len(KERNELS) * 16
+    assert estimates["frequency"].nunique() == 8 and set(estimates["axis"]) == {"H", "V"}
+    one = estimates[(estimates.kernel == "defocus_7") & (estimates.patch == 0) & (estimates.axis == "V")]
+    assert np.allclose(one["truth"].to_numpy()[:8], mtf.sample(defocus(7.0))[1])
+
+
+def test_the_cameras_own_blur_is_divided_out(estimates):
+    raw = summarise(estimates, 1, 20)
+    relative = summarise(divided_by_sharp(estimates), 1, 20, calibrated=True)
+    assert (relative["amae_percent"] < 1e-6).all() and relative["calibrated"].all()
+    motion_row = raw[raw.kind == "linear_motion"].iloc[0]
+    truths = [mtf.sample(kernel.psf) for kernel in KERNELS[2:]]
+    assert motion_row["amae_percent"] == pytest.approx(20 * np.mean(truths), rel=1e-6)
+    assert motion_row["angles"] == 2 and motion_row["low_percent"] == pytest.approx(motion_row["high_percent"])
+    assert raw["coverage"].between(0, 1).all() and (raw["abstained"] == 0).all()
+
+
+def test_calibration_needs_the_sharp_frame(estimates):
+    with pytest.raises(InputError, match="measure with the kernel 'sharp'"):
+        divided_by_sharp(estimates[estimates.kernel != "sharp"])
+
+
+def test_abstentions_are_counted_and_left_out(estimates):
+    some = estimates.copy()
+    gone = (some.patch == 0) & (some.frame == some.frame.iloc[0])
+    some.loc[gone, ["estimate", "low", "high"]] = np.nan
+    some.loc[gone, "abstained"] = True
+    summary = summarise(divided_by_sharp(some), 1, 0)
+    row = summary[summary.kind == "defocus"].iloc[0]
+    total = estimates[["frame", "patch"]].drop_duplicates()
+    assert row["abstained"] == 1 and row["count"] == len(total) - 1 and row["amae_percent"] < 1e-6
+
+
+def test_the_robust_median_is_that_of_the_statistics_module():
+    generator = stream(1, "values")
+    values = generator.standard_t(2, (40, 2, 3))
+    values[generator.random(values.shape) < 0.1] = np.nan
+    found = robust_median(values)
+    for place in np.ndindex(2, 3):
+        assert found[place] == robust(values[(slice(None), *place)], stream(1, "b"), 1).median
+    assert np.isnan(robust_median(np.full((3, 2), np.nan))).all()
+
+
+def test_bootstrap_intervals_hold_the_value_and_are_repeatable(estimates):
+    rough = estimates.copy()
+    rough["estimate"] = (rough["estimate"] + stream(1, "e").normal(0, 0.05, len(rough))).clip(0, 1)
+    one, two = (summarise(rough, 1, 100) for _ in range(2))
+    pd.testing.assert_frame_equal(one, two)
+    assert (one["low_percent"] < one["high_percent"]).all() and (one["patch_error_percent"] > 0).all()
+
+
+def test_metrics_are_nested_and_leave_the_sharp_frame_out(estimates):
+    summary = pd.concat([summarise(estimates, 1, 0),
+                         summarise(divided_by_sharp(estimates), 1, 0, calibrated=True)])  # fmt: skip
+    found = table_one_metrics(summary)
+    assert set(found) == {"raw", "calibrated"} and "sharp" not in found["raw"]
+    cells = [found["raw"][kind]["7"]["amae_percent"] for kind in ("defocus", "linear_motion")]
+    assert found["raw"]["mean_amae_percent"] == pytest.approx(np.mean(cells))
+
+
+def test_resampling_whole_frames_widens_the_interval_of_correlated_patches():
+    frames = np.repeat([f"f{number}" for number in range(6)], 20)
+    values = np.repeat(stream(1, "of frames").normal(0, 1, 6), 20) + stream(1, "of patches").normal(0, 0.01, 120)
+    low, high = frame_interval(values, frames, float, stream(1, "draws"), 200)
+    of_patches = robust(values, stream(1, "draws"), 200)
+    assert high - low > 1.5 * (of_patches.high - of_patches.low)
+    assert low <= of_patches.median <= high
+    alone = frame_interval(values[:20], frames[:20], float, stream(1, "draws"), 50)
+    assert alone[0] == alone[1] == pytest.approx(robust_median(values[:20]))
+
+
+def test_both_bootstraps_summarise_the_same_cells(estimates):
+    rough = estimates.copy()
+    rough["estimate"] = (rough["estimate"] + stream(1, "e").normal(0, 0.05, len(rough))).clip(0, 1)
+    patches, frames = (summarise(rough, 1, 40, resample=what) for what in ("patches", "frames"))
+    intervals = ["low_percent", "high_percent"]
+    pd.testing.assert_frame_equal(patches.drop(columns=intervals), frames.drop(columns=intervals))
+    assert (frames["low_percent"] <= frames["high_percent"]).all()
