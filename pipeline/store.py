@@ -123,11 +123,13 @@ class Schema:
         name: what the table is called in messages.
         columns: column name -> pandas dtype (``"string"``, ``"int64"``, ``"float64"``, ``"bool"`` ...).
         units: column name -> unit, for those that have one; shown in reports.
+        rounds: whether estimates are rounded; not so in a table that is never stored.
     """
 
     name: str
     columns: Mapping[str, str]
     units: Mapping[str, str] = field(default_factory=dict)
+    rounds: bool = True
 
     def conform(self, table: pd.DataFrame, where: str = "") -> pd.DataFrame:
         """The table with exactly the declared columns, in order, in the declared types; estimates are rounded.
@@ -151,7 +153,7 @@ class Schema:
     @property
     def decimals(self) -> dict[str, int]:
         """Decimals of the columns that hold estimates; empty for a table without a column ``estimator``."""
-        if "estimator" not in self.columns:
+        if not self.rounds or "estimator" not in self.columns:
             return {}
         return {name: digits for name, digits in ESTIMATE_DECIMALS.items() if self.columns.get(name) == "float64"}
 

@@ -18,10 +18,10 @@ import numpy as np
 from pipeline.camera import mtf as mtf_of
 from pipeline.camera.levels import corrupt
 from pipeline.camera.psf import create as create_psf
+from pipeline.camera.settings import CameraSettings
 from pipeline.camera.truth import LIGHTS, ORDERS
-from pipeline.datasets.conditions import scene_of
-from pipeline.datasets.corrupted import CameraSettings
 from pipeline.datasets.frame import Frame
+from pipeline.datasets.selection import scene_of
 from pipeline.detection.average_precision import evaluate
 from pipeline.detection.base import Detections
 from pipeline.detection.classes import ClassMap

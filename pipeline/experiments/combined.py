@@ -30,7 +30,7 @@ from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.run import Executor, Method, PreFilter, Registered, in_process
 from pipeline.experiments.run import run as run_experiment
 from pipeline.experiments.summarise import mtf_cells, noise_cells
-from pipeline.experiments.tables import BLUR_CELLS, NOISE_CELLS
+from pipeline.experiments.tables import BLUR_CELLS, NOISE_CELLS, rounded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -132,7 +132,7 @@ class Combined:
         label: str = "",
     ) -> pd.DataFrame:
         """`pipeline.experiments.tables.MEASUREMENTS`; see `pipeline.experiments.run.run`."""
-        return run_experiment(
+        exact = run_experiment(
             frames,
             self.conditions,
             self.methods,
@@ -142,6 +142,7 @@ class Combined:
             label=label,
             paired=False,
         )
+        return rounded(exact)
 
 
 def _registered(sections: Mapping[str, EstimatorSection], name: str, key: str, where: str) -> Registered:

@@ -106,7 +106,8 @@ def measure(
         label=label,
     )
     if measurements.empty:
-        raise InputError(f"{label}: no frame has an object to measure noise and blur on; see the dataset's labels")
+        names = " and ".join(sorted({item.frame.dataset for item in frames})) or "without frames"
+        raise InputError(f"dataset '{names}': no frame has an object to measure noise and blur on; see its labels")
     return measured(measurements)
 
 

@@ -17,7 +17,7 @@ from pipeline.experiments.condition import grid, sharp_kernel
 from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.run import Executor, Method, in_process, run
 from pipeline.experiments.summarise import NOISE_CELL, noise_cells
-from pipeline.experiments.tables import written
+from pipeline.experiments.tables import rounded, written
 from pipeline.tables import NOISE_ESTIMATES, NOISE_SUMMARY
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def measure(
         executor: changes no result.
         label: of its progress bar.
     """
-    measurements = run(
+    exact = run(
         frames,
         grid([sharp_kernel()], noise_sources, target_sigmas_dn),
         [Method(name, "sigma_dn", estimator)],
@@ -74,6 +74,7 @@ def measure(
         label=label,
         paired=False,
     )
+    measurements = rounded(exact)
     return NoiseResult(written(measurements, "sigma_dn", NOISE_ESTIMATES), summarise(measurements, seed, draws))
 
 

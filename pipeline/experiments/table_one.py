@@ -24,7 +24,7 @@ from pipeline.experiments.condition import grid, sharp_kernel
 from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.run import Executor, Method, Registered, in_process, run
 from pipeline.experiments.summarise import MTF_CELL, Resample, mtf_cells
-from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY, written
+from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY, rounded, written
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,7 +124,8 @@ def measure(
                 executor=executor,
             )
             method = replace(method, of_folds=tuple(Calibrated(candidate.estimator, c) for c in calibrations[name]))
-        measurements = run(chosen, conditions, [method], camera=camera, seed=seed, executor=executor, label=label(name))
+        exact = run(chosen, conditions, [method], camera=camera, seed=seed, executor=executor, label=label(name))
+        measurements = rounded(exact)
         estimates.append(written(measurements, "mtf", BLUR_ESTIMATES))
         variants = {name in calibrations: measurements}
         if not (candidate.relative or name in calibrations):  # a relative MTF is not divided again

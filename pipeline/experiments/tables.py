@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pipeline.store import Schema
+from pipeline.store import ESTIMATE_DECIMALS, Schema
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,6 +46,7 @@ MEASUREMENTS = Schema(
         "filter_px": "px",
         "frequency": "fraction of Nyquist",
     },
+    rounds=False,
 )
 
 BLUR_ESTIMATES = Schema(
@@ -260,6 +261,21 @@ WRITTEN_OF = {
     },
 }
 """The same for columns whose name depends on the quantity."""
+
+
+def rounded(measurements: pd.DataFrame) -> pd.DataFrame:
+    """The measurements at the precision that estimates are stored in (`pipeline.store.ESTIMATE_DECIMALS`).
+
+    Args:
+        measurements: `MEASUREMENTS`.
+    """
+    is_mtf = measurements["quantity"] == "mtf"
+    changes = {}
+    for name in ("estimate", "low", "high"):
+        stored = {quantity: WRITTEN_OF[quantity].get(name, name) for quantity in WRITTEN_OF}
+        of_mtf, of_sigma = (measurements[name].round(ESTIMATE_DECIMALS[stored[q]]) for q in ("mtf", "sigma_dn"))
+        changes[name] = of_mtf.where(is_mtf, of_sigma)
+    return measurements.assign(**changes)
 
 
 def written(measurements: pd.DataFrame, quantity: str, schema: Schema) -> pd.DataFrame:

@@ -249,7 +249,7 @@ def noise_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def blur_summary(inputs: ReportInputs) -> pd.DataFrame:
-    """Blur summaries of every dataset and estimator, without added noise: `pipeline.experiments.tables.BLUR_SUMMARY`."""
+    """Blur summaries of all datasets and estimators, without noise: `pipeline.experiments.tables.BLUR_SUMMARY`."""
     from pipeline.experiments.tables import BLUR_SUMMARY
 
     summary = _joined(members(inputs.blur, inputs.blur_members), "summary.parquet", BLUR_SUMMARY)

@@ -3,7 +3,7 @@
 As `pipeline.report.recorded` for detection: measured by hand, with ``camera-monitor blur record``, and kept as small
 files from which the report draws. Pictures, kernels and weights are named by their SHA-256; no picture is kept.
 
-    summary.csv      AMAE of every kind and size of blur, raw and calibrated (`pipeline.experiments.tables.BLUR_SUMMARY`)
+    summary.csv      AMAE of every kind and size of blur, raw and calibrated (`BLUR_SUMMARY`)
     sharp.csv        what is read from sharp frames (`pipeline.experiments.sharp_curves.sharp_curves`)
     patches.csv      where the patches lie
     metrics.json     estimator -> `pipeline.experiments.metrics.table_one_metrics`

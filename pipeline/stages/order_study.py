@@ -14,10 +14,10 @@ def run(run: Run) -> None:
     from functools import partial
 
     from pipeline import store
+    from pipeline.camera.settings import CameraSettings
     from pipeline.condition import order_study
-    from pipeline.datasets.corrupted import CameraSettings
     from pipeline.datasets.index import indexed_frames
-    from pipeline.detection.sweep import class_map
+    from pipeline.experiments.detect import class_map
 
     params, section = run.params, run.params.control
     detector, source = params.detection.detectors[section.detector], params.datasets["sim"]

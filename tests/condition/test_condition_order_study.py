@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pipeline.camera.settings import CameraSettings
 from pipeline.condition import order_study
-from pipeline.datasets.corrupted import CameraSettings
 from pipeline.datasets.frame import Box, Frame
 from pipeline.detection.classes import CLASS_MAPS
 from pipeline.store import write_image

@@ -21,7 +21,7 @@ from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.metrics import combined_metrics
 from pipeline.experiments.run import Method, PreFilter, Registered, run
 from pipeline.experiments.summarise import MTF_CELL, mtf_cells, robust_median
-from pipeline.experiments.tables import NOISE_READ, written
+from pipeline.experiments.tables import NOISE_READ, rounded, written
 
 
 def test_each_pair_is_the_single_experiment_of_its_kernel_and_noise(measurements, frame, patches):
@@ -34,7 +34,7 @@ def test_each_pair_is_the_single_experiment_of_its_kernel_and_noise(measurements
         )
         part = measurements[(measurements["experiment"] == pair.name) & (measurements["target_sigma_dn"] == 15)]
         assert len(part) == len(single) == len(kernels) * len(patches) * 16
-        assert part["estimate"].tolist() == single["estimate"].tolist()
+        assert part["estimate"].tolist() == rounded(single)["estimate"].tolist()
 
 
 def test_level_zero_is_one_image_for_all_pairs(measurements):
@@ -62,8 +62,8 @@ def test_the_prefilter_is_that_of_the_denoised_estimator(frame, patches):
     peer = Denoised(Contrast(), lambda batch: Ramp().estimate(batch).sigma_dn, filter_px=5.0).estimate(
         cut(image, patches)
     )
-    assert part["estimate"].to_numpy().reshape(peer.mtf.shape) == pytest.approx(peer.mtf, nan_ok=True)
-    assert part["low"].to_numpy().reshape(peer.mtf.shape) == pytest.approx(peer.low, nan_ok=True)
+    assert part["estimate"].to_numpy().reshape(peer.mtf.shape) == pytest.approx(peer.mtf, nan_ok=True, abs=2e-4)
+    assert part["low"].to_numpy().reshape(peer.mtf.shape) == pytest.approx(peer.low, nan_ok=True, abs=2e-4)
     noisy = (rows["experiment"] == "defocus_dcsn") & (rows["filter_px"] == 0) & (rows["target_sigma_dn"] == 15)
     assert part[part["patch"] == 0]["estimate"].tolist() == rows[noisy & (rows["patch"] == 0)]["estimate"].tolist()
 

@@ -45,6 +45,7 @@ def configured(folder: Path, workers: int = 1, name: str = "kitti", **options: o
     content["detection"]["datasets"] = [name]
     content["detection"]["sweep"] |= {"levels_dn": LEVELS, "sizes_px": [3, 9], "angles_deg": [0, 90], "frames": None}
     content["matrix"] |= {"datasets": [name], "detectors": ["tiny"], "detection_datasets": [name]}
+    content["control"]["detector"] = "tiny"
     content["by_kind"]["detection"] = {"yolox": {"tiny": weights}}
     return validate(content)
 

@@ -24,7 +24,7 @@ from pipeline.experiments import calibrate, table_one
 from pipeline.experiments.condition import grid, sharp_kernel
 from pipeline.experiments.frames import TestFrame, with_patches
 from pipeline.experiments.run import Method, Registered, run
-from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY, written
+from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY, rounded, written
 from pipeline.stages.blur import run as stage
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -62,7 +62,9 @@ def once(work):
 
 
 def test_it_is_the_experiment_of_every_kernel_and_the_sharp_frame(work, once):
-    rows = run(work, grid([sharp_kernel(), *BANK]), [Method("mine", "mtf", Registered(blur.create, "spectral"))])
+    rows = rounded(
+        run(work, grid([sharp_kernel(), *BANK]), [Method("mine", "mtf", Registered(blur.create, "spectral"))])
+    )
     pd.testing.assert_frame_equal(once.estimates, written(rows, "mtf", BLUR_ESTIMATES))
     assert len(once.estimates) == 3 * 4 * 16 and once.calibrations == {}
     raw, divided = (once.summary[once.summary["calibrated"] == way].reset_index(drop=True) for way in (False, True))
