@@ -59,6 +59,6 @@ def rows(recipe: Recipe, spectral_weights: Path, cache: Path, run_map: RunMap) -
     patch, mtf, sigma_dn, others = (
         np.stack([sample[name] for sample in made]) for name in ("patch", "mtf", "sigma_dn", "others")
     )
-    read, scale, sigma_read_dn = Spectral(spectral_weights).predict(patch[:, None].astype(np.float32) / 255)
+    read, scale, sigma_read_dn = Spectral(spectral_weights).predict(patch[:, None].astype(np.float32) / np.float32(255))
     arrays = (join_members(read, others), scale, sigma_read_dn, mtf, sigma_dn)
     return Rows(*(np.asarray(part, np.float32) for part in arrays))

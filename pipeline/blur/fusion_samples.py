@@ -125,6 +125,6 @@ def deconvolved(index: int, recipe: Recipe, folder: Path) -> dict[str, NDArray[A
     path = folder / f"{index:05d}.npz"
     if not path.is_file():
         sample = blurred(recipe, index)
-        others = Deconvolution()(sample.patch[None, None].astype(np.float32) / 255)
+        others = Deconvolution()(sample.patch[None, None].astype(np.float32) / np.float32(255))
         write_arrays(path, patch=sample.patch, mtf=sample.mtf, sigma_dn=np.array(sample.sigma_dn), others=others)
     return read_arrays(path)

@@ -96,8 +96,8 @@ class Sweep:
             found = found.where(np.isin(found.label, self.classes))
             found = found.where(np.argsort(-found.score, kind="stable")[: self.most])
             parts.append((np.full(len(found), number), found.boxes, found.score, found.label))
-        level, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return {"level": level, "boxes": boxes.reshape(-1, 4), "score": score, "label": label.astype(np.str_)}
+        numbers, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return {"level": numbers, "boxes": boxes.reshape(-1, 4), "score": score, "label": label.astype(np.str_)}
 
 
 @functools.lru_cache(maxsize=2)

@@ -20,7 +20,7 @@ from pipeline.datasets.patches import Patch, object_patches, tiles
 from pipeline.datasets.selection import evenly_spread
 from pipeline.detection.classes import ClassMap
 from pipeline.errors import InputError
-from pipeline.experiments.condition import grid
+from pipeline.experiments.condition import Quantity, grid
 from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.run import Executor, Method, Registered, in_process, run
 from pipeline.experiments.tables import MEASURED, WRITTEN
@@ -52,7 +52,10 @@ def on_objects(
         shape = frame.image().shape
         patches = object_patches(shape, boxes, section.patch_px)
         over = [tile for tile in tiles(shape, section.tile_px, "cover") if any(_meet(tile, box) for box in boxes)]
-        limited = {"mtf": evenly_spread(patches, section.per_frame), "sigma_dn": evenly_spread(over, section.per_frame)}
+        limited: dict[Quantity, list[Patch]] = {
+            "mtf": evenly_spread(patches, section.per_frame),
+            "sigma_dn": evenly_spread(over, section.per_frame),
+        }
         chosen.append(TestFrame(frame, limited))
     return chosen
 

@@ -83,7 +83,7 @@ def noise_cells(
 
     rows = []
     for key, group in measurements.groupby(list(by), sort=sort):
-        cell = dict(zip(by, key, strict=True))
+        cell: dict[str, Any] = dict(zip(by, key, strict=True))
         values, clipped, unclipped, low, high = (
             group[name].to_numpy(float) for name in ("estimate", "truth", "unclipped_truth", "low", "high")
         )
@@ -159,7 +159,7 @@ def mtf_cells(
 
     rows = []
     for key, group in measurements.groupby(list(by), sort=True):
-        cell = dict(zip(by, key, strict=True))
+        cell: dict[str, Any] = dict(zip(by, key, strict=True))
         ordered = group.sort_values(["angle_deg", "frame", "patch", "axis", "frequency"])
         shape = (ordered["angle_deg"].nunique(), -1, 2, len(mtf.FREQUENCIES))
         estimates, truth = (ordered[name].to_numpy(float).reshape(shape) for name in ("estimate", "truth"))

@@ -86,6 +86,10 @@ def record(
     frames, all_patches = _frames(config, dataset, run_map)
     said = _provenance(config, dataset, source, frames, bank, weights)
     earlier = blur_records.others(out, said) if join else None
+
+    def labelled(function: Callable[[Any], Any], items: Sequence[Any], label: str = "") -> list[Any]:
+        return list(run_map(function, items, label=label))
+
     measured = [
         table_one.measure(
             {name: table_one.Candidate.configured(section.estimators[name])},
@@ -95,7 +99,7 @@ def record(
             camera=CameraSettings.from_section(config.camera),
             seed=config.seed,
             draws=section.bootstrap_draws,
-            executor=lambda function, items, label="": run_map(function, items, label=label),
+            executor=labelled,
             label=f"blur of {dataset} by {{}}".format,
         )
         for name in estimators

@@ -19,6 +19,7 @@ def run(run: Run) -> None:
     from pipeline.camera.settings import CameraSettings
     from pipeline.experiments import combined, tables
     from pipeline.experiments.combined_example import example, example_curves, highest_contrast_patch
+    from pipeline.experiments.condition import Quantity
     from pipeline.experiments.frames import of_index
     from pipeline.experiments.metrics import combined_metrics
 
@@ -26,7 +27,7 @@ def run(run: Run) -> None:
     section, camera, seed = params.combined, CameraSettings.from_section(params.camera), params.seed
     bank = stored.read(run.inputs / "data/psf")
     experiment = combined.configured(section, params.blur.estimators, params.noise.estimators, bank)
-    per_frame = {"mtf": section.patches_per_frame, "sigma_dn": section.tiles_per_frame}
+    per_frame: dict[Quantity, int | None] = {"mtf": section.patches_per_frame, "sigma_dn": section.tiles_per_frame}
     folder = run.inputs / "data/index" / dataset
     frames = combined.frames_of(section, of_index(folder, dataset, params.datasets[dataset], per_frame))
     measurements = experiment.run(frames, camera, seed, run.map, f"blur and noise of {dataset}")

@@ -15,13 +15,15 @@ def run(run: Run) -> None:
     from pipeline.camera.psf import stored
     from pipeline.camera.settings import CameraSettings
     from pipeline.experiments import combined, tables
+    from pipeline.experiments.condition import Quantity
     from pipeline.experiments.frames import of_index
     from pipeline.experiments.metrics import combined_metrics
 
     dataset, params = run.job["dataset"], run.params
     section, camera, seed = params.denoised_blur, CameraSettings.from_section(params.camera), params.seed
     experiment = combined.denoised(section, params.blur.estimators, stored.read(run.inputs / "data/psf"))
-    folder, per_frame = run.inputs / "data/index" / dataset, {"mtf": section.patches_per_frame}
+    folder = run.inputs / "data/index" / dataset
+    per_frame: dict[Quantity, int | None] = {"mtf": section.patches_per_frame}
     frames = combined.frames_of(section, of_index(folder, dataset, params.datasets[dataset], per_frame))
     measurements = experiment.run(frames, camera, seed, run.map, f"denoised blur of {dataset}")
     cells = combined.with_expected(combined.blur_cells(measurements, seed, section.bootstrap_draws))

@@ -75,7 +75,9 @@ def test_no_frame_is_judged_by_a_fit_to_itself(ran):
         rows = run(held_out, grid(BANK), [method])
         names = [item.frame.name for item in held_out]
         stored_rows = estimates[estimates["frame"].isin(names) & (estimates["kernel"] == "defocus_7")]
-        assert stored_rows["mtf"].to_numpy() == pytest.approx(rows["estimate"].to_numpy(), abs=1e-6)
+        assert stored_rows["mtf"].to_numpy() == pytest.approx(
+            rows["estimate"].to_numpy(), abs=1e-5
+        )  # stored to 5 decimals
 
 
 @pytest.mark.parametrize("count", [2, 3, 8, 15])

@@ -18,9 +18,17 @@ BY_HASH = {"data/index/": "data/sim/", "data/detector/": "data/weights/"}
 """A folder whose content hashes are in a dependency -> files that may be opened."""
 
 
+def _dotted(params, prefix=""):
+    """Parameters by dotted name."""
+    flat = {}
+    for key, value in params.items():
+        flat |= _dotted(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+    return flat
+
+
 def declared(group, item, params):
     """Dependencies and outputs of one member of a group, as paths."""
-    body, values = group.body, {"root": params["root"], **item}
+    body, values = group.body, {**_dotted(params), **item}
     outs = [
         next(iter(out)) if isinstance(out, dict) else out for key in ("outs", "metrics") for out in body.get(key, [])
     ]
@@ -44,7 +52,7 @@ def problems(folder, top=Path()):
         group, item = members[0]
         paths = declared(group, item, params)
         root = params["root"]
-        free = (*FREE, *(f"{root}{opened}" for given, opened in BY_HASH.items()
+        free = (*FREE, f"{root}.cache/", *(f"{root}{opened}" for given, opened in BY_HASH.items()
                          if any(line.startswith(f"{root}{given}") for line in paths)))  # fmt: skip
 
         def inside(file, paths=paths):
