@@ -3,7 +3,9 @@
 Sampling policy. The noise of a frame and source is drawn once, from the random stream of (seed, dataset, frame, noise
 source), and scaled to every target sigma (`pipeline.camera.levels`); behind every kernel the draw is the same (with
 ``camera.order: detector`` photon noise follows the blurred light, from the same random numbers). Cells of a table are
-therefore paired: between two levels or two kernels nothing changes but the level or the kernel.
+therefore paired: between two levels or two kernels nothing changes but the level or the kernel. The detection sweep
+and its curves are sampled so. With ``paired=False`` every level and kernel draws from a stream of its own, as the noise
+and combined experiments do, whose published numbers were drawn so.
 
 Nothing is stored: a corrupted frame is a pure function of the sharp frame, the condition, the camera and the seed, so
 every stage that needs it forms it again, bit for bit. Noise that enters after the optics leaves the blurred light
@@ -68,7 +70,7 @@ class SharpFrame:
         frame: of a dataset.
         camera: that forms the corrupted image.
         seed: root of the random streams.
-        paired: one draw for all levels and kernels.
+        paired: one draw for all levels and kernels; else a draw for each.
     """
 
     def __init__(self, frame: Frame, camera: CameraSettings, seed: int, *, paired: bool = True) -> None:
