@@ -48,7 +48,9 @@ ESTIMATORS: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
         ("gbb", "gbb", {"mode": "fast", "kernel_size": 31}),
         ("fused", "fused", {"shared_blur": "never"}),
     ),
-    "noise": tuple((name, name, {}) for name in ("cellwise", "cnn", "pca", "bf", "wavelet", "immerkaer")),
+    "noise": tuple(
+        (name, name, {}) for name in ("adaptive", "cellwise", "correlated", "cnn", "pca", "bf", "wavelet", "immerkaer")
+    ),
 }
 SLOW_MS = 20.0
 """An estimator whose patch takes longer is timed in few turns, a few patches at a time, and on no whole frame."""
