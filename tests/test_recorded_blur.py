@@ -41,7 +41,7 @@ def test_every_estimator_has_every_cell_with_an_interval(records: dict[str, Blur
     for name in one.estimators:
         for is_calibrated in (False, True):
             own = one.summary[(one.summary["estimator"] == name) & (one.summary["calibrated"] == is_calibrated)]
-            if (name, is_calibrated) in (("fitted", False), ("typical", True)):
+            if (name, is_calibrated) in (("fitted", False), ("fused", False), ("typical", True)):
                 assert own.empty
                 continue
             assert len(own) == 1 + 3 * 5 and not own.duplicated(["kind", "size_px"]).any()
