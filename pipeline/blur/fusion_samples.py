@@ -7,8 +7,7 @@ Kernels whose mean MTF is above a limit are passed over, because there the fused
 
 GBB and PMP see one patch at a time, although they are run on several later: a gate trained on kernels of several
 patches relies on them more than pictures of real cameras allow (on KITTI and Udacity the error rose by .4 to .6
-points), one trained on single patches gains from better kernels. Irises and halos are left out of the kernels, because
-GBB and PMP err on them as much as the spectral network does, and a gate trained with them relies on neither.
+points), one trained on single patches gains from better kernels.
 
 Sample i is a pure function of (settings, i). The answers of GBB and PMP, which take a third of a second, are kept in a
 cache.
@@ -46,8 +45,8 @@ class Recipe:
         seed: root of the random streams.
     """
 
-    samples: int = 640
-    kernel_distribution: str = "paper_like"
+    samples: int = 480
+    kernel_distribution: str = "with_optics"
     anisotropy: float = 0.7
     intrinsic_px: tuple[float, float] = (0.0, 0.7)
     clean_share: float = 0.5
