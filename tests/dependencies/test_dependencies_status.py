@@ -38,7 +38,7 @@ def dvc(top, *arguments):
 @pytest.mark.parametrize(
     ("edited", "named"),
     [
-        ("datasets/corrupted.py", {"noise_pca", "noise_cellwise", "corrupt"}),
+        ("experiments/corrupt.py", {"noise_pca", "noise_cellwise", "corrupt"}),
         ("noise/pca.py", {"noise_pca"}),
         ("noise/cellwise_net.py", {"noise_cellwise"}),
         ("learning/streets.py", {"train_mtf_cnn"}),
