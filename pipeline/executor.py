@@ -167,8 +167,19 @@ def _map_dask(
         raise InputError(
             f"executor.address={address}: expected PROTOCOL://HOST:PORT or HOST:PORT, e.g. tcp://127.0.0.1:8786"
         )
+
+    class ClosingClient(Client):
+        """Closes itself if it fails to connect; collected later, it could wait for a lock that is held for ever."""
+
+        def __init__(self) -> None:
+            try:
+                super().__init__(address, timeout=_SCHEDULER_TIMEOUT_S)
+            except BaseException:
+                self.close()
+                raise
+
     try:
-        client = Client(address, timeout=_SCHEDULER_TIMEOUT_S)
+        client = ClosingClient()
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         raise InputError(f"executor.address={address}: no Dask scheduler answers there ({error})") from None
     weights = os.environ.get(weight_files.VARIABLE)

@@ -19,11 +19,12 @@ FLOORS = {
     "scenes": 2,
     "datasets": 3, "learning": 3,
     "blur": 4, "noise": 4, "detection": 4,
-    "condition": 5, "experiments": 5,
-    "curves": 6,
-    "control": 7,
-    "report": 8,
-    "stages": 9, "cli": 9,
+    "condition": 5,
+    "experiments": 6,
+    "curves": 7,
+    "control": 8,
+    "report": 9,
+    "stages": 10, "cli": 10,
 }  # fmt: skip
 
 

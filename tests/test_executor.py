@@ -85,10 +85,19 @@ def test_a_wrong_scheduler_address_is_one_line(address):
         run_map(square, [1, 2], backend="dask", address=address)
 
 
+@pytest.mark.parametrize("address", ["http://127.0.0.1:9", "tcp://127.0.0.1:9"])
+def test_a_dask_client_that_fails_to_connect_is_closed(address):
+    """Collected while a cluster starts, an open one would wait for the lock that the cluster holds."""
+    distributed = pytest.importorskip("distributed", reason="the dask extra is not installed")
+    with pytest.raises(InputError, match="no Dask scheduler"):
+        run_map(square, [1], backend="dask", address=address)
+    clients = [each for each in gc.get_objects() if isinstance(each, distributed.Client)]
+    assert {client.status for client in clients} <= {"closed", "newly-created"}
+
+
 @pytest.mark.slow
 def test_a_dask_scheduler_without_workers_is_not_waited_for_for_ever():
     distributed = pytest.importorskip("distributed", reason="the dask extra is not installed")
-    gc.collect()  # a client that failed to connect and is collected while a cluster starts would wait for its lock
     with distributed.LocalCluster(n_workers=0, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
         with pytest.raises(InputError, match=r"had no worker for 1 s; start one with 'dask worker"):
@@ -98,7 +107,6 @@ def test_a_dask_scheduler_without_workers_is_not_waited_for_for_ever():
 @pytest.mark.slow
 def test_dask_gives_the_same(tmp_path):
     distributed = pytest.importorskip("distributed", reason="the dask extra is not installed")
-    gc.collect()
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
         function = functools.partial(die_once, str(tmp_path))

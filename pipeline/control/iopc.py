@@ -48,6 +48,31 @@ class Candidates:
     excess: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Choice:
+    """The best of some candidates beside the split that keeps the exposure time.
+
+    Attributes:
+        index: of the best among the candidates.
+        state: its settings.
+        action: ``MOVE``, or ``REFUSED`` where nothing was measured at any candidate.
+        ap_percent: expected there, NaN where refused.
+        kept: settings of the same total exposure with the present exposure time.
+        kept_ap_percent: expected with these, NaN where refused.
+    """
+
+    index: int
+    state: CameraState
+    action: Action
+    ap_percent: float
+    kept: CameraState
+    kept_ap_percent: float
+
+    def improves(self, least_gain_percent: float) -> bool:
+        """Whether the best promises so many AP points more than the present split, or nothing is known of that."""
+        return not np.isfinite(self.kept_ap_percent) or self.ap_percent > self.kept_ap_percent + least_gain_percent
+
+
 class IopcPolicy(Policy):
     """Base class.
 
@@ -129,6 +154,13 @@ class IopcPolicy(Policy):
         if np.isfinite(among.ap_percent).any():
             return int(np.nanargmax(among.ap_percent)), Action.MOVE
         return int(np.argmin(among.excess)), Action.REFUSED
+
+    def compare(self, observation: Observation, state: CameraState, total: float, among: Candidates) -> Choice:
+        """The best of some candidates and the present split, both with their expected average precision."""
+        index, action = self.best(among)
+        kept = self.limits.at_time(total, state.exposure_s)
+        here = float(self.expect(observation, state, [kept]).ap_percent[0])
+        return Choice(index, among.states[index], action, float(among.ap_percent[index]), kept, here)
 
     @property
     def speed_high_px_s(self) -> float:

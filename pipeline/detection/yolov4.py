@@ -28,17 +28,13 @@ from pipeline.detection.base import Detections, each_image
 from pipeline.detection.letterbox import Placement
 from pipeline.detection.modes import Limits, Mode, eight_bit, limits
 from pipeline.detection.onnx_model import OnnxModel
+from pipeline.detection.yolo import ANCHORS_PX, STRIDES, scored
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     from pipeline.detection.base import Images
 
-STRIDES = (8, 16, 32)
 XY_SCALE = (1.2, 1.1, 1.05)
-ANCHORS_PX = np.array(
-    [[[12, 16], [19, 36], [40, 28]], [[36, 75], [76, 55], [72, 146]], [[142, 110], [192, 243], [459, 401]]], dtype=float
-)
-"""(stride, anchor, width and height) in pixels of the canvas."""
 FILL_DN = 128.0
 PAPER = Limits(score_floor=0.5, overlap=0.213, most=3 * 52 * 52)
 _LARGEST_LOG = 20.0
@@ -94,8 +90,7 @@ class Yolov4:
         paper = self.mode == "paper"
         canvas, placement = canvas_of(eight_bit(image) if paper else image * np.float32(255.0), self.side_px, paper)
         rows = self._raw(canvas)
-        kind = np.argmax(rows[:, 5:], axis=1)
-        score = rows[:, 4] * rows[np.arange(len(rows)), 5 + kind]
+        kind, score = scored(rows)
         boxes = placement.undo(decode(rows[:, :4], self.side_px))
         if paper:
             boxes[:, 2:] = np.minimum(boxes[:, 2:], [image.shape[1] - 1, image.shape[0] - 1])

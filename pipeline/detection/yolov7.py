@@ -34,7 +34,7 @@ from pipeline.detection.base import Detections, each_image
 from pipeline.detection.letterbox import letterbox
 from pipeline.detection.modes import Limits, Mode, limits
 from pipeline.detection.onnx_model import OnnxModel
-from pipeline.detection.yolov4 import ANCHORS_PX, STRIDES
+from pipeline.detection.yolo import ANCHORS_PX, STRIDES, scored
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -108,10 +108,10 @@ class Yolov7:
             if len(kind) and not 0 <= kind.min() <= kind.max() < len(self.labels):
                 raise InputError(f"{self.model.path}: class number {kind.max()}, but {len(self.labels)} labels")
             return found[:, 1:5].astype(np.float64), found[:, 6].astype(np.float64), kind, True
-        kind = np.argmax(rows[:, 5:], axis=1)
+        kind, score = scored(rows)
         half = rows[:, 2:4] / 2
         boxes = np.concatenate([rows[:, :2] - half, rows[:, :2] + half], axis=1)
-        return boxes, rows[:, 4] * rows[np.arange(len(rows)), 5 + kind], kind, False
+        return boxes, score, kind, False
 
     def _rows(self, outputs: list[NDArray[np.float32]]) -> NDArray[np.float64] | None:
         """Decoded rows (cells, 5 + classes) from either raw form, or None if the boxes are suppressed already.

@@ -22,14 +22,14 @@ from numpy.typing import NDArray
 from pipeline.detection import coco
 from pipeline.detection.base import Detections, each_image
 from pipeline.detection.letterbox import letterbox
-from pipeline.detection.nms import suppress
+from pipeline.detection.modes import FULL, limits
 from pipeline.detection.onnx_model import OnnxModel
+from pipeline.detection.yolo import STRIDES, scored
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     from pipeline.detection.base import Images
 
-STRIDES = (8, 16, 32)
 FILL_DN = 114.0
 
 
@@ -56,19 +56,14 @@ class Yolox:
         weights: str | Path,
         input_px: int | tuple[int, int] | None = None,
         threads: int = 1,
-        score_floor: float = 0.01,
-        overlap: float = 0.5,
-        most: int = 300,
+        score_floor: float = FULL.score_floor,
+        overlap: float = FULL.overlap,
+        most: int = FULL.most,
         labels: Sequence[str] = coco.NAMES,
         sha256: str | None = None,
     ) -> None:
-        for name, value in (("score_floor", score_floor), ("overlap", overlap)):
-            if not 0.0 <= value <= 1.0:
-                raise InputError(f"{name}: expected a number in [0, 1], not {value!r}")
-        if most < 1:
-            raise InputError(f"most: expected at least 1, not {most!r}")
+        self.limits = limits("full", FULL, score_floor, overlap, most)
         self.input_px = _checked_input(input_px)
-        self.score_floor, self.overlap, self.most = score_floor, overlap, most
         self.labels = np.asarray(labels, dtype=np.str_)
         self.model = OnnxModel(weights, threads, sha256)
         if self.input_px is None and self.model.own_size is None:
@@ -84,13 +79,10 @@ class Yolox:
         width, height = self.canvas_px(image.shape[1], image.shape[0])
         canvas, placement = letterbox(image * np.float32(255.0), width, height, FILL_DN)
         rows = self._raw(canvas)
-        kind = np.argmax(rows[:, 5:], axis=1)
-        score = rows[:, 4] * rows[np.arange(len(rows)), 5 + kind]
-        likely = np.flatnonzero(score >= self.score_floor)
+        kind, score = scored(rows)
+        likely = np.flatnonzero(score >= self.limits.score_floor)
         boxes = placement.undo(decode(rows[likely, :4], likely, width, height))
-        real = (boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])  # not those wholly in the margin
-        likely, boxes = likely[real], boxes[real]
-        kept = suppress(boxes, score[likely], kind[likely], self.overlap, self.most)
+        kept = self.limits.select(boxes, score[likely], kind[likely])
         chosen = likely[kept]
         return Detections.of(boxes[kept], score[chosen], self.labels[kind[chosen]])
 

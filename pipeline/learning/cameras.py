@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.camera.processing import denoise, tone
+from pipeline.camera import tone_curve
 from pipeline.camera.processing.codec import Codec
 from pipeline.camera.processing.denoise import Denoising
 from pipeline.camera.processing.develop import CameraPipeline
@@ -165,7 +165,7 @@ def coloured(grey: Plane, generator: np.random.Generator, *, linear: bool = True
     Returns:
         (S, S, 3) float32 in [0, 1].
     """
-    green = tone.decode(grey) if linear else grey
+    green = tone_curve.linearise(grey) if linear else grey
     if generator.random() < 0.2:
         return np.repeat(green[..., None], 3, axis=2)
     saturation = float(generator.uniform(0.05, 0.6))
@@ -176,11 +176,6 @@ def coloured(grey: Plane, generator: np.random.Generator, *, linear: bool = True
         field = smooth_field(generator, len(grey), 1.8) * np.float32(0.5 * saturation)
         channels[index] = green * np.exp(np.clip(by_level + field, -1.5, 1.2))
     return np.clip(np.stack(channels, axis=-1), 0, 1).astype(np.float32)
-
-
-def lens(grey: Plane, sigma_px: float) -> Plane:
-    """A picture blurred by a lens, a Gaussian of `sigma_px`."""
-    return denoise.gaussian(grey, sigma_px)
 
 
 def _log_uniform(generator: np.random.Generator, low: float, high: float) -> float:

@@ -24,9 +24,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.camera import mtf
+from pipeline.camera import mtf, tone_curve
 from pipeline.camera.constants import PAPER_FULL_WELL_E, PAPER_HOT_DARK_E, PAPER_HOT_READOUT_E
-from pipeline.camera.processing import tone
 from pipeline.camera.processing.develop import grey
 from pipeline.camera.processing.raw_noise import RawNoise
 from pipeline.learning import cameras, images, kernels
@@ -186,7 +185,7 @@ class Samples:
         margin = slice(MARGIN_PX - CAMERA_MARGIN_PX, MARGIN_PX + PATCH_PX + CAMERA_MARGIN_PX)
         light = np.clip(blurred[margin, margin], 0, 1)
         colours = camera.demosaicing is not None
-        encoded = tone.encode(light) if linear else light
+        encoded = tone_curve.render(light) if linear else light
         rgb = cameras.coloured(encoded, generator, linear=colours)
         inside = slice(CAMERA_MARGIN_PX, CAMERA_MARGIN_PX + PATCH_PX)
         patch = grey(camera.shoot(rgb, generator))[inside, inside]

@@ -126,15 +126,7 @@ def outline(
 
 
 def fur(generator: np.random.Generator, image: Plane) -> Plane:
-    """A picture with strands drawn over it: fur, hair, grass or brushed cloth, along a slowly turning direction.
-
-    Args:
-        generator: source of randomness.
-        image: (S, S) DN.
-
-    Returns:
-        (S, S) float32 DN.
-    """
+    """`image` ((S, S) DN) with strands of fur, hair, grass or brushed cloth along a slowly turning direction."""
     import cv2
 
     size = len(image)
@@ -154,15 +146,7 @@ def fur(generator: np.random.Generator, image: Plane) -> Plane:
 
 
 def lettering(generator: np.random.Generator, image: Plane) -> Plane:
-    """A picture with lines of small print.
-
-    Args:
-        generator: source of randomness.
-        image: (S, S) DN.
-
-    Returns:
-        (S, S) float32 DN.
-    """
+    """`image` ((S, S) DN) with lines of small print."""
     import cv2
 
     size = len(image)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.processing import temporal_noise
+from pipeline.camera.processing.denoise import gaussian
 from pipeline.camera.processing.develop import grey
 from pipeline.learning import cameras, images
 from pipeline.learning.cameras import CameraRecipe
@@ -119,7 +120,7 @@ def scene(tile: NDArray[np.uint8], recipe: Recipe, generator: np.random.Generato
     if generator.random() < recipe.text_fraction:
         image = lettering(generator, image)
     image = exposed(image, generator)
-    return np.clip(cameras.lens(image, float(generator.uniform(*recipe.lens_px))) / np.float32(255), 0, 1)
+    return np.clip(gaussian(image, float(generator.uniform(*recipe.lens_px))) / np.float32(255), 0, 1)
 
 
 def _cut(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -15,8 +15,8 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.camera.settings import CameraSettings
-    from pipeline.condition import order_study
     from pipeline.datasets.index import indexed_frames
+    from pipeline.experiments import order_study
     from pipeline.experiments.detect import class_map
 
     params, section = run.params, run.params.control

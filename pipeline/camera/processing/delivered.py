@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.camera.processing import temporal_noise, tone
+from pipeline.camera import tone_curve
+from pipeline.camera.processing import temporal_noise
 from pipeline.camera.processing.develop import CameraPipeline, Float, Picture, grey
 from pipeline.camera.processing.temporal_noise import CELL_PX, TemporalNoise
 from pipeline.errors import InputError
@@ -63,4 +64,4 @@ def linear_scene(picture: NDArray[np.floating]) -> Float:
     """Linear light of a picture as displayed, (H, W) or (H, W, 3) in [0, 1]: (H, W, 3) float32 with even sides."""
     even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
     rgb = np.repeat(even[..., None], 3, axis=2) if even.ndim == 2 else even
-    return tone.decode(np.ascontiguousarray(rgb, dtype=np.float32))
+    return tone_curve.linearise(np.ascontiguousarray(rgb, dtype=np.float32))

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.camera.processing import colour, demosaic, scale, sharpen, tone, white_balance
+from pipeline.camera import tone_curve
+from pipeline.camera.processing import colour, demosaic, scale, sharpen, white_balance
 from pipeline.camera.processing.codec import Codec, Picture, store
 from pipeline.camera.processing.denoise import Denoising, denoise_chroma, denoise_luma
 from pipeline.camera.processing.mosaic import mosaic, per_pixel
@@ -37,7 +38,7 @@ class CameraPipeline:
         balance: white-balance gains of red and blue.
         demosaicing: method (`demosaic.METHODS`), or None for a camera without colour filters.
         colour_diagonal, colour_split: of the colour matrix, see `colour.matrix`.
-        gamma, s_curve: of the tone curve, see `tone.encode`.
+        gamma, s_curve: of the tone curve, see `pipeline.camera.tone_curve.render`.
         denoising, sharpening: settings of these steps.
         scaling, scaling_method: see `scale.resize`.
         earlier_codec: a JPEG generation before the last one (an edited or re-shared picture).
@@ -99,7 +100,7 @@ class CameraPipeline:
         else:
             balanced = white_balance.balance(raw, *self.balance)
             linear = colour.apply(demosaic.demosaic(balanced, self.demosaicing), self.colour_matrix)
-        planes = colour.to_luma_chroma(tone.encode(linear, self.gamma, self.s_curve))
+        planes = colour.to_luma_chroma(tone_curve.render(linear, self.gamma, self.s_curve))
         sigma = self.encoded_sigma(float(planes[..., 0].mean()))
         luma = denoise_luma(np.ascontiguousarray(planes[..., 0]), self.denoising, sigma)
         luma = sharpen.sharpen(luma, self.sharpening, sigma)

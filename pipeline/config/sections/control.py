@@ -78,7 +78,7 @@ class ScenarioSection(Section):
 
 
 class OrderStudySection(Section):
-    """Conditions of the comparison of orders and lights; see `pipeline.condition.order_study`."""
+    """Conditions of the comparison of orders and lights; see `pipeline.experiments.order_study`."""
 
     sizes_px: list[Annotated[float, Field(ge=0, le=55)]] = Field(min_length=1)
     levels_dn: list[Level] = Field(min_length=1)

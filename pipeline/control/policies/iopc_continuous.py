@@ -60,17 +60,15 @@ class IopcContinuous(IopcPolicy):
     def choose(self, observation: Observation, state: CameraState, total: float, factor: float) -> Decision:
         """See `IopcPolicy.choose`."""
         among = self._allowed(self.candidates(observation, state, total))
-        index, action = self.best(among)
-        new, there = among.states[index], float(among.ap_percent[index])
-        kept = self.limits.at_time(total, state.exposure_s)
-        here = float(self.expect(observation, state, [kept]).ap_percent[0])
-        if np.isfinite(here) and self._inside(kept) and not there > here + self.hysteresis_percent:
-            new, there, action = (state if factor == 1.0 else kept), here, Action.MOVE
+        choice = self.compare(observation, state, total, among)
+        new, action, expected = choice.state, choice.action, choice.ap_percent
+        if self._inside(choice.kept) and not choice.improves(self.hysteresis_percent):
+            new, action, expected = (state if factor == 1.0 else choice.kept), Action.MOVE, choice.kept_ap_percent
         new = self._limited(new, state)
         if new == state and action is not Action.REFUSED:
             action = Action.HOLD
         motion = self._speed_px_s * new.exposure_s
-        return Decision(new, action, f"speed {self._speed_px_s:.0f} px/s, motion {motion:.1f} px expected", there)
+        return Decision(new, action, f"speed {self._speed_px_s:.0f} px/s, motion {motion:.1f} px expected", expected)
 
     def _inside(self, state: CameraState) -> bool:
         """Whether settings respect the cap and the lamp."""

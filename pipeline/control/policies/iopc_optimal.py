@@ -7,8 +7,6 @@ leaves the dead band or another split promises clearly more.
 
 from __future__ import annotations
 
-import numpy as np
-
 from pipeline.control.decision import Action, Decision
 from pipeline.control.iopc import IopcPolicy
 from pipeline.control.observation import Observation
@@ -44,18 +42,15 @@ class IopcOptimal(IopcPolicy):
     def choose(self, observation: Observation, state: CameraState, total: float, factor: float) -> Decision:
         """See `IopcPolicy.choose`."""
         among = self.candidates(observation, state, total)
-        index, action = self.best(among)
-        kept = self.limits.at_time(total, state.exposure_s)
-        here = float(self.expect(observation, state, [kept]).ap_percent[0])
-        there = float(among.ap_percent[index])
-        if np.isfinite(here) and not there > here + self.least_gain_percent:
-            held = state if factor == 1.0 else kept
+        choice = self.compare(observation, state, total, among)
+        if not choice.improves(self.least_gain_percent):
+            here = choice.kept_ap_percent
+            held = state if factor == 1.0 else choice.kept
             action = Action.HOLD if held == state else Action.MOVE
             return Decision(held, action, f"AP {here:.1f} % expected; no split promises clearly more", here)
-        new = among.states[index]
         reason = (
-            f"noise {among.sigma_dn[index]:.1f} DN and motion {among.motion_px[index]:.1f} px expected"
-            if action is Action.MOVE
+            f"noise {among.sigma_dn[choice.index]:.1f} DN and motion {among.motion_px[choice.index]:.1f} px expected"
+            if choice.action is Action.MOVE
             else "nothing was measured at any split; nearest to the measured region"
         )
-        return Decision(new, action, reason, there)
+        return Decision(choice.state, choice.action, reason, choice.ap_percent)

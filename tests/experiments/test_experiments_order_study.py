@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pipeline.camera.settings import CameraSettings
-from pipeline.condition import order_study
 from pipeline.datasets.frame import Box, Frame
 from pipeline.detection.classes import CLASS_MAPS
+from pipeline.experiments import order_study
 from pipeline.store import write_image
 from pipeline.streams import stream
 
