@@ -5,7 +5,7 @@ READY := .venv/.ready
 # the commands in dvc.yaml call `python`
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help repro test smoke check lint bench params clean-venv
+.PHONY: help repro test smoke check lint docs bench params clean-venv
 .DEFAULT_GOAL := help
 
 help: ## show this list
@@ -37,6 +37,9 @@ check: $(READY) lint ## lint, types, configuration and code dependencies in step
 lint: $(READY) ## style
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+docs: $(READY) ## build the site of docs/ into site/, every link checked
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict && echo "site: site/index.html"
 
 bench: $(READY) ## measure speed side by side with peers; results in benchmarks/results
 	@for script in benchmarks/[a-z]*.py; do \
