@@ -32,13 +32,13 @@ from pipeline.blur.camera_fit import SAMPLES, affine_fit
 from pipeline.blur.fusion_camera import SHARP_PATCHES, FusionMap
 from pipeline.blur.fusion_members import Deconvolution, join_members
 from pipeline.blur.spectral import RELEASED as RELEASED_SPECTRAL
-from pipeline.blur.spectral import Spectral
+from pipeline.blur.spectral import RELEASED_PROCESSED, Spectral
 from pipeline.errors import InputError, did_you_mean
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
 RELEASED = located("data/weights/mtf_fusion.safetensors")
-RELEASED_BESIDE = [RELEASED_SPECTRAL]
+RELEASED_BESIDE = {"spectral_weights": RELEASED_SPECTRAL, "processed_weights": RELEASED_PROCESSED}
 SHARED = ("auto", "always", "never")
 PAYS_BELOW = 0.6  # mean MTF under which deconvolution begins to help
 PAYS_FULLY_BELOW = 0.4

@@ -40,6 +40,8 @@ RELEASED = located("data/weights/mtf_spectral.safetensors")
 TYPICAL = "_typical.json"
 """Behind the stem of a weight file: its fit to cameras at large, for answers of kind "added"."""
 RELEASED_PROCESSED = located("data/weights/mtf_spectral_processed.safetensors")
+RELEASED_BESIDE = {"processed_weights": RELEASED_PROCESSED}
+"""Option -> the weights beside `RELEASED` that an answer needs; for records of what was measured with what."""
 EXCESS_DN = (0.8, 2.0)
 """Noise that the network for processed pictures reads beyond the main one, over which it takes over."""
 

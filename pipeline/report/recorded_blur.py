@@ -198,8 +198,8 @@ def _weights(section: EstimatorSection) -> dict[str, str]:
         return {}
     path = Path(given)
     paths = [path, path.with_name(path.stem + TYPICAL)] if section.options.get("answer") == "added" else [path]
-    beside = section.options.get("spectral_weights")  # of an estimator that has a second network
-    paths += [Path(beside)] if beside else getattr(sys.modules[made.__module__], "RELEASED_BESIDE", [])
+    beside = getattr(sys.modules[made.__module__], "RELEASED_BESIDE", {})  # of an estimator that has further networks
+    paths += [Path(section.options.get(option) or released) for option, released in beside.items()]
     for one in paths:
         if not one.is_file():
             raise InputError(f"weights of blur estimator '{section.kind}': no file {one}; restore data/weights")

@@ -87,8 +87,8 @@ def test_everything_is_named_by_its_hash(root: Path, read: blur_records.BlurReco
     assert read.said["frames"] == frames and read.said["previous"] == {}
     assert set(read.said["kernels"]) == {"defocus_7", "linear_motion_7_0", "linear_motion_7_90"}
     assert len(set(read.said["kernels"].values())) == 3
-    weights = REPO / "data/weights/mtf_spectral.safetensors"
-    named = {weights.name: hashlib.sha256(weights.read_bytes()).hexdigest()}
+    networks = ("mtf_spectral.safetensors", "mtf_spectral_processed.safetensors")
+    named = {name: hashlib.sha256((REPO / "data/weights" / name).read_bytes()).hexdigest() for name in networks}
     assert read.said["weights"] == {"spectral": named, "fitted": named}
     assert (read.said["source"], read.said["kind"], read.said["seed"]) == ("made up (CC0)", "folder", 1)
     assert read.said["blur"]["estimators"]["fitted"]["camera_samples"] == 100
