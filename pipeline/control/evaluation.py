@@ -14,74 +14,13 @@ from pipeline.control.loop import StepRecord
 from pipeline.control.motion import motion_length
 from pipeline.control.scenario import Scenario
 from pipeline.control.scoring import Judge, Score, average_precision
+from pipeline.control.tables import PAIRS, STEPS, SUMMARY
 from pipeline.detection.base import Detections
 from pipeline.errors import InputError, did_you_mean
-from pipeline.store import Schema
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
     import pandas as pd
-
-STEPS = Schema(
-    "closed loop, steps",
-    {
-        "scenario": "string",
-        "policy": "string",
-        "fold": "int64",
-        "step": "int64",
-        "light": "float64",
-        "speed_px_s": "float64",
-        "exposure_ms": "float64",
-        "iso": "float64",
-        "motion_px": "float64",
-        "sigma_dn": "float64",
-        "mean_level": "float64",
-        "saturated_fraction": "float64",
-        "estimated_sigma_dn": "float64",  # NaN where the monitor abstained or was not asked
-        "estimated_motion_px": "float64",
-        "action": "string",
-        "reason": "string",
-        "expected_ap_percent": "float64",
-        "ap_percent": "float64",  # over the fold's viewpoints at this step
-    },
-    {"exposure_ms": "ms", "motion_px": "px", "sigma_dn": "DN", "ap_percent": "%"},
-)
-
-SUMMARY = Schema(
-    "closed loop, policies",
-    {
-        "scenario": "string",
-        "policy": "string",
-        "ap_percent": "float64",
-        "low_percent": "float64",
-        "high_percent": "float64",
-        "regret_percent": "float64",  # AP of the oracle less that of the policy, on the same frames
-        "regret_low_percent": "float64",
-        "regret_high_percent": "float64",
-        "settling_frames": "float64",  # worst disturbance and fold; NaN: not settled within the scenario
-        "overshoot_stops": "float64",
-        "ripple_stops": "float64",
-        "frames_lost_percent": "float64",
-        "abstained_percent": "float64",
-        "refused_percent": "float64",
-        "objects": "int64",
-        "frames": "int64",
-    },
-    {"ap_percent": "%", "regret_percent": "percent points"},
-)
-
-PAIRS = Schema(
-    "closed loop, paired differences",
-    {
-        "scenario": "string",
-        "policy": "string",
-        "other": "string",
-        "difference_percent": "float64",
-        "low_percent": "float64",
-        "high_percent": "float64",
-    },
-    {"difference_percent": "percent points"},
-)
 
 SETTLED_STOPS = 0.25
 LOST_SATURATED, LOST_MEAN = 0.25, 0.05

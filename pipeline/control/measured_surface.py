@@ -21,12 +21,12 @@ from pipeline.camera.exposure import Camera, Motion, noise_generator
 from pipeline.control.motion import motion_mtf
 from pipeline.control.performance import Performance
 from pipeline.control.scoring import Judge, average_precision
+from pipeline.control.tables import KNOTS
 from pipeline.control.views import View
 from pipeline.curves.cells import Cells
 from pipeline.curves.surface import Surface
 from pipeline.detection.base import Detections
 from pipeline.errors import InputError
-from pipeline.store import Schema
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
@@ -38,24 +38,6 @@ if TYPE_CHECKING:
 FREQUENCY_INDEX = 0
 """0.054 of Nyquist: the one of the eight frequencies whose MTF falls steadily up to 31 px of motion."""
 
-KNOTS = Schema(
-    "surface for control",
-    {
-        "fold": "int64",
-        "target_sigma_dn": "float64",
-        "motion_px": "float64",
-        "sigma_dn": "float64",
-        "true_sigma_dn": "float64",
-        "mtf": "float64",
-        "ap_percent": "float64",
-        "low_percent": "float64",
-        "high_percent": "float64",
-        "objects": "int64",
-        "estimates": "int64",
-        "estimates_abstained": "int64",
-    },
-    {"target_sigma_dn": "DN", "sigma_dn": "DN", "motion_px": "px", "ap_percent": "%"},
-)
 _LARGEST_GAIN = 4096.0
 _LEAST_STEP_DN = 0.05
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.exposure import Camera, Motion, noise_generator
+from pipeline.control import example_pictures
 from pipeline.control.measured_surface import light_for_level, monitor, opened
 from pipeline.control.motion import motion_length
 from pipeline.control.observation import estimates
@@ -23,47 +24,22 @@ from pipeline.control.policies.iopc_target import alpha
 from pipeline.control.replay import BRIGHTNESS_LEVELS_PER_MS, PERIOD_MS, replay
 from pipeline.control.scoring import Judge, average_precision
 from pipeline.control.state import CameraState
+from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.control.views import View
 from pipeline.detection.base import Detections
 from pipeline.detection.matching import overlaps
-from pipeline.store import Schema
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
     import pandas as pd
-
-EXAMPLE_STEPS = Schema(
-    "worked examples",
-    {
-        "example": "string",
-        "step": "string",
-        "exposure_ms": "float64",
-        "iso": "float64",
-        "sigma_dn": "float64",  # median of the monitor's estimates
-        "mtf_at_0.1": "float64",  # mean of H and V at 0.1 of Nyquist, relative to the camera's sharp frames
-        "blur_px": "float64",  # motion, true
-        "detection_score": "float64",  # mean best score per car
-        "estimated_blur_px": "float64",
-        "ap_percent": "float64",
-        "low_percent": "float64",
-        "high_percent": "float64",
-    },
-    {"exposure_ms": "ms", "sigma_dn": "DN", "blur_px": "px", "ap_percent": "%"},
-)
-RESPONSE = Schema(
-    "controller response",
-    {"controller": "string", "quantity": "string", "time_ms": "float64", "value": "float64"},
-)
-CONTROLLER_AP = Schema(
-    "controller average precision",
-    {"controller": "string", "car_ap_percent": "float64", "low_percent": "float64", "high_percent": "float64"},
-)
 
 SPEED_1_PX_S, MOTION_1_PX, TARGET_1_PX = 760.0, 3, 12
 SPEED_2_PX_S, MOTION_2_PX, TARGET_2_PX = 15.0 / 0.008, 15, 7
 SIGMA_1_DN = 20.0
 WAIT_MS = 3000.0
 LABEL = "car"
+EXAMPLES = {"1": "sim_yolov4_car", "2": "robot"}
+"""Number of an example -> its name in the published file."""
 _LEVELS = 64.0
 _AT = 1  # 0.1 of Nyquist among the eight frequencies
 _IOU = 0.5
@@ -134,9 +110,16 @@ def noisy_full_well(camera: Camera, radiance: NDArray[np.float32]) -> float:
 
 
 def look(
-    view: View, *, camera: Camera, chosen: Sequence[Shot], kind: str, options: str, seed: int
+    view: View,
+    *,
+    camera: Camera,
+    chosen: Sequence[Shot],
+    kind: str,
+    options: str,
+    seed: int,
+    window: example_pictures.Window | None = None,
 ) -> list[dict[str, Any]]:
-    """One view at every setting: detections and estimates."""
+    """One view at every setting: detections and estimates; in the window's view its picture too (``cut``)."""
     radiance = view.radiance()
     found = []
     for shot in chosen:
@@ -159,9 +142,24 @@ def look(
                 "estimate": mtf,
                 "blur_px": frame.blur_px,
                 "best": best_score(detected, view, LABEL),
+                "cut": None
+                if window is None or window.view != view.name
+                else example_pictures.cut(frame.image, detected, window),
             }
         )
     return found
+
+
+def pictures(
+    seen: Sequence[tuple[View, Sequence[Mapping[str, Any]]]], chosen: Sequence[Shot], window: example_pictures.Window
+) -> tuple[dict[str, NDArray[np.uint8]], dict[str, Any]]:
+    """The window's view at every setting: see `pipeline.control.example_pictures.gallery`."""
+    (parts,) = [parts for view, parts in seen if view.name == window.view]
+    cuts = {
+        (EXAMPLES[shot.name.split("/")[0]], shot.name.split("/")[1]): part["cut"]
+        for shot, part in zip(chosen, parts, strict=True)
+    }
+    return example_pictures.gallery(cuts, window)
 
 
 def best_score(found: Detections, view: View, label: str) -> float:
@@ -200,7 +198,7 @@ def tables(
         example, step = shot.name.split("/")
         rows.append(
             {
-                "example": "sim_yolov4_car" if example == "1" else "robot",
+                "example": EXAMPLES[example],
                 "step": step,
                 "exposure_ms": shot.state.exposure_ms,
                 "iso": shot.state.iso,

@@ -53,6 +53,10 @@ class ReportInputs:
             ``<dataset>-<detector>``, and ``refit`` (`pipeline.report.detection_results`).
         detection_members: the pairs of dataset and detector of this run.
         detectors_absent: detector without weights -> the line that would get them and run it.
+        control: folder with ``control_surface``, ``worked_examples``, ``order_study`` and ``closed_loop`` (a folder for
+            each scenario), see `pipeline.control.tables`.
+        scenarios: those of this run, in order.
+        decision_times: record of the time per decision (``benchmarks/results/control.json``).
         recorded: folder whose sub-folders hold detection (`pipeline.report.recorded`) and blur
             (`pipeline.report.recorded_blur`) measured on pictures that are not kept.
         results: ledger item -> table (CSV or Parquet) with the key and value columns of that item's published file.
@@ -87,6 +91,9 @@ class ReportInputs:
     detection: Path | None = None
     detection_members: frozenset[tuple[str, str]] = frozenset()
     detectors_absent: Mapping[str, str] = field(default_factory=dict)
+    control: Path | None = None
+    scenarios: Sequence[str] = ()
+    decision_times: Path | None = None
     recorded: Path | None = None
     results: Mapping[str, Path] = field(default_factory=dict)
     runtime: Path | None = None

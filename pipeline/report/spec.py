@@ -88,6 +88,7 @@ class Section:
         text: paragraphs before the blocks.
         blocks: figures, tables and notes of absence, in order.
         runs: what the overview says about it.
+        findings: sentences of the verdict, built from the section's numbers.
     """
 
     key: str
@@ -95,6 +96,7 @@ class Section:
     text: Sequence[str] = ()
     blocks: Sequence[Block] = ()
     runs: Sequence[Run] = field(default=())
+    findings: Sequence[str] = field(default=())
 
 
 def overview(

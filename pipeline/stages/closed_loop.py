@@ -15,7 +15,7 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store
-    from pipeline.control import evaluation, setup
+    from pipeline.control import evaluation, setup, tables
     from pipeline.control.cache import fingerprint
     from pipeline.control.loop import Rig
     from pipeline.control.scenario import Scenario
@@ -52,19 +52,19 @@ def run(run: Run) -> None:
     pictures = setup.film_steps(scenario.steps, section.film_steps)
     driven = run.map(partial(setup.drive, rig=rig, scenario=scenario, pictures=pictures), work, f"scenario {name}")
     judge, reference = setup.judge(params.detection.judge), setup.surface(surfaces / "all.npz").reference
-    tables: dict[str, list[pd.DataFrame]] = {policy: [] for policy in chosen}
+    parts: dict[str, list[pd.DataFrame]] = {policy: [] for policy in chosen}
     records: dict[str, list] = {policy: [] for policy in chosen}
     for item, found in zip(work, driven, strict=True):
         records[item.policy] += found
-        tables[item.policy].append(
+        parts[item.policy].append(
             evaluation.steps_table(scenario, item.policy, item.fold, found, judge, reference, params.seed)
         )
-    steps = {policy: pd.concat(parts, ignore_index=True) for policy, parts in tables.items()}
+    steps = {policy: pd.concat(rows, ignore_index=True) for policy, rows in parts.items()}
     summary, pairs = evaluation.summary(scenario, steps, records, judge, params.seed)
     with store.replacing_folder(run.outputs / "data/closed_loop" / name) as out:
-        store.write_table(out / "steps.parquet", pd.concat(steps.values()), evaluation.STEPS)
-        store.write_table(out / "summary.parquet", summary, evaluation.SUMMARY)
-        store.write_table(out / "pairs.parquet", pairs, evaluation.PAIRS)
+        store.write_table(out / "steps.parquet", pd.concat(steps.values()), tables.STEPS)
+        store.write_table(out / "summary.parquet", summary, tables.SUMMARY)
+        store.write_table(out / "pairs.parquet", pairs, tables.PAIRS)
         for item, found in zip(work, driven, strict=True):
             if item.fold == 0 and item.policy in section.film_policies:
                 store.write_arrays(out / f"film-{item.policy}.npz", **setup.film(found))

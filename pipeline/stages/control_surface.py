@@ -22,7 +22,7 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store
-    from pipeline.control import measured_surface, setup
+    from pipeline.control import measured_surface, setup, tables
     from pipeline.control.cache import fingerprint, forget
     from pipeline.control.views import folds, views
 
@@ -45,7 +45,7 @@ def run(run: Run) -> None:
     for number in range(len(every)):
         parts[f"fold{number}"] = [number]
         parts[f"without_fold{number}"] = [other for other in parts["all"] if other != number] or [number]
-    tables = []
+    rows = []
     with store.replacing_folder(run.outputs / "data/control_surface") as out:
         for name, chosen in parts.items():
             mine = [(view, part) for view, part in measured if any(view in every[number] for number in chosen)]
@@ -53,8 +53,8 @@ def run(run: Run) -> None:
             surface, table = measured_surface.performance(mine, shared["design"], judge, label, params.seed)
             surface.save(out / f"{name}.npz")
             if name == "all" or name.startswith("fold"):
-                tables.append(table.assign(fold=-1 if name == "all" else label))
-        store.write_table(out / "knots.parquet", pd.concat(tables), measured_surface.KNOTS)
+                rows.append(table.assign(fold=-1 if name == "all" else label))
+        store.write_table(out / "knots.parquet", pd.concat(rows), tables.KNOTS)
     forget(folder)
 
 

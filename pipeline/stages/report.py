@@ -10,7 +10,9 @@ from pipeline.config.entry import Run, stage
 READS = [
     "profile", "seed", "camera", "scenes", "datasets", "corruption", "noise", "blur", "report", "matrix",
 ]  # fmt: skip
-USES: dict[str, list[str]] = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
+USES: dict[str, list[str]] = {
+    "pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": [], "pipeline.control": [],
+}  # fmt: skip
 NETWORKS = {
     "train_mtf": ("spectral", "cnn"),
     "train_sigma": ("cellwise", "cnn"),
@@ -54,6 +56,9 @@ def run(run: Run) -> None:
         runtime=run.project / "benchmarks/results/estimators.json",
         unseen=run.project / "benchmarks/results/unseen_kernels.json",
         detection=data,
+        control=data,
+        scenarios=tuple(params.matrix.scenarios),
+        decision_times=run.project / "benchmarks/results/control.json",
         recorded=run.project / "reports/recorded",
         detection_members=frozenset(
             (name, detector) for name in params.matrix.detection_datasets for detector in params.matrix.detectors

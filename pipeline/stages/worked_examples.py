@@ -9,11 +9,11 @@ READS = ["seed", "control", "detection.judge", "detection.detectors"]
 
 @stage("worked_examples", reads=READS)
 def run(run: Run) -> None:
-    """See the views at every setting of the examples; write steps, response and average precision."""
+    """See the views at every setting of the examples; write steps, response, average precision and pictures."""
     from functools import partial
 
     from pipeline import store
-    from pipeline.control import setup, worked_examples
+    from pipeline.control import example_pictures, setup, tables, worked_examples
     from pipeline.control.views import folds, views
 
     params, section = run.params, run.params.control
@@ -23,16 +23,26 @@ def run(run: Run) -> None:
     work = [view for view in every if view.moment == 3]
     camera = setup.camera(section.camera)
     chosen = worked_examples.shots(camera, worked_examples.noisy_full_well(camera, work[0].radiance()))
+    window = example_pictures.window(work, worked_examples.LABEL)
     look = partial(
-        worked_examples.look, camera=camera, chosen=chosen, kind=detector.kind, options=options, seed=params.seed
+        worked_examples.look,
+        camera=camera,
+        chosen=chosen,
+        kind=detector.kind,
+        options=options,
+        seed=params.seed,
+        window=window,
     )
     seen = list(zip(work, run.map(look, work, "worked examples"), strict=True))
     judge = setup.judge(params.detection.judge)
     steps, response, precision = worked_examples.tables(seen, chosen, judge, params.seed)
+    arrays, description = worked_examples.pictures(seen, chosen, window)
     with store.replacing_folder(run.outputs / "data/worked_examples") as out:
-        store.write_table(out / "steps.parquet", steps, worked_examples.EXAMPLE_STEPS)
-        store.write_table(out / "response.parquet", response, worked_examples.RESPONSE)
-        store.write_table(out / "precision.parquet", precision, worked_examples.CONTROLLER_AP)
+        store.write_arrays(out / "pictures.npz", **arrays)
+        store.write_json(out / "pictures.json", description)
+        store.write_table(out / "steps.parquet", steps, tables.EXAMPLE_STEPS)
+        store.write_table(out / "response.parquet", response, tables.RESPONSE)
+        store.write_table(out / "precision.parquet", precision, tables.CONTROLLER_AP)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Blur and noise at once: the order of image formation, estimates under both, and denoising before estimation."""
+"""Blur and noise at once: the paper's order of formation, estimates under both, and denoising before estimation."""
 
 from __future__ import annotations
 
@@ -27,9 +27,11 @@ if TYPE_CHECKING:
 
 TITLE = "Blur and noise at once"
 TEXT = (
-    "Each source enters at its own step: photon noise is in the light and passes the optics, so the blur softens it; "
-    "dark current and readout come after the optics and stay sharp. The paper does not estimate blur from noise of "
-    "10 DN on, unless the patch is smoothed by a known disc before, whose MTF is divided out after.",
+    "In the paper's order photon noise is drawn on the scene and then blurred, while dark current and readout noise "
+    "come after the optics and stay white. In a camera all of them are white at the pixel: light that optics have "
+    "spread is still Poisson distributed there. Results for photon noise in this section hold for the paper's order "
+    "only (order study, section on control). The paper does not estimate blur from noise of 10 DN on, unless the patch "
+    "is smoothed by a known disc before, whose MTF is divided out after.",
 )
 STEPS = {
     "scene": "light",
@@ -151,8 +153,8 @@ def example_figure(
 def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
     """Noise estimated on blurred frames over its level, coloured by kernel size: estimators down, experiments across.
 
-    Noise that comes after the optics stays sharp and should be estimated at its level. Noise in the light is blurred
-    with the picture: little of it is left (dashed).
+    Noise that comes after the optics stays white and should be estimated at its level. Photon noise is blurred with
+    the scene in the paper's order: little of it is left (dashed).
 
     Args:
         cells: `pipeline.experiments.tables.NOISE_CELLS`.
@@ -237,8 +239,8 @@ def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_o
     blocks: list[Block] = []
     if with_order:
         caption = (
-            f"The order of image formation. The middle of a patch of {word(dataset)} after each step, for noise that "
-            "the optics blur and for noise that they do not."
+            f"The paper's order of image formation. The middle of a patch of {word(dataset)} after each step, for "
+            "noise that the optics blur and for noise that they do not."
         )
         blocks.append(Figure(f"combined_order_{dataset}", order_figure(arrays, example), caption, stages))
     estimator = in_order(curves["estimator"], OURS_FIRST)[:1]
@@ -259,7 +261,7 @@ def _figures(blur: pd.DataFrame, noise: pd.DataFrame, datasets: Sequence[str], i
     for dataset in in_order(noise["dataset"], datasets):
         caption = (
             f"Noise estimated on blurred frames of {word(dataset)}: medians, coloured by the size of the blur. "
-            "Dashed: the noise present before clipping, photon noise as the optics transmit it; the "
+            "Dashed: the noise present before clipping, photon noise behind the optics (paper's order); the "
             "cell-wise estimator leaves out, by design, the noise that the optics have blurred."
         )
         drawing = noise_figure(noise, dataset)

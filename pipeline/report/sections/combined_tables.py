@@ -207,8 +207,8 @@ def abstentions(blur: pd.DataFrame, noise: pd.DataFrame) -> Table:
         Column("coverage", "Ground truths within the 95 % interval", "%", 0),
     ]  # fmt: skip
     notes = [
-        "Over all sizes, rotations and levels, uncalibrated. σ is compared with the noise as added, photon noise as "
-        "the optics transmit it. An en dash: the estimator gives no interval."
+        "Over all sizes, rotations and levels, uncalibrated. σ is compared with the noise as added, photon noise "
+        "behind the optics (paper's order). An en dash: the estimator gives no interval."
     ]
     caption = "Blur and noise at once: abstentions, single-patch errors, intervals."
     return table("combined_abstentions", caption, rows, columns, notes, ANY_STAGE)

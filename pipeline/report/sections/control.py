@@ -1,16 +1,64 @@
-"""Camera control: the paper's worked examples, response and AP of its controllers."""
+"""Control: the paper's worked examples, the surface that controllers ask, the closed loop, and the order study."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipeline.report.control_results import decision_ms, scenario_results, scenario_word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
+from pipeline.report.sections import control_examples, control_films, control_surface, control_tables, order_study
 from pipeline.report.sections.published import beside_ours
-from pipeline.report.spec import Section
+from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, single
+
+TEXT = (
+    "A simulated camera looks at rendered scenes. A policy answers each frame with exposure time and gain for the "
+    "next; frames are formed in linear light with photon noise behind motion and optics; the detector's average "
+    "precision (AP) over all viewpoints is the judge. The policies on input-output performance curves (IOPC) act on "
+    "noise and blur as the condition monitor estimates them, never on the truth.",
+)
+PUBLISHED = ("worked_examples", "controller_ap", "controller_response")
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
-    """The paper's numbers, and the commands that would produce ours."""
-    blocks, runs = beside_ours(("worked_examples", "controller_ap", "controller_response"), ledger, inputs)
-    return Section("control", "Camera control", (), blocks, runs)
+    """Everything on control that has run, and the commands for the rest."""
+    blocks: list[Block] = []
+    findings: list[str] = []
+    runs: list[Run] = []
+    for title, stage, part in (
+        ("Worked examples of control", control_examples.STAGE, control_examples.blocks),
+        ("Surface for control", control_surface.STAGE, control_surface.blocks),
+    ):
+        shown, sentences = part(inputs)
+        blocks, findings = [*blocks, *shown], [*findings, *sentences]
+        runs.append(single(title, stage, bool(shown), inputs))
+    results = scenario_results(inputs)
+    if results:
+        blocks += [
+            control_tables.overview(results),
+            control_tables.pairs(results),
+            control_tables.measures(results, decision_ms(inputs)),
+            *control_films.figures(results),
+        ]
+        findings += control_tables.findings(results)
+    runs += _scenario_runs(inputs, {one.name for one in results})
+    shown, sentences = order_study.blocks(inputs)
+    blocks, findings = [*blocks, *shown], [*findings, *sentences]
+    runs.append(single("Order of photon noise and blur", order_study.STAGE, bool(shown), inputs))
+    blocks += [NotRun(run.experiment, run.why, run.line) for run in runs if not run.ran]
+    beside, published_runs = beside_ours(PUBLISHED, ledger, inputs)
+    return Section("control", "Camera control", TEXT, [*blocks, *beside], [*runs, *published_runs], findings)
+
+
+def _scenario_runs(inputs: ReportInputs, ran: set[str]) -> list[Run]:
+    """One line of the overview for all scenarios, naming those that did not run."""
+    missing = [name for name in inputs.scenarios if name not in ran]
+    if not missing and ran:
+        return [Run("Closed loop", "", True, "", inputs.line("closed_loop"))]
+    if ran:
+        words = f"{len(ran)} of {len(inputs.scenarios)} scenarios"
+        return [Run("Closed loop", "", True, words, inputs.line("closed_loop"))] + [
+            Run(f"Closed loop: {scenario_word(name)}", "", False, STAGE_ABSENT, inputs.line(f"closed_loop@{name}"))
+            for name in missing
+        ]
+    return [Run("Closed loop", "", False, STAGE_ABSENT, inputs.line("closed_loop"))]

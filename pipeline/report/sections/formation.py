@@ -43,7 +43,7 @@ def _crop(arrays: Mapping[str, np.ndarray], entry: Mapping[str, Any], side_px: i
 
 @style.styled
 def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]) -> Drawing:
-    """The chain in the order light meets it, each step with its change against the step before.
+    """The chain of image formation in its configured order, each step with its change against the step before.
 
     Args:
         arrays: name -> (H, W), uint8 or float in [0, 1].
@@ -168,7 +168,7 @@ def _galleries(dataset: str, inputs: ReportInputs) -> list[Block]:
     blocks: list[Block] = []
     if gallery["chain"]:
         captions = " ".join(str(entry.get("caption", "")) for entry in gallery["chain"]).strip()
-        caption = f"Image formation on {word(dataset)}, in the order light meets the camera. {captions}".strip()
+        caption = f"Image formation on {word(dataset)}, step by step. {captions}".strip()
         blocks.append(Figure(f"formation_chain_{dataset}", chain(arrays, gallery["chain"]), caption, stages))
     if gallery["effects"]:
         caption = (
@@ -225,7 +225,9 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
         )
         blocks.append(Figure("photon_transfer", photon_transfer(curve), caption, (SENSOR_STAGE,)))
     text = (
-        "Frames are corrupted at the level of electrons, in the order light meets the camera: photon noise, blur by "
-        "the optics, dark-current shot noise, readout noise, quantisation.",
+        "Frames are corrupted at the level of electrons, in the paper's order: photon noise, blur by the optics, "
+        "dark-current shot noise, readout noise, quantisation. In a camera photon noise arises behind the optics "
+        "(camera.order: detector), because light that optics have spread is still Poisson distributed at the pixel; "
+        "the order study in the section on control measures what the difference does.",
     )
     return Section("formation", "Image formation", text, [*blocks, *missing("Image formation", runs)], [sensor, *runs])

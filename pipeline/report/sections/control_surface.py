@@ -1,0 +1,120 @@
+"""The surface that controllers ask: AP over noise and motion, as a heat map and a table of the knots."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.control.tables import KNOTS
+from pipeline.report import style
+from pipeline.report.display_names import listing
+from pipeline.report.inputs import ReportInputs, optional
+from pipeline.report.spec import Block, Figure
+from pipeline.report.style import Drawing
+from pipeline.report.tables import Column, Table, estimate, pivot, records, table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STAGE = "control_surface"
+ALL_VIEWPOINTS = -1
+LIGHT_BELOW = 55.0  # AP from which dark numbers are readable on the colour
+
+
+@style.styled
+def heat_map(knots: pd.DataFrame) -> Drawing:
+    """AP at every measured noise and motion.
+
+    Args:
+        knots: `pipeline.control.tables.KNOTS` of all viewpoints.
+    """
+    grid = knots.pivot(index="target_sigma_dn", columns="motion_px", values="ap_percent").sort_index()
+    estimated = knots.groupby("target_sigma_dn")["sigma_dn"].median()
+    figure = style.new_figure(style.ONE_COLUMN_IN * 1.45, 3.1)
+    axes = figure.subplots()
+    image = axes.pcolormesh(np.ma.masked_invalid(grid.to_numpy(float)), vmin=0, vmax=100, cmap="viridis", linewidth=0)
+    axes.grid(False)
+    for row, level in enumerate(grid.index):
+        for column, motion in enumerate(grid.columns):
+            value = float(grid.loc[level, motion])
+            ink = style.PAPER if value < LIGHT_BELOW else style.INK
+            axes.text(column + 0.5, row + 0.5, f"{value:.0f}", ha="center", va="center", fontsize=5.8, color=ink)
+    axes.set_xticks(np.arange(len(grid.columns)) + 0.5, [f"{motion:g}" for motion in grid.columns])
+    axes.set_yticks(np.arange(len(grid.index)) + 0.5, [f"{level:g} ({estimated[level]:.1f})" for level in grid.index])
+    axes.set(xlabel="motion blur [px]", ylabel="noise σ, target (estimated) [DN]")
+    colours = figure.colorbar(image, ax=axes, shrink=0.9, pad=0.02)
+    colours.set_label("AP [%]")
+    colours.outline.set_visible(False)
+    corner = [float(grid.iloc[row, column]) for row, column in ((0, 0), (0, -1), (-1, 0), (-1, -1))]
+    alt = (
+        f"AP of the controlled camera's detector over noise and motion: {corner[0]:.0f} % for a sharp frame at base "
+        f"gain, {corner[1]:.0f} % at {grid.columns[-1]:g} px of motion, {corner[2]:.0f} % at {grid.index[-1]:g} DN, "
+        f"{corner[3]:.0f} % at both."
+    )
+    return Drawing(figure, alt, knots.drop(columns="fold"))
+
+
+def knot_table(knots: pd.DataFrame) -> Table:
+    """AP with its interval at every knot."""
+    rows = pivot(
+        knots, ["target_sigma_dn"], "motion_px", estimate("ap_percent", "low_percent", "high_percent"),
+        lambda motion: f"motion_{motion:g}",
+    )  # fmt: skip
+    estimated = knots.groupby("target_sigma_dn")["sigma_dn"].median()
+    abstained = knots.groupby("target_sigma_dn")[["estimates", "estimates_abstained"]].sum()
+    rows = [
+        {
+            **row,
+            "estimated": float(estimated[row["target_sigma_dn"]]),
+            "abstained": int(abstained.loc[row["target_sigma_dn"], "estimates_abstained"]),
+        }
+        for row in rows
+    ]
+    columns = [
+        Column("target_sigma_dn", "Noise", "DN", 0),
+        Column("estimated", "estimated", "DN", 1),
+        Column("abstained", "Abstained"),
+        *(Column(f"motion_{motion:g}", f"{motion:g} px", "%", 1) for motion in sorted(set(knots["motion_px"]))),
+    ]
+    objects = int(knots["objects"].max())
+    raised = [f"{level:g} DN and {motion:g} px" for level, motion in rises(knots)]
+    falls = (
+        "AP falls with noise and with motion: no knot exceeds its neighbour at less of either beyond both intervals."
+    )
+    notes = [
+        f"AP exceeds that of a neighbour with less noise or motion beyond both intervals at {listing(raised)}."
+        if raised
+        else falls,
+        f"Mean over the classes, {objects} objects, bootstrap 95 % interval over viewpoints. Noise 0: base gain. "
+        "Frames are formed in linear light at constant brightness: the light falls as the gain rises. Policies ask the "
+        "surface of the viewpoints that they are not driven on; the oracle that of its own.",
+    ]
+    return table("control_surface", "Surface that controllers ask: AP by motion blur.", rows, columns, notes, STAGE)
+
+
+def rises(knots: pd.DataFrame) -> list[tuple[float, float]]:
+    """Knots (noise, motion) whose AP exceeds, beyond both intervals, that at less noise or shorter motion."""
+    cells = {(row["target_sigma_dn"], row["motion_px"]): row for row in records(knots)}
+    levels, motions = (sorted(set(knots[name])) for name in ("target_sigma_dn", "motion_px"))
+    found = []
+    for (level, motion), row in cells.items():
+        down, across = levels.index(level), motions.index(motion)
+        before = [cells[levels[down - 1], motion]] if down else []
+        before += [cells[level, motions[across - 1]]] if across else []
+        if any(row["low_percent"] > other["high_percent"] for other in before):
+            found.append((float(level), float(motion)))
+    return found
+
+
+def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
+    """Heat map and table, and the sentence for the verdict; empty where the stage has not run."""
+    knots = optional(None if inputs.control is None else inputs.control / STAGE, "knots.parquet", KNOTS)
+    if knots is None:
+        return [], []
+    every = knots[knots["fold"] == ALL_VIEWPOINTS].reset_index(drop=True)
+    caption = (
+        "The surface that controllers ask. AP of the controlled camera's detector over noise and motion, from frames "
+        "formed in linear light by that camera; noise as set and, in brackets, as the condition monitor estimates it."
+    )
+    return [Figure("control_surface", heat_map(every), caption, (STAGE,)), knot_table(every)], []

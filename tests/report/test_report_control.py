@@ -1,0 +1,204 @@
+"""The report's section on control: tables, film strips, examples, surface, order study and the verdict's sentences."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+
+import control_report_makers as made
+import pandas as pd
+import pytest
+
+from pipeline import store
+from pipeline.errors import InputError
+from pipeline.report import style
+from pipeline.report.build import build
+from pipeline.report.control_results import decision_ms, scenario_results
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.sections import (
+    control,
+    control_examples,
+    control_films,
+    control_surface,
+    control_tables,
+    order_study,
+)
+from pipeline.report.spec import Figure, NotRun, Section
+from pipeline.report.tables import Estimate, Table
+
+SCENARIOS = ("dusk_drive", "standing")
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
+    root = made.make_all(tmp_path_factory.mktemp("control"))
+    return ReportInputs(paper=made.PAPER, control=root, scenarios=SCENARIOS)
+
+
+@pytest.fixture(scope="module")
+def section(inputs: ReportInputs) -> Section:
+    return control.section(inputs)
+
+
+def _table(section: Section, name: str) -> Table:
+    (table,) = [block for block in section.blocks if isinstance(block, Table) and block.name == name]
+    return table
+
+
+def test_every_part_is_shown_once_and_nothing_is_missing(section: Section) -> None:
+    figures = [block.name for block in section.blocks if isinstance(block, Figure)]
+    assert figures == [
+        "control_example_1", "control_example_2", "control_response", "control_surface", "control_dusk_drive",
+        "control_standing",
+    ]  # fmt: skip
+    assert not [block for block in section.blocks if isinstance(block, NotRun) and "published" not in block.title]
+    assert [run.ran for run in section.runs[:4]] == [True] * 4
+
+
+def test_without_any_stage_every_part_names_its_command() -> None:
+    section = control.section(ReportInputs(paper=made.PAPER, scenarios=SCENARIOS))
+    lines = {block.line for block in section.blocks if isinstance(block, NotRun)}
+    assert {"dvc repro worked_examples", "dvc repro control_surface", "dvc repro closed_loop"} <= lines
+    assert "dvc repro order_study" in lines and section.findings == []
+
+
+def test_a_scenario_that_did_not_run_is_named(inputs: ReportInputs) -> None:
+    section = control.section(dataclasses.replace(inputs, scenarios=(*SCENARIOS, "flicker")))
+    (note,) = [block for block in section.blocks if isinstance(block, NotRun) and "Flicker" in block.title]
+    assert note.line == "dvc repro closed_loop@flicker"
+
+
+def test_average_precision_and_regret_have_their_intervals(section: Section) -> None:
+    row = next(row for row in _table(section, "control_ap").rows if row["scenario"] == "Dusk drive")
+    assert row["iopc_continuous"] == Estimate(80.0, 75.0, 85.0) and row["demanding"] == "yes"
+    lines = _table(section, "control_measures").rows
+    ours = next(row for row in lines if row["scenario"] == "Dusk drive" and row["policy"] == "IOPC continuous")
+    assert isinstance(ours["regret_percent"], Estimate) and ours["regret_percent"].value == 2.0
+    assert ours["settling_frames"] == "2"
+    assert next(row for row in lines if row["policy"] == "Shin 2019")["settling_frames"] == "not settled"
+
+
+def test_paired_differences_say_which_policies_are_beaten(section: Section) -> None:
+    rows = {(row["scenario"], row["policy"]): row for row in _table(section, "control_pairs").rows}
+    row = rows["Dusk drive", "IOPC continuous"]
+    assert row["shin2019"] == Estimate(30.0, 25.0, 35.0) and row["better"] == "than all four"
+
+
+def test_an_interval_that_includes_zero_does_not_count_as_better(tmp_path: Path) -> None:
+    made.make_scenario(tmp_path, "dusk_drive", 1000.0, 25.0)
+    results = scenario_results(ReportInputs(paper=made.PAPER, control=tmp_path, scenarios=SCENARIOS))
+    assert not control_tables.beats_all(results[0], "iopc_continuous")
+    (row,) = [row for row in control_tables.pairs(results).rows if row["policy"] == "IOPC continuous"]
+    assert row["better"] == "than Fixed and Shin 2019"
+    assert "in 0 of 1 scenarios" in control_tables.findings(results)[0]
+    assert "Not in: dusk drive" in control_tables.findings(results)[0]
+
+
+def test_the_verdict_counts_scenarios_and_states_the_regret(section: Section) -> None:
+    text = " ".join(section.findings)
+    assert "in 1 of 1 scenarios with motion in poor light" in text
+    assert "IOPC continuous: median regret to the oracle 2.0 AP points; where nothing moves, at most 0.0" in text
+
+
+def test_decision_times_come_from_the_record(tmp_path: Path, inputs: ReportInputs) -> None:
+    path = tmp_path / "control.json"
+    store.write_json(path, {"machine": {}, "decision": {"shim": {"processor_median_ms": 1.25}}})
+    times = decision_ms(dataclasses.replace(inputs, decision_times=path))
+    assert times == {"shim": 1.25}
+    rows = control_tables.measures(scenario_results(inputs), times).rows
+    assert {row["decision_ms"] for row in rows if row["policy"] == "Shim"} == {1.25}
+    store.write_json(path, {"decision": {}})
+    with pytest.raises(InputError, match=r"benchmarks/control\.py"):
+        decision_ms(dataclasses.replace(inputs, decision_times=path))
+
+
+def test_a_film_strip_shows_state_estimates_and_pictures(inputs: ReportInputs, tmp_path: Path) -> None:
+    result = scenario_results(inputs)[0]
+    drawing = control_films.strip(result)
+    values = drawing.values
+    assert values is not None and set(values["policy"]) == {"mean_intensity", "iopc_continuous", "oracle"}
+    ours = values[values["policy"] == "iopc_continuous"]
+    assert len(ours) == made.N_STEPS and (ours["ap_percent"] == made.AP["iopc_continuous"] + 0.5).all()
+    assert ours["estimated_sigma_dn"].tolist() == [4.5 + step for step in range(made.N_STEPS)]
+    assert "8 ms at ISO 100 to 1.3 ms at ISO 600" in drawing.alt.replace("8.0", "8")
+    svg = style.save(drawing.figure, tmp_path / "film", values)[0].read_text(encoding="utf-8")
+    assert svg.count("<image") == 4
+
+
+def test_example_pictures_carry_scores_and_settings(inputs: ReportInputs) -> None:
+    blocks, findings = control_examples.blocks(inputs)
+    one, two = (block for block in blocks if isinstance(block, Figure) and "example" in block.name)
+    assert "ISO 200) missed" in one.drawing.alt and "score 0.50" in one.drawing.alt
+    assert two.drawing.values is not None
+    assert list(two.drawing.values["step"]) == [
+        "initial",
+        "final",
+        "built_in_18",
+    ]  # one picture of the built-in control
+    assert "30.0 < 50.0 < 70.0 %" in findings[0] and "holds" in findings[0]
+
+
+def test_the_published_order_of_the_controllers_may_fail(tmp_path: Path) -> None:
+    made.make_examples(tmp_path, (70.0, 50.0, 30.0))
+    _, findings = control_examples.blocks(ReportInputs(paper=made.PAPER, control=tmp_path))
+    assert "70.0, 50.0, 30.0 %" in findings[0] and "does not hold" in findings[0]
+
+
+def test_the_replay_is_compared_with_the_published_curve(inputs: ReportInputs) -> None:
+    blocks, findings = control_examples.blocks(inputs)
+    assert "within 0.030 ms" in findings[1]
+    (response,) = [block for block in blocks if isinstance(block, Figure) and block.name == "control_response"]
+    assert "0.030 ms" in response.drawing.alt and "30.0 % (paper 26.08 %)" in response.drawing.alt
+
+
+def test_the_paper_stands_beside_the_steps(section: Section) -> None:
+    row = next(row for row in _table(section, "control_examples").rows if row["step"] == "as taken")
+    sigma, iso = row["sigma_dn"], row["iso"]
+    assert isinstance(sigma, Estimate) and sigma.reference == 20.0
+    assert isinstance(iso, Estimate) and iso.value == 200.0 and iso.reference == 400.0
+
+
+def test_the_surface_names_knots_that_rise(tmp_path: Path, section: Section) -> None:
+    assert _table(section, "control_surface").footnotes[0].startswith("AP falls with noise and with motion")
+    made.make_surface(tmp_path, raised=True)
+    blocks, _ = control_surface.blocks(ReportInputs(paper=made.PAPER, control=tmp_path))
+    (table,) = [block for block in blocks if isinstance(block, Table)]
+    assert "at 10 DN and 15 px" in table.footnotes[0]
+
+
+def test_the_order_study_decides_by_intervals() -> None:
+    softened, disturbs, noise, motion = order_study.CONCLUSIONS
+    study = made.study()
+    assert order_study.survival(softened, study) == "holds in the paper's order only"
+    assert order_study.survival(disturbs, study) == "survives"
+    assert order_study.survival(noise, study) == order_study.survival(motion, study) == "survives"
+    assert order_study.survival(softened, made.study(kept_detector=0.3)) == "survives"
+    assert order_study.survival(disturbs, made.study(noise_hurts=False)) == "not decided"
+
+
+def test_one_noise_level_decides_nothing_about_noise() -> None:
+    study = made.study()
+    study = study[study["target_sigma_dn"] == 15.0]
+    assert order_study.survival(order_study.CONCLUSIONS[1], study) == "not decided"
+    assert order_study.survival(order_study.CONCLUSIONS[3], study) == "survives"
+
+
+def test_the_sentence_on_the_order_is_built_from_numbers() -> None:
+    text = order_study.finding(made.study())
+    assert "holds in the paper's order only: “Blur softens photon noise”" in text
+    assert "At 15 DN and 21 px the blur estimate is 20.0 % off" in text
+    rows = order_study.study_table(made.study()).rows
+    assert len(rows) == 8 and {row["present_detector"] for row in rows if row["motion_px"] == 21.0} == {5.0, 15.0}
+
+
+def test_the_verdict_of_the_page_holds_the_findings(
+    inputs: ReportInputs, report_inputs: ReportInputs, tmp_path: Path
+) -> None:
+    build(dataclasses.replace(report_inputs, control=inputs.control, scenarios=SCENARIOS), tmp_path)
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    verdict = page[page.index('id="verdict"') : page.index("</section>")]
+    assert "median regret to the oracle 2.0 AP points" in verdict and "“Blur softens photon noise”" in verdict
+    assert {path.name for path in (tmp_path / "tables").iterdir()} >= {"control_pairs.csv", "order_study.tex"}
+    values = pd.read_csv(tmp_path / "figures/control_dusk_drive.csv")
+    assert re.search(r"motion_px,estimated_motion_px", ",".join(values.columns))
