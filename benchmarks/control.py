@@ -1,0 +1,154 @@
+"""Time of a control decision by policy, of estimation and decision together, and of one step of the closed loop.
+
+    python benchmarks/control.py [--out FILE] [--repeats N] [--viewpoints N]
+
+One 896 x 768 frame, formed by the controlled camera from a procedural radiance; one thread. ``decision`` is the policy
+alone with estimates at hand, ``estimation`` the condition monitor (noise, blur and maps), ``per_second`` what both
+together reach on one core by processor time. ``loop_step`` is one step of the simulated loop without its cache: frames
+of all viewpoints formed and searched by the detector, one estimate, one decision. On a busy machine the processor's
+times are the ones to read.
+
+Published beside it: Lee et al. (CVPR 2024, arXiv 2404.01636), learned exposure control (DRL-AE), 6 ms a frame on a
+processor and about five frames to converge; Shin et al. (IROS 2019), 18.2 ms for its metric at 800 x 600. The report
+reads the decision times from the record (benchmarks/results/control.json).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks import common  # noqa: E402
+
+common.one_thread()
+
+import numpy as np  # noqa: E402
+
+from pipeline import control  # noqa: E402
+from pipeline.camera.exposure import Camera, Motion, noise_generator  # noqa: E402
+from pipeline.control.loop import Rig, run  # noqa: E402
+from pipeline.control.motion import CYCLES_PER_PX, motion_mtf  # noqa: E402
+from pipeline.control.observation import Observation, observe  # noqa: E402
+from pipeline.control.performance import Performance  # noqa: E402
+from pipeline.control.policy import ControlledCamera  # noqa: E402
+from pipeline.control.scenario import Scenario  # noqa: E402
+from pipeline.control.state import CameraState  # noqa: E402
+from pipeline.control.views import View  # noqa: E402
+from pipeline.curves.cells import Cells  # noqa: E402
+from pipeline.curves.surface import Surface  # noqa: E402
+
+FRAME_PX = (768, 896)
+STATE = CameraState.of(8.0, 400.0)
+LIGHT, SPEED_PX_S = 0.25, 760.0
+PUBLISHED_MS = {"drl_ae": 6.0, "shin2019_metric_800x600": 18.2}
+STEPS = 3
+
+
+def radiance(number: int = 0) -> np.ndarray:
+    """(768, 896) float32: dead leaves, mean about that of a street in daylight."""
+    from pipeline.learning import dead_leaves
+    from pipeline.streams import stream
+
+    generator = stream(0, "control benchmark", number)
+    squares = [dead_leaves.draw(generator, 448, supersampling=1) for _ in range(4)]
+    picture = np.concatenate([np.concatenate(squares[:2], axis=1), np.concatenate(squares[2:], axis=1)])
+    return (2.5 * (np.asarray(picture)[: FRAME_PX[0]] / 255.0) ** 2.2).astype(np.float32)
+
+
+def surface() -> Performance:
+    """A surface with the knots of the default one, from a formula: a decision costs the same on any."""
+    reference = np.tile(np.exp(-2.0 * CYCLES_PER_PX), (2, 1))
+    levels, sizes = np.arange(0.0, 41.0, 5.0), np.array([0.0, 3, 7, 11, 15, 21, 31])
+    mtf = motion_mtf(sizes, reference, 0)[::-1]
+    shape = (len(levels), len(sizes))
+    sigma = np.repeat(levels[:, None] + 1.0, len(sizes), 1)
+    precision = 95.0 * np.exp(-sigma / 30.0 - (sizes[None, ::-1] / 14.0) ** 2)
+    draws = np.clip(precision[None] + np.linspace(-3, 3, 300)[:, None, None], 0, 100)
+    spread = np.broadcast_to(mtf, shape).copy()
+    cells = Cells(levels, mtf, np.ones(shape, dtype=np.int64), sigma, spread, precision, draws, 0)
+    return Performance(Surface(cells), reference, 0, float(sizes[-1]))
+
+
+def observation(monitor: Any) -> Observation:
+    """What the camera and the monitor give at `STATE`."""
+    frame = Camera().expose(
+        radiance(), STATE.exposure_s, STATE.gain, noise_generator(0, "control benchmark"),
+        light=LIGHT, motion=Motion(SPEED_PX_S),
+    )  # fmt: skip
+    return observe(frame.image, monitor)
+
+
+def decisions(seen: Observation, performance: Performance, repeats: int) -> dict[str, dict[str, float]]:
+    """Times of one decision of every policy that needs no truth."""
+    calls = {}
+    for name in control.REGISTRY.names():
+        policy = control.create(name, camera=ControlledCamera(), performance=performance)
+        if not policy.sees_truth:
+            calls[name] = lambda policy=policy: policy.decide(seen, STATE)
+    return common.take_turns(calls, repeats)
+
+
+def loop_step(performance: Performance, viewpoints: int) -> dict[str, float]:
+    """Processor time of one step of the loop with some viewpoints, ms."""
+    from pipeline.store import write_arrays
+
+    scenario = Scenario("benchmark", STEPS, ((0.0, LIGHT),), ((0.0, SPEED_PX_S),), STATE)
+    with tempfile.TemporaryDirectory() as folder:
+        views = []
+        for number in range(viewpoints):
+            path = Path(folder) / f"view-{number}.radiance.npz"
+            write_arrays(path, radiance=radiance(number).astype(np.float16))
+            views.append(View(f"view-{number}-0", f"view-{number}", 0, path, ()))
+        rig = Rig(Camera(), ControlledCamera(), "compact", "{}", 0)
+        times = []
+        for _ in range(2):  # the first opens the detector and the monitor
+            policy = control.create("iopc_continuous", camera=ControlledCamera(), performance=performance)
+            start = time.thread_time()
+            run(policy, rig, scenario, views)
+            times.append((time.thread_time() - start) * 1e3 / STEPS)
+    return {"viewpoints": viewpoints, "processor_ms": round(times[-1], 1)}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Measure and write the record."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--repeats", type=int, default=20)
+    parser.add_argument("--viewpoints", type=int, default=4)
+    options = parser.parse_args(arguments)
+    from pipeline.condition import ConditionMonitor
+
+    common.hold_loaded_libraries()
+    monitor = ConditionMonitor()
+    seen = observation(monitor)
+    performance = surface()
+    estimation = common.take_turns({"monitor": lambda: observe(seen.image, monitor)}, max(3, options.repeats // 2))
+    common.hold_loaded_libraries()
+    taken = decisions(seen, performance, options.repeats)
+    estimate_ms = estimation["monitor"]["processor_median_ms"]
+    together = {
+        name: round(1e3 / (times["processor_median_ms"] + (estimate_ms if name.startswith("iopc") else 0.0)), 1)
+        for name, times in taken.items()
+    }
+    record = {
+        "machine": common.machine("torch", "opencv-python-headless"),
+        "frame_px": list(FRAME_PX[::-1]),
+        "abstained": seen.abstained,
+        "decision": taken,
+        "estimation": estimation["monitor"],
+        "per_second": together,
+        "loop_step": loop_step(performance, options.viewpoints),
+        "published_ms": PUBLISHED_MS,
+    }
+    print(common.write("control", record, options.out))
+
+
+if __name__ == "__main__":
+    main()
