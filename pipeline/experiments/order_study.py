@@ -14,6 +14,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.camera import mtf as mtf_of
 from pipeline.camera.levels import corrupt
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from pipeline.detection.base import Detector
 
 EFFECT = "photon"
+EFFECT_DRAWS = 2000
 STUDY = Schema(
     "order study",
     {
@@ -59,6 +61,31 @@ STUDY = Schema(
     },
     {"motion_px": "px", "target_sigma_dn": "DN", "amae_percent": "%", "ap_percent": "%"},
 )
+
+
+EFFECTS = Schema(
+    "order study, effects",
+    {
+        "order": "string",
+        "light": "string",
+        "cause": "string",  # noise: least to strongest, mean over all motion; motion: none to longest, least noise
+        "measure": "string",  # amae_percent or ap_percent
+        "before": "float64",
+        "after": "float64",
+        "change": "float64",  # paired over frames (AMAE, mean) or over the bootstrap's scenes (AP)
+        "low": "float64",
+        "high": "float64",
+    },
+    {"change": "percent points"},
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Precision:
+    """Average precision of one condition in percent, mean over the classes, and its (B,) bootstrap draws."""
+
+    ap_percent: float
+    draws: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -121,15 +148,15 @@ def look(
     return found
 
 
-def table(
+def precisions(
     frames: Sequence[Frame],
     found: Sequence[Sequence[Mapping[str, Any]]],
     chosen: Sequence[Corruption],
     words: ClassMap,
     judge: Any,
     seed: int,
-) -> pd.DataFrame:
-    """Conditions side by side: schema `STUDY`.
+) -> list[Precision]:
+    """Average precision under every condition; the draws resample the same scenes, so that differences are paired.
 
     Args:
         frames: looked at.
@@ -137,14 +164,12 @@ def table(
         chosen: the conditions.
         words: what the dataset's labels mean to the detector.
         judge: section ``detection.judge`` of the configuration.
-        seed: of the bootstraps.
+        seed: of the bootstrap.
     """
-    import pandas as pd
-
     truths = [words.truth(frame.boxes, judge.lowest_px, judge.least_visible) for frame in frames]
     scenes = [scene_of("sim", frame.name) for frame in frames]
-    rows = []
-    for number, one in enumerate(chosen):
+    scores = []
+    for number in range(len(chosen)):
         parts = [each[number] for each in found]
         detected = [Detections.of(part["boxes"], part["score"], part["label"]) for part in parts]
         results = evaluate(
@@ -153,27 +178,114 @@ def table(
         )  # fmt: skip
         known = [result for result in results.values() if result.objects]
         draws = 100.0 * np.mean([result.draws for result in known], axis=0) if known else np.array([np.nan])
-        finite = draws[np.isfinite(draws)]
-        ends = np.percentile(finite, [2.5, 97.5]) if len(finite) else (np.nan, np.nan)
+        mean = 100.0 * float(np.mean([result.average_precision for result in known])) if known else float("nan")
+        scores.append(Precision(mean, draws))
+    return scores
+
+
+def table(
+    found: Sequence[Sequence[Mapping[str, Any]]],
+    chosen: Sequence[Corruption],
+    scores: Sequence[Precision],
+    seed: int,
+) -> pd.DataFrame:
+    """Conditions side by side: schema `STUDY`.
+
+    Args:
+        found: what `look` gave, one entry per frame.
+        chosen: the conditions.
+        scores: `precisions`.
+        seed: of the bootstraps.
+    """
+    import pandas as pd
+
+    rows = []
+    for number, (one, score) in enumerate(zip(chosen, scores, strict=True)):
+        parts = [each[number] for each in found]
+        low, high = _interval(score.draws)
         row: dict[str, Any] = {
             "order": one.order,
             "light": one.light,
             "motion_px": one.motion_px,
             "target_sigma_dn": one.sigma_dn,
             "clipped_sigma_dn": float(np.mean([part["clipped_sigma_dn"] for part in parts])),
-            "ap_percent": 100.0 * float(np.mean([r.average_precision for r in known])) if known else float("nan"),
-            "ap_low_percent": float(ends[0]),
-            "ap_high_percent": float(ends[1]),
+            "ap_percent": score.ap_percent,
+            "ap_low_percent": low,
+            "ap_high_percent": high,
             "frames": len(parts),
         }
-        for name, value, low, high, silent in (
+        for name, value, lower, upper, silent in (
             ("sigma_dn", "estimated_sigma_dn", "sigma_low_dn", "sigma_high_dn", "noise_abstained"),
             ("amae_percent", "amae_percent", "amae_low_percent", "amae_high_percent", "blur_abstained"),
         ):
             values = np.array([part[name] for part in parts])
             good = values[np.isfinite(values)]
             row[value] = float(np.median(good)) if len(good) else float("nan")
-            row[low], row[high] = bootstrap_interval(good, stream(seed, "order study", name), draws=200)
+            row[lower], row[upper] = bootstrap_interval(good, stream(seed, "order study", name), draws=200)
             row[silent] = int(len(values) - len(good))
         rows.append(row)
     return STUDY.conform(pd.DataFrame(rows))
+
+
+def effects(
+    found: Sequence[Sequence[Mapping[str, Any]]],
+    chosen: Sequence[Corruption],
+    scores: Sequence[Precision],
+    seed: int,
+) -> pd.DataFrame:
+    """What noise and motion change under each order and light, paired: schema `EFFECTS`.
+
+    Args:
+        found: what `look` gave, one entry per frame.
+        chosen: the conditions.
+        scores: `precisions`.
+        seed: of the bootstrap.
+
+    Returns:
+        one row for each order, light, cause and measure; no rows for a cause with one level only.
+    """
+    import pandas as pd
+
+    amae = np.array([[part["amae_percent"] for part in each] for each in found])
+    draws = np.stack([score.draws for score in scores])
+    values = np.array([score.ap_percent for score in scores])
+    rows = []
+    for order, light in dict.fromkeys((one.order, one.light) for one in chosen):
+        mine = {
+            (one.motion_px, one.sigma_dn): n for n, one in enumerate(chosen) if (one.order, one.light) == (order, light)
+        }
+        motions, sigmas = (sorted({key[axis] for key in mine}) for axis in (0, 1))
+        moving = [motion for motion in motions if motion > motions[0]] or motions
+        for cause, before, after in (
+            ("noise", [mine[m, sigmas[0]] for m in moving], [mine[m, sigmas[-1]] for m in moving]),
+            ("motion", [mine[motions[0], sigmas[0]]], [mine[motions[-1], sigmas[0]]]),
+        ):
+            if before == after:
+                continue
+            head = {"order": order, "light": light, "cause": cause}
+            first, last = (np.nanmean(amae[:, chosen_ones], axis=1) for chosen_ones in (before, after))
+            change = (last - first)[np.isfinite(last - first)]
+            generator = stream(seed, "order study", "effects")
+            resampled = change[generator.integers(0, len(change), (EFFECT_DRAWS, len(change)))].mean(axis=1)
+            rows.append(_effect(head, "amae_percent", np.nanmean(first), np.nanmean(last), resampled))
+            difference = draws[after].mean(axis=0) - draws[before].mean(axis=0)
+            rows.append(_effect(head, "ap_percent", values[before].mean(), values[after].mean(), difference))
+    return EFFECTS.conform(pd.DataFrame(rows, columns=list(EFFECTS.columns)))
+
+
+def _effect(
+    head: Mapping[str, str], measure: str, before: float, after: float, draws: NDArray[np.float64]
+) -> dict[str, Any]:
+    low, high = _interval(draws)
+    change = float(after - before)
+    return {
+        **head, "measure": measure, "before": float(before), "after": float(after), "change": change, "low": low,
+        "high": high,
+    }  # fmt: skip
+
+
+def _interval(draws: NDArray[np.float64]) -> tuple[float, float]:
+    """Ends of the 95 % interval of finite draws."""
+    finite = draws[np.isfinite(draws)]
+    low, high = np.percentile(finite, [2.5, 97.5]).tolist() if len(finite) else (float("nan"), float("nan"))
+    return low, high

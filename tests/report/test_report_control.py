@@ -167,29 +167,40 @@ def test_the_surface_names_knots_that_rise(tmp_path: Path, section: Section) -> 
     assert "at 10 DN and 15 px" in table.footnotes[0]
 
 
+def _study(kept_detector: float = 1.0, noise_hurts: bool = True) -> order_study.Study:
+    return order_study.Study(made.study(kept_detector), made.effects(noise_hurts))
+
+
 def test_the_order_study_decides_by_intervals() -> None:
     softened, disturbs, noise, motion = order_study.CONCLUSIONS
-    study = made.study()
-    assert order_study.survival(softened, study) == "holds in the paper's order only"
-    assert order_study.survival(disturbs, study) == "survives"
-    assert order_study.survival(noise, study) == order_study.survival(motion, study) == "survives"
-    assert order_study.survival(softened, made.study(kept_detector=0.3)) == "survives"
-    assert order_study.survival(disturbs, made.study(noise_hurts=False)) == "not decided"
+    study = _study()
+    assert study.survival(softened) == "holds in the paper's order only"
+    assert study.survival(disturbs) == study.survival(noise) == study.survival(motion) == "survives"
+    assert _study(kept_detector=0.3).survival(softened) == "survives"
+    assert _study(noise_hurts=False).survival(disturbs) == "not decided"
+
+
+def test_a_change_against_the_claim_does_not_survive() -> None:
+    effects = made.effects().assign(low=5.0, high=9.0)
+    study = order_study.Study(made.study(), effects)
+    assert study.survival(order_study.CONCLUSIONS[2]) == "does not survive"
 
 
 def test_one_noise_level_decides_nothing_about_noise() -> None:
-    study = made.study()
-    study = study[study["target_sigma_dn"] == 15.0]
-    assert order_study.survival(order_study.CONCLUSIONS[1], study) == "not decided"
-    assert order_study.survival(order_study.CONCLUSIONS[3], study) == "survives"
+    effects = made.effects()
+    study = order_study.Study(made.study(), effects[effects["cause"] == "motion"])
+    assert study.survival(order_study.CONCLUSIONS[1]) == "not decided"
+    assert study.survival(order_study.CONCLUSIONS[3]) == "survives"
 
 
 def test_the_sentence_on_the_order_is_built_from_numbers() -> None:
-    text = order_study.finding(made.study())
+    text = order_study.finding(_study())
     assert "holds in the paper's order only: “Blur softens photon noise”" in text
-    assert "At 15 DN and 21 px the blur estimate is 20.0 % off" in text
+    assert "100 % is left behind the blur, in the paper's order 30 %" in text
     rows = order_study.study_table(made.study()).rows
     assert len(rows) == 8 and {row["present_detector"] for row in rows if row["motion_px"] == 21.0} == {5.0, 15.0}
+    (row,) = [row for row in order_study.conclusion_table(_study()).rows if row["claim"] == "AP falls with motion blur"]
+    assert row["detector_linear"] == "yes: 50.0 to 29.0 %, change −31.0 to −11.0 points"
 
 
 def test_the_verdict_of_the_page_holds_the_findings(

@@ -81,7 +81,7 @@ def strip(result: ScenarioResult) -> Drawing:
             style.bare(axes)
             here = states.loc[step]
             axes.set_xlabel(
-                f"frame {step}: {format_number(here['exposure_ms'], 1)} ms, ISO {here['iso']:.0f}, "
+                f"frame {step}: {format_number(float(here['exposure_ms']), 1)} ms, ISO {here['iso']:.0f}, "
                 f"AP {here['ap_percent']:.0f} %",
                 fontsize=5.6, labelpad=2,
             )  # fmt: skip
@@ -140,7 +140,7 @@ def _alt(result: ScenarioResult, rows: pd.DataFrame, policies: list[str]) -> str
 
     def at(name: str, step: int) -> str:
         row = rows[(rows["policy"] == name) & (rows["step"] == step)].iloc[0]
-        return f"{format_number(row['exposure_ms'], 1)} ms at ISO {row['iso']:.0f}"
+        return f"{format_number(float(row['exposure_ms']), 1)} ms at ISO {row['iso']:.0f}"
 
     words = [
         f"{policy_word(name)} from {at(name, first)} to {at(name, last)}, AP per frame "

@@ -35,9 +35,8 @@ def heat_map(knots: pd.DataFrame) -> Drawing:
     axes = figure.subplots()
     image = axes.pcolormesh(np.ma.masked_invalid(grid.to_numpy(float)), vmin=0, vmax=100, cmap="viridis", linewidth=0)
     axes.grid(False)
-    for row, level in enumerate(grid.index):
-        for column, motion in enumerate(grid.columns):
-            value = float(grid.loc[level, motion])
+    for row, cells in enumerate(grid.to_numpy(float)):
+        for column, value in enumerate(cells):
             ink = style.PAPER if value < LIGHT_BELOW else style.INK
             axes.text(column + 0.5, row + 0.5, f"{value:.0f}", ha="center", va="center", fontsize=5.8, color=ink)
     axes.set_xticks(np.arange(len(grid.columns)) + 0.5, [f"{motion:g}" for motion in grid.columns])

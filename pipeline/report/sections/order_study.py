@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs, optional
 from pipeline.report.spec import Block
-from pipeline.report.tables import Column, Estimate, Row, Table, estimate, records, table
+from pipeline.report.tables import Column, Row, Table, estimate, format_number, records, table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,119 +63,103 @@ def study_table(study: pd.DataFrame) -> Table:
 
 @dataclass(frozen=True)
 class Conclusion:
-    """A conclusion of the paper and whether the study's numbers support it.
+    """A conclusion of the paper and what the study measures of it.
 
     Attributes:
         claim: in words.
-        evidence: ours in one cell, from the rows of one order and light.
-        holds: whether these rows support it; None where they do not decide.
+        cause: of the effect (``noise`` or ``motion``); empty where noise left by the blur decides.
+        measure: column of the effect.
+        sign: of the change that the claim states.
     """
 
     claim: str
-    evidence: Callable[[pd.DataFrame], str]
-    holds: Callable[[pd.DataFrame], Verdict]
-
-
-def _at(rows: pd.DataFrame, motion_px: float, sigma_dn: float) -> Row:
-    own = rows[(rows["motion_px"] == motion_px) & (rows["target_sigma_dn"] == sigma_dn)]
-    return records(own)[0]
-
-
-def _ends(rows: pd.DataFrame) -> tuple[float, float, float, float]:
-    """Shortest and longest motion, least and strongest noise."""
-    motion, sigma = rows["motion_px"], rows["target_sigma_dn"]
-    return float(motion.min()), float(motion.max()), float(sigma.min()), float(sigma.max())
-
-
-def _kept(rows: pd.DataFrame) -> float:
-    """Noise present under the longest motion as a fraction of that without motion, at the strongest noise."""
-    still, longest, _, strongest = _ends(rows)
-    unblurred = _at(rows, still, strongest)["clipped_sigma_dn"]
-    return float(_at(rows, longest, strongest)["clipped_sigma_dn"] / unblurred)
-
-
-def _rise(rows: pd.DataFrame, name: str, motion: bool) -> tuple[Estimate, Estimate]:
-    """A measure at the least and at the greatest noise (under the longest motion), or motion (at the least noise)."""
-    still, longest, least, strongest = _ends(rows)
-    first, last = (_at(rows, still, least), _at(rows, longest, least)) if motion else (
-        _at(rows, longest, least), _at(rows, longest, strongest))  # fmt: skip
-    before, after = MEASURES[name](first), MEASURES[name](last)
-    assert isinstance(before, Estimate) and isinstance(after, Estimate)
-    return before, after
-
-
-def _grows(before: Estimate, after: Estimate) -> Verdict:
-    """Whether a value grows beyond both intervals; None where the intervals overlap or there is one value only."""
-    if after.low > before.high:
-        return True
-    return False if after.value < before.value else None
-
-
-def _falls(before: Estimate, after: Estimate) -> Verdict:
-    if after.high < before.low:
-        return True
-    return False if after.value > before.value else None
-
-
-def _change(name: str, motion: bool) -> Callable[[pd.DataFrame], str]:
-    def evidence(rows: pd.DataFrame) -> str:
-        before, after = _rise(rows, name, motion)
-        return f"{before.value:.1f} to {after.value:.1f} %"
-
-    return evidence
+    cause: str = ""
+    measure: str = ""
+    sign: int = 1
 
 
 CONCLUSIONS = (
-    Conclusion(
-        "Blur softens photon noise: less of it is present and estimated in a blurred frame",
-        lambda rows: f"{100 * _kept(rows):.0f} % of the noise left",
-        lambda rows: _kept(rows) < KEPT_FRACTION,
-    ),
+    Conclusion("Blur softens photon noise: less of it is present in a blurred frame"),
     Conclusion(
         "Photon noise disturbs the estimate of a blur (advice: avoid photon noise): AMAE grows with it",
-        _change("amae_percent", motion=False),
-        lambda rows: _grows(*_rise(rows, "amae_percent", motion=False)),
+        "noise",
+        "amae_percent",
     ),
-    Conclusion(
-        "AP falls with photon noise",
-        _change("ap_percent", motion=False),
-        lambda rows: _falls(*_rise(rows, "ap_percent", motion=False)),
-    ),
-    Conclusion(
-        "AP falls with motion blur",
-        _change("ap_percent", motion=True),
-        lambda rows: _falls(*_rise(rows, "ap_percent", motion=True)),
-    ),
+    Conclusion("AP falls with photon noise", "noise", "ap_percent", -1),
+    Conclusion("AP falls with motion blur", "motion", "ap_percent", -1),
 )
 SETTINGS = ((PAPER, ENCODED), (DETECTOR, ENCODED), (PAPER, LINEAR), (DETECTOR, LINEAR))
+MARKS = {True: "yes", False: "no", None: "not decided"}
 
 
-def _rows(study: pd.DataFrame, order: str, light: str) -> pd.DataFrame:
-    return study[(study["order"] == order) & (study["light"] == light)]
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Both tables of the stage: conditions, and the effects of noise and motion with paired intervals."""
+
+    conditions: pd.DataFrame
+    effects: pd.DataFrame
+
+    def at(self, setting: tuple[str, str]) -> pd.DataFrame:
+        """Conditions of an order and a light."""
+        order, light = setting
+        return self.conditions[(self.conditions["order"] == order) & (self.conditions["light"] == light)]
+
+    def kept(self, setting: tuple[str, str]) -> float:
+        """Noise present under the longest motion as a fraction of that without motion, at the strongest noise."""
+        rows = self.at(setting)
+        rows = rows[rows["target_sigma_dn"] == rows["target_sigma_dn"].max()].sort_values("motion_px")
+        return float(rows["clipped_sigma_dn"].iloc[-1] / rows["clipped_sigma_dn"].iloc[0])
+
+    def effect(self, conclusion: Conclusion, setting: tuple[str, str]) -> Row | None:
+        """The effect that decides a conclusion; None where the study has one level of its cause."""
+        rows = self.effects
+        for column, value in zip(
+            ("order", "light", "cause", "measure"), (*setting, conclusion.cause, conclusion.measure), strict=True
+        ):
+            rows = rows[rows[column] == value]
+        return records(rows)[0] if len(rows) else None
+
+    def holds(self, conclusion: Conclusion, setting: tuple[str, str]) -> Verdict:
+        """Whether the numbers of one order and light support a conclusion; None where they do not decide."""
+        if not conclusion.cause:
+            return self.kept(setting) < KEPT_FRACTION
+        effect = self.effect(conclusion, setting)
+        if effect is None:
+            return None
+        ends = sorted((conclusion.sign * effect["low"], conclusion.sign * effect["high"]))
+        return True if ends[0] > 0 else False if ends[1] < 0 else None
+
+    def evidence(self, conclusion: Conclusion, setting: tuple[str, str]) -> str:
+        """The numbers behind `holds`."""
+        if not conclusion.cause:
+            return f"{100 * self.kept(setting):.0f} % of the noise left"
+        effect = self.effect(conclusion, setting)
+        if effect is None:
+            return "one level only"
+        numbers = (format_number(effect[name], 1) for name in ("before", "after", "low", "high"))
+        return "{} to {} %, change {} to {} points".format(*numbers)
+
+    def survival(self, conclusion: Conclusion) -> str:
+        """The word of the verdict under the detector's order, in both lights."""
+        detector = [self.holds(conclusion, (DETECTOR, light)) for light in (ENCODED, LINEAR)]
+        if all(detector):
+            return "survives"
+        if any(verdict is False for verdict in detector):
+            paper = self.holds(conclusion, (PAPER, ENCODED))
+            return "holds in the paper's order only" if paper else "does not survive"
+        return "not decided"
 
 
-def survival(conclusion: Conclusion, study: pd.DataFrame) -> str:
-    """Which settings support a conclusion: the word of the verdict."""
-    held = {setting: conclusion.holds(_rows(study, *setting)) for setting in SETTINGS}
-    detector = [held[DETECTOR, ENCODED], held[DETECTOR, LINEAR]]
-    if all(detector):
-        return "survives"
-    if any(verdict is False for verdict in detector):
-        return "holds in the paper's order only" if held[PAPER, ENCODED] else "does not survive"
-    return "not decided"
-
-
-def conclusion_table(study: pd.DataFrame) -> Table:
+def conclusion_table(study: Study) -> Table:
     """The paper's conclusions under both orders and in both lights."""
-    marks = {True: "yes", False: "no", None: "not decided"}
     rows = []
     for conclusion in CONCLUSIONS:
         cells = {
-            f"{order}_{light}": f"{marks[conclusion.holds(own)]}: {conclusion.evidence(own)}"
+            f"{order}_{light}": f"{MARKS[study.holds(conclusion, (order, light))]}: "
+            f"{study.evidence(conclusion, (order, light))}"
             for order, light in SETTINGS
-            if len(own := _rows(study, order, light))
         }
-        rows.append({"claim": conclusion.claim, **cells, "survival": survival(conclusion, study)})
+        rows.append({"claim": conclusion.claim, **cells, "survival": study.survival(conclusion)})
     columns = [
         Column("claim", "Conclusion of the paper", wide=True),
         *(
@@ -185,35 +168,35 @@ def conclusion_table(study: pd.DataFrame) -> Table:
         ),
         Column("survival", "Under the detector's order and in linear light"),
     ]
-    still, longest, least, strongest = _ends(study)
+    motion, sigma = (sorted(set(study.conditions[name])) for name in ("motion_px", "target_sigma_dn"))
     notes = [
-        f"Noise left: present at {strongest:g} DN under {longest:g} px of motion against no motion; softened where "
-        f"less than {100 * KEPT_FRACTION:.0f} % are left. Effects of noise: {least:g} to {strongest:g} DN under "
-        f"{longest:g} px; of motion: {still:g} to {longest:g} px at {least:g} DN. Yes: beyond both 95 % intervals; not "
-        "decided: in that direction, but the intervals overlap.",
+        f"Noise left: present at {sigma[-1]:g} DN under {motion[-1]:g} px of motion against no motion; softened where "
+        f"less than {100 * KEPT_FRACTION:.0f} % are left. Effect of noise: {sigma[0]:g} to {sigma[-1]:g} DN, mean over "
+        f"all motion; of motion: {motion[0]:g} to {motion[-1]:g} px at {sigma[0]:g} DN. The change is given as its "
+        "paired bootstrap 95 % interval (AMAE over frames, AP over scenes); not decided: it includes 0.",
     ]
     return table("order_study_conclusions", "Order study: which conclusions survive.", rows, columns, notes, STAGE)
 
 
-def finding(study: pd.DataFrame) -> str:
+def finding(study: Study) -> str:
     """The sentence of the verdict."""
     by_word: dict[str, list[str]] = {}
     for conclusion in CONCLUSIONS:
         claim = conclusion.claim.split(":")[0].split(" (")[0]
-        by_word.setdefault(survival(conclusion, study), []).append(f"“{claim}”")
+        by_word.setdefault(study.survival(conclusion), []).append(f"“{claim}”")
     parts = [f"{word}: {listing(claims)}" for word, claims in by_word.items()]
-    _, longest, _, strongest = _ends(study)
-    amae = {order: _at(_rows(study, order, LINEAR), longest, strongest)["amae_percent"] for order in (PAPER, DETECTOR)}
     return (
-        "Order of photon noise and blur, under the detector's order and in linear light: "
-        f"{'; '.join(parts)}. At {strongest:g} DN and {longest:g} px the blur estimate is "
-        f"{amae[DETECTOR]:.1f} % off in the detector's order against {amae[PAPER]:.1f} % in the paper's."
+        f"Order of photon noise and blur, under the detector's order and in linear light: {'; '.join(parts)}. Of the "
+        f"photon noise {100 * study.kept((DETECTOR, LINEAR)):.0f} % is left behind the blur, in the paper's order "
+        f"{100 * study.kept((PAPER, LINEAR)):.0f} %."
     )
 
 
 def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     """Both tables and the sentence for the verdict; empty where the stage has not run."""
     study = optional(None if inputs.control is None else inputs.control / STAGE, "study.parquet")
-    if study is None:
+    effects = optional(None if inputs.control is None else inputs.control / STAGE, "effects.parquet")
+    if study is None or effects is None:
         return [], []
-    return [study_table(study), conclusion_table(study)], [finding(study)]
+    both = Study(study, effects)
+    return [study_table(study), conclusion_table(both)], [finding(both)]
