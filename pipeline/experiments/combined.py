@@ -237,7 +237,7 @@ def blur_cells(measurements: pd.DataFrame, seed: int, draws: int) -> pd.DataFram
     Args:
         measurements: `pipeline.experiments.tables.MEASUREMENTS`; rows of noise are passed over.
         seed: root of the bootstrap's streams.
-        draws: bootstrap resamples, of patches, the same for all rotations.
+        draws: bootstrap resamples of frames, the same for all rotations.
 
     Returns:
         `pipeline.experiments.tables.BLUR_CELLS`, without the expected error

@@ -3,54 +3,30 @@
     AMAE = mean over H and V of mean over 8 frequencies of |robust median - truth|, in percent, averaged over rotations
 
 with the robust median over the patches of all frames (`pipeline.statistics`; Wischow et al. 2023, Sec. V). Noise is the
-robust median, minimum and maximum over all tiles (Sec. IV-B). Intervals are percentile bootstrap 95 % intervals over
-patches; patches of one frame are correlated, so that an interval for a conclusion beyond these frames resamples whole
-frames (``resample="frames"``, a cluster bootstrap).
+robust median, minimum and maximum over all tiles (Sec. IV-B). Intervals are bias-corrected 95 % intervals over frames
+(`pipeline.experiments.intervals`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pipeline.camera import mtf
+from pipeline.experiments.intervals import frame_interval, median, robust_median
 from pipeline.experiments.tables import CONDITION, CONDITIONS, WRITTEN
-from pipeline.statistics import REJECT_BEYOND_MAD, bootstrap_interval, robust
+from pipeline.statistics import robust
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-Resample = Literal["patches", "frames"]
-
 NOISE_CELL = ("dataset", "estimator", "noise_source", "target_sigma_dn")
 MTF_CELL = ("dataset", "estimator", "noise_source", "target_sigma_dn", "blur_kind", "kernel_size_px")
-_BLOCK = 2_000_000  # numbers resampled together
 _NAN = float("nan")
-
-
-def robust_median(values: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Median over the first axis of the values within 3.5 MAD of the plain median (`pipeline.statistics.inliers`).
-
-    Args:
-        values: (N, ...) numbers; NaN are left out.
-
-    Returns:
-        (...); NaN where there is no number.
-    """
-    data = np.array(values, dtype=np.float64)
-    if len(data) == 0:
-        return np.full(data.shape[1:], np.nan)
-    empty = np.isnan(data).all(axis=0)
-    data[:, empty] = 0.0
-    deviation = np.abs(data - np.nanmedian(data, axis=0))
-    mad = np.nanmedian(deviation, axis=0)
-    data[deviation >= REJECT_BEYOND_MAD * np.where(mad == 0, 1.0, mad)] = np.nan
-    return np.where(empty, np.nan, np.nanmedian(data, axis=0))
 
 
 def noise_cells(
@@ -61,7 +37,6 @@ def noise_cells(
     draws: int,
     *,
     sort: bool = True,
-    resample: Resample = "patches",
 ) -> pd.DataFrame:
     """Robust statistics of the noise, one row for each cell.
 
@@ -70,9 +45,8 @@ def noise_cells(
         by: columns that a cell's rows have in common.
         purpose: names the bootstrap's random stream.
         seed: root of the random streams.
-        draws: bootstrap resamples.
+        draws: bootstrap resamples of frames; 0 for none.
         sort: cells in the order of their keys; else in that of the measurements.
-        resample: what the bootstrap resamples.
 
     Returns:
         the cells, with the mean absolute error of the patches against the noise present (``clipped_error_dn``) and the
@@ -88,18 +62,16 @@ def noise_cells(
             group[name].to_numpy(float) for name in ("estimate", "truth", "unclipped_truth", "low", "high")
         )
         generator = stream(seed, "bootstrap", purpose, *cell.values())
-        statistics = robust(values, generator, draws if resample == "patches" else 1)
-        ends = statistics.low, statistics.high
-        if resample == "frames":
-            ends = frame_interval(values, group["frame"].to_numpy(str), float, generator, draws)
+        statistics = robust(values, generator, 1)
+        low_dn, high_dn = frame_interval(values, group["frame"].to_numpy(str), robust_median, generator, draws)
         rows.append(
             {
                 **{WRITTEN.get(name, name): value for name, value in cell.items()},
                 "median_dn": statistics.median,
                 "minimum_dn": statistics.minimum,
                 "maximum_dn": statistics.maximum,
-                "low_dn": ends[0],
-                "high_dn": ends[1],
+                "low_dn": low_dn,
+                "high_dn": high_dn,
                 "true_median_dn": float(robust_median(clipped)),
                 "added_median_dn": float(robust_median(unclipped)),
                 "clipped_error_dn": _known_mean(np.abs(values - clipped)),
@@ -136,7 +108,6 @@ def mtf_cells(
     *,
     calibrated: bool = False,
     skip_missing: bool = False,
-    resample: Resample = "patches",
 ) -> pd.DataFrame:
     """AMAE and what belongs to it, one row for each cell of Table I or of the combined tables.
 
@@ -145,11 +116,10 @@ def mtf_cells(
         by: columns that a cell's rows have in common.
         purpose: names the bootstrap's random stream.
         seed: root of the random streams.
-        draws: bootstrap resamples (of patches, the same for all rotations); 0 for none.
+        draws: bootstrap resamples of frames, the same for all rotations; 0 for none.
         calibrated: written into that column.
         skip_missing: average over the frequencies and rotations that have an estimate, where a filter was divided out;
             else a cell in which one has none is NaN.
-        resample: what the bootstrap resamples.
 
     Returns:
         the cells in the order of their keys; ``frequencies_share`` is the fraction of frequencies with an estimate,
@@ -164,13 +134,14 @@ def mtf_cells(
         shape = (ordered["angle_deg"].nunique(), -1, 2, len(mtf.FREQUENCIES))
         estimates, truth = (ordered[name].to_numpy(float).reshape(shape) for name in ("estimate", "truth"))
         by_patch, truths = estimates.swapaxes(0, 1), truth[:, 0]
-        median, amae = robust_median(by_patch), partial(_amae, truths=truths, skip_missing=skip_missing)
+        curves = robust_median(by_patch)
+
+        def amae(patches: NDArray[np.float64], truths: NDArray[np.float64] = truths) -> NDArray[np.float64]:
+            return _amae(robust_median(patches), truths, skip_missing)
+
         generator = stream(seed, "bootstrap", purpose, *cell.values())
-        if resample == "frames":
-            frames = ordered["frame"].to_numpy(str).reshape(shape)[0, :, 0, 0]
-            low, high = frame_interval(by_patch, frames, amae, generator, draws)
-        else:
-            low, high = _patch_interval(by_patch, amae, generator, draws)
+        frames = ordered["frame"].to_numpy(str).reshape(shape)[0, :, 0, 0]
+        low, high = frame_interval(by_patch, frames, amae, generator, draws)
         patches = group[~group["abstained"].to_numpy(bool)]
         estimated = patches[patches["estimate"].notna()]
         error = (estimated["estimate"] - estimated["truth"]).abs()
@@ -180,7 +151,7 @@ def mtf_cells(
             {
                 **{WRITTEN.get(name, name): value for name, value in cell.items()},
                 "calibrated": calibrated,
-                "amae_percent": float(amae(median)),
+                "amae_percent": float(_amae(curves, truths, skip_missing)),
                 "low_percent": low,
                 "high_percent": high,
                 "patch_error_percent": 100 * float(error.mean()) if len(error) else _NAN,
@@ -190,8 +161,8 @@ def mtf_cells(
                 "abstained": (len(group) - len(patches)) // points,
                 "smoothed_share": float(group["smoothed"].mean()),
                 "frequencies_share": len(estimated) / len(patches) if len(patches) else _NAN,
-                "mae_h_percent": float(_amae(median[:, [0, 0]], truths[:, [0, 0]], True)),
-                "mae_v_percent": float(_amae(median[:, [1, 1]], truths[:, [1, 1]], True)),
+                "mae_h_percent": float(_amae(curves[:, [0, 0]], truths[:, [0, 0]], True)),
+                "mae_v_percent": float(_amae(curves[:, [1, 1]], truths[:, [1, 1]], True)),
                 "expected_amae_percent": _NAN,
             }
         )
@@ -199,12 +170,12 @@ def mtf_cells(
 
 
 def condition_medians(measured: pd.DataFrame, seed: int, draws: int) -> pd.DataFrame:
-    """Noise and MTF of every condition of a detection sweep: medians with bootstrap 95 % intervals.
+    """Noise and MTF of every condition of a detection sweep: medians with 95 % intervals over frames.
 
     Args:
         measured: `pipeline.experiments.tables.MEASURED`.
         seed: root of the bootstrap's streams.
-        draws: bootstrap resamples.
+        draws: bootstrap resamples of frames.
 
     Returns:
         `pipeline.experiments.tables.CONDITIONS`.
@@ -218,42 +189,13 @@ def condition_medians(measured: pd.DataFrame, seed: int, draws: int) -> pd.DataF
         for quantity, short, unit, count in (("sigma_dn", "sigma", "_dn", "tiles"), ("mtf", "mtf", "", "patches")):
             part = group[group["quantity"] == quantity]
             values = part["estimate"].to_numpy(float)
-            known = values[np.isfinite(values)]
-            median = float(np.median(known)) if len(known) else _NAN
             generator = stream(seed, "condition medians", quantity, *key)
-            low, high = bootstrap_interval(known, generator, draws=draws)
-            row |= {f"{short}{unit}": median, f"{short}_low{unit}": low, f"{short}_high{unit}": high}
+            low, high = frame_interval(values, part["frame"].to_numpy(str), median, generator, draws)
+            row |= {f"{short}{unit}": float(median(values)), f"{short}_low{unit}": low, f"{short}_high{unit}": high}
             row[f"true_{short}{unit}"] = float(part["true"].median())
             row |= {count: len(part), f"{count}_abstained": int(part["abstained"].sum())}
         rows.append(row)
     return CONDITIONS.conform(pd.DataFrame(rows, columns=list(CONDITIONS.columns)))
-
-
-def frame_interval(
-    values: NDArray[np.float64],
-    frames: NDArray[np.str_],
-    statistic: Callable[[NDArray[np.float64]], Any],
-    generator: np.random.Generator,
-    draws: int,
-) -> tuple[float, float]:
-    """Cluster bootstrap 95 % interval: whole frames are resampled, each with all its patches.
-
-    Args:
-        values: (N, ...) of N patches.
-        frames: (N,) the frame of each.
-        statistic: (...) robust median of the resampled patches -> a number.
-        generator: random stream of the bootstrap.
-        draws: resamples.
-
-    Returns:
-        lower and upper end; NaN without draws or numbers.
-    """
-    members = [np.flatnonzero(frames == frame) for frame in np.unique(frames)]
-    results = []
-    for picks in generator.integers(len(members), size=(draws, len(members))):
-        resampled = values[np.concatenate([members[pick] for pick in picks])]
-        results.append(statistic(robust_median(resampled)))
-    return _percentiles(np.array(results, dtype=float))
 
 
 def _amae(curves: NDArray[np.float64], truths: NDArray[np.float64], skip_missing: bool) -> NDArray[np.float64]:
@@ -265,27 +207,6 @@ def _amae(curves: NDArray[np.float64], truths: NDArray[np.float64], skip_missing
     total = np.where(known, each, 0.0).sum(axis=-1)
     count = known.sum(axis=-1)
     return np.where(count == 0, np.nan, total / np.maximum(count, 1))
-
-
-def _patch_interval(
-    by_patch: NDArray[np.float64],
-    amae: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    generator: np.random.Generator,
-    draws: int,
-) -> tuple[float, float]:
-    """Bootstrap 95 % interval of the AMAE: (patches, rotations, 2, 8) and the AMAE of their robust median."""
-    count = len(by_patch)
-    picks = generator.integers(count, size=(draws, count))
-    block = max(1, _BLOCK // by_patch.size)
-    parts = [amae(robust_median(by_patch[part.T])) for part in np.split(picks, range(block, draws, block))]
-    return _percentiles(np.concatenate(parts))
-
-
-def _percentiles(results: NDArray[np.float64]) -> tuple[float, float]:
-    if not np.isfinite(results).any():
-        return _NAN, _NAN
-    low, high = np.nanpercentile(results, [2.5, 97.5])
-    return float(low), float(high)
 
 
 def _known_mean(values: NDArray[np.float64]) -> float:

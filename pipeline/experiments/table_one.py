@@ -23,7 +23,7 @@ from pipeline.experiments.calibrate import Calibrated, cross_fit, divided_by_sha
 from pipeline.experiments.condition import grid, sharp_kernel
 from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.run import Executor, Method, Registered, in_process, run
-from pipeline.experiments.summarise import MTF_CELL, Resample, mtf_cells
+from pipeline.experiments.summarise import MTF_CELL, mtf_cells
 from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY, rounded, written
 
 if TYPE_CHECKING:
@@ -81,7 +81,6 @@ def measure(
     camera: CameraSettings | None = None,
     seed: int = 1,
     draws: int = 200,
-    resample: Resample = "patches",
     executor: Executor = in_process,
     label: Callable[[str], str] = "blur by {}".format,
 ) -> TableOne:
@@ -95,7 +94,6 @@ def measure(
         camera: that forms the image; the paper's if None.
         seed: root of the random streams.
         draws: bootstrap resamples of the intervals.
-        resample: what they resample.
         executor: changes no result.
         label: name -> that of the progress bar.
 
@@ -131,13 +129,11 @@ def measure(
         if not (candidate.relative or name in calibrations):  # a relative MTF is not divided again
             variants[True] = divided_by_sharp(measurements)
         for calibrated, table in variants.items():
-            parts.append(summarise(table, seed, draws, calibrated=calibrated, resample=resample))
+            parts.append(summarise(table, seed, draws, calibrated=calibrated))
     return TableOne(pd.concat(estimates, ignore_index=True), pd.concat(parts, ignore_index=True), calibrations)
 
 
-def summarise(
-    measurements: pd.DataFrame, seed: int, draws: int, *, calibrated: bool = False, resample: Resample = "patches"
-) -> pd.DataFrame:
+def summarise(measurements: pd.DataFrame, seed: int, draws: int, *, calibrated: bool = False) -> pd.DataFrame:
     """AMAE of every dataset, estimator, kind and size: one row for each cell of Table I.
 
     Args:
@@ -145,10 +141,9 @@ def summarise(
         seed: root of the bootstrap's streams.
         draws: bootstrap resamples; 0 for none.
         calibrated: written into that column.
-        resample: what the bootstrap resamples.
 
     Returns:
         `pipeline.experiments.tables.BLUR_SUMMARY`.
     """
-    cells = mtf_cells(measurements, MTF_CELL, "blur", seed, draws, calibrated=calibrated, resample=resample)
+    cells = mtf_cells(measurements, MTF_CELL, "blur", seed, draws, calibrated=calibrated)
     return BLUR_SUMMARY.conform(cells[list(BLUR_SUMMARY.columns)])

@@ -85,7 +85,7 @@ BLUR_SUMMARY = Schema(
         "size_px": "float64",
         "calibrated": "bool",
         "amae_percent": "float64",
-        "low_percent": "float64",  # bootstrap 95 % interval of the AMAE over patches
+        "low_percent": "float64",  # 95 % interval of the AMAE over frames (`pipeline.experiments.intervals`)
         "high_percent": "float64",
         "patch_error_percent": "float64",  # mean |estimate - truth| per patch, no median
         "coverage": "float64",  # share of truths within low..high, NaN for estimators without an interval
@@ -180,7 +180,7 @@ NOISE_CELLS = Schema(
         "median_dn": "float64",
         "minimum_dn": "float64",
         "maximum_dn": "float64",
-        "low_dn": "float64",  # bootstrap 95 % interval of the median
+        "low_dn": "float64",  # 95 % interval of the median over frames
         "high_dn": "float64",
         "true_median_dn": "float64",
         "added_median_dn": "float64",

@@ -1,27 +1,37 @@
-"""The ledger: every published number beside ours, with a tolerance, a verdict and, where they part, a cause.
+"""The ledger: every published number beside ours, both sides' uncertainty, a verdict and, where they differ, a cause.
 
-A row is never left out. A number we have not produced is *not run* and says what would run it; a number that
-cannot be compared (other hardware, other pictures) is *not comparable* and says why. The score counts rows
-within tolerance among those compared.
+A row is never left out. A number that has not been produced is *not run* and names the command that would produce it; a
+number that cannot be compared (other hardware, other pictures) is *not comparable*, with the reason. Rows are evidence
+of four kinds; the headline counts experiments only: what the paper measured and we measured again.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
-from pipeline.report.tables import Cell, Column, Table, format_number
+from pipeline.report.display_names import word
+from pipeline.report.tables import Column, Table, format_number, table
 
-MATCH, CLOSE, DIFFERS, NOT_COMPARABLE, NOT_RUN = "match", "close", "differs", "not comparable", "not run"
-VERDICTS = (MATCH, CLOSE, DIFFERS, NOT_COMPARABLE, NOT_RUN)
+MATCH, CLOSE, BETTER, DIFFERS = "match", "close", "better", "differs"
+NOT_COMPARABLE, NOT_RUN = "not comparable", "not run"
+COMPARED = (MATCH, CLOSE, BETTER, DIFFERS)
+VERDICTS = (*COMPARED, NOT_COMPARABLE, NOT_RUN)
+EXPERIMENT, CONSISTENCY, DEFINITION, REFERENCE = "experiment", "consistency", "definition", "reference"
+KINDS = {
+    EXPERIMENT: "measured by the paper and by us",
+    CONSISTENCY: "the paper's own numbers, evaluated again",
+    DEFINITION: "constants, closed forms and configured sizes",
+    REFERENCE: "the authors' program, run by us",
+}
 CLOSE_WITHIN = 2.0  # "close" is within this many tolerances
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far ours may lie from the published value: the larger of an absolute and a relative bound.
+    """How far ours may lie from the published value where ours has no interval: the larger of two bounds.
 
     Attributes:
         absolute: in the row's unit, at least 0.
@@ -36,9 +46,25 @@ class Tolerance:
         return max(self.absolute, self.relative * abs(published))
 
 
+def tolerance_of_both(paper: float, paper_error: float, ours: float, low: float, high: float) -> float:
+    """Tolerance from both sides' uncertainty: a difference within it means that the two intervals overlap.
+
+    Args:
+        paper: the published value.
+        paper_error: its uncertainty: half a unit of its last digit, and half its 95 % interval where one is known.
+        ours: our value.
+        low: lower end of our 95 % interval.
+        high: upper end.
+
+    Returns:
+        our interval's reach towards the published value plus the published value's error, in the unit of the value.
+    """
+    return max(high - ours if paper > ours else ours - low, 0.0) + paper_error
+
+
 @dataclass(frozen=True)
 class LedgerRow:
-    """One published number.
+    """One number of the ledger.
 
     Attributes:
         item: name of the published table or figure it belongs to.
@@ -48,8 +74,14 @@ class LedgerRow:
         ours: ours; NaN where there is none.
         tolerance: bound on the difference, in the unit.
         why: cause of a difference, of an impossible comparison, or of an absence.
-        comparable: False where the two must not be set against each other.
+        comparable: False where the two must not be compared.
         line: the command that would produce ours.
+        kind: one of `KINDS`.
+        dataset: on which ours was measured; empty where there is none.
+        low: lower end of our 95 % interval; NaN where ours has none.
+        high: upper end.
+        better: ``"lower"`` or ``"higher"`` where that side is the better one and intervals can show it, else empty.
+        printed: whether the paper prints the number.
     """
 
     item: str
@@ -61,6 +93,12 @@ class LedgerRow:
     why: str = ""
     comparable: bool = True
     line: str = ""
+    kind: str = EXPERIMENT
+    dataset: str = ""
+    low: float = math.nan
+    high: float = math.nan
+    better: str = ""
+    printed: bool = True
 
     @property
     def difference(self) -> float:
@@ -78,6 +116,8 @@ class LedgerRow:
         bound = self.tolerance * (1 + 1e-9) + 1e-12 * abs(self.paper)
         if abs(self.difference) <= bound:
             return MATCH
+        if self.better and (self.difference < 0) == (self.better == "lower"):
+            return BETTER
         return CLOSE if abs(self.difference) <= CLOSE_WITHIN * bound else DIFFERS
 
 
@@ -87,9 +127,13 @@ class Score:
 
     Attributes:
         counts: verdict -> rows, in the order of `VERDICTS`.
+        kinds: kind -> the same counts of its rows.
+        printed: rows whose number the paper prints.
     """
 
-    counts: dict[str, int]
+    counts: Mapping[str, int]
+    kinds: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    printed: int = 0
 
     @property
     def total(self) -> int:
@@ -97,80 +141,99 @@ class Score:
 
     @property
     def compared(self) -> int:
-        """Rows where ours and the paper's number can be set against each other."""
-        return self.counts[MATCH] + self.counts[CLOSE] + self.counts[DIFFERS]
+        """Rows where ours and the paper's number can be compared."""
+        return _compared(self.counts)
+
+    @property
+    def experiments(self) -> Mapping[str, int]:
+        """Counts of the experiments, which the headline is about."""
+        return self.kinds.get(EXPERIMENT, dict.fromkeys(VERDICTS, 0))
 
     @property
     def metrics(self) -> dict[str, int]:
         """The counts under names that suit a metrics file."""
-        found = {verdict.replace(" ", "_"): count for verdict, count in self.counts.items()}
-        return {**found, "total": self.total, "compared": self.compared}
+        of_kinds = {(f"{kind}_", verdict): n for kind, counts in self.kinds.items() for verdict, n in counts.items()}
+        counts = {("", verdict): n for verdict, n in self.counts.items()} | of_kinds
+        named = {f"{kind}{verdict.replace(' ', '_')}": n for (kind, verdict), n in counts.items()}
+        return {**named, "total": self.total, "compared": self.compared, "printed": self.printed}
 
     @property
     def sentence(self) -> str:
-        """The top line of the report."""
-        if not self.compared:
-            return f"None of {self.total:,} published numbers has been compared yet."
+        """The headline: experiments only."""
+        counts = self.experiments
+        if not _compared(counts):
+            return f"None of {sum(counts.values()):,} published measurements has been compared yet."
         return (
-            f"{self.counts[MATCH]:,} of {self.compared:,} numbers compared lie within tolerance"
-            f" ({self.counts[CLOSE]:,} close, {self.counts[DIFFERS]:,} differ)."
+            f"Of {_compared(counts):,} published measurements compared with ours, {counts[MATCH]:,} agree within both "
+            f"sides' uncertainty, in {counts[BETTER]:,} ours is better, {counts[CLOSE]:,} are close and "
+            f"{counts[DIFFERS]:,} differ."
         )
 
     @property
     def rest(self) -> str:
-        """What the top line leaves out."""
+        """What the headline leaves out: measurements not compared, and rows of the other kinds."""
+        counts = self.experiments
+        others = [
+            f"{own[MATCH]:,} of {_compared(own):,} of kind {kind} ({KINDS[kind]})"
+            for kind, own in self.kinds.items()
+            if kind != EXPERIMENT and _compared(own)
+        ]
         return (
-            f"{self.total:,} published numbers in all: {self.counts[NOT_RUN]:,} not run, "
-            f"{self.counts[NOT_COMPARABLE]:,} not comparable."
+            f"The ledger has {self.total:,} rows, {self.printed:,} of them numbers that the paper prints. Of its "
+            f"measurements {counts[NOT_RUN]:,} are not run and {counts[NOT_COMPARABLE]:,} cannot be compared."
+            + (f" Not counted as evidence, but in agreement: {', '.join(others)}." if others else "")
         )
 
 
+def _compared(counts: Mapping[str, int]) -> int:
+    return sum(counts.get(verdict, 0) for verdict in COMPARED)
+
+
 def score(rows: Iterable[LedgerRow]) -> Score:
-    """Count the verdicts of rows."""
-    found = Counter(row.verdict for row in rows)
-    return Score({verdict: found[verdict] for verdict in VERDICTS})
+    """Count the verdicts of rows, over all and by kind."""
+    rows = list(rows)
+    pairs = Counter((row.kind, row.verdict) for row in rows)
+    present = {kind for kind, _ in pairs}
+    kinds = {kind: {verdict: pairs[kind, verdict] for verdict in VERDICTS} for kind in KINDS if kind in present}
+    counts = {verdict: sum(own[verdict] for own in kinds.values()) for verdict in VERDICTS}
+    return Score(counts, kinds, sum(row.printed for row in rows))
 
 
 def to_table(rows: Sequence[LedgerRow], name: str = "ledger", caption: str = "") -> Table:
-    """The ledger's rows as a table: paper, ours, difference, tolerance, verdict, cause.
+    """The ledger's rows as a table: paper, ours with its interval, difference, tolerance, verdict, cause, dataset.
 
     Args:
         rows: in the order shown.
-        name: of the table; ``item`` is a column of its own only where rows have several.
+        name: of the table; ``item`` and ``kind`` are columns only where rows have several.
         caption: of the table.
     """
-    items = {row.item for row in rows}
     columns = [
+        *([Column("item", "Item")] if len({row.item for row in rows}) > 1 else []),
+        *([Column("kind", "Kind")] if len({row.kind for row in rows}) > 1 else []),
         Column("quantity", "Quantity", wide=True),
         *([Column("unit", "Unit")] if any(row.unit for row in rows) else []),
         Column("paper", "Paper"),
         Column("ours", "Ours"),
+        *([Column("low", "95 % from"), Column("high", "to")] if any(math.isfinite(row.low) for row in rows) else []),
         Column("difference", "Difference"),
         Column("tolerance", "Tolerance"),
         Column("verdict", "Verdict"),
+        Column("dataset", "Measured on"),
         Column("why", "Why", wide=True),
     ]
-    if len(items) > 1:
-        columns.insert(0, Column("item", "Item"))
-    lines: list[dict[str, Cell]] = []
-    for row in rows:
-        line: dict[str, Cell] = {
-            "item": row.item,
-            "quantity": row.quantity,
-            "unit": row.unit,
-            "paper": row.paper,
-            "ours": row.ours,
-            "difference": _rounded(row.difference),
-            "tolerance": row.tolerance,
-            "verdict": row.verdict,
-            "why": row.why,
-        }
-        lines.append({column.name: line[column.name] for column in columns})
-    notes = (
-        f"match: within the tolerance; close: within {format_number(CLOSE_WITHIN)} tolerances; differs: beyond. "
-        "Difference is ours minus the paper's.",
-    )
-    return Table(name, caption or "Published numbers beside ours.", columns, lines, notes)
+    lines = [
+        {column.name: getattr(row, column.name) for column in columns}
+        | {"difference": _rounded(row.difference), "tolerance": _rounded(row.tolerance)}
+        | {"dataset": word(row.dataset) if row.dataset else ""}
+        for row in rows
+    ]
+    notes = [
+        f"match: within the tolerance; better: beyond it on the better side, by intervals; close: within "
+        f"{format_number(CLOSE_WITHIN)} tolerances; differs: beyond. Where ours has a 95 % interval, the tolerance is "
+        "its reach towards the paper's number, plus half a unit of the paper's last digit and the interval that its "
+        "printed range implies. Difference is ours minus the paper's."
+    ]
+    return table(name, caption or "The ledger: published numbers beside ours.", lines, columns, notes)
 
 
 def _rounded(value: float) -> float:
@@ -178,17 +241,26 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}") if math.isfinite(value) else value
 
 
-def summary_table(rows: Sequence[LedgerRow], titles: dict[str, str]) -> Table:
-    """How many rows of each item have each verdict.
+def summary_table(rows: Sequence[LedgerRow], titles: Mapping[str, str]) -> Table:
+    """How many rows of each item, and of each kind of evidence, have each verdict.
 
     Args:
         rows: of all items.
-        titles: item -> what the paper calls it, in the order shown.
+        titles: item -> the paper's name of it, in the order shown.
     """
-    columns = [Column("item", "Published item"), Column("numbers", "Numbers")]
+    groups = [
+        (title, kind, [row for row in rows if row.item == item and row.kind == kind])
+        for item, title in titles.items()
+        for kind in KINDS
+    ]
+    groups += [("All items", kind, [row for row in rows if row.kind == kind]) for kind in KINDS]
+    lines = [
+        {"item": title, "kind": kind, "numbers": len(group), **score(group).counts}
+        for title, kind, group in groups
+        if group
+    ]
+    columns = [Column("item", "Published item"), Column("kind", "Kind"), Column("numbers", "Numbers")]
     columns += [Column(verdict, verdict.capitalize()) for verdict in VERDICTS]
-    lines: list[dict[str, Cell]] = []
-    for item, title in titles.items():
-        counts = score(row for row in rows if row.item == item)
-        lines.append({"item": title, "numbers": counts.total, **counts.counts})
-    return Table("ledger_summary", "The ledger at a glance: numbers per published item and verdict.", columns, lines)
+    notes = [f"{kind}: {meaning}." for kind, meaning in KINDS.items()]
+    caption = "The ledger at a glance: numbers per published item, kind of evidence and verdict."
+    return table("ledger_summary", caption, lines, columns, notes)

@@ -5,6 +5,7 @@ A table has the key and value columns of one ledger item (`pipeline.report.ledge
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,6 +38,9 @@ COMBINED_DATASET, COMBINED_ESTIMATOR = "udacity", "spectral"
 EXAMPLE_PX, EXAMPLE_ANGLE_DEG = 11.0, 45.0
 DIRECTION_LABEL = "car"
 STD_DEV_FRACTION = 0.2
+PAPER_FRAMES = 150
+RANGE_OF_PAPER_FRAMES = 5.30
+"""Expected range of 150 standard normal numbers."""
 
 
 def formation(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -155,15 +159,36 @@ def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
     """
     import pandas as pd
 
-    parts = [sharp_mtf(inputs), _horizontal(sharp_curves(blur_estimates(inputs)))]
+    parts = [sharp_mtf(inputs), _horizontal(sharp_curves(blur_estimates(inputs), inputs.seed))]
     known = [part for part in parts if part is not None and len(part)]
     own = pd.concat(known, ignore_index=True) if known else None
     return _with_records(own, [_horizontal(one.sharp) for one in blur_records.read(inputs)])
 
 
 def _horizontal(curves: pd.DataFrame) -> pd.DataFrame:
+    """Horizontal curves, one row for each statistic; ``low`` and ``high`` are those of the medians."""
+    ends = [name for name in ("low", "high") if name in curves]
+    keys = ["dataset", "estimator", "frequency", *ends]
+    rows = curves[curves["axis"] == "H"].melt(keys, ["median", "min", "max"], "statistic", "mtf")
+    rows.loc[rows["statistic"] != "median", ends] = math.nan
+    return rows
+
+
+def published_uncorrupted(inputs: ReportInputs) -> pd.DataFrame:
+    """The published curves, each median with half its 95 % interval as ``paper_error``, from the printed range.
+
+        sigma = (max - min) / E[range of n normal numbers],  error = 1.96 * sqrt(pi / 2) * sigma / sqrt(n)
+
+    with n the paper's frames: a median of n values of standard deviation sigma, normal approximation. The expected
+    range is from Tippett (1925), "On the extreme individuals and the range of samples".
+    """
+    table = any_table(inputs.paper / "uncorrupted_mtf.csv")
     keys = ["dataset", "estimator", "frequency"]
-    return curves[curves["axis"] == "H"].melt(keys, ["median", "min", "max"], "statistic", "mtf")
+    wide = table.pivot_table(index=keys, columns="statistic", values="mtf").reset_index()
+    spread = (wide["max"] - wide["min"]) / RANGE_OF_PAPER_FRAMES
+    error = 1.96 * math.sqrt(math.pi / 2) * spread / math.sqrt(PAPER_FRAMES)
+    ends = wide[keys].assign(statistic="median", paper_error=error)
+    return table.merge(ends, how="left", on=[*keys, "statistic"])
 
 
 def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -195,11 +220,12 @@ def _with_records(own: pd.DataFrame | None, recorded: list[pd.DataFrame]) -> pd.
         return own
     rows = pd.concat(recorded, ignore_index=True)
     is_authors = rows["dataset"].isin(list(PAPER_NAMES)).to_numpy()
-    rows = rows.assign(dataset=rows["dataset"].replace(PAPER_NAMES))
+    rows = rows.assign(dataset=rows["dataset"].replace(PAPER_NAMES), measured_on=rows["dataset"])
     if own is None:
         return rows
     ran, known = (table["dataset"].astype(str) + " " + table["estimator"].astype(str) for table in (own, rows))
     kept = is_authors | ~known.isin(ran).to_numpy()
+    own = own.assign(measured_on=own["dataset"])
     return pd.concat([own[~ran.isin(known[kept]).to_numpy()], rows[kept]], ignore_index=True)
 
 
@@ -274,7 +300,7 @@ def direction_ap(inputs: ReportInputs) -> pd.DataFrame | None:
     chosen = next((one for one in results if one.detector == "yolov7"), results[0])
     assert chosen.directions is not None
     own = chosen.directions[chosen.directions["label"] == DIRECTION_LABEL]
-    return own.rename(columns={"level_dn": "sigma_dn"})
+    return own.rename(columns={"level_dn": "sigma_dn"}).assign(measured_on=chosen.dataset)
 
 
 def published_coefficients(inputs: ReportInputs) -> pd.DataFrame:

@@ -111,7 +111,7 @@ def record(
         for name, one in zip(estimators, measured, strict=True)
     ]
     summary = pd.concat([one.summary for one in measured], ignore_index=True)
-    sharp = sharp_curves(pd.concat(parts, ignore_index=True))
+    sharp = sharp_curves(pd.concat(parts, ignore_index=True), config.seed)
     kept: dict[str, Any] = {}
     if earlier is not None:
         summary = pd.concat([earlier.summary, summary], ignore_index=True)

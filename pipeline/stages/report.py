@@ -80,6 +80,7 @@ def run(run: Run) -> None:
         profile=params.profile,
         runs={"runtime": COMMAND},
         relative={name: to for name, to in relative.items() if to != SYSTEM},
+        seed=params.seed,
     )
     score = build(inputs, run.outputs / "reports")
     store.write_json(run.outputs / "reports/metrics/report.json", score.metrics)

@@ -18,9 +18,10 @@ from pipeline.experiments.combined_example import example_curves, highest_contra
 from pipeline.experiments.condition import Condition, Subset, grid
 from pipeline.experiments.corrupt import SharpFrame
 from pipeline.experiments.frames import TestFrame
+from pipeline.experiments.intervals import robust_median
 from pipeline.experiments.metrics import combined_metrics
 from pipeline.experiments.run import Method, PreFilter, Registered, run
-from pipeline.experiments.summarise import MTF_CELL, mtf_cells, robust_median
+from pipeline.experiments.summarise import MTF_CELL, mtf_cells
 from pipeline.experiments.tables import NOISE_READ, rounded, written
 
 

@@ -17,7 +17,7 @@ from pipeline import store
 from pipeline.errors import InputError
 from pipeline.report import ledger_sources
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import LedgerRow, Tolerance, score, summary_table, to_table
+from pipeline.report.ledger import LedgerRow, Tolerance, score, summary_table, to_table, tolerance_of_both
 from pipeline.report.ledger_items import ITEMS, UNEXPLAINED, all_rows, rows_of
 from pipeline.report.tables import format_number
 
@@ -62,11 +62,76 @@ def test_tolerance_takes_the_larger_bound() -> None:
 
 
 def test_score_counts_and_speaks() -> None:
-    found = score([row(ours=0.3), row(ours=0.4), row(ours=9.0), row(ours=0.3, comparable=False), row()])
-    assert found.sentence == "1 of 3 numbers compared lie within tolerance (1 close, 1 differ)."
-    assert found.rest == "5 published numbers in all: 1 not run, 1 not comparable."
-    assert found.metrics["not_comparable"] == 1 and found.metrics["total"] == 5
-    assert score([row()]).sentence == "None of 1 published numbers has been compared yet."
+    rows = [row(ours=0.3), row(ours=0.4), row(ours=9.0), row(ours=0.3, comparable=False), row()]
+    rows += [row(ours=0.1, better="lower"), row(ours=0.5, better="lower")]
+    evidence = score([*rows, row(ours=0.3, kind="consistency"), row(ours=9.0, kind="definition", printed=False)])
+    assert evidence.sentence == (
+        "Of 5 published measurements compared with ours, 1 agree within both sides' uncertainty, in 1 ours is better, "
+        "1 are close and 2 differ."
+    )
+    assert evidence.rest.startswith("The ledger has 9 rows, 8 of them numbers that the paper prints.")
+    assert "1 are not run and 1 cannot be compared" in evidence.rest
+    assert "1 of 1 of kind consistency" in evidence.rest and "0 of 1 of kind definition" in evidence.rest
+    assert evidence.metrics["not_comparable"] == 1 and evidence.metrics["total"] == 9
+    assert evidence.metrics["experiment_match"] == 1 and evidence.metrics["consistency_match"] == 1
+    assert score([row()]).sentence == "None of 1 published measurements has been compared yet."
+
+
+def test_only_an_interval_shows_that_ours_is_better() -> None:
+    assert row(ours=0.1, better="lower").verdict == "better" and row(ours=0.1).verdict == "differs"
+    assert row(ours=0.1, better="higher").verdict == "differs"
+    assert row(ours=0.31, better="lower").verdict == "match"
+
+
+@given(st.floats(0, 50), st.floats(0, 2), st.floats(0, 50), st.floats(0, 10), st.floats(0, 10))
+def test_within_the_tolerance_of_both_means_that_the_intervals_overlap(
+    paper: float, error: float, ours: float, below: float, above: float
+) -> None:
+    bound = tolerance_of_both(paper, error, ours, ours - below, ours + above)
+    overlap = ours - below <= paper + error + 1e-6 and paper - error <= ours + above + 1e-6
+    apart = ours - below > paper + error + 1e-6 or paper - error > ours + above + 1e-6
+    verdict = row(paper=paper, ours=ours, tolerance=bound).verdict
+    assert overlap or verdict != "match"
+    assert verdict == "match" or apart or abs(abs(ours - paper) - bound) < 1e-5
+
+
+def test_the_examples_of_a_flat_tolerance_are_judged_by_intervals(tmp_path: Path) -> None:
+    paper = pd.read_csv(PAPER / "blur_amae.csv")
+    ours = paper[paper["dataset"] == "kitti"].copy()
+    wide, narrow = ours.index[:2]
+    ours["low_percent"], ours["high_percent"] = ours["amae_percent"], ours["amae_percent"]
+    ours.loc[wide, ["amae_percent", "low_percent", "high_percent"]] += [5.0, 0.0, 9.0]
+    ours.loc[narrow, ["amae_percent", "low_percent", "high_percent"]] += [1.9, 1.5, 2.3]
+    ours.to_csv(tmp_path / "amae.csv", index=False)
+    rows = rows_of(BY_NAME["blur_amae"], dataclasses.replace(NOTHING, results={"blur_amae": tmp_path / "amae.csv"}))
+    first, second, *others = [entry for entry in rows if entry.verdict != "not run"]
+    assert (first.verdict, second.verdict) == ("match", "differs")  # 5 points within, 1.9 points beyond
+    assert first.tolerance == pytest.approx(5.05) and second.tolerance == pytest.approx(0.45)
+    assert {entry.verdict for entry in others} == {"match"} and first.dataset == "kitti"
+
+
+def test_extremes_are_not_compared_and_medians_within_what_the_printed_range_implies(tmp_path: Path) -> None:
+    paper = pd.read_csv(PAPER / "uncorrupted_mtf.csv")
+    ours = paper[paper["dataset"] == "kitti"].assign(low=lambda t: t["mtf"], high=lambda t: t["mtf"])
+    ours.to_csv(tmp_path / "mtf.csv", index=False)
+    rows = rows_of(
+        BY_NAME["uncorrupted_mtf"], dataclasses.replace(NOTHING, results={"uncorrupted_mtf": tmp_path / "mtf.csv"})
+    )
+    ran = [entry for entry in rows if entry.verdict != "not run"]
+    assert {entry.verdict for entry in ran if ", min, " in entry.quantity} == {"not comparable"}
+    medians = [entry for entry in ran if ", median, " in entry.quantity]
+    assert medians and {entry.verdict for entry in medians} == {"match"}
+    assert all(0.0005 < entry.tolerance < 0.05 for entry in medians)
+    star = next(entry for entry in rows if "Ground truth" in entry.quantity)
+    assert star.kind == "definition"
+
+
+def test_numbers_that_the_paper_does_not_print_are_not_counted_as_its_numbers() -> None:
+    rows = all_rows(NOTHING)
+    unprinted = [entry for entry in rows if not entry.printed]
+    assert {entry.item for entry in unprinted} == {"image_formation", "noise_levels", "noise_reference"}
+    assert {entry.kind for entry in unprinted} == {"definition", "reference"}
+    assert score(rows).printed == len(rows) - len(unprinted)
 
 
 def test_every_file_of_published_numbers_is_followed_to_its_last_number() -> None:
@@ -99,10 +164,12 @@ def test_a_results_table_with_the_same_keys_is_compared(tmp_path: Path) -> None:
     ours.to_parquet(tmp_path / "amae.parquet")
     inputs = dataclasses.replace(NOTHING, results={"blur_amae": tmp_path / "amae.parquet"})
     rows = rows_of(BY_NAME["blur_amae"], inputs)
-    assert score(rows).counts == {"match": 0, "close": 0, "differs": 45, "not comparable": 0, "not run": 90}
+    counts = score(rows).counts
+    assert (counts["match"], counts["better"], counts["not run"]) == (0, 0, 90)  # no interval shows which is better
     first = next(row for row in rows if row.quantity.startswith("KITTI"))
     assert first.difference == pytest.approx(-5.0)
-    assert first.why.startswith("ours is lower, which is better; other frames than the paper's")
+    assert first.why.startswith("ours is lower, which is better; other training pictures")
+    assert first.why.endswith("other frames than the paper's 150")
 
 
 def test_a_difference_without_a_cause_says_that_none_is_known(tmp_path: Path) -> None:
@@ -181,7 +248,9 @@ def test_tables_of_the_ledger_hold_every_row() -> None:
     assert len(to_table(rows).rows) == len(rows)
     assert to_table(rows).columns[0].name == "item"
     summary = summary_table(rows, {item.name: item.title for item in ITEMS})
-    assert sum(int(line["numbers"]) for line in summary.rows) == len(rows)  # type: ignore[arg-type]
+    numbers = {(line["item"], line["kind"]): int(line["numbers"]) for line in summary.rows}  # type: ignore[arg-type]
+    assert sum(number for (item, _), number in numbers.items() if item == "All items") == len(rows)
+    assert sum(number for (item, _), number in numbers.items() if item != "All items") == len(rows)
     assert format_number(0.0) == "0"
 
 

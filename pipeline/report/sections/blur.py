@@ -117,7 +117,7 @@ def _stages(rows: pd.DataFrame) -> tuple[str, ...]:
 
 
 def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> Block:
-    curves = sharp_curves(estimates)
+    curves = sharp_curves(estimates, draws=0)
     if curves.empty:
         return NotRun("MTF of uncorrupted frames", "stage absent", inputs.line(ANY_STAGE))
     star = star_curve(inputs)

@@ -1,0 +1,113 @@
+"""Intervals over frames: a cluster bootstrap whose bias-corrected interval contains its estimate.
+
+Patches of one frame share its scene, lens and light and err together, so whole frames are resampled, each with all its
+patches (Davison and Hinkley 1997, Sec. 3.8). With resampled statistics t* of the estimate t,
+
+    bias = median(t*) - t,   interval = 2.5 % and 97.5 % quantiles of t* - bias
+
+A mean absolute error of resampled medians is on average larger than that of the median, so that quantiles of t* itself
+can lie above t altogether (bias estimate: Efron and Tibshirani 1993, Sec. 10.2, here with the median of t*).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.statistics import REJECT_BEYOND_MAD
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_BLOCK = 2_000_000  # numbers resampled together
+_NO_INTERVAL = (math.nan, math.nan)
+
+
+def median(values: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Median over the first axis of the values that are numbers.
+
+    Args:
+        values: (N, ...) numbers; NaN are left out.
+
+    Returns:
+        (...); NaN where there is no number.
+    """
+    data = np.array(np.moveaxis(np.asarray(values, dtype=np.float64), 0, -1), order="C")
+    if data.shape[-1] == 0:
+        return np.full(data.shape[:-1], np.nan)
+    data.sort(axis=-1)  # NaN come last
+    count = np.isfinite(data).sum(axis=-1)
+    middle = np.stack([np.maximum(count - 1, 0) // 2, count // 2], axis=-1)
+    return np.where(count == 0, np.nan, np.take_along_axis(data, middle, axis=-1).sum(axis=-1) / 2)
+
+
+def robust_median(values: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Median over the first axis of the values within 3.5 MAD of the plain median (`pipeline.statistics.inliers`).
+
+    Args:
+        values: (N, ...) numbers; NaN are left out.
+
+    Returns:
+        (...); NaN where there is no number.
+    """
+    data = np.asarray(values, dtype=np.float64)
+    deviation = np.abs(data - median(data))
+    mad = median(deviation)
+    return median(np.where(deviation < REJECT_BEYOND_MAD * np.where(mad == 0, 1.0, mad), data, np.nan))
+
+
+def frame_interval(
+    values: NDArray[np.float64],
+    frames: NDArray[Any],
+    statistic: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    generator: np.random.Generator,
+    draws: int,
+) -> tuple[float, float]:
+    """Bias-corrected 95 % interval of a statistic over patches, whole frames resampled.
+
+    Args:
+        values: (N, ...) of N patches, NaN where there is no estimate.
+        frames: (N,) the frame of each.
+        statistic: reduces (M, draws, ...) resampled patches, NaN among them, to (draws,) numbers.
+        generator: random stream of the bootstrap.
+        draws: resamples.
+
+    Returns:
+        lower and upper end, which enclose the statistic of the values given; NaN with fewer than two frames, or
+        without draws or numbers.
+    """
+    names, numbers = np.unique(frames, return_inverse=True)
+    if len(names) < 2 or draws == 0:
+        return _NO_INTERVAL
+    members = [np.flatnonzero(numbers == number) for number in range(len(names))]
+    padded = np.full((len(names), max(map(len, members)), *values.shape[1:]), np.nan)
+    for number, rows in enumerate(members):
+        padded[number, : len(rows)] = values[rows]
+    picks = generator.integers(len(names), size=(draws, len(names)))
+    block = max(1, _BLOCK // padded.size)
+    results = []
+    for part in np.split(picks, range(block, draws, block)):
+        resampled = padded[part.T].swapaxes(1, 2)  # frames, patches, draws, ...
+        results.append(statistic(resampled.reshape(-1, *resampled.shape[2:])))
+    return bias_corrected(np.concatenate(results), float(statistic(values[:, None])[0]))
+
+
+def bias_corrected(results: NDArray[np.float64], estimate: float) -> tuple[float, float]:
+    """Bias-corrected 95 % interval, which contains the estimate; of statistics that are never negative, nor is it.
+
+    Args:
+        results: (B,) resampled statistics; NaN are left out.
+        estimate: the statistic itself.
+
+    Returns:
+        lower and upper end; NaN without numbers.
+    """
+    known = results[np.isfinite(results)]
+    if len(known) == 0 or not math.isfinite(estimate):
+        return _NO_INTERVAL
+    low, middle, high = np.quantile(known, [0.025, 0.5, 0.975])
+    least = 0.0 if estimate >= 0 and known.min() >= 0 else -math.inf
+    return max(float(low - middle + estimate), least), float(high - middle + estimate)

@@ -1,0 +1,111 @@
+"""Causes of differences from the paper, row by row: what is known of both measurements, and what ours measures of it.
+
+A cause is a difference between the two measurements that the records prove (mode and kernel size of an estimator,
+training seen, number of frames), or a number: the error that remains when the MTF of the camera's sharp frames is
+divided out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from pipeline.report import blur_records, training_budget
+from pipeline.report.display_names import counted
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.ledger_sources import PAPER_FRAMES
+from pipeline.report.tables import Row, format_number
+
+if TYPE_CHECKING:
+    from pipeline.report.blur_records import BlurRecord
+
+PAPER_KERNEL_PX = 25
+"""Of PMP and GBB in the authors' programs (their text has 31)."""
+
+LENS_SHARE = 0.5  # of an error that is the lens's when dividing out its MTF removes as much
+
+
+def blur_amae(inputs: ReportInputs) -> Callable[[Row], str]:
+    """Causes of differences in Table I.
+
+    Args:
+        inputs: of the report.
+
+    Returns:
+        function of a row (dataset by the paper's name, estimator, blur, size_px, paper, ours): the cause in words.
+    """
+    records, percent = blur_records.read(inputs), training_budget.percents(inputs).get("mtf_cnn")
+
+    def cause(row: Row) -> str:
+        record = _record(row, records)
+        lens = _lens(row, record)
+        return "; ".join([*([lens] if lens else []), *_of_estimator(row, record, percent), _frames(record)])
+
+    return cause
+
+
+def uncorrupted(inputs: ReportInputs) -> Callable[[Row], str]:
+    """Causes of differences in the MTF of sharp frames.
+
+    Args:
+        inputs: of the report.
+
+    Returns:
+        function of a row (dataset by the paper's name, estimator): the cause in words.
+    """
+    records, percent = blur_records.read(inputs), training_budget.percents(inputs).get("mtf_cnn")
+
+    def cause(row: Row) -> str:
+        if row["estimator"] == "ground_truth":
+            return "another renderer and lens than the authors' Sim"
+        record = _record(row, records)
+        return "; ".join([*_of_estimator(row, record, percent), _frames(record)])
+
+    return cause
+
+
+def _record(row: Row, records: Sequence[BlurRecord]) -> BlurRecord | None:
+    """The record that ours comes from, None where a stage made it."""
+    return next(
+        (one for one in records if one.dataset == row["measured_on"] and row["estimator"] in one.estimators), None
+    )
+
+
+def _of_estimator(row: Row, record: BlurRecord | None, percent: float | None) -> list[str]:
+    """How our estimator differs from the paper's of that name, which saw ``percent`` of the paper's samples."""
+    settings = record.said["blur"]["estimators"][row["estimator"]] if record is not None else {}
+    options, causes = settings.get("options", {}), []
+    if options.get("mode") not in (None, "exact"):
+        causes.append(f"ours in {options['mode']} mode, the paper's program as published")
+    if options.get("kernel_size") not in (None, PAPER_KERNEL_PX):
+        causes.append(f"kernels of {options['kernel_size']} px, the paper's {PAPER_KERNEL_PX} px")
+    if row["estimator"] == training_budget.NETWORK:
+        if percent is not None and percent < 100:
+            causes.append(f"trained anew on {training_budget.in_words(percent)}")
+        causes.append("other training pictures than the paper's photographs")
+    return causes
+
+
+def _frames(record: BlurRecord | None) -> str:
+    if record is None:
+        return f"other frames than the paper's {PAPER_FRAMES}"
+    patches = counted(record.patches, "patch", "patches")
+    return f"{patches} of {counted(len(record.said['frames']), 'frame')}, the paper's of {PAPER_FRAMES}"
+
+
+def _lens(row: Row, record: BlurRecord | None) -> str:
+    """How much of a higher error is the camera's lens, where that is most of it; empty else."""
+    if record is None or not row["ours"] > row["paper"]:
+        return ""
+    cells = record.summary[
+        (record.summary["estimator"] == row["estimator"])
+        & (record.summary["kind"] == row["blur"])
+        & (record.summary["size_px"] == row["size_px"])
+        & record.summary["calibrated"].astype(bool)
+    ]
+    if len(cells) != 1:
+        return ""
+    remaining = float(cells["amae_percent"].iloc[0])
+    if row["ours"] - remaining < LENS_SHARE * (row["ours"] - row["paper"]):
+        return ""
+    return f"the camera's lens: {format_number(remaining, 1)} % remain when the MTF of its sharp frames is divided out"

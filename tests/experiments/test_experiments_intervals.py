@@ -1,0 +1,78 @@
+"""Intervals over frames: what is resampled, that they contain the estimate, and the median below them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.experiments.intervals import bias_corrected, frame_interval, median, robust_median
+from pipeline.statistics import bootstrap_interval, robust
+from pipeline.streams import stream
+
+
+def test_the_robust_median_is_that_of_the_statistics_module():
+    generator = stream(1, "values")
+    values = generator.standard_t(2, (40, 2, 3))
+    values[generator.random(values.shape) < 0.1] = np.nan
+    medians = robust_median(values)
+    for place in np.ndindex(2, 3):
+        assert medians[place] == robust(values[(slice(None), *place)], stream(1, "b"), 1).median
+    assert np.isnan(robust_median(np.full((3, 2), np.nan))).all()
+
+
+def test_the_median_leaves_out_what_is_no_number():
+    assert median(np.array([3.0, np.nan, 1.0])) == 2.0
+    assert np.isnan(median(np.empty((0, 2)))).all()
+
+
+def test_resampling_whole_frames_widens_the_interval_of_correlated_patches():
+    frames = np.repeat([f"f{number}" for number in range(6)], 20)
+    values = np.repeat(stream(1, "of frames").normal(0, 1, 6), 20) + stream(1, "of patches").normal(0, 0.01, 120)
+    low, high = frame_interval(values, frames, median, stream(1, "draws"), 200)
+    of_patches = bootstrap_interval(values, stream(1, "draws"))
+    assert high - low > 1.5 * (of_patches[1] - of_patches[0])
+    assert low <= np.median(values) <= high
+
+
+def test_one_frame_has_no_interval():
+    ends = frame_interval(np.arange(20.0), np.repeat("f", 20), median, stream(1, "draws"), 50)
+    assert np.isnan(ends).all()
+    assert np.isnan(frame_interval(np.arange(4.0), np.array(list("aabb")), median, stream(1, "draws"), 0)).all()
+
+
+def test_frames_of_different_sizes_count_with_all_their_patches_in_any_block(monkeypatch):
+    values = stream(1, "values").normal(0, 1, (9, 2))
+    frames = np.array(list("aaaabbccc"))
+
+    def statistic(data):
+        return np.nanmean(data, axis=(0, 2))
+
+    whole = frame_interval(values, frames, statistic, stream(1, "draws"), 40)
+    monkeypatch.setattr("pipeline.experiments.intervals._BLOCK", 1)
+    assert frame_interval(values, frames, statistic, stream(1, "draws"), 40) == pytest.approx(whole)
+    picks = stream(1, "draws").integers(3, size=(40, 3))
+    parts = [values[frames == name] for name in "abc"]
+    means = np.array([np.concatenate([parts[pick] for pick in row]).mean() for row in picks])
+    assert whole == pytest.approx(bias_corrected(means, values.mean()))
+
+
+def test_the_interval_of_an_absolute_error_contains_it():
+    """Medians of resampled patches scatter, so that their absolute error exceeds that of the median itself."""
+    values, frames = stream(1, "values").normal(0, 1, (60, 40)), np.repeat(np.arange(12), 5)
+
+    def error(data):
+        return np.abs(median(data)).mean(axis=-1)
+
+    estimate = float(error(values[:, None])[0])
+    picks = stream(1, "draws").integers(12, size=(100, 12))
+    resampled = [float(error(values.reshape(12, 5, 40)[row].reshape(60, 1, 40))[0]) for row in picks]
+    assert np.quantile(resampled, 0.025) > estimate  # plain percentiles leave it out
+    low, high = frame_interval(values, frames, error, stream(1, "draws"), 100)
+    assert 0 <= low <= estimate <= high
+
+
+def test_bias_is_the_median_of_the_draws_less_the_estimate():
+    results = np.arange(101.0)
+    assert bias_corrected(results, 40.0) == pytest.approx((0.0, 87.5))  # -7.5 is none of a quantity from 0 on
+    assert bias_corrected(results - 60, 40.0) == pytest.approx((-7.5, 87.5))
+    assert np.isnan(bias_corrected(np.full(3, np.nan), 1.0)).all()
