@@ -35,7 +35,9 @@ SPREAD = Schema(
         "label": "string",
         "level_dn": "float64",
         "size_px": "float64",
-        "mean_percent": "float64",
+        "mean_percent": "float64",  # over directions
+        "mean_low_percent": "float64",  # bootstrap 95 % interval of that mean
+        "mean_high_percent": "float64",
         "spread_percent": "float64",  # best less worst direction
         "low_percent": "float64",  # bootstrap 95 % interval of the spread
         "high_percent": "float64",
@@ -92,11 +94,12 @@ def _spread(own: pd.DataFrame, draws: NDArray[np.float64], found: Directions) ->
             chosen = ((own["level_dn"] == level) & (own["size_px"] == size)).to_numpy()
             drawn = draws[chosen]
             drawn = drawn[:, np.isfinite(drawn).all(axis=0)]
-            low, high = np.nan, np.nan
-            if drawn.shape[1]:
-                low, high = np.percentile(drawn.max(axis=0) - drawn.min(axis=0), [2.5, 97.5])
-            row = {"label": str(own["label"].iloc[0]), "level_dn": level, "size_px": size, "low_percent": low}
-            row |= {"high_percent": high, "mean_percent": found.mean_percent[s, d]}
+            spread, mean = drawn.max(axis=0) - drawn.min(axis=0), drawn.mean(axis=0)
+            row = {"label": str(own["label"].iloc[0]), "level_dn": level, "size_px": size}
+            for name, values in (("", spread), ("mean_", mean)):
+                ends = np.percentile(values, [2.5, 97.5]) if len(values) else (np.nan, np.nan)
+                row |= dict(zip((f"{name}low_percent", f"{name}high_percent"), ends, strict=True))
+            row["mean_percent"] = found.mean_percent[s, d]
             row |= {"spread_percent": found.spread_percent[s, d], "worst_angle_deg": found.worst_angle_deg[s, d]}
             rows.append(row)
     return SPREAD.conform(pd.DataFrame(rows))

@@ -29,21 +29,24 @@ def rises(ap_percent: Floats, axis: int, tolerance: float = 0.0) -> NDArray[np.b
     return np.moveaxis(marked, 0, axis)
 
 
-def rise_share(draws: Floats, axis: int, tolerance: float = 0.0) -> Floats:
-    """Share of bootstrap draws in which a cell is above the nearest one before it.
+def rise_z(ap_percent: Floats, draws: Floats, axis: int, tolerance: float = 0.0) -> Floats:
+    """Rise of a cell above the nearest one before it, in standard errors.
 
     Args:
-        draws: (B, ...) NaN for an empty cell.
+        ap_percent: (...) NaN for an empty cell.
+        draws: (B, ...) bootstrap draws of the same.
         axis: of the cells, not counting that of the draws.
         tolerance: rises up to this are none, percent points.
 
     Returns:
-        (...) in [0, 1]; NaN for an empty cell, the first one, and cells without draws.
+        (...): (rise - tolerance) / standard deviation of the drawn rises; infinite where the draws are all alike, NaN
+        for an empty cell, the first one, and cells without draws.
     """
-    ahead = np.moveaxis(np.asarray(draws, dtype=float), axis + 1, 0)  # (along, B, ...)
-    before = previous(ahead)
-    share = np.where(np.isfinite(ahead - before), ahead - before > tolerance, np.nan).mean(axis=1)
-    return np.moveaxis(share, 0, axis)
+    ahead = np.moveaxis(np.asarray(ap_percent, dtype=float), axis, 0)
+    drawn = np.moveaxis(np.asarray(draws, dtype=float), axis + 1, 0)  # (along, B, ...)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z = (ahead - previous(ahead) - tolerance) / (drawn - previous(drawn)).std(axis=1)
+    return np.moveaxis(z, 0, axis)
 
 
 def previous(ahead: Floats) -> Floats:

@@ -62,7 +62,8 @@ HEAT = Schema(
         "low_percent": "float64",
         "high_percent": "float64",
         "non_monotonic": "bool",  # better than the next less noisy or sharper bin
-        "certainly": "bool",  # in at least 97.5 % of the draws
+        "certainly": "bool",  # significantly, corrected for the number of bins compared
+        "objects_needed": "float64",  # at which a rise as large would be certain; NaN where none rises
     },
     {"sigma_bin_dn": "DN", "ap_percent": "%"},
 )
@@ -222,10 +223,20 @@ def surface(rows: pd.DataFrame, draws: Floats, section: Any, seed: int) -> Surfa
     )
 
 
-def heat(label: str, one: Surface, tolerance: float) -> pd.DataFrame:
-    """The bins of a surface: schema `HEAT`; empty bins have a count of 0."""
+def heat(label: str, one: Surface, tolerance: float, objects: float) -> pd.DataFrame:
+    """The bins of a surface: schema `HEAT`; empty bins have a count of 0.
+
+    Args:
+        label: of the class.
+        one: its surface.
+        tolerance: rises up to this are none, percent points.
+        objects: of the class, on which the surface rests.
+    """
     import pandas as pd
 
+    certainty, rising = one.certainty(tolerance), one.non_monotonic(tolerance)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        needed = np.where(rising, objects * np.maximum(certainty**-2.0, 0), np.nan)
     cells, (low, high) = one.cells, one.cells.interval
     sigma_bins, mtf_bins = np.meshgrid(cells.sigma_bins_dn, cells.mtf_bins, indexing="ij")
     columns = {
@@ -237,8 +248,9 @@ def heat(label: str, one: Surface, tolerance: float) -> pd.DataFrame:
         "ap_percent": cells.ap_percent,
         "low_percent": low,
         "high_percent": high,
-        "non_monotonic": one.non_monotonic(tolerance),
-        "certainly": one.certainly_non_monotonic(tolerance),
+        "non_monotonic": rising,
+        "certainly": certainty >= 1,
+        "objects_needed": needed,
     }
     return HEAT.conform(pd.DataFrame({"label": label, **{name: value.ravel() for name, value in columns.items()}}))
 

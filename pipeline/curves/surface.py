@@ -12,18 +12,20 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.curves.cells import BRIDGE_BINS, MTF_BINS, SIGMA_BINS_DN, Cells, gather, nearest_bin, refuse_inconsistent
-from pipeline.curves.monotonic import rise_share, rises
+from pipeline.curves.monotonic import rise_z, rises
 from pipeline.errors import InputError
 from pipeline.store import read_arrays, write_arrays
 
 Floats = NDArray[np.float64]
 
-CERTAIN_SHARE = 0.975
+CERTAIN_TAIL = 0.025
+"""One-sided probability, over all comparisons of a surface together, below which a rise is certain."""
 _EDGE_SLACK = 1e-9
 _LEAST_AREA = 1e-6
 
@@ -79,12 +81,23 @@ class Surface:
         return rises(precision, 0, tolerance) | rises(precision[:, ::-1], 1, tolerance)[:, ::-1]
 
     def certainly_non_monotonic(self, tolerance: float = 0.0) -> NDArray[np.bool_]:
-        """(S, M) bins of which at least 97.5 % of the bootstrap draws say so, along one of the axes."""
-        draws = self.cells.draws
-        with np.errstate(invalid="ignore"):
-            noise = rise_share(draws, 0, tolerance) >= CERTAIN_SHARE
-            blur = rise_share(draws[:, :, ::-1], 1, tolerance)[:, ::-1] >= CERTAIN_SHARE
-        return noise | blur
+        """(S, M) bins whose rise is significant although so many neighbours are compared (see `certainty`)."""
+        return self.certainty(tolerance) >= 1
+
+    def certainty(self, tolerance: float = 0.0) -> Floats:
+        """(S, M) largest rise of each bin over the rise that would be certain; NaN where nothing is known.
+
+        A rise is certain where z = rise / standard error, by the bootstrap, exceeds the normal quantile of
+        1 - 0.025 / K, with K the comparisons of all neighbours (Bonferroni 1936). As the standard error falls with
+        the square root of the number of objects, 1 / certainty^2 times as many objects would make the rise certain.
+        """
+        cells = self.cells
+        noise = rise_z(cells.ap_percent, cells.draws, 0, tolerance)
+        blur = rise_z(cells.ap_percent[:, ::-1], cells.draws[:, :, ::-1], 1, tolerance)[:, ::-1]
+        comparisons = int((~np.isnan(noise)).sum() + (~np.isnan(blur)).sum())
+        critical = NormalDist().inv_cdf(1 - CERTAIN_TAIL / max(comparisons, 1))
+        result: Floats = np.fmax(noise, blur) / critical
+        return result
 
     def query(self, sigma_dn: ArrayLike, mtf: ArrayLike) -> Answer:
         """The average precision at any number of places; what lies outside of the measured is NaN with a reason."""

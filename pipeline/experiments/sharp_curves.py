@@ -1,17 +1,20 @@
-"""MTF that each blur estimator measures on sharp frames: robust median and range over patches at every frequency."""
+"""MTF that each blur estimator measures on sharp frames: robust median and range over patches, and its error."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.camera import mtf
 from pipeline.experiments.intervals import frame_interval, robust_median
 from pipeline.statistics import inliers
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
     import pandas as pd
+    from numpy.typing import NDArray
 
 NOMINAL_FREQUENCIES = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6)
 """The paper's names of its eight frequencies (`pipeline.camera.mtf.FREQUENCIES`, 0.054 to 0.595)."""
@@ -63,3 +66,55 @@ def sharp_curves(estimates: pd.DataFrame, seed: int = 0, draws: int = 500) -> pd
                 }
             )
     return pd.DataFrame(rows, columns=[*columns, "count", "rejected", "abstained"])
+
+
+def sharp_errors(
+    estimates: pd.DataFrame, lenses: Mapping[str, NDArray[np.float64]], seed: int = 0, draws: int = 500
+) -> pd.DataFrame:
+    """AMAE on sharp frames against the MTF of the lens that took them.
+
+    A sharp frame has been through a lens and a pixel, so an estimate of 1 is wrong there; where the lens is not known
+    there is no error to state.
+
+    Args:
+        estimates: `pipeline.experiments.tables.BLUR_ESTIMATES`; rows of other kernels are ignored.
+        lenses: dataset -> (8,) MTF of its lens and pixel at `pipeline.camera.mtf.FREQUENCIES`, both directions.
+        seed: root of the bootstrap's random streams.
+        draws: bootstrap resamples of frames.
+
+    Returns:
+        dataset, estimator, kind (`pipeline.experiments.condition.SHARP`), size_px (0), calibrated (False),
+        amae_percent, low_percent and high_percent (95 % interval), count and abstained (patches).
+    """
+    import pandas as pd
+
+    from pipeline.experiments.condition import SHARP
+
+    sharp = estimates[(estimates["kernel"] == SHARP) & estimates["dataset"].isin(list(lenses))]
+    rows = []
+    groups: Any = sharp.groupby(["dataset", "estimator"], sort=True)
+    for (dataset, estimator), group in groups:
+        ordered = group.sort_values(["frame", "patch", "axis", "frequency"])
+        values = ordered["mtf"].to_numpy(float).reshape(-1, 2, len(NOMINAL_FREQUENCIES))
+        frames = ordered["frame"].to_numpy(str)[:: values[0].size]
+
+        def error(patches: NDArray[np.float64], lens: NDArray[np.float64] = lenses[dataset]) -> NDArray[np.float64]:
+            return mtf.amae(robust_median(patches), np.broadcast_to(lens, (2, len(lens))))
+
+        generator = stream(seed, "bootstrap", "sharp errors", dataset, estimator)
+        low, high = frame_interval(values, frames, error, generator, draws)
+        rows.append(
+            {
+                "dataset": dataset,
+                "estimator": estimator,
+                "kind": SHARP,
+                "size_px": 0.0,
+                "calibrated": False,
+                "amae_percent": float(error(values)),
+                "low_percent": low,
+                "high_percent": high,
+                "count": int(np.isfinite(values).all(axis=(1, 2)).sum()),
+                "abstained": int(ordered["abstained"].to_numpy(bool)[:: values[0].size].sum()),
+            }
+        )
+    return pd.DataFrame(rows)

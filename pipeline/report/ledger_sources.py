@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline import tables
+from pipeline.camera.mtf import FREQUENCIES
 from pipeline.errors import InputError
 from pipeline.experiments.condition import SHARP
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
@@ -130,6 +131,16 @@ def star_curve(inputs: ReportInputs) -> dict[str, np.ndarray] | None:
             f"{inputs.star}/star.json: expected equally long lists {', '.join(names)}; run the stage again"
         )
     return curves
+
+
+def lenses(inputs: ReportInputs) -> dict[str, np.ndarray]:
+    """Dataset -> (8,) MTF of its lens and pixels at `pipeline.camera.mtf.FREQUENCIES`, where it is known: our Sim's."""
+    curves = star_curve(inputs)
+    if curves is None:
+        return {}
+    order = np.argsort(curves["frequency"])
+    frequency, measured = ([start, *curves[name][order]] for start, name in ((0.0, "frequency"), (1.0, "measured")))
+    return {"sim": np.interp(FREQUENCIES, frequency, measured)}
 
 
 def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:

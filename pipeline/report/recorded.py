@@ -62,7 +62,7 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
         rows = table[table["label"] == label].reset_index(drop=True)
         isolated.append(precision.curves(label, rows, draws[label], settings.curves, config.seed))
         surfaces[label] = precision.surface(rows, draws[label], settings.curves, config.seed)
-        heats.append(precision.heat(label, surfaces[label], settings.curves.tolerance_percent))
+        heats.append(precision.heat(label, surfaces[label], settings.curves.tolerance_percent, rows["objects"].max()))
     if not labels:
         raise InputError(f"dataset '{dataset}': no object of a class that detectors know; see its labels")
     numbers = precision.metrics(table[table["label"].isin(labels)], surfaces)

@@ -40,7 +40,7 @@ def run(run: Run) -> None:
         except InputError as error:
             refused[label] = str(error)
         else:
-            heats.append(precision.heat(label, surfaces[label], settings.tolerance_percent))
+            heats.append(precision.heat(label, surfaces[label], settings.tolerance_percent, rows["objects"].max()))
     empty = pd.DataFrame(columns=list(precision.HEAT.columns))
     with store.replacing_folder(run.outputs / "data/curves" / name) as out:
         store.write_table(out / "precision.parquet", table, precision.PRECISION)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.curves.direction import by_direction
-from pipeline.curves.monotonic import rise_share, rises
+from pipeline.curves.monotonic import rise_z, rises
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -67,9 +67,11 @@ def test_a_falling_sequence_has_no_rise_and_a_rising_one_has_all(values: list[fl
     assert rises(rising, 0)[1:].all() and not rises(rising, 0)[0]
 
 
-def test_the_share_of_draws_that_rise() -> None:
-    draws = np.array([[10.0, 11.0, np.nan, 12.0], [10.0, 9.0, np.nan, 12.0]])
-    np.testing.assert_array_equal(rise_share(draws, 0), [np.nan, 0.5, np.nan, 1.0])
+def test_a_rise_in_standard_errors_of_its_draws() -> None:
+    precision = np.array([10.0, 13.0, np.nan, 11.0])
+    draws = np.array([[10.0, 12.0, np.nan, 11.0], [10.0, 14.0, np.nan, 13.0]])
+    np.testing.assert_allclose(rise_z(precision, draws, 0), [np.nan, 3.0, np.nan, -np.inf])
+    np.testing.assert_allclose(rise_z(precision, draws, 0, tolerance=1.0), [np.nan, 2.0, np.nan, -np.inf])
 
 
 def test_bad_input_is_named() -> None:

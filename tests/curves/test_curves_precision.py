@@ -92,7 +92,7 @@ def test_the_surface_answers_where_it_was_measured_and_comes_back_from_its_file(
         surface.at(35.0, 0.9)
     surface.save(tmp_path / "s.npz")
     assert Surface.load(tmp_path / "s.npz").at(5.0, 0.9) == (between, low, high)
-    cells = precision.heat("car", surface, 0.0)
+    cells = precision.heat("car", surface, 0.0, objects=8)
     assert (cells["count"] > 0).sum() == 15 and not cells["non_monotonic"].any()
     with pytest.raises(InputError, match="no object"):
         precision.surface(table[table["label"] == "person"], draws["person"], SECTION, 1)
@@ -118,6 +118,8 @@ def test_direction_is_told_apart_and_rises_are_marked(judged: tuple[pd.DataFrame
     wide = spread[spread["size_px"] >= 14]
     assert (wide["worst_angle_deg"] == 90).all() and (wide["spread_percent"] > 0).all()
     assert (spread["low_percent"] <= spread["high_percent"]).all()
+    assert (spread["mean_low_percent"] <= spread["mean_percent"]).all()
+    assert (spread["mean_percent"] <= spread["mean_high_percent"]).all()
     better = cars.copy()
     here = (better["size_px"] == 21) & (better["angle_deg"] == 0) & (better["level_dn"] == 10)
     better.loc[here, "ap_percent"] = 99.0

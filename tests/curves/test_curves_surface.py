@@ -186,6 +186,20 @@ def test_cells_that_rise_are_marked() -> None:
     assert not unknown.certainly_non_monotonic().any()  # without draws nothing is certain
 
 
+def test_a_rise_is_certain_only_beyond_what_chance_makes_of_all_comparisons() -> None:
+    precision = plane(SIGMA, MTF).reshape(6, 7)
+    precision[2, 3] += 10  # a rise of 6 points over noise 5
+    scatter = stream(1, "scatter").normal(0, 1, (precision.size, 2000))
+
+    def certainty(sigma_percent: float) -> np.ndarray:
+        draws = np.clip(precision.reshape(-1, 1) + sigma_percent / np.sqrt(2) * scatter, 0, 100)
+        return build(SIGMA, MTF, precision.ravel(), stream(1, "boot"), ap_draws=draws).certainty()
+
+    # 5 x 7 + 6 x 6 comparisons: z of 3.38 is needed, where 1.96 would do for one.
+    assert np.nanmax(certainty(6 / 3.0)) == pytest.approx(3.0 / 3.386, rel=0.06)
+    assert np.nanmax(certainty(6 / 3.0)) < 1 < np.nanmax(certainty(6 / 4.0))
+
+
 def test_survives_a_file(tmp_path: Path) -> None:
     sigma, mtf = scattered(4, per_bin=2)
     surface = build(sigma, mtf, plane(sigma, mtf), stream(4, "boot"), draws=50)

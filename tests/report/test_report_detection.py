@@ -31,11 +31,14 @@ PUBLISHED = ("yolov7_direction_ap", "regression_coefficients", "fitted_ap_grid")
 DETECTORS = ("compact", "compact_two_stage")
 
 
+JUDGED = [f"detection.judge.{setting}" for setting in ("bootstrap_draws=60", "lowest_px=25", "least_visible=0.3")]
+
+
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     """Two detectors on Sim through the stages after detection; the second finds a third less."""
     root = tmp_path_factory.mktemp("detection")
-    content = yaml.safe_load(compose(["detection.judge.bootstrap_draws=60"], REPO / "conf"))
+    content = yaml.safe_load(compose(JUDGED, REPO / "conf"))
     config = validate(content)
     detections, looked, objects, medians = sweep_tables()
     for number, name in enumerate(DETECTORS):

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
-from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
+from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves, sharp_errors
 from pipeline.report import style
 from pipeline.report.display_names import ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import PAPER, Facet, abstentions, beside_the_paper, lines, small_multiples
 from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, described, published
 from pipeline.report.ledger import LedgerRow
-from pipeline.report.ledger_sources import star_curve
+from pipeline.report.ledger_sources import lenses, star_curve
 from pipeline.report.sections import blur_amae, kernel_gallery
 from pipeline.report.sections.blur_amae import ANY_STAGE, STAGE
 from pipeline.report.spec import Block, Figure, NotRun, Run, Section, missing, overview, single
@@ -191,6 +191,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     # A relative MTF of sharp frames is no curve of theirs.
     system = set(summary.loc[~summary["calibrated"], "estimator"]) - set(inputs.relative)
     blocks: list[Block] = [_uncorrupted(estimates[estimates["estimator"].isin(system)], datasets, inputs)]
-    blocks += _table_one(summary, datasets, inputs)
+    errors = sharp_errors(estimates[estimates["estimator"].isin(system)], lenses(inputs), inputs.seed)
+    blocks += _table_one(blur_amae.without_unknown_lenses(summary, errors), datasets, inputs)
     blocks += [blur_amae.abstentions(summary, estimates), *kernel_gallery.blocks(estimates, datasets, inputs)]
     return Section("blur", TITLE, (TEXT,), [*blocks, *missing(TITLE, runs)], runs)

@@ -65,6 +65,19 @@ def with_paper(summary: pd.DataFrame, paper: pd.DataFrame | None) -> pd.DataFram
     return summary.merge(theirs[[*KEYS, "calibrated", "paper_percent"]], how="outer", on=[*KEYS, "calibrated"])
 
 
+def without_unknown_lenses(summary: pd.DataFrame, errors: pd.DataFrame | None = None) -> pd.DataFrame:
+    """The summary with sharp frames evaluated against their lens, and left out where that is not known.
+
+    Args:
+        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
+        errors: `pipeline.experiments.sharp_curves.sharp_errors`.
+    """
+    import pandas as pd
+
+    blurred = summary[summary["kind"] != SHARP]
+    return blurred if errors is None or errors.empty else pd.concat([errors, blurred], ignore_index=True)
+
+
 def _notes(relative: Mapping[str, str], estimators: Sequence[str], is_calibrated: bool) -> list[str]:
     """What the MTF of the estimators shown is relative to, where that is not the system."""
     shown = {name: relative[name] for name in estimators if name in relative}
@@ -147,7 +160,8 @@ def figures(
             continue
         how = ", each estimate divided by the camera's own for sharp frames" if is_calibrated else ""
         caption = [
-            f"AMAE over the size of the blur{how}. Line: of the median over patches; band: bootstrap 95 % interval. "
+            f"AMAE over the size of the blur{how}. Line: of the median over patches; band: 95 % interval, frames "
+            "resampled. "
             f"Dashed: the paper's Table I{', which is not calibrated' if is_calibrated else ''}.",
             *_notes(relative, in_order(own["estimator"], ESTIMATORS), is_calibrated),
         ]
@@ -196,10 +210,12 @@ def table_one(
         Column("best", "Best of ours", source=best),
     ]
     notes = [
-        "AMAE of the robust median over patches, averaged over rotations, with bootstrap 95 % interval; n: patches "
-        "with an estimate, over all rotations. D: defocus, L: linear motion, N: non-linear motion, with their size. "
-        "Mean: over D, L and N. Resampling adds error, so an interval may lie above an AMAE that is near zero."
+        "AMAE of the robust median over patches, averaged over rotations, with 95 % interval (frames resampled); n: "
+        "patches with an estimate, over all rotations. D: defocus, L: linear motion, N: non-linear motion, with "
+        "their size. Mean: over D, L and N."
     ]
+    if (cells["kind"] == SHARP).any():
+        notes.append("None (sharp): against the MTF of lens and pixels, measured on the Siemens star.")
     if is_calibrated:
         notes.append("Calibrated: each estimate divided by the same camera's estimate for its own sharp frames.")
     notes += _notes(relative, estimators, is_calibrated)

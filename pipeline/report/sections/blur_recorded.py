@@ -79,7 +79,8 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     for one in recordings:
         for is_calibrated in (False, True):
             if (one.summary["calibrated"] == is_calibrated).any():
-                shown = blur_amae.table_one(one.dataset, one.summary, paper, is_calibrated, relative)
+                blurred = blur_amae.without_unknown_lenses(one.summary)
+                shown = blur_amae.table_one(one.dataset, blurred, paper, is_calibrated, relative)
                 blocks.append(_recorded(shown, (*shown.footnotes, FRAMES)))
     beside = blur_amae.beside_the_best(summary, paper)
     if beside is not None:

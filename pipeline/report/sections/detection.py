@@ -38,6 +38,8 @@ TEXT = (
 )
 PARTS = "AP under blur and noise, IOPC curves and heat maps, blur-direction table, regression over ISO and exposure"
 RISE = " ↑"
+EACH_CELL = " Filled triangles: in 97.5 % of the bootstrap draws of that cell alone, not corrected for their number."
+"""Of records that lack the number of objects it would take."""
 
 
 def _joined(results: Sequence[Results], part: str) -> pd.DataFrame:
@@ -67,9 +69,10 @@ def corners(dataset: str, results: Sequence[Results]) -> Table:
             places = {"clean": (0, 0), "noisy": (0, level), "blurred": (size, 0), "both": (size, level)}
             for name, (px, dn) in places.items():
                 cells = own[(own["size_px"] == px) & (own["level_dn"] == dn)]
-                if len(cells):
-                    low, high = float(cells["low_percent"].min()), float(cells["high_percent"].max())
-                    row[name] = Estimate(float(cells["ap_percent"].mean()), low, high)
+                if len(cells) == 1:
+                    row[name] = Estimate(*map(float, cells[["ap_percent", "low_percent", "high_percent"]].iloc[0]))
+                elif len(cells):
+                    row[name] = Estimate(float(cells["ap_percent"].mean()), *_of_mean(one, label, px, dn))
             rows.append(row)
     columns = [
         named("detector", "Detector"),
@@ -84,11 +87,21 @@ def corners(dataset: str, results: Sequence[Results]) -> Table:
     ]
     notes = [
         "Average precision by the paper's rules (IoU 0.5, whole area), with a bootstrap 95 % interval over scenes. "
-        "Blurred columns: mean over directions, interval from the lowest to the highest end of any direction's. "
+        "Blurred columns: mean over directions, with the interval of that mean. "
         "Ignored: low or hidden objects, which are neither true nor false positives.",
     ]
     caption = f"Average precision on {word(dataset)} at the corners of the sweep."
     return table(f"detection_ap_{dataset}", caption, rows, columns, notes, f"curves@{dataset}-<detector>")
+
+
+def _of_mean(one: Results, label: str, size_px: float, level_dn: float) -> tuple[float, float]:
+    """95 % interval of the AP's mean over directions; NaN where it was not measured."""
+    rows = one.spread
+    if rows is not None:
+        rows = rows[(rows["label"] == label) & (rows["size_px"] == size_px) & (rows["level_dn"] == level_dn)]
+    if rows is None or rows.empty:
+        return math.nan, math.nan
+    return float(rows["mean_low_percent"].iloc[0]), float(rows["mean_high_percent"].iloc[0])
 
 
 def by_direction(one: Results) -> Table | None:
@@ -123,7 +136,8 @@ def spread(dataset: str, results: Sequence[Results]) -> Table | None:
         named("detector", "Detector"),
         named("label", "Class"),
         Column("size_px", "Length", "px"),
-        Column("mean", "Mean over directions", "%", 1, "mean_percent"),
+        Column("mean", "Mean over directions", "%", 1,
+               estimate("mean_percent", "mean_low_percent", "mean_high_percent")),
         Column("spread", "Best less worst direction", "points", 1,
                estimate("spread_percent", "low_percent", "high_percent")),
         Column("worst", "Worst direction", "°", source="worst_angle_deg"),
@@ -186,6 +200,14 @@ def fits(dataset: str, results: Sequence[Results]) -> Table:
     return table(f"regression_fits_{dataset}", caption, rows, columns, notes, f"regression@{dataset}-<detector>")
 
 
+def _needed(heat: pd.DataFrame) -> str:
+    """How many objects it would take for the rises that are not certain."""
+    needed = heat.loc[heat["non_monotonic"] & ~heat["certainly"], "objects_needed"].dropna()
+    if needed.empty:
+        return ""
+    return f" For the others it would take {needed.min():,.0f} objects and more (median {needed.median():,.0f})."
+
+
 def _curves(dataset: str, results: Sequence[Results], inputs: ReportInputs) -> list[Block]:
     blocks: list[Block] = [corners(dataset, results)]
     isolated, heat = _joined(results, "isolated"), _joined(results, "heat")
@@ -199,8 +221,8 @@ def _curves(dataset: str, results: Sequence[Results], inputs: ReportInputs) -> l
     if len(heat):
         caption = (
             f"Heat maps on {word(dataset)}: AP in the paper's bins of estimated noise and MTF; white bins were not "
-            "measured. A triangle marks a cell whose AP exceeds that of a milder one, a filled one where 97.5 % of the "
-            "bootstrap draws agree."
+            "measured. A triangle marks a cell whose AP exceeds that of a milder one, filled where that is certain "
+            f"although so many cells are compared (Bonferroni).{_needed(heat)}"
         )
         blocks.append(Figure(f"iopc_heat_{dataset}", detection_figures.heat(heat), caption, stages))
     for one in results:
@@ -263,8 +285,10 @@ def _recorded(inputs: ReportInputs) -> list[Block]:
         caption = f"Recorded: isolated curves of {title}, {source}. Weights: {about['detector']['sha256'][:12]}."
         drawing = detection_figures.iopc(any_table(path.parent / "iopc.csv"))
         blocks.append(Figure(f"recorded_{name}_iopc", drawing, caption))
-        drawing = detection_figures.heat(any_table(path.parent / "iopc_heat.csv"))
-        caption = f"Recorded: heat maps of {title}, of the same frames."
+        cells = any_table(path.parent / "iopc_heat.csv")
+        drawing = detection_figures.heat(cells)
+        rises = _needed(cells) if "objects_needed" in cells else EACH_CELL
+        caption = f"Recorded: heat maps of {title}, of the same frames.{rises}"
         blocks.append(Figure(f"recorded_{name}_iopc_heat", drawing, caption))
     return blocks
 

@@ -101,7 +101,7 @@ def heat(cells: pd.DataFrame) -> Drawing:
     """Heat maps of AP over estimated noise and MTF, the paper's combined curves: classes down, detectors across.
 
     A cell is the mean of its conditions. A triangle marks cells whose AP exceeds that of a less noisy or sharper one, a
-    filled triangle those that do so in at least 97.5 % of the bootstrap draws.
+    filled triangle those that do so with certainty (`pipeline.curves.surface.Surface.certainty`).
 
     Args:
         cells: `pipeline.curves.precision.HEAT` with a column ``detector``.
