@@ -30,7 +30,6 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 import numpy as np  # noqa: E402
 from common import machine  # noqa: E402
 
-from pipeline.camera.settings import CameraSettings  # noqa: E402
 from pipeline.config.compose import compose, parse  # noqa: E402
 from pipeline.datasets.frame import Box, Frame  # noqa: E402
 from pipeline.executor import one_thread, run_map  # noqa: E402
@@ -104,7 +103,7 @@ def main() -> None:
     overrides += [f"detection.detectors.{name}.weights={weights}" for name, _, weights in names if weights]
     config = parse(compose(overrides), "conf/")
     section, judge = config.detection.sweep, config.detection.judge
-    camera, levels = CameraSettings.from_section(config.camera), tuple(section.levels_dn)
+    camera, levels = config.camera, tuple(section.levels_dn)
     blurs = sweep_kernels(section.blur, section.sizes_px, section.angles_deg, section.match, config.seed)
     blurs = blurs[: arguments.kernels]
     result: dict[str, Any] = {

@@ -42,7 +42,6 @@ from benchmarks import rendered_psf  # noqa: E402
 from pipeline import blur  # noqa: E402
 from pipeline.blur import camera_fit, spectral  # noqa: E402
 from pipeline.camera import mtf  # noqa: E402
-from pipeline.camera.settings import CameraSettings  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
 from pipeline.experiments import calibrate, table_one  # noqa: E402
@@ -109,7 +108,7 @@ def indexed(config: Config, name: str, patches_per_frame: int | None) -> tuple[l
 def estimates(frames: Sequence[TestFrame], kernels: Sequence[Kernel], name: str, config: Config) -> pd.DataFrame:
     """One estimator under every kernel and on sharp frames (`pipeline.experiments.tables.MEASUREMENTS`)."""
     method = Method(name, "mtf", Registered(blur.create, name, PEERS.get(name, {})))
-    camera = CameraSettings.from_section(config.camera)
+    camera = config.camera
     return run(frames, grid([sharp_kernel(), *kernels]), [method], camera=camera, seed=config.seed)
 
 

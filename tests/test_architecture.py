@@ -13,7 +13,7 @@ PACKAGE = ROOT / "pipeline"
 FILES = sorted(PACKAGE.rglob("*.py"))
 
 FLOORS = {
-    "errors": 0, "streams": 0, "store": 0, "registry": 0, "executor": 0, "statistics": 0, "tables": 0, "config": 0,
+    "errors": 0, "streams": 0, "store": 0, "registry": 0, "executor": 0, "statistics": 0, "tables": 0, "settings": 0,
     "grouped_statistics": 0, "dependencies": 0, "processor": 0, "project_files": 0, "weight_files": 0,
     "camera": 1,
     "scenes": 2,
@@ -24,7 +24,8 @@ FLOORS = {
     "curves": 7,
     "control": 8,
     "report": 9,
-    "stages": 10, "cli": 10,
+    "config": 10,
+    "stages": 11, "cli": 11,
 }  # fmt: skip
 
 

@@ -12,8 +12,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from pipeline.learning.conduct import Conduct
-from pipeline.learning.samples import Recipe
-from pipeline.learning.training import Training
+from pipeline.learning.settings import Recipe, Training
 
 JUDGED = ("mtf_error_percent", "mtf_error_clean_percent", "mtf_error_noisy_percent", "sigma_error_dn")
 

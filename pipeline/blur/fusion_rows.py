@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.blur import fusion_samples
 from pipeline.blur.fusion_members import join_members
-from pipeline.blur.fusion_samples import Recipe
+from pipeline.blur.settings import FusionRecipe
 from pipeline.dependencies.closure import fingerprint
 
 RunMap = Callable[..., list[Any]]
@@ -42,7 +42,7 @@ class Rows:
         return Rows(**{name: value[kept] for name, value in vars(self).items()})
 
 
-def rows(recipe: Recipe, spectral_weights: Path, cache: Path, run_map: RunMap) -> Rows:
+def rows(recipe: FusionRecipe, spectral_weights: Path, cache: Path, run_map: RunMap) -> Rows:
     """All training rows.
 
     Args:

@@ -23,36 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.blur.base import PATCH_PX
+from pipeline.blur.settings import FusionRecipe
 from pipeline.streams import stream, torch_stream
 
 PURPOSE = "fusion samples"
 KERNELS = 12
 """Kernels drawn for a sample, of which the first under the limit is used."""
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """What samples are drawn from.
-
-    Attributes:
-        samples: number of patches, each with a picture and a blur of its own.
-        kernel_distribution: see `pipeline.learning.kernels.draw`.
-        anisotropy: see `pipeline.learning.images.view`.
-        intrinsic_px: range of the intrinsic Gaussian's standard deviation, pixels.
-        clean_share: share of samples without noise.
-        largest_sigma_dn: of the noise; half of the levels are even, half logarithmic from 1 DN.
-        largest_mean_mtf: kernels with a higher mean MTF are passed over.
-        seed: root of the random streams.
-    """
-
-    samples: int = 480
-    kernel_distribution: str = "with_optics"
-    anisotropy: float = 0.7
-    intrinsic_px: tuple[float, float] = (0.0, 0.7)
-    clean_share: float = 0.5
-    largest_sigma_dn: float = 25.0
-    largest_mean_mtf: float = 0.65
-    seed: int = 1
 
 
 @dataclass(frozen=True)
@@ -70,7 +46,7 @@ class Blurred:
     sigma_dn: float
 
 
-def blurred(recipe: Recipe, index: int) -> Blurred:
+def blurred(recipe: FusionRecipe, index: int) -> Blurred:
     """Sample `index`."""
     import torch
 
@@ -100,7 +76,7 @@ def blurred(recipe: Recipe, index: int) -> Blurred:
     return Blurred(whole[0].numpy(), label, sigma_dn)
 
 
-def _kernel(recipe: Recipe, index: int) -> NDArray[np.floating]:
+def _kernel(recipe: FusionRecipe, index: int) -> NDArray[np.floating]:
     """The first of a sample's kernels that is under the limit, else the widest of them; unit sum."""
     from pipeline.camera import mtf
     from pipeline.learning.kernels import block
@@ -112,7 +88,7 @@ def _kernel(recipe: Recipe, index: int) -> NDArray[np.floating]:
     return np.asarray(kernel / kernel.sum())
 
 
-def deconvolved(index: int, recipe: Recipe, folder: Path) -> dict[str, NDArray[Any]]:
+def deconvolved(index: int, recipe: FusionRecipe, folder: Path) -> dict[str, NDArray[Any]]:
     """A sample with the answers of GBB and PMP, from the cache or made now and kept there.
 
     Returns:

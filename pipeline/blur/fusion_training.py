@@ -8,14 +8,14 @@ the factor on the scale that holds 95 % of them; the released gate is trained on
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.blur.fusion_rows import Rows
-from pipeline.blur.fusion_samples import Recipe
+from pipeline.blur.settings import FusionTraining
 from pipeline.dependencies.closure import fingerprint
 
 if TYPE_CHECKING:
@@ -26,32 +26,6 @@ if TYPE_CHECKING:
 SCALE_WEIGHT = 0.02  # of the scale's likelihood beside the error
 COVERAGE = 0.95
 LOW_NOISE_DN = 6.0
-
-
-@dataclass(frozen=True)
-class Settings:
-    """All that the result depends on, beside the code and the spectral network.
-
-    Attributes:
-        recipe: of the samples.
-        steps: of the optimiser.
-        learning_rate: at the first step.
-        weight_decay: of AdamW.
-        folds: of the cross-validation.
-    """
-
-    recipe: Recipe = field(default_factory=Recipe)
-    steps: int = 350
-    learning_rate: float = 0.01
-    weight_decay: float = 0.3
-    folds: int = 4
-
-    @classmethod
-    def from_section(cls, section: Any, seed: int) -> Settings:
-        """From the section ``train.fusion`` of the configuration."""
-        content: dict[str, Any] = section.model_dump()
-        drawn = content.pop("recipe")
-        return cls(Recipe(**drawn | {"intrinsic_px": tuple(drawn["intrinsic_px"]), "seed": seed}), **content)
 
 
 @dataclass(frozen=True)
@@ -69,7 +43,7 @@ class TrainedGate:
     measures: dict[str, float]
 
 
-def train(data: Rows, settings: Settings) -> TrainedGate:
+def train(data: Rows, settings: FusionTraining) -> TrainedGate:
     """Train the gate, after measuring it by cross-validation.
 
     Args:
@@ -99,7 +73,7 @@ def _tensors(data: Rows) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     return torch.from_numpy(data.members), torch.from_numpy(data.scale), torch.from_numpy(data.sigma_read_dn)
 
 
-def _fit(data: Rows, settings: Settings, name: str) -> FusionGate:
+def _fit(data: Rows, settings: FusionTraining, name: str) -> FusionGate:
     """A gate trained on all of the rows."""
     import torch
 
@@ -144,7 +118,7 @@ def _measures(data: Rows, error: np.ndarray) -> dict[str, float]:
     return {**found, "rows": float(len(error))}
 
 
-def save(path: Path, trained: TrainedGate, settings: Settings, *, released: bool = False) -> None:
+def save(path: Path, trained: TrainedGate, settings: FusionTraining, *, released: bool = False) -> None:
     """Write the weight file: weights, settings, fingerprint, measures and the interval's factor."""
     from pipeline.blur.fusion_gate import ARCHITECTURE
     from pipeline.learning import weights

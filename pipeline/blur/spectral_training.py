@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from pipeline.learning.conduct import Conduct
 from pipeline.learning.samples import Chunk
+from pipeline.learning.settings import Training
 from pipeline.learning.trainer import Trained
-from pipeline.learning.training import Training
 
 if TYPE_CHECKING:
     import numpy as np

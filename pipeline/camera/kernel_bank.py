@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from pipeline.camera.psf.kernel import Kernel
 
 if TYPE_CHECKING:
-    from pipeline.config.schema import PsfSection
+    from pipeline.camera.settings import PsfSettings
 
 
-def configured(psf: PsfSection, camera: str, seed: int) -> Sequence[Kernel]:
+def configured(psf: PsfSettings, camera: str, seed: int) -> Sequence[Kernel]:
     """The kernels of the section ``psf``.
 
     Args:

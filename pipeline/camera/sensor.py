@@ -7,7 +7,7 @@ photon; no fixed pattern. Pixel values are on the 8-bit scale, 0..255 DN, whatev
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -300,3 +300,14 @@ def named(name: str, **changes: Any) -> Sensor:
         if key not in known:
             raise InputError(f"sensor.{key} is not a parameter of the sensor; {did_you_mean(key, known)}")
     return Sensor(**{**SENSORS[name], **changes})
+
+
+def described(sensor: Sensor) -> dict[str, Any]:
+    """A sensor as `named` makes it: its ``model``, the one with the fewest differences, and the fields that differ."""
+    values = asdict(sensor)
+
+    def changes(model: str) -> dict[str, Any]:
+        return {key: values[key] for key, value in asdict(named(model)).items() if values[key] != value}
+
+    model = min(SENSORS, key=lambda name: len(changes(name)))
+    return {"model": model, **changes(model)}

@@ -1,37 +1,76 @@
-"""Which camera forms the corrupted images."""
+"""Settings of the camera that forms corrupted images, and of the bank of point spread functions (PSF)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+from pydantic.dataclasses import dataclass
 
 from pipeline.camera.draws import PoissonMethod
 from pipeline.camera.levels import Camera
-from pipeline.camera.sensor import Sensor, named
+from pipeline.camera.sensor import Sensor, described, named
 from pipeline.camera.truth import Light, Order
+from pipeline.errors import InputError
+from pipeline.settings import STRICT, BlurKind, Settings
 
 
-@dataclass(frozen=True)
+def _sensor(given: Any) -> Any:
+    """The sensor of a mapping: a ``model`` by name, and parameters of `Sensor` that differ from it."""
+    if not isinstance(given, Mapping):
+        return given
+    changes = dict(given)
+    for name, value in changes.items():
+        if (
+            name not in ("model", "kind")
+            and value is not None
+            and (isinstance(value, bool) or not isinstance(value, (int, float)))
+        ):
+            raise ValueError(f"camera.sensor.{name}: expected a number (given: {value!r})")
+    try:
+        return named(changes.pop("model", "paper"), **changes)
+    except (InputError, TypeError) as error:
+        raise ValueError(str(error)) from None
+
+
+@dataclass(frozen=True, config=STRICT)
 class CameraSettings:
     """Which camera forms the corrupted image.
 
     Attributes:
         kind: ``"physical"`` or ``"authors"`` (with the quirks of the authors' program).
         poisson: ``"exact"`` or ``"hybrid"`` draws.
-        sensor: parameters that differ from the paper's.
+        sensor: a `Sensor`; in the configuration its ``model`` by name with the parameters that differ from it.
         order: ``"paper"``: photon noise before the optics; ``"detector"``: behind them, as in a camera.
         light: ``"encoded"``: grey levels are corrupted, as in the paper; ``"linear"``: the light behind them.
     """
 
     kind: Camera = "physical"
     poisson: PoissonMethod = "exact"
-    sensor: Sensor = field(default_factory=Sensor)
+    sensor: Annotated[Sensor, BeforeValidator(_sensor)] = field(default_factory=Sensor)
     order: Order = "paper"
     light: Light = "encoded"
 
-    @classmethod
-    def from_section(cls, section: Any) -> CameraSettings:
-        """From the section ``camera`` of the configuration."""
-        changes: dict[str, Any] = section.sensor.model_dump()
-        sensor = named(changes.pop("model"), **changes)
-        return cls(section.kind, section.poisson, sensor, section.order, section.light)
+    def described(self) -> dict[str, Any]:
+        """As the configuration writes it, for records."""
+        values = {name: getattr(self, name) for name in ("kind", "poisson", "order", "light")}
+        return values | {"sensor": described(self.sensor)}
+
+
+class PsfSettings(Settings):
+    """The bank of point spread functions (PSF)."""
+
+    source: Literal["generated", "paper"]
+    folder: str | None
+    match: Literal["nominal", "paper"]
+    kinds: list[BlurKind] = Field(min_length=1)
+    sizes_px: list[Annotated[int, Field(ge=1, le=55)]] = Field(min_length=1)
+    angles_deg: list[Annotated[float, Field(ge=0, lt=360)]] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _folder_with_paper(self) -> PsfSettings:
+        if self.source == "paper" and not self.folder:
+            raise ValueError("psf.folder must name the folder of the paper's kernels when psf.source is 'paper'")
+        return self

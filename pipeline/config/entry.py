@@ -15,14 +15,15 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pipeline.errors import InputError, did_you_mean
 from pipeline.registry import Registry
 from pipeline.weight_files import active_folder
 
 if TYPE_CHECKING:
-    from pipeline.config.sections.executor import ExecutorSection
+    from pipeline.config.execution import ExecutorSettings
+    from pipeline.config.schema import Config
 
 MODES = Registry(
     "mode",
@@ -67,7 +68,7 @@ class Run:
     """What a stage is given.
 
     Attributes:
-        params: the declared sections.
+        params: the declared part of the configuration (`Params`); all else in it is refused.
         job: what tells this stage of a matrix from its siblings, e.g. ``{"dataset": "sim"}``.
         inputs: folder that outputs of earlier stages are relative to: the project, or the root of the profile.
         outputs: folder that output paths are relative to (the same under DVC, Hydra's folder in a sweep).
@@ -76,11 +77,11 @@ class Run:
         executor: where parallel work runs.
     """
 
-    params: Params
+    params: Config
     job: Mapping[str, str]
     inputs: Path
     outputs: Path
-    executor: ExecutorSection
+    executor: ExecutorSettings
     released: bool = False
     project: Path = Path()
 
@@ -146,7 +147,7 @@ class Stage:
         for path in self.declared(job):
             params._admit(path.split("."), self._find(config, path))
         with active_folder(weights):
-            self.body(Run(params, dict(job), inputs, outputs, config.executor, released))
+            self.body(Run(cast("Config", params), dict(job), inputs, outputs, config.executor, released))
 
     def _find(self, config: Any, path: str) -> Any:
         value: Any = config

@@ -1,6 +1,6 @@
 """Names and paths in the configuration that stand for something else: checked when it is compiled, not hours later.
 
-The schema knows types and ranges. Whether an estimator of that name is registered, a sensor known, an option taken by
+The schema knows types and ranges. Whether an estimator of that name is registered, an option taken by
 its class, or a folder there, is checked here. Classes are looked up in the registries, which are imported by name only
 when this check runs.
 """
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ REGISTRIES = Registry(
     "registry",
     "pipeline.config.references",
     {
-        "sensor": "pipeline.camera.sensor:named",
         "datasets": "pipeline.datasets:REGISTRY",
         "noise": "pipeline.noise:REGISTRY",
         "blur": "pipeline.blur:REGISTRY",
@@ -49,7 +48,6 @@ def check_references(config: Any) -> None:
 
 
 def _problems(config: Any) -> Iterator[str]:
-    yield from _sensor(config.camera.sensor)
     for key, group, entries in (
         ("datasets", "datasets", config.datasets),
         ("noise.estimators", "noise", config.noise.estimators),
@@ -64,20 +62,6 @@ def _problems(config: Any) -> Iterator[str]:
     address, backend = config.executor.address, config.executor.backend
     if backend == "dask" and not (address and re.fullmatch(ADDRESS_PATTERN, address)):
         yield f"executor.address={address}: expected the scheduler's address, e.g. tcp://127.0.0.1:8786"
-
-
-def _sensor(section: Any) -> Iterator[str]:
-    named: Callable[..., Any] = REGISTRIES.get("sensor")
-    for key, value in (section.model_extra or {}).items():
-        if key != "kind" and value is not None and (isinstance(value, bool) or not isinstance(value, (int, float))):
-            yield f"camera.sensor.{key}: expected a number (given: {value!r})"
-            return
-    try:
-        named(section.model, **(section.model_extra or {}))
-    except InputError as error:
-        yield f"camera.sensor: {error}"
-    except TypeError as error:
-        yield f"camera.sensor: {error}"
 
 
 def _kind(key: str, package: str, entry: Any) -> Iterator[str]:

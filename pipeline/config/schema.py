@@ -1,8 +1,7 @@
 """The strict schema of ``params.yaml``: what may be set, in which unit and range.
 
-Sections are named as in ``conf/`` and declared in ``sections/``, so that a stage depends on those that it reads only
-(`pipeline.config.sections`). An unknown key, a wrong type or a value out of range is one line that names the key and,
-for a typo, the nearest key.
+Sections are named as in ``conf/``; each package declares its own in its module ``settings``. An unknown key, a wrong
+type or a value out of range is one line that names the key and, for a typo, the nearest key.
 """
 
 from __future__ import annotations
@@ -10,66 +9,52 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pydantic import BaseModel, ValidationError, model_validator
+from pydantic import ValidationError, model_validator
 
-from pipeline.config.schema_base import Name, Section
-from pipeline.config.schema_estimator import EstimatorSection
-from pipeline.config.sections import by_kind, datasets, profile, root, seed
-from pipeline.config.sections.ablation import AblationSection
-from pipeline.config.sections.blur import BlurSection
-from pipeline.config.sections.camera import CameraSection, SensorSection
-from pipeline.config.sections.combined import CombinedSection
-from pipeline.config.sections.control import ControlSection
-from pipeline.config.sections.corruption import CorruptionSection
-from pipeline.config.sections.datasets import DatasetSection
-from pipeline.config.sections.denoised_blur import DenoisedBlurSection
-from pipeline.config.sections.detection import DetectionSection
-from pipeline.config.sections.executor import ExecutorSection
-from pipeline.config.sections.matrix import MatrixSection
-from pipeline.config.sections.noise import NoiseSection
-from pipeline.config.sections.psf import PsfSection
-from pipeline.config.sections.report import ReportSection
-from pipeline.config.sections.scenes import ScenesSection
-from pipeline.config.sections.train import TrainSection
+from pipeline.blur.settings import AblationSettings
+from pipeline.camera.settings import CameraSettings, PsfSettings
+from pipeline.config.detection import DetectionSettings
+from pipeline.config.execution import ExecutorSettings, Profile, Root
+from pipeline.config.matrix import ByKind, MatrixSettings
+from pipeline.config.train import TrainSettings
+from pipeline.control.settings import ControlSettings
+from pipeline.datasets.settings import Datasets
 from pipeline.errors import InputError, did_you_mean
-
-__all__ = [
-    "CameraSection",
-    "Config",
-    "DatasetSection",
-    "EstimatorSection",
-    "Name",
-    "PsfSection",
-    "Section",
-    "SensorSection",
-    "known_keys",
-    "validate",
-]
+from pipeline.experiments.settings import (
+    BlurSettings,
+    CombinedSettings,
+    CorruptionSettings,
+    DenoisedBlurSettings,
+    NoiseSettings,
+)
+from pipeline.report.settings import ReportSettings
+from pipeline.scenes.settings import ScenesSettings
+from pipeline.settings import Seed, Settings
 
 
-class Config(Section):
+class Config(Settings):
     """The whole of ``params.yaml``."""
 
-    profile: profile.SECTION
-    seed: seed.SECTION
-    root: root.SECTION
-    camera: CameraSection
-    psf: PsfSection
-    scenes: ScenesSection
-    datasets: datasets.SECTION
-    corruption: CorruptionSection
-    blur: BlurSection
-    combined: CombinedSection
-    denoised_blur: DenoisedBlurSection
-    detection: DetectionSection
-    control: ControlSection
-    train: TrainSection
-    ablation: AblationSection
-    noise: NoiseSection
-    executor: ExecutorSection
-    report: ReportSection
-    matrix: MatrixSection
-    by_kind: by_kind.SECTION
+    profile: Profile
+    seed: Seed
+    root: Root
+    camera: CameraSettings
+    psf: PsfSettings
+    scenes: ScenesSettings
+    datasets: Datasets
+    corruption: CorruptionSettings
+    blur: BlurSettings
+    combined: CombinedSettings
+    denoised_blur: DenoisedBlurSettings
+    detection: DetectionSettings
+    control: ControlSettings
+    train: TrainSettings
+    ablation: AblationSettings
+    noise: NoiseSettings
+    executor: ExecutorSettings
+    report: ReportSettings
+    matrix: MatrixSettings
+    by_kind: ByKind
 
     @model_validator(mode="after")
     def _root_of_profile(self) -> Config:
@@ -133,7 +118,7 @@ def validate(content: Mapping[str, Any], where: str = "params.yaml") -> Config:
 
 def _line(problem: Any) -> str:
     path = ".".join(str(part) for part in problem["loc"] if part != "[key]")
-    if problem["type"] == "extra_forbidden":
+    if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"unknown key '{path}'; {did_you_mean(str(problem['loc'][-1]), known_keys(problem['loc'][:-1]))}"
     if problem["type"] == "missing":
         return f"'{path}' is missing"
@@ -148,8 +133,13 @@ def known_keys(path: Sequence[Any]) -> list[str]:
     """Keys the schema knows at a path; mapping members (datasets, estimators) count as one step."""
     model: Any = Config
     for part in path:
-        field = model.model_fields.get(part) if hasattr(model, "model_fields") else None
-        annotation = field.annotation if field is not None else model
-        inner = [a for a in getattr(annotation, "__args__", ()) if isinstance(a, type) and issubclass(a, BaseModel)]
+        known = _fields(model)
+        annotation = known[part].annotation if part in known else model
+        inner = [each for each in getattr(annotation, "__args__", ()) if _fields(each)]
         model = inner[0] if inner else annotation
-    return list(getattr(model, "model_fields", {}))
+    return list(_fields(model))
+
+
+def _fields(model: Any) -> Mapping[str, Any]:
+    """Fields of a pydantic model or dataclass by name; none of anything else."""
+    return getattr(model, "__pydantic_fields__", {})

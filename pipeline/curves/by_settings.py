@@ -21,6 +21,8 @@ from pipeline.store import Schema
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pipeline.curves.settings import RegressionSettings
+
 SMALLEST_SIGMA_DN, SMALLEST_PX = 1.0, 1.0
 GRID_POINTS = 25
 
@@ -55,7 +57,7 @@ FITTED = Schema(
 )
 
 
-def cells(rows: pd.DataFrame, draws: NDArray[np.float64], section: Any) -> pd.DataFrame:
+def cells(rows: pd.DataFrame, draws: NDArray[np.float64], section: RegressionSettings) -> pd.DataFrame:
     """Cells of the regression: iso, exposure_ms, ap_percent, error_percent; the mean over directions.
 
     Args:
@@ -151,7 +153,7 @@ def _grid(label: str, whole: Fit) -> pd.DataFrame:
     return pd.DataFrame({"label": label, **columns, "fitted_std_dev": deviation, "residual": nothing})
 
 
-def calibration(conditions: pd.DataFrame, section: Any) -> dict[str, Any]:
+def calibration(conditions: pd.DataFrame, section: RegressionSettings) -> dict[str, Any]:
     """lambda1 and lambda2 as this camera's own estimates give them, beside the nominal ones.
 
     Noise is taken without blur, motion without noise: its MTF is the mean over four directions, so that lengths without

@@ -26,6 +26,9 @@ from pipeline.streams import stream
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pipeline.curves.settings import CurvesSettings
+    from pipeline.detection.settings import JudgeSettings
+
 Floats = NDArray[np.float64]
 
 PRECISION = Schema(
@@ -110,7 +113,7 @@ def average_precision(
     objects: pd.DataFrame,
     conditions: pd.DataFrame,
     labels: Sequence[str],
-    judge: Any,
+    judge: JudgeSettings,
     seed: int,
 ) -> tuple[pd.DataFrame, dict[str, Floats]]:
     """Judge every condition.
@@ -194,7 +197,7 @@ def tuples(rows: pd.DataFrame, draws: Floats, average: bool) -> tuple[pd.DataFra
     return pd.DataFrame(means, columns=columns), np.stack(drawn)
 
 
-def surface(rows: pd.DataFrame, draws: Floats, section: Any, seed: int) -> Surface:
+def surface(rows: pd.DataFrame, draws: Floats, section: CurvesSettings, seed: int) -> Surface:
     """The surface of one class.
 
     Args:
@@ -255,12 +258,12 @@ def heat(label: str, one: Surface, tolerance: float, objects: float) -> pd.DataF
     return HEAT.conform(pd.DataFrame({"label": label, **{name: value.ravel() for name, value in columns.items()}}))
 
 
-def curves(label: str, rows: pd.DataFrame, draws: Floats, section: Any, seed: int) -> pd.DataFrame:
+def curves(label: str, rows: pd.DataFrame, draws: Floats, section: CurvesSettings, seed: int) -> pd.DataFrame:
     """The isolated curves of one class: noise without blur, blur without noise. Schema `ISOLATED`."""
     import pandas as pd
 
     parts = []
-    bins = {"sigma_bins_dn": section.sigma_bins_dn, "mtf_bins": section.mtf_bins}
+    bins: dict[str, Any] = {"sigma_bins_dn": section.sigma_bins_dn, "mtf_bins": section.mtf_bins}
     points, drawn = tuples(rows, draws, section.average_directions)
     for quantity, chosen in (("sigma_dn", points["size_px"] == 0), ("mtf", points["level_dn"] == 0)):
         own = points[chosen]

@@ -25,6 +25,8 @@ from pipeline.tables import FRAMES, PATCHES, QUARANTINE
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pipeline.datasets.settings import DatasetSettings
+
 PATCHES_FROM = ("auto", "objects", "frame")
 
 
@@ -127,7 +129,7 @@ def usable_frames(dataset: Dataset, frames: pd.DataFrame) -> list[Frame]:
     return chosen
 
 
-def indexed_frames(folder: str | Path, name: str, section: Any) -> list[Frame]:
+def indexed_frames(folder: str | Path, name: str, section: DatasetSettings) -> list[Frame]:
     """The frames of a stored index, ready to be read.
 
     Args:

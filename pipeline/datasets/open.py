@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from pipeline.datasets import open_dataset
 from pipeline.datasets.dataset import Dataset
 
+if TYPE_CHECKING:
+    from pipeline.datasets.settings import DatasetSettings
 
-def open_section(name: str, section: Any) -> Dataset:
+
+def open_section(name: str, section: DatasetSettings) -> Dataset:
     """Open a dataset as ``datasets.<name>`` of the configuration describes it.
 
     Args:
         name: what the dataset is called.
-        section: `pipeline.config.schema.DatasetSection`.
+        section: ``datasets.<name>`` of the configuration.
 
     Raises:
         InputError: unknown kind, absent data, or an option this kind does not take.

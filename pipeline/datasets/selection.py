@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from pipeline.datasets.frame import Frame
+    from pipeline.datasets.settings import DatasetSettings
 
 Item = TypeVar("Item")
 
@@ -19,7 +20,7 @@ def evenly_spread(items: Sequence[Item], count: int | None) -> list[Item]:
 
 
 def evaluation_frames(
-    folder: Any, name: str, section: Any, options: dict[str, Any], count: int | None = None
+    folder: Any, name: str, section: DatasetSettings, options: dict[str, Any], count: int | None = None
 ) -> list[Frame]:
     """Frames to judge detectors on: those of the stored index, or more of the same dataset with other options.
 

@@ -35,9 +35,7 @@ from pipeline.experiments.tables import BLUR_CELLS, NOISE_CELLS, rounded
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipeline.config.schema import EstimatorSection
-    from pipeline.config.sections.combined import CombinedSection
-    from pipeline.config.sections.denoised_blur import DenoisedBlurSection
+    from pipeline.experiments.settings import CombinedSettings, DenoisedBlurSettings, EstimatorSettings
 
 CELL = (
     "dataset",
@@ -145,7 +143,7 @@ class Combined:
         return rounded(exact)
 
 
-def _registered(sections: Mapping[str, EstimatorSection], name: str, key: str, where: str) -> Registered:
+def _registered(sections: Mapping[str, EstimatorSettings], name: str, key: str, where: str) -> Registered:
     """A configured estimator.
 
     Raises:
@@ -158,9 +156,9 @@ def _registered(sections: Mapping[str, EstimatorSection], name: str, key: str, w
 
 
 def configured(
-    section: CombinedSection,
-    blur_sections: Mapping[str, EstimatorSection],
-    noise_sections: Mapping[str, EstimatorSection],
+    section: CombinedSettings,
+    blur_sections: Mapping[str, EstimatorSettings],
+    noise_sections: Mapping[str, EstimatorSettings],
     bank: Sequence[Kernel],
 ) -> Combined:
     """The experiment of the section ``combined``.
@@ -201,7 +199,7 @@ def configured(
 
 
 def denoised(
-    section: DenoisedBlurSection, blur_sections: Mapping[str, EstimatorSection], bank: Sequence[Kernel]
+    section: DenoisedBlurSettings, blur_sections: Mapping[str, EstimatorSettings], bank: Sequence[Kernel]
 ) -> Combined:
     """The experiment of the section ``denoised_blur``: every patch is filtered, and the discs are measured as well.
 
@@ -226,7 +224,7 @@ def denoised(
     )
 
 
-def frames_of(section: CombinedSection | DenoisedBlurSection, frames: Iterable[TestFrame]) -> list[TestFrame]:
+def frames_of(section: CombinedSettings | DenoisedBlurSettings, frames: Iterable[TestFrame]) -> list[TestFrame]:
     """The frames that the section takes, evenly spread over those with patches."""
     return evenly_spread(list(frames), section.frames)
 

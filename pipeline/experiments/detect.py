@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from pipeline.camera.settings import CameraSettings
     from pipeline.datasets.frame import Frame
     from pipeline.detection.base import Detector
+    from pipeline.detection.settings import DetectorSettings
 
 _CORNERS = {"x1": "float64", "y1": "float64", "x2": "float64", "y2": "float64"}
 DETECTIONS = Schema(
@@ -108,7 +109,7 @@ def opened(kind: str, options: str) -> Detector:
     return detection.create(kind, **json.loads(options))
 
 
-def options_of(section: Any) -> str:
+def options_of(section: DetectorSettings) -> str:
     """A detector's options with its weights, as JSON, from its section of the configuration."""
     return json.dumps({"weights": section.weights, **section.options}, sort_keys=True)
 

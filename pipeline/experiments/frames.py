@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pipeline.datasets.frame import Frame
 from pipeline.datasets.patches import BLUR_PX, NOISE_PX, Patch
@@ -14,6 +14,7 @@ from pipeline.experiments.condition import QUANTITIES, Quantity
 
 if TYPE_CHECKING:
     from pipeline.datasets.dataset import Dataset
+    from pipeline.datasets.settings import DatasetSettings
 
 PURPOSES: Mapping[Quantity, str] = {"mtf": "blur", "sigma_dn": "noise"}
 """Quantity -> purpose of its patches in the index: 192 px on objects, or 128 px tiles."""
@@ -68,7 +69,9 @@ def of_dataset(
     return with_patches(result.usable, {quantity: patches}, f"dataset '{dataset.name}'")
 
 
-def of_index(folder: Path, name: str, section: Any, per_frame: Mapping[Quantity, int | None]) -> list[TestFrame]:
+def of_index(
+    folder: Path, name: str, section: DatasetSettings, per_frame: Mapping[Quantity, int | None]
+) -> list[TestFrame]:
     """The frames of a stored index with their patches.
 
     Args:

@@ -28,14 +28,15 @@ from pipeline.experiments.tables import MEASURED, WRITTEN
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipeline.config.sections.detection import JudgeSection, MeasureSection
+    from pipeline.detection.settings import JudgeSettings
+    from pipeline.experiments.settings import MeasureSettings
 
 FREQUENCY_INDEX = 1
 """Which of the paper's eight frequencies an MTF is taken at."""
 
 
 def on_objects(
-    frames: Sequence[Frame], words: ClassMap, section: MeasureSection, judge: JudgeSection
+    frames: Sequence[Frame], words: ClassMap, section: MeasureSettings, judge: JudgeSettings
 ) -> list[TestFrame]:
     """Frames with patches for the MTF and tiles for noise that overlap objects to be detected.
 
@@ -70,7 +71,7 @@ def measure(
     kernels: Sequence[Kernel],
     noise_source: str,
     target_sigmas_dn: Sequence[float],
-    section: MeasureSection,
+    section: MeasureSettings,
     *,
     camera: CameraSettings | None = None,
     seed: int = 1,

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from pipeline.condition import ConditionMonitor
     from pipeline.detection.base import Detector
+    from pipeline.detection.settings import JudgeSettings
 
 EFFECT = "photon"
 EFFECT_DRAWS = 2000
@@ -153,7 +154,7 @@ def precisions(
     found: Sequence[Sequence[Mapping[str, Any]]],
     chosen: Sequence[Corruption],
     words: ClassMap,
-    judge: Any,
+    judge: JudgeSettings,
     seed: int,
 ) -> list[Precision]:
     """Average precision under every condition; the draws resample the same scenes, so that differences are paired.

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.camera.psf.kernel import Kernel
-    from pipeline.config.schema import EstimatorSection
+    from pipeline.experiments.settings import EstimatorSettings
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Candidate:
     relative: bool = False
 
     @classmethod
-    def configured(cls, section: EstimatorSection) -> Candidate:
+    def configured(cls, section: EstimatorSettings) -> Candidate:
         """From a section of ``blur.estimators``."""
         return cls(
             Registered(blur.create, section.kind, section.options), section.camera_samples, section.answers_added

@@ -8,8 +8,6 @@ and noise alike), JPEG in most.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +17,7 @@ from pipeline.camera.processing.denoise import Denoising
 from pipeline.camera.processing.develop import CameraPipeline
 from pipeline.camera.processing.raw_noise import RawNoise
 from pipeline.camera.processing.sharpen import Sharpening
+from pipeline.learning.settings import CameraRecipe
 from pipeline.learning.textures import smooth_field
 
 Plane = NDArray[np.float32]
@@ -26,27 +25,6 @@ Plane = NDArray[np.float32]
 _MID_GREY = 0.2  # linear light at which a noise level in DN is turned into the raw noise's variance
 _TONE_SLOPE = 1.1  # of the tone curve there: grey levels per unit of linear light, about
 _CHROMA_LEVELS = 12
-
-
-@dataclass(frozen=True)
-class CameraRecipe:
-    """Distribution of the cameras.
-
-    Attributes:
-        sigma_dn: range of the noise behind the tone curve before denoising, DN, even in its logarithm.
-        noise_free_fraction: cameras without noise.
-        codec_only_fraction: cameras without colour filters or processing, whose white noise meets a codec alone.
-        denoising_fraction: colour cameras that denoise luma.
-        scaling_fraction: colour cameras that scale their pictures, 0.5 to 1.4; 0 where the sampler wants none.
-        video_fraction: cameras that deliver video frames (H.264, MPEG-4, Motion JPEG).
-    """
-
-    sigma_dn: tuple[float, float] = (0.5, 45.0)
-    noise_free_fraction: float = 0.08
-    codec_only_fraction: float = 0.25
-    denoising_fraction: float = 0.5
-    scaling_fraction: float = 0.25
-    video_fraction: float = 0.1
 
 
 def draw(generator: np.random.Generator, recipe: CameraRecipe) -> CameraPipeline:

@@ -7,9 +7,9 @@ done by one thread, so that a result does not depend on the number of cores.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import Field, asdict
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,62 +17,17 @@ from pipeline.dependencies import closure
 from pipeline.learning import weights
 from pipeline.learning.conduct import Conduct
 from pipeline.learning.feed import Feed, Maker
-from pipeline.learning.trainer import Loss, Schedule, Trained, train
+from pipeline.learning.settings import LoopSettings
+from pipeline.learning.trainer import Loss, Trained, train
 
 if TYPE_CHECKING:
     import torch
 
-Made = TypeVar("Made")
 Code = str | tuple[str, ...]
 Measures = Callable[["torch.nn.Module"], dict[str, float]]
 
 
-class Settings(Protocol):
-    """A dataclass of everything that the result of a training depends on, beside the code.
-
-    Attributes:
-        schedule: of the optimiser.
-        fresh, uses, window: see `pipeline.learning.feed`.
-        seed: of everything.
-    """
-
-    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
-
-    @property
-    def schedule(self) -> Schedule: ...
-
-    @property
-    def fresh(self) -> int: ...
-
-    @property
-    def uses(self) -> int: ...
-
-    @property
-    def window(self) -> int: ...
-
-    @property
-    def seed(self) -> int: ...
-
-
-def from_section(settings: Callable[..., Made], recipe: Callable[..., Any], section: Any, **more: Any) -> Made:
-    """Settings from a section of the configuration that has their names.
-
-    Args:
-        settings: class to make; ``schedule`` and ``recipe`` are dataclasses in it.
-        recipe: class of its ``recipe``.
-        section: of the configuration; lists in it become tuples.
-        more: what the section does not say, e.g. the seed.
-    """
-
-    def part(kind: Callable[..., Any], given: Mapping[str, Any]) -> Any:
-        return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})
-
-    content: dict[str, Any] = section.model_dump()
-    parts = {"schedule": part(Schedule, content["schedule"]), "recipe": part(recipe, content["recipe"])}
-    return settings(**content | parts | more)
-
-
-def fingerprint(settings: Settings, code: Code) -> str:
+def fingerprint(settings: LoopSettings, code: Code) -> str:
     """Hash of what a training depends on: its settings and the source of its code.
 
     Args:
@@ -98,7 +53,7 @@ def fit(
     model: torch.nn.Module,
     loss: Loss,
     make: Maker,
-    settings: Settings,
+    settings: LoopSettings,
     conduct: Conduct,
     *,
     name: str,
@@ -149,7 +104,7 @@ def final_measures(trained: Trained) -> dict[str, float]:
 def save(
     path: Path,
     trained: Trained,
-    settings: Settings,
+    settings: LoopSettings,
     *,
     architecture: str,
     code: Code,

@@ -29,7 +29,7 @@ from pipeline.camera.constants import PAPER_FULL_WELL_E, PAPER_HOT_DARK_E, PAPER
 from pipeline.camera.processing.develop import grey
 from pipeline.camera.processing.raw_noise import RawNoise
 from pipeline.learning import cameras, images, kernels
-from pipeline.learning.cameras import CameraRecipe
+from pipeline.learning.settings import Recipe
 from pipeline.streams import stream, torch_stream
 
 if TYPE_CHECKING:
@@ -40,42 +40,6 @@ MARGIN_PX = 24  # the blur wraps round within it; it is cut away
 FIELD_PX = PATCH_PX + 2 * MARGIN_PX
 CAMERA_MARGIN_PX = 8  # of the field that a camera sees beside the patch; its filters and block grid reach into it
 KINDS = ("photon", "dcsn", "readout", "combined")
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """What samples are drawn from.
-
-    Attributes:
-        views: views in a chunk.
-        kernels_per_view: samples made of each view, by different kernels.
-        anisotropy: see `images.view`.
-        intrinsic_px: range of the intrinsic Gaussian's standard deviation, pixels.
-        clean_share, before_share: shares of samples without noise and with photon noise before the blur; the others
-            have noise after it.
-        largest_sigma_dn: of the noise; half of the levels are even, half logarithmic from 1 DN.
-        camera_fraction: share of views that are delivered by a random camera.
-        cameras: their distribution; they do not scale, which would move frequencies.
-    """
-
-    views: int = 16
-    kernels_per_view: int = 2
-    anisotropy: float = 0.7
-    intrinsic_px: tuple[float, float] = (0.0, 0.7)
-    clean_share: float = 0.45
-    before_share: float = 0.15
-    largest_sigma_dn: float = 30.0
-    camera_fraction: float = 0.0
-    cameras: CameraRecipe = field(
-        default_factory=lambda: CameraRecipe(
-            sigma_dn=(0.5, 40.0), noise_free_fraction=0.3, scaling_fraction=0.0, video_fraction=0.02
-        )
-    )
-
-    @property
-    def chunk(self) -> int:
-        """Samples in a chunk."""
-        return self.views * self.kernels_per_view
 
 
 @dataclass(frozen=True)

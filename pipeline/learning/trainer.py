@@ -15,69 +15,18 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
 from pipeline.learning import weights
 from pipeline.learning.feed import Feed
+from pipeline.learning.settings import Schedule
 
 if TYPE_CHECKING:
     import torch
 
 CHECKPOINT = "checkpoint.safetensors"
 ARCHITECTURE = "training-checkpoint-1"
-
-
-@dataclass(frozen=True)
-class Schedule:
-    """How a network is trained.
-
-    Attributes:
-        steps: T; the schedule ends there.
-        learning_rate: its greatest value.
-        optimiser: ``adamw`` or ``adam``.
-        betas, epsilon, weight_decay: of the optimiser.
-        warm_up: steps.
-        hold: share of the steps before the rate begins to fall, in [0, 1). Until then the length of the training makes
-            no difference, so it can still be changed.
-        final_share: e, of the learning rate at the end; 1 keeps it constant.
-        average_decay: of the moving average of the weights; 0 keeps the weights themselves.
-        clip: greatest norm of the gradient; None leaves it.
-        checkpoint_every, report_every: steps.
-    """
-
-    steps: int
-    learning_rate: float = 2e-3
-    optimiser: Literal["adamw", "adam"] = "adamw"
-    betas: tuple[float, float] = (0.9, 0.99)
-    epsilon: float = 1e-8
-    weight_decay: float = 1e-3
-    warm_up: int = 150
-    hold: float = 0.0
-    final_share: float = 0.01
-    average_decay: float = 0.998
-    clip: float | None = 1.0
-    checkpoint_every: int = 1000
-    report_every: int = 100
-
-    def __post_init__(self) -> None:
-        for name in ("steps", "checkpoint_every", "report_every"):
-            if getattr(self, name) < 1:
-                raise InputError(f"schedule.{name} is {getattr(self, name)}; expected at least 1")
-        if not 0 <= self.hold < 1:
-            raise InputError(f"schedule.hold is {self.hold}; expected a share in [0, 1)")
-        if self.checkpoint_every % self.report_every:
-            raise InputError(
-                f"schedule.checkpoint_every is {self.checkpoint_every}; expected a multiple of report_every, "
-                f"{self.report_every}, so that validation has a row in the learning curve"
-            )
-
-    def rate(self, step: int) -> float:
-        """Learning rate of a step."""
-        fall = max(0.0, step / self.steps - self.hold) / (1 - self.hold)
-        cosine = 0.5 * (1 + math.cos(math.pi * min(fall, 1.0)))
-        warm = min(1.0, (step + 1) / max(self.warm_up, 1))
-        return self.learning_rate * warm * (self.final_share + (1 - self.final_share) * cosine)
 
 
 @dataclass

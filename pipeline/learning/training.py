@@ -7,55 +7,21 @@ the measures on held-out samples.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.learning.conduct import Conduct
 from pipeline.learning.feed import Arrays
-from pipeline.learning.fitting import fit, from_section, held_out
-from pipeline.learning.samples import Chunk, Recipe, Samples
-from pipeline.learning.trainer import Loss, Schedule, Trained
+from pipeline.learning.fitting import fit, held_out
+from pipeline.learning.samples import Chunk, Samples
+from pipeline.learning.settings import Training
+from pipeline.learning.trainer import Loss, Trained
 
 if TYPE_CHECKING:
     import torch
 
 Transform = Callable[[Chunk], Arrays]
-
-
-@dataclass(frozen=True)
-class Training:
-    """Everything that the result of a training depends on, beside the code.
-
-    Attributes:
-        schedule: of the optimiser.
-        recipe: of the samples.
-        images, validation_images: pictures in the banks.
-        kernels: kernels in the bank; validation has a sixteenth of them, at least one block.
-        kernel_distribution: of `pipeline.learning.kernels.DISTRIBUTIONS`.
-        fresh, uses, window: see `pipeline.learning.feed`; a batch has fresh * uses chunks.
-        validation_chunks: chunks that weights are selected on, of pictures and kernels never trained on.
-        half_precision: convolutions in bfloat16 while training.
-        seed: of everything.
-    """
-
-    schedule: Schedule
-    recipe: Recipe = field(default_factory=Recipe)
-    images: int = 2400
-    validation_images: int = 160
-    kernels: int = 12_000
-    kernel_distribution: str = "paper_like"
-    fresh: int = 1
-    uses: int = 2
-    window: int = 256
-    validation_chunks: int = 40
-    half_precision: bool = True
-    seed: int = 1
-
-    @classmethod
-    def from_section(cls, section: Any, seed: int) -> Training:
-        """From a section ``train.mtf.<network>`` of the configuration."""
-        return from_section(cls, Recipe, section, seed=seed)
 
 
 def open_samples(training: Training, cache: Path, *, validation: bool = False, **executor: Any) -> Samples:

@@ -11,7 +11,7 @@ Chunk i is a pure function of (seed, purpose, i).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,37 +20,15 @@ from pipeline.camera.processing import temporal_noise
 from pipeline.camera.processing.denoise import gaussian
 from pipeline.camera.processing.develop import grey
 from pipeline.learning import cameras, images
-from pipeline.learning.cameras import CameraRecipe
 from pipeline.learning.textures import fur, lettering
 from pipeline.noise.samples import exposed, textured
+from pipeline.noise.settings import CameraSamplesRecipe
 from pipeline.streams import stream
 
 PATCH_PX = 128
 MARGIN_PX = 16
 SHOTS = 3
 LARGEST_PX = 384
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """What samples are drawn from.
-
-    Attributes:
-        scenes: in a chunk; each gives three samples.
-        cameras: distribution of the cameras.
-        texture_fraction, fur_fraction, text_fraction: scenes with fine texture, with strands of fur or grass, and with
-            small print.
-        lens_px: range of the lens's Gaussian, pixels.
-        added_fraction: of the last shots, how many get white noise on top.
-    """
-
-    scenes: int = 16
-    cameras: CameraRecipe = field(default_factory=CameraRecipe)
-    texture_fraction: float = 0.5
-    fur_fraction: float = 0.12
-    text_fraction: float = 0.1
-    lens_px: tuple[float, float] = (0.35, 1.6)
-    added_fraction: float = 0.4
 
 
 @dataclass(frozen=True)
@@ -71,7 +49,7 @@ class Chunk:
     map_dn: NDArray[np.float32]
 
 
-def chunk(tiles: NDArray[np.uint8], recipe: Recipe, seed: int, purpose: str, index: int) -> Chunk:
+def chunk(tiles: NDArray[np.uint8], recipe: CameraSamplesRecipe, seed: int, purpose: str, index: int) -> Chunk:
     """One chunk of samples.
 
     Args:
@@ -86,7 +64,7 @@ def chunk(tiles: NDArray[np.uint8], recipe: Recipe, seed: int, purpose: str, ind
     return Chunk(*(np.concatenate([getattr(part, name) for part in parts]) for name in Chunk.__dataclass_fields__))
 
 
-def _samples(tile: NDArray[np.uint8], recipe: Recipe, generator: np.random.Generator) -> Chunk:
+def _samples(tile: NDArray[np.uint8], recipe: CameraSamplesRecipe, generator: np.random.Generator) -> Chunk:
     """Shots of one scene through one camera."""
     camera = cameras.draw(generator, recipe.cameras)
     side = int(np.ceil((PATCH_PX + 2 * MARGIN_PX) / min(camera.scaling, 1.0) / 2)) * 2
@@ -110,7 +88,9 @@ def _samples(tile: NDArray[np.uint8], recipe: Recipe, generator: np.random.Gener
     )
 
 
-def scene(tile: NDArray[np.uint8], recipe: Recipe, generator: np.random.Generator, size_px: int) -> NDArray[np.float32]:
+def scene(
+    tile: NDArray[np.uint8], recipe: CameraSamplesRecipe, generator: np.random.Generator, size_px: int
+) -> NDArray[np.float32]:
     """A textured, lit view behind a lens: (S, S) encoded grey levels in [0, 1]."""
     image = images.view(tile, generator, size_px) * np.float32(255)
     if generator.random() < recipe.texture_fraction:

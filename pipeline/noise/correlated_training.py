@@ -8,18 +8,19 @@ where samples are made, so that a step costs a few milliseconds and each sample 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.learning import fitting
 from pipeline.learning.conduct import Conduct
-from pipeline.learning.trainer import Schedule, Trained
+from pipeline.learning.picture_maker import PictureMaker
+from pipeline.learning.trainer import Trained
 from pipeline.noise import camera_samples, samples
-from pipeline.noise.camera_samples import Recipe
 from pipeline.noise.correlated_features import CELL_PX
+from pipeline.noise.settings import CorrelatedTraining, Recipe
 
 if TYPE_CHECKING:
     import torch
@@ -30,69 +31,17 @@ NOISE_FREE_DN = 0.3  # validation reports what is read from samples with less no
 CODE = __name__
 
 
-@dataclass(frozen=True)
-class Settings:
-    """The training of the network for correlated noise.
-
-    Attributes:
-        schedule: of the optimiser.
-        recipe: of the camera samples.
-        members: perceptrons that are averaged.
-        white_noise_free_fraction: of the samples with white noise: those without any, as a renderer makes them.
-        images, validation_images: pictures in the banks.
-        fresh, uses, window: see `pipeline.learning.feed`; a batch has fresh * uses chunks.
-        validation_chunks: chunks that weights are selected on, of pictures never trained on.
-        seed: of everything.
-    """
-
-    schedule: Schedule
-    recipe: Recipe = field(default_factory=Recipe)
-    members: int = 4
-    white_noise_free_fraction: float = 0.35
-    images: int = 2400
-    validation_images: int = 160
-    fresh: int = 1
-    uses: int = 8
-    window: int = 4000
-    validation_chunks: int = 60
-    seed: int = 1
-
-    @classmethod
-    def from_section(cls, section: Any, seed: int) -> Settings:
-        """From the section ``train.sigma.correlated`` of the configuration."""
-        from pydantic import TypeAdapter
-
-        return TypeAdapter(cls).validate_python(section.model_dump() | {"seed": seed})
-
-
-@dataclass
-class Maker:
-    """Makes chunks: number -> arrays. Opens its bank on first use, in whichever process that is."""
-
-    settings: Settings
-    cache: Path
-    validation: bool = False
-    _tiles: np.ndarray | None = None
+class Maker(PictureMaker[CorrelatedTraining]):
+    """Makes chunks of camera samples and, every `WHITE_EVERY`-th, of white noise."""
 
     def __call__(self, number: int) -> dict[str, np.ndarray]:
         """Chunk `number`: see `correlated_net.loss` for the arrays."""
-        if self._tiles is None:
-            self._tiles = self.bank()
-        word = "validation" if self.validation else "training"
         if number % WHITE_EVERY == WHITE_EVERY - 1:
-            return white_arrays(self._tiles, self.settings, f"{word} white noise", number)
-        return camera_arrays(self._tiles, self.settings, f"{word} camera noise", number)
-
-    def bank(self, executor: Mapping[str, Any] | None = None) -> np.ndarray:
-        """The pictures, drawn if they are not in the cache."""
-        from pipeline.learning import images
-
-        count = self.settings.validation_images if self.validation else self.settings.images
-        purpose = f"{'validation' if self.validation else 'training'} image"
-        return images.bank(count, self.settings.seed, purpose=purpose, folder=self.cache / "images", executor=executor)
+            return white_arrays(self.tiles, self.settings, f"{self.part} white noise", number)
+        return camera_arrays(self.tiles, self.settings, f"{self.part} camera noise", number)
 
 
-def camera_arrays(tiles: np.ndarray, settings: Settings, purpose: str, number: int) -> dict[str, np.ndarray]:
+def camera_arrays(tiles: np.ndarray, settings: CorrelatedTraining, purpose: str, number: int) -> dict[str, np.ndarray]:
     """A chunk of camera samples as arrays."""
     made = camera_samples.chunk(tiles, settings.recipe, settings.seed, purpose, number)
     return {
@@ -104,9 +53,9 @@ def camera_arrays(tiles: np.ndarray, settings: Settings, purpose: str, number: i
     }
 
 
-def white_arrays(tiles: np.ndarray, settings: Settings, purpose: str, number: int) -> dict[str, np.ndarray]:
+def white_arrays(tiles: np.ndarray, settings: CorrelatedTraining, purpose: str, number: int) -> dict[str, np.ndarray]:
     """A chunk of white noise on clean views as arrays."""
-    recipe = replace(samples.Recipe(), blurred_noise_share=0.0, clean_share=settings.white_noise_free_fraction)
+    recipe = replace(Recipe(), blurred_noise_share=0.0, clean_share=settings.white_noise_free_fraction)
     made = samples.chunk(tiles, recipe, settings.seed, purpose, number)
     return {
         **_seen(made.patches_dn),
@@ -159,7 +108,7 @@ def measures(data: Mapping[str, torch.Tensor]) -> Callable[[torch.nn.Module], di
     return measure
 
 
-def train(settings: Settings, conduct: Conduct) -> Trained:
+def train(settings: CorrelatedTraining, conduct: Conduct) -> Trained:
     """Train the network, or go on training it.
 
     Args:
@@ -195,7 +144,7 @@ def train(settings: Settings, conduct: Conduct) -> Trained:
     )
 
 
-def save(path: Path, trained: Trained, settings: Settings, *, released: bool = False) -> None:
+def save(path: Path, trained: Trained, settings: CorrelatedTraining, *, released: bool = False) -> None:
     """Write the weight file of a training: weights, settings, measures and the interval's factor."""
     from pipeline.noise.correlated_net import ARCHITECTURE
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from pipeline.learning import images
 from pipeline.learning.textures import power_law, smooth_field
 from pipeline.noise.cellwise_features import CELL_PX
+from pipeline.noise.settings import Recipe
 from pipeline.streams import stream
 
 MARGIN_PX = 16
@@ -31,36 +32,6 @@ FULL_WELL_SHARE = 0.85
 """How often the full well lies at white, as in the paper's sensor, so that charge cannot exceed it."""
 
 Plane = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """What samples are drawn from.
-
-    Attributes:
-        size_px: side of a patch, pixels; a multiple of 8.
-        views: clean images in a chunk.
-        noises: samples made of each, with noise of their own.
-        sigma_dn: range of the noise, DN.
-        clean_share: share of samples without any.
-        low_share: share whose noise is spread evenly over the logarithm from 0.3 to 8 DN; the rest is even.
-        texture_share, blurred_noise_share: shares of clean images with fine texture, and with noise that came before a
-            blur, which does not count.
-        interpolated_share, compressed_share: shares enlarged from fewer pixels, and stored as JPEG.
-        sources: which noise: ``"any"`` (photon, constant and mixed) or ``"mixed"`` only.
-    """
-
-    size_px: int = 128
-    views: int = 8
-    noises: int = 4
-    sigma_dn: tuple[float, float] = (0.0, 42.0)
-    clean_share: float = 0.18
-    low_share: float = 0.22
-    texture_share: float = 0.65
-    blurred_noise_share: float = 0.15
-    interpolated_share: float = 0.12
-    compressed_share: float = 0.15
-    sources: str = "any"
 
 
 @dataclass(frozen=True)

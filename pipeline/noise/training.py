@@ -8,25 +8,23 @@ cell-wise network gets the fixed statistics of whole patches; the paper's gets 4
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.errors import InputError, did_you_mean
 from pipeline.learning import fitting
 from pipeline.learning.conduct import Conduct
-from pipeline.learning.trainer import Schedule, Trained
+from pipeline.learning.picture_maker import PictureMaker
+from pipeline.learning.trainer import Trained
 from pipeline.noise import samples
-from pipeline.noise.samples import Recipe
+from pipeline.noise.settings import SigmaTraining
 from pipeline.registry import Registry
 
 if TYPE_CHECKING:
     import torch
-
-Kind = Literal["cellwise", "cnn"]
 
 COVERAGE = 0.95
 SPREAD_LEVELS_DN = (0.0, 0.5, 2.0, 5.0, 10.0, 20.0, 60.0)
@@ -59,74 +57,18 @@ class Program:
     answers: Callable[[torch.nn.Module, Mapping[str, torch.Tensor]], tuple[torch.Tensor, torch.Tensor | None]]
 
 
-@dataclass(frozen=True)
-class Settings:
-    """A training of one of the noise networks.
-
-    Attributes:
-        kind: ``"cellwise"`` or ``"cnn"``.
-        schedule: of the optimiser.
-        recipe: of the samples.
-        images, validation_images: pictures in the banks.
-        fresh, uses, window: see `pipeline.learning.feed`; a batch has fresh * uses chunks.
-        validation_chunks: chunks that weights are selected on, of pictures never trained on.
-        seed: of everything.
-    """
-
-    kind: Kind
-    schedule: Schedule
-    recipe: Recipe = field(default_factory=Recipe)
-    images: int = 2400
-    validation_images: int = 160
-    fresh: int = 1
-    uses: int = 3
-    window: int = 128
-    validation_chunks: int = 40
-    seed: int = 1
-
-    @classmethod
-    def from_section(cls, kind: str, section: Any, seed: int) -> Settings:
-        """From the section ``train.sigma.<kind>`` of the configuration.
-
-        Raises:
-            InputError: no network of that name.
-        """
-        if kind not in ("cellwise", "cnn"):
-            raise InputError(f"job.network={kind}: no such network of noise; {did_you_mean(kind, ('cellwise', 'cnn'))}")
-        return fitting.from_section(cls, Recipe, section, kind=kind, seed=seed)
-
-
-@dataclass
-class Maker:
-    """Makes chunks: number -> arrays. Opens its bank on first use, in whichever process that is.
-
-    Arrays are ``sigma_dn`` (N,) and those of the network's program.
-    """
-
-    settings: Settings
-    cache: Path
-    validation: bool = False
-    _tiles: np.ndarray | None = None
+class Maker(PictureMaker[SigmaTraining]):
+    """Makes chunks of samples with white noise: ``sigma_dn`` (N,) and the arrays of the network's program."""
 
     def __call__(self, number: int) -> dict[str, np.ndarray]:
         """Chunk `number`."""
         settings = self.settings
-        if self._tiles is None:
-            self._tiles = self.bank()
-        purpose = f"{'validation' if self.validation else 'training'} noise {settings.kind}"
+        purpose = f"{self.part} noise {settings.kind}"
         program: Program = PROGRAMS.get(settings.kind)
-        return program.arrays(samples.chunk(self._tiles, settings.recipe, settings.seed, purpose, number))
-
-    def bank(self, executor: Mapping[str, Any] | None = None) -> np.ndarray:
-        """The pictures, drawn if they are not in the cache."""
-        from pipeline.learning import images
-
-        count = self.settings.validation_images if self.validation else self.settings.images
-        purpose = f"{'validation' if self.validation else 'training'} image"
-        return images.bank(count, self.settings.seed, purpose=purpose, folder=self.cache / "images", executor=executor)
+        return program.arrays(samples.chunk(self.tiles, settings.recipe, settings.seed, purpose, number))
 
 
-def validation(settings: Settings, cache: Path) -> Callable[[torch.nn.Module], dict[str, float]]:
+def validation(settings: SigmaTraining, cache: Path) -> Callable[[torch.nn.Module], dict[str, float]]:
     """Measures of a network on samples held out: errors over all and by true sigma, and what interval holds 95 %.
 
     ``interval`` is the factor k for which t +- k b holds ln(1 + sigma) in 95 % of the patches (cell-wise only);
@@ -158,7 +100,7 @@ def validation(settings: Settings, cache: Path) -> Callable[[torch.nn.Module], d
     return measure
 
 
-def train(settings: Settings, conduct: Conduct) -> Trained:
+def train(settings: SigmaTraining, conduct: Conduct) -> Trained:
     """Train a noise network, or go on training it.
 
     Args:
@@ -185,7 +127,7 @@ def train(settings: Settings, conduct: Conduct) -> Trained:
     )
 
 
-def save(path: Path, trained: Trained, settings: Settings, *, released: bool = False) -> None:
+def save(path: Path, trained: Trained, settings: SigmaTraining, *, released: bool = False) -> None:
     """Write the weight file of a training: weights, settings, measures, and for intervals their factor.
 
     Args:

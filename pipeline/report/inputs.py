@@ -136,7 +136,7 @@ class ReportInputs:
 
 
 def relative_to(settings: Mapping[str, Any]) -> str:
-    """What the MTF of a blur estimator is relative to, by its settings (`pipeline.config.schema.EstimatorSection`)."""
+    """What the MTF of a blur estimator is relative to, by its settings (`EstimatorSettings`)."""
     if settings.get("camera_samples") is not None:
         return CAMERA
     return GENERIC_LENS if settings.get("options", {}).get("answer") == "added" else SYSTEM

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import store
-from pipeline.camera.settings import CameraSettings
 from pipeline.curves import precision
 from pipeline.datasets.selection import evaluation_frames, evenly_spread, scene_of
 from pipeline.detection.weights import file_sha256
@@ -89,7 +88,7 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
                 "judge": settings.judge.model_dump(),
                 "measure": settings.measure.model_dump(),
                 "curves": settings.curves.model_dump(),
-                "camera": config.camera.model_dump(),
+                "camera": config.camera.described(),
                 "seed": config.seed,
             },
         )
@@ -113,7 +112,7 @@ def _measure(
     """Average precisions, their draws, and the estimated conditions."""
     settings, section = config.detection, config.detection.detectors[detector]
     words = detect.class_map(config.datasets[dataset].kind)
-    camera, levels = CameraSettings.from_section(config.camera), tuple(settings.sweep.levels_dn)
+    camera, levels = config.camera, tuple(settings.sweep.levels_dn)
     shape = settings.sweep
     blurs = sweep_kernels(shape.blur, shape.sizes_px, shape.angles_deg, shape.match, config.seed)
     work = [(frame, kernel) for frame in frames for kernel in blurs]

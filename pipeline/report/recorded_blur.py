@@ -24,7 +24,6 @@ from pipeline.blur.spectral import TYPICAL
 from pipeline.camera import kernel_bank
 from pipeline.camera.paper_kernels import PaperKernel
 from pipeline.camera.psf import stored
-from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.index import index
 from pipeline.datasets.open import open_section
 from pipeline.detection.weights import file_sha256
@@ -41,7 +40,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.camera.psf.kernel import Kernel
-    from pipeline.config.schema import Config, EstimatorSection
+    from pipeline.config.schema import Config
+    from pipeline.experiments.settings import EstimatorSettings
 
 Map = Callable[..., list[Any]]
 
@@ -96,7 +96,7 @@ def record(
             frames,
             stored.as_stored(bank),
             calibration_frames=all_patches,
-            camera=CameraSettings.from_section(config.camera),
+            camera=config.camera,
             seed=config.seed,
             draws=section.bootstrap_draws,
             executor=labelled,
@@ -152,7 +152,7 @@ def _provenance(
             "estimators": {name: _placeless(section.estimators[name].model_dump()) for name in weights},
         },
         "psf": config.psf.model_dump(exclude={"folder"}),
-        "camera": config.camera.model_dump(),
+        "camera": config.camera.described(),
         "seed": config.seed,
     }
 
@@ -190,7 +190,7 @@ def _kernel_sha256(kernel: Kernel) -> str:
     return hashlib.sha256(kernel.psf.astype("<f4").tobytes()).hexdigest()
 
 
-def _weights(section: EstimatorSection) -> dict[str, str]:
+def _weights(section: EstimatorSettings) -> dict[str, str]:
     """File name -> SHA-256 of what an estimator has learned: weights of its options or released, and what is beside."""
     made = blur.REGISTRY.get(section.kind)
     given = section.options.get("weights") or getattr(sys.modules[made.__module__], "RELEASED", None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
-READS = ["seed", "train.mtf.spectral", "ablation.steps", "ablation.images", "ablation.kernels"]
+READS = ["train.mtf.spectral", "ablation.steps", "ablation.images", "ablation.kernels"]
 
 
 @stage("ablation", reads=[*READS, "ablation.variants.{variant}"], job=["variant"])
@@ -14,10 +14,10 @@ def run(run: Run) -> None:
     from pipeline.blur import ablation
     from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
-    from pipeline.learning.training import Training
+    from pipeline.learning.settings import Training
 
     name, section = run.job["variant"], run.params.ablation
-    released = Training.from_section(run.params.train.mtf["spectral"], run.params.seed)
+    released: Training = run.params.train.mtf["spectral"]
     base = ablation.variant(
         ablation.shortened(released, section.steps), {"images": section.images, "kernels": section.kernels}
     )

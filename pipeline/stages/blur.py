@@ -20,7 +20,6 @@ def run(run: Run) -> None:
     """Estimate patches under every kernel; write estimates, AMAE raw and calibrated, kernels, and the metrics."""
     from pipeline import store
     from pipeline.camera.psf import stored
-    from pipeline.camera.settings import CameraSettings
     from pipeline.experiments import tables
     from pipeline.experiments.frames import of_index
     from pipeline.experiments.kernel_gallery import gallery
@@ -31,7 +30,7 @@ def run(run: Run) -> None:
     candidate = Candidate.configured(params.blur.estimators[name])
     folder, source = run.inputs / "data/index" / dataset, params.datasets[dataset]
     frames = of_index(folder, dataset, source, {"mtf": params.blur.patches_per_frame})
-    kernels, camera = stored.read(run.inputs / "data/psf"), CameraSettings.from_section(params.camera)
+    kernels, camera = stored.read(run.inputs / "data/psf"), params.camera
     result = measure(
         {name: candidate},
         frames,

@@ -16,7 +16,6 @@ def run(run: Run) -> None:
     """Run every experiment; write estimates, their statistics, the example's curves and images, and the metrics."""
     from pipeline import store
     from pipeline.camera.psf import stored
-    from pipeline.camera.settings import CameraSettings
     from pipeline.experiments import combined, tables
     from pipeline.experiments.combined_example import example, example_curves, highest_contrast_patch
     from pipeline.experiments.condition import Quantity
@@ -24,7 +23,7 @@ def run(run: Run) -> None:
     from pipeline.experiments.metrics import combined_metrics
 
     dataset, params = run.job["dataset"], run.params
-    section, camera, seed = params.combined, CameraSettings.from_section(params.camera), params.seed
+    section, camera, seed = params.combined, params.camera, params.seed
     bank = stored.read(run.inputs / "data/psf")
     experiment = combined.configured(section, params.blur.estimators, params.noise.estimators, bank)
     per_frame: dict[Quantity, int | None] = {"mtf": section.patches_per_frame, "sigma_dn": section.tiles_per_frame}

@@ -33,7 +33,11 @@ def run(run: Run) -> None:
     moments = set(section.surface.moments)
     work = [view for fold in every for view in fold if view.moment in moments]
     about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")
-    shared = {"camera": setup.camera(section.camera), "design": setup.design(section.surface), "seed": params.seed}
+    shared: dict[str, Any] = {
+        "camera": setup.camera(section.camera),
+        "design": setup.design(section.surface),
+        "seed": params.seed,
+    }
     key = fingerprint(
         "pipeline.control.measured_surface", {**shared, "detector": [detector.kind, options, about["sha256"]]}
     )

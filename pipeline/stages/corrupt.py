@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from pipeline.config.entry import Run, stage
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pipeline.camera.settings import CameraSettings
     from pipeline.datasets.frame import Frame
 
@@ -18,12 +20,11 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store, tables
-    from pipeline.camera.settings import CameraSettings
     from pipeline.datasets.index import indexed_frames
     from pipeline.experiments.formation_gallery import gallery
 
     name, params = run.job["dataset"], run.params
-    camera = CameraSettings.from_section(params.camera)
+    camera = params.camera
     frames = indexed_frames(run.inputs / "data/index" / name, name, params.datasets[name])
     effects, levels = params.corruption.effects, params.corruption.levels_dn
     work = partial(truth_of_frame, effects=effects, levels_dn=levels, camera=camera, seed=params.seed)
@@ -44,7 +45,7 @@ def run(run: Run) -> None:
 
 
 def truth_of_frame(
-    frame: Frame, *, effects: list[str], levels_dn: list[float], camera: CameraSettings, seed: int
+    frame: Frame, *, effects: Sequence[str], levels_dn: Sequence[float], camera: CameraSettings, seed: int
 ) -> list[dict[str, Any]]:
     """What one worker does: the truth of all effects and levels of one frame."""
     from pipeline.experiments.condition import grid, sharp_kernel

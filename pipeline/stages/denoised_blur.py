@@ -13,14 +13,13 @@ def run(run: Run) -> None:
     """Evaluate blur d1 x noise x disc d2 beside the same without a disc; write errors, those expected, and metrics."""
     from pipeline import store
     from pipeline.camera.psf import stored
-    from pipeline.camera.settings import CameraSettings
     from pipeline.experiments import combined, tables
     from pipeline.experiments.condition import Quantity
     from pipeline.experiments.frames import of_index
     from pipeline.experiments.metrics import combined_metrics
 
     dataset, params = run.job["dataset"], run.params
-    section, camera, seed = params.denoised_blur, CameraSettings.from_section(params.camera), params.seed
+    section, camera, seed = params.denoised_blur, params.camera, params.seed
     experiment = combined.denoised(section, params.blur.estimators, stored.read(run.inputs / "data/psf"))
     folder = run.inputs / "data/index" / dataset
     per_frame: dict[Quantity, int | None] = {"mtf": section.patches_per_frame}

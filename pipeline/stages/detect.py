@@ -23,7 +23,6 @@ def run(run: Run) -> None:
     from functools import partial
 
     from pipeline import store
-    from pipeline.camera.settings import CameraSettings
     from pipeline.datasets.selection import evaluation_frames, scene_of
     from pipeline.detection import pieces
     from pipeline.experiments import detect
@@ -41,7 +40,7 @@ def run(run: Run) -> None:
         classes=tuple(words.classes),
         effect=settings.effect,
         levels_dn=tuple(settings.levels_dn),
-        camera=CameraSettings.from_section(params.camera),
+        camera=params.camera,
         seed=params.seed,
     )
     about = store.read_json(run.inputs / "data/detector" / name / "detector.json")

@@ -25,7 +25,6 @@ USES = {
 def run(run: Run) -> None:
     """Estimate in every frame behind every kernel at every level; write the estimates and their medians."""
     from pipeline import store
-    from pipeline.camera.settings import CameraSettings
     from pipeline.datasets.selection import evaluation_frames
     from pipeline.experiments import iopc, tables
     from pipeline.experiments.condition import sweep_kernels
@@ -42,7 +41,7 @@ def run(run: Run) -> None:
         settings.effect,
         settings.levels_dn,
         params.detection.measure,
-        camera=CameraSettings.from_section(params.camera),
+        camera=params.camera,
         seed=params.seed,
         executor=run.map,
         label=f"condition of {name}",

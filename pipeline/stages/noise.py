@@ -26,14 +26,13 @@ def run(run: Run) -> None:
 
     from pipeline import noise as estimators
     from pipeline import store, tables
-    from pipeline.camera.settings import CameraSettings
     from pipeline.experiments import noise, noise_maps
     from pipeline.experiments.frames import of_index
     from pipeline.experiments.metrics import noise_metrics
     from pipeline.experiments.run import Registered
 
     dataset, name, params = run.job["dataset"], run.job["estimator"], run.params
-    section, camera = params.noise.estimators[name], CameraSettings.from_section(params.camera)
+    section, camera = params.noise.estimators[name], params.camera
     folder, sources = run.inputs / "data/index" / dataset, params.corruption.effects
     per_frame = section.per_frame or params.noise.tiles_per_frame
     frames = of_index(folder, dataset, params.datasets[dataset], {"sigma_dn": per_frame})

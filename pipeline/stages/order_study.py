@@ -14,7 +14,6 @@ def run(run: Run) -> None:
     from functools import partial
 
     from pipeline import store
-    from pipeline.camera.settings import CameraSettings
     from pipeline.datasets.index import indexed_frames
     from pipeline.experiments import order_study
     from pipeline.experiments.detect import class_map
@@ -27,7 +26,7 @@ def run(run: Run) -> None:
     look = partial(
         order_study.look,
         chosen=chosen,
-        camera=CameraSettings.from_section(params.camera),
+        camera=params.camera,
         kind=detector.kind,
         options=options,
         seed=params.seed,

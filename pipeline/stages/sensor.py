@@ -10,9 +10,8 @@ def run(run: Run) -> None:
     """Measure the sensor by drawing from it; write the numbers and the metrics."""
     from pipeline import store
     from pipeline.camera.moments import moments, photon_transfer, transfer_rows
-    from pipeline.camera.settings import CameraSettings
 
-    sensor = CameraSettings.from_section(run.params.camera).sensor
+    sensor = run.params.camera.sensor
     found = moments(sensor, run.params.seed)
     curve = transfer_rows(photon_transfer(sensor, run.params.seed), sensor)
     with store.replacing_folder(run.outputs / "data/sensor") as folder:

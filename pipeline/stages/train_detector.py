@@ -7,20 +7,20 @@ from pipeline.config.entry import Run, stage
 USES = {"pipeline.detection.compact": ["{network}"]}
 
 
-@stage("train_detector", reads=["seed", "train.detector.{network}"], job=["network"], uses=USES)
+@stage("train_detector", reads=["train.detector.{network}"], job=["network"], uses=USES)
 def run(run: Run) -> None:
     """Render, train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
     from pipeline import processor
+    from pipeline.detection.settings import DetectorTraining
     from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
 
     name = run.job["network"]
-    if run.params.train.detector[name].half_precision:
+    settings: DetectorTraining = run.params.train.detector[name]
+    if settings.half_precision:
         processor.release_torch()
     from pipeline.detection.compact import training
-
-    settings = training.DetectorTraining.from_section(run.params.train.detector[name], run.params.seed)
 
     trained = training.train(name, settings, Conduct.reported(name, settings.schedule.steps, run.executor.workers))
     training.save(

@@ -5,14 +5,15 @@ from __future__ import annotations
 from pipeline.config.entry import Run, stage
 
 
-@stage("train_fusion", reads=["seed", "train.fusion"])
+@stage("train_fusion", reads=["train.fusion"])
 def run(run: Run) -> None:
     """Draw samples, estimate them by all three, train; write weights and cross-validated errors."""
     from pipeline.blur import fusion_rows, fusion_training
+    from pipeline.blur.settings import FusionTraining
     from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
 
-    settings = fusion_training.Settings.from_section(run.params.train.fusion, run.params.seed)
+    settings: FusionTraining = run.params.train.fusion
     spectral = run.inputs / "data/weights/mtf_spectral.safetensors"
     rows = fusion_rows.rows(settings.recipe, spectral, Conduct().cache, run.map)
     trained = fusion_training.train(rows, settings)

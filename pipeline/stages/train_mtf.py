@@ -27,19 +27,19 @@ SAVERS = Registry(
 USES = {"pipeline.blur.training": ["{network}"]}
 
 
-@stage("train_mtf", reads=["seed", "train.mtf.{network}"], job=["network"], uses=USES)
+@stage("train_mtf", reads=["train.mtf.{network}"], job=["network"], uses=USES)
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
     from pipeline import processor
     from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
-    from pipeline.learning.training import Training
+    from pipeline.learning.settings import Training
 
     name = run.job["network"]
-    if run.params.train.mtf[name].half_precision:
+    training: Training = run.params.train.mtf[name]
+    if training.half_precision:
         processor.release_torch()
-    training = Training.from_section(run.params.train.mtf[name], run.params.seed)
 
     trained = PROGRAMS.get(name)(training, Conduct.reported(name, training.schedule.steps, run.executor.workers))
     SAVERS.get(name)(run.outputs / f"data/weights/mtf_{name}.safetensors", trained, training, released=run.released)

@@ -7,16 +7,17 @@ from pipeline.config.entry import Run, stage
 USES = {"pipeline.noise.training": ["{network}"]}
 
 
-@stage("train_sigma", reads=["seed", "train.sigma.{network}"], job=["network"], uses=USES)
+@stage("train_sigma", reads=["train.sigma.{network}"], job=["network"], uses=USES)
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
     from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
     from pipeline.noise import training
+    from pipeline.noise.settings import SigmaTraining
 
     name = run.job["network"]
-    settings = training.Settings.from_section(name, run.params.train.sigma[name], run.params.seed)
+    settings: SigmaTraining = run.params.train.sigma[name]
 
     trained = training.train(settings, Conduct.reported(name, settings.schedule.steps, run.executor.workers))
     training.save(run.outputs / f"data/weights/sigma_{name}.safetensors", trained, settings, released=run.released)

@@ -5,15 +5,16 @@ from __future__ import annotations
 from pipeline.config.entry import Run, stage
 
 
-@stage("train_sigma_correlated", reads=["seed", "train.sigma_correlated"])
+@stage("train_sigma_correlated", reads=["train.sigma_correlated"])
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
     from pipeline.learning import training_record
     from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
     from pipeline.noise import correlated_training
+    from pipeline.noise.settings import CorrelatedTraining
 
-    settings = correlated_training.Settings.from_section(run.params.train.sigma_correlated, run.params.seed)
+    settings: CorrelatedTraining = run.params.train.sigma_correlated
     conduct = Conduct.reported("correlated", settings.schedule.steps, run.executor.workers)
     trained = correlated_training.train(settings, conduct)
     path = run.outputs / "data/weights/sigma_correlated.safetensors"

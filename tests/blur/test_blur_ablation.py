@@ -9,14 +9,12 @@ import pytest
 
 from pipeline.blur import ablation
 from pipeline.learning.conduct import Conduct
-from pipeline.learning.samples import Recipe
-from pipeline.learning.trainer import Schedule
-from pipeline.learning.training import Training
+from pipeline.learning.settings import Recipe, Schedule, Training
 
-RELEASED = Training(Schedule(24000, hold=0.6, checkpoint_every=500, report_every=100))
+RELEASED = Training(schedule=Schedule(24000, hold=0.6, checkpoint_every=500, report_every=100))
 TINY = Training(
-    Schedule(4, warm_up=1, checkpoint_every=2, report_every=2),
-    Recipe(views=2),
+    schedule=Schedule(4, warm_up=1, checkpoint_every=2, report_every=2),
+    recipe=Recipe(views=2),
     images=4,
     validation_images=4,
     kernels=64,

@@ -8,14 +8,14 @@ import pytest
 from pipeline import blur, store
 from pipeline.blur import fusion_samples, fusion_training, spectral
 from pipeline.blur.fusion_rows import Rows
-from pipeline.blur.fusion_samples import Recipe
+from pipeline.blur.settings import FusionRecipe, FusionTraining
 from pipeline.config.compose import compose, parse
 from pipeline.learning import weights
 from pipeline.stages.train_fusion import run as stage
 from pipeline.streams import stream
 
 ROOT = Path(__file__).resolve().parents[2]
-RECIPE = Recipe(samples=4)
+RECIPE = FusionRecipe(samples=4)
 
 
 def test_a_sample_is_a_pure_function_of_recipe_and_number():
@@ -44,12 +44,12 @@ def synthetic(count):
 
 def test_it_learns_which_member_is_right():
     data = synthetic(120)
-    trained = fusion_training.train(data, fusion_training.Settings(steps=120, folds=2))
+    trained = fusion_training.train(data, FusionTraining(steps=120, folds=2))
     measures = trained.measures
     assert measures["gbb_error_percent"] < 1.5 and measures["spectral_error_percent"] > 6
     assert measures["fused_error_percent"] < 0.5 * measures["spectral_error_percent"]
     assert measures["rows"] == 120 and "fused_error_high_noise_percent" not in measures
-    again = fusion_training.train(data, fusion_training.Settings(steps=120, folds=2))
+    again = fusion_training.train(data, FusionTraining(steps=120, folds=2))
     for name, tensor in trained.gate.state_dict().items():
         assert np.array_equal(tensor.numpy(), again.gate.state_dict()[name].numpy()), name
 

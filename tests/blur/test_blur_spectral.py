@@ -21,8 +21,7 @@ from pipeline.errors import InputError
 from pipeline.learning import images, kernels, samples, weights
 from pipeline.learning.conduct import Conduct
 from pipeline.learning.initial import initialise
-from pipeline.learning.trainer import Schedule
-from pipeline.learning.training import Training
+from pipeline.learning.settings import Recipe, Schedule, Training
 from pipeline.streams import stream
 
 released = pytest.mark.skipif(not RELEASED.is_file(), reason="released weights absent: run dvc repro train_mtf")
@@ -159,9 +158,9 @@ def test_wrong_options_are_refused(untrained, tmp_path):
 
 def small_training(**changes):
     schedule = Schedule(24, checkpoint_every=8, report_every=4, warm_up=4)
-    recipe = samples.Recipe(views=2, kernels_per_view=4)
+    recipe = Recipe(views=2, kernels_per_view=4)
     sizes = {"images": 4, "validation_images": 2, "kernels": 250, "validation_chunks": 2}
-    return Training(schedule, recipe, half_precision=False, **{**sizes, **changes})
+    return Training(schedule=schedule, recipe=recipe, half_precision=False, **{**sizes, **changes})
 
 
 @pytest.fixture
@@ -215,7 +214,7 @@ def test_released_weights_rank_blur(pictures):
 def test_released_intervals_cover(tmp_path):
     """On new procedural samples, clean and noisy, 95 % intervals hold 90 to 98 % of the truths."""
     tiles = np.stack([images.picture(index, 9, "test image") for index in range(6)])
-    chunks = samples.Samples(tiles, kernels.block(0, 9, "test kernels"), samples.Recipe(), 9)
+    chunks = samples.Samples(tiles, kernels.block(0, 9, "test kernels"), Recipe(), 9)
     made = [chunks.chunk(number) for number in range(4)]
     patches = np.concatenate([one.patches_dn for one in made])[:, None].astype(np.float32) / 255
     found = Spectral().estimate(patches)

@@ -10,7 +10,7 @@ from pipeline import store
 from pipeline.camera import kernel_bank
 from pipeline.camera.psf import stored
 from pipeline.camera.psf.bank import bank
-from pipeline.config.schema import PsfSection
+from pipeline.camera.settings import PsfSettings
 from pipeline.errors import InputError
 from pipeline.stages.psf_bank import run as stage
 
@@ -24,7 +24,7 @@ def section(**changes):
         "sizes_px": [3, 7],
         "angles_deg": [0, 90],
     }
-    return PsfSection(**{**chosen, **changes})
+    return PsfSettings(**{**chosen, **changes})
 
 
 @pytest.fixture

@@ -95,7 +95,7 @@ def test_drift_between_conf_and_params_is_shown(tmp_path, monkeypatch):
     path = tmp_path / "params.yaml"
     compile_params([], path)
     compiling.check(path)
-    path.write_text(path.read_text().replace("seed: 1", "seed: 2"))
+    path.write_text(path.read_text().replace("\nseed: 1", "\nseed: 2"))
     with pytest.raises(InputError, match=r"\+seed: 2"):
         compiling.check(path)
     monkeypatch.setenv("DVC_EXP_NAME", "an-experiment")

@@ -1,10 +1,9 @@
 """Frames chosen: evenly spread, more moments than the index holds, and which of them are independent."""
 
-from types import SimpleNamespace
-
 from data_makers import make_sim
 
 from pipeline.datasets.selection import evaluation_frames, evenly_spread, scene_of
+from pipeline.datasets.settings import DatasetSettings
 
 
 def test_items_are_spread_evenly():
@@ -13,12 +12,8 @@ def test_items_are_spread_evenly():
 
 
 def test_more_moments_can_be_judged_than_the_index_holds(tmp_path):
-    class Section(SimpleNamespace):
-        def model_copy(self, update):
-            return Section(**{**vars(self), **update})
-
     root = make_sim(tmp_path / "sim", viewpoints=2)
-    section = Section(kind="sim", root=str(root), whitelist=None, limit=1, options={}, max_bad_share=0.0)
+    section = DatasetSettings(kind="sim", root=str(root), watch="data/sim", limit=1, max_bad_share=0.0)
     frames = evaluation_frames(tmp_path, "sim", section, {"moments": "all"})
     assert len(frames) == 8
     chosen = evaluation_frames(tmp_path, "sim", section, {"moments": "all"}, 4)

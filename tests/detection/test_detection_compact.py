@@ -12,11 +12,12 @@ import torch
 from pipeline import detection, store
 from pipeline.detection.compact import one_stage, samples, training, two_stage
 from pipeline.detection.compact.detector import Compact
+from pipeline.detection.settings import CropRecipe, DetectorTraining
 from pipeline.detection.sim_frames import SimFrames, fingerprint, sim_frames
 from pipeline.errors import InputError
 from pipeline.learning.conduct import Conduct
 from pipeline.learning.initial import initialise
-from pipeline.learning.trainer import Schedule
+from pipeline.learning.settings import Schedule
 
 NETWORKS = training.NETWORKS.names()
 SIZE = (96, 128)
@@ -36,11 +37,11 @@ def frame(number: int) -> tuple[np.ndarray, list[dict]]:
     return image, rows
 
 
-def settings(steps: int = 6, **changes) -> training.DetectorTraining:
+def settings(steps: int = 6, **changes) -> DetectorTraining:
     schedule = Schedule(steps, 2e-3, warm_up=2, checkpoint_every=2, report_every=2, average_decay=0.9)
-    recipe = samples.CropRecipe(size_px=96, count=2, scale=(0.9, 1.2))
+    recipe = CropRecipe(size_px=96, count=2, scale=(0.9, 1.2))
     values = {"frames": 3, "validation_frames": 1, "rays": 1, "width_px": SIZE[1], "height_px": SIZE[0], "window": 4}
-    return training.DetectorTraining(schedule, recipe, **{**values, **changes})
+    return DetectorTraining(schedule=schedule, recipe=recipe, **{**values, **changes})
 
 
 @pytest.fixture
@@ -72,7 +73,7 @@ def test_boxes_follow_the_picture(seed: int) -> None:
         image[None], [np.array([[80, 60, 110, 120]], np.float32)], [np.array(["person"])], [np.ones(1, np.float32)]
     )
     generator = np.random.default_rng(seed)
-    recipe = samples.CropRecipe(size_px=160, count=1, scale=(0.5, 1.8), at_object=1.0)
+    recipe = CropRecipe(size_px=160, count=1, scale=(0.5, 1.8), at_object=1.0)
     cut, box, kind = samples.crop(frames, generator, recipe)
     assert (kind >= 0).sum() + (kind == samples.IGNORED).sum() == 1
     rows, columns = np.nonzero(cut > 0.5 * (int(cut.max()) + int(cut.min())))
@@ -87,7 +88,7 @@ def test_small_and_hidden_objects_are_neither_wanted_nor_wrong() -> None:
         [np.array(["car", "car", "bicycle"])],
         [np.array([1.0, 1.0, 0.1], np.float32)],
     )
-    recipe = samples.CropRecipe(size_px=192, count=1, scale=(0.96, 0.9601), at_object=0.0)
+    recipe = CropRecipe(size_px=192, count=1, scale=(0.96, 0.9601), at_object=0.0)
     _, placed, kind = samples.crop(frames, np.random.default_rng(0), recipe)
     assert [int(one) for one in kind[:3]] == [samples.IGNORED, 0, samples.IGNORED]  # largest first: the bicycle
     assert (kind[3:] == samples.ABSENT).all()
@@ -141,8 +142,8 @@ def test_training_learns_and_goes_on_bit_for_bit(cache: Path, tmp_path: Path, na
 
 def test_training_frames_and_validation_frames_are_different_places(cache: Path) -> None:
     wanted = settings()
-    held_back = sim_frames(**wanted.source(cache, validation=True))
-    trained_on = sim_frames(**wanted.source(cache))
+    held_back = sim_frames(**training.frame_source(wanted, cache, validation=True))
+    trained_on = sim_frames(**training.frame_source(wanted, cache))
     assert len(trained_on) == 3
     assert len(held_back) == 1
     assert not any(np.array_equal(held_back.images[0], image) for image in trained_on.images)
@@ -152,7 +153,7 @@ def test_a_broken_picture_in_the_cache_is_named(cache: Path) -> None:
     path = next(cache.rglob("00001.png"))
     path.write_bytes(path.read_bytes()[:30])
     with pytest.raises(InputError, match="00001.png: not a readable picture; delete it"):
-        sim_frames(**settings().source(cache))
+        sim_frames(**training.frame_source(settings(), cache))
 
 
 def test_a_frame_is_rendered_once_and_is_the_same_again(tmp_path: Path) -> None:

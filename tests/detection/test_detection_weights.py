@@ -20,8 +20,8 @@ from click.testing import CliRunner
 from pipeline import detection
 from pipeline.cli import main
 from pipeline.cli.weights import FOLDER
-from pipeline.config.sections.detection import DetectorSection
 from pipeline.detection import weights
+from pipeline.detection.settings import DetectorSettings
 from pipeline.detection.weights_table import TABLE, Published
 from pipeline.errors import InputError
 
@@ -243,7 +243,7 @@ def test_configured_detectors_take_their_options(path: Path) -> None:
     """Options are the class's own; the file is one that ``weights get`` brings (or its export), or a released one."""
     # The root of the default profile is empty.
     content = yaml.safe_load(path.read_text(encoding="utf-8").replace("${root}", ""))
-    section = DetectorSection(**{**content, "watch": content["weights"]})
+    section = DetectorSettings(**{**content, "watch": content["weights"]})
     assert section.kind == path.stem
     taken = inspect.signature(detection.REGISTRY.get(section.kind)).parameters
     assert {"weights", *section.options} <= set(taken)

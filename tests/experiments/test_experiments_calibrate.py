@@ -11,13 +11,15 @@ from pipeline.blur.camera_fit import Fit, Fitted
 from pipeline.camera.psf import stored
 from pipeline.camera.psf.defocus import create as defocus
 from pipeline.camera.psf.kernel import Kernel
-from pipeline.config.schema import CameraSection, DatasetSection, EstimatorSection, SensorSection
+from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.index import index
+from pipeline.datasets.settings import DatasetSettings
 from pipeline.errors import InputError
 from pipeline.experiments import calibrate
 from pipeline.experiments.condition import grid
 from pipeline.experiments.frames import of_index
 from pipeline.experiments.run import Method, Registered, run
+from pipeline.experiments.settings import EstimatorSettings
 from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY
 from pipeline.stages.blur import run as stage
 
@@ -33,11 +35,11 @@ def prepared(place, frames, workers=1):
     store.write_table(place / "data/index/mine/frames.parquet", found.frames, tables.FRAMES)
     store.write_table(place / "data/index/mine/patches.parquet", found.patches, tables.PATCHES)
     stored.write(place / "data/psf", BANK, "generated")
-    estimators = {"fitted": EstimatorSection(kind="spectral", camera_samples=SAMPLES)}
+    estimators = {"fitted": EstimatorSettings(kind="spectral", camera_samples=SAMPLES)}
     config = SimpleNamespace(
         seed=1,
-        camera=CameraSection(kind="physical", poisson="exact", sensor=SensorSection(model="paper")),
-        datasets={"mine": DatasetSection(kind="folder", root=str(root), watch=str(root))},
+        camera=CameraSettings(),
+        datasets={"mine": DatasetSettings(kind="folder", root=str(root), watch=str(root))},
         blur=SimpleNamespace(patches_per_frame=1, bootstrap_draws=5, estimators=estimators),
         executor=SimpleNamespace(workers=workers, backend="processes", address=None),
     )

@@ -9,18 +9,19 @@ import pandas as pd
 import pytest
 from data_makers import make_folder
 
-from pipeline.config.sections.detection import JudgeSection, MeasureSection
 from pipeline.datasets.folder import Folder
 from pipeline.detection.classes import CLASS_MAPS
+from pipeline.detection.settings import JudgeSettings
 from pipeline.errors import InputError
 from pipeline.executor import run_map
 from pipeline.experiments import iopc
 from pipeline.experiments.condition import sweep_kernels
+from pipeline.experiments.settings import MeasureSettings
 from pipeline.experiments.summarise import condition_medians
 from pipeline.experiments.tables import CONDITIONS
 
-MEASURE = MeasureSection(mtf="spectral", sigma="cellwise", patch_px=192, tile_px=128, per_frame=3)
-JUDGE = JudgeSection(rule="paper", overlap=0.5, lowest_px=25, least_visible=0.3, bootstrap_draws=50)
+MEASURE = MeasureSettings(mtf="spectral", sigma="cellwise", patch_px=192, tile_px=128, per_frame=3)
+JUDGE = JudgeSettings(rule="paper", overlap=0.5, lowest_px=25, least_visible=0.3, bootstrap_draws=50)
 WORDS = CLASS_MAPS["sim"]
 BLURS = sweep_kernels("linear_motion", [0, 11], [0], "nominal", 1)
 

@@ -14,14 +14,15 @@ from pipeline.camera.psf.defocus import create as defocus
 from pipeline.camera.psf.kernel import Kernel
 from pipeline.camera.psf.linear_motion import create as motion
 from pipeline.camera.settings import CameraSettings
-from pipeline.config.schema import CameraSection, DatasetSection, EstimatorSection, SensorSection
 from pipeline.datasets.index import index
 from pipeline.datasets.patches import object_patches
+from pipeline.datasets.settings import DatasetSettings
 from pipeline.errors import InputError
 from pipeline.experiments.condition import grid
 from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.kernel_gallery import gallery
 from pipeline.experiments.run import Method, run
+from pipeline.experiments.settings import EstimatorSettings
 from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY
 from pipeline.stages.blur import run as stage
 
@@ -124,13 +125,13 @@ def project(root, opened, tmp_path_factory):
     store.write_table(folder / "data/index/mine/patches.parquet", found.patches, tables.PATCHES)
     stored.write(folder / "data/psf", BANK, "generated")
     estimators = {
-        "pmp": EstimatorSection(kind="pmp", options={"mode": "fast", "kernel_size": 15}),
-        "curves": EstimatorSection(kind="curves"),
+        "pmp": EstimatorSettings(kind="pmp", options={"mode": "fast", "kernel_size": 15}),
+        "curves": EstimatorSettings(kind="curves"),
     }
     config = SimpleNamespace(
         seed=1,
-        camera=CameraSection(kind="physical", poisson="exact", sensor=SensorSection(model="paper")),
-        datasets={"mine": DatasetSection(kind="folder", root=str(root), watch=str(root))},
+        camera=CameraSettings(),
+        datasets={"mine": DatasetSettings(kind="folder", root=str(root), watch=str(root))},
         blur=SimpleNamespace(patches_per_frame=1, bootstrap_draws=5, estimators=estimators),
         executor=SimpleNamespace(workers=1, backend="processes", address=None),
     )

@@ -16,14 +16,16 @@ from pipeline.camera.psf import stored
 from pipeline.camera.psf.defocus import create as defocus
 from pipeline.camera.psf.kernel import Kernel
 from pipeline.camera.psf.linear_motion import create as motion
-from pipeline.config.schema import CameraSection, DatasetSection, EstimatorSection, SensorSection
+from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.index import index
 from pipeline.datasets.patches import Patch
+from pipeline.datasets.settings import DatasetSettings
 from pipeline.errors import InputError
 from pipeline.experiments import calibrate, table_one
 from pipeline.experiments.condition import grid, sharp_kernel
 from pipeline.experiments.frames import TestFrame, with_patches
 from pipeline.experiments.run import Method, Registered, run
+from pipeline.experiments.settings import EstimatorSettings
 from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY, rounded, written
 from pipeline.stages.blur import run as stage
 
@@ -32,8 +34,8 @@ BANK = [
     Kernel("defocus_7", "defocus", 7, 0, defocus(7.0)),
     *(Kernel(f"linear_motion_7_{angle}", "linear_motion", 7, angle, motion(7.0, angle)) for angle in (0, 90)),
 ]
-SPECTRAL = EstimatorSection(kind="spectral")
-CALIBRATED = EstimatorSection(kind="spectral", camera_samples=100)
+SPECTRAL = EstimatorSettings(kind="spectral")
+CALIBRATED = EstimatorSettings(kind="spectral", camera_samples=100)
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +88,7 @@ def test_an_estimator_calibrated_to_the_camera_is_cross_fitted_and_not_divided_a
 
 
 def test_a_relative_mtf_is_not_divided_again(work):
-    generic = EstimatorSection(kind="spectral", options={"answer": "added"})
+    generic = EstimatorSettings(kind="spectral", options={"answer": "added"})
     assert not measured(work, generic).summary["calibrated"].any()
 
 
@@ -136,8 +138,8 @@ def test_the_stage_writes_it(root, found, once, tmp_path):
     stored.write(tmp_path / "data/psf", BANK, "generated")
     config = SimpleNamespace(
         seed=1,
-        camera=CameraSection(kind="physical", poisson="exact", sensor=SensorSection(model="paper")),
-        datasets={"mine": DatasetSection(kind="folder", root=str(root), watch=str(root))},
+        camera=CameraSettings(),
+        datasets={"mine": DatasetSettings(kind="folder", root=str(root), watch=str(root))},
         blur=SimpleNamespace(patches_per_frame=None, bootstrap_draws=5, estimators={"mine": SPECTRAL}),
         executor=SimpleNamespace(workers=1, backend="processes", address=None),
     )

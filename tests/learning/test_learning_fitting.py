@@ -1,43 +1,25 @@
 """What all trainings share: settings by name, a fingerprint of them and the code, checkpoints, the weight file."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
+from pydantic import TypeAdapter, ValidationError
 
 from pipeline.learning import fitting, weights
 from pipeline.learning.conduct import Conduct
 from pipeline.learning.initial import initialise
-from pipeline.learning.trainer import CHECKPOINT, Schedule, Trained
+from pipeline.learning.settings import LoopSettings, Schedule
+from pipeline.learning.trainer import CHECKPOINT, Trained
 from pipeline.streams import stream
 
 CODE = "pipeline.learning.trainer"
 TRUTH = np.array([1.0, -2.0], np.float32)
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """Two numbers."""
-
-    span: tuple[float, float] = (0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Those of the smallest training."""
-
-    schedule: Schedule
-    recipe: Recipe = field(default_factory=Recipe)
-    fresh: int = 1
-    uses: int = 2
-    window: int = 4
-    seed: int = 1
-
-
-SMALL = Settings(Schedule(12, learning_rate=0.02, warm_up=2, checkpoint_every=4, report_every=2))
+SMALL = LoopSettings(schedule=Schedule(12, learning_rate=0.02, warm_up=2, checkpoint_every=4, report_every=2), window=4)
 
 
 def lines(number):
@@ -58,15 +40,15 @@ def run(conduct, settings=SMALL, code=CODE):
     return fitting.fit(model, loss, lines, settings, conduct, name="line", code=code, validate=validate, score="error")
 
 
-def test_settings_are_those_of_the_section_with_tuples_for_lists():
-    section = SimpleNamespace(
-        model_dump=lambda: {"schedule": {"steps": 7, "betas": [0.8, 0.9]}, "recipe": {"span": [2, 3]}, "window": 5}
-    )
-    made = fitting.from_section(Settings, Recipe, section, seed=9)
-    assert made == Settings(Schedule(7, betas=(0.8, 0.9)), Recipe((2, 3)), window=5, seed=9)
-    assert hash(made.recipe) == hash(Recipe((2, 3)))
-    with pytest.raises(TypeError, match="tempo"):
-        fitting.from_section(Settings, Recipe, section, tempo=1)
+def test_settings_are_checked_wherever_they_are_made():
+    read = TypeAdapter(LoopSettings).validate_python
+    made = read({"schedule": {"steps": 7, "betas": [0.8, 0.9]}, "window": 5, "seed": 9})
+    assert made == LoopSettings(schedule=Schedule(7, betas=(0.8, 0.9)), window=5, seed=9)
+    assert hash(made) == hash(replace(made))
+    with pytest.raises(ValidationError, match="tempo"):
+        read({"schedule": {"steps": 7, "tempo": 1}})
+    with pytest.raises(ValidationError, match="steps"):
+        Schedule(steps=0)
 
 
 def test_the_fingerprint_follows_settings_and_code():
@@ -132,7 +114,7 @@ def test_a_weight_file_says_what_it_is(tmp_path):
     fitting.save(path, trained, SMALL, architecture="line-1", code=CODE, slope=2)
     tensors, header = weights.load(path, "line-1")
     assert torch.equal(tensors["weight"], trained.model.weight)
-    assert header["settings"]["schedule"]["steps"] == 12 and header["settings"]["recipe"] == {"span": [0.0, 1.0]}
+    assert header["settings"]["schedule"]["steps"] == 12 and header["settings"]["window"] == 4
     assert header["fingerprint"] == fitting.fingerprint(SMALL, CODE)
     assert header["step"] == 4 and header["measures"] == curve[1] == fitting.final_measures(trained)
     assert header["slope"] == 2

@@ -9,9 +9,10 @@ import torch
 from pipeline.camera import mtf
 from pipeline.camera.constants import PAPER_FULL_WELL_E, PAPER_HOT_DARK_E, PAPER_HOT_READOUT_E
 from pipeline.learning import kernels, samples
+from pipeline.learning.settings import Recipe
 from pipeline.streams import stream, torch_stream
 
-RECIPE = samples.Recipe(views=4, kernels_per_view=2)
+RECIPE = Recipe(views=4, kernels_per_view=2)
 
 
 @pytest.fixture(scope="module")

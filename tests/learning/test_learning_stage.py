@@ -6,25 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from pydantic import TypeAdapter
 
 from pipeline.blur.spectral import Spectral
 from pipeline.errors import InputError
 from pipeline.learning import images
-from pipeline.learning.training import Training
+from pipeline.learning.settings import Training
 from pipeline.stages.train_mtf import run as stage
 from pipeline.streams import stream
 
 CONF = Path(__file__).resolve().parents[2] / "conf/train/default.yaml"
-
-
-class Section(dict):
-    """A section of the configuration as far as the stage uses one."""
-
-    def __getattr__(self, name):
-        return self[name]
-
-    def model_dump(self):
-        return {key: dict(value) if isinstance(value, dict) else value for key, value in self.items()}
 
 
 def section(network="spectral", **changes):
@@ -32,12 +23,12 @@ def section(network="spectral", **changes):
     content["schedule"] |= {"steps": 6, "checkpoint_every": 3, "report_every": 3}
     content["recipe"] |= {"views": 1, "kernels_per_view": 4}
     small = {"images": 2, "validation_images": 1, "kernels": 250, "validation_chunks": 1, "half_precision": False}
-    return Section(content | small | changes)
+    return TypeAdapter(Training).validate_python(content | small | {"seed": 1} | changes)
 
 
 def configuration():
     training = {"spectral": section(), "cnn": section("cnn")}
-    return SimpleNamespace(seed=1, train=SimpleNamespace(mtf=training), executor=SimpleNamespace(workers=1))
+    return SimpleNamespace(train=SimpleNamespace(mtf=training), executor=SimpleNamespace(workers=1))
 
 
 @pytest.fixture
@@ -67,9 +58,9 @@ def test_a_network_that_is_not_configured_is_refused(tmp_path):
 def test_the_configuration_of_both_networks_is_complete():
     for network in ("spectral", "cnn"):
         content = yaml.safe_load(CONF.read_text())["mtf"][network]
-        training = Training.from_section(Section(content), 3)
-        assert training.seed == 3 and training.schedule.steps == content["schedule"]["steps"]
+        training = TypeAdapter(Training).validate_python(content | {"seed": 3})
+        assert training.schedule.steps == content["schedule"]["steps"]
         assert training.recipe.intrinsic_px == tuple(content["recipe"]["intrinsic_px"])
-        assert set(content) == set(training.__dataclass_fields__) - {"seed"}
+        assert set(content) == set(training.__dataclass_fields__)
         assert set(content["schedule"]) == set(training.schedule.__dataclass_fields__)
         assert set(content["recipe"]) == set(training.recipe.__dataclass_fields__) - {"cameras"}

@@ -12,6 +12,7 @@ from pipeline.errors import InputError
 from pipeline.noise import camera_samples, correlated_features
 from pipeline.noise.correlated import Correlated
 from pipeline.noise.correlated_net import CURVE_LEVELS_DN, CorrelatedNet, cell_map
+from pipeline.noise.settings import CameraSamplesRecipe
 from pipeline.streams import stream
 
 
@@ -75,7 +76,7 @@ def test_samples_are_labelled_with_what_their_shots_show():
     from pipeline.learning import images
 
     tiles = np.stack([images.picture(index, 1, size_px=384) for index in range(2)])
-    recipe = camera_samples.Recipe(scenes=2, added_fraction=0.0)
+    recipe = CameraSamplesRecipe(scenes=2, added_fraction=0.0)
     made = camera_samples.chunk(tiles, recipe, 1, "test", 0)
     again = camera_samples.chunk(tiles, recipe, 1, "test", 0)
     assert all(np.array_equal(getattr(made, name), getattr(again, name)) for name in vars(made))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from pipeline.errors import InputError
 from pipeline.learning.bank import bank_file
 from pipeline.learning.conduct import Conduct
 from pipeline.learning.fitting import fingerprint
-from pipeline.learning.trainer import Schedule
+from pipeline.learning.settings import Schedule
 from pipeline.noise import samples, training
-from pipeline.noise.samples import Recipe
+from pipeline.noise.settings import Recipe, SigmaTraining
+from pipeline.stages.train_sigma import run as stage
 from pipeline.streams import stream
 
 SMALL = Recipe(size_px=64, views=2, noises=2)
@@ -35,10 +37,10 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def settings(kind: str = "cellwise", **changes: object) -> training.Settings:
+def settings(kind: str = "cellwise", **changes: object) -> SigmaTraining:
     """A training of a dozen steps."""
     schedule = Schedule(12, learning_rate=3e-3, warm_up=2, checkpoint_every=6, report_every=3)
-    chosen = training.Settings(
+    chosen = SigmaTraining(
         kind="cnn" if kind == "cnn" else "cellwise",
         schedule=schedule,
         recipe=SMALL,
@@ -148,8 +150,9 @@ def test_the_interval_factor_holds_95_percent_of_the_held_out(cache: Path) -> No
 
 
 def test_unknown_network_is_named() -> None:
-    with pytest.raises(InputError, match=r"job\.network=celwise.*cellwise"):
-        training.Settings.from_section("celwise", None, 1)
+    configuration = SimpleNamespace(train=SimpleNamespace(sigma={"cellwise": settings()}))
+    with pytest.raises(InputError, match=r"'celwise' is not among the configured train\.sigma.*cellwise"):
+        stage.run(configuration, {"network": "celwise"}, Path(), Path())
 
 
 def test_fingerprint_follows_the_settings_and_the_networks_own_code() -> None:

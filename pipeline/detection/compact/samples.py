@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.detection.compact.assignment import ABSENT, IGNORED
+from pipeline.detection.settings import CropRecipe
 from pipeline.detection.sim_frames import SimFrames, sim_frames
 from pipeline.scenes.labels import LABELS
 from pipeline.streams import stream
@@ -24,23 +25,6 @@ LOWEST_PX = 14.0
 LEAST_VISIBLE = 0.25
 LEAST_LEFT = 0.3
 """Share of a box that must be in the crop."""
-
-
-@dataclass(frozen=True)
-class CropRecipe:
-    """How a sample is cut.
-
-    Attributes:
-        size_px: side of a sample, a multiple of 32.
-        count: samples in a chunk.
-        scale: range of sample pixels per frame pixel (log-uniform).
-        at_object: share of crops that hold a randomly picked object.
-    """
-
-    size_px: int = 416
-    count: int = 16
-    scale: tuple[float, float] = (0.6, 1.6)
-    at_object: float = 0.8
 
 
 def crop(

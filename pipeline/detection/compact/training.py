@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.detection.compact.samples import CropMaker, CropRecipe
+from pipeline.detection.compact.samples import CropMaker
+from pipeline.detection.settings import DetectorTraining
 from pipeline.detection.sim_frames import SimFrames, sim_frames
 from pipeline.learning import fitting
 from pipeline.learning.conduct import Conduct
-from pipeline.learning.trainer import Schedule, Trained
+from pipeline.learning.trainer import Trained
 from pipeline.registry import Registry
 
 if TYPE_CHECKING:
@@ -38,44 +38,13 @@ LOWEST_PX, LEAST_VISIBLE = 25.0, 0.3
 """Objects judged, as on the evaluation frames."""
 
 
-@dataclass(frozen=True)
-class DetectorTraining:
-    """Everything that a detector's weights depend on, beside the code.
-
-    Attributes:
-        schedule: of the optimiser.
-        recipe: of the samples.
-        frames, validation_frames: rendered viewpoints.
-        rays: N of N x N rays a pixel of these frames.
-        width_px, height_px: of these frames.
-        uses, window: see `pipeline.learning.feed`.
-        half_precision: convolutions in bfloat16 while training.
-        seed: of everything.
-    """
-
-    schedule: Schedule
-    recipe: CropRecipe = field(default_factory=CropRecipe)
-    frames: int = 400
-    validation_frames: int = 24
-    rays: int = 2
-    width_px: int = 896
-    height_px: int = 768
-    uses: int = 1
-    window: int = 64
-    half_precision: bool = True
-    seed: int = 1
-    fresh: ClassVar[int] = 1
-
-    @classmethod
-    def from_section(cls, section: Any, seed: int) -> DetectorTraining:
-        """From a section ``train.detector.<network>`` of the configuration."""
-        return fitting.from_section(cls, CropRecipe, section, seed=seed)
-
-    def source(self, cache: Path, *, validation: bool = False) -> dict[str, Any]:
-        """Arguments of `sim_frames`."""
-        numbers = {"count": self.validation_frames, "first": self.frames} if validation else {"count": self.frames}
-        size = {"width_px": self.width_px, "height_px": self.height_px}
-        return {"seed": self.seed, "cache": cache, "samples": self.rays, **numbers, **size}
+def frame_source(training: DetectorTraining, cache: Path, *, validation: bool = False) -> dict[str, Any]:
+    """Arguments of `sim_frames`."""
+    numbers = {"count": training.frames}
+    if validation:
+        numbers = {"count": training.validation_frames, "first": training.frames}
+    size = {"width_px": training.width_px, "height_px": training.height_px}
+    return {"seed": training.seed, "cache": cache, "samples": training.rays, **numbers, **size}
 
 
 def program(name: str) -> ModuleType:
@@ -134,12 +103,12 @@ def train(name: str, training: DetectorTraining, conduct: Conduct) -> Trained:
     initialise(model, training.seed, f"detector {name}")
     model.set_prior()
     # All frames first, with all the workers there are; the producers then only read them.
-    sim_frames(**training.source(conduct.cache), executor=conduct.executor)
-    held_back = sim_frames(**training.source(conduct.cache, validation=True), executor=conduct.executor)
+    sim_frames(**frame_source(training, conduct.cache), executor=conduct.executor)
+    held_back = sim_frames(**frame_source(training, conduct.cache, validation=True), executor=conduct.executor)
     trained = fitting.fit(
         model.to(memory_format=torch.channels_last),
         program(name).loss,
-        CropMaker(training.recipe, training.seed, training.source(conduct.cache)),
+        CropMaker(training.recipe, training.seed, frame_source(training, conduct.cache)),
         training,
         conduct,
         name=f"detector-{name}",

@@ -1,4 +1,4 @@
-"""How the *Sim* dataset is rendered."""
+"""Settings of the *Sim* dataset: how much is rendered, and how finely."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from pipeline.config.schema_base import Count, Frequency, Section
+from pipeline.settings import Count, Frequency, Settings
 
 
-class ScenesSection(Section):
+class ScenesSettings(Settings):
     """How much of the *Sim* dataset is rendered, and how finely."""
 
     viewpoints: Count
@@ -19,6 +19,3 @@ class ScenesSection(Section):
     radiance: bool
     star_periods: Annotated[int, Field(ge=8, le=360)]
     star_frequencies: list[Frequency] = Field(min_length=1)
-
-
-SECTION = ScenesSection

@@ -1,4 +1,4 @@
-"""The camera in the loop: what is simulated, which policies drive it, and through which scenarios."""
+"""Settings of the camera in the loop: what is simulated, which policies drive it, and through which scenarios."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.config.schema_base import Count, Level, Name, NonNegative, Positive, Section, Share
+from pipeline.experiments.settings import OrderStudySettings
+from pipeline.settings import Count, Fraction, Level, Name, NonNegative, Positive, Settings
 
 Step = Annotated[int, Field(ge=0)]
 Knots = Annotated[list[tuple[NonNegative, NonNegative]], Field(min_length=1)]
 
 
-class LimitsSection(Section):
+class LimitsSettings(Settings):
     """What the camera accepts; see `pipeline.control.state.Limits`."""
 
     exposure_min_ms: Positive
@@ -23,17 +24,17 @@ class LimitsSection(Section):
     gain_step_db: NonNegative
 
 
-class ControlCameraSection(Section):
+class ControlCameraSettings(Settings):
     """The camera that is controlled; see `pipeline.camera.exposure.Camera`."""
 
     sensor: Name
     noise_gain: Literal["physical", "linear"]
     reference_exposure_ms: Positive
     temperature_k: Annotated[float, Field(ge=233, le=373)]
-    limits: LimitsSection
+    limits: LimitsSettings
 
 
-class ControlSurfaceSection(Section):
+class ControlSurfaceSettings(Settings):
     """Conditions of the surface that policies ask; see `pipeline.control.measured_surface`."""
 
     levels_dn: list[Level] = Field(min_length=2)
@@ -43,14 +44,14 @@ class ControlSurfaceSection(Section):
     exposure_ms: Positive
 
 
-class PolicySection(Section):
+class PolicySettings(Settings):
     """One policy by its registry name, with the options its class takes."""
 
     kind: Name
     options: dict[str, Any] = Field(default_factory=dict)
 
 
-class FaultSection(Section):
+class FaultSettings(Settings):
     """What is wrong with the estimator; see `pipeline.control.scenario.EstimatorFault`."""
 
     silent: tuple[Step, Step] | None = None
@@ -58,7 +59,7 @@ class FaultSection(Section):
     motion_factor: Positive = 1.0
 
 
-class ScenarioSection(Section):
+class ScenarioSettings(Settings):
     """One drive; see `pipeline.control.scenario.Scenario`."""
 
     steps: Annotated[int, Field(ge=2, le=10_000)]
@@ -69,43 +70,33 @@ class ScenarioSection(Section):
     direction_deg: Annotated[float, Field(ge=0, lt=360)] = 0.0
     frame_period_s: Positive = 0.0333
     delay_frames: Annotated[int, Field(ge=0, le=10)] = 0
-    sun_radius_fraction: Share = 0.0
+    sun_radius_fraction: Fraction = 0.0
     flicker_hz: NonNegative = 0.0
-    flicker_depth: Share = 0.0
-    fault: FaultSection = Field(default_factory=FaultSection)
+    flicker_depth: Fraction = 0.0
+    fault: FaultSettings = Field(default_factory=FaultSettings)
     also: list[Name] = Field(default_factory=list)
     """Policies that only this scenario runs."""
 
 
-class OrderStudySection(Section):
-    """Conditions of the comparison of orders and lights; see `pipeline.experiments.order_study`."""
-
-    sizes_px: list[Annotated[float, Field(ge=0, le=55)]] = Field(min_length=1)
-    levels_dn: list[Level] = Field(min_length=1)
-
-
-class ControlSection(Section):
+class ControlSettings(Settings):
     """Closed-loop evaluation."""
 
     detector: Name
     viewpoints: Count
     folds: Annotated[int, Field(ge=1, le=10)]
-    camera: ControlCameraSection
-    surface: ControlSurfaceSection
-    policies: dict[Name, PolicySection] = Field(min_length=1)
+    camera: ControlCameraSettings
+    surface: ControlSurfaceSettings
+    policies: dict[Name, PolicySettings] = Field(min_length=1)
     optional: list[Name]
-    scenarios: dict[Name, ScenarioSection] = Field(min_length=1)
+    scenarios: dict[Name, ScenarioSettings] = Field(min_length=1)
     film_policies: list[Name]
     film_steps: Count
-    order_study: OrderStudySection
+    order_study: OrderStudySettings
 
     @model_validator(mode="after")
-    def _policies_exist(self) -> ControlSection:
+    def _policies_exist(self) -> ControlSettings:
         named = {*self.optional, *self.film_policies, *(one for part in self.scenarios.values() for one in part.also)}
         unknown = sorted(named - set(self.policies))
         if unknown:
             raise ValueError(f"{unknown} are not in control.policies")
         return self
-
-
-SECTION = ControlSection

@@ -1,4 +1,4 @@
-"""Datasets by name."""
+"""Settings of a dataset."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from pipeline.config.schema_base import Count, Name, Section, Share
+from pipeline.settings import Count, Fraction, Name, Settings
 
 
-class DatasetSection(Section):
+class DatasetSettings(Settings):
     """One dataset: which reader, where it lies, how much of it is used."""
 
     kind: Name
@@ -17,8 +17,9 @@ class DatasetSection(Section):
     watch: str
     limit: Count | None = None
     whitelist: str | None = None
-    max_bad_share: Share = 0.05
+    max_bad_share: Fraction = 0.05
     options: dict[str, Any] = Field(default_factory=dict)
 
 
-SECTION = Annotated[dict[Name, DatasetSection], Field(min_length=1)]
+Datasets = Annotated[dict[Name, DatasetSettings], Field(min_length=1)]
+"""Datasets by name."""

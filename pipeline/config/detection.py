@@ -1,0 +1,22 @@
+"""The section ``detection``: detectors, the conditions they are put through, and how they are evaluated."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from pipeline.curves.settings import CurvesSettings, RegressionSettings
+from pipeline.detection.settings import DetectorSettings, JudgeSettings
+from pipeline.experiments.settings import MeasureSettings, SweepSettings
+from pipeline.settings import Name, Settings
+
+
+class DetectionSettings(Settings):
+    """Detectors under blur and noise."""
+
+    detectors: dict[Name, DetectorSettings] = Field(min_length=1)
+    datasets: list[Name]
+    sweep: SweepSettings
+    judge: JudgeSettings
+    measure: MeasureSettings
+    curves: CurvesSettings
+    regression: RegressionSettings

@@ -1,0 +1,157 @@
+"""Settings of the experiments: which conditions, which estimators, on how many patches."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from pipeline.settings import (
+    BlurKind,
+    Count,
+    Draws,
+    Level,
+    Name,
+    NoiseSource,
+    NonNegative,
+    PatchPx,
+    Positive,
+    Settings,
+    TilePx,
+)
+
+
+class EstimatorSettings(Settings):
+    """One estimator by its registry name, with the options its class takes."""
+
+    kind: Name
+    options: dict[str, Any] = Field(default_factory=dict)
+    per_frame: Count | None = None
+    """Patches or tiles of a frame that a slow one is run on, where that is fewer than all are."""
+    camera_samples: Annotated[int, Field(ge=100, le=100_000)] | None = None
+    """Blurred sharp patches that a blur estimator is fitted to each dataset's camera on; null leaves it as it is."""
+
+    @property
+    def answers_added(self) -> bool:
+        """Whether a blur estimator estimates the relative MTF, to sharp frames of this camera or of a typical one."""
+        return self.camera_samples is not None or self.options.get("answer") == "added"
+
+
+class NoiseSettings(Settings):
+    """The evaluation of noise estimators."""
+
+    tile_px: TilePx
+    tiles_per_frame: Count | None
+    bootstrap_draws: Draws
+    map_level_dn: Level
+    estimators: dict[Name, EstimatorSettings] = Field(min_length=1)
+
+
+class BlurSettings(Settings):
+    """The evaluation of blur estimators (Table I)."""
+
+    patch_px: PatchPx
+    patches_per_frame: Count | None
+    bootstrap_draws: Draws
+    estimators: dict[Name, EstimatorSettings] = Field(min_length=1)
+
+
+class GallerySettings(Settings):
+    """The picture of the image-formation chain."""
+
+    sigma_dn: Level
+    kernel_size_px: Annotated[int, Field(ge=1, le=55)]
+    crop_px: PatchPx
+
+
+class CorruptionSettings(Settings):
+    """Which effects at which levels."""
+
+    effects: list[Literal["photon", "dcsn", "readout", "combined"]] = Field(min_length=1)
+    levels_dn: list[Level] = Field(min_length=1)
+    gallery: GallerySettings
+
+
+class PairSettings(Settings):
+    """Blur and noise that come together; each enters where it does in the camera."""
+
+    kind: BlurKind
+    effect: NoiseSource
+
+
+class SubsetSettings(Settings):
+    """The part of the experiments that one blur estimator is run on; what is left out is not restricted."""
+
+    frames: Count | None = None
+    sizes_px: list[Positive] | None = None
+    angles_deg: list[NonNegative] | None = None
+    levels_dn: list[Level] | None = None
+    experiments: list[Name] | None = None
+
+
+class DenoiseSettings(Settings):
+    """Denoise, then estimate; see `pipeline.blur.denoise`. Without a filter it is left out."""
+
+    filter_px: Annotated[float, Field(gt=1, le=31)] | None
+    from_sigma_dn: NonNegative
+    sigma_by: Name
+
+
+class CombinedSettings(Settings):
+    """Blur and noise at once; see `pipeline.experiments.combined`."""
+
+    experiments: dict[Name, PairSettings] = Field(min_length=1)
+    sizes_px: list[Positive] = Field(min_length=1)
+    levels_dn: list[Level] = Field(min_length=1)
+    frames: Count | None
+    patches_per_frame: Count | None
+    tiles_per_frame: Count | None
+    noise_estimators: list[Name]
+    blur_estimators: dict[Name, SubsetSettings]
+    denoise: DenoiseSettings
+    example_px: Positive
+    bootstrap_draws: Draws
+
+
+class DenoisedBlurSettings(Settings):
+    """The supplement's table of improved blur estimation under noise."""
+
+    kind: BlurKind
+    effect: NoiseSource
+    sizes_px: list[Positive] = Field(min_length=1)
+    levels_dn: list[Annotated[float, Field(gt=0, le=100)]] = Field(min_length=1)
+    filters_px: list[Annotated[float, Field(gt=1, le=31)]] = Field(min_length=1)
+    frames: Count | None
+    patches_per_frame: Count | None
+    blur_estimators: list[Name] = Field(min_length=1)
+    bootstrap_draws: Draws
+
+
+class SweepSettings(Settings):
+    """The conditions a detector is put through; see `pipeline.experiments.condition`."""
+
+    blur: BlurKind
+    match: Literal["nominal", "paper"]
+    sizes_px: list[Annotated[float, Field(ge=0, le=55)]] = Field(min_length=1)
+    angles_deg: list[Annotated[float, Field(ge=0, lt=360)]] = Field(min_length=1)
+    effect: NoiseSource
+    levels_dn: list[Level] = Field(min_length=1)
+    frames: Count | None
+    options: dict[Name, dict[str, Any]]
+
+
+class MeasureSettings(Settings):
+    """How noise and MTF are estimated on objects; see `pipeline.experiments.iopc`."""
+
+    mtf: Name
+    sigma: Name
+    patch_px: PatchPx
+    tile_px: TilePx
+    per_frame: Count | None
+
+
+class OrderStudySettings(Settings):
+    """Conditions of the comparison of orders and lights; see `pipeline.experiments.order_study`."""
+
+    sizes_px: list[Annotated[float, Field(ge=0, le=55)]] = Field(min_length=1)
+    levels_dn: list[Level] = Field(min_length=1)

@@ -1,0 +1,99 @@
+"""Settings of the noise networks' trainings and of the samples they are trained on."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Annotated, Literal
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from pipeline.learning.settings import CameraRecipe, PictureTraining
+from pipeline.settings import STRICT, Count, Fraction, Level, NonNegative
+
+Kind = Literal["cellwise", "cnn"]
+
+
+@dataclass(frozen=True, config=STRICT)
+class Recipe:
+    """What labelled samples of sensor noise are drawn from (`pipeline.noise.samples`).
+
+    Attributes:
+        size_px: side of a patch, pixels; a multiple of 8.
+        views: clean images in a chunk.
+        noises: samples made of each, with noise of their own.
+        sigma_dn: range of the noise, DN.
+        clean_share: share of samples without any.
+        low_share: share whose noise is spread evenly over the logarithm from 0.3 to 8 DN; the rest is even.
+        texture_share, blurred_noise_share: shares of clean images with fine texture, and with noise that came before a
+            blur, which does not count.
+        interpolated_share, compressed_share: shares enlarged from fewer pixels, and stored as JPEG.
+        sources: which noise: ``"any"`` (photon, constant and mixed) or ``"mixed"`` only.
+    """
+
+    size_px: Annotated[int, Field(ge=16, le=256, multiple_of=8)] = 128
+    views: Count = 8
+    noises: Count = 4
+    sigma_dn: tuple[Level, Level] = (0.0, 42.0)
+    clean_share: Fraction = 0.18
+    low_share: Fraction = 0.22
+    texture_share: Fraction = 0.65
+    blurred_noise_share: Fraction = 0.15
+    interpolated_share: Fraction = 0.12
+    compressed_share: Fraction = 0.15
+    sources: Literal["any", "mixed"] = "any"
+
+
+@dataclass(frozen=True, config=STRICT)
+class CameraSamplesRecipe:
+    """What shots of random cameras are drawn from (`pipeline.noise.camera_samples`).
+
+    Attributes:
+        scenes: in a chunk; each gives three samples.
+        cameras: distribution of the cameras.
+        texture_fraction, fur_fraction, text_fraction: scenes with fine texture, with strands of fur or grass, and with
+            small print.
+        lens_px: range of the lens's Gaussian, pixels.
+        added_fraction: of the last shots, how many get white noise on top.
+    """
+
+    scenes: Count = 16
+    cameras: CameraRecipe = field(default_factory=CameraRecipe)
+    texture_fraction: Fraction = 0.5
+    fur_fraction: Fraction = 0.12
+    text_fraction: Fraction = 0.1
+    lens_px: tuple[NonNegative, NonNegative] = (0.35, 1.6)
+    added_fraction: Fraction = 0.4
+
+
+@dataclass(frozen=True, kw_only=True, config=STRICT)
+class SigmaTraining(PictureTraining):
+    """The training of a network for white noise (`pipeline.noise.training`).
+
+    Attributes:
+        kind: ``"cellwise"`` or ``"cnn"``.
+        recipe: of the samples.
+    """
+
+    kind: Kind = "cellwise"
+    recipe: Recipe = field(default_factory=Recipe)
+    uses: Count = 3
+    window: Count = 128
+
+
+@dataclass(frozen=True, kw_only=True, config=STRICT)
+class CorrelatedTraining(PictureTraining):
+    """The training of the network for correlated noise (`pipeline.noise.correlated_training`).
+
+    Attributes:
+        recipe: of the camera samples.
+        members: perceptrons that are averaged.
+        white_noise_free_fraction: of the samples with white noise: those without any, as a renderer makes them.
+    """
+
+    recipe: CameraSamplesRecipe = field(default_factory=CameraSamplesRecipe)
+    members: Annotated[int, Field(ge=1, le=16)] = 4
+    white_noise_free_fraction: Fraction = 0.35
+    uses: Count = 8
+    window: Count = 4000
+    validation_chunks: Count = 60

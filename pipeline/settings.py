@@ -1,0 +1,35 @@
+"""What the settings of every package are made of: strict, frozen models, and the ranges of numbers.
+
+Each package declares its settings in its module ``settings``; ``pipeline.config`` puts them together, reads and checks
+them. Settings that code makes too (`STRICT` dataclasses) are checked wherever they are made.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Count = Annotated[int, Field(ge=1, strict=True)]
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Draws = Annotated[int, Field(ge=1, le=100_000)]
+"""Of a bootstrap."""
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$")]
+Level = Annotated[float, Field(ge=0, le=100)]
+Frequency = Annotated[float, Field(gt=0, le=0.5)]
+PatchPx = Annotated[int, Field(ge=32, le=1024)]
+TilePx = Annotated[int, Field(ge=16, le=1024)]
+BlurKind = Literal["defocus", "linear_motion", "nonlinear_motion"]
+NoiseSource = Literal["photon", "dcsn", "readout", "combined", "sensor"]
+
+STRICT = ConfigDict(extra="forbid")
+"""Of pydantic dataclasses: unknown keys are errors."""
+
+
+class Settings(BaseModel):
+    """Strict settings: unknown keys are errors, values do not change after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
