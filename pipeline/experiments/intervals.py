@@ -111,3 +111,27 @@ def bias_corrected(results: NDArray[np.float64], estimate: float) -> tuple[float
     low, middle, high = np.quantile(known, [0.025, 0.5, 0.975])
     least = 0.0 if estimate >= 0 and known.min() >= 0 else -math.inf
     return max(float(low - middle + estimate), least), float(high - middle + estimate)
+
+
+def median_error_of_range(width: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Half the 95 % interval of a median of which only the range of its values is known.
+
+        sigma = width / E[range of n standard normal numbers],  error = 1.96 sqrt(pi / 2) sigma / sqrt(n)
+
+    Normal approximation, for independent values. Source of the expected range: Tippett (1925), "On the extreme
+    individuals and the range of samples".
+
+    Args:
+        width: (K,) largest less smallest value.
+        count: (K,) number of values n; below two there is no range.
+
+    Returns:
+        (K,) in the unit of the values; NaN below two values.
+    """
+    x = np.linspace(-8.0, 8.0, 3201)
+    below = np.array([0.5 * (1 + math.erf(value / math.sqrt(2))) for value in x])
+    expected = {
+        n: float(np.trapezoid(1 - below**n - (1 - below) ** n, x)) if n >= 2 else math.nan for n in np.unique(count)
+    }
+    spread = np.asarray(width, dtype=float) / np.array([expected[n] for n in count])
+    return np.asarray(1.96 * math.sqrt(math.pi / 2) * spread / np.sqrt(count))

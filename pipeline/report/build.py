@@ -12,6 +12,7 @@ from pipeline.report.provenance import Provenance
 from pipeline.report.sections import (
     blur,
     blur_recorded,
+    claims,
     combined,
     control,
     datasets,
@@ -27,6 +28,7 @@ from pipeline.report.tables import Table
 from pipeline.store import replacing_folder, write_text
 
 SECTIONS = (
+    claims.section,
     datasets.section,
     formation.section,
     optics.section,

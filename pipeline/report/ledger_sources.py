@@ -14,6 +14,7 @@ from pipeline import tables
 from pipeline.camera.mtf import FREQUENCIES
 from pipeline.errors import InputError
 from pipeline.experiments.condition import SHARP
+from pipeline.experiments.intervals import median_error_of_range
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.report import blur_records, detection_results
 from pipeline.report.display_names import PAPER_NAMES
@@ -40,8 +41,6 @@ EXAMPLE_PX, EXAMPLE_ANGLE_DEG = 11.0, 45.0
 DIRECTION_LABEL = "car"
 STD_DEV_FRACTION = 0.2
 PAPER_FRAMES = 150
-RANGE_OF_PAPER_FRAMES = 5.30
-"""Expected range of 150 standard normal numbers."""
 
 
 def formation(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -177,27 +176,27 @@ def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
 
 
 def _horizontal(curves: pd.DataFrame) -> pd.DataFrame:
-    """Horizontal curves, one row for each statistic; ``low`` and ``high`` are those of the medians."""
-    ends = [name for name in ("low", "high") if name in curves]
-    keys = ["dataset", "estimator", "frequency", *ends]
-    rows = curves[curves["axis"] == "H"].melt(keys, ["median", "min", "max"], "statistic", "mtf")
+    """Horizontal curves, one row for each statistic; ``low`` and ``high`` are those of the medians.
+
+    Records from before intervals were computed have their range only, from which follows a narrower interval, as if
+    patches were independent.
+    """
+    known = curves[curves["axis"] == "H"]
+    error = median_error_of_range((known["max"] - known["min"]).to_numpy(float), known["count"].to_numpy(float))
+    for name, end in (("low", known["median"] - error), ("high", known["median"] + error)):
+        known = known.assign(**{name: known[name].fillna(end) if name in known else end})
+    ends, keys = ["low", "high"], ["dataset", "estimator", "frequency"]
+    rows = known.melt([*keys, *ends], ["median", "min", "max"], "statistic", "mtf")
     rows.loc[rows["statistic"] != "median", ends] = math.nan
     return rows
 
 
 def published_uncorrupted(inputs: ReportInputs) -> pd.DataFrame:
-    """The published curves, each median with half its 95 % interval as ``paper_error``, from the printed range.
-
-        sigma = (max - min) / E[range of n normal numbers],  error = 1.96 * sqrt(pi / 2) * sigma / sqrt(n)
-
-    with n the paper's frames: a median of n values of standard deviation sigma, normal approximation. The expected
-    range is from Tippett (1925), "On the extreme individuals and the range of samples".
-    """
+    """The published curves, each median with half its 95 % interval as ``paper_error``, from the printed range."""
     table = any_table(inputs.paper / "uncorrupted_mtf.csv")
     keys = ["dataset", "estimator", "frequency"]
     wide = table.pivot_table(index=keys, columns="statistic", values="mtf").reset_index()
-    spread = (wide["max"] - wide["min"]) / RANGE_OF_PAPER_FRAMES
-    error = 1.96 * math.sqrt(math.pi / 2) * spread / math.sqrt(PAPER_FRAMES)
+    error = median_error_of_range((wide["max"] - wide["min"]).to_numpy(float), np.full(len(wide), PAPER_FRAMES))
     ends = wide[keys].assign(statistic="median", paper_error=error)
     return table.merge(ends, how="left", on=[*keys, "statistic"])
 

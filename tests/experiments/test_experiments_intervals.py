@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.experiments.intervals import bias_corrected, frame_interval, median, robust_median
+from pipeline.experiments.intervals import bias_corrected, frame_interval, median, median_error_of_range, robust_median
 from pipeline.statistics import bootstrap_interval, robust
 from pipeline.streams import stream
 
@@ -76,3 +76,11 @@ def test_bias_is_the_median_of_the_draws_less_the_estimate():
     assert bias_corrected(results, 40.0) == pytest.approx((0.0, 87.5))  # -7.5 is none of a quantity from 0 on
     assert bias_corrected(results - 60, 40.0) == pytest.approx((-7.5, 87.5))
     assert np.isnan(bias_corrected(np.full(3, np.nan), 1.0)).all()
+
+
+def test_the_error_of_a_median_follows_from_the_range():
+    count, values = 150, stream(1, "normal").normal(0, 2.0, (150, 4000))
+    width = (values.max(axis=0) - values.min(axis=0)).mean()
+    spread = 1.96 * np.median(values, axis=0).std()
+    error = median_error_of_range(np.array([width, 1.0]), np.array([count, 1]))
+    assert error[0] == pytest.approx(spread, rel=0.05) and np.isnan(error[1])

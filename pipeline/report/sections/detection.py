@@ -70,7 +70,8 @@ def corners(dataset: str, results: Sequence[Results]) -> Table:
             for name, (px, dn) in places.items():
                 cells = own[(own["size_px"] == px) & (own["level_dn"] == dn)]
                 if len(cells) == 1:
-                    row[name] = Estimate(*map(float, cells[["ap_percent", "low_percent", "high_percent"]].iloc[0]))
+                    value, low, high = map(float, cells[["ap_percent", "low_percent", "high_percent"]].iloc[0])
+                    row[name] = Estimate(value, low, high)
                 elif len(cells):
                     row[name] = Estimate(float(cells["ap_percent"].mean()), *_of_mean(one, label, px, dn))
             rows.append(row)

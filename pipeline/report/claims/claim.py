@@ -1,0 +1,204 @@
+"""A claim of the paper, our measurement of it, and the verdict that the measurement's intervals allow.
+
+A verdict counts cells of a table: a cell supports a claim where its whole 95 % interval lies on the claimed side, and
+opposes it where it lies on the other side. Cells share frames, so that their number is no number of independent tests.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from pipeline.report import blur_records, detection_results, ledger_sources
+from pipeline.report.display_names import counted, listing, word
+from pipeline.report.inputs import ReportInputs, any_table, combined_tables, denoised_cells, noise_tables, optional
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.report.detection_results import Results
+
+SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED = "supported", "partly", "not decided", "contradicted"
+NOT_MEASURED = "not measured"
+VERDICTS = (SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED, NOT_MEASURED)
+NEARLY_ALL, HALF = 0.9, 0.5
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What we measured of a claim.
+
+    Attributes:
+        text: in words, with numbers.
+        verdict: one of `VERDICTS`.
+        value: the number that decides, where there is one; NaN else.
+        low: lower end of its 95 % interval.
+        high: upper end.
+        on: datasets it was measured on, in words.
+    """
+
+    text: str
+    verdict: str
+    value: float = math.nan
+    low: float = math.nan
+    high: float = math.nan
+    on: str = ""
+
+
+Measure = Callable[["Evidence"], Measurement | None]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A sentence of the paper.
+
+    Attributes:
+        source: section, table or figure.
+        sentence: in our words, with the paper's numbers.
+        measure: gives our measurement; None where what it needs has not run.
+        reservation: why the measurement might not decide the claim.
+        stage: that would produce the measurement.
+    """
+
+    source: str
+    sentence: str
+    measure: Measure
+    reservation: str = ""
+    stage: str = ""
+
+
+class Evidence:
+    """The result tables that claims are evaluated on, each read once.
+
+    Args:
+        inputs: of the report.
+    """
+
+    def __init__(self, inputs: ReportInputs) -> None:
+        self.inputs = inputs
+
+    @cached_property
+    def amae(self) -> pd.DataFrame:
+        """Raw AMAE of Table I: ``amae_percent`` with ``low``, ``high``, ``measured_on``; the paper's as ``paper``."""
+        import pandas as pd
+
+        ours = ledger_sources.blur_amae(self.inputs)
+        keys = ["dataset", "estimator", "blur", "size_px"]
+        paper = any_table(self.inputs.paper / "blur_amae.csv").rename(columns={"amae_percent": "paper"})
+        if ours is None:
+            return pd.DataFrame({name: [] for name in [*keys, "amae_percent", "low", "high", "measured_on", "paper"]})
+        ours = ours.assign(measured_on=ours["measured_on"] if "measured_on" in ours else ours["dataset"])
+        ours = ours.rename(columns={"low_percent": "low", "high_percent": "high"})
+        return ours.merge(paper.astype({"size_px": float}), how="left", on=keys)
+
+    @cached_property
+    def sharp(self) -> pd.DataFrame:
+        """Horizontal MTF of sharp frames: medians with their interval."""
+        import pandas as pd
+
+        table = ledger_sources.uncorrupted(self.inputs)
+        return pd.DataFrame() if table is None else table[table["statistic"] == "median"]
+
+    @cached_property
+    def combined(self) -> pd.DataFrame:
+        """Raw blur cells under noise (`pipeline.experiments.tables.BLUR_CELLS`), improved estimation among them."""
+        import pandas as pd
+
+        cells = pd.concat([combined_tables(self.inputs)[0], denoised_cells(self.inputs)], ignore_index=True)
+        cells = cells[~cells["calibrated"].astype(bool)]
+        return cells.drop_duplicates(["dataset", "estimator", "experiment", "size_px", "level_dn", "filter_px"])
+
+    @cached_property
+    def curves(self) -> pd.DataFrame:
+        """Example curves of blur under noise (`pipeline.experiments.tables.CURVES`)."""
+        return combined_tables(self.inputs)[2]
+
+    @cached_property
+    def noise(self) -> pd.DataFrame:
+        """`pipeline.tables.NOISE_SUMMARY`."""
+        return noise_tables(self.inputs)[0]
+
+    @cached_property
+    def detection(self) -> list[Results]:
+        """Every detector on every dataset."""
+        return detection_results.read(self.inputs)
+
+    @cached_property
+    def run_times(self) -> dict[str, float]:
+        """Published name of an estimator -> seconds of the processor, in the paper's unit; empty without a record."""
+        times = ledger_sources.run_times(self.inputs)
+        return {} if times is None else dict(zip(times["estimator"], times["seconds"], strict=True))
+
+    @cached_property
+    def recorded(self) -> dict[str, pd.DataFrame]:
+        """Dataset -> Table I recorded on it."""
+        return {one.dataset: one.summary for one in blur_records.read(self.inputs)}
+
+    def table(self, name: str) -> Any:
+        """A table of the stages of control, by its path below their folder; None where it has not run."""
+        return optional(self.inputs.control, name)
+
+
+def names_of(datasets: Iterable[Any]) -> str:
+    """Datasets in words, without repeats."""
+    names = [word(str(name)) for name in dict.fromkeys(datasets)]
+    return listing(names) if names else ""
+
+
+def verdict_of_counts(supporting: int, opposing: int, total: int) -> str:
+    """Verdict of a claim about many cells.
+
+    Args:
+        supporting: cells whose interval lies on the claimed side.
+        opposing: cells whose interval lies on the other side.
+        total: cells in all.
+
+    Returns:
+        supported or contradicted where nine cells of ten are, not decided where fewer than half are either; else
+        partly.
+    """
+    if supporting >= NEARLY_ALL * total:
+        return SUPPORTED
+    if opposing >= NEARLY_ALL * total:
+        return CONTRADICTED
+    return UNDECIDED if supporting + opposing < HALF * total else PARTLY
+
+
+def of_cells(cells: Iterable[tuple[bool, bool]], what: str, on: Iterable[Any], text: str = "") -> Measurement | None:
+    """The measurement of a claim about many cells; None without cells.
+
+    Args:
+        cells: of each, whether it supports and whether it opposes the claim.
+        what: a cell in words, singular.
+        on: datasets.
+        text: more numbers, after the counts.
+    """
+    pairs = list(cells)
+    if not pairs:
+        return None
+    supporting, opposing = (sum(bool(pair[number]) for pair in pairs) for number in (0, 1))
+    words = f"supported by {supporting} and opposed by {opposing} of {counted(len(pairs), what)}, by their intervals"
+    verdict = verdict_of_counts(supporting, opposing, len(pairs))
+    return Measurement(f"{words}. {text}".strip(), verdict, on=names_of(on))
+
+
+def of_number(
+    value: float, low: float, high: float, threshold: float, text: str, on: Iterable[Any], *, above: bool = True
+) -> Measurement:
+    """The measurement of a claim about one number: decided where its interval lies on one side of a threshold.
+
+    Args:
+        value: measured.
+        low: lower end of its 95 % interval; the value itself where it has none.
+        high: upper end.
+        threshold: that the claim states.
+        text: in words.
+        on: datasets.
+        above: whether the claim is that the number lies above.
+    """
+    sides = (low > threshold, high < threshold) if above else (high < threshold, low > threshold)
+    verdict = SUPPORTED if sides[0] else CONTRADICTED if sides[1] else UNDECIDED
+    return Measurement(text, verdict, value, low, high, names_of(on))

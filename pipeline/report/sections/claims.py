@@ -1,0 +1,72 @@
+"""The paper's claims: each sentence beside our measurement, its interval, a verdict and what a sceptic would object."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence, Measurement
+from pipeline.report.claims.of_blur import CLAIMS as OF_BLUR
+from pipeline.report.claims.of_detection import CLAIMS as OF_DETECTION
+from pipeline.report.claims.of_noise import CLAIMS as OF_NOISE
+from pipeline.report.display_names import listing
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.ledger import LedgerRow
+from pipeline.report.spec import Section
+from pipeline.report.tables import Column, Estimate, Row, Table, table
+
+CLAIMS = (*OF_NOISE[:3], *OF_BLUR, *OF_NOISE[3:], *OF_DETECTION)
+TITLE = "Claims"
+TEXT = (
+    "The paper's sentences, in our words, beside our measurements. The verdict follows from intervals: a claim about "
+    "many cells is supported, or contradicted, where nine cells of ten are; it is not decided where fewer than half of "
+    "them are either. A verdict is about our pictures, estimators and detectors: the last column says why it might "
+    "not be about the paper's.",
+)
+
+
+def measurements(inputs: ReportInputs) -> list[tuple[Claim, Measurement]]:
+    """Every claim with its measurement; *not measured* names the command where what it needs has not run."""
+    evidence = Evidence(inputs)
+    pairs = []
+    for claim in CLAIMS:
+        measured = claim.measure(evidence)
+        if measured is None:
+            measured = Measurement(f"Not run: {inputs.line(claim.stage)}", NOT_MEASURED)
+        pairs.append((claim, measured))
+    return pairs
+
+
+def claims_table(pairs: Sequence[tuple[Claim, Measurement]]) -> Table:
+    """The table of claims."""
+    rows = [{"claim": claim, "measured": measured} for claim, measured in pairs]
+
+    def value(row: Row) -> Estimate | None:
+        one: Measurement = row["measured"]
+        return None if math.isnan(one.value) else Estimate(one.value, one.low, one.high)
+
+    columns = [
+        Column("source", "Paper", source=lambda row: row["claim"].source),
+        Column("claim", "Claim", wide=True, source=lambda row: row["claim"].sentence),
+        Column("measured", "Our measurement", wide=True, source=lambda row: row["measured"].text),
+        Column("value", "Deciding number", source=value),
+        Column("verdict", "Verdict", source=lambda row: row["measured"].verdict),
+        Column("on", "Measured on", source=lambda row: row["measured"].on),
+        Column("reservation", "A sceptic's reservation", wide=True, source=lambda row: row["claim"].reservation),
+    ]
+    notes = ["Intervals are 95 % intervals over frames (AP: over scenes). Cells of one table share their frames."]
+    return table("claims", "The paper's claims beside our measurements.", rows, columns, notes)
+
+
+def finding(pairs: Sequence[tuple[Claim, Measurement]]) -> str:
+    """The sentence of the verdict."""
+    counts = Counter(measured.verdict for _, measured in pairs)
+    parts = [f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict]]
+    return f"Of {len(pairs)} claims of the paper, or implied by it, {listing(parts)} (table of claims)."
+
+
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+    """The table of claims."""
+    pairs = measurements(inputs)
+    return Section("claims", TITLE, TEXT, [claims_table(pairs)], findings=[finding(pairs)])

@@ -1,0 +1,85 @@
+"""Claims: verdicts follow from intervals, every claim has a row, and what did not run names its command."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from report_makers import ABSENT, REPO
+
+from pipeline.report.claims import of_blur
+from pipeline.report.claims.claim import (
+    CONTRADICTED,
+    NOT_MEASURED,
+    PARTLY,
+    SUPPORTED,
+    UNDECIDED,
+    VERDICTS,
+    Evidence,
+    of_cells,
+    of_number,
+    verdict_of_counts,
+)
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.sections import claims
+
+NOTHING = ReportInputs(paper=REPO / "data/paper", absent=ABSENT)
+
+
+@pytest.mark.parametrize(
+    ("supporting", "opposing", "verdict"),
+    [(9, 0, SUPPORTED), (8, 0, PARTLY), (0, 9, CONTRADICTED), (2, 2, UNDECIDED), (3, 2, PARTLY), (0, 0, UNDECIDED)],
+)
+def test_verdict_of_ten_cells(supporting: int, opposing: int, verdict: str) -> None:
+    assert verdict_of_counts(supporting, opposing, 10) == verdict
+
+
+def test_a_number_decides_where_its_interval_lies_on_one_side() -> None:
+    for low, high, above, below in ((6, 8, SUPPORTED, CONTRADICTED), (4, 6, UNDECIDED, UNDECIDED)):
+        assert of_number(6.0, low, high, 5.0, "", ["sim"]).verdict == above
+        assert of_number(6.0, low, high, 5.0, "", ["sim"], above=False).verdict == below
+    assert of_number(6.0, 6.0, 6.0, 5.0, "", ["sim", "sim"]).on == "Sim"
+    assert of_cells([], "cell", []) is None
+
+
+def test_with_nothing_run_every_claim_names_its_command() -> None:
+    inputs = dataclasses.replace(NOTHING, stages=None)
+    pairs = claims.measurements(inputs)
+    assert len(pairs) >= 25
+    assert {measured.verdict for _, measured in pairs} == {NOT_MEASURED}
+    assert all(measured.text.startswith("Not run: dvc repro ") for _, measured in pairs)
+    assert len({claim.sentence for claim, _ in pairs}) == len(pairs)
+    assert all(claim.reservation and claim.source for claim, _ in pairs)
+
+
+def test_the_network_is_best_where_its_whole_interval_is_lower(tmp_path: Path) -> None:
+    """Three kernels: it is lower, it is higher, and intervals overlap."""
+    cells = [
+        (size, name, value, value - width, value + width)
+        for size, network, width in ((3.0, 1.0, 0.5), (7.0, 9.0, 0.5), (11.0, 4.0, 3.0))
+        for name, value in (("cnn", network), ("pmp", 5.0), ("gbb", 6.0))
+    ]
+    table = pd.DataFrame(cells, columns=["size_px", "estimator", "amae_percent", "low", "high"])
+    evidence = Evidence(NOTHING)
+    evidence.amae = table.assign(measured_on="kitti", dataset="kitti", blur="defocus", paper=1.0)
+    measured = of_blur.CLAIMS[0].measure(evidence)
+    assert measured is not None and measured.verdict == PARTLY and measured.on == "KITTI"
+    assert measured.text.startswith("supported by 1 and opposed by 1 of 3 cells")
+
+
+def test_the_records_of_the_repository_decide_claims_and_the_table_shows_them() -> None:
+    inputs = dataclasses.replace(
+        NOTHING, recorded=REPO / "reports/recorded", runtime=REPO / "benchmarks/results/estimators.json"
+    )
+    pairs = claims.measurements(inputs)
+    measured = [one for _, one in pairs if one.verdict != NOT_MEASURED]
+    assert len(measured) >= 8 and {one.verdict for one in measured} <= set(VERDICTS)
+    for one in measured:
+        assert math.isnan(one.low) or one.low <= one.value <= one.high
+    table = claims.claims_table(pairs)
+    assert len(table.rows) == len(pairs) and table.columns[-1].name == "reservation"
+    assert [row["verdict"] for row in table.rows] == [one.verdict for _, one in pairs]
+    assert claims.finding(pairs).startswith(f"Of {len(pairs)} claims")
