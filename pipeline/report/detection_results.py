@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.curves import by_settings, directions, precision
 from pipeline.report.display_names import DATASETS, DETECTORS, in_order
-from pipeline.report.inputs import ReportInputs, optional
+from pipeline.report.inputs import ReportInputs, any_table, existing, optional
+from pipeline.store import read_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,3 +88,36 @@ def _read_one(inputs: ReportInputs, dataset: str, detector: str) -> Results | No
         optional(fitted, "fits.json") or {},
         optional(fitted, "calibration.json") or {},
     )
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One sweep recorded on pictures that are not kept (`pipeline.report.recorded`).
+
+    Attributes:
+        name: of its folder, with underscores.
+        results: its tables; those that no record holds are empty or None.
+        provenance: source, frames, weights and settings.
+    """
+
+    name: str
+    results: Results
+    provenance: dict[str, Any]
+
+    @property
+    def objects(self) -> int:
+        """Objects of all classes."""
+        return int(self.results.precision.groupby("label")["objects"].max().sum())
+
+
+def recorded(inputs: ReportInputs) -> list[Recorded]:
+    """Every recorded sweep, by the name of its folder."""
+    folder = existing(inputs.recorded)
+    records = []
+    for path in sorted(folder.glob("*/precision.csv")) if folder is not None else []:
+        about = read_json(path.parent / "provenance.json")
+        table, heat, isolated = (any_table(path.parent / f"{name}.csv") for name in ("precision", "iopc_heat", "iopc"))
+        pair = about["dataset"], about["detector"]["kind"]
+        results = Results(*pair, table, heat, isolated, {}, None, None, None, None, {}, {})
+        records.append(Recorded(path.parent.name.replace("-", "_"), results, about))
+    return records

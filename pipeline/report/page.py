@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import html
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -93,7 +94,7 @@ def _not_run(runs: Sequence[Run]) -> list[dict[str, Any]]:
     """What did not run, by the line that would run it: the cause and the experiments."""
     lines: dict[tuple[str, str], list[str]] = {}
     for run in runs:
-        if not run.ran:
+        if run.state == "absent":
             lines.setdefault((run.why, run.line), []).append(run.experiment)
     return [
         {"why": why, "line": line, "what": listing(dict.fromkeys(experiments))}
@@ -134,7 +135,7 @@ def render(
             ledger_summary=to_html(summary_table(rows, TITLES)),
             pictures_only=PICTURES_ONLY,
             runs=runs,
-            ran=sum(run.ran for run in runs),
+            states=Counter(run.state for run in runs),
             origins=origins,
             profile=profile,
             code_version=code_version,

@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from pipeline.report.display_names import word
+from pipeline.report.display_names import DATASETS, in_order, word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table
@@ -65,13 +65,28 @@ class NotRun:
 
 @dataclass(frozen=True)
 class Run:
-    """One line of the overview: an experiment on a dataset, and whether it ran."""
+    """One line of the overview: an experiment on a dataset, and whether it ran.
+
+    Attributes:
+        experiment: in words.
+        dataset: its name; empty for an experiment that belongs to none.
+        ran: whether it ran.
+        why: cause of its absence.
+        line: the command that would run it.
+        recorded: whether it was measured earlier on pictures that are not kept (``reports/recorded``).
+    """
 
     experiment: str
     dataset: str
     ran: bool
     why: str
     line: str
+    recorded: bool = False
+
+    @property
+    def state(self) -> str:
+        """``"ran"``, ``"recorded"`` or ``"absent"``."""
+        return "ran" if self.ran else "recorded" if self.recorded else "absent"
 
 
 Block = Figure | Table | NotRun
@@ -100,7 +115,12 @@ class Section:
 
 
 def overview(
-    experiment: str, stage: str, ran: Iterable[str], inputs: ReportInputs, datasets: Sequence[str] | None = None
+    experiment: str,
+    stage: str,
+    ran: Iterable[str],
+    inputs: ReportInputs,
+    datasets: Sequence[str] | None = None,
+    recorded: Iterable[str] = (),
 ) -> list[Run]:
     """The overview's lines of one experiment, over every dataset of the report.
 
@@ -110,14 +130,16 @@ def overview(
         ran: datasets it ran on.
         inputs: of the report.
         datasets: those that it could run on; all of the report where None.
+        recorded: those that it was recorded on, listed in any case.
     """
-    done = set(ran)
+    done, known = set(ran), set(recorded)
+    names = inputs.datasets if datasets is None else list(datasets)
     runs = []
-    for dataset in inputs.datasets if datasets is None else datasets:
+    for dataset in [*names, *in_order(known - set(names), DATASETS)]:
         absent = None if dataset in done else inputs.absent.get(dataset)
         why = "" if dataset in done else "data absent" if absent else STAGE_ABSENT
         line = absent or inputs.line(stage.format(dataset=dataset))
-        runs.append(Run(experiment, dataset, dataset in done, why, line))
+        runs.append(Run(experiment, dataset, dataset in done, why, line, dataset in known))
     return runs
 
 
@@ -142,7 +164,7 @@ def missing(title: str, runs: Sequence[Run]) -> list[NotRun]:
     """
     notes: dict[tuple[str, str], NotRun] = {}
     for run in runs:
-        if not run.ran:
+        if run.state == "absent":
             name = title if run.why == "data absent" else run.experiment
             notes.setdefault((run.dataset, run.line), NotRun(f"{name} on {word(run.dataset)}", run.why, run.line))
     return list(notes.values())

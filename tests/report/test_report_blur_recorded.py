@@ -120,6 +120,16 @@ def test_figures_show_the_papers_curves_of_its_own_sim(blocks: dict[str, Figure 
     assert shown.stages == ()
 
 
+def test_what_was_recorded_is_a_state_of_the_overview(inputs: ReportInputs, made: ReportInputs) -> None:
+    kitti = dataclasses.replace(made, blur_members=frozenset({"kitti-pmp"}), absent=inputs.absent)
+    both = dataclasses.replace(kitti, recorded=inputs.recorded)
+    states = {(run.experiment, run.dataset): run.state for run in blur.section(both).runs}
+    assert states["Blur by PMP", "sim_authors"] == "recorded" and states["Blur by PMP", "udacity"] == "absent"
+    assert states["Blur by PMP", "kitti"] == "ran"  # a stage's run comes before the record
+    alone = {(run.experiment, run.dataset) for run in blur.section(kitti).runs}
+    assert ("Blur by PMP", "sim_authors") not in alone
+
+
 def test_without_records_there_is_no_section(made: ReportInputs, tmp_path: Path) -> None:
     assert blur_recorded.section(made) is None
     assert blur_recorded.section(dataclasses.replace(made, recorded=tmp_path)) is None

@@ -142,10 +142,25 @@ def test_what_did_not_run_says_how(inputs: ReportInputs) -> None:
     assert notes["Detection on KITTI", "data absent"] == ABSENT["kitti"]
     ran = {(run.experiment, run.dataset) for run in found.runs if run.ran}
     assert ("Detection by Compact", "sim") in ran
-    nothing = dataclasses.replace(inputs, detection=None)
+    nothing = dataclasses.replace(inputs, detection=None, recorded=None)
     bare = detection.section(nothing)
     assert not detection_results.read(nothing)
     assert any(isinstance(block, NotRun) and "IOPC" in block.title for block in bare.blocks)
+
+
+def test_recorded_sweeps_are_a_state_of_the_overview_and_show_their_precision(inputs: ReportInputs) -> None:
+    (record,) = detection_results.recorded(inputs)
+    asked = dataclasses.replace(inputs, detectors_absent={"yolox": "get yolox", "yolov4": "get yolov4"})
+    section = detection.section(asked)
+    states = {(run.experiment, run.dataset): run.state for run in section.runs}
+    assert states["Detection by YOLOX", "kitti"] == "recorded"
+    assert states["Detection by YOLOX", "sim"] == states["Detection by YOLOv4", ""] == "absent"
+    table = next(block for block in section.blocks if getattr(block, "name", "") == "recorded_kitti_yolox_ap")
+    assert isinstance(table, Table) and f"{record.objects} objects" in table.caption
+    clean = record.results.precision
+    clean = clean[(clean["label"] == "car") & (clean["size_px"] == 0) & (clean["level_dn"] == 0)]["ap_percent"].iloc[0]
+    first = table.rows[0]["clean"]
+    assert isinstance(first, Estimate) and first.value == clean and first.low < clean < first.high
 
 
 @pytest.mark.slow

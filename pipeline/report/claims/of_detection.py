@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from pipeline.report import detection_results
 from pipeline.report.claims.claim import (
     CONTRADICTED,
     SUPPORTED,
@@ -18,7 +19,7 @@ from pipeline.report.claims.claim import (
 )
 from pipeline.report.control_results import OURS, policy_word, scenario_results
 from pipeline.report.display_names import word
-from pipeline.report.inputs import any_table, existing, optional
+from pipeline.report.inputs import any_table, optional
 from pipeline.report.sections import order_study
 from pipeline.report.tables import records
 
@@ -34,14 +35,9 @@ ONE_VIEW = "Rendered views, the compact detector; the paper's three numbers are 
 
 def _sweeps(evidence: Evidence) -> Iterator[tuple[str, pd.DataFrame]]:
     """Dataset and average precision of every detector and class, recorded ones among them."""
-    for one in evidence.detection:
+    for one in [*evidence.detection, *(record.results for record in detection_results.recorded(evidence.inputs))]:
         for label in one.labels:
             yield one.dataset, one.precision[one.precision["label"] == label]
-    folder = existing(evidence.inputs.recorded)
-    for path in sorted(folder.glob("*/precision.csv")) if folder is not None else []:
-        table = any_table(path)
-        for _, own in table[table["objects"] > 0].groupby("label"):
-            yield path.parent.name.partition("-")[0], own
 
 
 def _falls(cause: str) -> Measure:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves, sharp_errors
-from pipeline.report import style
+from pipeline.report import blur_records, style
 from pipeline.report.display_names import ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import PAPER, Facet, abstentions, beside_the_paper, lines, small_multiples
 from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, described, published
@@ -169,12 +169,14 @@ def _runs(summary: pd.DataFrame, inputs: ReportInputs) -> list[Run]:
         for member in inputs.blur_members or ()
         if member.startswith(f"{dataset}-")
     }
+    recorded = blur_records.estimators(inputs)
     return [
         run
         for estimator in in_order({*planned, *(name for _, name in ran)}, ESTIMATORS)
         for run in overview(
             f"Blur by {word(estimator)}", f"blur@{{dataset}}-{estimator}",
             [dataset for dataset, name in ran if name == estimator], inputs,
+            recorded=[dataset for dataset, names in recorded.items() if estimator in names],
         )
     ]  # fmt: skip
 

@@ -83,7 +83,8 @@ def error(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFram
         "AMAE of the robust median over patches, averaged over rotations, with 95 % interval (frames resampled); n: "
         "patches with an estimate, over all rotations. Calibrated: divided by the same camera's estimate for its own "
         "sharp frames without noise. Smoothed: patches estimated to be noisy are smoothed by a disc before "
-        "estimation, and the disc's MTF is divided out after; frequencies at which it leaves too little are left out of the error."
+        "estimation, and the disc's MTF is divided out after; frequencies at which it leaves too little are left out "
+        "of the error."
     ]
     if paper is not None:
         notes.append("Paper: its CNN on Udacity" + (".", ", beside ours on other frames.")[dataset != PAPERS_DATASET])

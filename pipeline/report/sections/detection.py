@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline.curves import by_settings
 from pipeline.report import detection_results
-from pipeline.report.detection_results import Results
-from pipeline.report.display_names import DATASETS, DETECTORS, in_order, word
-from pipeline.report.inputs import ReportInputs, any_table, existing, optional
+from pipeline.report.detection_results import Recorded, Results
+from pipeline.report.display_names import DATASETS, DETECTORS, counted, in_order, word
+from pipeline.report.inputs import ReportInputs, optional
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import detection_figures
 from pipeline.report.sections.published import beside_ours
@@ -26,7 +27,6 @@ from pipeline.report.tables import (
     pivot,
     table,
 )
-from pipeline.store import read_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -274,23 +274,24 @@ def _regression(dataset: str, results: Sequence[Results]) -> list[Block]:
     return blocks
 
 
-def _recorded(inputs: ReportInputs) -> list[Block]:
-    """Curves measured earlier on recorded pictures, each with its source."""
+def _recorded(records: Sequence[Recorded]) -> list[Block]:
+    """AP, curves and heat maps measured earlier on recorded pictures, each with its source."""
     blocks: list[Block] = []
-    folder = existing(inputs.recorded)
-    for path in sorted(folder.glob("*/precision.csv")) if folder is not None else []:
-        about = read_json(path.parent / "provenance.json")
-        name = path.parent.name.replace("-", "_")
-        title = f"{word(about['detector']['kind'])} on {word(about['dataset'])}"
-        source = f"{len(about['frames'])} frames: {about['source'].rstrip('.')}"
-        caption = f"Recorded: isolated curves of {title}, {source}. Weights: {about['detector']['sha256'][:12]}."
-        drawing = detection_figures.iopc(any_table(path.parent / "iopc.csv"))
-        blocks.append(Figure(f"recorded_{name}_iopc", drawing, caption))
-        cells = any_table(path.parent / "iopc_heat.csv")
-        drawing = detection_figures.heat(cells)
-        rises = _needed(cells) if "objects_needed" in cells else EACH_CELL
+    for one in records:
+        own, about = one.results, one.provenance
+        title = f"{word(own.detector)} on {word(own.dataset)}"
+        source = f"{counted(one.objects, 'object')} in {counted(len(about['frames']), 'frame')}"
+        shown = corners(own.dataset, [own])
+        caption = f"Recorded: average precision of {title} at the corners of the sweep, {source}."
+        blocks.append(replace(shown, name=f"recorded_{one.name}_ap", caption=caption, stage=""))
+        caption = (
+            f"Recorded: isolated curves of {title}, {source}: {about['source'].rstrip('.')}. Weights: "
+            f"{about['detector']['sha256'][:12]}."
+        )
+        blocks.append(Figure(f"recorded_{one.name}_iopc", detection_figures.iopc(own.isolated), caption))
+        rises = _needed(own.heat) if "objects_needed" in own.heat else EACH_CELL
         caption = f"Recorded: heat maps of {title}, of the same frames.{rises}"
-        blocks.append(Figure(f"recorded_{name}_iopc_heat", drawing, caption))
+        blocks.append(Figure(f"recorded_{one.name}_iopc_heat", detection_figures.heat(own.heat), caption))
     return blocks
 
 
@@ -311,7 +312,7 @@ def _refit(inputs: ReportInputs) -> list[Block]:
     return [coefficients("regression_refit", titled, caption, "refit")]
 
 
-def _runs(results: Sequence[Results], inputs: ReportInputs) -> list[Run]:
+def _runs(results: Sequence[Results], records: Sequence[Recorded], inputs: ReportInputs) -> list[Run]:
     planned = sorted(inputs.detection_members)
     names = {*(dataset for dataset, _ in planned), *(set(inputs.absent) & set(DATASETS))}
     runs = [
@@ -322,14 +323,19 @@ def _runs(results: Sequence[Results], inputs: ReportInputs) -> list[Run]:
             [one.dataset for one in results if one.detector == detector], inputs, in_order(names, DATASETS),
         )
     ]  # fmt: skip
-    absent = inputs.detectors_absent.items()
-    return [*runs, *(Run(f"Detection by {word(name)}", "", False, "weights absent", line) for name, line in absent)]
+    for name, line in inputs.detectors_absent.items():
+        known = {one.results.dataset for one in records if one.results.detector == name}
+        datasets = in_order({*names, *known}, DATASETS) if known else [""]
+        title = f"Detection by {word(name)}"
+        runs += [Run(title, dataset, False, "weights absent", line, dataset in known) for dataset in datasets]
+    return runs
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Detection on every dataset, then the paper's published numbers beside ours."""
     results = detection_results.read(inputs)
-    runs = _runs(results, inputs)
+    records = detection_results.recorded(inputs)
+    runs = _runs(results, records, inputs)
     blocks: list[Block] = []
     for dataset in in_order((one.dataset for one in results), DATASETS):
         own = [one for one in results if one.dataset == dataset]
@@ -339,9 +345,9 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     notes = {
         run.line: NotRun(f"Detection on {word(run.dataset)}" if run.dataset else run.experiment, run.why, run.line)
         for run in reversed(runs)
-        if not run.ran and run.why != STAGE_ABSENT
+        if run.state == "absent" and run.why != STAGE_ABSENT
     }
-    blocks += [*reversed(notes.values()), *_recorded(inputs), *_refit(inputs)]
+    blocks += [*reversed(notes.values()), *_recorded(records), *_refit(inputs)]
     items = ("yolov7_direction_ap", "regression_coefficients", "fitted_ap_grid")
     published, published_runs = beside_ours(items, ledger, inputs)
     title = "Object detection under blur and noise"
