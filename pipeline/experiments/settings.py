@@ -38,8 +38,10 @@ class EstimatorSettings(Settings):
 
 
 class NoiseSettings(Settings):
-    """The evaluation of noise estimators."""
+    """The evaluation of noise estimators (the noise figure)."""
 
+    noise_sources: list[NoiseSource] = Field(min_length=1)
+    levels_dn: list[Level] = Field(min_length=1)
     tile_px: TilePx
     tiles_per_frame: Count | None
     bootstrap_draws: Draws

@@ -7,9 +7,9 @@ from pipeline.config.entry import Run, stage
 READS = [
     "seed",
     "camera",
-    "corruption.effects",
-    "corruption.levels_dn",
     "datasets.{dataset}",
+    "noise.noise_sources",
+    "noise.levels_dn",
     "noise.tile_px",
     "noise.tiles_per_frame",
     "noise.bootstrap_draws",
@@ -33,7 +33,7 @@ def run(run: Run) -> None:
 
     dataset, name, params = run.job["dataset"], run.job["estimator"], run.params
     section, camera = params.noise.estimators[name], params.camera
-    folder, sources = run.inputs / "data/index" / dataset, params.corruption.effects
+    folder, sources = run.inputs / "data/index" / dataset, params.noise.noise_sources
     per_frame = section.per_frame or params.noise.tiles_per_frame
     frames = of_index(folder, dataset, params.datasets[dataset], {"sigma_dn": per_frame})
     estimator = Registered(estimators.create, section.kind, section.options)
@@ -42,7 +42,7 @@ def run(run: Run) -> None:
         estimator,
         frames,
         sources,
-        params.corruption.levels_dn,
+        params.noise.levels_dn,
         camera=camera,
         seed=params.seed,
         draws=params.noise.bootstrap_draws,

@@ -18,12 +18,22 @@ GROUPS = {
     for folder in CONF.rglob("*")
     if folder.is_dir() and list(folder.glob("*.yaml"))
 }
+EXPERIMENTS = {
+    "noise": "noise",
+    "blur": "table_one",
+    "combined": "combined",
+    "denoised_blur": "denoised_blur",
+    "detection": "iopc",
+    "corruption": "corruption",
+    "ablation": "ablation",
+}
 TOP = {
     group: options
     for group, options in GROUPS.items()
-    if group not in ("dataset", "detector", "estimator/noise", "estimator/blur")
+    if group not in ("dataset", "detector", "estimator/noise", "estimator/blur", "experiment")
 }
 PLACED = [f"+dataset@datasets.extra={name}" for name in GROUPS["dataset"]]
+PLACED += [f"experiment@{section}={name}" for section, name in EXPERIMENTS.items()]
 PLACED += [f"+detector@detection.detectors.extra={name}" for name in GROUPS["detector"]]
 PLACED += [
     f"+estimator/{what}@{what}.estimators.extra={name}"
@@ -53,6 +63,10 @@ def test_profiles_know_their_name(profile):
     assert parse(compose([f"profile={profile}"]), "conf/").profile == profile
 
 
+def test_every_experiment_is_a_file_of_its_own():
+    assert sorted(EXPERIMENTS.values()) == GROUPS["experiment"]
+
+
 def test_params_yaml_is_what_conf_gives():
     assert (ROOT / "params.yaml").read_text() == compose()
 
@@ -74,7 +88,7 @@ def test_the_text_is_the_one_dvc_writes(tmp_path):
         ("noise.tile_px=many", ["noise.tile_px", "many"]),
         ("profile=smok", ["profile", "smoke"]),
         ("camera.kind=pinhole", ["camera.kind", "pinhole", "authors"]),
-        ("corruption.levels_dn=[]", ["corruption.levels_dn"]),
+        ("denoised_blur.levels_dn=[]", ["denoised_blur.levels_dn"]),
         ("psf.source=paper", ["psf.folder"]),
         ("matrix.datasets=[sim]", ["matrix.datasets", "derived"]),
         ("noise=3", ["noise"]),
