@@ -1,7 +1,7 @@
 """``camera-monitor``: the pipeline's tools on your own footage.
 
 Each command is one file; it is imported when it is called, so that ``--help`` answers at once. Exit codes: 0 fine,
-2 wrong input or results that cannot be written, 3 alarm (``health``), 130 interrupted.
+2 wrong input or results that cannot be written, 3 alarm (``health``, ``watch``), 130 interrupted.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from pipeline.errors import InputError
 
 COMMANDS = {
     "health": "Estimate blur and noise of pictures or videos together, with intervals and maps.",
+    "watch": "Watch a running camera, stream or filling folder: JSON lines and alarms.",
+    "calibrate": "Calibrate a camera from sharp pictures or a chart, for --camera NAME.",
     "noise": "Estimate the noise of pictures or videos, over the frame and over time.",
     "corrupt": "Corrupt pictures to a noise level or a blur, with the truth beside them.",
     "dataset": "Check a dataset: what is usable, what would be set aside and why.",

@@ -1,4 +1,4 @@
-"""``camera-monitor health``: blur and noise of one's own pictures, with intervals and maps."""
+"""``camera-monitor health``: a verdict on one's own pictures, with blur and noise per frame, intervals and maps."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from pipeline.cli.frame_analysis import FrameAnalysis
+    from pipeline.cli.health_files import HealthRun
     from pipeline.condition import ConditionMonitor
 
 ALARM = 3  # exit code
@@ -25,7 +27,7 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--out", type=click.Path(path_type=Path),
-    help="folder for health.csv, health.jsonl, health.json and pictures with maps; results of the last run there go",
+    help="folder for the page health.html, the tables and pictures with maps; results of the last run there go",
 )  # fmt: skip
 @click.option(
     "--blur", "blur_name", default="spectral", show_default=True, help="spectral, fused, pmp, gbb or a plug-in's name"
@@ -53,6 +55,7 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
     "--added", is_flag=True,
     help="without --sharp: tell the blur beyond that of a typical lens, and not the lens's too (estimator spectral)",
 )  # fmt: skip
+@click.option("--camera", "camera_name", help="blur relative to this camera, as camera-monitor calibrate stored it")
 @click.option("--json", "as_json", is_flag=True, help="print the whole run as one JSON object instead of the table")
 @click.option("--jsonl", "as_lines", is_flag=True, help="print one JSON object per frame, as it comes, instead of it")
 @click.option(
@@ -62,34 +65,52 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
     "--alarm-mtf50", type=FiniteRange(0, 1),
     help="alarm (exit code 3) when contrast falls to half below this fraction of Nyquist, on either axis",
 )  # fmt: skip
-@click.option("--alarm-flags", is_flag=True, help="alarm on black, dark, over-exposed and frozen frames too")
+@click.option("--alarm-flags", is_flag=True, help="alarm on flags too: black, dark, over-exposed, obstructed, frozen")
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
+@click.option("--exposure", help="exposure time of the pictures, e.g. 4ms, for advice; from EXIF if left out")
+@click.option("--iso", type=FiniteRange(1, 1_000_000), help="their ISO, for advice; from EXIF if left out")
+@click.option(
+    "--surface", type=click.Path(path_type=Path),
+    help="measured average precision for the verdict; by default data/control_surface/all.npz, if it is there",
+)  # fmt: skip
+@click.option(
+    "--reference-frames", default=300, show_default=True, type=click.IntRange(100, 100_000),
+    help="first frames of a video or folder that its trend is compared with",
+)  # fmt: skip
+@click.option("--no-trend", is_flag=True, help="no alarm where the condition of a video or folder worsens over time")
 def command(
     paths: tuple[Path, ...], out: Path | None, blur_name: str, quality: str, noise_name: str, sharp: tuple[Path, ...],
-    fitted: bool, added: bool, as_json: bool, as_lines: bool, alarm_sigma_dn: float | None, alarm_mtf50: float | None,
-    alarm_flags: bool, every: int,
+    fitted: bool, added: bool, camera_name: str | None, as_json: bool, as_lines: bool,
+    alarm_sigma_dn: float | None, alarm_mtf50: float | None,
+    alarm_flags: bool, every: int, exposure: str | None, iso: float | None, surface: Path | None,
+    reference_frames: int, no_trend: bool,
 ) -> None:  # fmt: skip
     """Estimate blur and noise of PATHS: pictures, videos, or folders of them.
 
-    Prints per frame the noise in grey levels (DN, 0..255) with its 95 % interval, the frequency at which contrast falls
-    to half (MTF50, fraction of Nyquist; > 0.59 where it stays above), horizontal and vertical, and how many patches
-    gave an answer (flat and saturated ones do not). Hold the camera upright; --sharp removes what its lens does anyway;
-    --fit also mends what the estimator misreads in this camera's pictures. Without sharp pictures, --added takes off a
-    typical lens.
+    Prints a verdict in words, then per frame the noise in grey levels (DN, 0..255) with its 95 % interval, the
+    frequency at which contrast falls to half (MTF50, fraction of Nyquist; > 0.59 where it stays above), horizontal and
+    vertical, and how many patches have an estimate (flat and saturated ones do not). The verdict has the expected
+    average precision where a surface was measured, and advice where exposure time and ISO are known too.
 
-    Frames that are black, dark, over-exposed or frozen are flagged, in brackets after their name.
+    Hold the camera upright; --sharp removes what its lens does anyway; --fit also corrects the estimator's error on
+    this camera's pictures. Without sharp pictures, --added removes a typical lens.
 
-    Exit codes: 0 fine; 3 a threshold was violated; else 2 if a file could not be used; 130 interrupted.
+    Frames that are black, dark, over-exposed, obstructed or frozen are flagged, in brackets after their name. Where
+    noise or blur of a video or folder grows over time, a trend alarm is raised: less than one false alarm an hour at
+    10 frames per second.
+
+    Exit codes: 0 fine; 3 alarm (threshold or trend); else 2 if a file could not be used; 130 interrupted.
     """
     import json
 
     from tqdm import tqdm
 
-    from pipeline.cli.health_files import HealthFiles, run_content
-    from pipeline.cli.health_rows import HEADER, alarms, condition_row, line
+    from pipeline.cli import camera_store
+    from pipeline.cli.estimator_files import version, weight_hashes
+    from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds, find_surface
+    from pipeline.cli.health_files import HealthFiles, HealthRun
     from pipeline.cli.pictures import expand, named, readable, stream_of
     from pipeline.condition import ConditionMonitor
-    from pipeline.condition.frame_flags import FrameInspector
     from pipeline.errors import InputError
     from pipeline.executor import one_thread
     from pipeline.store import plain_json
@@ -105,61 +126,106 @@ def command(
         raise InputError("--fit needs pictures of the same camera that are known to be sharp; give them by --sharp")
     if added and (sharp or blur_name != "spectral"):
         raise InputError("--added is for the estimator spectral without --sharp, which tells the same more exactly")
+    if camera_name is not None and (sharp or added):
+        raise InputError("--camera NAME is instead of --sharp and --added")
     if as_json and as_lines:
         raise InputError("--json and --jsonl: choose one of the two")
+    camera = camera_store.load(camera_name) if camera_name is not None else None
+    performance, without_precision = find_surface(surface)
     about: dict[str, Any] = {
-        "blur_estimator": blur_name, "noise_estimator": noise_name, "sharp": [str(file) for file in sharp_files],
+        "version": version(), "blur_estimator": blur_name, "noise_estimator": noise_name,
+        "sharp": [str(file) for file in sharp_files], "relative": bool(sharp) or added or camera is not None,
+        "camera": camera_name,
         "thresholds": {"sigma_dn": alarm_sigma_dn, "mtf50": alarm_mtf50, "flags": alarm_flags},
     }  # fmt: skip
-    rows: list[dict[str, Any]] = []  # kept for --json only
-    set_aside: list[str] = []
+    run = HealthRun(about, without_precision=without_precision)
+    sequences = sequence_names(files)
     with contextlib.ExitStack() as stack:
-        results = stack.enter_context(HealthFiles(out, [*files, *sharp_files], about)) if out is not None else None
+        results = stack.enter_context(HealthFiles(out, [*files, *sharp_files], run)) if out is not None else None
         monitor = ConditionMonitor(blur_name, noise_name, blur_options={"answer": "added"} if added else None)
         about["weights_released"] = monitor.weights_released
-        sharp_sizes = _calibrate(monitor, sharp_files, fitted, every) if sharp else set()
-        inspector = FrameInspector()
-        failed = alarmed = 0
-        if not (as_json or as_lines):
-            for quantity, released in monitor.weights_released.items():
-                if not released:
-                    click.echo(f"weights not released: {quantity}")
-            click.echo(HEADER)
+        about["weights_sha256"] = weight_hashes(monitor.blur_estimator, monitor.noise_estimator)
+        sharp_sizes: set[tuple[int, ...]] = _calibrate(monitor, sharp_files, fitted, every) if sharp else set()
+        if camera is not None:
+            camera_store.apply(camera, monitor)
+            sharp_sizes = {camera.size_px}
+        analysis = FrameAnalysis(
+            monitor, Thresholds(alarm_sigma_dn, alarm_mtf50, alarm_flags), performance, Settings(exposure, iso),
+            relative=about["relative"], reference_frames=None if no_trend else reference_frames,
+        )  # fmt: skip
+        run.trend_alarms = analysis.trend_alarms
+        if not as_lines:
+            stack.callback(_print_run, run, as_json)
         for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
             try:
                 if image is None:
                     raise InputError(problem)
-                condition = monitor.frame(image)
+                stream = stream_of(name)
+                row, condition = analysis.analyse(name, image, stream, stream or sequences.get(name, ""))
             except InputError as error:
-                failed += 1
                 reason = named(name, error)
-                set_aside.append(reason)
-                if results is not None:
-                    results.set_aside.append(reason)
+                run.set_aside.append(reason)
                 click.echo(f"set aside: {reason}", err=True)
                 continue
             if sharp_sizes and image.shape not in sharp_sizes:
                 _warn_of_size(name, image.shape, sharp_sizes)
                 sharp_sizes = set()  # once is enough
-            row = condition_row(name, condition, inspector.inspect(image, stream_of(name)))
-            row["alarms"] = ", ".join(alarms(row, alarm_sigma_dn, alarm_mtf50, alarm_flags))
-            alarmed += bool(row["alarms"])
             if results is not None:
                 results.add(row, image, condition)
-            if as_json:
-                rows.append(row)
-            else:
-                click.echo(json.dumps(plain_json(row), sort_keys=True) if as_lines else line(row))
-    if as_json:
-        content = run_content(about, rows, set_aside, complete=True)
-        click.echo(json.dumps(plain_json(content), indent=2, sort_keys=True))
-    if out is not None:
-        click.echo(f"written to {out}", err=as_json or as_lines)
+            run.rows.append(row)
+            run.without_trend = _without_trend(analysis, reference_frames)
+            if as_lines:
+                click.echo(json.dumps(plain_json(row), sort_keys=True))
+    if results is not None:
+        click.echo(f"written to {out}; page {results.page}", err=as_json or as_lines)
+    alarmed = sum(bool(row["alarms"]) for row in run.rows)
     if alarmed:
-        click.echo(f"alarm: {alarmed} frames violate a threshold", err=True)
+        click.echo(f"alarm: {alarmed} frames violate a threshold or follow a trend alarm", err=True)
         raise SystemExit(ALARM)
-    if failed:
-        raise InputError(f"{failed} of the pictures given could not be used; see above")
+    if run.set_aside:
+        raise InputError(f"{len(run.set_aside)} of the pictures given could not be used; see above")
+
+
+def sequence_names(files: Sequence[Path]) -> dict[str, str]:
+    """Name of each picture -> the folder whose frames it is one of; pictures that are alone in theirs are left out.
+
+    Args:
+        files: pictures and videos.
+    """
+    folders: dict[str, list[Path]] = {}
+    for file in files:
+        folders.setdefault(str(file.parent), []).append(file)
+    return {str(file): folder for folder, members in folders.items() if len(members) > 1 for file in members}
+
+
+def _without_trend(analysis: FrameAnalysis, reference_frames: int) -> str:
+    """Why no trend can be stated, or empty where one can or none is expected."""
+    if not analysis.trends or any(trend.watched for trend in analysis.trends.values()):
+        return ""
+    longest = max(trend.frames for trend in analysis.trends.values())
+    return f"{longest} frames in a row, the reference period alone takes {reference_frames}"
+
+
+def _print_run(run: HealthRun, as_json: bool) -> None:
+    """The verdict, then the table; or everything as JSON."""
+    import json
+    import sys
+
+    from pipeline.cli.health_rows import HEADER, line
+    from pipeline.store import plain_json
+
+    if as_json:
+        content = run.content(complete=sys.exc_info()[0] is None)
+        click.echo(json.dumps(plain_json(content), indent=2, sort_keys=True))
+        return
+    for sentence in run.verdict()["sentences"]:
+        click.echo(sentence)
+    for quantity, released in run.about["weights_released"].items():
+        if not released:
+            click.echo(f"weights not released: {quantity}")
+    click.echo(f"\n{HEADER}")
+    for row in run.rows:
+        click.echo(line(row))
 
 
 def _calibrate(
@@ -189,7 +255,7 @@ def _calibrate(
 def _warn_of_size(name: str, shape: tuple[int, ...], sharp: set[Any]) -> None:
     sizes = ", ".join(f"{width}x{height}" for height, width in sorted(sharp))
     click.echo(
-        f"warning: {name} is {shape[1]}x{shape[0]} px, the pictures given by --sharp are {sizes} px; "
+        f"warning: {name} is {shape[1]}x{shape[0]} px, the sharp pictures are {sizes} px; "
         "another size means another camera, mode or scaling, whose sharpness differs",
         err=True,
     )

@@ -1,14 +1,17 @@
-"""The files of one run of ``camera-monitor health``: a table and JSON lines that grow, one JSON, pictures with maps."""
+"""The files of one run of ``camera-monitor health``: growing table and JSON lines, JSON, page, pictures with maps."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from pipeline.cli.health_rows import COLUMNS
+from pipeline.cli.health_page import PageFrames
+from pipeline.cli.health_rows import WRITTEN
+from pipeline.cli.health_verdict import run_verdict
 from pipeline.cli.outputs import LineFile, OutputFolder, RowFile
 from pipeline.cli.pictures import result_stem
 
@@ -19,44 +22,66 @@ if TYPE_CHECKING:
     from pipeline.condition import Condition
 
 
-def run_content(
-    about: dict[str, Any], rows: Sequence[dict[str, Any]], set_aside: Sequence[str], *, complete: bool
-) -> dict[str, Any]:
-    """A run as one JSON object.
+@dataclass
+class HealthRun:
+    """What is known of a run while it goes on.
 
-    Args:
-        about: estimators and settings.
+    Attributes:
+        about: estimators, settings, version.
         rows: of the finished frames.
         set_aside: one reason per file or frame that could not be used.
-        complete: whether the run came to its end.
+        trend_alarms: that began (`pipeline.cli.frame_analysis.FrameAnalysis.trend_alarms`).
+        without_precision, without_trend: why the expected precision or the trend is unknown, or empty.
     """
-    from pipeline.camera.mtf import FREQUENCIES
 
-    alarmed = sum(bool(row["alarms"]) for row in rows)
-    return {
-        **about, "alarmed_frames": alarmed, "complete": complete, "frequencies_of_nyquist": FREQUENCIES,
-        "pictures": list(rows), "set_aside": list(set_aside),
-    }  # fmt: skip
+    about: dict[str, Any]
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    set_aside: list[str] = field(default_factory=list)
+    trend_alarms: list[dict[str, Any]] = field(default_factory=list)
+    without_precision: str = ""
+    without_trend: str = ""
+
+    def verdict(self) -> dict[str, Any]:
+        """The verdict on the finished frames (`pipeline.cli.health_verdict.run_verdict`)."""
+        return run_verdict(
+            self.rows, without_precision=self.without_precision, trend_alarms=self.trend_alarms,
+            without_trend=self.without_trend, set_aside=len(self.set_aside), relative=self.about["relative"],
+        )  # fmt: skip
+
+    def content(self, *, complete: bool) -> dict[str, Any]:
+        """The run as one JSON object.
+
+        Args:
+            complete: whether it came to its end.
+        """
+        from pipeline.camera.mtf import FREQUENCIES
+
+        alarmed = sum(bool(row["alarms"]) for row in self.rows)
+        return {
+            **self.about, "verdict": self.verdict(), "alarmed_frames": alarmed, "complete": complete,
+            "frequencies_of_nyquist": FREQUENCIES, "pictures": self.rows, "set_aside": self.set_aside,
+            "trend_alarms": self.trend_alarms,
+        }  # fmt: skip
 
 
 class HealthFiles:
-    """``health.csv`` and ``health.jsonl``, complete after every frame; ``health.json``, written when the run ends.
+    """``health.csv`` and ``health.jsonl``, complete after every frame; ``health.json`` and ``health.html`` at the end.
 
     Args:
         path: the folder.
         inputs: files the run reads.
-        about: what the JSON states of the run: estimators, settings, version.
+        run: what the JSON and the page state of it.
 
     Raises:
         OutputError: the folder cannot be written.
     """
 
-    def __init__(self, path: Path, inputs: Sequence[Path], about: dict[str, Any]) -> None:
+    def __init__(self, path: Path, inputs: Sequence[Path], run: HealthRun) -> None:
         self._folder = OutputFolder(path, "--out", inputs)
-        table, lines, self._json = (self._folder.claim("health", suffix) for suffix in (".csv", ".jsonl", ".json"))
-        self._table, self._lines = RowFile(table, COLUMNS), LineFile(lines)
-        self._about, self._rows = about, list[dict[str, Any]]()
-        self.set_aside: list[str] = []
+        suffixes = (".csv", ".jsonl", ".json", ".html")
+        table, lines, self._json, self.page = (self._folder.claim("health", suffix) for suffix in suffixes)
+        self._table, self._lines = RowFile(table, WRITTEN), LineFile(lines)
+        self._run, self._frames = run, PageFrames()
 
     def __enter__(self) -> HealthFiles:
         return self
@@ -64,13 +89,15 @@ class HealthFiles:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        from pipeline.store import write_json
+        from pipeline.cli.health_page import page
+        from pipeline.store import write_json, write_text
 
         self._table.__exit__(kind, error, trace)
         self._lines.__exit__(kind, error, trace)
         try:
-            content = run_content(self._about, self._rows, self.set_aside, complete=kind is None)
+            content = self._run.content(complete=kind is None)
             write_json(self._json, content)
+            write_text(self.page, page(content, self._frames))
         finally:
             self._folder.__exit__(kind, error, trace)
 
@@ -80,8 +107,9 @@ class HealthFiles:
         from pipeline.store import plain_json, write_image
 
         target = self._folder.claim(result_stem(row["picture"]), ".health.png")
-        write_image(target, draw(image, condition))
+        drawn = draw(image, condition)
+        write_image(target, drawn)
+        self._frames.add(row, image, drawn)
         row["drawn"] = target.name
         self._table.write(row)
         self._lines.write(json.dumps(plain_json(row), sort_keys=True, ensure_ascii=False))
-        self._rows.append(row)

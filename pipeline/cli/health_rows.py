@@ -13,8 +13,14 @@ AXES = ("horizontal", "vertical")
 COLUMNS = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "noise_patches", "noise_abstained", "mtf50_horizontal",
     "mtf50_vertical", "mtf50_horizontal_status", "mtf50_vertical_status", "blur_patches", "blur_abstained",
-    "milliseconds", "bright_dn", "median_dn", "saturated_fraction", "repeats", "flags", "alarms", "drawn",
+    "milliseconds", "bright_dn", "median_dn", "saturated_fraction", "obstructed_fraction", "repeats", "flags", "alarms",
+    "drawn",
 )  # fmt: skip
+WRITTEN = (
+    *COLUMNS, "blur", "blur_direction", "noise", "causes", "ap_percent", "ap_low_percent", "ap_high_percent",
+    "best_exposure_ms", "best_iso", "trend",
+)  # fmt: skip
+"""Columns of the table of a run: those of `condition_row` and what is inferred from them."""
 HEADER = f"{'sigma DN':>9} {'95 % interval':>15} {'MTF50 H':>8} {'MTF50 V':>8} {'answered':>11} {'ms':>6}  picture"
 
 MEASURED, ABOVE_RANGE, UNKNOWN = "measured", "above_range", "unknown"
@@ -42,7 +48,8 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
         name, float(condition.sigma_dn.value), float(condition.sigma_dn.low), float(condition.sigma_dn.high),
         len(noise), int(noise.abstained.sum()), horizontal, vertical, status(horizontal), status(vertical), len(blur),
         int(blur.abstained.sum()), round(condition.milliseconds, 1), flags.bright_dn,
-        flags.median_dn, flags.saturated_fraction, flags.repeats, ", ".join(flags.names), "", "",
+        flags.median_dn, flags.saturated_fraction, flags.obstructed_fraction, flags.repeats, ", ".join(flags.names),
+        "", "",
     )  # fmt: skip
     reasons = condition.reasons
     if not len(blur):

@@ -16,7 +16,7 @@ from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState
 
 if TYPE_CHECKING:
-    from pipeline.condition import ConditionMonitor
+    from pipeline.condition import Condition, ConditionMonitor
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,7 @@ def advise(
     performance: Performance,
     monitor: ConditionMonitor,
     speed_px_s: float | None = None,
+    condition: Condition | None = None,
 ) -> Advice:
     """Advice for a picture.
 
@@ -68,11 +69,12 @@ def advise(
         performance: surface of average precision.
         monitor: estimates noise and MTF.
         speed_px_s: speed of the image if it is known; None takes it from the estimated MTF.
+        condition: of the picture, where it has been estimated already; its MTF is the system's, not a relative one.
 
     Raises:
         InputError: not such a picture.
     """
-    seen = observe(image, monitor)
+    seen = observe(image, monitor, condition)
     policy = IopcOptimal(camera, performance, least_gain_percent=0.5)
     policy.known_speed_px_s = speed_px_s
     decision = policy.decide(seen, state)

@@ -33,6 +33,41 @@ def test_exposure_flags(image, names):
     assert FrameInspector().inspect(image).names == names
 
 
+def obstructed(image: np.ndarray, share: float, level_dn: float = 15.0, sigma_dn: float = 2.0) -> np.ndarray:
+    """The picture with an out-of-focus dark object over its left part."""
+    across = np.arange(image.shape[1]) / image.shape[1]
+    cover = np.clip((share + 0.03 - across) / 0.06, 0, 1)[None]
+    grain = stream(0, "obstruction", share).normal(0, sigma_dn, image.shape) * cover
+    levels = 255 * image * (1 - cover) + level_dn * cover + grain
+    return (np.clip(np.rint(levels), 0, 255) / 255).astype(np.float32)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.2, 0.4, 0.7])
+def test_an_obstruction_is_measured_and_flagged(share):
+    flags = FrameInspector().inspect(obstructed(IMAGE, share) if share else IMAGE)
+    assert flags.obstructed_fraction == pytest.approx(share, abs=0.06)
+    assert ("obstructed" in flags.names) == (share > 0.1)
+
+
+def test_neither_a_bright_smooth_area_nor_a_picture_without_structure_is_obstructed():
+    assert FrameInspector().inspect(obstructed(IMAGE, 0.4, level_dn=180.0)).obstructed_fraction < 0.05
+    assert FrameInspector().inspect(noise(60.0)).obstructed_fraction == 0.0
+
+
+@pytest.mark.shared
+def test_clear_street_pictures_are_not_obstructed(shared):
+    from pipeline.datasets.pictures import read_grey
+
+    files = sorted((shared / "realdata/kitti_more/training/image_2").glob("*.png"))[::7]
+    files += sorted((shared / "realdata/pennfudan/PNGImages").glob("*.png"))[::9]
+    if not files:
+        pytest.skip("street pictures absent: ../shared/realdata")
+    for file in files:
+        image = read_grey(file)
+        assert FrameInspector().inspect(image).obstructed_fraction < 0.08, file.name
+        assert FrameInspector().inspect(obstructed(image, 0.4)).obstructed_fraction > 0.2, file.name
+
+
 def test_measures_are_in_grey_levels():
     flags = FrameInspector().inspect(IMAGE)
     assert flags.median_dn == pytest.approx(np.median(picture("flags")), abs=1e-3)

@@ -1,0 +1,166 @@
+"""Calibrations of the user's cameras, one JSON file each, and their use by ``--camera NAME``.
+
+Files lie in ``$CAMERA_MONITOR_HOME/cameras``, else in ``$XDG_CONFIG_HOME/camera-monitor/cameras``, else in
+``~/.config/camera-monitor/cameras``.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import re
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    from pipeline.condition import ConditionMonitor
+
+_NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")
+KINDS = ("sharp frames", "fit", "edge chart", "star chart")
+CHARTS = KINDS[2:]
+
+
+@dataclass(frozen=True)
+class StoredCamera:
+    """The calibration of one camera.
+
+    Attributes:
+        name: of the camera.
+        kind: one of `KINDS`: how it was measured.
+        blur_estimator: that it belongs to; a chart serves any.
+        weights_sha256: of the estimator's weight files, by name.
+        size_px: (height, width) of the pictures.
+        frames: pictures that it was made from.
+        sharp_mtf: (2, 8) MTF of the camera that estimates are divided by; None for a fit.
+        fit: content of `pipeline.blur.camera_fit.Fit`; None for the others.
+        version: of the package.
+    """
+
+    name: str
+    kind: str
+    blur_estimator: str
+    weights_sha256: dict[str, str]
+    size_px: tuple[int, int]
+    frames: int
+    sharp_mtf: list[list[float]] | None
+    fit: dict[str, Any] | None
+    version: str
+
+
+def folder() -> Path:
+    """Where calibrations are stored."""
+    home = os.environ.get("CAMERA_MONITOR_HOME")
+    if home:
+        return Path(home) / "cameras"
+    config = os.environ.get("XDG_CONFIG_HOME")
+    return (Path(config) if config else Path.home() / ".config") / "camera-monitor" / "cameras"
+
+
+def names() -> list[str]:
+    """Names of the stored cameras, sorted."""
+    return sorted(path.stem for path in folder().glob("*.json"))
+
+
+def path_of(name: str) -> Path:
+    """File of a camera.
+
+    Raises:
+        InputError: not a name of letters, digits, dots, hyphens and underscores.
+    """
+    if not _NAME.match(name):
+        raise InputError(f"camera name '{name}': expected letters, digits, '.', '-' or '_', at most 64")
+    return folder() / f"{name}.json"
+
+
+def save(camera: StoredCamera) -> Path:
+    """Store a calibration; that of the same name is replaced.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    from pipeline.store import write_json
+
+    target = path_of(camera.name)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_json(target, asdict(camera))
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written ({error.strerror}); set CAMERA_MONITOR_HOME") from None
+    return target
+
+
+def load(name: str) -> StoredCamera:
+    """Read a calibration.
+
+    Raises:
+        InputError: no such camera, or a damaged file.
+    """
+    path = path_of(name)
+    if not path.is_file():
+        known = names()
+        hint = did_you_mean(name, known) if known else "none is stored"
+        raise InputError(f"--camera {name}: not calibrated ({hint}); camera-monitor calibrate {name} SHARP_PICTURES")
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        camera = StoredCamera(**{**content, "size_px": tuple(content["size_px"])})
+        if camera.kind not in KINDS or (camera.sharp_mtf is None) == (camera.fit is None):
+            raise ValueError("neither an MTF nor a fit")
+        if camera.sharp_mtf is not None:
+            _matrix(camera.sharp_mtf)
+    except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
+        raise InputError(f"{path}: not the calibration of a camera ({error}); calibrate it anew") from None
+    return camera
+
+
+def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
+    """Make a monitor's blur relative to a calibrated camera.
+
+    Args:
+        camera: its calibration.
+        monitor: not calibrated yet.
+
+    Raises:
+        InputError: it was calibrated with another estimator or other weights, or the estimator cannot be calibrated.
+    """
+    from pipeline.blur.base import Estimator
+    from pipeline.blur.camera_fit import Fit, Fitted
+    from pipeline.cli.estimator_files import weight_hashes
+
+    if camera.kind not in CHARTS:
+        anew = f"run camera-monitor calibrate {camera.name} again"
+        if camera.blur_estimator != monitor.blur_name:
+            raise InputError(
+                f"--camera {camera.name} was calibrated for the estimator {camera.blur_estimator}, not "
+                f"{monitor.blur_name}; {anew} with --blur {monitor.blur_name}"
+            )
+        if camera.weights_sha256 != weight_hashes(monitor.blur_estimator):
+            raise InputError(f"--camera {camera.name} was calibrated with other weights; {anew}")
+    if camera.fit is not None:
+        try:
+            monitor.blur_estimator = Fitted(monitor.blur_estimator, Fit.from_content(camera.fit))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{path_of(camera.name)}: not the fit of a camera ({error}); calibrate it anew") from None
+        return
+    if not isinstance(monitor.blur_estimator, Estimator):
+        raise InputError(f"--camera {camera.name}: the estimator {monitor.blur_name} cannot be divided by an MTF")
+    made = copy.copy(monitor.blur_estimator)
+    made.sharp_mtf = _matrix(camera.sharp_mtf)
+    monitor.blur_estimator = made
+
+
+def _matrix(content: Any) -> Any:
+    """(2, 8) finite numbers above 0.
+
+    Raises:
+        ValueError: they are not.
+    """
+    import numpy as np
+
+    matrix = np.array(content, dtype=np.float64)
+    if matrix.shape != (2, 8) or not (np.isfinite(matrix) & (matrix > 0)).all():
+        raise ValueError(f"sharp_mtf: expected (2, 8) numbers above 0, got shape {matrix.shape}")
+    return matrix

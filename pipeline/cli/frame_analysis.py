@@ -1,0 +1,227 @@
+"""The analysis of one frame, for ``health`` and ``watch``: condition, flags, expected precision, advice, alarms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pipeline.condition import Condition, ConditionMonitor
+    from pipeline.condition.trend import TrendAlarm
+    from pipeline.control.performance import Performance
+    from pipeline.control.policy import ControlledCamera
+
+SURFACE = "data/control_surface/all.npz"
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What counts as an alarm.
+
+    Attributes:
+        sigma_dn: noise above it, DN; None for no threshold.
+        mtf50: half contrast below it on either axis, fraction of Nyquist; None for no threshold.
+        flags: whether flags of a frame are alarms.
+    """
+
+    sigma_dn: float | None = None
+    mtf50: float | None = None
+    flags: bool = False
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings that frames were taken with, as far as they are given; None where they are not.
+
+    Attributes:
+        exposure: text such as ``4ms``.
+        iso: ISO.
+    """
+
+    exposure: str | None = None
+    iso: float | None = None
+
+    def of(self, path: Path) -> tuple[float, float] | None:
+        """Exposure time in seconds and ISO of a file; None where they are neither given nor in its EXIF data."""
+        from pipeline.cli.advise import exif, settings
+
+        found = exif(path) if self.exposure is None or self.iso is None else (None, None)
+        if (self.exposure is None and found[0] is None) or (self.iso is None and found[1] is None):
+            return None
+        return settings(path, self.exposure, self.iso)
+
+
+def find_surface(named: Path | None) -> tuple[Performance | None, str]:
+    """The surface of average precision.
+
+    Args:
+        named: by the user; None for that of the checkout.
+
+    Returns:
+        it, or None with the reason why there is none.
+
+    Raises:
+        InputError: the file that was named is missing or broken.
+    """
+    from pipeline.control.performance import Performance
+    from pipeline.project_files import located
+
+    if named is not None:
+        return Performance.load(named), ""
+    for path in (Path(SURFACE), located(SURFACE)):
+        if path.is_file():
+            return Performance.load(path), ""
+    return None, f"no measured surface {SURFACE} (dvc repro makes it; --surface FILE names another)"
+
+
+class FrameAnalysis:
+    """Analyses frames one after the other.
+
+    Args:
+        monitor: estimates blur and noise.
+        thresholds: of alarms.
+        performance: surface of average precision, or None.
+        settings: of the frames.
+        relative: whether the monitor's MTF is relative to sharp frames.
+        reference_frames: of the trend; None for no trend.
+
+    Attributes:
+        trend_alarms: those that began, as rows.
+    """
+
+    def __init__(
+        self,
+        monitor: ConditionMonitor,
+        thresholds: Thresholds,
+        performance: Performance | None = None,
+        settings: Settings | None = None,
+        *,
+        relative: bool = False,
+        reference_frames: int | None = None,
+    ) -> None:
+        from pipeline.condition.frame_flags import FrameInspector
+        from pipeline.condition.trend import ConditionTrend
+
+        self.monitor, self.thresholds, self.performance = monitor, thresholds, performance
+        self.settings, self.relative, self.reference_frames = settings or Settings(), relative, reference_frames
+        self.trend_alarms: list[dict[str, Any]] = []
+        self._inspector = FrameInspector()
+        if reference_frames is not None:
+            ConditionTrend(reference_frames)  # refuses a reference that is too short before anything is computed
+        self.trends: dict[str, ConditionTrend] = {}
+        self._camera: ControlledCamera | None = None
+
+    def analyse(
+        self, name: str, image: NDArray[np.float32], stream: str = "", sequence: str = ""
+    ) -> tuple[dict[str, Any], Condition]:
+        """The row and the condition of a frame.
+
+        Args:
+            name: of the frame.
+            image: (H, W) float in [0, 1].
+            stream: video that it is a frame of, for the flag ``frozen``; empty for a picture.
+            sequence: series of frames whose trend it belongs to; empty for none.
+
+        Returns:
+            the row (`pipeline.cli.health_rows.condition_row` and what follows from it), and the condition.
+
+        Raises:
+            InputError: not such a frame.
+        """
+        from pipeline.cli.health_rows import alarms, condition_row
+
+        condition = self.monitor.frame(image)
+        row = condition_row(name, condition, self._inspector.inspect(image, stream))
+        self._words(row, condition)
+        self._precision(row, image, condition, Path(stream or name))
+        row["trend"] = ", ".join(self._trend(row, condition, sequence)) if sequence else ""
+        limits = self.thresholds
+        raised = alarms(row, limits.sigma_dn, limits.mtf50, limits.flags)
+        row["alarms"] = ", ".join(raised + [f"trend {name}" for name in row["trend"].split(", ") if name])
+        return row, condition
+
+    def _words(self, row: dict[str, Any], condition: Condition) -> None:
+        from pipeline.condition.verdict import grade
+
+        grades = grade(row["sigma_dn"], condition.mtf.value, row["median_dn"])
+        row |= {
+            "blur": grades.blur, "blur_direction": grades.direction, "noise": grades.noise,
+            "causes": "; ".join(grades.causes()),
+        }  # fmt: skip
+
+    def _precision(self, row: dict[str, Any], image: NDArray[np.float32], condition: Condition, file: Path) -> None:
+        """Expected average precision, and advice where exposure and ISO are known."""
+        nan = float("nan")
+        row |= dict.fromkeys(("ap_percent", "ap_low_percent", "ap_high_percent", "best_exposure_ms", "best_iso"), nan)
+        row["best_ap_percent"] = nan
+        if self.performance is None:
+            return
+        from pipeline.control.expected_precision import expected_precision
+
+        here = expected_precision(self.performance, row["sigma_dn"], condition.mtf.value, relative=self.relative)
+        row |= {
+            "ap_percent": here.ap_percent, "ap_low_percent": here.low_percent, "ap_high_percent": here.high_percent,
+            "sharp_ap_percent": here.best_percent,
+        }  # fmt: skip
+        taken = self.settings.of(file)
+        if taken is None:
+            return
+        row |= self._advice(image, condition, taken)
+
+    def _advice(self, image: NDArray[np.float32], condition: Condition, taken: tuple[float, float]) -> dict[str, Any]:
+        from pipeline.camera.exposure import Camera
+        from pipeline.camera.sensor import named
+        from pipeline.control.advice import advise
+        from pipeline.control.policy import ControlledCamera
+        from pipeline.control.state import BASE_ISO, CameraState, Limits
+
+        assert self.performance is not None
+        if self._camera is None:
+            self._camera = ControlledCamera(
+                Limits(exposure_max_s=0.033, gain_max=3200 / BASE_ISO), Camera(named("paper"))
+            )
+        total = system_mtf(condition, self.performance.reference) if self.relative else condition
+        state = CameraState(taken[0], taken[1] / BASE_ISO)
+        try:
+            advice = advise(image, state, self._camera, self.performance, self.monitor, condition=total)
+        except InputError:
+            return {"advice": "settings outside the limits of the simulated camera"}
+        return {
+            "exposure_ms": advice.exposure_ms, "iso": advice.iso, "best_exposure_ms": advice.best_exposure_ms,
+            "best_iso": advice.best_iso, "best_ap_percent": advice.best_ap_percent, "advice": advice.action,
+        }  # fmt: skip
+
+    def _trend(self, row: dict[str, Any], condition: Condition, sequence: str) -> tuple[str, ...]:
+        if self.reference_frames is None:
+            return ()
+        from pipeline.condition.trend import ConditionTrend
+
+        trend = self.trends.setdefault(sequence, ConditionTrend(self.reference_frames))
+        for alarm in trend.step(row["sigma_dn"], condition.mtf.value):
+            self.trend_alarms.append(_alarm_row(alarm, row["picture"], sequence))
+        return trend.active
+
+
+def _alarm_row(alarm: TrendAlarm, picture: str, sequence: str) -> dict[str, Any]:
+    return {
+        "sequence": sequence, "picture": picture, "quantity": alarm.quantity, "frame": alarm.frame,
+        "since_frame": alarm.since_frame, "reference": alarm.reference, "level": alarm.level, "words": alarm.words(),
+    }  # fmt: skip
+
+
+def system_mtf(condition: Condition, reference: NDArray[np.floating]) -> Condition:
+    """A condition whose MTF, relative to sharp frames, is multiplied by that of sharp frames.
+
+    Args:
+        condition: with a relative MTF.
+        reference: (2, 8) MTF of sharp frames.
+    """
+    part = condition.blur.summary
+    scaled = replace(part, value=part.value * reference, low=part.low * reference, high=part.high * reference)
+    return replace(condition, blur=replace(condition.blur, summary=scaled))

@@ -1,0 +1,149 @@
+"""The page of one run of ``camera-monitor health``: one HTML file with everything inside, no script, no network."""
+
+from __future__ import annotations
+
+import base64
+import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isinf
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+THUMBNAIL_PX = 240  # longer side
+MOST_THUMBNAILS = 48
+MAP_PX = 1000
+WORST_FRAMES = 6
+JPEG_QUALITY = 80
+MOST_ROWS = 500
+LEAST_SIGMA_DN, LEAST_MTF50 = 5.0, 0.62  # that the vertical axes reach
+
+
+@dataclass(frozen=True)
+class Thumbnail:
+    """A small picture of a frame.
+
+    Attributes:
+        row: the frame's.
+        picture: ``data:`` address of a JPEG.
+        width_px, height_px: its size.
+    """
+
+    row: dict[str, Any]
+    picture: str
+    width_px: int
+    height_px: int
+
+
+class PageFrames:
+    """Keeps what the page shows of the frames; its memory does not grow with their number.
+
+    Thumbnails are of evenly spaced frames: whenever there are too many, every second one goes.
+    """
+
+    def __init__(self) -> None:
+        self.thumbnails: list[Thumbnail] = []
+        self._worst: list[tuple[float, int, Thumbnail]] = []
+        self._count, self._step = 0, 1
+
+    def add(self, row: dict[str, Any], image: NDArray[np.float32], drawn: NDArray[np.uint8]) -> None:
+        """Take a frame.
+
+        Args:
+            row: of the frame.
+            image: (H, W) float in [0, 1].
+            drawn: (h, w, 3) RGB, the frame with its maps.
+        """
+        import numpy as np
+
+        from pipeline.cli.health_verdict import badness
+
+        if self._count % self._step == 0:
+            self.thumbnails.append(_thumbnail(row, np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8), THUMBNAIL_PX))
+            if len(self.thumbnails) > MOST_THUMBNAILS:
+                self.thumbnails = self.thumbnails[::2]
+                self._step *= 2
+        score = badness(row)
+        if len(self._worst) < WORST_FRAMES or score > self._worst[0][0]:
+            entry = (score, -self._count, _thumbnail(row, drawn, MAP_PX))
+            (heapq.heappush if len(self._worst) < WORST_FRAMES else heapq.heapreplace)(self._worst, entry)
+        self._count += 1
+
+    @property
+    def worst(self) -> list[Thumbnail]:
+        """The worst frames with their maps, worst first."""
+        return [entry[2] for entry in sorted(self._worst, key=lambda entry: entry[:2], reverse=True)]
+
+
+def page(content: dict[str, Any], frames: PageFrames) -> str:
+    """The page.
+
+    Args:
+        content: the run (`pipeline.cli.health_files.run_content`).
+        frames: pictures of it.
+
+    Returns:
+        HTML.
+    """
+    from pipeline.cli.health_rows import number
+    from pipeline.cli.health_verdict import row_words
+    from pipeline.cli.templates import environment
+
+    rows = content["pictures"]
+    table = [
+        {
+            "name": row["picture"], "words": row_words(row), "sigma": number(row["sigma_dn"], 2),
+            "horizontal": number(row["mtf50_horizontal"], 2), "vertical": number(row["mtf50_vertical"], 2),
+            "flags": row["flags"].replace("_", "-"), "alarms": row["alarms"],
+        }
+        for row in rows[:MOST_ROWS]
+    ]  # fmt: skip
+    return environment().get_template("health.html.j2").render(
+        content=content, verdict=content["verdict"], table=table, rows=len(rows), plots=_plots(content),
+        thumbnails=frames.thumbnails, worst=frames.worst, words=row_words,
+    )  # fmt: skip
+
+
+def _plots(content: dict[str, Any]) -> list[Any]:
+    """Noise, blur and, where known, expected precision over the frames."""
+    from pipeline.camera.mtf import FREQUENCIES
+    from pipeline.cli.trend_plot import Line, plot
+
+    rows: Sequence[dict[str, Any]] = content["pictures"]
+    if len(rows) < 2:
+        return []
+    thresholds = content["thresholds"]
+    index = {row["picture"]: place for place, row in enumerate(rows)}
+    marks = [index[alarm["picture"]] for alarm in content["trend_alarms"] if alarm["picture"] in index]
+    top = float(FREQUENCIES[-1])
+    halves = [
+        Line(axis, [top if isinf(row[f"mtf50_{axis}"]) else row[f"mtf50_{axis}"] for row in rows], style)
+        for axis, style in (("horizontal", "first"), ("vertical", "second"))
+    ]
+    noise = Line("noise", [row["sigma_dn"] for row in rows], "first")
+    plots = [
+        plot("Noise σ [DN]", [noise], threshold=thresholds["sigma_dn"], marks=marks, least_high=LEAST_SIGMA_DN),
+        plot("MTF50 [fraction of Nyquist]", halves, threshold=thresholds["mtf50"], marks=marks, least_high=LEAST_MTF50),
+    ]
+    precision = [row["ap_percent"] for row in rows]
+    if any(value == value for value in precision):
+        plots.append(plot("Expected AP [%]", [Line("AP", precision, "first")], marks=marks, least_high=100.0))
+    return plots
+
+
+def _thumbnail(row: dict[str, Any], picture: NDArray[np.uint8], longest_px: int) -> Thumbnail:
+    """A picture, grey or RGB, made smaller and encoded as JPEG."""
+    import cv2
+
+    height, width = picture.shape[:2]
+    scale = min(1.0, longest_px / max(height, width))
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    encoded = cv2.imencode(
+        ".jpg", small if small.ndim == 2 else small[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    )
+    data = base64.b64encode(encoded[1].tobytes()).decode("ascii")
+    return Thumbnail(row, f"data:image/jpeg;base64,{data}", *size)

@@ -1,0 +1,161 @@
+"""The verdict on a run in words: condition, expected precision, cause, advice, flags, trend, and what is unknown."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from math import isfinite
+from statistics import median
+from typing import Any
+
+LEAST_GAIN_PERCENT = 2.0
+"""Points of average precision that other settings must promise to be advised."""
+
+BAD_BLUR = ("moderately blurred", "strongly blurred")
+BAD_NOISE = ("high", "very high")
+
+
+def run_verdict(
+    rows: Sequence[dict[str, Any]],
+    *,
+    without_precision: str,
+    trend_alarms: Sequence[dict[str, Any]] = (),
+    without_trend: str = "",
+    set_aside: int = 0,
+    relative: bool = False,
+) -> dict[str, Any]:
+    """The verdict on the finished frames.
+
+    Args:
+        rows: of `pipeline.cli.frame_analysis.FrameAnalysis.analyse`.
+        without_precision: why the expected precision is unknown, or empty.
+        trend_alarms: that began in the run.
+        without_trend: why there is no trend, or empty.
+        set_aside: files or frames that could not be used.
+        relative: whether blur is relative to sharp frames.
+
+    Returns:
+        ``sentence``, the verdict on the median of the frames; ``sentences``, it and whatever must be known beside it;
+        the medians behind it.
+    """
+    if not rows:
+        sentence = "No frame could be analysed."
+        return {"sentence": sentence, "sentences": [sentence, *_set_aside(set_aside)], "frames": 0}
+    from pipeline.condition.verdict import grade
+
+    sigma = _median(row["sigma_dn"] for row in rows)
+    mtf = median_mtf(rows)
+    grades = grade(sigma, mtf, _median(row["median_dn"] for row in rows))
+    blur, noise = grades.words()
+    blur += " (relative to the sharp frames)" if relative and grades.blur else ""
+    condition = f"{blur}; {noise}" + (f" ({sigma:.1f} DN)" if isfinite(sigma) else "")
+    start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
+    sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
+    sentences = [
+        sentence, *_worst(rows), *_unknown(rows), *_flags(rows), *_trend(trend_alarms, without_trend),
+        *_set_aside(set_aside),
+    ]  # fmt: skip
+    if without_precision:
+        sentences.append(f"Expected average precision is unknown: {without_precision}.")
+    return {
+        "sentence": sentence, "sentences": sentences, "frames": len(rows), "median_sigma_dn": sigma, "median_mtf": mtf,
+        "blur": grades.blur, "blur_direction": grades.direction, "noise": grades.noise, "causes": grades.causes(),
+        "median_ap_percent": _median(row["ap_percent"] for row in rows),
+    }  # fmt: skip
+
+
+def median_mtf(rows: Sequence[dict[str, Any]]) -> Any:
+    """(2, 8) median MTF of the frames that have one; NaN where none has."""
+    import numpy as np
+
+    curves = np.array([row["mtf"] for row in rows], dtype=float)
+    known = curves[np.isfinite(curves).all(axis=(1, 2))]
+    return np.median(known, axis=0) if len(known) else np.full((2, 8), np.nan)
+
+
+def badness(row: dict[str, Any]) -> float:
+    """Order of frames from good to bad: alarms and flags first, then lost contrast and noise."""
+    import numpy as np
+
+    lost = 1 - float(np.mean(row["mtf"]))
+    sigma = row["sigma_dn"] / 25
+    return 4 * bool(row["alarms"]) + 2 * bool(row["flags"]) + sum(part for part in (lost, sigma) if isfinite(part))
+
+
+def row_words(row: dict[str, Any]) -> str:
+    """The condition of one frame in words."""
+    blur = row["blur"] or "blur unknown"
+    blur += f", mainly {row['blur_direction']}" if row["blur_direction"] else ""
+    noise = f"noise {row['noise']} ({row['sigma_dn']:.1f} DN)" if row["noise"] else "noise unknown"
+    return f"{blur}; {noise}"
+
+
+def _median(values: Any) -> float:
+    known = [float(value) for value in values if isfinite(value)]
+    return median(known) if known else float("nan")
+
+
+def _precision(rows: Sequence[dict[str, Any]]) -> list[str]:
+    known = [row for row in rows if isfinite(row["ap_percent"])]
+    if not known:
+        return ["Expected AP unknown, the condition was not measured"] if "sharp_ap_percent" in rows[0] else []
+    here, low, high = (
+        _median(row[name] for row in known) for name in ("ap_percent", "ap_low_percent", "ap_high_percent")
+    )
+    text = f"Expected AP {here:.0f} % of {known[0]['sharp_ap_percent']:.0f} %"
+    return [text + (f" (95 % interval {low:.0f} to {high:.0f})" if isfinite(low) and isfinite(high) else "")]
+
+
+def _causes(causes: Sequence[str]) -> list[str]:
+    return [f"Cause: {'; '.join(causes)}"] if causes else []
+
+
+def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
+    advised = [
+        row
+        for row in rows
+        if row.get("advice") == "move" and not row["best_ap_percent"] < row["ap_percent"] + LEAST_GAIN_PERCENT
+    ]
+    if not advised:
+        return []
+    row = sorted(advised, key=lambda row: row["best_exposure_ms"])[len(advised) // 2]
+    text = f"Try {row['best_exposure_ms']:.3g} ms at ISO {row['best_iso']:.0f}"
+    if isfinite(row["best_ap_percent"]):
+        text += f" (AP {row['best_ap_percent']:.0f} % expected)"
+    return [text]
+
+
+def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
+    if len(rows) < 2:
+        return []
+    bad = sum(row["blur"] in BAD_BLUR or row["noise"] in BAD_NOISE for row in rows)
+    row = max(rows, key=badness)
+    share = [f"{bad} of {len(rows)} frames are at least moderately blurred or highly noisy."] if bad else []
+    return [*share, f"Worst frame: {row['picture']}, {row_words(row)}."]
+
+
+def _unknown(rows: Sequence[dict[str, Any]]) -> list[str]:
+    sentences = []
+    for part, key in (("blur", "blur"), ("noise", "noise")):
+        without = [row for row in rows if not row[part]]
+        if without:
+            reasons = Counter(reason for row in without for reason in row["abstained"].get(key, {}))
+            words = ", ".join(reason for reason, _ in reasons.most_common(3)) or "no estimate"
+            sentences.append(f"{part.capitalize()} is unknown in {len(without)} of {len(rows)} frames ({words}).")
+    return sentences
+
+
+def _flags(rows: Sequence[dict[str, Any]]) -> list[str]:
+    counts = Counter(name for row in rows for name in row["flags"].split(", ") if name)
+    words = ", ".join(f"{name.replace('_', '-')} {count}" for name, count in counts.most_common())
+    return [f"Frames flagged: {words}."] if words else []
+
+
+def _trend(alarms: Sequence[dict[str, Any]], without: str) -> list[str]:
+    if alarms:
+        return [f"Trend alarm: {alarm['words']}." for alarm in alarms]
+    return [f"No trend: {without}."] if without else []
+
+
+def _set_aside(count: int) -> list[str]:
+    return [f"{count} files or frames were set aside."] if count else []

@@ -1,0 +1,109 @@
+"""A small line plot of a quantity over frames as inline SVG: no script, scales to any width, follows light and dark."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+WIDTH, HEIGHT = 1000.0, 100.0
+MOST_POINTS = 600
+
+
+@dataclass(frozen=True)
+class Line:
+    """One series.
+
+    Attributes:
+        name: for the legend.
+        values: of every frame; NaN where unknown.
+        style: class of the style sheet.
+    """
+
+    name: str
+    values: Sequence[float]
+    style: str
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A plot for the page.
+
+    Attributes:
+        title: with unit.
+        svg: markup of the lines, without text.
+        low, high: ends of the vertical axis.
+        legend: (name, style) of the lines.
+    """
+
+    title: str
+    svg: str
+    low: float
+    high: float
+    legend: tuple[tuple[str, str], ...]
+
+
+def plot(
+    title: str,
+    lines: Sequence[Line],
+    *,
+    threshold: float | None = None,
+    marks: Iterable[int] = (),
+    least_high: float = 0.0,
+) -> Plot:
+    """Draw lines over frames.
+
+    Args:
+        title: with unit.
+        lines: of equal length.
+        threshold: drawn as a dashed line.
+        marks: frames with a vertical line, e.g. alarms.
+        least_high: that the vertical axis reaches in any case.
+    """
+    count = max((len(line.values) for line in lines), default=0)
+    known = [value for line in lines for value in line.values if isfinite(value)]
+    high = max([least_high, *known, *([threshold] if threshold is not None else [])]) * 1.05 or 1.0
+    x_of = [WIDTH * (index + 0.5) / max(count, 1) for index in range(count)]
+    parts = [
+        f'<line class="mark" x1="{x_of[index]:.1f}" x2="{x_of[index]:.1f}" y1="0" y2="{HEIGHT:.0f}"/>'
+        for index in marks if index < count
+    ]  # fmt: skip
+    if threshold is not None:
+        y = _y(threshold, high)
+        parts.append(f'<line class="threshold" x1="0" x2="{WIDTH:.0f}" y1="{y:.1f}" y2="{y:.1f}"/>')
+    for line in lines:
+        for run in _runs(line.values, high, x_of):
+            parts.append(f'<polyline class="{line.style}" points="{run}"/>')
+    svg = (
+        f'<svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" preserveAspectRatio="none" aria-hidden="true">'
+        f"{''.join(parts)}</svg>"
+    )
+    return Plot(title, svg, 0.0, high, tuple((line.name, line.style) for line in lines))
+
+
+def _runs(values: Sequence[float], high: float, x_of: Sequence[float]) -> Iterable[str]:
+    """Points of every unbroken run of known values; of long series the maximum or minimum of each bin remains."""
+    step = max(1, -(-len(values) // MOST_POINTS))
+    points: list[str] = []
+    for start in range(0, len(values), step):
+        known = [value for value in values[start : start + step] if isfinite(value)]
+        if known:
+            value = max(known) if (start // step) % 2 else min(known)
+            points.append(f"{x_of[start]:.1f},{_y(value, high):.1f}")
+        elif points:
+            yield _drawn(points)
+            points = []
+    if points:
+        yield _drawn(points)
+
+
+def _drawn(points: list[str]) -> str:
+    """A single point is drawn as a short dash."""
+    if len(points) > 1:
+        return " ".join(points)
+    x, y = points[0].split(",")
+    return f"{float(x) - 4:.1f},{y} {float(x) + 4:.1f},{y}"
+
+
+def _y(value: float, high: float) -> float:
+    return HEIGHT * (1 - min(max(value / high, 0.0), 1.0))

@@ -1,0 +1,177 @@
+"""``camera-monitor watch``: the condition of a camera that is running, as JSON lines."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pipeline.cli.numbers import FiniteRange
+
+if TYPE_CHECKING:
+    from pipeline.cli.frame_analysis import FrameAnalysis
+    from pipeline.cli.watch_sources import SourceFrame
+
+ALARM = 3  # exit code
+STATED = (
+    "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "mtf50_horizontal", "mtf50_vertical",
+    "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "flags", "alarms", "milliseconds",
+)  # fmt: skip
+
+
+@click.command("watch")
+@click.argument("source")
+@click.option("--blur", "blur_name", default="spectral", show_default=True, help="blur estimator")
+@click.option("--noise", "noise_name", default="adaptive", show_default=True, help="noise estimator")
+@click.option("--camera", "camera_name", help="blur relative to this camera, as camera-monitor calibrate stored it")
+@click.option("--rate", default=10.0, show_default=True, type=FiniteRange(0.01, 1000), help="most frames per second")
+@click.option("--no-wait", is_flag=True, help="of a video file every frame, as fast as possible, not at its own speed")
+@click.option("--frames", type=click.IntRange(min=1), help="stop after so many frames")
+@click.option("--idle-stop", type=FiniteRange(0.1, 1e7), help="stop when nothing has come for so many seconds")
+@click.option("--window", default=30, show_default=True, type=click.IntRange(1, 10_000), help="frames of the state")
+@click.option("--alarm-sigma-dn", type=FiniteRange(0, 255), help="alarm when noise exceeds this, grey levels")
+@click.option("--alarm-mtf50", type=FiniteRange(0, 1), help="alarm when MTF50 falls below this, fraction of Nyquist")
+@click.option("--alarm-flags", is_flag=True, help="alarm on flags too: black, dark, over-exposed, obstructed, frozen")
+@click.option(
+    "--reference-frames", default=300, show_default=True, type=click.IntRange(100, 100_000),
+    help="first frames that the trend is compared with",
+)  # fmt: skip
+@click.option("--surface", type=click.Path(path_type=Path), help="measured average precision, as for health")
+def command(
+    source: str, blur_name: str, noise_name: str, camera_name: str | None, rate: float, no_wait: bool,
+    frames: int | None,
+    idle_stop: float | None, window: int, alarm_sigma_dn: float | None, alarm_mtf50: float | None, alarm_flags: bool,
+    reference_frames: int, surface: Path | None,
+) -> None:  # fmt: skip
+    """Watch SOURCE: a camera index, an address (rtsp://...), a video file played as a stream, or a folder that fills.
+
+    Prints JSON lines, each with an "event": start; frame (estimates, flags, and under "state" the medians of the last
+    frames in numbers and words); alarm (a threshold that begins to be violated, or a trend: noise or blur that has
+    grown since the first frames); cleared; set_aside and no_signal; stop. Of a live source, frames that come while
+    one is analysed are dropped.
+
+    SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm, 3 alarms, 2 no such source.
+    """
+    from pipeline.cli import camera_store
+    from pipeline.cli.estimator_files import version, weight_hashes
+    from pipeline.cli.frame_analysis import FrameAnalysis, Thresholds, find_surface
+    from pipeline.cli.watch_sources import open_source
+    from pipeline.condition import ConditionMonitor
+    from pipeline.executor import one_thread
+
+    one_thread()
+    camera = camera_store.load(camera_name) if camera_name is not None else None
+    stop = threading.Event()
+    with _stopping(stop):
+        performance, _ = find_surface(surface)
+        came = open_source(source, rate, wait=not no_wait, stop=stop)
+        monitor = ConditionMonitor(blur_name, noise_name)
+        thresholds = Thresholds(alarm_sigma_dn, alarm_mtf50, alarm_flags)
+        hashes = weight_hashes(monitor.blur_estimator, monitor.noise_estimator)
+        if camera is not None:
+            camera_store.apply(camera, monitor)
+        analysis = FrameAnalysis(
+            monitor, thresholds, performance, relative=camera is not None, reference_frames=reference_frames
+        )
+        watch = _Watch(source, analysis, window)
+        watch.emit(
+            "start", source=source, version=version(), blur_estimator=blur_name, noise_estimator=noise_name,
+            weights_released=monitor.weights_released, weights_sha256=hashes, camera=camera_name,
+        )  # fmt: skip
+        reason = watch.run(came, frames, idle_stop) if not stop.is_set() else "signal"
+        reason = "signal" if stop.is_set() else reason
+        stop.set()
+        watch.emit("stop", reason=reason, frames=watch.frames, alarms=watch.alarms, set_aside=watch.set_aside)
+    if watch.alarms:
+        raise SystemExit(ALARM)
+
+
+class _Watch:
+    """The loop: frames in, lines out."""
+
+    def __init__(self, source: str, analysis: FrameAnalysis, window: int) -> None:
+        from pipeline.cli.watch_state import RollingState
+
+        self.source, self.analysis, self.state = source, analysis, RollingState(window)
+        self.frames = self.alarms = self.set_aside = 0
+        self._began, self._active = time.monotonic(), list[str]()
+
+    def emit(self, event: str, **content: Any) -> None:
+        """Print one line and flush it, so that a pipe gets it at once."""
+        from pipeline.store import plain_json
+
+        line = {"event": event, "seconds": round(time.monotonic() - self._began, 3), **content}
+        click.echo(json.dumps(plain_json(line)))
+        click.get_text_stream("stdout").flush()
+
+    def run(self, came: Iterator[SourceFrame], most_frames: int | None, idle_stop: float | None) -> str:
+        """Analyse frames until the source ends, enough have come, or nothing comes; why it ended."""
+        last = time.monotonic()
+        for frame in came:
+            if frame.image is not None:
+                self._frame(frame)
+                last = time.monotonic()
+            elif frame.problem:
+                self._problem(frame)
+            if most_frames is not None and self.frames >= most_frames:
+                return "frames"
+            if idle_stop is not None and time.monotonic() - last > idle_stop:
+                return "idle"
+        return "end"
+
+    def _frame(self, frame: SourceFrame) -> None:
+        from pipeline.errors import InputError
+
+        assert frame.image is not None
+        before = len(self.analysis.trend_alarms)
+        try:
+            row, _ = self.analysis.analyse(frame.name, frame.image, self.source, self.source)
+        except InputError as error:
+            self._problem(type(frame)(frame.name, None, str(error)))
+            return
+        self.frames += 1
+        trend = self.analysis.trends[self.source].state()
+        self.emit("frame", **{name: row[name] for name in STATED}, trend=trend, state=self.state.add(row))
+        started = {f"trend {alarm['quantity']}": alarm["words"] for alarm in self.analysis.trend_alarms[before:]}
+        active = [name for name in row["alarms"].split(", ") if name]
+        for name in active:
+            if name not in self._active:
+                self.alarms += 1
+                self.emit("alarm", alarm=name, picture=row["picture"], words=started.get(name, ""))
+        for name in self._active:
+            if name not in active:
+                self.emit("cleared", alarm=name, picture=row["picture"])
+        self._active = active
+
+    def _problem(self, frame: SourceFrame) -> None:
+        self.set_aside += 1
+        event = "no_signal" if frame.signal_lost else "set_aside"
+        self.emit(event, picture=frame.name, reason=frame.problem)
+
+
+@contextlib.contextmanager
+def _stopping(stop: threading.Event) -> Iterator[None]:
+    """Let SIGINT and SIGTERM set an event; a second one interrupts at once."""
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

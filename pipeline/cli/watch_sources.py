@@ -1,0 +1,221 @@
+"""Frames of a source that goes on: a camera, a network stream, a video played as one, or a folder that fills.
+
+A live source does not wait: of what it delivers while a frame is analysed, the newest is taken and the rest dropped.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+POLL_S = 0.2
+RECONNECT_S = 2.0
+DEFAULT_FRAMES_PER_SECOND = 25.0  # of a video that does not state its own
+URL_MARK = "://"
+
+
+@dataclass(frozen=True)
+class SourceFrame:
+    """One frame, or the reason why there is none.
+
+    Attributes:
+        name: of the frame.
+        image: (H, W) float32 in [0, 1], or None.
+        problem: why there is no picture; empty where nothing has come.
+        signal_lost: whether it is the source itself that delivers nothing.
+    """
+
+    name: str
+    image: NDArray[np.float32] | None
+    problem: str = ""
+    signal_lost: bool = False
+
+
+def open_source(source: str, rate: float, *, wait: bool, stop: threading.Event) -> Iterator[SourceFrame]:
+    """The frames of a source, until it ends or is stopped.
+
+    Args:
+        source: camera index, address such as ``rtsp://...``, video file, or folder.
+        rate: most frames per second.
+        wait: whether a video file is played at its own speed; otherwise every frame comes as soon as it can.
+        stop: ends the source when set.
+
+    Raises:
+        InputError: no such source.
+    """
+    from pipeline.datasets.video import SUFFIXES
+
+    path = Path(source)
+    if source.isdigit():
+        return live(int(source), f"camera {source}", rate, stop)
+    if URL_MARK in source:
+        return live(source, source.split("@")[-1], rate, stop)
+    if path.is_dir():
+        return filling_folder(path, stop)
+    if path.is_file() and path.suffix.lower() in SUFFIXES:
+        return played_video(path, rate, stop) if wait else every_frame(path, stop)
+    raise InputError(f"{source}: neither a camera index, an address (rtsp://...), a video file nor a folder")
+
+
+def live(device: int | str, name: str, rate: float, stop: threading.Event) -> Iterator[SourceFrame]:
+    """Newest frames of a camera or network stream; a lost signal is reported once and the stream reopened.
+
+    Args:
+        device: index or address.
+        name: for the frames.
+        rate: most frames per second.
+        stop: ends it.
+
+    Raises:
+        InputError: it cannot be opened at the start.
+    """
+    reader = _NewestFrame(device, stop)
+    if not reader.opened:
+        raise InputError(f"{name}: cannot be opened; check the index or address, and that nothing else uses it")
+    reader.start()
+    seen, number, lost = 0, 0, False
+    while not stop.is_set():
+        start = time.monotonic()
+        count, image = reader.newest()
+        if image is not None and count != seen:
+            seen, lost = count, False
+            yield SourceFrame(f"{name}#{number}", image)
+            number += 1
+        elif reader.lost and not lost:
+            lost = True
+            yield SourceFrame(name, None, "no signal; trying to reopen it", signal_lost=True)
+        stop.wait(max(1 / rate - (time.monotonic() - start), 0.005))
+    reader.join(RECONNECT_S)
+
+
+class _NewestFrame(threading.Thread):
+    """Reads a device all the time, so that its buffer never holds old frames, and keeps the newest frame."""
+
+    def __init__(self, device: int | str, stop: threading.Event) -> None:
+        super().__init__(daemon=True)
+        self._device, self._stop_event = device, stop
+        self._lock = threading.Lock()
+        self._count, self._frame = 0, None
+        self.lost = False
+        self._capture: Any = self._open()
+        self.opened = bool(self._capture.isOpened())
+
+    def newest(self) -> tuple[int, NDArray[np.float32] | None]:
+        """Number of frames read so far and the last of them."""
+        from pipeline.datasets.video import grey_frame
+
+        with self._lock:
+            count, frame = self._count, self._frame
+        return count, None if frame is None else grey_frame(frame)
+
+    def run(self) -> None:
+        while not self._stop_event.is_set():
+            good, frame = self._capture.read()
+            if good:
+                with self._lock:
+                    self._count, self._frame = self._count + 1, frame
+                self.lost = False
+                continue
+            self.lost = True
+            self._capture.release()
+            self._stop_event.wait(RECONNECT_S)
+            self._capture = self._open()
+        self._capture.release()
+
+    def _open(self) -> Any:
+        import cv2
+
+        return cv2.VideoCapture(self._device)
+
+
+def every_frame(path: Path, stop: threading.Event) -> Iterator[SourceFrame]:
+    """Every frame of a video as fast as it is analysed; damage is reported at the end."""
+    from pipeline.cli.pictures import readable
+
+    for name, image, problem in readable([path]):
+        if stop.is_set():
+            return
+        yield SourceFrame(name, image, problem)
+
+
+def played_video(path: Path, rate: float, stop: threading.Event) -> Iterator[SourceFrame]:
+    """A video at its own speed: the frame that is due is decoded, frames missed meanwhile are dropped.
+
+    Args:
+        path: the file.
+        rate: most frames per second.
+        stop: ends it.
+
+    Raises:
+        InputError: it holds no frame that can be decoded.
+    """
+    import cv2
+
+    from pipeline.datasets.video import grey_frame
+
+    video = cv2.VideoCapture(str(path))
+    per_second = float(video.get(cv2.CAP_PROP_FPS) or 0)
+    per_second = per_second if 0 < per_second < 1000 else DEFAULT_FRAMES_PER_SECOND
+    step = max(1.0, per_second / rate)
+    number, due, began = 0, 0.0, time.monotonic()
+    try:
+        while video.grab():
+            if number >= due:
+                good, frame = video.retrieve()
+                if stop.wait(max(number / per_second - (time.monotonic() - began), 0.0)):
+                    return
+                if good:
+                    yield SourceFrame(f"{path}#{number}", grey_frame(frame))
+                due = max(due + step, (time.monotonic() - began) * per_second)
+            number += 1
+    finally:
+        video.release()
+    if not number:
+        raise InputError(f"{path}: not a video that OpenCV can read, or it holds no frame")
+
+
+def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]:
+    """Pictures of a folder in the order in which they come; a file is read once its size no longer changes.
+
+    Args:
+        folder: watched; a ``None`` frame without a problem is yielded at every look that brings nothing.
+        stop: ends it.
+    """
+    from pipeline.datasets.pictures import SUFFIXES, read_grey
+
+    sizes: dict[str, int] = {}
+    done: set[str] = set()
+    while not stop.is_set():
+        ready: list[tuple[int, str]] = []
+        for file in folder.iterdir():
+            if file.name in done or file.name[0] == "." or file.suffix.lower() not in SUFFIXES:
+                continue
+            try:
+                status = file.stat()
+            except FileNotFoundError:
+                continue  # it was moved away
+            if status.st_size and sizes.get(file.name) == status.st_size:
+                ready.append((status.st_mtime_ns, file.name))
+            sizes[file.name] = status.st_size
+        for _, name in sorted(ready):
+            if stop.is_set():
+                return
+            done.add(name)
+            sizes.pop(name)
+            try:
+                yield SourceFrame(str(folder / name), read_grey(folder / name))
+            except InputError as error:
+                yield SourceFrame(str(folder / name), None, str(error))
+        if not ready:
+            yield SourceFrame(str(folder), None)
+        stop.wait(POLL_S)

@@ -1,0 +1,49 @@
+"""The state of a watched source: medians of the last frames, their words, and the share of flagged ones."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from math import isfinite
+from statistics import median
+from typing import Any
+
+WINDOW = 30
+
+
+class RollingState:
+    """Summarises the last frames.
+
+    Args:
+        window: how many.
+    """
+
+    def __init__(self, window: int = WINDOW) -> None:
+        self._rows: deque[dict[str, Any]] = deque(maxlen=window)
+
+    def add(self, row: dict[str, Any]) -> dict[str, Any]:
+        """Take a frame's row (`pipeline.cli.frame_analysis.FrameAnalysis.analyse`).
+
+        Returns:
+            ``frames`` summarised, medians ``sigma_dn``, ``mtf50_horizontal``, ``mtf50_vertical`` and ``ap_percent``
+            (infinite MTF50: above the range; NaN: unknown), ``words``, and ``flags`` with the share of frames.
+        """
+        from pipeline.cli.health_verdict import median_mtf
+        from pipeline.condition.summary import half_contrast
+        from pipeline.condition.verdict import grade
+
+        self._rows.append(row)
+        rows = list(self._rows)
+        mtf = median_mtf(rows)
+        sigma, level, precision = (_median(rows, name) for name in ("sigma_dn", "median_dn", "ap_percent"))
+        horizontal, vertical = (float(value) for value in half_contrast(mtf))
+        flags = Counter(name for part in rows for name in part["flags"].split(", ") if name)
+        return {
+            "frames": len(rows), "sigma_dn": sigma, "mtf50_horizontal": horizontal, "mtf50_vertical": vertical,
+            "ap_percent": precision, "words": "; ".join(grade(sigma, mtf, level).words()),
+            "flags": {name: count / len(rows) for name, count in sorted(flags.items())},
+        }  # fmt: skip
+
+
+def _median(rows: list[dict[str, Any]], name: str) -> float:
+    known = [row[name] for row in rows if isfinite(row[name])]
+    return float(median(known)) if known else float("nan")

@@ -1,0 +1,91 @@
+"""Words for a condition: how blurred, in which direction, how noisy, and the probable cause.
+
+Blur is graded by the MTF50, the frequency of half contrast, of the worse axis, as a fraction of Nyquist:
+
+| MTF50 | grade | comparable to linear motion of |
+|---|---|---|
+| from 0.35 | sharp | up to 3 px |
+| 0.22 .. 0.35 | slightly blurred | 3 to 5 px |
+| 0.11 .. 0.22 | moderately blurred | 5 to 11 px |
+| below 0.11 | strongly blurred | more than 11 px |
+
+Noise by its standard deviation: very low below 1 DN, low below 4, moderate below 10, high below 20, else very high.
+
+Blur has a direction where the mean MTF of one axis is below the other's by more than a fifth. That is what motion (or
+a shaking mount) does; defocus, water on the lens and motion along a diagonal reduce both axes alike, and two axes do
+not distinguish them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.condition.summary import half_contrast
+
+BLUR_GRADES = ((0.11, "strongly blurred"), (0.22, "moderately blurred"), (0.35, "slightly blurred"))
+SHARP = "sharp"
+NOISE_GRADES = ((1.0, "very low"), (4.0, "low"), (10.0, "moderate"), (20.0, "high"))
+HIGHEST_NOISE = "very high"
+DIRECTED_RATIO = 0.8  # of the mean MTF of the lower axis to the other's
+HIGH_NOISE_DN = 10.0
+DIM_MEDIAN_DN = 48.0
+AXES = ("horizontal", "vertical")
+
+
+@dataclass(frozen=True)
+class Grades:
+    """A condition in words; empty words where it is unknown.
+
+    Attributes:
+        blur: grade of blur.
+        direction: ``horizontal``, ``vertical``, or empty where both axes are alike or the picture is sharp.
+        noise: grade of noise.
+        blur_cause, noise_cause: probable causes, or empty.
+    """
+
+    blur: str
+    direction: str
+    noise: str
+    blur_cause: str
+    noise_cause: str
+
+    def words(self) -> list[str]:
+        """Phrases for blur and noise; abstentions are stated."""
+        blur = self.blur or "blur unknown"
+        if self.direction:
+            blur += f", mainly {self.direction}"
+        return [blur, f"noise {self.noise}" if self.noise else "noise unknown"]
+
+    def causes(self) -> list[str]:
+        """Probable causes, blur first."""
+        return [cause for cause in (self.blur_cause, self.noise_cause) if cause]
+
+
+def grade(sigma_dn: float, mtf: NDArray[np.floating], median_dn: float = float("nan")) -> Grades:
+    """Grade a condition.
+
+    Args:
+        sigma_dn: noise, DN; NaN where unknown.
+        mtf: (2, 8) MTF, horizontal and vertical; NaN where unknown.
+        median_dn: median grey level, DN; NaN where unknown.
+    """
+    blur = direction = blur_cause = noise_cause = ""
+    curves = np.asarray(mtf, dtype=np.float64)
+    if np.isfinite(curves).all():
+        worse = float(half_contrast(curves).min())
+        blur = next((name for limit, name in BLUR_GRADES if worse < limit), SHARP)
+        means = curves.mean(axis=1)
+        if blur != SHARP:
+            directed = means.min() < DIRECTED_RATIO * means.max()
+            direction = AXES[int(np.argmin(means))] if directed else ""
+            blur_cause = "probably motion" if directed else "defocus, water on the lens or diagonal motion"
+    noise = ""
+    if np.isfinite(sigma_dn):
+        noise = next((name for limit, name in NOISE_GRADES if sigma_dn < limit), HIGHEST_NOISE)
+        if sigma_dn >= HIGH_NOISE_DN:
+            dim = np.isfinite(median_dn) and median_dn < DIM_MEDIAN_DN
+            noise_cause = "little light" if dim else "probably high gain"
+    return Grades(blur, direction, noise, blur_cause, noise_cause)

@@ -1,0 +1,71 @@
+"""Average precision that a detector is expected to reach in an estimated condition, and at best.
+
+The surface of `pipeline.control.performance` has its MTF axis at one low frequency, reached through the length L of
+linear motion. Here the length whose MTF at that frequency equals the estimated one is looked up, so that any kind of
+blur is answered by the contrast that it leaves. An MTF above that of the surface's sharp frames counts as sharp, noise
+below the least measured as that; a condition outside of the measured range gives NaN.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.control.motion import motion_mtf
+from pipeline.control.performance import Performance
+
+LENGTH_STEP_PX = 0.1
+
+
+class ExpectedPrecision(NamedTuple):
+    """Percent; NaN where nothing was measured.
+
+    Attributes:
+        ap_percent: average precision expected.
+        low_percent, high_percent: ends of its 95 % interval.
+        best_percent: average precision of sharp frames with the least noise.
+    """
+
+    ap_percent: float
+    low_percent: float
+    high_percent: float
+    best_percent: float
+
+
+def expected_precision(
+    performance: Performance, sigma_dn: float, mtf: NDArray[np.floating], *, relative: bool = False
+) -> ExpectedPrecision:
+    """Average precision expected in a condition.
+
+    Args:
+        performance: measured surface of a detector.
+        sigma_dn: noise, DN; NaN where unknown.
+        mtf: (2, 8) MTF, horizontal and vertical; NaN where unknown.
+        relative: whether the MTF is relative to the camera's sharp frames; it is then multiplied by that of the
+            surface's sharp frames.
+    """
+    best = float(performance.expected(0.0, 0.0).ap_percent)
+    curves = np.asarray(mtf, dtype=np.float64) * (performance.reference if relative else 1.0)
+    length_px = equivalent_motion(performance, float(curves[:, performance.frequency_index].mean()))
+    here = performance.expected(sigma_dn, length_px)
+    return ExpectedPrecision(float(here.ap_percent), float(here.low), float(here.high), best)
+
+
+def equivalent_motion(performance: Performance, contrast: float) -> float:
+    """Length of horizontal motion that leaves a contrast at the surface's frequency, px.
+
+    Args:
+        performance: the surface.
+        contrast: MTF at its frequency, mean of horizontal and vertical.
+
+    Returns:
+        0 for a contrast of sharp frames or above; NaN below the longest motion's, and for NaN.
+    """
+    lengths = np.arange(0.0, performance.longest_px + LENGTH_STEP_PX / 2, LENGTH_STEP_PX)
+    curve = motion_mtf(lengths, performance.reference, performance.frequency_index)
+    falling = np.minimum.accumulate(curve)
+    if not contrast >= falling[-1]:
+        return float("nan")
+    return float(np.interp(-contrast, -falling, lengths))

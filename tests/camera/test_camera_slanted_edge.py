@@ -1,0 +1,73 @@
+"""Slanted edge: the MTF of a known blur, both axes, with noise; pictures without such an edge are refused."""
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.camera.mtf import FREQUENCIES
+from pipeline.camera.slanted_edge import measure
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+SUPERSAMPLE = 6
+
+
+def edge(sigma_px, tilt_deg=5.0, size=(120, 100), upright=True, noise_dn=0.0):
+    """A Gaussian-blurred edge, averaged over square pixels: (H, W) in [0, 1]."""
+    height, width = size
+    fine = (np.arange(max(size) * SUPERSAMPLE) + 0.5) / SUPERSAMPLE - 0.5
+    x, y = fine[None, : width * SUPERSAMPLE], fine[: height * SUPERSAMPLE, None]
+    turn = np.deg2rad(tilt_deg)
+    distance = (x - width / 2) * np.cos(turn) + (y - height / 2) * np.sin(turn)
+    wide = cv2.GaussianBlur((distance > 0).astype(np.float64), (0, 0), sigma_px * SUPERSAMPLE)
+    image = wide.reshape(height, SUPERSAMPLE, width, SUPERSAMPLE).mean(axis=(1, 3)) * 0.6 + 0.2
+    image = image + stream(0, "edge", noise_dn).normal(0, noise_dn / 255, image.shape)
+    return image if upright else image.T
+
+
+def truth(sigma_px):
+    cycles = FREQUENCIES / 2
+    return np.exp(-2 * (np.pi * sigma_px * cycles) ** 2) * np.sinc(cycles)
+
+
+@pytest.mark.parametrize("sigma_px", [0.4, 0.9, 2.0])
+@pytest.mark.parametrize("tilt_deg", [-8.0, 3.0, 16.8])
+@pytest.mark.parametrize("upright", [True, False])
+def test_the_mtf_of_a_known_blur(sigma_px, tilt_deg, upright):
+    result = measure(edge(sigma_px, tilt_deg, upright=upright))
+    assert result.direction == ("horizontal" if upright else "vertical")
+    assert result.tilt_deg == pytest.approx(abs(tilt_deg), abs=0.3)
+    assert result.contrast_dn == pytest.approx(0.6 * 255, rel=0.02)
+    np.testing.assert_allclose(result.mtf, truth(sigma_px), atol=0.02)
+
+
+def test_noise_costs_little():
+    np.testing.assert_allclose(measure(edge(0.9, noise_dn=3.0, size=(240, 120))).mtf, truth(0.9), atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("image", "word"),
+    [
+        (np.full((60, 60), 0.5), "differ by 0 DN"),
+        (edge(0.8, 0.0), "tilted by"),
+        (edge(0.8)[:10], "shape"),
+        (stream(0, "no edge").random((80, 80)) * np.linspace(0, 1, 80), "line"),
+    ],
+)
+def test_pictures_without_a_slanted_edge_are_refused(image, word):
+    with pytest.raises(InputError, match=word):
+        measure(image)
+
+
+@pytest.mark.shared
+def test_the_reference_edge_of_known_width(shared):
+    """A Gaussian line spread of 2.101 px full width at half maximum: MTF50 at 0.210 cycles per pixel."""
+    from pipeline.datasets.pictures import read_grey
+
+    file = shared / "realdata/mtf_charts/myedge_angle_16.776550_fwhm_2.101313.tif"
+    if not file.is_file():
+        pytest.skip("chart absent: ../shared/realdata/mtf_charts")
+    image = read_grey(file)
+    result = measure(image)
+    sigma = 2.101313 / (2 * np.sqrt(2 * np.log(2)))
+    np.testing.assert_allclose(result.mtf, np.exp(-2 * (np.pi * sigma * FREQUENCIES / 2) ** 2), atol=0.03)

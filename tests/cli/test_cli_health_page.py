@@ -1,0 +1,206 @@
+"""The verdict and the page of ``camera-monitor health``: words that follow from numbers, one file, nothing fetched."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from html.parser import HTMLParser
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from control_makers import performance
+from data_makers import picture
+
+from pipeline.cli import main
+from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds
+from pipeline.cli.health_files import HealthRun
+from pipeline.cli.health_page import MOST_THUMBNAILS, WORST_FRAMES, PageFrames, page
+from pipeline.cli.health_verdict import run_verdict
+from pipeline.streams import stream
+
+LOADS = {"src", "srcset", "href", "data", "action", "poster", "background", "formaction"}
+
+
+class References(HTMLParser):
+    """Addresses that a page loads or links, its tags, and texts."""
+
+    def __init__(self):
+        super().__init__()
+        self.addresses, self.tags, self.texts, self.open = [], [], [], []
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self.addresses += [value for name, value in attributes if name in LOADS]
+        self.addresses += [value for name, value in attributes if name.startswith("on")]
+
+    def handle_data(self, text):
+        self.texts.append(text)
+
+
+def parse(html):
+    parser = References()
+    parser.feed(html)
+    return parser
+
+
+def assert_self_contained(html):
+    """No address but ``data:``, no script, no imported style, no element that loads."""
+    parser = parse(html)
+    assert all(address.startswith("data:image/") for address in parser.addresses)
+    assert not {"script", "link", "iframe", "object", "embed", "base", "form"} & set(parser.tags)
+    assert not re.search(r"@import|url\(|https?://", html)
+    assert "default-src 'none'" in html
+
+
+def frame_row(number, **changes):
+    row = {
+        "picture": f"v.mp4#{number}", "sigma_dn": 2.0, "mtf50_horizontal": 0.3, "mtf50_vertical": 0.4,
+        "median_dn": 90.0, "mtf": np.full((2, 8), 0.7), "flags": "", "alarms": "", "trend": "",
+        "blur": "slightly blurred", "blur_direction": "", "noise": "low", "causes": "", "abstained": {},
+        "ap_percent": np.nan, "ap_low_percent": np.nan, "ap_high_percent": np.nan,
+        "best_exposure_ms": np.nan, "best_iso": np.nan,
+        "best_ap_percent": np.nan,
+    }  # fmt: skip
+    return row | changes
+
+
+def run_of(rows, **changes):
+    about = {
+        "version": "1", "blur_estimator": "spectral", "noise_estimator": "adaptive", "relative": False, 
+        "sharp": [], "camera": None,
+        "thresholds": {"sigma_dn": 8.0, "mtf50": None, "flags": False},
+        "weights_released": {"blur": True, "noise": False}, "weights_sha256": {"a.safetensors": "f" * 64},
+    }  # fmt: skip
+    return HealthRun(about, rows=rows, **changes)
+
+
+def test_a_run_writes_a_self_contained_page_and_states_its_means(tmp_path):
+    for name, blur_px in (("a", 0.0), ("b", 3.0)):
+        image = cv2.GaussianBlur(picture("health"), (0, 0), 0.8 + blur_px)
+        assert cv2.imwrite(str(tmp_path / f"{name}.png"), image)
+    (tmp_path / "bad.png").write_bytes(b"none")
+    done = CliRunner().invoke(main, ["health", str(tmp_path), "--out", str(tmp_path / "out"), "--alarm-mtf50", "0.2"])
+    assert done.exit_code == 3, done.output
+    html = (tmp_path / "out/health.html").read_text()
+    assert_self_contained(html)
+    parser = parse(html)
+    pictures = [address for address in parser.addresses if address.startswith("data:image/jpeg;base64,")]
+    decoded = [cv2.imdecode(np.frombuffer(base64.b64decode(p.split(",")[1]), np.uint8), 1) for p in pictures]
+    assert len(decoded) == 4 and all(min(part.shape[:2]) > 100 for part in decoded)  # two thumbnails, two with maps
+    content = json.loads((tmp_path / "out/health.json").read_text())
+    text = " ".join(parser.texts)
+    assert content["verdict"]["sentence"] in text and "bad.png" in text
+    assert content["verdict"]["sentence"].startswith("Median of 2 frames: ")
+    assert done.stdout.startswith(content["verdict"]["sentence"])
+    assert {"mtf_spectral.safetensors", "sigma_cellwise.safetensors", "sigma_correlated.safetensors"} <= set(
+        content["weights_sha256"]
+    )
+    assert all(len(digest) == 64 for digest in content["weights_sha256"].values())
+    assert content["version"] and len(content["set_aside"]) == 1
+
+
+def test_a_page_keeps_the_worst_frames_and_few_thumbnails_of_many():
+    frames = PageFrames()
+    rows = []
+    for number in range(300):
+        row = frame_row(number, sigma_dn=20.0 if number in (7, 150, 299) else 2.0)
+        frames.add(row, np.full((20, 40), 0.5, np.float32), np.full((30, 60, 3), 100, np.uint8))
+        rows.append(row)
+    assert len(frames.worst) == WORST_FRAMES and MOST_THUMBNAILS / 2 < len(frames.thumbnails) <= MOST_THUMBNAILS
+    assert {part.row["picture"] for part in frames.worst[:3]} == {"v.mp4#7", "v.mp4#150", "v.mp4#299"}
+    spacing = np.diff([int(part.row["picture"].split("#")[1]) for part in frames.thumbnails])
+    assert len(set(spacing)) == 1
+    alarm = {
+        "sequence": "v.mp4", "picture": "v.mp4#150", "quantity": "noise", "frame": 150, "since_frame": 149,
+        "reference": 2.0, "level": 20.0, "words": "noise 2.0 to 20.0 DN since frame 149",
+    }  # fmt: skip
+    html = page(run_of(rows, trend_alarms=[alarm]).content(complete=True), frames)
+    assert_self_contained(html)
+    assert html.count("<svg") == 2 and html.count('class="mark"') == 2 and 'class="threshold"' in html
+    assert "noise 2.0 to 20.0 DN since frame 149" in html and "not released" in html
+
+
+def test_names_of_frames_cannot_inject_markup():
+    row = frame_row(0, picture="<script>alert(1)</script>.png")
+    frames = PageFrames()
+    frames.add(row, np.zeros((20, 20), np.float32), np.zeros((20, 20, 3), np.uint8))
+    assert_self_contained(
+        page(run_of([row], set_aside=["<img src=x onerror=alert(1)>"]).content(complete=False), frames)
+    )
+
+
+def test_the_verdict_has_what_is_known_only():
+    known = frame_row(
+        0, blur="moderately blurred", mtf=np.stack([np.linspace(0.9, 0.05, 8), np.linspace(1, 0.6, 8)]),
+        ap_percent=71.2, ap_low_percent=66.0, ap_high_percent=75.0, sharp_ap_percent=93.4, best_exposure_ms=4.0,
+        best_iso=800.0, best_ap_percent=85.0, advice="move",
+    )  # fmt: skip
+    verdict = run_verdict([known], without_precision="")
+    assert verdict["sentence"] == (
+        "Slightly blurred, mainly horizontal; noise low (2.0 DN). Expected AP 71 % of 93 % (95 % interval 66 to 75). "
+        "Cause: probably motion. Try 4 ms at ISO 800 (AP 85 % expected)."
+    )
+    assert verdict["sentences"] == [verdict["sentence"]]
+    little = run_verdict([known | {"best_ap_percent": 72.0}], without_precision="")
+    assert "Try" not in little["sentence"]
+    unknown = frame_row(0, blur="", noise="", sigma_dn=np.nan, mtf=np.full((2, 8), np.nan), flags="black",
+                        abstained={"blur": {"flat": 4}})  # fmt: skip
+    verdict = run_verdict([unknown], without_precision="no surface", without_trend="9 frames", set_aside=2)
+    sentences = verdict["sentences"]
+    assert sentences[0] == "Blur unknown; noise unknown."
+    assert "Blur is unknown in 1 of 1 frames (flat)." in sentences and "Frames flagged: black 1." in sentences
+    assert "No trend: 9 frames." in sentences and "2 files or frames were set aside." in sentences
+    assert "Expected average precision is unknown: no surface." in sentences
+    assert run_verdict([], without_precision="", set_aside=1)["sentences"][0] == "No frame could be analysed."
+
+
+class KnownMonitor:
+    """Stands for the estimators: the condition that a picture's mean level names, so that long series take no time."""
+
+    def frame(self, image):
+        from pipeline.blur.base import BlurEstimate
+        from pipeline.condition import BlurState, Condition, NoiseState
+        from pipeline.condition.summary import summarise
+        from pipeline.noise.base import NoiseEstimate
+
+        level = float(image.mean())
+        mtf = np.full((1, 2, 8), 0.9 * np.exp(-level) + 0.001 * image[0, 0], np.float32)
+        no, why = np.zeros(1, bool), np.array([""], dtype=np.str_)
+        blur = BlurEstimate(mtf, no, why)
+        noise = NoiseEstimate(np.array([1 + 10 * level]), np.array([1.0]), np.array([9.0]), no, why.astype(object))
+        return Condition(
+            BlurState((), blur, (1, 1), summarise(mtf), 1.0),
+            NoiseState((), noise, (1, 1), summarise(noise.sigma_dn), noise.sigma_dn.reshape(1, 1), 1.0),
+        )
+
+
+def test_a_series_that_worsens_raises_a_trend_alarm_with_exit_code_and_a_steady_one_none():
+    generator = stream(0, "worsening")
+    for last, alarmed in ((0.2, False), (0.6, True)):
+        analysis = FrameAnalysis(KnownMonitor(), Thresholds(), reference_frames=100)
+        rows = []
+        for number in range(140):
+            level = (0.2 if number < 120 else last) * (1 + 0.05 * generator.standard_normal())
+            rows.append(analysis.analyse(f"v.mp4#{number}", np.full((40, 40), level, np.float32), "v.mp4", "v.mp4")[0])
+        assert bool(analysis.trend_alarms) == alarmed
+        assert any("trend noise" in row["alarms"] for row in rows[120:]) == alarmed
+        assert not any(row["alarms"] for row in rows[:120])
+    assert analysis.trend_alarms[0]["frame"] >= 120
+
+
+def test_precision_and_advice_follow_where_surface_and_settings_are_known():
+    image = np.full((40, 40), 0.4, np.float32)
+    plain = FrameAnalysis(KnownMonitor(), Thresholds()).analyse("a.png", image)[0]
+    assert np.isnan(plain["ap_percent"]) and np.isnan(plain["best_exposure_ms"])
+    measured = FrameAnalysis(KnownMonitor(), Thresholds(), performance()).analyse("a.png", image)[0]
+    assert 0 < measured["ap_percent"] < measured["sharp_ap_percent"] and np.isnan(measured["best_exposure_ms"])
+    settings = Settings("16ms", 100)
+    advised = FrameAnalysis(KnownMonitor(), Thresholds(), performance(), settings).analyse("a.png", image)[0]
+    assert advised["exposure_ms"] == pytest.approx(16.0) and advised["advice"] == "move"
+    assert advised["best_ap_percent"] > advised["ap_percent"]
+    assert advised["best_exposure_ms"] != pytest.approx(16.0) and 100 <= advised["best_iso"] <= 3200
+    relative = FrameAnalysis(KnownMonitor(), Thresholds(), performance(), settings, relative=True)
+    assert relative.analyse("a.png", image)[0]["ap_percent"] < measured["ap_percent"]

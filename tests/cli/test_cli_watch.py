@@ -1,0 +1,140 @@
+"""``camera-monitor watch`` on a video played as a stream and on a folder that fills: lines, alarms, clean stops."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from data_makers import picture
+
+from pipeline.cli import main
+from pipeline.cli.watch_sources import filling_folder, live, played_video
+from pipeline.cli.watch_state import RollingState
+
+
+def film(path, frames, fault_from=None, size=(224, 208)):
+    """A panning video; from a frame on its pictures are blurred."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10, size)
+    scene = picture("watch", *size)
+    for number in range(frames):
+        image = np.roll(scene, 5 * number, axis=1)
+        if fault_from is not None and number >= fault_from:
+            image = cv2.GaussianBlur(image, (0, 0), 4.0)
+        writer.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+    writer.release()
+    return path
+
+
+def watch(*arguments):
+    done = CliRunner().invoke(main, ["watch", *(str(argument) for argument in arguments), "--noise", "pca"])
+    return done, [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def test_every_frame_of_a_video_becomes_a_line_and_a_threshold_an_alarm(tmp_path):
+    done, lines = watch(film(tmp_path / "v.avi", 5, 3), "--no-wait", "--alarm-mtf50", "0.2", "--window", 3)
+    assert done.exit_code == 3, done.output
+    events = [line["event"] for line in lines]
+    assert events[0] == "start" and events[-1] == "stop" and events.count("frame") == 5
+    assert len(lines[0]["weights_sha256"]["mtf_spectral.safetensors"]) == 64
+    alarms = [line for line in lines if line["event"] == "alarm"]
+    assert {line["alarm"] for line in alarms} == {"blur horizontal", "blur vertical"}
+    assert all(line["picture"].endswith("#3") for line in alarms)
+    frames = [line for line in lines if line["event"] == "frame"]
+    assert [line["state"]["frames"] for line in frames] == [1, 2, 3, 3, 3]
+    assert "blurred" in frames[-1]["state"]["words"] and frames[-1]["trend"] == "learning"
+    assert lines[-1] == {**lines[-1], "frames": 5, "alarms": 2, "reason": "end", "set_aside": 0}
+
+
+def test_it_stops_after_the_frames_asked_for_without_alarm(tmp_path):
+    done, lines = watch(film(tmp_path / "v.avi", 4), "--no-wait", "--frames", 2)
+    assert done.exit_code == 0, done.output
+    assert lines[-1]["reason"] == "frames" and lines[-1]["frames"] == 2
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_stop_it_with_whole_lines(tmp_path, number):
+    film(tmp_path / "v.avi", 600)
+    command = [sys.executable, "-m", "pipeline.cli", "watch", str(tmp_path / "v.avi"), "--noise", "pca", "--rate", "2"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    first = [process.stdout.readline() for _ in range(2)]  # started, and a frame analysed
+    process.send_signal(number)
+    rest, _ = process.communicate(timeout=120)
+    lines = [json.loads(line) for line in [*first, *rest.splitlines()]]
+    assert process.returncode == 0
+    assert lines[1]["event"] == "frame" and lines[-1]["event"] == "stop" and lines[-1]["reason"] == "signal"
+
+
+def test_a_folder_that_fills_is_read_once_per_file_and_broken_files_are_reported(tmp_path):
+    for name in ("a", "b"):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), picture(name, 224, 208))
+    (tmp_path / "bad.png").write_bytes(b"none")
+    (tmp_path / "notes.txt").write_text("no picture")
+    done, lines = watch(tmp_path, "--idle-stop", 0.5)
+    assert done.exit_code == 0, done.output
+    assert sorted(line["picture"][-5:] for line in lines if line["event"] == "frame") == ["a.png", "b.png"]
+    assert ["bad.png" in line["reason"] for line in lines if line["event"] == "set_aside"] == [True]
+    assert lines[-1]["reason"] == "idle" and lines[-1]["set_aside"] == 1
+
+
+def test_files_that_are_still_written_wait_and_new_ones_come_in_order(tmp_path):
+    stop = threading.Event()
+    source = filling_folder(tmp_path, stop)
+    whole = cv2.imencode(".png", picture("late", 224, 208))[1].tobytes()
+    assert next(source).image is None
+    (tmp_path / "late.png").write_bytes(whole[:100])
+    assert next(source).image is None  # its size is not known to be stable yet
+    (tmp_path / "late.png").write_bytes(whole)
+    assert next(source).image is None
+    frame = next(source)
+    assert frame.image is not None and frame.image.shape == (208, 224)
+    stop.set()
+    assert [frame.image for frame in source] == []
+
+
+def test_a_video_played_as_a_stream_keeps_its_speed_and_drops_frames(tmp_path):
+    path, stop, numbers = film(tmp_path / "v.avi", 20), threading.Event(), []
+    start = time.monotonic()
+    for frame in played_video(path, 5.0, stop):
+        numbers.append(int(frame.name.split("#")[1]))
+        time.sleep(0.35)  # slower than the frames come
+    assert time.monotonic() - start > 1.5  # 20 frames at 10 per second
+    assert numbers[0] == 0 and numbers == sorted(set(numbers)) and min(np.diff(numbers)) >= 2 and len(numbers) < 9
+
+
+def test_a_lost_signal_is_reported_once(tmp_path):
+    """A file stands for a device here: after its last frame it delivers nothing."""
+    stop = threading.Event()
+    frames = []
+    for frame in live(str(film(tmp_path / "v.avi", 5)), "device", 100.0, stop):
+        frames.append(frame)
+        if frame.signal_lost:
+            stop.set()
+    assert [frame.signal_lost for frame in frames].count(True) == 1 and frames[-1].signal_lost
+    assert frames[-1].problem
+
+
+@pytest.mark.parametrize("source", ["absent", "97", "rtsp://127.0.0.1:9/none"])
+def test_a_source_that_cannot_be_opened_is_one_line(source, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(main, ["watch", source, "--noise", "pca"])
+    assert done.exit_code == 2
+    assert [line for line in done.output.splitlines() if line.startswith("error: ")] and "Traceback" not in done.output
+
+
+def test_the_rolling_state_forgets():
+    state = RollingState(2)
+    row = {"sigma_dn": 2.0, "median_dn": 90.0, "ap_percent": np.nan, "flags": "dark", "mtf": np.full((2, 8), 0.9)}
+    assert state.add(row)["flags"] == {"dark": 1.0}
+    assert state.add({**row, "flags": ""})["flags"] == {"dark": 0.5}
+    result = state.add({**row, "flags": "", "sigma_dn": 12.0})
+    assert result["flags"] == {} and result["frames"] == 2 and result["sigma_dn"] == 7.0
+    assert result["words"] == "sharp; noise moderate" and np.isnan(result["ap_percent"])

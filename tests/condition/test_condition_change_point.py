@@ -1,0 +1,119 @@
+"""Change-point alarm: run length between false alarms by simulation, delays on series of faults."""
+
+import numpy as np
+import pytest
+
+from pipeline.condition.change_point import SHIFT_SIGMAS, Chart, Reference, run_length, threshold_for
+from pipeline.condition.trend import FRAMES_BETWEEN_FALSE_ALARMS, QUANTITIES, REFERENCE_FRAMES, ConditionTrend
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+HOUR = 36_000  # frames at 10 per second
+SPREAD = 0.1
+
+
+def autoregressive(generator, phi, runs):
+    """Endless stationary series: (runs,) values per step."""
+    value = generator.standard_normal(runs)
+    while True:
+        yield SPREAD * value
+        value = phi * value + np.sqrt(1 - phi**2) * generator.standard_normal(runs)
+
+
+def test_the_threshold_has_the_run_length_asked_for():
+    for allowance in (0.5, 1.0):
+        for tau2 in (1.0, 4.0, 19.0):
+            threshold = threshold_for(108_000, allowance, tau2)
+            assert run_length(threshold, allowance, tau2) == pytest.approx(108_000, rel=1e-6)
+    assert float(run_length(4.0, 0.5, 1.0)) == pytest.approx(336, rel=0.02)  # 336 in Hawkins and Olwell (1998), h = 4
+
+
+def test_simulated_run_length_is_that_of_the_formula():
+    """With a reference that is known exactly."""
+    exact = Reference(np.zeros(4000), np.ones(4000), np.zeros(4000), 10**12)
+    chart = Chart(exact, 400.0)
+    generator, first = stream(0, "exact chart"), np.full(4000, np.nan)
+    for frame in range(2500):
+        begins = chart.step(generator.standard_normal(4000))
+        first = np.where(begins & np.isnan(first), frame + 1, first)
+    mean = np.nanmean(np.where(np.isnan(first), 2500, first))
+    assert 0.8 * 400 < mean < 1.3 * 400
+
+
+@pytest.mark.parametrize(("phi", "frames"), [(0.0, 300), (0.5, 300), (0.8, 300), (0.9, 300), (0.0, 100), (0.8, 100)])
+def test_less_than_one_false_alarm_an_hour_for_all_quantities_together(phi, frames):
+    runs, length = 400, 4500
+    series = autoregressive(stream(0, "false alarms", phi, frames), phi, runs)
+    reference = Reference.of([next(series) for _ in range(frames)])
+    chart = Chart(reference, FRAMES_BETWEEN_FALSE_ALARMS)
+    alarms = sum(int(chart.step(next(series)).sum()) for _ in range(length))
+    assert len(QUANTITIES) * alarms / (runs * length / HOUR) < 1.0
+
+
+def test_a_large_shift_is_seen_within_a_second_and_an_alarm_clears():
+    generator = stream(0, "shift")
+    chart = Chart(Reference.of(generator.normal(0, SPREAD, 300)), FRAMES_BETWEEN_FALSE_ALARMS)
+    for value in generator.normal(0, SPREAD, 100):
+        assert not chart.step(value)
+    delay = next(n for n in range(1, 100) if chart.step(5 * SPREAD + generator.normal(0, SPREAD)))
+    assert delay <= 10
+    for value in generator.normal(0, SPREAD, 30):
+        chart.step(value)
+    assert not chart.alarm
+
+
+def test_a_single_leap_and_missing_values_raise_nothing():
+    chart = Chart(Reference.of(stream(0, "leap").normal(0, SPREAD, 300)), FRAMES_BETWEEN_FALSE_ALARMS)
+    assert not chart.step(100.0)
+    before = float(chart.total)
+    assert not chart.step(np.nan) and float(chart.total) == before
+    assert float(chart.threshold) > SHIFT_SIGMAS
+
+
+def mtf(level):
+    return np.full((2, 8), level)
+
+
+def run(levels, name, spread=0.05):
+    """Alarms of a series of (sigma DN, mean MTF) of a camera at 10 frames per second."""
+    generator, trend, alarms = stream(0, "series", name), ConditionTrend(), []
+    for sigma, level in levels:
+        scatter = np.exp(spread * generator.standard_normal(2))
+        alarms += trend.step(sigma * scatter[0], np.clip(mtf(level) * scatter[1], 0, 1))
+    return alarms, trend
+
+
+def test_slow_defocus_a_wet_lens_and_a_rising_temperature_raise_alarms_in_time():
+    """Delays in seconds; the benchmark ``change_point.py`` measures them through image formation and estimators."""
+    calm = [(3.0, 0.6)] * (REFERENCE_FRAMES + 200)
+    assert run(calm, "calm")[0] == []
+    defocus = [(3.0, 0.6 * np.exp(-0.5 * t / 3000)) for t in range(3000)]  # half a neper in five minutes
+    wet = [(3.0, 0.35)] * 100
+    warm = [(3.0 * 2 ** (t / 1200), 0.6) for t in range(1200)]  # twice the noise in two minutes
+    bounds = {
+        "defocus": (defocus, "blur horizontal", 120.0),
+        "wet": (wet, "blur vertical", 2.0),
+        "warm": (warm, "noise", 40.0),
+    }
+    for name, (fault, quantity, most_s) in bounds.items():
+        alarms, trend = run(calm + fault, name)
+        alarm = next(alarm for alarm in alarms if alarm.quantity == quantity)
+        assert 0 < (alarm.frame - len(calm)) / 10 < most_s, (name, alarm)
+        assert trend.state() == "alarm" and quantity in trend.active
+        assert alarm.since_frame <= alarm.frame and "since frame" in alarm.words()
+        other = {"noise"} - {quantity} if quantity != "noise" else {"blur horizontal", "blur vertical"}
+        assert not other & {alarm.quantity for alarm in alarms}
+
+
+def test_an_alarm_states_levels_and_the_frame_of_the_change():
+    calm = [(2.0, 0.6)] * (REFERENCE_FRAMES + 100)
+    (alarm,) = [part for part in run(calm + [(8.0, 0.6)] * 50, "noise step")[0] if part.quantity == "noise"]
+    assert abs(alarm.since_frame - len(calm)) <= 2
+    assert alarm.reference == pytest.approx(2.0, rel=0.05) and alarm.level == pytest.approx(8.0, rel=0.15)
+
+
+def test_short_references_are_refused():
+    with pytest.raises(InputError, match="at least 100"):
+        ConditionTrend(99)
+    with pytest.raises(InputError, match="at least 100"):
+        Reference.of(np.zeros(99))

@@ -1,0 +1,70 @@
+"""Words for a condition: grades, direction and cause follow from the numbers; what is unknown is stated."""
+
+import numpy as np
+import pytest
+from control_makers import REFERENCE, formula_ap, performance
+
+from pipeline.camera.mtf import sample
+from pipeline.camera.psf import create
+from pipeline.condition.verdict import grade
+from pipeline.control.expected_precision import equivalent_motion, expected_precision
+from pipeline.control.motion import motion_mtf
+from pipeline.streams import stream
+
+LENS = np.tile(np.exp(-0.5 * np.linspace(0.05, 0.6, 8)), (2, 1))
+
+
+def blurred(kind, size_px, angle_deg=0.0):
+    return LENS * sample(create(kind, size_px, angle_deg, stream(0, "verdict", kind, size_px)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "size_px", "angle_deg", "blur", "direction", "cause"),
+    [
+        ("linear_motion", 7, 0, "moderately blurred", "horizontal", "probably motion"),
+        ("linear_motion", 7, 90, "moderately blurred", "vertical", "probably motion"),
+        ("linear_motion", 21, 0, "strongly blurred", "horizontal", "probably motion"),
+        ("linear_motion", 11, 45, "moderately blurred", "", "defocus, water on the lens or diagonal motion"),
+        ("defocus", 11, 0, "moderately blurred", "", "defocus, water on the lens or diagonal motion"),
+    ],
+)
+def test_grades_of_known_kernels(kind, size_px, angle_deg, blur, direction, cause):
+    grades = grade(2.0, blurred(kind, size_px, angle_deg))
+    assert (grades.blur, grades.direction, grades.blur_cause, grades.noise) == (blur, direction, cause, "low")
+
+
+def test_sharp_pictures_have_neither_direction_nor_cause():
+    grades = grade(0.5, LENS * np.array([[0.95], [0.7]]))
+    assert (grades.blur, grades.direction, grades.causes()) == ("sharp", "", [])
+    assert grades.words() == ["sharp", "noise very low"]
+
+
+def test_what_is_unknown_is_stated():
+    grades = grade(np.nan, np.full((2, 8), np.nan))
+    assert grades.words() == ["blur unknown", "noise unknown"] and grades.causes() == []
+
+
+def test_strong_noise_of_a_dark_picture_comes_from_little_light():
+    assert grade(15.0, LENS, 20.0).causes() == ["little light"]
+    assert grade(15.0, LENS, 120.0).causes() == ["probably high gain"]
+    assert grade(9.0, LENS, 20.0).causes() == []
+
+
+def test_expected_precision_is_that_of_the_motion_which_leaves_the_same_contrast():
+    surface = performance()
+    for length_px in (0.0, 5.0, 12.0):
+        curve = REFERENCE * np.abs(np.sinc(0.0)) + 0.0
+        curve[:, 0] = motion_mtf(length_px, REFERENCE, 0)
+        assert equivalent_motion(surface, float(curve[:, 0].mean())) == pytest.approx(length_px, abs=0.15)
+        here = expected_precision(surface, 10.0, curve)
+        assert here.ap_percent == pytest.approx(formula_ap(9.0, length_px), rel=0.08)
+        assert here.low_percent <= here.ap_percent <= here.high_percent < here.best_percent
+        relative = expected_precision(surface, 10.0, curve / REFERENCE, relative=True)
+        assert relative.ap_percent == pytest.approx(here.ap_percent, rel=1e-9)
+
+
+def test_an_unmeasured_or_unknown_condition_has_no_precision():
+    surface = performance()
+    for sigma, contrast in ((80.0, 0.9), (5.0, 0.0), (np.nan, 0.9), (5.0, np.nan)):
+        here = expected_precision(surface, sigma, np.full((2, 8), contrast))
+        assert np.isnan(here.ap_percent) and here.best_percent > 80
