@@ -61,8 +61,7 @@ def measure(image: NDArray[np.floating]) -> EdgeMtf:
     picture = np.asarray(image, dtype=np.float64)
     if picture.ndim != 2 or min(picture.shape) < LEAST_SIDE_PX:
         raise InputError(f"edge: a picture of shape {picture.shape}; expected (H, W), at least {LEAST_SIDE_PX} px each")
-    across, down = (np.abs(np.diff(picture.mean(axis=axis))).sum() for axis in (0, 1))
-    upright = across >= down
+    upright = _contrast(picture) >= _contrast(picture.T)
     rows = picture if upright else picture.T
     contrast_dn = _contrast(rows) * FULL_SCALE_DN
     if contrast_dn < LEAST_CONTRAST_DN:
@@ -97,7 +96,8 @@ def _line(rows: NDArray[np.float64]) -> tuple[float, float]:
     for _ in range(ROUNDS):
         distance = columns[None] - (fit[0] + fit[1] * lines)[:, None]
         weight = slopes * (np.abs(distance) < WINDOW_PX / 3)
-        centre = (weight * columns).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-12)
+        total = weight.sum(axis=1)
+        centre = np.where(total > 0, (weight * columns).sum(axis=1) / np.maximum(total, 1e-12), centre)
         fit = _robust_line(lines, centre)
     deviation = float(np.median(np.abs(centre - (fit[0] + fit[1] * lines))))
     if deviation > LARGEST_DEVIATION_PX:

@@ -75,6 +75,7 @@ def command(
             sizes = f"{image.shape[1]}x{image.shape[0]} px, {frames[0][0]} {shape[1]}x{shape[0]} px"
             raise InputError(f"{file} is {sizes}; calibrate one size at a time")
     hashes: dict[str, str] = {}
+    mtf: NDArray[np.float64] | None
     fit = None
     if chart == "edge":
         mtf = edge_mtf(frames, areas)

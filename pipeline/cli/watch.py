@@ -5,9 +5,11 @@ from __future__ import annotations
 import contextlib
 import json
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -102,7 +104,8 @@ class _Watch:
 
         self.source, self.analysis, self.state = source, analysis, RollingState(window)
         self.frames = self.alarms = self.set_aside = 0
-        self._began, self._active = time.monotonic(), list[str]()
+        self._began = time.monotonic()
+        self._active: list[str] = []
 
     def emit(self, event: str, **content: Any) -> None:
         """Print one line and flush it, so that a pipe gets it at once."""
@@ -110,7 +113,7 @@ class _Watch:
 
         line = {"event": event, "seconds": round(time.monotonic() - self._began, 3), **content}
         click.echo(json.dumps(plain_json(line)))
-        click.get_text_stream("stdout").flush()
+        sys.stdout.flush()
 
     def run(self, came: Iterator[SourceFrame], most_frames: int | None, idle_stop: float | None) -> str:
         """Analyse frames until the source ends, enough have come, or nothing comes; why it ended."""
@@ -135,7 +138,7 @@ class _Watch:
         try:
             row, _ = self.analysis.analyse(frame.name, frame.image, self.source, self.source)
         except InputError as error:
-            self._problem(type(frame)(frame.name, None, str(error)))
+            self._problem(replace(frame, image=None, problem=str(error)))
             return
         self.frames += 1
         trend = self.analysis.trends[self.source].state()

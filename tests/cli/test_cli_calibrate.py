@@ -81,13 +81,13 @@ def test_areas_select_the_edges_of_one_picture(tmp_path):
     assert refused.exit_code == 2 and "not inside" in refused.output
 
 
-@pytest.mark.parametrize("centre_px", [(299.5, 249.5), (310.2, 243.7)])
+@pytest.mark.parametrize("centre_px", [(399.5, 379.5), (405.2, 374.7)])
 def test_a_star_gives_the_mtf_with_its_centre_located(tmp_path, centre_px):
-    sharp = star.synthesise(500, 600, 36, centre_px=centre_px, supersample=4)
+    sharp = star.synthesise(760, 800, 60, centre_px=centre_px, supersample=4)
     image = cv2.GaussianBlur(sharp.astype(np.float64), (0, 0), SIGMA_PX)
     image += stream(0, "star").normal(0, 1 / 255, image.shape)
     assert point_of_symmetry(image) == pytest.approx(centre_px, abs=0.2)
-    done = call("calibrate", "front", save(tmp_path / "star.png", image), "--chart", "star", "--rays", 36)
+    done = call("calibrate", "front", save(tmp_path / "star.png", image), "--chart", "star", "--rays", 60)
     assert done.exit_code == 0, done.output
     truth = gaussian_mtf() * np.sinc(FREQUENCIES / 2)
     np.testing.assert_allclose(camera_store.load("front").sharp_mtf, truth / truth[:, :1], atol=0.02)
