@@ -162,6 +162,7 @@ def performance(
     judge: Judge,
     fold: int,
     seed: int,
+    darker: Sequence[Performance] = (),
 ) -> tuple[Performance, pd.DataFrame]:
     """The surface from views.
 
@@ -171,6 +172,7 @@ def performance(
         judge: how detections are judged.
         fold: recorded in the table.
         seed: of the bootstrap.
+        darker: surfaces of darker frames that stand beside it.
 
     Returns:
         the surface, and its knots (schema `KNOTS`).
@@ -205,6 +207,7 @@ def performance(
         rows.append(
             {
                 "fold": fold,
+                "level": design.target_level,
                 "target_sigma_dn": design.levels_dn[number // sizes],
                 "motion_px": design.sizes_px[number % sizes],
                 "sigma_dn": grid[number // sizes, number % sizes],
@@ -233,4 +236,5 @@ def performance(
         np.moveaxis(np.stack(draws), 1, 0).reshape(-1, *shape)[:, :, turned],
         0,
     )
-    return Performance(Surface(cells), reference, FREQUENCY_INDEX, design.sizes_px[-1]), table
+    surface = Surface(cells)
+    return Performance(surface, reference, FREQUENCY_INDEX, design.sizes_px[-1], design.target_level, darker), table

@@ -3,13 +3,16 @@
 The surface (`pipeline.curves.surface`) is over estimated noise and MTF; here its MTF axis is reached through the length
 of linear motion, at a frequency low enough that the MTF falls steadily up to 31 px. It is tabulated once, so that a
 decision costs microseconds. What was not measured is refused (NaN), but for noise below the least measured, which
-counts as that.
+counts as that. The table is made monotonic: more noise or motion never raises AP, whatever the scatter of the
+measurement. Surfaces of darker frames may stand beside it; a query at their brightness is interpolated between them.
 """
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +27,12 @@ Floats = NDArray[np.float64]
 
 SIGMA_STEP_DN = 1.0
 MOTION_STEP_PX = 0.5
+LEVEL_SLACK_STOPS = 0.27
+"""Frames up to 20 % brighter or darker than any measured count as the nearest measured ones."""
+
+PLATEAU_SLOPE = 0.002
+"""Percent points per tabulated step."""
+
 _EDGE = 1e-9
 
 
@@ -43,14 +52,28 @@ class Performance:
         reference: (2, 8) MTF of the camera's sharp frames.
         frequency_index: which of the eight frequencies the surface's MTF axis is at.
         longest_px: longest motion measured.
+        level: mean encoded level of the frames it was measured on, 0..1.
+        darker: surfaces of darker frames, in any order.
 
     Raises:
-        InputError: a frequency index out of range.
+        InputError: a frequency index out of range, or a surface among ``darker`` that is not darker.
     """
 
-    def __init__(self, surface: Surface, reference: ArrayLike, frequency_index: int, longest_px: float) -> None:
+    def __init__(
+        self,
+        surface: Surface,
+        reference: ArrayLike,
+        frequency_index: int,
+        longest_px: float,
+        level: float = 0.5,
+        darker: Sequence[Performance] = (),
+    ) -> None:
         if not 0 <= frequency_index < 8:
             raise InputError(f"frequency_index is one of 0..7, got {frequency_index!r}")
+        self.level, self.darker = float(level), tuple(sorted(darker, key=lambda other: -other.level))
+        levels = [self.level, *(other.level for other in self.darker)]
+        if not 0 < self.level < 1 or any(low >= high for high, low in itertools.pairwise(levels)):
+            raise InputError(f"surfaces of darker frames: expected mean levels that fall from {level!r}, got {levels}")
         self.surface, self.frequency_index, self.longest_px = surface, frequency_index, float(longest_px)
         self.reference = np.asarray(reference, dtype=np.float64)
         known = surface.cells.count > 0
@@ -60,20 +83,44 @@ class Performance:
         self._motions = np.append(np.arange(0.0, self.longest_px, MOTION_STEP_PX), self.longest_px)
         mtf = motion_mtf(self._motions, self.reference, frequency_index)
         answer = surface.query(self._sigmas[:, None], mtf[None])
-        self._table = np.stack([answer.ap_percent, answer.low, answer.high])
+        self._table = np.stack([monotonic(part) for part in (answer.ap_percent, answer.low, answer.high)])
 
     @property
     def most_sigma_dn(self) -> float:
         """Strongest noise measured, DN."""
         return float(self._sigmas[-1])
 
-    def expected(self, sigma_dn: ArrayLike, motion_px: ArrayLike) -> Expected:
+    @property
+    def darkest_level(self) -> float:
+        """Mean level of the darkest frames measured."""
+        return self.darker[-1].level if self.darker else self.level
+
+    def expected(self, sigma_dn: ArrayLike, motion_px: ArrayLike, level: ArrayLike | None = None) -> Expected:
         """Average precision at noise and motion, bilinear between tabulated points.
 
         Args:
             sigma_dn: (...) noise, DN.
             motion_px: (...) length of motion blur, px.
+            level: (...) mean encoded level of the frame, linear in its logarithm between the measured levels and
+                refused beyond them (20 % of slack); None, or a surface without darker ones: the level is not regarded.
         """
+        if level is None or not self.darker:
+            return self._at_level(sigma_dn, motion_px)
+        parts = [other._at_level(sigma_dn, motion_px) for other in (self, *self.darker)]
+        stops = -np.log2([self.level, *(other.level for other in self.darker)])
+        wanted = -np.log2(np.maximum(np.asarray(level, dtype=float), 1e-6))
+        inside = (wanted >= stops[0] - LEVEL_SLACK_STOPS) & (wanted <= stops[-1] + LEVEL_SLACK_STOPS)
+        index, share = _position(np.clip(wanted, stops[0], stops[-1]), stops)
+        mixed = []
+        for name in Expected._fields:
+            values = np.stack([np.broadcast_to(getattr(part, name), inside.shape) for part in parts])
+            before = np.take_along_axis(values, index[None], 0)[0]
+            after = np.take_along_axis(values, index[None] + 1, 0)[0]
+            between = np.where(share < 1 - _EDGE, before * (1 - share), 0.0) + _next(after, share)
+            mixed.append(np.where(inside, between, np.nan))
+        return Expected(*mixed)
+
+    def _at_level(self, sigma_dn: ArrayLike, motion_px: ArrayLike) -> Expected:
         sigma, motion = np.broadcast_arrays(np.asarray(sigma_dn, float), np.asarray(motion_px, float))
         noise = np.maximum(sigma, self.least_sigma_dn)
         inside = (noise <= self._sigmas[-1] + _EDGE) & (motion >= 0.0) & (motion <= self.longest_px + _EDGE)
@@ -92,10 +139,26 @@ class Performance:
         return np.asarray(noise + np.maximum(np.asarray(motion_px, float) / self.longest_px - 1.0, 0.0))
 
     def save(self, path: str | Path) -> None:
-        """Write surface, reference and axis as ``.npz``."""
+        """Write surfaces, references and axes as ``.npz``."""
+        arrays = self._arrays("")
+        for number, other in enumerate(self.darker):
+            arrays |= other._arrays(f"darker{number}_")
+        write_arrays(path, **arrays)
+
+    def _arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
         cells = {f"cells_{name}": np.asarray(value) for name, value in vars(self.surface.cells).items()}
-        axis = {"frequency_index": np.asarray(self.frequency_index), "longest_px": np.asarray(self.longest_px)}
-        write_arrays(path, reference=self.reference, **axis, **cells)
+        numbers = {name: np.asarray(getattr(self, name)) for name in ("frequency_index", "longest_px", "level")}
+        own = {"reference": self.reference, **numbers, **cells}
+        return {f"{prefix}{name}": value for name, value in own.items()}
+
+    @classmethod
+    def _from(cls, arrays: Mapping[str, NDArray[Any]], prefix: str, darker: Sequence[Performance] = ()) -> Performance:
+        cells = {name: arrays[f"{prefix}cells_{name}"] for name in Cells.__dataclass_fields__}
+        left_out = int(cells.pop("left_out"))
+        numbers = [arrays[f"{prefix}{name}"] for name in ("frequency_index", "longest_px", "level")]
+        surface = Surface(Cells(**cells, left_out=left_out))
+        reference = arrays[f"{prefix}reference"]
+        return cls(surface, reference, int(numbers[0]), float(numbers[1]), float(numbers[2]), darker)
 
     @classmethod
     def load(cls, path: str | Path) -> Performance:
@@ -106,15 +169,29 @@ class Performance:
         """
         arrays = read_arrays(path)
         try:
-            cells = {name: arrays[f"cells_{name}"] for name in Cells.__dataclass_fields__}
-            left_out = int(cells.pop("left_out"))
-            surface = Surface(Cells(**cells, left_out=left_out))
-            return cls(surface, arrays["reference"], int(arrays["frequency_index"]), float(arrays["longest_px"]))
+            count = sum(name.startswith("darker") and name.endswith("_reference") for name in arrays)
+            return cls._from(arrays, "", [cls._from(arrays, f"darker{number}_") for number in range(count)])
         except KeyError as error:
             raise InputError(
                 f"{path}: array {error} is missing; expected a surface for control as the stage control_surface "
                 "writes it"
             ) from None
+
+
+def monotonic(table: Floats) -> Floats:
+    """Values that neither rise with noise (rows) nor with motion (columns), nearest in between.
+
+    The mean of the largest such table below the values and the smallest one above; refused entries stay NaN. A small
+    slope decides on plateaus: less noise and less motion are better.
+    """
+    known = np.isfinite(table)
+    below = np.where(known, table, np.inf)
+    above = np.where(known, table, -np.inf)
+    for axis in (0, 1):
+        below = np.minimum.accumulate(below, axis=axis)
+        above = np.flip(np.maximum.accumulate(np.flip(above, axis), axis=axis), axis)
+    rows, columns = np.indices(table.shape)
+    return np.where(known, (below + above) / 2 - PLATEAU_SLOPE * (rows + columns), np.nan)
 
 
 def _position(values: Floats, knots: Floats) -> tuple[NDArray[np.int64], Floats]:

@@ -24,10 +24,11 @@ _DARKEST_LEVEL = 0.002
 
 
 class Predicted(NamedTuple):
-    """(N,) noise in DN and motion blur in pixels at candidate settings."""
+    """(N,) noise in DN, motion blur in pixels and mean encoded level at candidate settings."""
 
     sigma_dn: Floats
     motion_px: Floats
+    level: Floats
 
 
 def model_sigma_dn(camera: Camera, linear_level: ArrayLike, gain: ArrayLike, exposure_s: ArrayLike) -> Floats:
@@ -68,4 +69,5 @@ def predict(
     levels = np.minimum(level * times * gains / state.total_exposure_s, 1.0)
     here = model_sigma_dn(camera, level, state.gain, state.exposure_s)
     there = model_sigma_dn(camera, levels, gains, times)
-    return Predicted(sigma_dn * there / float(here), motion_px * times / state.exposure_s)
+    encoded = levels ** (1.0 / camera.gamma)
+    return Predicted(sigma_dn * there / float(here), motion_px * times / state.exposure_s, encoded)

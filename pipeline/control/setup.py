@@ -46,11 +46,18 @@ def limits(section: Any) -> Limits:
     )
 
 
-def design(section: Any) -> SurfaceDesign:
-    """The conditions of ``control.surface``."""
-    return SurfaceDesign(
-        tuple(section.levels_dn), tuple(section.sizes_px), section.target_level, section.exposure_ms / 1e3
-    )
+def designs(section: Any) -> list[SurfaceDesign]:
+    """The conditions of ``control.surface``: those of full brightness, then those of darker frames."""
+    exposure_s = section.exposure_ms / 1e3
+    bright = SurfaceDesign(tuple(section.levels_dn), tuple(section.sizes_px), section.target_level, exposure_s)
+    darker = section.darker
+    return [
+        bright,
+        *(
+            SurfaceDesign(tuple(darker.levels_dn), tuple(darker.sizes_px), level, exposure_s)
+            for level in darker.target_levels
+        ),
+    ]
 
 
 def judge(section: Any) -> Judge:

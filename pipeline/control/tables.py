@@ -8,6 +8,7 @@ KNOTS = Schema(
     "surface for control",
     {
         "fold": "int64",
+        "level": "float64",  # mean encoded level of the frames
         "target_sigma_dn": "float64",
         "motion_px": "float64",
         "sigma_dn": "float64",

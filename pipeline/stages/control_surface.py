@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.config.entry import Run, stage
 
 if TYPE_CHECKING:
+    from pipeline.control.measured_surface import SurfaceDesign
     from pipeline.control.views import View
 
 READS = ["seed", "control", "detection.judge", "detection.detectors"]
@@ -31,19 +33,18 @@ def run(run: Run) -> None:
     options = {"weights": detector.weights, **detector.options}
     every = folds(views(run.inputs / "data/sim"), section.viewpoints, section.folds)
     moments = set(section.surface.moments)
-    work = [view for fold in every for view in fold if view.moment in moments]
+    every_view = [view for fold in every for view in fold if view.moment in moments]
+    designs = setup.designs(section.surface)
+    work = [(view, number) for number in range(len(designs)) for view in every_view]
     about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")
-    shared: dict[str, Any] = {
-        "camera": setup.camera(section.camera),
-        "design": setup.design(section.surface),
-        "seed": params.seed,
-    }
+    shared: dict[str, Any] = {"camera": setup.camera(section.camera), "seed": params.seed}
     key = fingerprint(
-        "pipeline.control.measured_surface", {**shared, "detector": [detector.kind, options, about["sha256"]]}
+        "pipeline.control.measured_surface",
+        {**shared, "designs": designs, "detector": [detector.kind, options, about["sha256"]]},
     )
     folder = run.inputs / ".cache/control_surface" / key
-    measure = partial(look, folder=folder, kind=detector.kind, options=options, shared=shared)
-    measured = list(zip(work, run.map(measure, work, "surface for control"), strict=True))
+    measure = partial(look, folder=folder, kind=detector.kind, options=options, shared=shared, designs=designs)
+    measured = dict(zip(work, run.map(measure, work, "surface for control"), strict=True))
     judge = setup.judge(params.detection.judge)
     parts = {"all": list(range(len(every)))}
     for number in range(len(every)):
@@ -52,29 +53,51 @@ def run(run: Run) -> None:
     rows = []
     with store.replacing_folder(run.outputs / "data/control_surface") as out:
         for name, chosen in parts.items():
-            mine = [(view, part) for view, part in measured if any(view in every[number] for number in chosen)]
+            seen = [view for view in every_view if any(view in every[number] for number in chosen)]
             label = chosen[0] if len(chosen) == 1 else -1
-            surface, table = measured_surface.performance(mine, shared["design"], judge, label, params.seed)
+            darker: list[measured_surface.Performance] = []
+            for number in reversed(range(len(designs))):  # the brightest last: it carries the others
+                mine = [(view, measured[view, number]) for view in seen]
+                surface, table = measured_surface.performance(
+                    mine, designs[number], judge, label, params.seed, [] if number else darker
+                )
+                darker.append(surface)
+                if name == "all" or name.startswith("fold"):
+                    rows.append(table.assign(fold=-1 if name == "all" else label))
             surface.save(out / f"{name}.npz")
-            if name == "all" or name.startswith("fold"):
-                rows.append(table.assign(fold=-1 if name == "all" else label))
         store.write_table(out / "knots.parquet", pd.concat(rows), tables.KNOTS)
     forget(folder)
 
 
-def look(view: View, *, folder: Path, kind: str, options: dict[str, Any], shared: dict[str, Any]) -> Any:
-    """What one worker does: one view under every condition, kept as soon as it is done."""
+def look(
+    item: tuple[View, int],
+    *,
+    folder: Path,
+    kind: str,
+    options: dict[str, Any],
+    shared: dict[str, Any],
+    designs: Sequence[SurfaceDesign],
+) -> Any:
+    """What one worker does: one view under every condition of one design, kept as soon as it is done."""
     import json
 
     from pipeline.control import measured_surface
     from pipeline.detection.pieces import kept
 
+    view, number = item
+
     def make() -> Any:
         return measured_surface.measure(
-            view, kind=kind, options=json.dumps(options, sort_keys=True), most=100, estimate=True, **shared
+            view,
+            kind=kind,
+            options=json.dumps(options, sort_keys=True),
+            most=100,
+            estimate=True,
+            design=designs[number],
+            **shared,
         )
 
-    return kept(folder, view.name, view.path.read_bytes(), ARRAYS, make)
+    return kept(folder, f"{view.name}-{number}", view.path.read_bytes(), ARRAYS, make)
 
 
 if __name__ == "__main__":

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from control_makers import SIZES, formula_ap, performance
+from control_makers import SIZES, darker_performance, formula_ap, performance
 
-from pipeline.control.performance import Performance
+from pipeline.control.performance import Performance, monotonic
 from pipeline.errors import InputError
 
 
@@ -40,3 +40,39 @@ def test_performance_saved_is_the_same(tmp_path):
     np.savez(tmp_path / "other.npz", reference=np.ones(3))
     with pytest.raises(InputError, match="control_surface"):
         Performance.load(tmp_path / "other.npz")
+
+
+def test_performance_never_rises_with_noise_or_motion():
+    rough = np.array([[90.0, 95.0, 70.0], [93.0, 80.0, np.nan], [60.0, 65.0, 50.0]])
+    smooth = monotonic(rough)
+    assert np.isnan(smooth[1, 2]) and np.isfinite(smooth).sum() == 8
+    for axis in (0, 1):
+        steps = np.diff(smooth, axis=axis)
+        assert (steps[np.isfinite(steps)] < 0).all()
+    falling = 90.0 - 5.0 * np.add.outer(np.arange(4.0), np.arange(3.0))
+    np.testing.assert_allclose(monotonic(falling), falling, atol=0.02)
+
+
+def test_performance_between_brightnesses_is_mixed_and_beyond_them_refused():
+    known = darker_performance(-6.0)
+    bright, dark = (float(known.expected(5.0, 3.0, level).ap_percent) for level in (0.5, 0.25))
+    assert bright - dark == pytest.approx(6.0, abs=0.2)
+    between = float(known.expected(5.0, 3.0, 0.5 / np.sqrt(2)).ap_percent)
+    assert between == pytest.approx((bright + dark) / 2, abs=0.1)
+    assert float(known.expected(5.0, 3.0, 0.55).ap_percent) == bright  # within the slack
+    assert np.isnan(known.expected(5.0, 3.0, [0.7, 0.15]).ap_percent).all()
+    assert (
+        float(performance().expected(5.0, 3.0, 0.9).ap_percent) == bright
+    )  # one brightness: the level is not regarded
+
+
+def test_performance_with_darker_ones_is_saved_whole(tmp_path):
+    known = darker_performance(4.0)
+    known.save(tmp_path / "surface.npz")
+    again = Performance.load(tmp_path / "surface.npz")
+    assert [other.level for other in again.darker] == [0.25] and again.darkest_level == 0.25
+    np.testing.assert_array_equal(
+        again.expected([5, 12], [1, 9], [0.3, 0.4]).ap_percent, known.expected([5, 12], [1, 9], [0.3, 0.4]).ap_percent
+    )
+    with pytest.raises(InputError, match="darker"):
+        Performance(known.surface, known.reference, 0, 31.0, 0.25, [performance()])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control_makers import CAMERA, Scene, performance, scalar, seen_mtf
+from control_makers import CAMERA, Scene, darker_performance, performance, scalar, seen_mtf
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -148,6 +148,36 @@ def test_policies_cap_rate_limit_and_lamp_periods():
     states, _ = drive(make("iopc_continuous", lamp_hz=100.0), Scene(0.2, 100.0), CameraState.of(4, 200))
     periods = states[-1].exposure_s * 100
     assert round(periods) >= 1 and abs(periods - round(periods)) < 0.07
+
+
+@pytest.mark.parametrize("name", ["iopc_optimal", "iopc_continuous", "oracle"])
+def test_policies_frames_are_darker_where_the_detector_bears_that_better(name):
+    for bonus, level in ((15.0, 0.25), (-30.0, 0.5)):
+        policy = control.create(name, camera=CAMERA, performance=darker_performance(bonus))
+        scene = Scene(light=0.1, speed_px_s=500.0)
+        states, _ = drive(policy, scene, CameraState.of(8, 400), frames=30)
+        assert scene.truth(states[-1]).mean_level == pytest.approx(level, rel=0.22)
+        assert np.ptp(np.log2([state.total_exposure_s for state in states[-10:]])) < 0.1
+
+
+@pytest.mark.parametrize("name", ["iopc_optimal", "iopc_continuous"])
+def test_policies_a_chosen_dark_frame_is_kept_while_the_estimator_is_silent(name):
+    policy = control.create(name, camera=CAMERA, performance=darker_performance(15.0))
+    scene = Scene(light=0.1, speed_px_s=500.0)
+    states, decisions = drive(policy, scene, CameraState.of(8, 400), frames=24, silent=range(15, 20))
+    assert all(decision.action is Action.ABSTAINED for decision in decisions[15:20])
+    assert len(set(states[15:21])) == 1
+
+
+def test_policies_a_clipped_frame_teaches_nothing_but_its_brightness():
+    """Most of the frame is white: noise and motion estimated on it are not used, exposure goes down."""
+    policy, scene = make("iopc_continuous"), Scene(light=0.5, speed_px_s=700.0)
+    drive(policy, scene, CameraState.of(8, 200), frames=6)
+    before = policy.speed_px_s
+    state = CameraState.of(8, 3200)
+    seen = Observation(np.ones((16, 16), np.float32), 0.98, 0.9, scalar(0.2), seen_mtf(0.0))
+    decision = policy.decide(seen, state)
+    assert policy.speed_px_s == before and decision.state.total_exposure_s < 0.3 * state.total_exposure_s
 
 
 def test_policies_refused_queries_lead_towards_the_measured_region():

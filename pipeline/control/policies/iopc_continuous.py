@@ -42,7 +42,7 @@ class IopcContinuous(IopcPolicy):
         performance: Performance | None = None,
         target: float | None = 0.5,
         tolerance: float = 0.1,
-        smoothing: float = 0.3,
+        smoothing: float = 0.6,
         hysteresis_percent: float = 1.0,
         stops_per_frame: float = 2.0,
         max_motion_px: float = 20.0,
@@ -63,12 +63,12 @@ class IopcContinuous(IopcPolicy):
         choice = self.compare(observation, state, total, among)
         new, action, expected = choice.state, choice.action, choice.ap_percent
         if self._inside(choice.kept) and not choice.improves(self.hysteresis_percent):
-            new, action, expected = (state if factor == 1.0 else choice.kept), Action.MOVE, choice.kept_ap_percent
+            new, action, expected = (self.held(state, factor, choice)), Action.MOVE, choice.kept_ap_percent
         new = self._limited(new, state)
         if new == state and action is not Action.REFUSED:
             action = Action.HOLD
-        motion = self._speed_px_s * new.exposure_s
-        return Decision(new, action, f"speed {self._speed_px_s:.0f} px/s, motion {motion:.1f} px expected", expected)
+        motion = self.speed_px_s * new.exposure_s
+        return Decision(new, action, f"speed {self.speed_px_s:.0f} px/s, motion {motion:.1f} px expected", expected)
 
     def _inside(self, state: CameraState) -> bool:
         """Whether settings respect the cap and the lamp."""

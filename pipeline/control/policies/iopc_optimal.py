@@ -33,8 +33,8 @@ class IopcOptimal(IopcPolicy):
         performance: Performance | None = None,
         target: float | None = 0.5,
         tolerance: float = 0.1,
-        smoothing: float = 0.0,
-        least_gain_percent: float = 3.0,
+        smoothing: float = 0.6,
+        least_gain_percent: float = 2.0,
     ) -> None:
         super().__init__(camera, performance, target, tolerance, smoothing)
         self.least_gain_percent = least_gain_percent
@@ -45,7 +45,7 @@ class IopcOptimal(IopcPolicy):
         choice = self.compare(observation, state, total, among)
         if not choice.improves(self.least_gain_percent):
             here = choice.kept_ap_percent
-            held = state if factor == 1.0 else choice.kept
+            held = self.held(state, factor, choice)
             action = Action.HOLD if held == state else Action.MOVE
             return Decision(held, action, f"AP {here:.1f} % expected; no split promises clearly more", here)
         reason = (

@@ -45,7 +45,7 @@ class IopcTarget(IopcPolicy):
         target_px: float = 7.0,
         target: float | None = 0.5,
         tolerance: float = 0.1,
-        smoothing: float = 0.0,
+        smoothing: float = 0.6,
         slack: float = 0.15,
     ) -> None:
         super().__init__(camera, performance, target, tolerance, smoothing)
@@ -55,7 +55,7 @@ class IopcTarget(IopcPolicy):
 
     def choose(self, observation: Observation, state: CameraState, total: float, factor: float) -> Decision:
         """See `IopcPolicy.choose`."""
-        ratio = alpha(self._speed_px_s * state.exposure_s, self.target_px)
+        ratio = alpha(self.speed_px_s * state.exposure_s, self.target_px)
         if abs(ratio - 1.0) <= self.slack:
             ratio = 1.0
         new = state if ratio == 1.0 and factor == 1.0 else self.limits.at_time(total, state.exposure_s / ratio)
@@ -63,6 +63,6 @@ class IopcTarget(IopcPolicy):
         action = Action.HOLD if new == state else Action.MOVE
         if not np.isfinite(there.ap_percent[0]):
             action = Action.REFUSED
-        motion = self._speed_px_s * state.exposure_s
+        motion = self.speed_px_s * state.exposure_s
         reason = f"motion {motion:.1f} px, target {self.target_px:g} px: alpha {ratio:.3f}"
         return Decision(new, action, reason, float(there.ap_percent[0]))

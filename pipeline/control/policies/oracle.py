@@ -11,13 +11,13 @@ from typing import ClassVar
 import numpy as np
 
 from pipeline.control.decision import Action, Decision
+from pipeline.control.iopc import DARKER_TIMES_PER_STOP, TIMES_PER_STOP, darker_totals, exposure_times
 from pipeline.control.observation import Observation
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState
 from pipeline.errors import InputError
 
-TIMES_PER_STOP = 6
 _BISECTIONS = 20
 
 
@@ -43,12 +43,14 @@ class Oracle(Policy):
             raise InputError("policy oracle: needs the truth, which only the simulated loop gives")
         limits, truth = self.limits, observation.truth
         total = self._total(observation)
-        stops = math.log2(limits.exposure_max_s / limits.exposure_min_s)
-        times = limits.exposure_min_s * 2.0 ** np.linspace(0.0, stops, max(2, round(stops * TIMES_PER_STOP) + 1))
-        states = list(dict.fromkeys(limits.at_time(total, float(time)) for time in times))
+        times = exposure_times(limits, DARKER_TIMES_PER_STOP if self.performance.darker else TIMES_PER_STOP)
+        totals = darker_totals(total, self.performance, self.camera.formation.gamma)
+        states = list(dict.fromkeys(limits.at_time(each, time) for each in totals for time in times))
         there = [truth(each) for each in states]
-        sigma, motion = (np.array([getattr(each, name) for each in there]) for name in ("sigma_dn", "motion_px"))
-        expected = self.performance.expected(sigma, motion).ap_percent
+        sigma, motion, level = (
+            np.array([getattr(each, name) for each in there]) for name in ("sigma_dn", "motion_px", "mean_level")
+        )
+        expected = self.performance.expected(sigma, motion, level).ap_percent
         if np.isfinite(expected).any():
             index, action = int(np.nanargmax(expected)), Action.MOVE
         else:

@@ -1,0 +1,44 @@
+"""Speed from a sequence of motion estimates."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.control.speed import RESOLUTION_PX, SpeedFilter, length_error_px, resolved_px
+
+
+def test_speed_short_exposures_do_not_run_away():
+    """A length at the resolution of the estimator, seen at ever shorter times, must not be taken for high speed."""
+    speed = SpeedFilter()
+    speed.update(6.0, 0.008, 2.0)
+    for exposure_s in (0.004, 0.002, 0.001, 0.0005):
+        speed.update(max(750.0 * exposure_s, 1.5), exposure_s, 5.0)
+    assert speed.value_px_s == pytest.approx(750.0, rel=0.15)
+
+
+def test_speed_strong_noise_is_hardly_believed():
+    speed = SpeedFilter()
+    for _ in range(5):
+        speed.update(6.0, 0.008, 2.0)
+    before = speed.value_px_s
+    assert speed.update(9.5, 0.001, 27.0) == pytest.approx(before, rel=0.05)
+
+
+def test_speed_a_sudden_change_is_followed_within_two_frames():
+    speed = SpeedFilter()
+    for _ in range(6):
+        speed.update(2.0, 0.02, 3.0)
+    for _ in range(2):
+        speed.update(30.0, 0.02, 3.0)
+    assert speed.value_px_s == pytest.approx(1500.0, rel=0.2)
+    assert speed.high_px_s > speed.value_px_s
+
+
+@given(st.floats(0.0, 45.0), st.floats(5e-5, 0.033), st.floats(0.1, 60.0))
+def test_speed_first_estimate_is_the_resolved_length(length_px, exposure_s, sigma_dn):
+    speed = SpeedFilter()
+    assert speed.update(length_px, exposure_s, sigma_dn) == pytest.approx(resolved_px(length_px) / exposure_s)
+    assert 0.0 <= resolved_px(length_px) <= length_px
+    assert length_error_px(length_px, sigma_dn) >= RESOLUTION_PX
