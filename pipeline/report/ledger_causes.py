@@ -44,6 +44,37 @@ def blur_amae(inputs: ReportInputs) -> Callable[[Row], str]:
     return cause
 
 
+EXAMPLE_CAUSES = {
+    ("reference", "sigma_dn"): "ours is formed without noise",
+    ("gain_reduced", "sigma_dn"): "lower gain leaves our frame darker, where the tone curve is steeper and raises its "
+    "noise; the paper divides the noise by the gain",
+    ("initial", "sigma_dn"): "another sensor: the paper's robot has 0.1 DN at ISO 100",
+}
+EXAMPLE_COLUMNS = {
+    "detection_score": "another detector on cars of rendered views",
+    "sigma_dn": "estimate of the condition monitor on rendered views",
+    "mtf_at_0.1": "relative to our lens, on rendered views",
+}
+
+
+def worked_examples(inputs: ReportInputs) -> Callable[[Row], str]:
+    """Causes of differences at the operating points of Examples 1 and 2.
+
+    Args:
+        inputs: of the report.
+
+    Returns:
+        function of a row (example, step, column): the cause in words.
+    """
+
+    def cause(row: Row) -> str:
+        if row["example"] == "robot" and row["column"] == "sigma_dn":
+            return EXAMPLE_CAUSES["initial", "sigma_dn"]
+        return EXAMPLE_CAUSES.get((row["step"], row["column"]), EXAMPLE_COLUMNS.get(row["column"], ""))
+
+    return cause
+
+
 def uncorrupted(inputs: ReportInputs) -> Callable[[Row], str]:
     """Causes of differences in the MTF of sharp frames.
 

@@ -207,15 +207,18 @@ ITEMS: tuple[Item, ...] = (
     Item(
         "worked_examples", "Examples 1 and 2: operating points", "worked_examples.csv", ("example", "step"),
         {"exposure_ms": "ms", "iso": "", "sigma_dn": "DN", "mtf_at_0.1": "", "blur_px": "px", "detection_score": ""},
-        "worked_examples", Tolerance(relative=0.05),
+        "worked_examples", Tolerance(relative=0.05), why=ledger_causes.worked_examples,
+        kind=lambda row: DEFINITION if row["column"] in ("exposure_ms", "iso", "blur_px") else EXPERIMENT,
     ),
     Item(
         "controller_ap", "Fig. built-in control and framework: AP", "controller_ap.csv", ("controller",),
         {"car_ap_percent": "%"}, "worked_examples", Tolerance(absolute=2.0), better="higher",
+        barriers=(Barrier("three drives of a robot, another detector; ours are the same rendered views each time"),),
     ),
     Item(
         "controller_response", "Fig. built-in control and framework: response", "controller_response.csv",
         ("controller", "quantity", "time_ms"), {"value": ""}, "worked_examples", Tolerance(relative=0.05),
+        kind=CONSISTENCY,
     ),
 )  # fmt: skip
 TITLES = {item.name: item.title for item in ITEMS}

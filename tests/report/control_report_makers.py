@@ -64,12 +64,14 @@ def make_surface(root: Path, raised: bool = False) -> None:
             ap = 99.0 if raised and row == 1 and column == 2 else 90.0 - 10.0 * (row + column)
             rows.append(
                 {
-                    "fold": -1, "target_sigma_dn": level, "motion_px": motion, "sigma_dn": level + 1.0,
+                    "fold": -1, "level": 0.5, "target_sigma_dn": level, "motion_px": motion, "sigma_dn": level + 1.0,
                     "true_sigma_dn": level, "mtf": 0.9, "ap_percent": ap, "low_percent": ap - 2, "high_percent": ap + 2,
                     "objects": 20, "estimates": 8, "estimates_abstained": row,
                 }
             )  # fmt: skip
-    store.write_table(root / "control_surface/knots.parquet", pd.DataFrame(rows), KNOTS)
+    dark = [{**row, "level": 0.25} for row in rows if row["target_sigma_dn"] == 0.0]
+    dark += [{**row, "target_sigma_dn": 8.0, "ap_percent": row["ap_percent"] - 20.0} for row in dark]
+    store.write_table(root / "control_surface/knots.parquet", pd.DataFrame([*rows, *dark]), KNOTS)
 
 
 def make_examples(root: Path, precision: tuple[float, float, float] = (30.0, 50.0, 70.0)) -> None:

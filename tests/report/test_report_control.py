@@ -167,6 +167,13 @@ def test_the_surface_names_knots_that_rise(tmp_path: Path, section: Section) -> 
     assert "at 10 DN and 15 px" in table.footnotes[0]
 
 
+def test_the_surface_has_one_panel_for_each_brightness(section: Section) -> None:
+    (figure,) = [block for block in section.blocks if isinstance(block, Figure) and block.name == "control_surface"]
+    assert len(figure.drawing.figure.axes) == 3  # two panels and the colour bar
+    assert "at a mean level of 0.5 90 %" in figure.drawing.alt and "at a mean level of 0.25 90 %" in figure.drawing.alt
+    assert {row["level"] for row in _table(section, "control_surface").rows} == {0.5, 0.25}
+
+
 def _study(kept_detector: float = 1.0, noise_hurts: bool = True) -> order_study.Study:
     return order_study.Study(made.study(kept_detector), made.effects(noise_hurts))
 

@@ -17,7 +17,20 @@ from pipeline import store
 from pipeline.errors import InputError
 from pipeline.report import ledger_sources
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import LedgerRow, Tolerance, score, summary_table, to_table, tolerance_of_both
+from pipeline.report.ledger import (
+    CONSISTENCY,
+    DEFINITION,
+    EXPERIMENT,
+    MATCH,
+    NOT_COMPARABLE,
+    NOT_RUN,
+    LedgerRow,
+    Tolerance,
+    score,
+    summary_table,
+    to_table,
+    tolerance_of_both,
+)
 from pipeline.report.ledger_items import ITEMS, UNEXPLAINED, all_rows, rows_of
 from pipeline.report.tables import format_number
 
@@ -173,12 +186,27 @@ def test_a_results_table_with_the_same_keys_is_compared(tmp_path: Path) -> None:
 
 
 def test_a_difference_without_a_cause_says_that_none_is_known(tmp_path: Path) -> None:
-    published = pd.read_csv(PAPER / "controller_ap.csv").assign(car_ap_percent=1.0)
-    published.to_csv(tmp_path / "ap.csv", index=False)
-    rows = rows_of(
-        BY_NAME["controller_ap"], dataclasses.replace(NOTHING, results={"controller_ap": tmp_path / "ap.csv"})
-    )
-    assert {entry.why for entry in rows} == {UNEXPLAINED}
+    published = pd.read_csv(PAPER / "controller_response.csv").assign(value=-1.0)
+    published.to_csv(tmp_path / "response.csv", index=False)
+    inputs = dataclasses.replace(NOTHING, results={"controller_response": tmp_path / "response.csv"})
+    assert {entry.why for entry in rows_of(BY_NAME["controller_response"], inputs)} == {UNEXPLAINED}
+
+
+def test_every_published_number_of_control_has_a_verdict_and_a_reason(tmp_path: Path) -> None:
+    """Ours from the paper's own files, with the measured columns doubled: settings match, the rest has its cause."""
+    for name in ("worked_examples", "controller_ap", "controller_response"):
+        table = pd.read_csv(PAPER / f"{name}.csv")
+        measured = [column for column in ("sigma_dn", "mtf_at_0.1", "detection_score") if column in table]
+        table.assign(**{column: 2 * table[column] for column in measured}).to_csv(tmp_path / f"{name}.csv", index=False)
+    results = {name: tmp_path / f"{name}.csv" for name in ("worked_examples", "controller_ap", "controller_response")}
+    inputs = dataclasses.replace(NOTHING, results=results)
+    rows = [row for name in results for row in rows_of(BY_NAME[name], inputs)]
+    assert len(rows) == 236 and NOT_RUN not in {row.verdict for row in rows}
+    assert all(row.why and row.why != UNEXPLAINED for row in rows if row.verdict != MATCH)
+    assert {row.verdict for row in rows if row.item == "controller_ap"} == {NOT_COMPARABLE}
+    assert {row.kind for row in rows if row.item == "controller_response"} == {CONSISTENCY}
+    kinds = {row.kind for row in rows if row.item == "worked_examples"}
+    assert kinds == {DEFINITION, EXPERIMENT}
 
 
 def test_results_without_a_key_are_refused(tmp_path: Path) -> None:

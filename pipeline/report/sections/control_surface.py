@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from pipeline.report.tables import Column, Table, estimate, pivot, records, tabl
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 STAGE = "control_surface"
 ALL_VIEWPOINTS = -1
@@ -24,15 +25,37 @@ LIGHT_BELOW = 55.0  # AP from which dark numbers are readable on the colour
 
 @style.styled
 def heat_map(knots: pd.DataFrame) -> Drawing:
-    """AP at every measured noise and motion.
+    """AP at every measured noise and motion; one panel for each brightness of the frames.
 
     Args:
         knots: `pipeline.control.tables.KNOTS` of all viewpoints.
     """
-    grid = knots.pivot(index="target_sigma_dn", columns="motion_px", values="ap_percent").sort_index()
-    estimated = knots.groupby("target_sigma_dn")["sigma_dn"].median()
-    figure = style.new_figure(style.ONE_COLUMN_IN * 1.45, 3.1)
-    axes = figure.subplots()
+    levels = sorted(set(knots["level"]), reverse=True)
+    widths = [len(set(knots.loc[knots["level"] == level, "motion_px"])) for level in levels]
+    figure = style.new_figure(style.TWO_COLUMNS_IN if len(levels) > 1 else style.ONE_COLUMN_IN * 1.45, 3.1)
+    panels = figure.subplots(1, len(levels), squeeze=False, width_ratios=widths)[0]
+    image, words = None, []
+    for axes, level in zip(panels, levels, strict=True):
+        own = knots[knots["level"] == level]
+        image = _panel(axes, own)
+        axes.set_title(f"mean level {level:g}", fontsize=6.8)
+        words.append(f"at a mean level of {level:g} {_corners(own)}")
+    panels[0].set_ylabel("noise σ, target (estimated) [DN]")
+    assert image is not None
+    colours = figure.colorbar(image, ax=list(panels), shrink=0.9, pad=0.02)
+    colours.set_label("AP [%]")
+    colours.outline.set_visible(False)
+    alt = f"AP of the controlled camera's detector over noise and motion: {'; '.join(words)}."
+    return Drawing(figure, alt, knots.drop(columns="fold"))
+
+
+def _grid(knots: pd.DataFrame) -> pd.DataFrame:
+    return knots.pivot(index="target_sigma_dn", columns="motion_px", values="ap_percent").sort_index()
+
+
+def _panel(axes: Axes, knots: pd.DataFrame) -> Any:
+    """One heat map; returns what the colour bar is of."""
+    grid, estimated = _grid(knots), knots.groupby("target_sigma_dn")["sigma_dn"].median()
     image = axes.pcolormesh(np.ma.masked_invalid(grid.to_numpy(float)), vmin=0, vmax=100, cmap="viridis", linewidth=0)
     axes.grid(False)
     for row, cells in enumerate(grid.to_numpy(float)):
@@ -41,36 +64,37 @@ def heat_map(knots: pd.DataFrame) -> Drawing:
             axes.text(column + 0.5, row + 0.5, f"{value:.0f}", ha="center", va="center", fontsize=5.8, color=ink)
     axes.set_xticks(np.arange(len(grid.columns)) + 0.5, [f"{motion:g}" for motion in grid.columns])
     axes.set_yticks(np.arange(len(grid.index)) + 0.5, [f"{level:g} ({estimated[level]:.1f})" for level in grid.index])
-    axes.set(xlabel="motion blur [px]", ylabel="noise σ, target (estimated) [DN]")
-    colours = figure.colorbar(image, ax=axes, shrink=0.9, pad=0.02)
-    colours.set_label("AP [%]")
-    colours.outline.set_visible(False)
-    corner = [float(grid.iloc[row, column]) for row, column in ((0, 0), (0, -1), (-1, 0), (-1, -1))]
-    alt = (
-        f"AP of the controlled camera's detector over noise and motion: {corner[0]:.0f} % for a sharp frame at base "
-        f"gain, {corner[1]:.0f} % at {grid.columns[-1]:g} px of motion, {corner[2]:.0f} % at {grid.index[-1]:g} DN, "
-        f"{corner[3]:.0f} % at both."
+    axes.set_xlabel("motion blur [px]")
+    return image
+
+
+def _corners(knots: pd.DataFrame) -> str:
+    grid = _grid(knots)
+    values = grid.to_numpy(float)
+    return (
+        f"{values[0, 0]:.0f} % for a sharp frame with least noise, {values[0, -1]:.0f} % at {grid.columns[-1]:g} px of "
+        f"motion, {values[-1, 0]:.0f} % at {grid.index[-1]:g} DN, {values[-1, -1]:.0f} % at both"
     )
-    return Drawing(figure, alt, knots.drop(columns="fold"))
 
 
 def knot_table(knots: pd.DataFrame) -> Table:
     """AP with its interval at every knot."""
     rows = pivot(
-        knots, ["target_sigma_dn"], "motion_px", estimate("ap_percent", "low_percent", "high_percent"),
+        knots, ["level", "target_sigma_dn"], "motion_px", estimate("ap_percent", "low_percent", "high_percent"),
         lambda motion: f"motion_{motion:g}",
     )  # fmt: skip
-    estimated = knots.groupby("target_sigma_dn")["sigma_dn"].median()
-    abstained = knots.groupby("target_sigma_dn")[["estimates", "estimates_abstained"]].sum()
+    groups = knots.groupby(["level", "target_sigma_dn"])
+    estimated, abstained = groups["sigma_dn"].median(), groups["estimates_abstained"].sum()
     rows = [
         {
             **row,
-            "estimated": float(estimated[row["target_sigma_dn"]]),
-            "abstained": int(abstained.loc[row["target_sigma_dn"], "estimates_abstained"]),
+            "estimated": float(estimated[row["level"], row["target_sigma_dn"]]),
+            "abstained": int(abstained[row["level"], row["target_sigma_dn"]]),
         }
         for row in rows
     ]
     columns = [
+        Column("level", "Mean level", "", 2),
         Column("target_sigma_dn", "Noise", "DN", 0),
         Column("estimated", "estimated", "DN", 1),
         Column("abstained", "Abstained"),
@@ -87,13 +111,18 @@ def knot_table(knots: pd.DataFrame) -> Table:
         else falls,
         f"Mean over the classes, {objects} objects, bootstrap 95 % interval over viewpoints. Noise 0: base gain. "
         "Frames are formed in linear light at constant brightness: the light falls as the gain rises. Policies ask the "
-        "surface of the viewpoints that they are not driven on; the oracle that of its own.",
+        "surface of the viewpoints that they are not driven on; the oracle that of its own. Before it is asked, each "
+        "surface is made monotonic: more noise or motion never raises AP.",
     ]
     return table("control_surface", "Surface that controllers ask: AP by motion blur.", rows, columns, notes, STAGE)
 
 
 def rises(knots: pd.DataFrame) -> list[tuple[float, float]]:
     """Knots (noise, motion) whose AP exceeds, beyond both intervals, that at less noise or shorter motion."""
+    return [found for _, own in knots.groupby("level") for found in _rises(own)]
+
+
+def _rises(knots: pd.DataFrame) -> list[tuple[float, float]]:
     cells = {(row["target_sigma_dn"], row["motion_px"]): row for row in records(knots)}
     levels, motions = (sorted(set(knots[name])) for name in ("target_sigma_dn", "motion_px"))
     found = []
@@ -114,6 +143,7 @@ def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     every = knots[knots["fold"] == ALL_VIEWPOINTS].reset_index(drop=True)
     caption = (
         "The surface that controllers ask. AP of the controlled camera's detector over noise and motion, from frames "
-        "formed in linear light by that camera; noise as set and, in brackets, as the condition monitor estimates it."
+        "formed in linear light by that camera at several mean levels; noise as set and, in brackets, as the condition "
+        "monitor estimates it."
     )
     return [Figure("control_surface", heat_map(every), caption, (STAGE,)), knot_table(every)], []
