@@ -97,6 +97,31 @@ def test_loop_delay_and_a_silent_estimator(seen):
     assert all("silent" in record.decision.reason for record in silent)
 
 
+class _Blind:
+    """A detector that has failed: it finds nothing."""
+
+    def detect(self, images):
+        from pipeline.detection.base import Detections
+
+        return [Detections.of(np.zeros((0, 4)), np.zeros(0), np.zeros(0, dtype=str)) for _ in images]
+
+
+@pytest.mark.parametrize("name", ["mean_intensity", "iopc_optimal", "iopc_continuous", "shin2019"])
+def test_loop_a_failed_detector_leaves_the_state_defined(seen, monkeypatch, name):
+    """Policies do not depend on detections: the same settings follow, and average precision is 0, not missing."""
+    drive, judge = scenario(), Judge(bootstrap_draws=5)
+
+    def states():
+        return run(make_policy(name, {}, CAMERA, performance()), rig(), drive, seen)
+
+    with_detections = states()
+    monkeypatch.setattr("pipeline.control.loop.opened", lambda kind, options: _Blind())
+    without = states()
+    assert [record.decision.state for record in without] == [record.decision.state for record in with_detections]
+    table = evaluation.steps_table(drive, name, 0, without, judge, performance().reference, 1)
+    assert (table["ap_percent"] == 0.0).all()
+
+
 def test_loop_oracle_and_summary(seen):
     names = ("fixed", "oracle")
     drive = scenario()
