@@ -85,7 +85,8 @@ def advise(
         motion = speed_px_s * state.exposure_s
     elif seen.mtf is not None:
         motion = motion_length(seen.mtf, performance.reference).value_px
-    here = performance.expected(sigma, motion) if np.isfinite([sigma, motion]).all() else (nan, nan, nan)
+    level = min(seen.mean_level, performance.level)  # a brighter frame counts as the brightest measured
+    here = performance.expected(sigma, motion, level) if np.isfinite([sigma, motion]).all() else (nan, nan, nan)
     ap, low, high = (float(part) for part in here)
     return Advice(
         exposure_ms=state.exposure_ms,

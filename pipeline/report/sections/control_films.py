@@ -92,6 +92,8 @@ def strip(result: ScenarioResult) -> Drawing:
 
 
 def _panel(axes: Axes, rows: pd.DataFrame, policies: list[str], panel: tuple[str, str, str, bool]) -> None:
+    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator
+
     column, estimated, label, logarithmic = panel
     scene = bool((rows.groupby("step")[column].nunique() <= 1).all()) and column in ("light", "speed_px_s")
     for name in policies[:1] if scene else policies:
@@ -101,8 +103,6 @@ def _panel(axes: Axes, rows: pd.DataFrame, policies: list[str], panel: tuple[str
         if estimated and own[estimated].notna().any():
             axes.plot(own["step"], own[estimated], **(look | ESTIMATED))
     if logarithmic:
-        from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
-
         axes.set_yscale("log", base=2)
         if column == "iso":
             axes.yaxis.set_major_locator(FixedLocator([100.0 * 2.0**stop for stop in range(-2, 9)]))
@@ -117,6 +117,7 @@ def _panel(axes: Axes, rows: pd.DataFrame, policies: list[str], panel: tuple[str
     else:
         axes.set_ylim(0, max(1.15 * axes.get_ylim()[1], 1e-9) if column != "mean_level" else 1.0)
     axes.set_title(label, fontsize=6.4, pad=3)
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.set_xlim(-0.3, float(rows["step"].max()) + 0.3)
 
 
