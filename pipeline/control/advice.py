@@ -86,7 +86,8 @@ def advise(
     elif seen.mtf is not None:
         motion = motion_length(seen.mtf, performance.reference).value_px
     level = min(seen.mean_level, performance.level)  # a brighter frame counts as the brightest measured
-    here = performance.expected(sigma, motion, level) if np.isfinite([sigma, motion]).all() else (nan, nan, nan)
+    true_sigma = float(performance.true_sigma_dn(sigma))
+    here = performance.expected(true_sigma, motion, level) if np.isfinite([sigma, motion]).all() else (nan, nan, nan)
     ap, low, high = (float(part) for part in here)
     return Advice(
         exposure_ms=state.exposure_ms,

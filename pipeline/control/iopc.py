@@ -214,7 +214,7 @@ class IopcPolicy(Policy):
     def _learn(self, observation: Observation, state: CameraState) -> None:
         """Update speed and the ratio of estimated to modelled noise."""
         assert observation.mtf is not None and observation.sigma_dn is not None
-        sigma_dn = float(observation.sigma_dn.value)
+        sigma_dn = float(self.performance.true_sigma_dn(observation.sigma_dn.value))
         modelled = float(model_sigma_dn(self.camera.formation, self._level(observation), state.gain, state.exposure_s))
         ratio = float(np.clip(sigma_dn / modelled, *_RATIO_RANGE))
         self._noise_ratio = math.exp(self._smoothed(_log(self._noise_ratio), math.log(ratio)))

@@ -1,9 +1,9 @@
 """The surface that control asks: average precision over noise and motion, formed by the camera that is controlled.
 
 Frames are formed in linear light at constant brightness: the gain sets the noise (the light falls as the gain rises),
-the speed of the image sets the motion. Noise is every 5 DN up to 40, motion up to 31 px; the noise of a knot is the
-monitor's own median there, so that its bias cancels; its motion is the true one. Small and distant objects count from
-``lowest_px`` on.
+the speed of the image sets the motion. Noise is every 5 DN up to 40, motion up to 31 px; noise and motion of a knot are
+the true ones, and the monitor's median estimates at the knots calibrate its estimates of noise. Small and distant
+objects count from ``lowest_px`` on.
 """
 
 from __future__ import annotations
@@ -194,9 +194,9 @@ def performance(
     answered = np.isfinite(sigma).sum(axis=0)
     asked = sum(bool(np.isfinite(part["mtf"]).any() or np.isfinite(part["sigma"]).any()) for _, part in measured)
     medians = np.array([np.nanmedian(sigma[:, n]) if answered[n] else truth[n] for n in range(levels * sizes)])
-    grid = medians.reshape(levels, sizes)
-    for row in range(1, levels):  # noise grows with the level: estimates that scatter do not fold the surface
-        grid[row] = np.maximum(grid[row], grid[row - 1] + _LEAST_STEP_DN)
+    grid = _rising(truth.reshape(levels, sizes))
+    estimated = _rising(np.median(medians.reshape(levels, sizes), axis=1))
+    calibration = np.stack([estimated, _rising(np.median(grid, axis=1))])
     for number in range(levels * sizes):
         found = [
             Detections.of(*(part[name][part["condition"] == number] for name in ("boxes", "score", "label")))
@@ -210,7 +210,7 @@ def performance(
                 "level": design.target_level,
                 "target_sigma_dn": design.levels_dn[number // sizes],
                 "motion_px": design.sizes_px[number % sizes],
-                "sigma_dn": grid[number // sizes, number % sizes],
+                "sigma_dn": medians[number],
                 "true_sigma_dn": truth[number],
                 "mtf": mtf[number % sizes],
                 "ap_percent": score.ap_percent,
@@ -236,5 +236,14 @@ def performance(
         np.moveaxis(np.stack(draws), 1, 0).reshape(-1, *shape)[:, :, turned],
         0,
     )
-    surface = Surface(cells)
-    return Performance(surface, reference, FREQUENCY_INDEX, design.sizes_px[-1], design.target_level, darker), table
+    longest, level = design.sizes_px[-1], design.target_level
+    return Performance(Surface(cells), reference, FREQUENCY_INDEX, longest, level, darker, calibration), table
+
+
+def _rising(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values that rise along the first axis: noise grows with its level, and scatter does not fold the surface."""
+    rising = np.array(values, dtype=np.float64)
+    rising[0] = np.maximum(rising[0], _LEAST_STEP_DN)
+    for row in range(1, len(rising)):
+        rising[row] = np.maximum(rising[row], rising[row - 1] + _LEAST_STEP_DN)
+    return rising

@@ -1,10 +1,11 @@
 """Average precision expected at a noise and a motion blur: the measured surface as a controller asks it.
 
-The surface (`pipeline.curves.surface`) is over estimated noise and MTF; here its MTF axis is reached through the length
-of linear motion, at a frequency low enough that the MTF falls steadily up to 31 px. It is tabulated once, so that a
-decision costs microseconds. What was not measured is refused (NaN), but for noise below the least measured, which
-counts as that. The table is made monotonic: more noise or motion never raises AP, whatever the scatter of the
-measurement. Surfaces of darker frames may stand beside it; a query at their brightness is interpolated between them.
+The surface (`pipeline.curves.surface`) is over noise and MTF; the monitor's estimates of noise are calibrated by its
+medians at the knots. The MTF axis is reached through the length of linear motion, at a frequency low enough that the
+MTF falls steadily up to 31 px. It is tabulated once, so that a decision costs microseconds. What was not measured is
+refused (NaN), but for noise below the least measured, which counts as that. The table is made monotonic: more noise or
+motion never raises AP, whatever the scatter of the measurement. Surfaces of darker frames may stand beside it; a query
+at their brightness is interpolated between them.
 """
 
 from __future__ import annotations
@@ -53,6 +54,7 @@ class Performance:
         frequency_index: which of the eight frequencies the surface's MTF axis is at.
         longest_px: longest motion measured.
         level: mean encoded level of the frames it was measured on, 0..1.
+        calibration: (2, K) rising noise as the monitor estimates it and as it is, DN; None where they are the same.
         darker: surfaces of darker frames, in any order.
 
     Raises:
@@ -67,6 +69,7 @@ class Performance:
         longest_px: float,
         level: float = 0.5,
         darker: Sequence[Performance] = (),
+        calibration: ArrayLike | None = None,
     ) -> None:
         if not 0 <= frequency_index < 8:
             raise InputError(f"frequency_index is one of 0..7, got {frequency_index!r}")
@@ -74,6 +77,9 @@ class Performance:
         levels = [self.level, *(other.level for other in self.darker)]
         if not 0 < self.level < 1 or any(low >= high for high, low in itertools.pairwise(levels)):
             raise InputError(f"surfaces of darker frames: expected mean levels that fall from {level!r}, got {levels}")
+        self.calibration = np.asarray([[1.0], [1.0]] if calibration is None else calibration, dtype=np.float64)
+        if self.calibration.ndim != 2 or len(self.calibration) != 2 or (np.diff(self.calibration) <= 0).any():
+            raise InputError("surface: calibration holds two rising rows, noise as estimated and as it is")
         self.surface, self.frequency_index, self.longest_px = surface, frequency_index, float(longest_px)
         self.reference = np.asarray(reference, dtype=np.float64)
         known = surface.cells.count > 0
@@ -133,6 +139,18 @@ class Performance:
             parts.append(np.where(inside, np.where(down > _EDGE, upper * (1 - down) + lower * down, upper), np.nan))
         return Expected(*parts)
 
+    def true_sigma_dn(self, estimated_dn: ArrayLike) -> Floats:
+        """Noise that a monitor's estimate stands for: linear between the knots, in proportion beyond them.
+
+        Args:
+            estimated_dn: (...) the monitor's estimate, DN.
+        """
+        given = np.asarray(estimated_dn, dtype=np.float64)
+        estimated, true = self.calibration
+        inside = np.interp(given, estimated, true)
+        scaled = np.where(given < estimated[0], given * true[0] / estimated[0], given * true[-1] / estimated[-1])
+        return np.where((given < estimated[0]) | (given > estimated[-1]), scaled, inside)
+
     def excess(self, sigma_dn: ArrayLike, motion_px: ArrayLike) -> Floats:
         """How far a condition lies outside of the measured region, in fractions of its extent; 0 inside."""
         noise = np.maximum(np.asarray(sigma_dn, float) / self.most_sigma_dn - 1.0, 0.0)
@@ -148,7 +166,7 @@ class Performance:
     def _arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
         cells = {f"cells_{name}": np.asarray(value) for name, value in vars(self.surface.cells).items()}
         numbers = {name: np.asarray(getattr(self, name)) for name in ("frequency_index", "longest_px", "level")}
-        own = {"reference": self.reference, **numbers, **cells}
+        own = {"reference": self.reference, "calibration": self.calibration, **numbers, **cells}
         return {f"{prefix}{name}": value for name, value in own.items()}
 
     @classmethod
@@ -157,8 +175,9 @@ class Performance:
         left_out = int(cells.pop("left_out"))
         numbers = [arrays[f"{prefix}{name}"] for name in ("frequency_index", "longest_px", "level")]
         surface = Surface(Cells(**cells, left_out=left_out))
-        reference = arrays[f"{prefix}reference"]
-        return cls(surface, reference, int(numbers[0]), float(numbers[1]), float(numbers[2]), darker)
+        reference, calibration = (arrays[f"{prefix}{name}"] for name in ("reference", "calibration"))
+        index, longest, level = int(numbers[0]), float(numbers[1]), float(numbers[2])
+        return cls(surface, reference, index, longest, level, darker, calibration)
 
     @classmethod
     def load(cls, path: str | Path) -> Performance:

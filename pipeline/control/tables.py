@@ -11,7 +11,7 @@ KNOTS = Schema(
         "level": "float64",  # mean encoded level of the frames
         "target_sigma_dn": "float64",
         "motion_px": "float64",
-        "sigma_dn": "float64",
+        "sigma_dn": "float64",  # median of the monitor's estimates
         "true_sigma_dn": "float64",
         "mtf": "float64",
         "ap_percent": "float64",

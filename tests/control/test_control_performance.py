@@ -76,3 +76,13 @@ def test_performance_with_darker_ones_is_saved_whole(tmp_path):
     )
     with pytest.raises(InputError, match="darker"):
         Performance(known.surface, known.reference, 0, 31.0, 0.25, [performance()])
+
+
+def test_performance_estimates_of_noise_are_calibrated():
+    bright = performance()
+    known = Performance(bright.surface, bright.reference, 0, 31.0, calibration=[[0.9, 4.3, 9.0], [1.4, 5.0, 10.0]])
+    np.testing.assert_allclose(known.true_sigma_dn([0.9, 4.3, 9.0, 2.6]), [1.4, 5.0, 10.0, 3.2])
+    np.testing.assert_allclose(known.true_sigma_dn([0.45, 18.0]), [0.7, 20.0])
+    np.testing.assert_allclose(bright.true_sigma_dn([0.3, 7.0]), [0.3, 7.0])
+    with pytest.raises(InputError, match="calibration"):
+        Performance(bright.surface, bright.reference, 0, 31.0, calibration=[[2.0, 1.0], [1.0, 2.0]])

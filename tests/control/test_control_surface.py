@@ -52,11 +52,11 @@ def measured(score_falls=True):
 def test_surface_through_measured_knots():
     found, table = surface.performance(measured(), DESIGN, Judge(bootstrap_draws=10), 0, 1)
     assert len(table) == 9 and table["estimates_abstained"].sum() == 1
-    grid = table.pivot(index="target_sigma_dn", columns="motion_px", values="sigma_dn").to_numpy()
-    assert (np.diff(grid, axis=0) > 0).all()  # an estimate that is far off does not fold the surface
-    for row in table[table["motion_px"] != 7].itertuples():  # beside the estimate that is far off the surface is steep
-        answer = float(found.expected(row.sigma_dn, row.motion_px).ap_percent)
+    for row in table.itertuples():
+        answer = float(found.expected(row.true_sigma_dn, row.motion_px).ap_percent)
         assert answer == pytest.approx(row.ap_percent, abs=4)
+    # the monitor's estimates, one of which is far off, calibrate its answers
+    np.testing.assert_allclose(found.true_sigma_dn([1.0, 10.0, 20.0]), [1.0, 10.0, 20.0], atol=0.3)
     assert float(found.expected(1.0, 0.0).ap_percent) > float(found.expected(15.0, 14.0).ap_percent)
 
 

@@ -11,7 +11,7 @@ from pipeline.report.control_results import POLICIES, ScenarioResult, policy_wor
 from pipeline.report.display_names import in_order, listing
 from pipeline.report.spec import Figure
 from pipeline.report.style import Drawing, Look
-from pipeline.report.tables import format_number
+from pipeline.report.tables import format_number, records
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,14 +74,14 @@ def strip(result: ScenarioResult) -> Drawing:
             axes.set_xlabel("frame", fontsize=6.2)
     for down, (name, film) in enumerate(films.items()):
         chosen = sorted(film)[:COLUMNS]
-        states = rows[rows["policy"] == name].set_index("step")
+        states = {row["step"]: row for row in records(rows[rows["policy"] == name])}
         for across, step in enumerate(chosen):
             axes = figure.add_subplot(grid[panel_rows + down, across])
             axes.imshow(_middle(film[step]), cmap="gray", vmin=0, vmax=255)
             style.bare(axes)
-            here = states.loc[step]
+            here = states[step]
             axes.set_xlabel(
-                f"frame {step}: {format_number(float(here['exposure_ms']), 1)} ms, ISO {here['iso']:.0f}, "
+                f"frame {step}: {format_number(here['exposure_ms'], 1)} ms, ISO {here['iso']:.0f}, "
                 f"AP {here['ap_percent']:.0f} %",
                 fontsize=5.6, labelpad=2,
             )  # fmt: skip
