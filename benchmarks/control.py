@@ -19,6 +19,7 @@ import argparse
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,17 +64,21 @@ def radiance(number: int = 0) -> np.ndarray:
 
 
 def surface() -> Performance:
-    """A surface with the knots of the default one, from a formula: a decision costs the same on any."""
+    """Surfaces of three brightnesses with the default ones' knots, from a formula: decisions cost the same on any."""
+    darker = [_surface(level, np.array([0.0, 7, 12, 20]), np.array([0.0, 7, 15, 31])) for level in (0.3, 0.18)]
+    return _surface(0.5, np.arange(0.0, 41.0, 5.0), np.array([0.0, 3, 7, 11, 15, 21, 31]), darker)
+
+
+def _surface(level: float, sigmas: np.ndarray, sizes: np.ndarray, darker: Sequence[Performance] = ()) -> Performance:
     reference = np.tile(np.exp(-2.0 * CYCLES_PER_PX), (2, 1))
-    levels, sizes = np.arange(0.0, 41.0, 5.0), np.array([0.0, 3, 7, 11, 15, 21, 31])
     mtf = motion_mtf(sizes, reference, 0)[::-1]
-    shape = (len(levels), len(sizes))
-    sigma = np.repeat(levels[:, None] + 1.0, len(sizes), 1)
-    precision = 95.0 * np.exp(-sigma / 30.0 - (sizes[None, ::-1] / 14.0) ** 2)
+    shape = (len(sigmas), len(sizes))
+    sigma = np.repeat(sigmas[:, None] + 1.0, len(sizes), 1)
+    precision = 190.0 * level * np.exp(-sigma / 30.0 - (sizes[None, ::-1] / 14.0) ** 2)
     draws = np.clip(precision[None] + np.linspace(-3, 3, 300)[:, None, None], 0, 100)
     spread = np.broadcast_to(mtf, shape).copy()
-    cells = Cells(levels, mtf, np.ones(shape, dtype=np.int64), sigma, spread, precision, draws, 0)
-    return Performance(Surface(cells), reference, 0, float(sizes[-1]))
+    cells = Cells(sigmas, mtf, np.ones(shape, dtype=np.int64), sigma, spread, precision, draws, 0)
+    return Performance(Surface(cells), reference, 0, float(sizes[-1]), level, darker)
 
 
 def observation(monitor: Any) -> Observation:

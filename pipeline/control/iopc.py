@@ -190,7 +190,8 @@ class IopcPolicy(Policy):
         """
         index, action = self.best(among)
         kept = state if self.chooses_brightness else self.limits.at_time(total, state.exposure_s)
-        here = float(self.expect(observation, state, [kept]).ap_percent[0])
+        known = among.ap_percent[among.states.index(kept)] if kept in among.states else None
+        here = float(self.expect(observation, state, [kept]).ap_percent[0] if known is None else known)
         return Choice(index, among.states[index], action, float(among.ap_percent[index]), kept, here)
 
     def held(self, state: CameraState, factor: float, choice: Choice) -> CameraState:

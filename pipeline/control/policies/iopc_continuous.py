@@ -1,6 +1,6 @@
 """The split with the highest expected average precision, every frame, made fit for a robot.
 
-Four additions to `iopc_optimal`: hysteresis (a change must promise a point), a rate limit, a hard cap on motion blur at
+Four additions to `iopc_optimal`: hysteresis (a change must promise two points), a rate limit, a hard cap on motion blur at
 the upper end of its interval (``t <= d_max / v``), and exposure times in whole periods of lamp flicker.
 """
 
@@ -43,7 +43,7 @@ class IopcContinuous(IopcPolicy):
         target: float | None = 0.5,
         tolerance: float = 0.1,
         smoothing: float = 0.6,
-        hysteresis_percent: float = 1.0,
+        hysteresis_percent: float = 2.0,
         stops_per_frame: float = 2.0,
         max_motion_px: float = 20.0,
         lamp_hz: float = 0.0,
