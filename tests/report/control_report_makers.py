@@ -77,8 +77,8 @@ def make_surface(root: Path, raised: bool = False) -> None:
 def make_examples(root: Path, precision: tuple[float, float, float] = (30.0, 50.0, 70.0)) -> None:
     """Examples whose response is the published one, 0.03 ms off."""
     folder = root / "worked_examples"
-    names = [("sim_yolov4_car", "reference"), ("sim_yolov4_car", "corrupted"), ("robot", "initial")]
-    names += [("robot", "final"), ("robot", "built_in_10"), ("robot", "built_in_18")]
+    names = [("sim_yolov4_car", "reference"), ("sim_yolov4_car", "corrupted"), ("sim_yolov4_car", "final")]
+    names += [("robot", "initial"), ("robot", "final"), ("robot", "built_in_10"), ("robot", "built_in_18")]
     steps = [
         {
             "example": example, "step": step, "exposure_ms": 4.0, "iso": 100.0 * number + 100.0, "sigma_dn": 5.0,

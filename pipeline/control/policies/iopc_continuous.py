@@ -1,7 +1,7 @@
 """The split with the highest expected average precision, every frame, made fit for a robot.
 
-Four additions to `iopc_optimal`: hysteresis (a change must promise two points), a rate limit, a hard cap on motion blur at
-the upper end of its interval (``t <= d_max / v``), and exposure times in whole periods of lamp flicker.
+Four additions to `iopc_optimal`: hysteresis (a change must promise two points), a rate limit, a hard cap on motion blur
+at the upper end of its interval (``t <= d_max / v``), and exposure times in whole periods of lamp flicker.
 """
 
 from __future__ import annotations
