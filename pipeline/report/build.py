@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.report import page, provenance, style, table_formats
+from pipeline.report import page, provenance, style, table_formats, training_budget
+from pipeline.report.display_names import qualified
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import Score, score, summary_table, to_table
 from pipeline.report.ledger_items import TITLES, all_rows
@@ -17,6 +18,7 @@ from pipeline.report.sections import (
     control,
     datasets,
     detection,
+    disclosure,
     formation,
     noise,
     optics,
@@ -29,6 +31,7 @@ from pipeline.store import replacing_folder, write_text
 
 SECTIONS = (
     claims.section,
+    disclosure.section,
     datasets.section,
     formation.section,
     optics.section,
@@ -72,7 +75,11 @@ def build(inputs: ReportInputs, out_dir: str | Path) -> Score:
     Raises:
         InputError: a stage's file is broken or incomplete. A stage that has not run is no error: it is shown as such.
     """
-    out = Path(out_dir)
+    with qualified(training_budget.names(inputs)):
+        return _build(inputs, Path(out_dir))
+
+
+def _build(inputs: ReportInputs, out: Path) -> Score:
     rows = all_rows(inputs)
     sections = [one for make in SECTIONS if (one := make(inputs, rows)) is not None]
     blocks = [block for section in sections for block in section.blocks]

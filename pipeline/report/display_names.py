@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 DATASETS = {
@@ -53,12 +55,27 @@ DETECTORS = {
     "faster_rcnn": "Faster R-CNN",
 }
 CLASSES = {"car": "Car", "person": "Person", "bicycle": "Bicycle", "pedestrian": "Pedestrian"}
+_QUALIFIED: ContextVar[Mapping[str, str]] = ContextVar("qualified names")
 _WORDS = {**EXPERIMENTS, **DETECTORS, **CLASSES, **DATASETS, **ESTIMATORS, **EFFECTS, **BLURS}
 
 
 def word(name: str) -> str:
     """The word for a name; a name not listed here is shown as it is, with spaces for underscores."""
-    return _WORDS.get(name, name.replace("_", " "))
+    return _QUALIFIED.get({}).get(name) or _WORDS.get(name, name.replace("_", " "))
+
+
+@contextmanager
+def qualified(names: Mapping[str, str]) -> Iterator[None]:
+    """Replaces the words for some names while a report is built.
+
+    Args:
+        names: name -> its word with what has to be known at every place where it stands.
+    """
+    token = _QUALIFIED.set(names)
+    try:
+        yield
+    finally:
+        _QUALIFIED.reset(token)
 
 
 def in_order(names: Iterable[Any], order: Iterable[Any] = ()) -> list[Any]:

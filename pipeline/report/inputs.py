@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import tables
 from pipeline.errors import InputError
-from pipeline.report.display_names import DATASETS, PAPER_NAMES, in_order
+from pipeline.report.display_names import DATASETS, PAPER_NAMES, in_order, listing, word
 from pipeline.store import Schema, read_arrays, read_json, read_table
 
 if TYPE_CHECKING:
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 SYSTEM, CAMERA, GENERIC_LENS = "system", "camera", "generic lens"
 """What an MTF is relative to: nothing (the whole system's), this camera's sharp frames, or a generic lens."""
+
+EXACT = "exact"
+"""Mode of PMP and GBB that gives what the original programs give."""
 
 NO_STAGE = "(no stage of this version makes it)"
 
@@ -73,6 +76,7 @@ class ReportInputs:
         runs: stage -> the command that reproduces it, where that is not ``dvc repro <stage>``.
         relative: blur estimator -> what its MTF is relative to (`CAMERA`, `GENERIC_LENS`), see `relative_to`; `SYSTEM`
             for those not named.
+        modes: blur estimator -> its mode where that is not the exact one, see `mode_of`.
         seed: root of the bootstrap's random streams.
     """
 
@@ -109,6 +113,7 @@ class ReportInputs:
     profile: str = "default"
     runs: Mapping[str, str] = field(default_factory=dict)
     relative: Mapping[str, str] = field(default_factory=dict)
+    modes: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
 
     def line(self, stage: str) -> str:
@@ -140,6 +145,21 @@ def relative_to(settings: Mapping[str, Any]) -> str:
     if settings.get("camera_samples") is not None:
         return CAMERA
     return GENERIC_LENS if settings.get("options", {}).get("answer") == "added" else SYSTEM
+
+
+def mode_of(settings: Mapping[str, Any]) -> str:
+    """Mode of a blur estimator that has several, e.g. ``"fast"``; empty for the exact one and where there is one."""
+    mode = str(settings.get("options", {}).get("mode", EXACT))
+    return "" if mode == EXACT else mode
+
+
+def mode_note(modes: Mapping[str, str], estimators: Iterable[str]) -> str:
+    """A sentence on estimators shown that do not run as the paper ran them; empty without any."""
+    names = [name for name in modes if name in set(estimators)]
+    if not names:
+        return ""
+    shown = listing(f"{word(name)} in {modes[name]} mode" for name in names)
+    return f"{shown}: faster than the paper's programs and not the same numbers."
 
 
 def existing(path: Path | None) -> Path | None:

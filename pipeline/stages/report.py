@@ -29,13 +29,14 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.report.build import build
-    from pipeline.report.inputs import SYSTEM, ReportInputs, relative_to
+    from pipeline.report.inputs import SYSTEM, ReportInputs, mode_of, relative_to
     from pipeline.report.sections.runtime import COMMAND
 
     params = run.params
     data = run.inputs / "data"
     listed = list(params.datasets)
     relative = {name: relative_to(section.model_dump()) for name, section in params.blur.estimators.items()}
+    modes = {name: mode_of(section.model_dump()) for name, section in params.blur.estimators.items()}
     absent = {name: line for name, line in params.report.not_run.items() if name not in listed}
     inputs = ReportInputs(
         paper=run.project / "data/paper",
@@ -80,6 +81,7 @@ def run(run: Run) -> None:
         profile=params.profile,
         runs={"runtime": COMMAND},
         relative={name: to for name, to in relative.items() if to != SYSTEM},
+        modes={name: mode for name, mode in modes.items() if mode},
         seed=params.seed,
     )
     score = build(inputs, run.outputs / "reports")

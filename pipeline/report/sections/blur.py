@@ -12,7 +12,7 @@ from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves,
 from pipeline.report import blur_records, style
 from pipeline.report.display_names import ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import PAPER, Facet, abstentions, beside_the_paper, lines, small_multiples
-from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, described, published
+from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, described, mode_note, published
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.ledger_sources import lenses, star_curve
 from pipeline.report.sections import blur_amae, kernel_gallery
@@ -128,19 +128,22 @@ def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInp
     )
     if stars:
         caption += " Black: the MTF of Sim, measured on its Siemens star."
+    caption = f"{caption} {mode_note(inputs.modes, curves['estimator'])}".strip()
     drawing = uncorrupted(curves, datasets, published(inputs, "uncorrupted_mtf.csv"), stars)
     return Figure("uncorrupted_mtf", drawing, caption, _stages(curves) + (("star",) if stars else ()))
 
 
 def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block]:
     paper = published(inputs, "blur_amae.csv")
-    blocks: list[Block] = blur_amae.figures(summary, datasets, paper, _stages, inputs.relative)
+    blocks: list[Block] = blur_amae.figures(summary, datasets, paper, _stages, inputs.relative, modes=inputs.modes)
     if not blocks:
         return [NotRun("Table I: AMAE of blur estimators", "stage absent", inputs.line(ANY_STAGE))]
     for dataset in datasets:
         for is_calibrated in (False, True):
             if ((summary["dataset"] == dataset) & (summary["calibrated"] == is_calibrated)).any():
-                blocks.append(blur_amae.table_one(dataset, summary, paper, is_calibrated, inputs.relative))
+                blocks.append(
+                    blur_amae.table_one(dataset, summary, paper, is_calibrated, inputs.relative, inputs.modes)
+                )
     extra = (blur_amae.beside_the_best(summary, paper), unseen(inputs))
     return [*blocks, *(one for one in extra if one is not None)]
 

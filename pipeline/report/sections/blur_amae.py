@@ -13,7 +13,7 @@ from pipeline.grouped_statistics import weighted_mean
 from pipeline.report import style
 from pipeline.report.display_names import BLURS, DATASETS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import PAPER, Facet, beside_the_paper, lines, small_multiples
-from pipeline.report.inputs import CAMERA, GENERIC_LENS
+from pipeline.report.inputs import CAMERA, GENERIC_LENS, mode_note
 from pipeline.report.spec import Block, Figure
 from pipeline.report.style import Drawing
 from pipeline.report.tables import (
@@ -142,6 +142,7 @@ def figures(
     stages: Callable[[pd.DataFrame], tuple[str, ...]],
     relative: Mapping[str, str],
     prefix: str = "",
+    modes: Mapping[str, str] | None = None,
 ) -> list[Block]:
     """A figure of raw estimates and one of calibrated ones, where there are any.
 
@@ -152,6 +153,7 @@ def figures(
         stages: (rows shown) -> stages that made them.
         relative: estimator -> what its MTF is relative to (`pipeline.report.inputs.relative_to`).
         prefix: before names and captions, e.g. ``"recorded"``.
+        modes: see `ReportInputs`.
     """
     blocks: list[Block] = []
     for is_calibrated in (False, True):
@@ -164,8 +166,10 @@ def figures(
             "resampled. "
             f"Dashed: the paper's Table I{', which is not calibrated' if is_calibrated else ''}.",
             *_notes(relative, in_order(own["estimator"], ESTIMATORS), is_calibrated),
+            mode_note(modes or {}, own["estimator"]),
         ]
-        text = f"{prefix.capitalize()}: {' '.join(caption)}" if prefix else " ".join(caption)
+        words = " ".join(filter(None, caption))
+        text = f"{prefix.capitalize()}: {words}" if prefix else words
         name = "_".join(part for part in (prefix, "blur_amae", "calibrated" if is_calibrated else "") if part)
         blocks.append(Figure(name, curves(own, datasets, paper), text, stages(own)))
     return blocks
@@ -179,7 +183,12 @@ def _blur(row: Row) -> str:
 
 
 def table_one(
-    dataset: str, summary: pd.DataFrame, paper: pd.DataFrame | None, is_calibrated: bool, relative: Mapping[str, str]
+    dataset: str,
+    summary: pd.DataFrame,
+    paper: pd.DataFrame | None,
+    is_calibrated: bool,
+    relative: Mapping[str, str],
+    modes: Mapping[str, str] | None = None,
 ) -> Table:
     """Table I of one dataset: a row for each kind and size of blur, a column for each estimator, and their means.
 
@@ -189,6 +198,7 @@ def table_one(
         paper: the paper's Table I, shown beside raw estimates, which are what the paper prints.
         is_calibrated: show estimates divided by those for sharp frames.
         relative: estimator -> what its MTF is relative to.
+        modes: see `ReportInputs`.
     """
     cells = with_paper(summary[summary["dataset"] == dataset], paper)
     cells = ordered(cells[cells["calibrated"] == is_calibrated], kind=[SHARP, *BLURS], size_px=())
@@ -218,7 +228,7 @@ def table_one(
         notes.append("None (sharp): against the MTF of lens and pixels, measured on the Siemens star.")
     if is_calibrated:
         notes.append("Calibrated: each estimate divided by the same camera's estimate for its own sharp frames.")
-    notes += _notes(relative, estimators, is_calibrated)
+    notes += [*_notes(relative, estimators, is_calibrated), *filter(None, [mode_note(modes or {}, estimators)])]
     if cells["paper_percent"].notna().any():
         beside = (
             "Its Sim frames are the authors', ours are rendered here: set beside each other, not compared."
@@ -257,7 +267,7 @@ def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame | None) -> Table 
             cells = theirs.get((row["dataset"], row["kind"], row["size_px"]))
             if row["dataset"] == dataset and cells:
                 best = min(cells, key=lambda name, cells=cells: (cells[name], name))  # type: ignore[misc]
-                own.append({**row, "cnn": cells.get("cnn"), "best": cells[best], "which": word(best)})
+                own.append({**row, "cnn": cells.get("cnn"), "best": cells[best], "which": ESTIMATORS[best]})
         if own:
             means = {name: mean_cell([row.get(name) for row in own]) for name in own[0] if name != "size_px"}
             rows += [*own, {**means, "dataset": dataset, "kind": MEAN}]

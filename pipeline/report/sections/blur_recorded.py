@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from pipeline.report import blur_records
 from pipeline.report.display_names import ESTIMATORS, in_order, word
-from pipeline.report.inputs import SYSTEM, ReportInputs, published, relative_to
+from pipeline.report.inputs import SYSTEM, ReportInputs, mode_note, mode_of, published, relative_to
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import blur, blur_amae
 from pipeline.report.spec import Block, Figure, Section
@@ -42,6 +42,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     datasets = [one.dataset for one in recordings]
     settings = {name: own for one in recordings for name, own in one.said["blur"]["estimators"].items()}
     relative = {name: to for name, own in settings.items() if (to := relative_to(own)) != SYSTEM}
+    modes = {name: mode for name, own in settings.items() if (mode := mode_of(own))}
     sources = [
         {
             "dataset": one.dataset,
@@ -66,21 +67,21 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     ]
     curves = [one.sharp for one in recordings if len(one.sharp)]
     if curves:
-        paper = published(inputs, "uncorrupted_mtf.csv")
+        paper, slow = published(inputs, "uncorrupted_mtf.csv"), mode_note(modes, settings)
         caption = (
             "Recorded: uncorrupted datasets. Median (line) and range of the inliers (band) of the MTF over patches of "
-            "sharp frames. Dashed: the paper's medians, which it publishes for the horizontal direction."
+            f"sharp frames. Dashed: the paper's medians, which it publishes for the horizontal direction. {slow}".rstrip()
         )
         drawing = blur.uncorrupted(pd.concat(curves, ignore_index=True), datasets, paper)
         blocks.append(Figure("recorded_uncorrupted_mtf", drawing, caption))
     summary = pd.concat([one.summary for one in recordings], ignore_index=True)
     paper = published(inputs, "blur_amae.csv")
-    blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), relative, "recorded")
+    blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), relative, "recorded", modes)
     for one in recordings:
         for is_calibrated in (False, True):
             if (one.summary["calibrated"] == is_calibrated).any():
                 blurred = blur_amae.without_unknown_lenses(one.summary)
-                shown = blur_amae.table_one(one.dataset, blurred, paper, is_calibrated, relative)
+                shown = blur_amae.table_one(one.dataset, blurred, paper, is_calibrated, relative, modes)
                 blocks.append(_recorded(shown, (*shown.footnotes, FRAMES)))
     beside = blur_amae.beside_the_best(summary, paper)
     if beside is not None:

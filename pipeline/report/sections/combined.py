@@ -274,7 +274,7 @@ def _figures(blur: pd.DataFrame, noise: pd.DataFrame, datasets: Sequence[str], i
             suffix, how = ("_calibrated", ", calibrated") if is_calibrated else ("", "")
             caption = (
                 f"Error of {word(estimator[0])} over the noise level{how}, coloured by the size of the blur; band: "
-                "bootstrap 95 % interval. Dashed: the paper's CNN on Udacity, where it prints numbers."
+                "95 % interval, frames resampled. Dashed: the paper's CNN on Udacity, where it prints numbers."
             )
             stages = tuple(STAGE.format(dataset=dataset) for dataset in datasets)
             blocks.append(Figure(f"combined_amae{suffix}", amae_figure(own, datasets, paper), caption, stages))

@@ -17,7 +17,7 @@ from pipeline.camera import mtf
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.display_names import BLURS, ESTIMATORS, counted, in_order, listing, word
-from pipeline.report.inputs import GENERIC_LENS, ReportInputs, described, members, optional
+from pipeline.report.inputs import GENERIC_LENS, ReportInputs, described, members, mode_note, optional
 from pipeline.report.sections.blur_amae import STAGE
 from pipeline.report.spec import Block, Figure, NotRun
 from pipeline.report.style import Drawing
@@ -286,7 +286,8 @@ def blocks(estimates: pd.DataFrame, datasets: Sequence[str], inputs: ReportInput
         caption = (
             f"Kernels estimated in one patch of {word(dataset)}. Corrupted: the middle of the blurred patch. True and "
             "estimated kernels share a scale, its width in pixels beneath the true one; beneath an estimate, the AMAE "
-            "of this patch alone. Curves: MTF, horizontal (H) and vertical (V), the ground truth in black."
+            "of this patch alone. Curves: MTF, horizontal (H) and vertical (V), the ground truth in black. "
+            + mode_note(inputs.modes, names)
         )
         stages = tuple(STAGE.format(dataset=dataset, estimator=name) for name in names)
         made.append(Figure(f"kernel_estimates_{dataset}", drawing, caption, stages))

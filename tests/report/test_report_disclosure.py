@@ -1,0 +1,75 @@
+"""Disclosure: shares of the paper's training, modes, the upright prior and light are stated with their size."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from report_makers import ABSENT, REPO
+
+from pipeline import store
+from pipeline.report import training_budget
+from pipeline.report.display_names import ESTIMATORS, qualified, word
+from pipeline.report.inputs import ReportInputs, mode_note, mode_of
+from pipeline.report.ledger_items import ITEMS, rows_of
+from pipeline.report.sections import disclosure
+
+NOTHING = ReportInputs(paper=REPO / "data/paper", absent=ABSENT)
+TRAINED = dataclasses.replace(NOTHING, weights=REPO / "data/weights")
+
+
+@pytest.mark.parametrize(
+    ("percent", "words"), [(0.6438, "0.7"), (0.6, "0.6"), (2.01, "3"), (12.3, "13"), (9.2, "10"), (0.0312, "0.04")]
+)
+def test_shares_are_rounded_up(percent: float, words: str) -> None:
+    assert training_budget.in_words(percent) == f"at most {words} % of the paper’s samples"
+
+
+def test_shares_follow_from_the_record_of_the_training() -> None:
+    percents = training_budget.percents(TRAINED)
+    assert set(percents) == set(training_budget.PAPER_SAMPLES)
+    curve = pd.read_csv(REPO / "data/weights/mtf_cnn.csv")
+    samples = percents["mtf_cnn"] / 100 * training_budget.PAPER_SAMPLES["mtf_cnn"]
+    assert samples == pytest.approx(32 * curve["step"].max())  # the paper's batch
+    assert training_budget.percents(NOTHING) == {}
+
+
+def test_the_name_of_the_papers_networks_carries_the_share_wherever_it_stands() -> None:
+    names = training_budget.names(TRAINED)
+    largest = training_budget.in_words(max(training_budget.percents(TRAINED).values()))
+    assert names == {"cnn": f"CNN ({largest})"}
+    item = next(item for item in ITEMS if item.name == "blur_amae")
+    with qualified(names):
+        assert word("cnn") == names["cnn"] and word("pmp") == "PMP"
+        rows = rows_of(item, TRAINED)
+    assert sum(names["cnn"] in row.quantity for row in rows) == 45
+    assert word("cnn") == ESTIMATORS["cnn"]
+
+
+def test_a_mode_that_is_not_exact_is_named() -> None:
+    assert mode_of({"options": {"mode": "fast"}}) == "fast"
+    assert mode_of({"options": {"mode": "exact"}}) == mode_of({"options": {}}) == mode_of({}) == ""
+    note = mode_note({"pmp": "fast", "gbb": "fast"}, ["gbb", "cnn"])
+    assert note.startswith("GBB in fast mode") and mode_note({"pmp": "fast"}, ["cnn"]) == ""
+
+
+def test_the_section_states_sizes_where_they_were_measured(tmp_path: Path) -> None:
+    bare = "\n".join(disclosure.section(NOTHING).text)
+    assert "upright prior" in bare and "encoded grey levels" in bare and "order study" not in bare
+    for name, error in (("base", 7.0), ("isotropic", 7.5)):
+        store.write_json(tmp_path / f"{name}.json", {"mtf_error_percent": error})
+    (tmp_path / "order_study").mkdir()
+    rows = [
+        {"order": order, "light": light, "target_sigma_dn": sigma, "amae_percent": amae, "ap_percent": 10 * amae}
+        for light, amae in (("encoded", 2.0), ("linear", 3.0))
+        for order in ("paper", "detector")
+        for sigma in (5.0, 15.0)
+    ]
+    pd.DataFrame(rows).to_parquet(tmp_path / "order_study/study.parquet")
+    full = dataclasses.replace(TRAINED, ablation=tmp_path, control=tmp_path, modes={"pmp": "fast"})
+    text = "\n".join(disclosure.section(full).text)
+    assert "7.00 and 7.50 %" in text and "PMP in fast mode" in text
+    assert "AMAE is 2.0 in encoded and 3.0 % in linear light" in text
+    assert "Blur: CNN saw 44,800 samples" in text
