@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from pipeline.noise import real_noise
-from pipeline.report import recorded_noise, recorded_sensor
+from pipeline.report import real_noise_records as files
 from pipeline.store import read_json
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -21,11 +21,11 @@ TILES = 16  # 128 px patches of 512 x 512 px
 
 @pytest.fixture(scope="module")
 def summary() -> pd.DataFrame:
-    return pd.read_csv(NOISE / recorded_noise.SUMMARY_FILE).set_index(["dataset", "estimator"])
+    return pd.read_csv(NOISE / files.SUMMARY_FILE).set_index(["dataset", "estimator"])
 
 
 def test_every_estimator_is_measured_on_every_patch() -> None:
-    patches = pd.read_csv(NOISE / recorded_noise.PATCHES_FILE, keep_default_na=False, na_values=[""])
+    patches = pd.read_csv(NOISE / files.PATCHES_FILE, keep_default_na=False, na_values=[""])
     assert list(patches.columns) == ["dataset", *real_noise.COLUMNS]
     counts = patches.groupby(["dataset", "estimator"]).size()
     for dataset, (_, pictures) in PAIRS.items():
@@ -33,8 +33,8 @@ def test_every_estimator_is_measured_on_every_patch() -> None:
 
 
 def test_the_summary_is_that_of_the_patches(summary: pd.DataFrame) -> None:
-    patches = pd.read_csv(NOISE / recorded_noise.PATCHES_FILE)
-    provenance = read_json(NOISE / recorded_noise.PROVENANCE_FILE)
+    patches = pd.read_csv(NOISE / files.PATCHES_FILE)
+    provenance = read_json(NOISE / files.PROVENANCE_FILE)
     for dataset in PAIRS:
         table = patches[patches["dataset"] == dataset]
         again = real_noise.summarise(table, provenance["seed"], provenance["bootstrap_draws"]).set_index("estimator")
@@ -52,10 +52,10 @@ def test_the_default_estimator_stays_below_the_bar(
 
 
 def test_pictures_are_named_by_hash_and_none_is_kept() -> None:
-    for folder, file in ((NOISE, recorded_noise.PROVENANCE_FILE), (SENSOR, recorded_sensor.PROVENANCE_FILE)):
+    for folder, file in ((NOISE, files.PROVENANCE_FILE), (SENSOR, files.RAW_PROVENANCE_FILE)):
         provenance = read_json(folder / file)
         assert "licence" in provenance["source"]
-        assert sorted(path.suffix for path in folder.iterdir()) == [".csv", ".csv", ".json"]
+        assert {path.suffix for path in folder.iterdir()} == {".csv", ".json"}
         names = [name for files in provenance.get("datasets", provenance.get("frames")).values() for name in files]
         assert names and "/" not in "".join(names)
 
@@ -65,14 +65,23 @@ def test_hashes_are_those_of_the_pictures(dataset: str) -> None:
     folder = ROOT.parent / "shared/realdata" / PAIRS[dataset][0]
     if not folder.is_dir():
         pytest.skip(f"{folder.name}: the pictures are not part of the project")
-    for name, digest in read_json(NOISE / recorded_noise.PROVENANCE_FILE)["datasets"][dataset].items():
+    for name, digest in read_json(NOISE / files.PROVENANCE_FILE)["datasets"][dataset].items():
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest, name
 
 
 def test_colour_planes_of_a_sensor_agree() -> None:
     """Gain and dark noise belong to the amplifier that all colours share."""
-    transfer = pd.read_csv(SENSOR / recorded_sensor.TRANSFER_FILE)
+    transfer = pd.read_csv(SENSOR / files.TRANSFER_FILE)
     gain = transfer["gain_dn_per_e"]
     assert np.ptp(gain) < 4 * transfer["gain_error"].max() and gain.between(0.03, 0.06).all()
     assert transfer["dark_sigma_e"].between(5, 15).all()
-    assert (pd.read_csv(SENSOR / recorded_sensor.DARK_FILE)["slope_dn_per_s"] > 0).all()
+    assert (pd.read_csv(SENSOR / files.DARK_FILE)["slope_dn_per_s"] > 0).all()
+
+
+def test_noise_of_raw_frames_is_estimated_as_white() -> None:
+    """Raw noise follows photon transfer; the default estimator treats it as white and is right on it."""
+    summary = pd.read_csv(SENSOR / files.RAW_SUMMARY_FILE).set_index("estimator")
+    assert summary.loc["adaptive", "true_mae_dn"] < 0.25 and summary.loc["adaptive", "answered_fraction"] > 0.95
+    patches = pd.read_csv(SENSOR / files.RAW_PATCHES_FILE)
+    assert patches["true_sigma_dn"].between(0.6, 1.5).all()
+    assert patches.loc[patches["estimator"] == "adaptive", "correlation"].abs().median() < 0.1

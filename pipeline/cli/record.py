@@ -73,16 +73,24 @@ def noise_command(
 @click.option("--white-dn", default=255.0, show_default=True, help="grey value of saturation")
 @click.option("--source", required=True, help="where the frames come from: revision and licence, for the record")
 @click.option("--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced")
-def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: Path) -> None:
+@click.option(
+    "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
+)
+def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: Path, workers: int) -> None:
     """Measure gain, dark noise and dark current of a sensor from raw frames, after EMVA 1288.
 
-    Prints, per colour plane, the system gain in DN per electron with its standard error, the dark noise and the
-    saturation in electrons.
+    Noise estimators run on patches of the frames, whose noise follows the photon transfer. Prints, per colour plane,
+    the system gain in DN per electron with its standard error, the dark noise and the saturation in electrons.
     """
+    from functools import partial
+
+    from pipeline.executor import run_map
+    from pipeline.noise.real_noise import ESTIMATORS
     from pipeline.report.recorded_sensor import record
 
+    rows = record(light, dark, white_dn, ESTIMATORS, out, source, partial(run_map, workers=workers))
     click.echo(f"{'plane':5} {'gain DN/e':>9} {'error':>7} {'dark noise e':>12} {'saturation e':>12}")
-    for row in record(light, dark, white_dn, out, source).to_dict("records"):
+    for row in rows.to_dict("records"):
         click.echo(
             f"{row['plane']:5} {row['gain_dn_per_e']:9.4f} {row['gain_error']:7.4f} {row['dark_sigma_e']:12.1f}"
             f" {row['saturation_e']:12.0f}"

@@ -51,6 +51,7 @@ def _problems(config: Any) -> Iterator[str]:
     for key, group, entries in (
         ("datasets", "datasets", config.datasets),
         ("noise.estimators", "noise", config.noise.estimators),
+        ("real_noise.estimators", "noise", config.real_noise.estimators),
         ("blur.estimators", "blur", config.blur.estimators),
         ("detection.detectors", "detection", config.detection.detectors),
         ("control.policies", "control", config.control.policies),
@@ -106,6 +107,9 @@ def _paths(config: Any) -> Iterator[str]:
             yield f"datasets.{name}.root={root}: no such folder; see data/raw/README.md for what goes where"
         if dataset.whitelist is not None and not Path(dataset.whitelist).is_file():
             yield f"datasets.{name}.whitelist={dataset.whitelist}: no such file"
+    for name, recording in config.real_noise.recordings.items():
+        if recording.folder is not None and not Path(recording.folder).is_dir():
+            yield f"real_noise.recordings.{name}.folder={recording.folder}: no such folder; null leaves it out"
     for name, detector in config.detection.detectors.items():
         weights = detector.weights
         if weights and not _may_be_made(weights, config.root) and not Path(weights).is_file():

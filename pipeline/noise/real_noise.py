@@ -170,19 +170,30 @@ def measure(pair: Pair, estimators: Mapping[str, NoiseEstimator], tile_px: int =
     tables = []
     for name, estimator in estimators.items():
         answer, of_mean = estimator.estimate(photograph), estimator.estimate(reference)
-        columns = {
-            "estimator": name,
-            "sigma_dn": answer.sigma_dn,
-            "low_dn": answer.low_dn,
-            "high_dn": answer.high_dn,
-            "white_sigma_dn": _or_nan(answer, answer.white_sigma_dn),
-            "correlation": _or_nan(answer, answer.correlation),
-            "reason": answer.reason,
+        columns = answer_columns(name, answer) | {
             "mean_picture_sigma_dn": of_mean.sigma_dn,
             "mean_picture_reason": of_mean.reason,
         }
         tables.append(pd.DataFrame(truth | columns)[list(COLUMNS)])
     return pd.concat(tables, ignore_index=True)
+
+
+def answer_columns(name: str, answer: NoiseEstimate) -> dict[str, Any]:
+    """The columns of `COLUMNS` that hold an estimate.
+
+    Args:
+        name: of the estimator in the table.
+        answer: of N patches.
+    """
+    return {
+        "estimator": name,
+        "sigma_dn": answer.sigma_dn,
+        "low_dn": answer.low_dn,
+        "high_dn": answer.high_dn,
+        "white_sigma_dn": _or_nan(answer, answer.white_sigma_dn),
+        "correlation": _or_nan(answer, answer.correlation),
+        "reason": answer.reason,
+    }
 
 
 def summarise(table: pd.DataFrame, seed: int = 1, draws: int = 500) -> pd.DataFrame:

@@ -22,6 +22,7 @@ from pipeline.report.sections import (
     formation,
     noise,
     optics,
+    real_noise,
     runtime,
     training,
 )
@@ -38,6 +39,7 @@ SECTIONS = (
     blur.section,
     blur_recorded.section,
     noise.section,
+    real_noise.section,
     combined.section,
     detection.section,
     control.section,

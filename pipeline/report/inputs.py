@@ -40,6 +40,8 @@ class ReportInputs:
         noise: folder whose sub-folders hold ``summary.parquet`` and ``estimates.parquet``; one per dataset
             and estimator.
         noise_members: names of those sub-folders that belong to this run; None takes all.
+        real_noise: recording of a real camera -> folder of the stage `real_noise`: ``recording.json`` and, where it has
+            run, tables of `pipeline.experiments.real_noise_tables`.
         blur: folder whose sub-folders ``<dataset>-<estimator>`` hold ``estimates.parquet`` and ``summary.parquet``
             (`pipeline.experiments.tables`) and, for estimators that find kernels, ``gallery.npz`` and ``gallery.json``
             (`pipeline.experiments.kernel_gallery`).
@@ -60,8 +62,9 @@ class ReportInputs:
             each scenario), see `pipeline.control.tables`.
         scenarios: those of this run, in order.
         decision_times: record of the time per decision (``benchmarks/results/control.json``).
-        recorded: folder whose sub-folders hold detection (`pipeline.report.recorded`) and blur
-            (`pipeline.report.recorded_blur`) measured on pictures that are not kept.
+        recorded: folder whose sub-folders hold detection (`pipeline.report.recorded`), blur
+            (`pipeline.report.recorded_blur`), noise (`pipeline.report.recorded_noise`) and sensor constants
+            (`pipeline.report.recorded_sensor`) measured on pictures that are not kept.
         results: ledger item -> table (CSV or Parquet) with the key and value columns of that item's published file.
         runtime: record of run times on declared hardware (``benchmarks/results/estimators.json``).
         unseen: record of blurs of other kinds than were trained on (``benchmarks/results/unseen_kernels.json``).
@@ -86,6 +89,7 @@ class ReportInputs:
     corrupt: Mapping[str, Path] = field(default_factory=dict)
     noise: Path | None = None
     noise_members: frozenset[str] | None = None
+    real_noise: Mapping[str, Path] = field(default_factory=dict)
     blur: Path | None = None
     blur_members: frozenset[str] | None = None
     combined: Mapping[str, Path] = field(default_factory=dict)

@@ -11,23 +11,19 @@ weights are named by their SHA-256; no picture is kept.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import store
 from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError
+from pipeline.experiments.real_noise import Kinds, measure_pairs
 from pipeline.noise import cellwise, correlated, real_noise
-from pipeline.noise.real_noise import Pair
+from pipeline.report.real_noise_records import PATCHES_FILE, PROVENANCE_FILE, SUMMARY_FILE
 from pipeline.report.record_files import write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
-
-PATCHES_FILE, SUMMARY_FILE, PROVENANCE_FILE = "noise_patches.csv", "noise_summary.csv", "noise_provenance.json"
-
-Kinds = Mapping[str, tuple[str, Mapping[str, Any]]]
 
 _WEIGHTS = {
     "cellwise": {"weights": cellwise.RELEASED},
@@ -71,13 +67,13 @@ def record(
     summaries: list[pd.DataFrame] = []
     files: dict[str, dict[str, str]] = {}
     for name, folder in folders.items():
-        pairs = real_noise.pairs(folder)
-        tables = run_map(partial(_measured, kinds=kinds), pairs, label=f"noise of {name}")
-        table = pd.concat(tables, ignore_index=True)
+        table = measure_pairs(folder, kinds, run_map, f"noise of {name}")
         for part, rows in ((table, patches), (real_noise.summarise(table, seed, draws), summaries)):
             part.insert(0, "dataset", name)
             rows.append(part)
-        files[name] = {path.name: file_sha256(path) for pair in pairs for path in (pair.real, pair.mean)}
+        files[name] = {
+            path.name: file_sha256(path) for pair in real_noise.pairs(folder) for path in (pair.real, pair.mean)
+        }
     summary = pd.concat(summaries, ignore_index=True)
     provenance = {
         "source": source,
@@ -96,10 +92,6 @@ def record(
         write_csv(folder / SUMMARY_FILE, summary)
         store.write_json(folder / PROVENANCE_FILE, provenance)
     return summary
-
-
-def _measured(pair: Pair, kinds: Kinds) -> pd.DataFrame:
-    return real_noise.measure(pair, real_noise.estimators(kinds))
 
 
 def _weights(kinds: Kinds) -> dict[str, str]:

@@ -2,148 +2,87 @@
 
 Measured by hand, with ``camera-monitor record sensor``. Frames are named by their SHA-256; none is kept.
 
-    sensor_transfer.csv     photon transfer of each colour plane (`pipeline.camera.emva1288.PhotonTransfer`)
-    sensor_dark.csv         dark current of each colour plane (`pipeline.camera.emva1288.DarkCurrent`)
+    sensor_transfer.csv     photon transfer of each colour plane (`pipeline.experiments.sensor_constants`)
+    sensor_points.csv       the points that its lines are fitted to
+    sensor_dark.csv         dark current of each colour plane
+    sensor_dark_means.csv   mean of each dark frame
+    sensor_patches.csv      noise estimated on patches of the frames (`pipeline.experiments.real_noise`)
+    sensor_summary.csv      its errors (`pipeline.noise.real_noise.summarise`)
     sensor_provenance.json  source, frames, white
-
-File names hold the exposure, as in ``SCENE_250ms_*.tif``; frames of equal SCENE show the same.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
-from dataclasses import dataclass
-from itertools import groupby, pairwise
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from numpy.typing import NDArray
-
 from pipeline import store
-from pipeline.camera import emva1288
-from pipeline.datasets.pictures import SUFFIXES, read_picture
+from pipeline.datasets.raw_frames import raw_frames
 from pipeline.detection.weights import file_sha256
-from pipeline.errors import InputError
+from pipeline.experiments.real_noise import Kinds, measure_raw
+from pipeline.experiments.sensor_constants import sensor_constants
+from pipeline.noise.real_noise import summarise
+from pipeline.report.real_noise_records import (
+    DARK_FILE,
+    DARK_MEANS_FILE,
+    POINTS_FILE,
+    RAW_PATCHES_FILE,
+    RAW_PROVENANCE_FILE,
+    RAW_SUMMARY_FILE,
+    TRANSFER_FILE,
+)
 from pipeline.report.record_files import write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
 
-TRANSFER_FILE, DARK_FILE, PROVENANCE_FILE = "sensor_transfer.csv", "sensor_dark.csv", "sensor_provenance.json"
-_NAME = re.compile(r"(?P<scene>.+)_(?P<ms>\d+(?:\.\d+)?)ms(?![a-z])")
 
-
-@dataclass(frozen=True)
-class RawFrame:
-    """A raw frame file.
-
-    Attributes:
-        path: the file.
-        scene: start of its name.
-        exposure_s: exposure time in its name, seconds.
-    """
-
-    path: Path
-    scene: str
-    exposure_s: float
-
-    def pixels(self) -> NDArray[Any]:
-        """(H, W) grey values, DN.
-
-        Raises:
-            InputError: not a picture, or one with colours.
-        """
-        picture = read_picture(self.path)
-        if picture.colour:
-            raise InputError(f"{self.path}: has colours, expected a raw mosaic with one value per pixel")
-        return picture.pixels
-
-
-def raw_frames(folder: Path) -> list[RawFrame]:
-    """Raw frames of a folder, by scene and exposure.
-
-    Raises:
-        InputError: no such folder, no frame in it, or a name without an exposure.
-    """
-    if not folder.is_dir():
-        raise InputError(f"raw frames: no folder {folder}")
-    frames = []
-    for path in sorted(folder.iterdir()):
-        if path.suffix.lower() not in SUFFIXES:
-            continue
-        match = _NAME.match(path.name)
-        if match is None:
-            raise InputError(f"{path}: no exposure in its name, expected SCENE_250ms_*.tif")
-        frames.append(RawFrame(path, match["scene"], float(match["ms"]) / 1000))
-    if not frames:
-        raise InputError(f"raw frames: no pictures in {folder}")
-    return sorted(frames, key=lambda frame: (frame.scene, frame.exposure_s))
-
-
-def record(light: Path, dark: Path, white_dn: float, out: Path, source: str) -> pd.DataFrame:
+def record(
+    light: Path,
+    dark: Path,
+    white_dn: float,
+    kinds: Kinds,
+    out: Path,
+    source: str,
+    run_map: Callable[..., list[Any]],
+    *,
+    seed: int = 1,
+    draws: int = 500,
+) -> pd.DataFrame:
     """Measure a sensor and write everything into a folder.
 
     Args:
         light: folder of frames of lit scenes, each scene at two exposures or more, or twice at one.
         dark: folder of dark frames of three exposures or more.
         white_dn: grey value of saturation, DN.
+        kinds: name in the tables -> registered noise estimator and its options.
         out: folder; replaced.
         source: where the frames come from, their revision and licence, in words.
+        run_map: see `pipeline.executor.run_map`; changes no result.
+        seed: root of the bootstrap's streams.
+        draws: its resamples.
 
     Returns:
-        a row per colour plane: ``plane``, ``gain_dn_per_e``, ``gain_error``, ``dark_variance_dn2``, ``dark_sigma_e``,
-        ``saturation_e``, ``snr_at_saturation``, ``blocks``.
+        `pipeline.experiments.sensor_constants.SensorConstants.transfer`.
 
     Raises:
-        InputError: frames are absent, broken or too few.
+        InputError: frames are absent, broken or too few, or there is no such estimator.
     """
-    import pandas as pd
-
     lit, unlit = raw_frames(light), raw_frames(dark)
-    points: dict[str, list[emva1288.TransferPoints]] = {name: [] for name in emva1288.PLANES}
-    for _, group in groupby(lit, key=lambda frame: frame.scene):
-        pictures = [frame.pixels() for frame in group]
-        for first, second in pairwise(pictures):
-            for name, curve in points.items():
-                a, b = emva1288.plane(first, name), emva1288.plane(second, name)
-                curve.append(emva1288.points_of_pair(a, b, white_dn))
-    transfers = {name: emva1288.photon_transfer(curve) for name, curve in points.items()}
-    transfer = pd.DataFrame([_transfer_row(name, fitted, white_dn) for name, fitted in transfers.items()])
-    dark_pictures = [frame.pixels() for frame in unlit]
-    rows = []
-    for name, fitted in transfers.items():
-        planes = [emva1288.plane(picture, name) for picture in dark_pictures]
-        current = emva1288.dark_current([frame.exposure_s for frame in unlit], planes)
-        rows.append(
-            {
-                "plane": name,
-                "slope_dn_per_s": current.slope_dn_per_s,
-                "slope_error": current.slope_error,
-                "dark_current_e_per_s": current.slope_dn_per_s / fitted.gain_dn_per_e,
-                "offset_dn": current.offset_dn,
-                "zero_fraction": current.zero_fraction,
-            }
-        )
+    sensor = sensor_constants(lit, unlit, white_dn)
+    patches = measure_raw(lit, sensor.fits, white_dn, kinds, run_map, "noise of raw frames")
     hashes: Mapping[str, Mapping[str, str]] = {
         name: {frame.path.name: file_sha256(frame.path) for frame in frames}
         for name, frames in (("light", lit), ("dark", unlit))
     }
     with store.replacing_folder(out) as folder:
-        write_csv(folder / TRANSFER_FILE, transfer)
-        write_csv(folder / DARK_FILE, pd.DataFrame(rows))
-        store.write_json(folder / PROVENANCE_FILE, {"source": source, "frames": hashes, "white_dn": white_dn})
-    return transfer
-
-
-def _transfer_row(name: str, fitted: emva1288.PhotonTransfer, white_dn: float) -> dict[str, Any]:
-    return {
-        "plane": name,
-        "gain_dn_per_e": fitted.gain_dn_per_e,
-        "gain_error": fitted.gain_error,
-        "dark_variance_dn2": fitted.dark_variance_dn2,
-        "dark_sigma_e": fitted.dark_sigma_e,
-        "saturation_e": fitted.electrons(white_dn),
-        "snr_at_saturation": fitted.snr(white_dn),
-        "blocks": fitted.points,
-    }
+        write_csv(folder / TRANSFER_FILE, sensor.transfer)
+        write_csv(folder / POINTS_FILE, sensor.points)
+        write_csv(folder / DARK_FILE, sensor.dark)
+        write_csv(folder / DARK_MEANS_FILE, sensor.dark_means)
+        write_csv(folder / RAW_PATCHES_FILE, patches)
+        write_csv(folder / RAW_SUMMARY_FILE, summarise(patches, seed, draws))
+        provenance = {"source": source, "frames": hashes, "white_dn": white_dn, "seed": seed, "bootstrap_draws": draws}
+        store.write_json(folder / RAW_PROVENANCE_FILE, provenance)
+    return sensor.transfer

@@ -8,7 +8,8 @@ from typing import Any
 from pipeline.config.entry import Run, stage
 
 READS = [
-    "profile", "seed", "camera", "scenes", "datasets", "corruption", "noise", "blur", "report", "matrix",
+    "profile", "seed", "camera", "scenes", "datasets", "corruption", "noise", "real_noise", "blur", "report",
+    "matrix",
 ]  # fmt: skip
 USES: dict[str, list[str]] = {
     "pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": [], "pipeline.control": [],
@@ -45,6 +46,7 @@ def run(run: Run) -> None:
         corrupt={name: data / "corrupt" / name for name in listed},
         noise=data / "noise",
         noise_members=frozenset(f"{name}-{method}" for name in listed for method in params.noise.estimators),
+        real_noise={name: data / "real_noise" / name for name in params.real_noise.recordings},
         blur=data / "blur",
         blur_members=frozenset(f"{name}-{method}" for name in listed for method in params.blur.estimators),
         combined={name: data / "combined" / name for name in listed},

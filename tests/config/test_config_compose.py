@@ -20,6 +20,7 @@ GROUPS = {
 }
 EXPERIMENTS = {
     "noise": "noise",
+    "real_noise": "real_noise",
     "blur": "table_one",
     "combined": "combined",
     "denoised_blur": "denoised_blur",
@@ -30,11 +31,12 @@ EXPERIMENTS = {
 TOP = {
     group: options
     for group, options in GROUPS.items()
-    if group not in ("dataset", "detector", "estimator/noise", "estimator/blur", "experiment")
+    if group not in ("dataset", "detector", "recording", "estimator/noise", "estimator/blur", "experiment")
 }
 PLACED = [f"+dataset@datasets.extra={name}" for name in GROUPS["dataset"]]
 PLACED += [f"experiment@{section}={name}" for section, name in EXPERIMENTS.items()]
 PLACED += [f"+detector@detection.detectors.extra={name}" for name in GROUPS["detector"]]
+PLACED += [f"+recording@real_noise.recordings.extra={name}" for name in GROUPS["recording"]]
 PLACED += [
     f"+estimator/{what}@{what}.estimators.extra={name}"
     for what in ("noise", "blur")

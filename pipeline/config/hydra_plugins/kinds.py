@@ -1,9 +1,10 @@
-"""Resolvers of ``conf/``: which of a section's members have a registry name (``kind``).
+"""Resolvers of ``conf/``: which of a section's members have a registry name (``kind``), and what a stage watches.
 
 ``${names_of_kind:noise.estimators,pca}`` is the list of names whose ``kind`` is ``pca``; with several kinds, of all of
 them; ``${names_of_other_kind:...}`` of none of them. ``${watched_of_kind:detection.detectors,yolox}`` maps names to
-their ``watch``. `pipeline.config.compose` imports this file; DVC loads it as a Hydra plugin (``hydra.plugins_path`` in
-``.dvc/config``), so it imports nothing of the package.
+their ``watch``. ``${watched_folder:...}`` is a folder, or `NO_DATA` where it is null. `pipeline.config.compose` imports
+this file; DVC loads it as a Hydra plugin (``hydra.plugins_path`` in ``.dvc/config``), so it imports nothing of the
+package.
 """
 
 from __future__ import annotations
@@ -11,6 +12,9 @@ from __future__ import annotations
 from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
+
+NO_DATA = "data/raw/README.md"
+"""What a stage of absent data depends on instead: a file that is always there."""
 
 
 def _members(path: str, kinds: tuple[str, ...], wanted: bool, root: Any) -> dict[str, Any]:
@@ -42,5 +46,10 @@ def watched_of_other_kind(path: str, *kinds: str, _root_: Any) -> DictConfig:
     return _watched(_members(path, kinds, False, _root_))
 
 
-for resolver in (names_of_kind, names_of_other_kind, watched_of_kind, watched_of_other_kind):
+def watched_folder(folder: str | None) -> str:
+    """What a stage depends on that reads a user's folder."""
+    return NO_DATA if folder is None else str(folder)
+
+
+for resolver in (names_of_kind, names_of_other_kind, watched_of_kind, watched_of_other_kind, watched_folder):
     OmegaConf.register_new_resolver(resolver.__name__, resolver, replace=True)

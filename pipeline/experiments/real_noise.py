@@ -1,0 +1,151 @@
+"""Noise estimators on recordings of real cameras, as one experiment.
+
+Pairs: a photograph and the mean of many of its scene; the truth is the deviation of their difference
+(`pipeline.noise.real_noise`).
+
+Raw frames: their noise is white and follows the photon transfer of the sensor,
+
+    sigma^2 = c + K mu
+
+with K and c measured from the same frames (`pipeline.experiments.sensor_constants`). Patches are of single colour
+planes, neither clipped nor brighter than 40 DN: the non-uniformity of sensor and target, which this truth does not
+hold, grows with the signal itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.camera import emva1288
+from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.datasets.raw_frames import RawFrame
+from pipeline.noise import real_noise
+from pipeline.noise.real_noise import COLUMNS, Pair
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Kinds = Mapping[str, tuple[str, Mapping[str, Any]]]
+Executor = Callable[..., list[Any]]
+
+BRIGHTEST_DN = 40.0
+"""Mean of a raw patch up to which shot noise exceeds the non-uniformity of sensor and target."""
+
+
+def measure_pairs(folder: Path, kinds: Kinds, executor: Executor, label: str = "") -> pd.DataFrame:
+    """Estimates and truth of every patch of the pairs of a folder.
+
+    Args:
+        folder: with pairs, see `pipeline.noise.real_noise.pairs`.
+        kinds: name in the table -> registered estimator and its options.
+        executor: maps a function over items, see `pipeline.executor.run_map`; changes no result.
+        label: for its progress.
+
+    Returns:
+        `pipeline.noise.real_noise.COLUMNS`.
+
+    Raises:
+        InputError: the folder, a picture or weights are absent or broken, or there is no such estimator.
+    """
+    import pandas as pd
+
+    tables = executor(partial(_of_pair, kinds=kinds), real_noise.pairs(folder), label=label)
+    return pd.concat(tables, ignore_index=True)
+
+
+def measure_raw(
+    frames: Sequence[RawFrame],
+    fits: Mapping[str, emva1288.PhotonTransfer],
+    white_dn: float,
+    kinds: Kinds,
+    executor: Executor,
+    label: str = "",
+) -> pd.DataFrame:
+    """Estimates and truth of patches of raw frames.
+
+    Args:
+        frames: of lit scenes.
+        fits: colour plane -> its photon transfer.
+        white_dn: grey value of saturation, DN.
+        kinds: name in the table -> registered estimator and its options.
+        executor: maps a function over items, see `pipeline.executor.run_map`; changes no result.
+        label: for its progress.
+
+    Returns:
+        `pipeline.noise.real_noise.COLUMNS`; ``picture`` is the frame's name, the correlation of the truth is 0,
+        and there is no mean picture.
+    """
+    import pandas as pd
+
+    tables = executor(partial(_of_frame, fits=fits, white_dn=white_dn, kinds=kinds), frames, label=label)
+    return pd.concat([table for part in tables for table in part], ignore_index=True)[list(COLUMNS)]
+
+
+def real_noise_metrics(summary: pd.DataFrame) -> dict[str, Any]:
+    """Errors, coverage and answered share of each estimator.
+
+    Args:
+        summary: `pipeline.noise.real_noise.summarise`.
+    """
+    names = ("answered_fraction", "mean_picture_sigma_dn", "true_mae_dn", "cleaned_mae_dn", "cleaned_coverage_fraction")
+    return {
+        str(row["estimator"]): {name: row[name] for name in names if np.isfinite(row[name])}
+        for row in summary.to_dict("records")
+    }
+
+
+def _of_pair(pair: Pair, kinds: Kinds) -> pd.DataFrame:
+    return real_noise.measure(pair, real_noise.estimators(kinds))
+
+
+def _of_frame(
+    frame: RawFrame, fits: Mapping[str, emva1288.PhotonTransfer], white_dn: float, kinds: Kinds
+) -> list[pd.DataFrame]:
+    """Tables of the colour planes of one frame that hold a usable patch."""
+    import pandas as pd
+
+    estimators, pixels, parts = real_noise.estimators(kinds), frame.pixels(), []
+    for plane, fit in fits.items():
+        grey = emva1288.plane(pixels, plane)
+        corners = [(y, x) for y, x in _corners(grey.shape) if _usable(_patch(grey, y, x), white_dn)]
+        if not corners:
+            continue
+        patches = np.stack([_patch(grey, y, x) for y, x in corners])
+        sigma = np.sqrt(np.maximum(fit.dark_variance_dn2 + fit.gain_dn_per_e * patches.mean(axis=(1, 2)), 0))
+        truth = {
+            "picture": frame.path.stem,
+            "x_px": [x for _, x in corners],
+            "y_px": [y for y, _ in corners],
+            "mean_picture_sigma_dn": np.nan,
+            "mean_picture_reason": "",
+            "true_sigma_dn": sigma,
+            "cleaned_sigma_dn": sigma,
+            "true_correlation": 0.0,
+        }
+        for name, estimator in estimators.items():
+            answer = estimator.estimate(patches[:, None].astype(np.float32) / np.float32(FULL_SCALE_DN))
+            columns = real_noise.answer_columns(name, answer)
+            parts.append(pd.DataFrame(truth | columns))
+    return parts
+
+
+def _corners(shape: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Corners of patches side by side."""
+    tile = real_noise.TILE_PX
+    return [(y, x) for y in range(0, shape[0] - tile + 1, tile) for x in range(0, shape[1] - tile + 1, tile)]
+
+
+def _patch(grey: Any, y: int, x: int) -> Any:
+    return grey[y : y + real_noise.TILE_PX, x : x + real_noise.TILE_PX]
+
+
+def _usable(patch: Any, white_dn: float) -> bool:
+    """Whether a patch is neither cut off at black nor clipped at white nor too bright."""
+    return bool(
+        emva1288.LOWEST_DN <= patch.mean() <= BRIGHTEST_DN and patch.max() < emva1288.CLIPPED_FRACTION * white_dn
+    )

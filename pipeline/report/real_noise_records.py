@@ -1,0 +1,135 @@
+"""Noise of real cameras as the report shows it: from the stage where it has run, else as it was recorded earlier."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.experiments.real_noise_tables import (
+    DARK,
+    DARK_MEANS,
+    REAL_NOISE_PATCHES,
+    REAL_NOISE_SUMMARY,
+    TRANSFER,
+    TRANSFER_POINTS,
+)
+from pipeline.report.inputs import ReportInputs, existing, optional
+from pipeline.store import Schema
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PATCHES_FILE, SUMMARY_FILE, PROVENANCE_FILE = "noise_patches.csv", "noise_summary.csv", "noise_provenance.json"
+TRANSFER_FILE, POINTS_FILE = "sensor_transfer.csv", "sensor_points.csv"
+DARK_FILE, DARK_MEANS_FILE = "sensor_dark.csv", "sensor_dark_means.csv"
+RAW_PATCHES_FILE, RAW_SUMMARY_FILE = "sensor_patches.csv", "sensor_summary.csv"
+RAW_PROVENANCE_FILE = "sensor_provenance.json"
+
+NOISE_FOLDER, SENSOR_FOLDER, SENSOR = "real-noise", "real-sensor", "flea3"
+"""Folders of the records, and the name of the recording that the second holds."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Noise estimators on one recording of real cameras.
+
+    Attributes:
+        name: of the recording.
+        source: of its pictures.
+        stage: that measured it; "" where it was recorded earlier.
+        patches, summary: `pipeline.experiments.real_noise_tables`.
+    """
+
+    name: str
+    source: str
+    stage: str
+    patches: pd.DataFrame
+    summary: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Constants of a sensor from its raw frames: `pipeline.experiments.real_noise_tables`; ``stage`` as above."""
+
+    stage: str
+    transfer: pd.DataFrame
+    points: pd.DataFrame
+    dark: pd.DataFrame
+    dark_means: pd.DataFrame
+
+
+def stage_has_run(inputs: ReportInputs, name: str) -> bool:
+    """Whether the stage measured a recording, and not only wrote that its data are absent."""
+    about = optional(inputs.real_noise.get(name), "recording.json")
+    return bool(about and about.get("ran"))
+
+
+def recordings(inputs: ReportInputs) -> list[Recording]:
+    """Every recording that a stage measured or that was recorded earlier, in the order of the configuration."""
+    earlier = _earlier(inputs)
+    names = [*inputs.real_noise, *(name for name in earlier if name not in inputs.real_noise)]
+    made = (_made(inputs, name) if stage_has_run(inputs, name) else earlier.get(name) for name in names)
+    return [one for one in made if one is not None]
+
+
+def sensor(inputs: ReportInputs) -> Sensor | None:
+    """The sensor's constants, from the stage or recorded earlier; None where there are none."""
+    if stage_has_run(inputs, SENSOR):
+        folder = inputs.real_noise[SENSOR]
+        tables = {"transfer": TRANSFER, "points": TRANSFER_POINTS, "dark": DARK, "dark_means": DARK_MEANS}
+        return Sensor(f"real_noise@{SENSOR}", **{n: optional(folder, f"{n}.parquet", s) for n, s in tables.items()})
+    folder_of_record = _folder(inputs, SENSOR_FOLDER)
+    if folder_of_record is None:
+        return None
+    files = {
+        "transfer": (TRANSFER_FILE, TRANSFER),
+        "points": (POINTS_FILE, TRANSFER_POINTS),
+        "dark": (DARK_FILE, DARK),
+        "dark_means": (DARK_MEANS_FILE, DARK_MEANS),
+    }
+    return Sensor("", **{name: _csv(folder_of_record / file, schema) for name, (file, schema) in files.items()})
+
+
+def _made(inputs: ReportInputs, name: str) -> Recording:
+    folder = inputs.real_noise[name]
+    about = optional(folder, "recording.json")
+    patches = optional(folder, "patches.parquet", REAL_NOISE_PATCHES)
+    summary = optional(folder, "summary.parquet", REAL_NOISE_SUMMARY)
+    return Recording(name, str(about["source"]), f"real_noise@{name}", patches, summary)
+
+
+def _earlier(inputs: ReportInputs) -> dict[str, Recording]:
+    """Name -> what was recorded earlier."""
+    result = {}
+    folder = _folder(inputs, NOISE_FOLDER)
+    if folder is not None:
+        source = str(optional(folder, PROVENANCE_FILE)["source"])
+        patches, summary = (_table(folder / file) for file in (PATCHES_FILE, SUMMARY_FILE))
+        for name in summary["dataset"].unique():
+            own = [part[part["dataset"] == name].drop(columns="dataset") for part in (patches, summary)]
+            conformed = (REAL_NOISE_PATCHES.conform(own[0], NOISE_FOLDER), REAL_NOISE_SUMMARY.conform(own[1]))
+            result[str(name)] = Recording(str(name), source, "", *conformed)
+    folder = _folder(inputs, SENSOR_FOLDER)
+    if folder is not None and (folder / RAW_SUMMARY_FILE).exists():
+        source = str(optional(folder, RAW_PROVENANCE_FILE)["source"])
+        patches = _csv(folder / RAW_PATCHES_FILE, REAL_NOISE_PATCHES)
+        result[SENSOR] = Recording(SENSOR, source, "", patches, _csv(folder / RAW_SUMMARY_FILE, REAL_NOISE_SUMMARY))
+    return result
+
+
+def _folder(inputs: ReportInputs, name: str) -> Path | None:
+    return existing(inputs.recorded / name if inputs.recorded is not None else None)
+
+
+def _csv(path: Path, schema: Schema) -> pd.DataFrame:
+    return schema.conform(_table(path), str(path))
+
+
+def _table(path: Path) -> Any:
+    """A table as `pipeline.report.record_files` writes it: empty cells of text are "", those of numbers are NaN."""
+    import pandas as pd
+
+    text = {"plane": "string", "picture": "string", "reason": "string", "mean_picture_reason": "string"}
+    table = pd.read_csv(path, dtype=text)
+    return table.assign(**{name: table[name].fillna("") for name in text if name in table})

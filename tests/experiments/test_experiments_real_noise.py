@@ -1,0 +1,120 @@
+"""Noise estimators on recordings of real cameras: pairs, raw frames with photon transfer, the stage."""
+
+from functools import partial
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.camera.emva1288 import PLANES
+from pipeline.config.compose import compose, parse
+from pipeline.datasets.raw_frames import raw_frames
+from pipeline.errors import InputError
+from pipeline.executor import run_map
+from pipeline.experiments.real_noise import BRIGHTEST_DN, measure_pairs, measure_raw, real_noise_metrics
+from pipeline.experiments.real_noise_tables import REAL_NOISE_PATCHES, REAL_NOISE_SUMMARY, TRANSFER
+from pipeline.experiments.sensor_constants import sensor_constants
+from pipeline.noise.real_noise import summarise
+from pipeline.stages.real_noise import run as stage
+from pipeline.store import read_json, read_table
+from pipeline.streams import stream
+
+KINDS = {"pca": ("pca", {}), "wavelet": ("wavelet", {})}
+GAIN, DARK_E, WHITE_DN = 0.05, 10.0, 255.0
+EXECUTOR = partial(run_map, workers=1)
+
+
+def write_raw(folder, name, exposure_ms, level_dn):
+    """A raw frame: shot noise at a gain of 0.05 DN per electron and 10 electrons of dark noise."""
+    generator = stream(1, "raw", name, exposure_ms)
+    electrons = generator.poisson(level_dn / GAIN) + generator.normal(0, DARK_E, level_dn.shape)
+    folder.mkdir(exist_ok=True, parents=True)
+    picture = np.clip(np.rint(GAIN * electrons), 0, 255).astype(np.uint8)
+    assert cv2.imwrite(str(folder / f"{name}_{exposure_ms}ms_1.tif"), picture)
+
+
+@pytest.fixture(scope="module")
+def raw(tmp_path_factory):
+    """Three exposures of a ramp, the last too bright for the check of estimators, and dark frames above black."""
+    root = tmp_path_factory.mktemp("raw")
+    ramp = np.tile(np.linspace(8, 120, 320), (300, 1))
+    for exposure in (100, 200, 800):
+        write_raw(root / "light", "scene", exposure, ramp * exposure / 400)
+        write_raw(root / "dark", "dark", exposure, np.full((64, 64), 4 + 0.01 * exposure))
+    return root
+
+
+@pytest.fixture(scope="module")
+def sensor(raw):
+    return sensor_constants(raw_frames(raw / "light"), raw_frames(raw / "dark"), WHITE_DN)
+
+
+def test_constants_are_those_of_the_simulated_sensor(sensor):
+    assert list(sensor.transfer["plane"]) == list(PLANES)
+    assert sensor.transfer["gain_dn_per_e"].mean() == pytest.approx(GAIN, rel=0.05)
+    assert sensor.dark["slope_dn_per_s"].mean() == pytest.approx(10, rel=0.05)
+    assert (sensor.points.groupby("plane")["mean_dn"].apply(lambda column: column.is_monotonic_increasing)).all()
+    assert len(sensor.dark_means) == len(PLANES) * 3
+
+
+def test_noise_of_raw_frames_is_measured_against_photon_transfer(raw, sensor):
+    table = measure_raw(raw_frames(raw / "light"), sensor.fits, WHITE_DN, KINDS, EXECUTOR)
+    REAL_NOISE_PATCHES.conform(table)
+    own = table[table["estimator"] == "pca"]
+    assert set(own["picture"]) == {"scene_100ms_1", "scene_200ms_1"}  # the third is brighter than the check allows
+    assert len(own) == 2 * len(PLANES)
+    mean_dn = (own["true_sigma_dn"] ** 2 - GAIN**2 * DARK_E**2) / GAIN
+    assert (mean_dn < BRIGHTEST_DN * 1.1).all()
+    assert (own["sigma_dn"] - own["true_sigma_dn"]).abs().mean() < 0.15
+    assert real_noise_metrics(summarise(table, draws=20))["pca"]["true_mae_dn"] < 0.15
+
+
+def test_pairs_are_measured_by_their_difference(tmp_path):
+    mean = np.tile(np.linspace(60, 180, 256), (128, 1))
+    noisy = mean + stream(1, "pair").normal(0, 5, mean.shape)
+    for name, picture in (("a_mean", mean), ("a_real", noisy)):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), np.rint(picture).astype(np.uint8))
+    table = REAL_NOISE_PATCHES.conform(measure_pairs(tmp_path, KINDS, EXECUTOR))
+    assert len(table) == 2 * len(KINDS) and table["true_sigma_dn"].mean() == pytest.approx(5, rel=0.05)
+    assert (table["sigma_dn"] - 5).abs().mean() < 0.6
+
+
+def configuration(*overrides):
+    return parse(compose(["executor.workers=1", "real_noise.bootstrap_draws=20", *overrides]), "test")
+
+
+def test_the_stage_writes_that_it_has_not_run_without_data(tmp_path):
+    stage.run(configuration(), {"recording": "cc"}, tmp_path, tmp_path)
+    assert read_json(tmp_path / "data/real_noise/cc/recording.json")["ran"] is False
+    assert [path.name for path in (tmp_path / "data/real_noise/cc").iterdir()] == ["recording.json"]
+    assert read_json(tmp_path / "reports/metrics/real_noise/cc.json") == {"ran": False}
+
+
+def test_the_stage_measures_raw_frames_of_a_given_folder(tmp_path, raw):
+    key = "real_noise.recordings.flea3"
+    config = configuration(f"{key}.folder={raw}", f"{key}.light=light", f"{key}.dark=dark")
+    assert config.real_noise.recordings["flea3"].watch == str(raw)
+    stage.run(config, {"recording": "flea3"}, tmp_path, tmp_path)
+    folder = tmp_path / "data/real_noise/flea3"
+    assert read_table(folder / "transfer.parquet", TRANSFER)["gain_dn_per_e"].mean() == pytest.approx(GAIN, rel=0.05)
+    summary = read_table(folder / "summary.parquet", REAL_NOISE_SUMMARY).set_index("estimator")
+    assert {"adaptive", "pca_stride_2"} <= set(summary.index)
+    assert read_json(tmp_path / "reports/metrics/real_noise/flea3.json")["adaptive"]["true_mae_dn"] < 0.2
+    patches = read_table(folder / "patches.parquet", REAL_NOISE_PATCHES)
+    assert isinstance(patches, pd.DataFrame) and len(patches) == 2 * len(PLANES) * len(summary)
+
+
+@pytest.mark.parametrize(
+    ("override", "word"),
+    [
+        ("real_noise.recordings.cc.folder=/nowhere", "real_noise.recordings.cc.folder"),
+        ("+real_noise.recordings.cc.light=x", "light and dark"),
+        ("real_noise.recordings.cc.kind=films", "real_noise.recordings.cc.kind"),
+    ],
+)
+def test_mistakes_in_a_recording_name_the_key(override, word):
+    from pipeline.config.references import check_references
+
+    with pytest.raises(InputError, match=word):
+        check_references(parse(compose([override]), "test"))

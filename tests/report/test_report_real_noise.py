@@ -1,0 +1,65 @@
+"""Noise of real cameras in the report: recorded numbers, a stage's numbers in their place, and what has not run."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from report_makers import REPO
+
+from pipeline import store
+from pipeline.experiments.real_noise_tables import REAL_NOISE_PATCHES, REAL_NOISE_SUMMARY
+from pipeline.report import real_noise_records
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.sections import real_noise
+from pipeline.report.spec import Figure
+from pipeline.report.tables import Table
+
+RECORDINGS = ("cc", "polyu", "flea3")
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
+    """The committed records, and stages that have written that their data are absent."""
+    root = tmp_path_factory.mktemp("real_noise")
+    for name in RECORDINGS:
+        store.write_json(root / name / "recording.json", {"ran": False, "source": "nobody"})
+    folders = {name: root / name for name in RECORDINGS}
+    return ReportInputs(paper=REPO / "data/paper", recorded=REPO / "reports/recorded", real_noise=folders)
+
+
+def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportInputs) -> None:
+    section = real_noise.section(inputs)
+    assert section is not None and [run.ran for run in section.runs] == [False] * 3
+    assert all("real_noise.recordings." in run.line for run in section.runs)
+    blocks = {block.name: block for block in section.blocks if isinstance(block, (Figure, Table))}
+    tables = ["real_noise_errors", "real_noise_sources", "real_sensor", "real_sensor_constants"]
+    assert list(blocks) == ["real_noise", *tables]
+    table = blocks["real_noise_errors"]
+    assert isinstance(table, Table)
+    first = table.rows[0]
+    assert first["recording"] == "CC" and first["estimator"] == "Adaptive"
+    recorded = {part.name: part for part in real_noise_records.recordings(inputs)}
+    own = recorded["cc"].summary.set_index("estimator").loc["adaptive"]
+    assert first["true_mae_dn"].value == own["true_mae_dn"] and first["true_mae_dn"].low == own["true_mae_low_dn"]
+    figure = blocks["real_noise"]
+    assert isinstance(figure, Figure) and figure.stages == () and "Adaptive on CC" in figure.drawing.alt
+
+
+def test_a_stage_that_has_run_takes_the_place_of_the_record(inputs: ReportInputs, tmp_path: Path) -> None:
+    recorded = {part.name: part for part in real_noise_records.recordings(inputs)}["cc"]
+    patches = recorded.patches[recorded.patches["picture"] == recorded.patches["picture"].iloc[0]]
+    store.write_json(tmp_path / "cc/recording.json", {"ran": True, "source": "my camera"})
+    store.write_table(tmp_path / "cc/patches.parquet", patches, REAL_NOISE_PATCHES)
+    store.write_table(tmp_path / "cc/summary.parquet", recorded.summary, REAL_NOISE_SUMMARY)
+    changed = dataclasses.replace(inputs, real_noise={**inputs.real_noise, "cc": tmp_path / "cc"})
+    parts = real_noise_records.recordings(changed)
+    assert [(part.name, part.stage) for part in parts] == [("cc", "real_noise@cc"), ("polyu", ""), ("flea3", "")]
+    assert parts[0].source == "my camera" and len(parts[0].patches) == len(patches)
+    section = real_noise.section(changed)
+    assert section is not None and [run.ran for run in section.runs] == [True, False, False]
+
+
+def test_without_anything_there_is_no_section(tmp_path: Path) -> None:
+    assert real_noise.section(ReportInputs(paper=REPO / "data/paper", recorded=tmp_path)) is None
