@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
+from pipeline.control.settings import EstimatorFault
 from pipeline.control.state import CameraState
 from pipeline.errors import InputError
 
@@ -37,24 +36,6 @@ class Flicker:
         turn = 2.0 * math.pi * self.frequency_hz
         change = math.cos(turn * start_s) - math.cos(turn * (start_s + exposure_s))
         return 1.0 + self.depth * change / (turn * exposure_s)
-
-
-@dataclass(frozen=True)
-class EstimatorFault:
-    """What is wrong with the estimator.
-
-    Attributes:
-        silent: first and last step at which it abstains; None for none.
-        sigma_factor, motion_factor: by which noise and the length of motion blur are misjudged.
-    """
-
-    silent: tuple[int, int] | None = None
-    sigma_factor: float = 1.0
-    motion_factor: float = 1.0
-
-    def is_silent(self, step: int) -> bool:
-        """Whether the estimator abstains at a step."""
-        return self.silent is not None and self.silent[0] <= step <= self.silent[1]
 
 
 @dataclass(frozen=True)
@@ -96,24 +77,6 @@ class Scenario:
                     f"least {least:g}, got {knots!r}"
                 )
 
-    @classmethod
-    def from_section(cls, name: str, section: Any) -> Scenario:
-        """From an entry of ``control.scenarios`` of the configuration."""
-        fault = section.fault
-        return cls(
-            name=name,
-            steps=section.steps,
-            light=_knots(section.light),
-            speed_px_s=_knots(section.speed_px_s),
-            start=CameraState.of(section.start_exposure_ms, section.start_iso),
-            direction_deg=section.direction_deg,
-            frame_period_s=section.frame_period_s,
-            delay_frames=section.delay_frames,
-            sun_radius_fraction=section.sun_radius_fraction,
-            flicker=Flicker(section.flicker_hz, section.flicker_depth),
-            fault=EstimatorFault(fault.silent, fault.sigma_factor, fault.motion_factor),
-        )
-
     def light_at(self, step: int, exposure_s: float) -> float:
         """Mean illumination during the exposure of a step, flicker included."""
         places, values = np.array(self.light).T
@@ -134,7 +97,3 @@ class Scenario:
                 if after - before <= 1.0 and max(old, new) > ratio * min(old, new):
                     found.append(int(after))
         return sorted(set(found))
-
-
-def _knots(rows: Sequence[Sequence[float]]) -> tuple[tuple[float, float], ...]:
-    return tuple((float(step), float(value)) for step, value in rows)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
+from pydantic.dataclasses import dataclass
 
 from pipeline.experiments.settings import OrderStudySettings
-from pipeline.settings import Count, Fraction, Level, Name, NonNegative, Positive, Settings
+from pipeline.settings import STRICT, Count, Fraction, Level, Name, NonNegative, Positive, Settings
 
 Step = Annotated[int, Field(ge=0)]
 Knots = Annotated[list[tuple[NonNegative, NonNegative]], Field(min_length=1)]
@@ -43,7 +44,7 @@ class DarkerSettings(Settings):
 
 
 class ControlSurfaceSettings(Settings):
-    """Conditions of the surface that policies ask; see `pipeline.control.measured_surface`."""
+    """Conditions of the surface of average precision that policies use; see `pipeline.control.measured_surface`."""
 
     levels_dn: list[Level] = Field(min_length=2)
     sizes_px: list[Annotated[float, Field(ge=0, le=36)]] = Field(min_length=2)
@@ -60,12 +61,22 @@ class PolicySettings(Settings):
     options: dict[str, Any] = Field(default_factory=dict)
 
 
-class FaultSettings(Settings):
-    """What is wrong with the estimator; see `pipeline.control.scenario.EstimatorFault`."""
+@dataclass(frozen=True, config=STRICT)
+class EstimatorFault:
+    """What is wrong with the estimator.
+
+    Attributes:
+        silent: first and last step at which it abstains; None for none.
+        sigma_factor, motion_factor: by which noise and the length of motion blur are misjudged.
+    """
 
     silent: tuple[Step, Step] | None = None
     sigma_factor: Positive = 1.0
     motion_factor: Positive = 1.0
+
+    def is_silent(self, step: int) -> bool:
+        """Whether the estimator abstains at a step."""
+        return self.silent is not None and self.silent[0] <= step <= self.silent[1]
 
 
 class ScenarioSettings(Settings):
@@ -82,7 +93,7 @@ class ScenarioSettings(Settings):
     sun_radius_fraction: Fraction = 0.0
     flicker_hz: NonNegative = 0.0
     flicker_depth: Fraction = 0.0
-    fault: FaultSettings = Field(default_factory=FaultSettings)
+    fault: EstimatorFault = Field(default_factory=EstimatorFault)
     also: list[Name] = Field(default_factory=list)
     """Policies that only this scenario runs."""
 

@@ -17,14 +17,22 @@ from pipeline.control.loop import Rig, StepRecord, make_policy, run
 from pipeline.control.measured_surface import SurfaceDesign
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
-from pipeline.control.scenario import Scenario
+from pipeline.control.scenario import Flicker, Scenario
 from pipeline.control.scoring import Judge
-from pipeline.control.state import BASE_ISO, Limits
+from pipeline.control.settings import (
+    ControlCameraSettings,
+    ControlSettings,
+    ControlSurfaceSettings,
+    LimitsSettings,
+    ScenarioSettings,
+)
+from pipeline.control.state import BASE_ISO, CameraState, Limits
 from pipeline.control.views import View
+from pipeline.detection.settings import JudgeSettings
 from pipeline.errors import InputError
 
 
-def camera(section: Any) -> Camera:
+def camera(section: ControlCameraSettings) -> Camera:
     """The camera of ``control.camera``."""
     return Camera(
         sensor=named(section.sensor),
@@ -34,7 +42,7 @@ def camera(section: Any) -> Camera:
     )
 
 
-def limits(section: Any) -> Limits:
+def limits(section: LimitsSettings) -> Limits:
     """The limits of ``control.camera.limits``."""
     return Limits(
         exposure_min_s=section.exposure_min_ms / 1e3,
@@ -46,7 +54,7 @@ def limits(section: Any) -> Limits:
     )
 
 
-def designs(section: Any) -> list[SurfaceDesign]:
+def designs(section: ControlSurfaceSettings) -> list[SurfaceDesign]:
     """The conditions of ``control.surface``: those of full brightness, then those of darker frames."""
     exposure_s = section.exposure_ms / 1e3
     bright = SurfaceDesign(tuple(section.levels_dn), tuple(section.sizes_px), section.target_level, exposure_s)
@@ -60,7 +68,7 @@ def designs(section: Any) -> list[SurfaceDesign]:
     ]
 
 
-def judge(section: Any) -> Judge:
+def judge(section: JudgeSettings) -> Judge:
     """The rules of ``detection.judge``."""
     return Judge(
         rule=section.rule,
@@ -71,7 +79,24 @@ def judge(section: Any) -> Judge:
     )
 
 
-def policies(section: Any, scenario: str) -> dict[str, tuple[str, dict[str, Any]]]:
+def scenario(name: str, section: ScenarioSettings) -> Scenario:
+    """The scenario ``control.scenarios.<name>``."""
+    return Scenario(
+        name=name,
+        steps=section.steps,
+        light=tuple(section.light),
+        speed_px_s=tuple(section.speed_px_s),
+        start=CameraState.of(section.start_exposure_ms, section.start_iso),
+        direction_deg=section.direction_deg,
+        frame_period_s=section.frame_period_s,
+        delay_frames=section.delay_frames,
+        sun_radius_fraction=section.sun_radius_fraction,
+        flicker=Flicker(section.flicker_hz, section.flicker_depth),
+        fault=section.fault,
+    )
+
+
+def policies(section: ControlSettings, scenario: str) -> dict[str, tuple[str, dict[str, Any]]]:
     """Policies that run in a scenario: name -> registry name and options."""
     chosen = [name for name in section.policies if name not in section.optional]
     chosen += [name for name in section.scenarios[scenario].also if name not in chosen]
@@ -146,6 +171,6 @@ def as_json(options: dict[str, Any]) -> str:
     return json.dumps(options, sort_keys=True)
 
 
-def controlled(section: Any) -> ControlledCamera:
+def controlled(section: ControlCameraSettings) -> ControlledCamera:
     """The camera as policies know it."""
     return ControlledCamera(limits(section.limits), camera(section))

@@ -18,11 +18,10 @@ def run(run: Run) -> None:
     from pipeline.control import evaluation, setup, tables
     from pipeline.control.cache import fingerprint
     from pipeline.control.loop import Rig
-    from pipeline.control.scenario import Scenario
     from pipeline.control.views import folds, views
 
     params, section, name = run.params, run.params.control, run.job["scenario"]
-    scenario = Scenario.from_section(name, evaluation.named_scenario(section.scenarios, name))
+    scenario = setup.scenario(name, evaluation.named_scenario(section.scenarios, name))
     detector = params.detection.detectors[section.detector]
     options = {"weights": detector.weights, **detector.options}
     about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")

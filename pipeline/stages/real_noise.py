@@ -29,6 +29,7 @@ def run(run: Run) -> None:
         if section.folder is not None:
             folder = Path(section.folder)
             if section.kind == "raw":
+                assert section.light is not None and section.dark is not None  # checked where they are read
                 light, dark = raw_frames(folder / section.light), raw_frames(folder / section.dark)
                 sensor = sensor_constants(light, dark, section.white_dn)
                 store.write_table(out / "transfer.parquet", sensor.transfer, tables.TRANSFER)
