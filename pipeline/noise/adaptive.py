@@ -15,7 +15,9 @@ and the answer is a mean of their ln(1 + sigma) with weight w of the second:
 Where the second network is unsure, which happens on fine texture, principal components of every second pixel (`pca`,
 ``stride=2``) join it: v = d^4 / (d^4 + 0.6^4) of its answer, d the half-width of its interval of ln(1 + sigma). Where d
 is too wide to be of use the patch is abstained from: as ``"compressed"`` behind a codec, which removes weak noise and
-leaves its own, else as ``"uncertain"``.
+leaves its own, else as ``"uncertain"``. Quantised transform blocks (`pipeline.noise.block_quantisation`) show a codec
+where steps at block edges do not, behind a deblocking filter above all. Such a patch is abstained from where d is wide,
+whichever network answers: a codec that has removed the noise leaves a surface that `cellwise` is sure to be noise-free.
 
 `NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. A patch that is
 plainly white skips the second network, so that such frames cost little more than `cellwise`.
@@ -33,6 +35,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.noise.base import Measured
+from pipeline.noise.block_quantisation import block_quantisation
 from pipeline.noise.cell_mapper import CellMapper
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
 from pipeline.noise.correlated import Correlated, Prediction
@@ -55,10 +58,14 @@ PLAIN_SIGMA_DN = 1.0  # ... noise that certainly exceeds this is white
 PCA_FACTOR = 1.1  # principal components of every second pixel read correlated noise low by this factor
 PCA_REACH = 0.6  # half-width of the interval at which they count half
 PCA_MIN_PX = 64
+LEAST_WEIGHT = 0.02  # of the second network, from which it takes part in the answer
 WIDEST_REACH = 0.9
 """Half-width of the interval of ln(1 + sigma) beyond which there is no answer: a factor of 2.5 either way."""
 
 WIDEST_COMPRESSED_REACH = 0.45  # the same behind a codec: a factor of 1.6
+WIDEST_QUANTISED_REACH = 0.6
+"""The same where only quantised transform blocks show a codec, and the second network takes part in the answer."""
+
 VANISHED_COEFFICIENTS = 0.85  # of high-frequency DCT coefficients: a codec has removed them
 GRID_STEP = 0.12  # ln of the step at block edges over that elsewhere
 
@@ -116,10 +123,15 @@ class Adaptive(CellMapper):
             scale = sigma[asked] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
             adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
             cells[asked] = np.where(weight[:, None, None] >= 0.5, adapted, cells[asked])
+            quantised = self._quantised(stack[asked], reach)
+            alone = weight <= LEAST_WEIGHT  # the first network answers alone
             widest = np.where(traces, self.widest_compressed_reach, self.widest_reach)
-            unsure = (reach > widest) & (weight > 0.02) & (reason[asked] == "")
-            reason[asked[unsure & traces]] = COMPRESSED
-            reason[asked[unsure & ~traces]] = UNCERTAIN
+            widest = np.where(quantised & ~traces, np.minimum(WIDEST_QUANTISED_REACH, self.widest_reach), widest)
+            widest = np.where(alone, np.where(quantised, self.widest_compressed_reach, np.inf), widest)
+            unsure = (reach > widest) & (reason[asked] == "")
+            coded = traces | quantised
+            reason[asked[unsure & coded]] = COMPRESSED
+            reason[asked[unsure & ~coded]] = UNCERTAIN
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
 
     def _plainly_white(self, stack: NDArray[np.floating], low_dn: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -128,6 +140,14 @@ class Adaptive(CellMapper):
         for index in np.flatnonzero(plain):
             plain[index] = whiteness(np.rint(stack[index] * np.float32(FULL_SCALE_DN))) < PLAINLY_WHITE
         return plain
+
+    def _quantised(self, stack: NDArray[np.floating], reach: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Patches with traces of quantised transform blocks, among those where that can decide on an abstention."""
+        quantised = np.zeros(len(stack), dtype=bool)
+        for index in np.flatnonzero(reach > self.widest_compressed_reach):
+            pixels = np.rint(stack[index] * np.float32(FULL_SCALE_DN))
+            quantised[index] = block_quantisation(pixels.astype(np.float32)).present
+        return quantised
 
     def _joined(self, stack: NDArray[np.floating], answer: Prediction) -> NDArray[np.float64]:
         """ln(1 + sigma) of the second network, with principal components where it is unsure."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from skimage import data
 from test_noise_correlated import flat
 
 from pipeline import noise
-from pipeline.camera.processing import presets, temporal_noise
+from pipeline.camera.processing import codec, presets, temporal_noise
 from pipeline.camera.processing.develop import grey
 from pipeline.condition import ConditionMonitor
 from pipeline.errors import InputError
@@ -54,6 +55,22 @@ def test_wide_intervals_become_abstentions_with_their_reason():
     estimate = strict.estimate(stack(flat(6, 0.9), flat(8)))
     assert estimate.abstained[0] and estimate.reason[0] in (COMPRESSED, UNCERTAIN)
     assert not estimate.abstained[1]  # white: the interval of cellwise is not judged by it
+
+
+def test_noise_that_a_video_codec_removed_is_not_read_as_zero():
+    """H.264 leaves surfaces that look noise-free; the decoded frames still differ from shot to shot."""
+    scene = data.coffee()[40:296, 200:456].astype(np.float64)
+    frames = []
+    for number in range(3):
+        noise_dn = stream(1, "video", number).normal(0, 5, scene.shape[:2])
+        frames.append(np.clip(np.rint(scene + noise_dn[..., None]), 0, 255).astype(np.uint8))
+    decoded = codec.store(frames[-1], codec.Codec("h264", 28), frames[:-1]).mean(axis=2)
+    patches = stack(*(decoded[y : y + 128, x : x + 128].astype(np.float32) for y in (0, 128) for x in (0, 128)))
+    white = noise.create("cellwise").estimate(patches)
+    estimate = ADAPTIVE.estimate(patches)
+    vanished = white.sigma_dn < 1
+    assert vanished.sum() >= 2
+    assert (estimate.reason[vanished] == COMPRESSED).mean() > 0.5
 
 
 def test_answers_do_not_depend_on_the_batch():
