@@ -36,8 +36,8 @@ def robust_by(table: pd.DataFrame, by: Sequence[str], value: str, seed: int, pur
     rows = []
     groups: Any = table.groupby(list(by), sort=False)
     for key, group in groups:
-        found = robust(group[value], stream(seed, purpose, part, *key))
-        rows.append(dict(zip(by, key, strict=True)) | asdict(found))
+        result = robust(group[value], stream(seed, purpose, part, *key))
+        rows.append(dict(zip(by, key, strict=True)) | asdict(result))
     return pd.DataFrame(rows, columns=[*by, *Robust.__dataclass_fields__])
 
 

@@ -57,8 +57,8 @@ class Registry:
         """
         target = self._builtin.get(name)
         if target is None:
-            found = {point.name: point.value for point in entry_points(group=self.group)}
-            target = found.get(name)
+            values = {point.name: point.value for point in entry_points(group=self.group)}
+            target = values.get(name)
         if target is None:
             raise InputError(f"unknown {self.kind} '{name}'; {did_you_mean(name, self.names())}")
         module, _, attribute = target.partition(":")

@@ -137,17 +137,18 @@ class Schema:
         Raises:
             InputError: a column is missing, unknown, or cannot be read as its type.
         """
-        place = f"{where}: " if where else ""
+        prefix = f"{where}: " if where else ""
         missing = [name for name in self.columns if name not in table.columns]
         unknown = [name for name in table.columns if name not in self.columns]
         if missing or unknown:
             raise InputError(
-                f"{place}table '{self.name}' expects columns {list(self.columns)}; missing {missing}, unknown {unknown}"
+                f"{prefix}table '{self.name}' expects columns {list(self.columns)}; missing {missing}, "
+                f"unknown {unknown}"
             )
         try:
             typed = table[list(self.columns)].astype(dict(self.columns)).reset_index(drop=True)
         except (TypeError, ValueError) as error:
-            raise InputError(f"{place}table '{self.name}': {error}") from None
+            raise InputError(f"{prefix}table '{self.name}': {error}") from None
         return typed.round(self.decimals)
 
     @property

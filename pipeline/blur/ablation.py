@@ -67,5 +67,5 @@ def judge(released: Training, changed: Training, conduct: Conduct) -> dict[str, 
 
     trained = train(changed, conduct)
     with torch.no_grad():
-        found = measure(trained.model, validation_samples(released, conduct, feature_arrays))
-    return {name: found[name] for name in JUDGED}
+        result = measure(trained.model, validation_samples(released, conduct, feature_arrays))
+    return {name: result[name] for name in JUDGED}

@@ -152,15 +152,15 @@ class Estimator(ABC):
             InputError: the patches are not as expected.
         """
         batch = as_patches(patches)
-        found = self.measure(batch, unusable(batch))
+        result = self.measure(batch, unusable(batch))
         if self.sharp_mtf is None:
-            return found
+            return result
         relative = {
             name: np.clip(value / np.maximum(self.sharp_mtf, SHARP_FLOOR), 0.0, 1.0)
             for name in ("mtf", "low", "high")
-            if (value := getattr(found, name)) is not None
+            if (value := getattr(result, name)) is not None
         }
-        return replace(found, **relative)
+        return replace(result, **relative)
 
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same estimator, its MTF divided by that of this camera's sharp frames, clipped to [0, 1].

@@ -212,14 +212,14 @@ def affine_fit(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = S
     if len(sharp) == 0:
         raise InputError("sharp_patches: none given; cut some from frames known to be sharp")
     bank = np.concatenate([block(index, seed, "camera fit kernels") for index in range(-(-samples // BLOCK))])[:samples]
-    found: list[BlurEstimate] = []
+    results: list[BlurEstimate] = []
     for first in range(0, samples, AT_ONCE):
         kernels = bank[first : first + AT_ONCE]
         picked = sharp[np.arange(first, first + len(kernels)) % len(sharp)]
-        found.append(
+        results.append(
             estimator.estimate(np.rint(blur(picked, kernels / kernels.sum((1, 2), keepdims=True)) * 255) / 255)
         )
-    read = np.concatenate([np.asarray(one.mtf, float) for one in found]).reshape(samples, VALUES)
+    read = np.concatenate([np.asarray(item.mtf, float) for item in results]).reshape(samples, VALUES)
     truth = np.asarray(mtf.sample(bank), float).reshape(samples, VALUES)
     usable = ~np.isnan(read).any(axis=1)
     if usable.sum() < LEAST_SAMPLES:
@@ -232,14 +232,14 @@ def affine_fit(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = S
     error = np.abs(plain(read[usable].reshape(-1, 2, FREQUENCIES)).reshape(-1, VALUES) - truth[usable])
     before = np.abs(read[usable] - truth[usable])
     percent = (100 * float(before.mean()), 100 * float(error.mean()))
-    return replace(plain, widening=_widening(found, usable, error), error_percent=percent)
+    return replace(plain, widening=_widening(results, usable, error), error_percent=percent)
 
 
 def _widening(found: Sequence[BlurEstimate], usable: NDArray[np.bool_], error: NDArray[np.float64]) -> float:
     """Factor on the half width of intervals by which they hold 95 % of the errors."""
-    if any(one.low is None or one.high is None for one in found):
+    if any(item.low is None or item.high is None for item in found):
         return float("nan")
-    half = np.concatenate([(np.asarray(one.high) - np.asarray(one.low)) / 2 for one in found]).reshape(-1, VALUES)
+    half = np.concatenate([(np.asarray(item.high) - np.asarray(item.low)) / 2 for item in found]).reshape(-1, VALUES)
     return float(np.quantile(error / np.maximum(half[usable], 1e-3), COVERAGE))
 
 
@@ -265,8 +265,8 @@ def _affine(
     for turn in range(ROUNDS):
         for group in optimiser.param_groups:
             group["lr"] = RATE * (1 - turn / ROUNDS)
-        some = torch.from_numpy(generator.integers(len(inputs), size=BATCH))
-        error = (torch.sigmoid(inputs[some] @ matrix.T + offset) - targets[some]).abs().mean()
+        batch = torch.from_numpy(generator.integers(len(inputs), size=BATCH))
+        error = (torch.sigmoid(inputs[batch] @ matrix.T + offset) - targets[batch]).abs().mean()
         loss = error + TOWARDS_IDENTITY * (matrix - identity).square().sum() / VALUES
         optimiser.zero_grad()
         loss.backward()

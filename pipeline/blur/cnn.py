@@ -72,23 +72,23 @@ class Cnn(Estimator):
         reasons = unusable(flat).reshape(count, frames)
         bad = (reasons != "").any(axis=1)
         first = reasons[np.arange(count), (reasons != "").argmax(axis=1)]
-        found = self._answer(flat.reshape(count, frames, *flat.shape[1:]), np.where(bad, first, ""))
+        result = self._answer(flat.reshape(count, frames, *flat.shape[1:]), np.where(bad, first, ""))
         if self.sharp_mtf is None:
-            return found
-        return replace(found, mtf=np.clip(found.mtf / np.maximum(self.sharp_mtf, SHARP_FLOOR), 0.0, 1.0))
+            return result
+        return replace(result, mtf=np.clip(result.mtf / np.maximum(self.sharp_mtf, SHARP_FLOOR), 0.0, 1.0))
 
     def _answer(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
         """Answers for (N, F, 1, 192, 192)."""
         import torch
 
         count, frames = patches.shape[:2]
-        places = max(self.batch // frames, 1)
+        positions = max(self.batch // frames, 1)
         mtf = np.empty((count, 2, 8), np.float32)
         with torch.inference_mode():
-            for first in range(0, count, places):
-                part = patches[first : first + places, :, 0].reshape(-1, *patches.shape[3:])
+            for first in range(0, count, positions):
+                part = patches[first : first + positions, :, 0].reshape(-1, *patches.shape[3:])
                 image = torch.from_numpy(np.ascontiguousarray(part)).to(self.device)
-                mtf[first : first + places] = self.network.both_directions(image, frames).cpu().numpy()
+                mtf[first : first + positions] = self.network.both_directions(image, frames).cpu().numpy()
         abstained = reason != ""
         mtf[abstained] = np.nan
         return BlurEstimate(mtf, abstained, reason)

@@ -87,8 +87,8 @@ class MtfCnn(nn.Module):
         Returns:
             (N, 8) in (0, 1).
         """
-        found = self.features(patches)
-        return self.dense(found.unflatten(0, (-1, frames)).mean(1))
+        result = self.features(patches)
+        return self.dense(result.unflatten(0, (-1, frames)).mean(1))
 
     def both_directions(self, patches: torch.Tensor, frames: int = 1) -> torch.Tensor:
         """MTF along x, then along y (the patch turned clockwise): (N, 2, 8); see `forward`."""

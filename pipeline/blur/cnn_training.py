@@ -48,18 +48,18 @@ class Loss:
         patches[turned] = torch.rot90(patches[turned], -1, (1, 2))
         truth = torch.where(turned[:, None], batch["mtf"][:, 1], batch["mtf"][:, 0])
         with torch.autocast("cpu", torch.bfloat16, enabled=self.half_precision):
-            found = model(patches)
-        found = found.float()
-        value = (found - truth).square().mean()
-        return value, {"mtf_error_percent": 100 * float((found - truth).detach().abs().mean())}
+            result = model(patches)
+        result = result.float()
+        value = (result - truth).square().mean()
+        return value, {"mtf_error_percent": 100 * float((result - truth).detach().abs().mean())}
 
 
 def measure(model: torch.nn.Module, data: Mapping[str, torch.Tensor]) -> dict[str, float]:
     """Mean absolute and mean squared error on held-out samples."""
     import torch
 
-    found = torch.cat([model.both_directions(part.float() / 255) for part in data["patches_dn"].split(32)])  # type: ignore[operator]
-    error = found - data["mtf"]
+    result = torch.cat([model.both_directions(part.float() / 255) for part in data["patches_dn"].split(32)])  # type: ignore[operator]
+    error = result - data["mtf"]
     return {"mtf_error_percent": 100 * float(error.abs().mean()), "mean_squared_error": float(error.square().mean())}
 
 

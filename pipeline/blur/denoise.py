@@ -113,20 +113,20 @@ class Denoised:
             return self.inner.estimate(batch)
         shown = batch.copy()
         shown[noisy] = blur(batch[noisy], self.psf)
-        found = self.inner.estimate(shown)
-        combined = np.asarray(found.mtf, dtype=np.float64)
+        result = self.inner.estimate(shown)
+        combined = np.asarray(result.mtf, dtype=np.float64)
         clear = np.where(noisy[:, None, None], divided(combined, self.known, self.epsilon), combined)
-        lost = np.isnan(clear).all(axis=(1, 2)) & ~found.abstained
-        clear = clear.astype(found.mtf.dtype)
+        lost = np.isnan(clear).all(axis=(1, 2)) & ~result.abstained
+        clear = clear.astype(result.mtf.dtype)
         ends = {
             name: np.where(noisy[:, None, None] & ~np.isnan(clear), divided_end(end, self.known, self.epsilon), end)
             for name in ("low", "high")
-            if (end := getattr(found, name)) is not None
+            if (end := getattr(result, name)) is not None
         }
         ends = {name: np.where(np.isnan(clear), np.nan, end) for name, end in ends.items()}
-        reason = np.where(lost, "noise", found.reason)
+        reason = np.where(lost, "noise", result.reason)
         # A kernel found in a smoothed patch is that of both blurs, so it is not passed on.
-        return replace(found, mtf=clear, abstained=found.abstained | lost, reason=reason, kernel=None, **ends)
+        return replace(result, mtf=clear, abstained=result.abstained | lost, reason=reason, kernel=None, **ends)
 
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same, with the inner estimator relative to this camera's own sharp frames."""

@@ -184,9 +184,9 @@ class Fused(Estimator):
         sharp = as_patches(sharp_patches, "sharp_patches")
         spectral = affine_fit(self.spectral, sharp, samples=samples, seed=seed)
         picked = shared_blur.spread(np.arange(len(sharp)), SHARP_PATCHES)
-        found = self.deconvolution.gbb.estimate(sharp[picked])
-        kept = np.asarray(found.mtf, np.float64)[~found.abstained]
-        return FusionMap(spectral, np.median(kept, axis=0) if len(kept) else np.ones(found.mtf.shape[1:]))
+        result = self.deconvolution.gbb.estimate(sharp[picked])
+        kept = np.asarray(result.mtf, np.float64)[~result.abstained]
+        return FusionMap(spectral, np.median(kept, axis=0) if len(kept) else np.ones(result.mtf.shape[1:]))
 
     def with_camera(self, camera: FusionMap | None) -> Self:
         """The same estimator with this calibration."""

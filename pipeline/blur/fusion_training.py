@@ -109,13 +109,13 @@ def _measures(data: Rows, error: np.ndarray) -> dict[str, float]:
         "_low_noise": (data.sigma_dn > 0) & (data.sigma_dn <= LOW_NOISE_DN),
         "_high_noise": data.sigma_dn > LOW_NOISE_DN,
     }
-    found = {
+    result = {
         f"{name}_error{subset}_percent": 100 * float(values[kept].mean())
         for name, values in errors.items()
         for subset, kept in subsets.items()
         if kept.any()
     }
-    return {**found, "rows": float(len(error))}
+    return {**result, "rows": float(len(error))}
 
 
 def save(path: Path, trained: TrainedGate, settings: FusionTraining, *, released: bool = False) -> None:

@@ -39,12 +39,12 @@ SOLVERS = {
 def levels(kernel_size: int, image_size: tuple[int, int]) -> list[tuple[int, tuple[int, int]]]:
     """Kernel size and image size of each level, finest first."""
     count = max(math.ceil(math.log(kernel_size / COARSEST_KERNEL) / math.log(SCALE)), 0) + 1
-    found = [(kernel_size, image_size)]
+    results = [(kernel_size, image_size)]
     for _ in range(count - 1):
-        size, (height, width) = found[-1]
+        size, (height, width) = results[-1]
         smaller = math.floor(size / SCALE)
-        found.append((smaller + 1 - smaller % 2, (math.floor(height / SCALE), math.floor(width / SCALE))))
-    return found
+        results.append((smaller + 1 - smaller % 2, (math.floor(height / SCALE), math.floor(width / SCALE))))
+    return results
 
 
 def find_kernel(images: Sequence[NDArray[np.float64]], kernel_size: int, solver: Solver) -> NDArray:

@@ -110,13 +110,13 @@ class KernelEstimator(Estimator):
             for why, patch in zip(reason, patches, strict=True)
         ]
         usable = [index for index, why in enumerate(reasons) if not why]
-        found = run_map(
+        result = run_map(
             partial(_kernel_or_reason, find=self.finder()),
             [patches[index].reshape(PATCH_PX, PATCH_PX) for index in usable],
             workers=self.workers,
             label="blur kernels",
         )
-        for index, kernel in zip(usable, found, strict=True):
+        for index, kernel in zip(usable, result, strict=True):
             if isinstance(kernel, str):
                 reasons[index] = kernel
             else:

@@ -117,8 +117,8 @@ class Spectral(Estimator):
         abstained = reason != ""
         mtf[abstained] = scale[abstained] = np.nan
         low, high = (np.clip(mtf + sign * self.interval * scale, 0.0, 1.0) for sign in (-1, 1))
-        found = BlurEstimate(mtf, abstained, reason, low=low, high=high)
-        return found if self.typical is None else corrected(found, self.typical)
+        result = BlurEstimate(mtf, abstained, reason, low=low, high=high)
+        return result if self.typical is None else corrected(result, self.typical)
 
     def sigma_dn(self, patches: NDArray[np.float32]) -> NDArray[np.float32]:
         """The noise the network takes to have been added after the blur, DN: (N,) for (N, 1, 192, 192).
@@ -152,12 +152,12 @@ class Spectral(Estimator):
                 image = torch.from_numpy(np.rint(patches[part, 0] * 255)).to(self.device)
                 # A few at a time: their spectra then stay in the processor's cache.
                 maps, vector = (torch.cat(parts) for parts in zip(*map(features, image.split(AT_ONCE)), strict=True))
-                ways = 2 if self.mirrored else 1
+                orientations = 2 if self.mirrored else 1
                 if self.mirrored:
                     maps, vector = torch.cat([maps, mirrored(maps)]), torch.cat([vector, vector])
-                main = _answer(self.network, maps, vector, ways)
+                main = _answer(self.network, maps, vector, orientations)
                 if self.processed is not None:
-                    main = self._joined(main, _answer(self.processed, maps, vector, ways))
+                    main = self._joined(main, _answer(self.processed, maps, vector, orientations))
                 mtf[part], scale[part], sigma_dn[part] = main
         return mtf, scale, sigma_dn
 

@@ -92,12 +92,12 @@ def _profiles(log_power: torch.Tensor) -> torch.Tensor:
 
     upper = log_power[:, :BINS]
     lower = torch.cat([log_power[:, :1], log_power[:, PATCH_PX // 2 :].flip(1)], dim=1)  # rows 0, -1 .. -96
-    found = []
+    results = []
     for low, high in STRIPS:
         strip = slice(low, high + 1)
-        found.append(0.5 * (upper[:, strip].mean(1) + lower[:, strip].mean(1)))
-        found.append(0.5 * (upper[:, :, strip].mean(2) + lower[:, :, strip].mean(2)))
-    return torch.cat(found, dim=1)
+        results.append(0.5 * (upper[:, strip].mean(1) + lower[:, strip].mean(1)))
+        results.append(0.5 * (upper[:, :, strip].mean(2) + lower[:, :, strip].mean(2)))
+    return torch.cat(results, dim=1)
 
 
 def mirrored(maps: torch.Tensor) -> torch.Tensor:

@@ -66,8 +66,8 @@ def measure(model: torch.nn.Module, data: Mapping[str, torch.Tensor]) -> dict[st
     import torch
 
     pieces = zip(data["maps"].split(256), data["vector"].split(256), strict=True)
-    found = [model(maps.float(), vector.float()) for maps, vector in pieces]
-    mtf, scale, sigma_dn, _ = (torch.cat(parts) for parts in zip(*found, strict=True))
+    results = [model(maps.float(), vector.float()) for maps, vector in pieces]
+    mtf, scale, sigma_dn, _ = (torch.cat(parts) for parts in zip(*results, strict=True))
     error = (mtf - data["mtf"]).abs()
     clean = data["sigma_dn"] == 0
     return {

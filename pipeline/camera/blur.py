@@ -76,7 +76,7 @@ def _kernels(psf: Any, count: int) -> list[np.ndarray]:
         return [trimmed(checked_psf(array).astype(np.float32))]
     if array.ndim != 3 or len(array) != count:
         raise InputError(f"psf has shape {array.shape}; expected (h, w), or ({count}, h, w) for this batch")
-    return [trimmed(checked_psf(one, f"psf {index}").astype(np.float32)) for index, one in enumerate(array)]
+    return [trimmed(checked_psf(item, f"psf {index}").astype(np.float32)) for index, item in enumerate(array)]
 
 
 def _blur_plane(plane: np.ndarray, psf: np.ndarray, boundary: str, out: np.ndarray) -> None:

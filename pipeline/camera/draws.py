@@ -159,8 +159,8 @@ def poisson_even(mean: float, shape: tuple[int, ...], generator: np.random.Gener
     np.take(table, cells, out=flat, mode="clip")
     split = np.flatnonzero(np.isnan(flat))
     probability = (cells[split] + generator.random(split.size)) / _CELLS
-    found = np.searchsorted(distribution, probability, side="right")
-    flat[split] = np.minimum(found, distribution.size - 1) + first
+    result = np.searchsorted(distribution, probability, side="right")
+    flat[split] = np.minimum(result, distribution.size - 1) + first
     return out
 
 
@@ -217,31 +217,31 @@ def _to_quantile(w: Float, rate: Float, rounding: float) -> tuple[Float, NDArray
         what `_settle` needs: ``w``, indices of doubtful counts (D,), their normals (D,), the whole numbers in question
         (D,) and their means (D,).
     """
-    one = np.float32
+    float32 = np.float32
     whole = np.floor(rate)
     root = np.sqrt(rate)
-    inverse = one(1.0) / root
+    inverse = float32(1.0) / root
     square = w * w
-    x = square * one(-1.0 / 72.0)
-    x -= one(1.0 / 36.0)
+    x = square * float32(-1.0 / 72.0)
+    x -= float32(1.0 / 36.0)
     x *= w
     x *= inverse
-    term = square * one(1.0 / 6.0)
+    term = square * float32(1.0 / 6.0)
     x += term
     np.multiply(root, w, out=term)
     x += term
-    x += rate - whole + one(1.0 / 3.0)
+    x += rate - whole + float32(1.0 / 3.0)
     # how near a whole number is too near: 0.5 less the bound, against the distance from the middle
-    np.multiply(square, one(-0.006), out=term)
-    term -= one(0.01)
+    np.multiply(square, float32(-0.006), out=term)
+    term -= float32(0.01)
     term *= square
-    term -= one(0.021)
+    term -= float32(0.021)
     term *= inverse
     term *= inverse
-    term += one(0.5 - rounding)
+    term += float32(0.5 - rounding)
     np.floor(x, out=square)
     x -= square
-    x -= one(0.5)
+    x -= float32(0.5)
     doubtful = np.flatnonzero(np.abs(x) > term)
     step = (square[doubtful] + whole[doubtful]).astype(np.float64) + (x[doubtful] > 0.0)
     score = w[doubtful].astype(np.float64)

@@ -307,12 +307,12 @@ def kernels(motion: Motion, exposure_s: float) -> list[Float]:
     for name, value in (("speed_px_s", motion.speed_px_s), ("defocus_px", motion.defocus_px)):
         if not 0.0 <= value < float("inf"):
             raise InputError(f"motion.{name} is a number of at least 0, got {value!r}")
-    found = []
+    results = []
     if motion.length_px(exposure_s) > 1.0:
-        found.append(create_psf("linear_motion", motion.length_px(exposure_s), motion.direction_deg))
+        results.append(create_psf("linear_motion", motion.length_px(exposure_s), motion.direction_deg))
     if motion.defocus_px > 1.0:
-        found.append(create_psf("defocus", motion.defocus_px))
-    return found
+        results.append(create_psf("defocus", motion.defocus_px))
+    return results
 
 
 def noise_generator(seed: int, *parts: KeyPart) -> np.random.Generator:

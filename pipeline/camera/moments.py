@@ -81,7 +81,7 @@ def moments(sensor: Sensor, seed: int) -> dict[str, float]:
         quantity -> value in the unit its name ends with; names as in ``data/paper/image_formation.csv``.
     """
     shape = (_SIDE_PX, _SIDE_PX)
-    found = {
+    values = {
         "full_well_e": sensor.full_well_e,
         "sense_node_gain_v_per_e": sensor.sense_node_gain_v_per_e,
         "source_follower_gain": sensor.source_follower_gain,
@@ -98,18 +98,18 @@ def moments(sensor: Sensor, seed: int) -> dict[str, float]:
     for name, (temperature_k, exposure_s) in _DARK_CONDITIONS.items():
         generator = stream(seed, "moments", "dark", name)
         drawn = dark_noise(shape, sensor, temperature_k, exposure_s, generator, zero_mean=False)
-        found[f"dark_mean_{name}_e"] = float(drawn.mean(dtype=np.float64))
+        values[f"dark_mean_{name}_e"] = float(drawn.mean(dtype=np.float64))
         if name == "330k_100ms":
-            found[f"dcsn_std_{name}_dn"] = float(drawn.std(dtype=np.float64)) * sensor.dn_per_electron
+            values[f"dcsn_std_{name}_dn"] = float(drawn.std(dtype=np.float64)) * sensor.dn_per_electron
     for name, temperature_k in _RESET_TEMPERATURES_K.items():
         generator = stream(seed, "moments", "reset", name)
         drawn = read_noise(shape, sensor, temperature_k, generator, source_follower=False)
-        found[f"ktc_std_{name}_e"] = float(drawn.std(dtype=np.float64))
+        values[f"ktc_std_{name}_e"] = float(drawn.std(dtype=np.float64))
     for name, share in {"mid_grey": 0.5, "full_well": 1.0}.items():
         signal = np.full(shape, share * sensor.electrons_at_full_scale, np.float32)
         drawn = photon_shot(signal, stream(seed, "moments", "photon", name))
-        found[f"photon_std_{name}_e"] = float(drawn.std(dtype=np.float64))
-    return found
+        values[f"photon_std_{name}_e"] = float(drawn.std(dtype=np.float64))
+    return values
 
 
 def transfer_rows(curve: PhotonTransfer, sensor: Sensor) -> dict[str, object]:

@@ -85,13 +85,13 @@ def mtf50(psf: Any, level: float = 0.5) -> np.ndarray:
     weights = np.asarray(psf, dtype=np.float64)
     # A kernel of n pixels has features no finer than 2 / n Nyquist: sixteen points on each.
     grid = np.linspace(0.0, 1.0, 8 * max(weights.shape) + 65)
-    found = np.full(2, np.inf)
+    result = np.full(2, np.inf)
     for direction, values in enumerate(curve(weights, grid)):
         below = np.flatnonzero(values <= level)
         if below.size:
             bracket = grid[below[0] - 1], grid[below[0]]
-            found[direction] = brentq(lambda f, row=direction: curve(weights, f)[row, 0] - level, *bracket, xtol=1e-10)
-    return found
+            result[direction] = brentq(lambda f, row=direction: curve(weights, f)[row, 0] - level, *bracket, xtol=1e-10)
+    return result
 
 
 def gaussian(sigma_px: float, frequencies: Any) -> np.ndarray:

@@ -75,7 +75,7 @@ def load(
     for kind, name in _FOLDERS:
         if kinds is not None and kind not in kinds:
             continue
-        found = []
+        results = []
         for path in (folder / name).glob("*/*.png"):
             match = _MOTION.fullmatch(path.parent.name)
             if match is None and kind == "defocus" and path.parent.name.isdigit():
@@ -86,8 +86,8 @@ def load(
                 continue
             wanted = angles_deg is None or kind == "defocus" or angle_deg in angles_deg
             if wanted and (sizes_px is None or size_px in sizes_px):
-                found.append((size_px, angle_deg, path))
-        for size_px, angle_deg, path in sorted(found):
+                results.append((size_px, angle_deg, path))
+        for size_px, angle_deg, path in sorted(results):
             psf = read_psf(path)
             full_name = kernel_name(kind, size_px, None if kind == "defocus" else angle_deg)
             kernels.append(

@@ -125,9 +125,9 @@ def _transfer(rows: NDArray[np.float64], offset: float, slope: float) -> NDArray
     index = np.floor(distance * BINS_PER_PX).astype(np.int64)
     reach = int(WINDOW_PX * BINS_PER_PX)
     inside = np.abs(index) <= reach
-    place, values = index[inside] + reach, rows[inside]
-    count = np.bincount(place, minlength=2 * reach + 1)
-    total = np.bincount(place, weights=values, minlength=2 * reach + 1)
+    location, values = index[inside] + reach, rows[inside]
+    count = np.bincount(location, minlength=2 * reach + 1)
+    total = np.bincount(location, weights=values, minlength=2 * reach + 1)
     position = np.arange(2 * reach + 1)
     filled = count > 0
     spread = np.interp(position, position[filled], total[filled] / count[filled])

@@ -38,30 +38,32 @@ def steps(shown: Corrupted) -> list[Step]:
         the input first, the 8-bit frame last; light before the tone curve where the frame was formed in linear light.
     """
     electrons = shown.signal_e
-    found = [_step("input", "scene", "The sharp frame.", electrons, shown)]
+    results = [_step("input", "scene", "The sharp frame.", electrons, shown)]
     for name in ("photon", "optics") if shown.order == "paper" else ("optics", "photon"):
         if name == "photon" and "photon" in shown.noise_e:
             electrons = electrons + shown.noise_e["photon"]
             grows = "Photon shot noise grows with the root of the light."
-            found.append(_step("photon", "photons", grows, electrons, shown))
+            results.append(_step("photon", "photons", grows, electrons, shown))
         elif name == "optics" and shown.psf is not None:
             electrons = through_optics(electrons, shown.psf, shown.boundary)
             smooths = "photon" in shown.noise_e and shown.order == "paper"
             spreads = "Blur spreads light and smooths the photon noise." if smooths else "Blur spreads light."
-            found.append(_step("optics", "optics", spreads, electrons, shown))
+            results.append(_step("optics", "optics", spreads, electrons, shown))
     if "dark" in shown.noise_e:
         electrons = electrons + shown.noise_e["dark"]
-        found.append(_step("dark", "dark current", "Dark-current shot noise is the same everywhere.", electrons, shown))
+        results.append(
+            _step("dark", "dark current", "Dark-current shot noise is the same everywhere.", electrons, shown)
+        )
     if "readout" in shown.noise_e:
         electrons = electrons + shown.noise_e["readout"]
-        found.append(
+        results.append(
             _step("readout", "readout", "Reset and source-follower noise of the electronics.", electrons, shown)
         )
     if "total" in shown.noise_e:  # the authors' program adds all sensor noise in one piece
         electrons = electrons + shown.noise_e["total"]
-        found.append(_step("total", "sensor noise", "Dark current and readout, added together.", electrons, shown))
+        results.append(_step("total", "sensor noise", "Dark current and readout, added together.", electrons, shown))
     last = Step("quantised", "quantisation", "Full well, conversion and rounding to 8 bit.", shown.image)
-    return [*found, last]
+    return [*results, last]
 
 
 def _step(name: str, title: str, caption: str, electrons: Float, shown: Corrupted) -> Step:

@@ -180,10 +180,10 @@ def local_sigma(
         raise InputError(f"local_sigma: when is 'before' or 'after', got '{when}'")
     noise = truth.noise_dn if when == "before" else truth.noise_clipped_dn
     height, width = noise.shape
-    found = []
+    results = []
     for tile in tiles:
         x, y, size = (tile.x_px, tile.y_px, tile.size_px) if hasattr(tile, "x_px") else (int(v) for v in tile)
         if not (size > 0 and 0 <= x <= width - size and 0 <= y <= height - size):
             raise InputError(f"tile at x={x}, y={y} of {size} px does not lie in a frame of {width} x {height} px")
-        found.append(np.std(noise[y : y + size, x : x + size], dtype=np.float64))
-    return np.array(found, dtype=np.float64)
+        results.append(np.std(noise[y : y + size, x : x + size], dtype=np.float64))
+    return np.array(results, dtype=np.float64)

@@ -196,16 +196,16 @@ class ConditionMonitor:
             InputError: the patches are not as expected.
         """
         stack = np.ascontiguousarray(patches, dtype=np.float32)
-        places = [Patch(0, 0, PATCH_PX) for _ in range(len(stack))]
-        return Condition(self._blur(stack, places), self._noise(stack, places, None))
+        positions = [Patch(0, 0, PATCH_PX) for _ in range(len(stack))]
+        return Condition(self._blur(stack, positions), self._noise(stack, positions, None))
 
     def _blur(self, stack: NDArray[np.float32], squares: Sequence[Patch]) -> BlurState:
         start = time.perf_counter()
         if not squares:
             stack = np.empty((0, 1, PATCH_PX, PATCH_PX), np.float32)
-        found = self.blur_estimator.estimate(stack)
+        result = self.blur_estimator.estimate(stack)
         taken = (time.perf_counter() - start) * 1e3
-        return BlurState(squares, found, _grid(squares), summarise(found.mtf, found.low, found.high), taken)
+        return BlurState(squares, result, _grid(squares), summarise(result.mtf, result.low, result.high), taken)
 
     def _noise(
         self, stack: NDArray[np.float32], squares: Sequence[Patch], picture: NDArray[np.float32] | None
@@ -213,14 +213,14 @@ class ConditionMonitor:
         start = time.perf_counter()
         grid = _grid(squares)
         if picture is not None and isinstance(self.noise_estimator, CellEstimator):
-            found, cells = self.noise_estimator.estimate_cells(stack)
+            result, cells = self.noise_estimator.estimate_cells(stack)
             whole: NDArray[np.floating] = pasted(cells, squares, (picture.shape[0], picture.shape[1]))
         else:
-            found = self.noise_estimator.estimate(stack)
-            whole = found.sigma_dn.reshape(grid)
+            result = self.noise_estimator.estimate(stack)
+            whole = result.sigma_dn.reshape(grid)
         taken = (time.perf_counter() - start) * 1e3
-        summary = summarise(found.sigma_dn, found.low_dn, found.high_dn)
-        return NoiseState(squares, found, grid, summary, whole, taken)
+        summary = summarise(result.sigma_dn, result.low_dn, result.high_dn)
+        return NoiseState(squares, result, grid, summary, whole, taken)
 
 
 def _checked(image: NDArray[np.floating]) -> NDArray[np.float32]:

@@ -33,16 +33,16 @@ def half_contrast(mtf: NDArray[np.floating]) -> Floats:
     """
     values = np.asarray(mtf, dtype=np.float64).reshape(-1, len(FREQUENCIES))
     frequency = np.concatenate([[0.0], FREQUENCIES])
-    found = np.full(len(values), np.inf)
-    for place, curve in enumerate(np.concatenate([np.ones((len(values), 1)), values], axis=1)):
+    result = np.full(len(values), np.inf)
+    for position, curve in enumerate(np.concatenate([np.ones((len(values), 1)), values], axis=1)):
         below = np.flatnonzero(curve <= HALF)
         if not np.isfinite(curve).all():
-            found[place] = np.nan
+            result[position] = np.nan
         elif below.size:
             at = below[0]
             share = (curve[at - 1] - HALF) / (curve[at - 1] - curve[at])
-            found[place] = frequency[at - 1] + share * (frequency[at] - frequency[at - 1])
-    return found.reshape(np.shape(mtf)[:-1])
+            result[position] = frequency[at - 1] + share * (frequency[at] - frequency[at - 1])
+    return result.reshape(np.shape(mtf)[:-1])
 
 
 @dataclass(frozen=True)
@@ -81,19 +81,27 @@ def summarise(
     """
     shape = values.shape[1:]
     names = ("value", "low", "high", "least", "greatest", "count", "rejected", "abstained")
-    found: dict[str, NDArray] = {
-        name: np.zeros(shape, dtype=np.int64 if place > 4 else np.float64) for place, name in enumerate(names)
+    result: dict[str, NDArray] = {
+        name: np.zeros(shape, dtype=np.int64 if position > 4 else np.float64) for position, name in enumerate(names)
     }
-    for place in np.ndindex(shape):
-        column = np.asarray(values[(slice(None), *place)], dtype=np.float64)
-        ends = [end[(slice(None), *place)] for end in (low, high) if end is not None]
+    for position in np.ndindex(shape):
+        column = np.asarray(values[(slice(None), *position)], dtype=np.float64)
+        ends = [end[(slice(None), *position)] for end in (low, high) if end is not None]
         kept = inliers(column)
         told_ends = len(ends) == 2 and kept.any() and all(np.isfinite(end[kept]).all() for end in ends)
-        told = robust(column, stream(0, "condition", *place), 1 if told_ends else BOOTSTRAP_DRAWS)
-        interval = (told.low, told.high)
+        statistic = robust(column, stream(0, "condition", *position), 1 if told_ends else BOOTSTRAP_DRAWS)
+        interval = (statistic.low, statistic.high)
         if told_ends:
             interval = (float(np.median(ends[0][kept])), float(np.median(ends[1][kept])))
-        numbers = (told.median, *interval, told.minimum, told.maximum, told.count, told.rejected, told.abstained)
+        numbers = (
+            statistic.median,
+            *interval,
+            statistic.minimum,
+            statistic.maximum,
+            statistic.count,
+            statistic.rejected,
+            statistic.abstained,
+        )
         for name, number in zip(names, numbers, strict=True):
-            found[name][place] = number
-    return Summary(**found)
+            result[name][position] = number
+    return Summary(**result)

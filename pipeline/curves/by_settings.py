@@ -67,14 +67,14 @@ def cells(rows: pd.DataFrame, draws: NDArray[np.float64], section: RegressionSet
     """
     import pandas as pd
 
-    found = []
+    results = []
     numbered = rows.reset_index(drop=True)
     groups: Any = numbered.groupby(["level_dn", "size_px"])
     for (level, size), group in groups:
         mean = draws[group.index].mean(axis=0)
         mean = mean[np.isfinite(mean)]
         error = float(np.std(mean, ddof=1)) if len(mean) > 1 else 0.0
-        found.append(
+        results.append(
             {
                 "iso": max(float(level), SMALLEST_SIGMA_DN) / section.sigma_per_iso,
                 "exposure_ms": max(float(size), SMALLEST_PX) / section.px_per_ms,
@@ -82,7 +82,7 @@ def cells(rows: pd.DataFrame, draws: NDArray[np.float64], section: RegressionSet
                 "error_percent": max(error, section.least_error_percent),
             }
         )
-    table = pd.DataFrame(found, columns=["iso", "exposure_ms", "ap_percent", "error_percent"])
+    table = pd.DataFrame(results, columns=["iso", "exposure_ms", "ap_percent", "error_percent"])
     return table[np.isfinite(table["ap_percent"])].reset_index(drop=True)
 
 
@@ -183,15 +183,15 @@ def calibration(conditions: pd.DataFrame, section: RegressionSettings) -> dict[s
     given |= {"exposures_ms": exposure, "levels_dn": noisy["level_dn"].tolist()}
     given["sigmas_dn"] = noisy["sigma_dn"].tolist()
     try:
-        found = calibrate(nominal.iso(noisy["level_dn"]), noisy["sigma_dn"], exposure, lengths)
+        result = calibrate(nominal.iso(noisy["level_dn"]), noisy["sigma_dn"], exposure, lengths)
     except InputError as error:
         return {**given, "reason": str(error)}
     return {
         **given,
-        "lambda1": found.lambda1,
-        "lambda1_std_dev": found.std_dev1,
-        "lambda2": found.lambda2,
-        "lambda2_std_dev": found.std_dev2,
+        "lambda1": result.lambda1,
+        "lambda1_std_dev": result.std_dev1,
+        "lambda2": result.lambda2,
+        "lambda2_std_dev": result.std_dev2,
     }
 
 
@@ -199,7 +199,7 @@ def metrics(about: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float
     """Numbers to watch of the fits that were made, by label; 0 where a fit has none (all cells alike)."""
     names = ("cells", "r2", "largest_residual", "largest_miss_of_grid", "largest_miss_in_std_devs")
     return {
-        label: {name: float(np.nan_to_num(one[name])) for name in names if name in one}
-        for label, one in about.items()
-        if "reason" not in one
+        label: {name: float(np.nan_to_num(item[name])) for name in names if name in item}
+        for label, item in about.items()
+        if "reason" not in item
     }

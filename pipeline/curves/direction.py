@@ -86,9 +86,9 @@ def by_direction(
     precision = columns[3]
     if ((precision < 0) | (precision > 100)).any():
         raise InputError("ap_percent: expected numbers in 0..100")
-    levels, places = zip(*(np.unique(column, return_inverse=True) for column in columns[:3]), strict=True)
+    levels, positions = zip(*(np.unique(column, return_inverse=True) for column in columns[:3]), strict=True)
     table = np.full([len(level) for level in levels], np.nan)
-    flat = np.ravel_multi_index(places, table.shape)
+    flat = np.ravel_multi_index(positions, table.shape)
     values, counts = np.unique(flat, return_counts=True)
     if (counts > 1).any():
         s, a, d = np.unravel_index(values[counts > 1][0], table.shape)

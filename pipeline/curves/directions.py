@@ -66,23 +66,25 @@ def tables(rows: pd.DataFrame, draws: NDArray[np.float64], tolerance: float) -> 
     blurred = (rows["size_px"] > 0).to_numpy()
     if not blurred.any():
         raise InputError("no condition is blurred; set detection.sweep.sizes_px")
-    own = rows[blurred].reset_index(drop=True)
-    found = by_direction(own["level_dn"], own["angle_deg"], own["size_px"], own["ap_percent"], tolerance)
-    intervals: Any = own.set_index(["level_dn", "angle_deg", "size_px"])[["low_percent", "high_percent"]]
+    selected = rows[blurred].reset_index(drop=True)
+    result = by_direction(
+        selected["level_dn"], selected["angle_deg"], selected["size_px"], selected["ap_percent"], tolerance
+    )
+    intervals: Any = selected.set_index(["level_dn", "angle_deg", "size_px"])[["low_percent", "high_percent"]]
     listed: list[dict[str, Any]] = []
-    for place in np.ndindex(found.ap_percent.shape):
-        s, a, d = place
-        key = (found.sigma_dn[s], found.angle_deg[a], found.size_px[d])
+    for position in np.ndindex(result.ap_percent.shape):
+        s, a, d = position
+        key = (result.sigma_dn[s], result.angle_deg[a], result.size_px[d])
         if key not in intervals.index:
             continue
         row: dict[str, Any] = {
-            "label": str(own["label"].iloc[0]),
+            "label": str(selected["label"].iloc[0]),
             **dict(zip(("level_dn", "angle_deg", "size_px"), key, strict=True)),
         }
-        row |= {"ap_percent": found.ap_percent[place], **intervals.loc[key].to_dict()}
-        row["rises_with_size"] = bool(found.rises_with_size[place])
-        listed.append({**row, "rises_with_sigma": bool(found.rises_with_sigma[place])})
-    return TABLE.conform(pd.DataFrame(listed)), _spread(own, draws[blurred], found)
+        row |= {"ap_percent": result.ap_percent[position], **intervals.loc[key].to_dict()}
+        row["rises_with_size"] = bool(result.rises_with_size[position])
+        listed.append({**row, "rises_with_sigma": bool(result.rises_with_sigma[position])})
+    return TABLE.conform(pd.DataFrame(listed)), _spread(selected, draws[blurred], result)
 
 
 def _spread(own: pd.DataFrame, draws: NDArray[np.float64], found: Directions) -> pd.DataFrame:

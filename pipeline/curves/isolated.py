@@ -100,7 +100,7 @@ def isolated(
         raise InputError(f"other: {wanted:g} is not the centre of a bin; known: {', '.join(f'{c:g}' for c in fixed)}")
     pick = (slice(None), index) if along_sigma else (index, slice(None))
     centres = cells.sigma_bins_dn if along_sigma else cells.mtf_bins
-    place = (cells.sigma_dn if along_sigma else cells.mtf)[pick]
+    position = (cells.sigma_dn if along_sigma else cells.mtf)[pick]
     full = np.flatnonzero(cells.count[pick] > 0)
     if not len(full):
         raise InputError(f"no tuple lies in the {'MTF' if along_sigma else 'noise'} bin {wanted:g}")
@@ -110,7 +110,7 @@ def isolated(
     borders = bin_borders(centres)
     return Curve(
         quantity=quantity,
-        at=place[full],
+        at=position[full],
         ap_percent=precision[full],
         low=low[pick][full],
         high=high[pick][full],

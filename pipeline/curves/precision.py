@@ -144,14 +144,14 @@ def average_precision(
     medians: Any = conditions.set_index(["kernel", "level_dn"])[["sigma_dn", "mtf"]]
     rows: list[dict[str, Any]] = []
     draws: dict[str, list[Floats]] = {label: [] for label in labels}
-    for place, group in looked.groupby(list(CONDITION), sort=False):
-        condition = dict(zip(CONDITION, place, strict=True))
+    for position, group in looked.groupby(list(CONDITION), sort=False):
+        condition = dict(zip(CONDITION, position, strict=True))
         if set(group["frame"]) != set(names):
             raise InputError(f"{condition['kernel']} at {condition['level_dn']:g} DN: frames are missing; detect again")
         cell = (condition["kernel"], condition["level_dn"])
-        found = [known.get((name, *cell), Detections.none()) for name in names]
+        entries = [known.get((name, *cell), Detections.none()) for name in names]
         results = evaluate(
-            found,
+            entries,
             wanted,
             labels,
             judge.rule,
@@ -266,15 +266,15 @@ def curves(label: str, rows: pd.DataFrame, draws: Floats, section: CurvesSetting
     bins: dict[str, Any] = {"sigma_bins_dn": section.sigma_bins_dn, "mtf_bins": section.mtf_bins}
     points, drawn = tuples(rows, draws, section.average_directions)
     for quantity, chosen in (("sigma_dn", points["size_px"] == 0), ("mtf", points["level_dn"] == 0)):
-        own = points[chosen]
-        known = own["ap_percent"].notna() & own["sigma_dn"].notna() & own["mtf"].notna()
+        selected = points[chosen]
+        known = selected["ap_percent"].notna() & selected["sigma_dn"].notna() & selected["mtf"].notna()
         if not known.any():
             continue
         picked = _without_gaps(drawn)[chosen.to_numpy()]
         # Only one effect is on: what the other quantity is estimated to be must not scatter the curve over bins.
-        off = np.full(len(own), section.mtf_bins[-1] if quantity == "sigma_dn" else section.sigma_bins_dn[0])
-        sigma, contrast = (own["sigma_dn"], off) if quantity == "sigma_dn" else (off, own["mtf"])
-        cells = gather(sigma, contrast, own["ap_percent"], stream(seed, "curve"), picked, **bins)
+        off = np.full(len(selected), section.mtf_bins[-1] if quantity == "sigma_dn" else section.sigma_bins_dn[0])
+        sigma, contrast = (selected["sigma_dn"], off) if quantity == "sigma_dn" else (off, selected["mtf"])
+        cells = gather(sigma, contrast, selected["ap_percent"], stream(seed, "curve"), picked, **bins)
         curve = isolated(cells, quantity, tolerance=section.tolerance_percent)
         values: dict[str, Any] = {
             "at": curve.at,
@@ -300,16 +300,16 @@ def _without_gaps(draws: Floats) -> Floats:
 
 def metrics(table: pd.DataFrame, made: Mapping[str, Surface]) -> dict[str, dict[str, float]]:
     """Numbers to watch, of classes with objects: average precision without blur and noise, over all; the surface."""
-    found = {}
+    measures = {}
     for label, rows in table[table["objects"] > 0].groupby("label"):
         clean = rows[(rows["size_px"] == 0) & (rows["level_dn"] == 0)]["ap_percent"]
-        one = made.get(str(label))
-        found[str(label)] = {
+        item = made.get(str(label))
+        measures[str(label)] = {
             "objects": float(rows["objects"].iloc[0]),
             "clean_ap_percent": float(clean.iloc[0]) if len(clean) else 0.0,
             "mean_ap_percent": float(rows["ap_percent"].mean()),
-            "bins": 0.0 if one is None else float((one.cells.count > 0).sum()),
-            "non_monotonic": 0.0 if one is None else float(one.non_monotonic().sum()),
-            "certainly_non_monotonic": 0.0 if one is None else float(one.certainly_non_monotonic().sum()),
+            "bins": 0.0 if item is None else float((item.cells.count > 0).sum()),
+            "non_monotonic": 0.0 if item is None else float(item.non_monotonic().sum()),
+            "certainly_non_monotonic": 0.0 if item is None else float(item.certainly_non_monotonic().sum()),
         }
-    return found
+    return measures

@@ -146,8 +146,8 @@ class Surface:
         nan = float("nan")
         if not (np.isfinite(sigma_dn) and np.isfinite(mtf)):
             return nan, nan, nan, f"sigma {sigma_dn:g} DN, MTF {mtf:g}: expected finite numbers"
-        place = np.array([sigma_dn, mtf]) / self._scale
-        weights = self._inside(place)
+        position = np.array([sigma_dn, mtf]) / self._scale
+        weights = self._inside(position)
         if weights is None:
             row = int(nearest_bin(sigma_dn, self.cells.sigma_bins_dn))
             column = int(nearest_bin(mtf, self.cells.mtf_bins))
@@ -163,7 +163,7 @@ class Surface:
                         f" {sigmas.max():.3g} DN, MTF {mtfs.min():.2f} .. {mtfs.max():.2f}); it is not extrapolated"
                     ),
                 )
-            weights = self._nearest(place)
+            weights = self._nearest(position)
         low, high = np.percentile(self._draws[:, weights > 0] @ weights[weights > 0], [2.5, 97.5])
         return float(self._ap @ weights), float(low), float(high), ""
 
@@ -208,7 +208,7 @@ def triangulate(full: NDArray[np.bool_], knots: Floats, bridge: int = BRIDGE_BIN
     """
     number = np.full(full.shape, -1)
     number[full] = np.arange(len(knots))
-    found: list[tuple[int, int, int]] = []
+    results: list[tuple[int, int, int]] = []
     rows, columns = np.nonzero(full)
     for row, row_after in _neighbours(rows, bridge):
         for column, column_after in _neighbours(columns, bridge):
@@ -222,14 +222,14 @@ def triangulate(full: NDArray[np.bool_], knots: Floats, bridge: int = BRIDGE_BIN
             else:
                 continue
             best = max(choices, key=lambda pair: min(_area(knots, triangle) for triangle in pair))
-            found += [triangle for triangle in best if _area(knots, triangle) > _LEAST_AREA]
-    return np.array(found, dtype=np.int64).reshape(-1, 3)
+            results += [triangle for triangle in best if _area(knots, triangle) > _LEAST_AREA]
+    return np.array(results, dtype=np.int64).reshape(-1, 3)
 
 
 def _neighbours(used: NDArray[np.int64], bridge: int) -> list[tuple[int, int]]:
     """Each used row or column with the next one, unless too many between them are unused."""
     pairs = itertools.pairwise(np.unique(used).tolist())
-    return [(one, other) for one, other in pairs if other - one <= 1 + bridge]
+    return [(item, other) for item, other in pairs if other - item <= 1 + bridge]
 
 
 def _area(knots: Floats, triangle: tuple[int, int, int]) -> float:

@@ -174,10 +174,10 @@ def patches_of(table: pd.DataFrame, purpose: str, per_frame: int | None = None) 
 
 
 def _enter(frame: Frame, patch_px: int, tile_px: int, tile_policy: str, from_objects: bool) -> _Entry:
-    found = inspect(frame, smallest_px=max(patch_px, tile_px))
-    grey, frame = found.grey, found.frame
+    result = inspect(frame, smallest_px=max(patch_px, tile_px))
+    grey, frame = result.grey, result.frame
     if grey is None:
-        return _Entry(found, {}, {})
+        return _Entry(result, {}, {})
     shape = (grey.shape[0], grey.shape[1])
     blur = object_patches(shape, frame.boxes, patch_px) if from_objects else tiles(shape, patch_px)
     row = {
@@ -192,7 +192,7 @@ def _enter(frame: Frame, patch_px: int, tile_px: int, tile_policy: str, from_obj
         **dataclasses.asdict(image_statistics.measure(grey)),
     }
     noise = tiles(shape, tile_px, tile_policy)
-    return _Entry(dataclasses.replace(found, grey=None), row, {"blur": blur, "noise": noise})
+    return _Entry(dataclasses.replace(result, grey=None), row, {"blur": blur, "noise": noise})
 
 
 def _patch_rows(entries: Sequence[_Entry]) -> list[dict[str, Any]]:

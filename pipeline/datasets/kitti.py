@@ -78,10 +78,10 @@ def read_kitti_labels(path: Path) -> list[Box]:
 
 def _previous(folder: Path, stem: str) -> list[Path]:
     """Up to three preceding pictures, oldest first, without a gap before the frame itself."""
-    found: list[Path] = []
+    results: list[Path] = []
     for back in (1, 2, 3):
         path = folder / f"{stem}_{back:02d}.png"
         if not path.is_file():
             break
-        found.insert(0, path)
-    return found
+        results.insert(0, path)
+    return results

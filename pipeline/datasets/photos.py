@@ -103,7 +103,7 @@ class Photos(Dataset):
 
 
 def _installed(name: str) -> Path:
-    found = importlib.util.find_spec("skimage")
-    if found is None or not found.submodule_search_locations:
+    result = importlib.util.find_spec("skimage")
+    if result is None or not result.submodule_search_locations:
         raise DataAbsent(f"dataset '{name}': scikit-image is not installed. {Photos.source}")
-    return Path(found.submodule_search_locations[0]) / "data"
+    return Path(result.submodule_search_locations[0]) / "data"

@@ -194,8 +194,8 @@ def _decode(path: str | Path, data: bytes) -> Picture:
         except Image.DecompressionBombError as error:
             raise BadPicture(path, f"too large ({error})") from None
         except (OSError, SyntaxError, ValueError, EOFError) as error:
-            what = "truncated" if "truncated" in str(error).lower() else "cannot be decoded"
-            raise BadPicture(path, f"{what} ({error})") from None
+            defect = "truncated" if "truncated" in str(error).lower() else "cannot be decoded"
+            raise BadPicture(path, f"{defect} ({error})") from None
 
 
 def _pixels(path: str | Path, data: bytes, opened: Image.Image) -> np.ndarray:
@@ -232,12 +232,12 @@ def _read_deep(path: str | Path, data: bytes) -> np.ndarray:
     """(H, W, 3) uint16 from a PNG or TIFF with 16 bits a channel."""
     import cv2
 
-    told = cv2.utils.logging.getLogLevel()
+    log_level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # it remarks on odd TIFF tags
     try:
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     finally:
-        cv2.utils.logging.setLogLevel(told)
+        cv2.utils.logging.setLogLevel(log_level)
     if decoded is None:
         raise BadPicture(path, "holds 16-bit colour that cannot be decoded")
     return decoded if decoded.ndim == 2 else np.ascontiguousarray(decoded[..., 2::-1])  # BGR, BGRA to RGB

@@ -105,13 +105,13 @@ def inspect(frame: Frame, smallest_px: int = BLUR_PX) -> Inspection:
 
 def _remarks(picture: Picture) -> list[str]:
     height, width = picture.pixels.shape[:2]
-    found = {
+    values = {
         DEEP: picture.pixels.dtype == np.uint16,
         COLOUR: picture.colour,
         ALPHA: picture.alpha,
         ODD_SIZE: height % 2 == 1 or width % 2 == 1,
     }
-    return [note for note, holds in found.items() if holds]
+    return [note for note, holds in values.items() if holds]
 
 
 def _usable_previous(paths: Sequence[Path], picture: Picture) -> tuple[Path, ...]:
@@ -139,10 +139,10 @@ def gather(dataset: Dataset, inspections: Sequence[Inspection], max_bad_share: f
         raise InputError(f"quarantine.max_bad_share={max_bad_share}: expected a share between 0 and 1")
     left_out = [
         LeftOut(
-            dataset.name, *(_relative(text, found.frame, dataset) for text in (str(found.frame.path), found.reason))
+            dataset.name, *(_relative(text, result.frame, dataset) for text in (str(result.frame.path), result.reason))
         )
-        for found in inspections
-        if found.reason
+        for result in inspections
+        if result.reason
     ]
     if len(left_out) > max_bad_share * len(inspections):
         first = "; ".join(f"{row.file} ({row.reason})" for row in left_out[:3])
@@ -150,8 +150,8 @@ def gather(dataset: Dataset, inspections: Sequence[Inspection], max_bad_share: f
             f"dataset '{dataset.name}': {len(left_out)} of {len(inspections)} frames cannot be used, more than the "
             f"{max_bad_share:.0%} allowed by quarantine.max_bad_share: {first}{'; ...' if len(left_out) > 3 else ''}"
         )
-    notes = Counter(note for found in inspections for note in found.notes)
-    usable = [found.frame for found in inspections if not found.reason]
+    notes = Counter(note for result in inspections for note in result.notes)
+    usable = [result.frame for result in inspections if not result.reason]
     return Scan(usable, left_out, dict(sorted(notes.items())))
 
 
@@ -177,8 +177,8 @@ def scan(
         InputError: more than the stated share is bad, or the dataset itself is wrong.
     """
     look = partial(_without_pixels, smallest_px=smallest_px)
-    found = run_map(look, dataset.frames(), label=f"scan of {dataset.name}")
-    return gather(dataset, found, max_bad_share)
+    result = run_map(look, dataset.frames(), label=f"scan of {dataset.name}")
+    return gather(dataset, result, max_bad_share)
 
 
 def _without_pixels(frame: Frame, smallest_px: int) -> Inspection:

@@ -195,7 +195,7 @@ def parse(text: str, module: str, package: bool = False) -> Source:
     tree = ast.parse(text)
     imports: set[str] = set()
     froms: set[tuple[str, str]] = set()
-    found: dict[str, dict[str, str]] = {}
+    values: dict[str, dict[str, str]] = {}
     folders: dict[str, str] = {}
     data: set[str] = set()
     computed: list[int] = []
@@ -216,7 +216,7 @@ def parse(text: str, module: str, package: bool = False) -> Source:
                     computed.append(node.lineno)
             elif called.rpartition(".")[2] == "Registry":
                 group, names = _registry(node)
-                found.setdefault(group, {}).update(names)
+                values.setdefault(group, {}).update(names)
             elif called.endswith("Registry.of_folder"):
                 _, group, package_name, _ = (ast.literal_eval(argument) for argument in node.args)
                 folders[group] = package_name
@@ -224,7 +224,7 @@ def parse(text: str, module: str, package: bool = False) -> Source:
                 whole_folder = True
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _DATA.match(node.value):
             data.add(node.value)
-    return Source(frozenset(imports), frozenset(froms), found, folders, frozenset(data), whole_folder, tuple(computed))
+    return Source(frozenset(imports), frozenset(froms), values, folders, frozenset(data), whole_folder, tuple(computed))
 
 
 def _executed(tree: ast.Module) -> Iterator[ast.AST]:

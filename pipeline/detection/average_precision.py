@@ -124,8 +124,8 @@ def _evaluate_class(
     images: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
     objects = np.zeros(len(truths), dtype=np.int64)
     ignored = 0
-    for image, (found, truth) in enumerate(zip(detections, truths, strict=True)):
-        wanted, mine = truth.called(label), found.called(label)
+    for image, (detected, truth) in enumerate(zip(detections, truths, strict=True)):
+        wanted, mine = truth.called(label), detected.called(label)
         order = np.argsort(-mine.score, kind="stable")[: COCO_MOST if rule == "coco" else None]
         scores.append(mine.score[order])
         verdicts.append(judge(mine.boxes[order], wanted, rule, overlap))
@@ -178,19 +178,21 @@ def area(
         (B,) average precision; NaN without objects.
     """
     result = np.full(len(right), np.nan)
-    some = np.asarray(objects) > 0
+    present = np.asarray(objects) > 0
     if right.shape[1] == 0:
-        result[some] = 0.0
+        result[present] = 0.0
         return result
-    found, shown = np.cumsum(right[some], axis=1), np.cumsum(counted[some], axis=1)
-    precision = np.divide(found, shown, out=np.zeros_like(found), where=shown > 0)
+    true_positives, shown = np.cumsum(right[present], axis=1), np.cumsum(counted[present], axis=1)
+    precision = np.divide(true_positives, shown, out=np.zeros_like(true_positives), where=shown > 0)
     best = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
-    recall = found / np.asarray(objects)[some, None]
+    recall = true_positives / np.asarray(objects)[present, None]
     if rule == "paper":
-        result[some] = (np.diff(recall, axis=1, prepend=0.0) * best).sum(axis=1)
+        result[present] = (np.diff(recall, axis=1, prepend=0.0) * best).sum(axis=1)
     else:
         padded = np.concatenate([best, np.zeros((len(best), 1))], axis=1)
-        result[some] = [row[np.searchsorted(at, COCO_RECALLS)].mean() for row, at in zip(padded, recall, strict=True)]
+        result[present] = [
+            row[np.searchsorted(at, COCO_RECALLS)].mean() for row, at in zip(padded, recall, strict=True)
+        ]
     return result
 
 

@@ -47,8 +47,8 @@ def evaluate_frames(
     """
     if not frames:
         raise InputError("frames: none given; an average precision needs at least one labelled frame")
-    found = [detector.detect([image(frame)])[0] for frame in frames]
-    return evaluate_found(frames, found, class_map, lowest_px, least_visible, rule, overlap, generator)
+    results = [detector.detect([image(frame)])[0] for frame in frames]
+    return evaluate_found(frames, results, class_map, lowest_px, least_visible, rule, overlap, generator)
 
 
 def evaluate_found(

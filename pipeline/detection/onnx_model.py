@@ -39,9 +39,9 @@ class OnnxModel:
         if not self.path.is_file():
             raise InputError(f"{self.path}: no such model file; give weights= the path of an ONNX file")
         if sha256 is not None:
-            found = hashlib.sha256(self.path.read_bytes()).hexdigest()
-            if found != sha256.lower():
-                raise InputError(f"{self.path}: SHA-256 is {found}, expected {sha256}; get the file again")
+            result = hashlib.sha256(self.path.read_bytes()).hexdigest()
+            if result != sha256.lower():
+                raise InputError(f"{self.path}: SHA-256 is {result}, expected {sha256}; get the file again")
         self._sessions: dict[tuple[int, int] | None, onnxruntime.InferenceSession] = {}
         shape = self._session(None).get_inputs()[0].shape
         if len(shape) != 4:

@@ -82,23 +82,23 @@ def get(entry: Published, folder: str | Path, sha256: str | None = None, progres
     target = folder / entry.file
     expected, trust = _expected(entry, folder, sha256)
     if target.is_file():
-        found = file_sha256(target)
-        problem = _problem(entry, target, found, expected)
+        result = file_sha256(target)
+        problem = _problem(entry, target, result, expected)
         if problem:
             raise InputError(f"{target}: {problem}; move it away and run again")
-        _record(folder, entry, found, trust, "placed by hand")
-        return Fetched(target, found, trust, downloaded=False)
+        _record(folder, entry, result, trust, "placed by hand")
+        return Fetched(target, result, trust, downloaded=False)
     part = target.with_name(f".{target.name}.part")
     source = _download_any(entry, part, target, progress)
-    found = file_sha256(part)
-    problem = _problem(entry, part, found, expected)
+    result = file_sha256(part)
+    problem = _problem(entry, part, result, expected)
     if problem:
         _forget(part)
         raise InputError(f"{source}: {problem}; the download was thrown away")
     part.replace(target)
     _forget(part)
-    _record(folder, entry, found, trust, source)
-    return Fetched(target, found, trust, downloaded=True)
+    _record(folder, entry, result, trust, source)
+    return Fetched(target, result, trust, downloaded=True)
 
 
 def file_sha256(path: str | Path) -> str:

@@ -95,8 +95,8 @@ class Yolov4:
         if paper:
             boxes[:, 2:] = np.minimum(boxes[:, 2:], [image.shape[1] - 1, image.shape[0] - 1])
         chosen = self.limits.select(boxes, score, kind, above=True)
-        found = np.trunc(boxes[chosen]) if paper else boxes[chosen]
-        return Detections.of(found, np.clip(score[chosen], 0.0, 1.0), self.labels[kind[chosen]])
+        result = np.trunc(boxes[chosen]) if paper else boxes[chosen]
+        return Detections.of(result, np.clip(score[chosen], 0.0, 1.0), self.labels[kind[chosen]])
 
     def _raw(self, canvas: NDArray[np.floating]) -> NDArray[np.float32]:
         """The network's rows (anchors of all cells, 5 + classes) for a canvas (side, side) in DN, finest map first."""

@@ -103,11 +103,11 @@ class Yolov7:
         outputs = self.model.run(image)
         rows = self._rows(outputs)
         if rows is None:
-            (found,) = outputs
-            kind = found[:, 5].astype(np.int64)
+            (result,) = outputs
+            kind = result[:, 5].astype(np.int64)
             if len(kind) and not 0 <= kind.min() <= kind.max() < len(self.labels):
                 raise InputError(f"{self.model.path}: class number {kind.max()}, but {len(self.labels)} labels")
-            return found[:, 1:5].astype(np.float64), found[:, 6].astype(np.float64), kind, True
+            return result[:, 1:5].astype(np.float64), result[:, 6].astype(np.float64), kind, True
         kind, score = scored(rows)
         half = rows[:, 2:4] / 2
         boxes = np.concatenate([rows[:, :2] - half, rows[:, :2] + half], axis=1)

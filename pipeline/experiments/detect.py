@@ -93,10 +93,10 @@ class Sweep:
         parts: list[tuple[NDArray[Any], ...]] = []
         sharp = SharpFrame(frame, self.camera, self.seed)
         for number, level in enumerate(self.levels_dn):
-            found = detector.detect([sharp.under(Condition(kernel, self.effect, float(level))).image])[0]
-            found = found.where(np.isin(found.label, self.classes))
-            found = found.where(np.argsort(-found.score, kind="stable")[: self.most])
-            parts.append((np.full(len(found), number), found.boxes, found.score, found.label))
+            result = detector.detect([sharp.under(Condition(kernel, self.effect, float(level))).image])[0]
+            result = result.where(np.isin(result.label, self.classes))
+            result = result.where(np.argsort(-result.score, kind="stable")[: self.most])
+            parts.append((np.full(len(result), number), result.boxes, result.score, result.label))
         numbers, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))
         return {"level": numbers, "boxes": boxes.reshape(-1, 4), "score": score, "label": label.astype(np.str_)}
 
@@ -176,6 +176,6 @@ def tables(
         counts = np.bincount(piece["level"].astype(int), minlength=len(levels))
         for level, count in zip(levels, counts, strict=True):
             where = {"frame": frame.name, "scene": scenes[frame.name], "kernel": kernel.name, "kind": kernel.kind}
-            place = {"size_px": float(kernel.size_px), "angle_deg": float(kernel.angle_deg), "effect": sweep.effect}
-            looked.append({**where, **place, "level_dn": float(level), "detections": int(count)})
+            position = {"size_px": float(kernel.size_px), "angle_deg": float(kernel.angle_deg), "effect": sweep.effect}
+            looked.append({**where, **position, "level_dn": float(level), "detections": int(count)})
     return DETECTIONS.conform(pd.concat(parts, ignore_index=True)), LOOKED.conform(pd.DataFrame(looked))

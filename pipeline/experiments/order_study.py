@@ -125,18 +125,18 @@ def look(
     monitor, detector = _opened(kind, options)
     sharp = frame.image()
     system = np.asarray(monitor.frame(sharp).mtf.value)
-    found = []
-    for one in chosen:
-        at = replace(camera, order=one.order, light=one.light)  # type: ignore[arg-type]
-        kernel = create_psf("linear_motion", one.motion_px) if one.motion_px > 1 else None
+    entries = []
+    for item in chosen:
+        at = replace(camera, order=item.order, light=item.light)  # type: ignore[arg-type]
+        kernel = create_psf("linear_motion", item.motion_px) if item.motion_px > 1 else None
         made = corrupt(
-            sharp, EFFECT, sigma_dn=one.sigma_dn, generator=stream(seed, "order study", frame.name), psf=kernel,
+            sharp, EFFECT, sigma_dn=item.sigma_dn, generator=stream(seed, "order study", frame.name), psf=kernel,
             sensor=at.sensor, poisson=at.poisson, order=at.order, light=at.light,
         )  # fmt: skip
         condition = monitor.frame(made.image)
         truth = system if kernel is None else system * mtf_of.sample(kernel)
         detected = detector.detect([made.image])[0]
-        found.append(
+        entries.append(
             {
                 "clipped_sigma_dn": made.sigma_clipped_dn,
                 "sigma_dn": float(condition.sigma_dn.value),
@@ -146,7 +146,7 @@ def look(
                 "label": detected.label,
             }
         )
-    return found
+    return entries
 
 
 def precisions(
@@ -201,14 +201,14 @@ def table(
     import pandas as pd
 
     rows = []
-    for number, (one, score) in enumerate(zip(chosen, scores, strict=True)):
+    for number, (item, score) in enumerate(zip(chosen, scores, strict=True)):
         parts = [each[number] for each in found]
         low, high = _interval(score.draws)
         row: dict[str, Any] = {
-            "order": one.order,
-            "light": one.light,
-            "motion_px": one.motion_px,
-            "target_sigma_dn": one.sigma_dn,
+            "order": item.order,
+            "light": item.light,
+            "motion_px": item.motion_px,
+            "target_sigma_dn": item.sigma_dn,
             "clipped_sigma_dn": float(np.mean([part["clipped_sigma_dn"] for part in parts])),
             "ap_percent": score.ap_percent,
             "ap_low_percent": low,
@@ -251,9 +251,11 @@ def effects(
     draws = np.stack([score.draws for score in scores])
     values = np.array([score.ap_percent for score in scores])
     rows = []
-    for order, light in dict.fromkeys((one.order, one.light) for one in chosen):
+    for order, light in dict.fromkeys((item.order, item.light) for item in chosen):
         mine = {
-            (one.motion_px, one.sigma_dn): n for n, one in enumerate(chosen) if (one.order, one.light) == (order, light)
+            (item.motion_px, item.sigma_dn): n
+            for n, item in enumerate(chosen)
+            if (item.order, item.light) == (order, light)
         }
         motions, sigmas = (sorted({key[axis] for key in mine}) for axis in (0, 1))
         moving = [motion for motion in motions if motion > motions[0]] or motions

@@ -42,12 +42,12 @@ def patch_errors(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
 
     rows = []
     groups: Any = estimates.groupby(["dataset", "estimator", "effect"], sort=False)
-    for (dataset, estimator, effect), own in groups:
-        ends = (own[name].to_numpy(float) for name in ("low_dn", "high_dn", "added_sigma_dn"))
-        covered, clean = pd.Series(100.0 * coverage(*ends), own.index), own["level_dn"] == 0
+    for (dataset, estimator, effect), selected in groups:
+        ends = (selected[name].to_numpy(float) for name in ("low_dn", "high_dn", "added_sigma_dn"))
+        covered, clean = pd.Series(100.0 * coverage(*ends), selected.index), selected["level_dn"] == 0
         quantities = {
-            "present_dn": ("present", (own["sigma_dn"] - own["true_sigma_dn"]).abs()),
-            "added_dn": ("added", (own["sigma_dn"] - own["added_sigma_dn"]).abs()),
+            "present_dn": ("present", (selected["sigma_dn"] - selected["true_sigma_dn"]).abs()),
+            "added_dn": ("added", (selected["sigma_dn"] - selected["added_sigma_dn"]).abs()),
         }
         if covered.notna().any():
             quantities["coverage_percent"] = ("coverage", covered.mask(clean))
@@ -56,12 +56,14 @@ def patch_errors(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
             "dataset": dataset,
             "estimator": estimator,
             "effect": effect,
-            "abstained_percent": 100.0 * float(own["abstained"].mean()),
-            "width_dn": float((own["high_dn"] - own["low_dn"]).median()) if covered.notna().any() else math.nan,
+            "abstained_percent": 100.0 * float(selected["abstained"].mean()),
+            "width_dn": float((selected["high_dn"] - selected["low_dn"]).median())
+            if covered.notna().any()
+            else math.nan,
         }
         for name, (part, values) in quantities.items():
             generator = stream(seed, "report", "noise patches", dataset, estimator, effect, part)
-            cells = cluster_mean(values, own["frame"], generator)
+            cells = cluster_mean(values, selected["frame"], generator)
             row |= dict(zip((name, f"{name}_low", f"{name}_high", f"{name}_count"), cells, strict=True))
         rows.append(row)
     return pd.DataFrame(rows)
@@ -86,8 +88,8 @@ def saturated_patches(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
     groups: Any = chosen[chosen["level_dn"] == level].groupby(["dataset", "effect"], sort=False)
     for (dataset, effect), here in groups:
         patches = here[here["estimator"] == here["estimator"].iloc[0]]
-        for estimator, own in here.groupby("estimator", sort=False):
-            answers = own.loc[~own["abstained"], "sigma_dn"].to_numpy(float)
+        for estimator, selected in here.groupby("estimator", sort=False):
+            answers = selected.loc[~selected["abstained"], "sigma_dn"].to_numpy(float)
             generator = stream(seed, "report", "saturated", dataset, effect, estimator)
             low, high = bootstrap_interval(answers, generator) if len(answers) > 1 else (math.nan, math.nan)
             rows.append(

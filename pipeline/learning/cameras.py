@@ -118,11 +118,11 @@ def _recorder(generator: np.random.Generator, sigma_dn: float, recipe: CameraRec
     read = float(np.exp(generator.uniform(np.log(0.02), np.log(30.0))))
     shot = (sigma_dn / 255) ** 2 / (0.45 + read)
     corner = generator.integers(8, size=2)
-    place = (int(corner[0]), int(corner[1]))
+    position = (int(corner[0]), int(corner[1]))
     if generator.random() < 2 * recipe.video_fraction:
-        codec, before = _video(generator, place), int(generator.integers(2))
+        codec, before = _video(generator, position), int(generator.integers(2))
     else:
-        codec, before = Codec("jpeg", int(generator.integers(55, 99)), bool(generator.random() < 0.25), place), 0
+        codec, before = Codec("jpeg", int(generator.integers(55, 99)), bool(generator.random() < 0.25), position), 0
     scaling, method = (1.0, "area") if generator.random() < 0.9 else _scaling(generator, recipe)
     return CameraPipeline(
         noise=RawNoise(shot, read), demosaicing=None, gamma=1.0, scaling=scaling, scaling_method=method, codec=codec,

@@ -46,7 +46,7 @@ def held_out(make: Maker, chunks: int) -> dict[str, torch.Tensor]:
 
     one_thread()
     made = [make(number) for number in range(chunks)]
-    return {name: torch.from_numpy(np.concatenate([one[name] for one in made])) for name in made[0]}
+    return {name: torch.from_numpy(np.concatenate([item[name] for item in made])) for name in made[0]}
 
 
 def fit(

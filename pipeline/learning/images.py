@@ -64,8 +64,8 @@ def bank(
     from pipeline.learning.bank import kept
 
     def draw() -> NDArray[np.uint8]:
-        one = partial(picture, seed=seed, purpose=purpose)
-        return np.stack(run_map(one, range(count), label=f"{purpose}s", **(executor or {})))
+        picture_of = partial(picture, seed=seed, purpose=purpose)
+        return np.stack(run_map(picture_of, range(count), label=f"{purpose}s", **(executor or {})))
 
     return kept(folder, purpose, seed, count, __name__, draw)
 

@@ -128,8 +128,8 @@ def bank(
 
     def draw_all() -> NDArray[np.float16]:
         blocks = range(-(-count // BLOCK))
-        one = partial(block, seed=seed, purpose=purpose, distribution=distribution)
-        made = run_map(one, blocks, label=purpose, **(executor or {}))
+        draw_block = partial(block, seed=seed, purpose=purpose, distribution=distribution)
+        made = run_map(draw_block, blocks, label=purpose, **(executor or {}))
         return np.concatenate(made)[:count].astype(np.float16)
 
     name = purpose if distribution == "paper_like" else f"{purpose} {distribution}"
@@ -182,25 +182,25 @@ def _pieces(generator: np.random.Generator, curved: bool) -> Path:
     else:
         side = np.where(generator.random(count) < generator.uniform(0.05, 0.5), -1, 1).cumprod()
         headings = side * generator.triangular(0, 0.8 * widest, widest, count)
-    place = np.linspace(0, 1, POINTS, endpoint=False)
-    piece = np.minimum(np.searchsorted(np.cumsum(lengths), place, side="right"), count - 1)
+    position = np.linspace(0, 1, POINTS, endpoint=False)
+    piece = np.minimum(np.searchsorted(np.cumsum(lengths), position, side="right"), count - 1)
     heading = headings[piece]
     if curved:
         begin = np.concatenate([[0], np.cumsum(lengths)[:-1]])
-        heading = heading + (generator.normal(0, 6, count)[piece]) * (place - begin[piece])
+        heading = heading + (generator.normal(0, 6, count)[piece]) * (position - begin[piece])
     return np.cumsum(np.exp(1j * (heading + 2 * np.pi * generator.random()))) / POINTS
 
 
 def _speed(generator: np.random.Generator) -> Light:
     """Light along a path of varying speed: slow waves, or a few stops where it gathers: (POINTS,)."""
-    place = np.linspace(0, 1, POINTS)
+    position = np.linspace(0, 1, POINTS)
     if generator.random() < 0.5:
-        wave = np.sin(place * generator.uniform(1, 12) + generator.uniform(0, 2 * np.pi))
+        wave = np.sin(position * generator.uniform(1, 12) + generator.uniform(0, 2 * np.pi))
         return np.maximum(1 + generator.uniform(0.1, 0.9) * wave, 0.05)
     light = np.ones(POINTS)
     for _ in range(int(generator.integers(1, 5))):
         centre, width = generator.uniform(-0.05, 1.05), generator.uniform(0.01, 0.12)
-        light += generator.uniform(0.5, 8) * np.exp(-0.5 * ((place - centre) / width) ** 2)
+        light += generator.uniform(0.5, 8) * np.exp(-0.5 * ((position - centre) / width) ** 2)
     return light
 
 
@@ -234,9 +234,9 @@ def _disc(generator: np.random.Generator, diameter_px: float) -> NDArray[Any]:
     import cv2
 
     fine = 5
-    place = (np.arange(CANVAS_PX * fine) + 0.5) / fine - CANVAS_PX / 2
+    position = (np.arange(CANVAS_PX * fine) + 0.5) / fine - CANVAS_PX / 2
     squeeze = generator.uniform(0.9, 1.0) if generator.random() < 0.3 else 1.0
-    x, y = (place - shift for shift in generator.uniform(-0.5, 0.5, 2))
+    x, y = (position - shift for shift in generator.uniform(-0.5, 0.5, 2))
     inside = (x[None] ** 2 + (y[:, None] / squeeze) ** 2 <= (diameter_px / 2) ** 2).astype(np.float64)
     kernel = inside.reshape(CANVAS_PX, fine, CANVAS_PX, fine).mean(axis=(1, 3))
     if generator.random() < 0.3:
@@ -249,9 +249,9 @@ def _iris(generator: np.random.Generator, diameter_px: float) -> NDArray[Any]:
     import cv2
 
     fine = 5
-    place = (np.arange(CANVAS_PX * fine) + 0.5) / fine - CANVAS_PX / 2
+    position = (np.arange(CANVAS_PX * fine) + 0.5) / fine - CANVAS_PX / 2
     shift = generator.uniform(-0.5, 0.5, 2)
-    x, y = (place[None] - shift[0]) * 2 / diameter_px, (place[:, None] - shift[1]) * 2 / diameter_px
+    x, y = (position[None] - shift[0]) * 2 / diameter_px, (position[:, None] - shift[1]) * 2 / diameter_px
     inside = (x**2 + y**2 <= 1).astype(np.float64)
     shape = generator.random()
     if shape < 0.5:  # flat blades
@@ -280,8 +280,8 @@ def _with_halo(generator: np.random.Generator) -> NDArray[Any]:
         core = _disc(generator, generator.uniform(1, 6))
     else:
         core = _along(generator, *straight(generator), generator.uniform(1, 9))
-    place = np.arange(CANVAS_PX) - CANVAS_PX // 2
-    radius = np.hypot(place[:, None] - generator.uniform(-0.5, 0.5), place[None] - generator.uniform(-0.5, 0.5))
+    position = np.arange(CANVAS_PX) - CANVAS_PX // 2
+    radius = np.hypot(position[:, None] - generator.uniform(-0.5, 0.5), position[None] - generator.uniform(-0.5, 0.5))
     extent_px = np.exp(generator.uniform(np.log(2.0), np.log(10.0)))
     shape = generator.random()
     if shape < 0.3:
@@ -328,8 +328,8 @@ def _rendered(generator: np.random.Generator) -> NDArray[Any]:
 
 def _gaussian(sigma_px: float) -> NDArray[Any]:
     """A sampled Gaussian."""
-    place = np.arange(CANVAS_PX) - CANVAS_PX // 2
-    profile = np.exp(-0.5 * (place / sigma_px) ** 2)
+    position = np.arange(CANVAS_PX) - CANVAS_PX // 2
+    profile = np.exp(-0.5 * (position / sigma_px) ** 2)
     return np.outer(profile, profile)
 
 

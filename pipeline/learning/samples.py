@@ -78,10 +78,10 @@ class Samples:
     def __post_init__(self) -> None:
         import torch
 
-        place = torch.arange(kernels.CANVAS_PX) - kernels.CANVAS_PX // 2
+        position = torch.arange(kernels.CANVAS_PX) - kernels.CANVAS_PX // 2
         rows, columns = torch.fft.fftfreq(FIELD_PX), torch.fft.rfftfreq(FIELD_PX)
         bins = torch.from_numpy(mtf.FREQUENCIES / 2).float()  # cycles per pixel
-        wave = [torch.exp(-2j * torch.pi * torch.outer(axis, place)) for axis in (rows, columns, bins)]
+        wave = [torch.exp(-2j * torch.pi * torch.outer(axis, position)) for axis in (rows, columns, bins)]
         self._waves = (*wave, rows[:, None] ** 2, columns[:, None] ** 2, bins**2)
 
     def chunk(self, index: int) -> Chunk:

@@ -127,9 +127,9 @@ class _Street:
             disc(share, 0.045, self.some(80, 200))
         part([[0.4, 0.65], [0.6, 0.65], [0.6, 0.78], [0.4, 0.78]], self.some(160, 255))
         number, size = str(self.generator.integers(1000, 99999)), max(0.12 * height / 22, 0.1)
-        place = (int(x + 0.41 * width), int(bottom - 0.24 * height))
+        position = (int(x + 0.41 * width), int(bottom - 0.24 * height))
         thick = max(1, int(height / 90))
-        self._write(number, place, size, self.some(0, 80), thick)
+        self._write(number, position, size, self.some(0, 80), thick)
         for share in (0.03, 0.88):
             part([[share, 0.52], [share + 0.09, 0.52], [share + 0.09, 0.62], [share, 0.62]], self.some(80, 330))
 
@@ -153,9 +153,9 @@ class _Street:
             radius, y = self.some(12, 60), self.horizon - self.some(0.1, 0.6) * self.size
             for share in (1.0, 0.75):
                 cv2.circle(self.image, (int(x), int(y)), int(radius * share), self.some(0, 255), -1)
-            place, thick = (int(x - 0.6 * radius), int(y + 0.3 * radius)), max(1, int(radius / 10))
+            position, thick = (int(x - 0.6 * radius), int(y + 0.3 * radius)), max(1, int(radius / 10))
             number = str(self.generator.integers(10, 99))
-            self._write(number, place, radius / 32, self.some(0, 255), thick)
+            self._write(number, position, radius / 32, self.some(0, 255), thick)
 
     def wires(self) -> None:
         """Thin lines from side to side."""

@@ -107,9 +107,9 @@ def train(
         _one_step(state, loss, feed, schedule)
         row = _row(state, schedule)
         if state.step % schedule.checkpoint_every == 0 or state.step == schedule.steps:
-            found = _validated(state, validate, score)
+            result = _validated(state, validate, score)
             if row is not None:
-                row |= found
+                row |= result
             if path is not None:
                 _keep(path, state, schedule)
         if row is not None and report is not None:
@@ -167,13 +167,13 @@ def _validated(state: _State, validate: Callable[..., dict[str, float]] | None, 
     state.model.load_state_dict(state.average)
     state.model.eval()
     with torch.no_grad():
-        found = validate(state.model)
-    if score and found[score] < state.best_score:
-        state.best_score, state.best_step = found[score], state.step
+        result = validate(state.model)
+    if score and result[score] < state.best_score:
+        state.best_score, state.best_step = result[score], state.step
         state.best = {name: value.clone() for name, value in state.average.items()}
     state.model.load_state_dict(kept)
     state.model.train()
-    return {f"validation_{name}": value for name, value in found.items()}
+    return {f"validation_{name}": value for name, value in result.items()}
 
 
 def _identity(schedule: Schedule) -> dict[str, Any]:
@@ -188,10 +188,10 @@ def _continues(kept: dict[str, Any], schedule: Schedule, step: int) -> bool:
 
     They must be the same, but for the length as long as the rate has not begun to fall in either (it may never).
     """
-    own = _identity(schedule)
-    lengths = kept.pop("steps", 0), own.pop("steps")
+    identity = _identity(schedule)
+    lengths = kept.pop("steps", 0), identity.pop("steps")
     even = 1.0 if schedule.final_share == 1 else schedule.hold
-    return kept == own and (lengths[0] == lengths[1] or step <= even * min(lengths))
+    return kept == identity and (lengths[0] == lengths[1] or step <= even * min(lengths))
 
 
 def _keep(path: Path, state: _State, schedule: Schedule) -> None:

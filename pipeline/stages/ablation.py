@@ -25,8 +25,8 @@ def run(run: Run) -> None:
 
     if changed.half_precision:
         processor.release_torch()
-    found = ablation.judge(released, changed, Conduct.reported(name, section.steps, run.executor.workers))
-    training_record.write_measures(run.outputs / f"reports/metrics/ablation/{name}.json", found)
+    result = ablation.judge(released, changed, Conduct.reported(name, section.steps, run.executor.workers))
+    training_record.write_measures(run.outputs / f"reports/metrics/ablation/{name}.json", result)
 
 
 if __name__ == "__main__":

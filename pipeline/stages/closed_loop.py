@@ -53,10 +53,10 @@ def run(run: Run) -> None:
     judge, reference = setup.judge(params.detection.judge), setup.surface(surfaces / "all.npz").reference
     parts: dict[str, list[pd.DataFrame]] = {policy: [] for policy in chosen}
     records: dict[str, list] = {policy: [] for policy in chosen}
-    for item, found in zip(work, driven, strict=True):
-        records[item.policy] += found
+    for item, result in zip(work, driven, strict=True):
+        records[item.policy] += result
         parts[item.policy].append(
-            evaluation.steps_table(scenario, item.policy, item.fold, found, judge, reference, params.seed)
+            evaluation.steps_table(scenario, item.policy, item.fold, result, judge, reference, params.seed)
         )
     steps = {policy: pd.concat(rows, ignore_index=True) for policy, rows in parts.items()}
     summary, pairs = evaluation.summary(scenario, steps, records, judge, params.seed)
@@ -64,9 +64,9 @@ def run(run: Run) -> None:
         store.write_table(out / "steps.parquet", pd.concat(steps.values()), tables.STEPS)
         store.write_table(out / "summary.parquet", summary, tables.SUMMARY)
         store.write_table(out / "pairs.parquet", pairs, tables.PAIRS)
-        for item, found in zip(work, driven, strict=True):
+        for item, result in zip(work, driven, strict=True):
             if item.fold == 0 and item.policy in section.film_policies:
-                store.write_arrays(out / f"film-{item.policy}.npz", **setup.film(found))
+                store.write_arrays(out / f"film-{item.policy}.npz", **setup.film(result))
     store.write_json(run.outputs / f"reports/metrics/closed_loop/{name}.json", evaluation.metrics(summary))
 
 

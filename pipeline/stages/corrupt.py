@@ -28,7 +28,7 @@ def run(run: Run) -> None:
     frames = indexed_frames(run.inputs / "data/index" / name, name, params.datasets[name])
     effects, levels = params.corruption.effects, params.corruption.levels_dn
     work = partial(truth_of_frame, effects=effects, levels_dn=levels, camera=camera, seed=params.seed)
-    rows = [row for found in run.map(work, frames, f"corruption of {name}") for row in found]
+    rows = [row for result in run.map(work, frames, f"corruption of {name}") for row in result]
     truth = tables.CORRUPTION.conform(pd.DataFrame(rows))
     section = params.corruption.gallery
     arrays, description = gallery(

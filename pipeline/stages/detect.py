@@ -34,7 +34,7 @@ def run(run: Run) -> None:
     options = settings.options.get(dataset, {})
     frames = evaluation_frames(run.inputs / "data/index" / dataset, dataset, source, options, settings.frames)
     blurs = sweep_kernels(settings.blur, settings.sizes_px, settings.angles_deg, settings.match, params.seed)
-    one = detect.Sweep(
+    sweep = detect.Sweep(
         kind=section.kind,
         options=detect.options_of(section),
         classes=tuple(words.classes),
@@ -44,12 +44,12 @@ def run(run: Run) -> None:
         seed=params.seed,
     )
     about = store.read_json(run.inputs / "data/detector" / name / "detector.json")
-    key = pieces.fingerprint(detect.__name__, {"sweep": vars(one), "weights": about["sha256"]}, section.kind)
+    key = pieces.fingerprint(detect.__name__, {"sweep": vars(sweep), "weights": about["sha256"]}, section.kind)
     folder = run.inputs / ".cache/detect" / key
     work = [(frame, kernel) for frame in frames for kernel in blurs]
-    found = run.map(partial(look, sweep=one, folder=folder), work, f"{name} on {dataset}")
+    result = run.map(partial(look, sweep=sweep, folder=folder), work, f"{name} on {dataset}")
     scenes = {frame.name: scene_of(source.kind, frame.name) for frame in frames}
-    detections, looked = detect.tables(work, found, one, scenes)
+    detections, looked = detect.tables(work, result, sweep, scenes)
     with store.replacing_folder(run.outputs / f"data/detect/{dataset}-{name}") as out:
         store.write_table(out / "detections.parquet", detections, detect.DETECTIONS)
         store.write_table(out / "looked.parquet", looked, detect.LOOKED)

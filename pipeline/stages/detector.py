@@ -26,8 +26,8 @@ def run(run: Run) -> None:
         )
     opened(section.kind, options_of(section))
     with store.replacing_folder(run.outputs / "data/detector" / name) as out:
-        what = {"kind": section.kind, "weights": path.name, "bytes": path.stat().st_size, "options": section.options}
-        store.write_json(out / "detector.json", {**what, "sha256": file_sha256(path)})
+        about = {"kind": section.kind, "weights": path.name, "bytes": path.stat().st_size, "options": section.options}
+        store.write_json(out / "detector.json", {**about, "sha256": file_sha256(path)})
 
 
 if __name__ == "__main__":

@@ -26,15 +26,15 @@ def run(run: Run) -> None:
         store.write_table(out / "table.parquet", rows, directions.TABLE)
         store.write_table(out / "spread.parquet", spread, directions.SPREAD)
     marked = rows["rises_with_size"] | rows["rises_with_sigma"]
-    found = {
+    values = {
         str(label): {
-            "cells": len(own),
-            "non_monotonic": int(marked[own.index].sum()),
+            "cells": len(selected),
+            "non_monotonic": int(marked[selected.index].sum()),
             "largest_spread_percent": float(spread.loc[spread["label"] == label, "spread_percent"].max()),
         }
-        for label, own in rows[rows["ap_percent"].notna()].groupby("label")
+        for label, selected in rows[rows["ap_percent"].notna()].groupby("label")
     }
-    store.write_json(run.outputs / f"reports/metrics/direction/{name}.json", found)
+    store.write_json(run.outputs / f"reports/metrics/direction/{name}.json", values)
 
 
 if __name__ == "__main__":

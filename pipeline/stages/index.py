@@ -18,15 +18,15 @@ def run(run: Run) -> None:
 
     name, params = run.job["dataset"], run.params
     dataset = open_section(name, params.datasets[name])
-    found = index(
+    result = index(
         dataset,
         tile_px=params.noise.tile_px,
         patch_px=params.blur.patch_px,
         max_bad_share=params.datasets[name].max_bad_share,
         run_map=run.map,
     )
-    count = min(params.report.example_frames, len(found.usable))
-    shown = [found.usable[round(i * (len(found.usable) - 1) / max(1, count - 1))] for i in range(count)]
+    count = min(params.report.example_frames, len(result.usable))
+    shown = [result.usable[round(i * (len(result.usable) - 1) / max(1, count - 1))] for i in range(count)]
     boxes = {
         frame.name: [
             {"label": b.label, "x1": b.x1, "y1": b.y1, "x2": b.x2, "y2": b.y2, "ignore": b.ignore} for b in frame.boxes
@@ -34,23 +34,23 @@ def run(run: Run) -> None:
         for frame in shown
     }
     with store.replacing_folder(run.outputs / "data/index" / name) as folder:
-        store.write_table(folder / "frames.parquet", found.frames, tables.FRAMES)
-        store.write_table(folder / "patches.parquet", found.patches, tables.PATCHES)
-        store.write_table(folder / "quarantine.parquet", found.quarantine, tables.QUARANTINE)
-        store.write_json(folder / "notes.json", found.notes)
+        store.write_table(folder / "frames.parquet", result.frames, tables.FRAMES)
+        store.write_table(folder / "patches.parquet", result.patches, tables.PATCHES)
+        store.write_table(folder / "quarantine.parquet", result.quarantine, tables.QUARANTINE)
+        store.write_json(folder / "notes.json", result.notes)
         store.write_json(folder / "samples.json", boxes)
         store.write_arrays(folder / "samples.npz", **{f"frame_{f.name}": to_8_bit(f.image()) for f in shown})
-        store.write_json(folder / "manifest.json", {f.name: content_hash(f.path) for f in found.usable})
-    patches = found.patches.groupby("purpose").size()
+        store.write_json(folder / "manifest.json", {f.name: content_hash(f.path) for f in result.usable})
+    patches = result.patches.groupby("purpose").size()
     store.write_json(
         run.outputs / f"reports/metrics/index/{name}.json",
         {
-            "frames": len(found.frames),
-            "quarantined": len(found.quarantine),
-            "notes": found.notes,
-            "objects": int(found.frames["objects"].sum()),
+            "frames": len(result.frames),
+            "quarantined": len(result.quarantine),
+            "notes": result.notes,
+            "objects": int(result.frames["objects"].sum()),
             "patches": {purpose: int(count) for purpose, count in patches.items()},
-            "statistics": found.frames.select_dtypes("float").mean().to_dict(),
+            "statistics": result.frames.select_dtypes("float").mean().to_dict(),
         },
     )
 

@@ -31,11 +31,11 @@ def run(run: Run) -> None:
         options=options,
         seed=params.seed,
     )
-    found = run.map(look, frames, "order study")
+    result = run.map(look, frames, "order study")
     words = class_map(source.kind)
-    scores = order_study.precisions(frames, found, chosen, words, params.detection.judge, params.seed)
-    table = order_study.table(found, chosen, scores, params.seed)
-    effects = order_study.effects(found, chosen, scores, params.seed)
+    scores = order_study.precisions(frames, result, chosen, words, params.detection.judge, params.seed)
+    table = order_study.table(result, chosen, scores, params.seed)
+    effects = order_study.effects(result, chosen, scores, params.seed)
     with store.replacing_folder(run.outputs / "data/order_study") as out:
         store.write_table(out / "study.parquet", table, order_study.STUDY)
         store.write_table(out / "effects.parquet", effects, order_study.EFFECTS)

@@ -23,8 +23,8 @@ def run(run: Run) -> None:
     for (detector, kind), rows in grid.groupby(["detector", "object"], sort=True):
         label = f"{detector} {kind}"
         *parts, about[label] = by_settings.tables(label, rows, run.params.detection.regression.terms)
-        own = printed[(printed["detector"] == detector) & (printed["object"] == kind)]
-        about[label] |= published.beside(parts[0], own, rows)
+        selected = printed[(printed["detector"] == detector) & (printed["object"] == kind)]
+        about[label] |= published.beside(parts[0], selected, rows)
         coefficients.append(parts[0])
         fitted.append(parts[1])
     with store.replacing_folder(run.outputs / "data/refit") as out:

@@ -32,12 +32,12 @@ def run(run: Run) -> None:
         coefficients.append(parts[0])
         fitted.append(parts[1])
     with store.replacing_folder(run.outputs / "data/regression" / name) as out:
-        for file, schema, found in (
+        for file, schema, result in (
             ("coefficients", by_settings.COEFFICIENTS, coefficients),
             ("fitted", by_settings.FITTED, fitted),
         ):
             empty = pd.DataFrame(columns=list(schema.columns))
-            store.write_table(out / f"{file}.parquet", pd.concat(found) if found else empty, schema)
+            store.write_table(out / f"{file}.parquet", pd.concat(result) if result else empty, schema)
         store.write_json(out / "calibration.json", by_settings.calibration(conditions, section))
         store.write_json(out / "fits.json", about)
     store.write_json(run.outputs / f"reports/metrics/regression/{name}.json", by_settings.metrics(about))

@@ -12,12 +12,12 @@ def run(run: Run) -> None:
     from pipeline.camera.moments import moments, photon_transfer, transfer_rows
 
     sensor = run.params.camera.sensor
-    found = moments(sensor, run.params.seed)
+    result = moments(sensor, run.params.seed)
     curve = transfer_rows(photon_transfer(sensor, run.params.seed), sensor)
     with store.replacing_folder(run.outputs / "data/sensor") as folder:
-        store.write_json(folder / "formation.json", found)
+        store.write_json(folder / "formation.json", result)
         store.write_json(folder / "photon_transfer.json", curve)
-    store.write_json(run.outputs / "reports/metrics/sensor.json", found)
+    store.write_json(run.outputs / "reports/metrics/sensor.json", result)
 
 
 if __name__ == "__main__":

@@ -26,8 +26,8 @@ def run(run: Run) -> None:
     fit = camera_fit.fit(blur.create("spectral", weights=weights), sharp, samples=section.samples, seed=seed)
     fit.save(run.outputs / "data/weights" / f"{weights.stem}{spectral.TYPICAL}")
     before, after = fit.error_percent
-    found = {"samples": fit.samples, "error_before_percent": before, "error_after_percent": after}
-    store.write_json(run.outputs / "reports/metrics/train/typical_camera.json", found)
+    values = {"samples": fit.samples, "error_before_percent": before, "error_after_percent": after}
+    store.write_json(run.outputs / "reports/metrics/train/typical_camera.json", values)
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ def skeleton(blurred: NDArray, kernel: NDArray, solver: Solver) -> NDArray:
             image = problem.solve(weights)
             sizes = [np.abs(edge) for edge in problem.differences(image)]
             inverse = [1 / np.maximum(size, LEAST_DIFFERENCE) for size in sizes]
-            factors = [one * other for one, other in zip(base, inverse, strict=True)] if base else inverse
+            factors = [item * other for item, other in zip(base, inverse, strict=True)] if base else inverse
             weights = (factors[0], factors[1])
         base = [np.exp(size * size * size.dtype.type(-1 / EDGE_VARIANCE)) for size in sizes]
         weights = (base[0] * inverse[0], base[1] * inverse[1])

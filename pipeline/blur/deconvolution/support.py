@@ -69,6 +69,6 @@ def centre_box(kernel: NDArray, fraction: float = 0.1) -> NDArray:
     shifts = []
     for axis in (1, 0):
         sums = kernel.sum(axis=axis)
-        found = np.flatnonzero(sums > fraction * kernel.max())
-        shifts.append((len(sums) - 1) // 2 - int(found[0] + found[-1]) // 2)
+        result = np.flatnonzero(sums > fraction * kernel.max())
+        shifts.append((len(sums) - 1) // 2 - int(result[0] + result[-1]) // 2)
     return normalise(shifted(kernel, *shifts))

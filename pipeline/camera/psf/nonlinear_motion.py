@@ -87,7 +87,7 @@ def create(
         )
     walks = [walk(generator, **shape) for _ in range(candidates)]
     # Turns by 90 degrees only swap the horizontal and the vertical curve.
-    curves = [np.mean([mtf.sample(drawn(*one, size_px, angle)) for angle in (0, 45)], axis=(0, 1)) for one in walks]
+    curves = [np.mean([mtf.sample(drawn(*item, size_px, angle)) for angle in (0, 45)], axis=(0, 1)) for item in walks]
     distances = np.abs(np.array(curves) - PAPER_MTF[int(size_px)]).mean(axis=1)
     return drawn(*walks[int(distances.argmin())], size_px, angle_deg)
 

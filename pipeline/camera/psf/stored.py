@@ -28,11 +28,11 @@ def table(kernels: Sequence[Kernel], source: str) -> pd.DataFrame:
 
     rows = []
     for kernel in kernels:
-        what = {"kernel": kernel.name, "kind": kernel.kind, "size_px": kernel.size_px}
-        what |= {"angle_deg": float(kernel.angle_deg), "source": source}
+        columns = {"kernel": kernel.name, "kind": kernel.kind, "size_px": kernel.size_px}
+        columns |= {"angle_deg": float(kernel.angle_deg), "source": source}
         for axis, values in zip("HV", mtf.sample(kernel.psf), strict=True):
             for frequency, value in zip(mtf.FREQUENCIES, values, strict=True):
-                rows.append({**what, "axis": axis, "frequency": float(frequency), "mtf": float(value)})
+                rows.append({**columns, "axis": axis, "frequency": float(frequency), "mtf": float(value)})
     return tables.KERNELS.conform(pd.DataFrame(rows))
 
 
@@ -59,8 +59,8 @@ def read(folder: Path) -> list[Kernel]:
     rows = store.read_table(folder / "kernels.parquet", tables.KERNELS).drop_duplicates("kernel")
     if set(arrays) != set(rows["kernel"]):
         raise InputError(f"{folder}: kernels.npz and kernels.parquet name different kernels; run dvc repro psf_bank")
-    found = []
+    results = []
     for row in rows.to_dict("records"):
         name, size_px, angle_deg = str(row["kernel"]), float(row["size_px"]), float(row["angle_deg"])
-        found.append(Kernel(name, str(row["kind"]), size_px, angle_deg, arrays[name]))
-    return found
+        results.append(Kernel(name, str(row["kind"]), size_px, angle_deg, arrays[name]))
+    return results

@@ -193,8 +193,8 @@ def _monochromatic(lens: Lens, wavelength_um: float, defocus_px: float, field_px
     x = steps * 2 / across
     waves = wavefront_um(lens, defocus_px, x[None, :], x[:, None]) / wavelength_um
     pupil = np.zeros((side, side), complex)
-    place = slice(side // 2 - half, side // 2 + half + 1)
-    pupil[place, place] = amplitude * np.exp(2j * np.pi * waves)
+    position = slice(side // 2 - half, side // 2 + half + 1)
+    pupil[position, position] = amplitude * np.exp(2j * np.pi * waves)
     intensity = np.abs(np.fft.fft2(np.fft.ifftshift(pupil))) ** 2
     return intensity / intensity.sum()
 
@@ -241,8 +241,8 @@ def _middle(whole: Array, half: int) -> Array:
 
 def _diameter_px(fine: Array, fineness: int, share: float = 0.9) -> float:
     """Diameter of the circle about the middle with a share of the light, pixels."""
-    place = (np.arange(len(fine)) - len(fine) // 2) / fineness
-    radius = np.hypot(place[:, None], place).ravel()
+    position = (np.arange(len(fine)) - len(fine) // 2) / fineness
+    radius = np.hypot(position[:, None], position).ravel()
     order = np.argsort(radius, kind="stable")
     held = np.cumsum(fine.ravel()[order])
     return 2 * float(radius[order][np.searchsorted(held, share * held[-1])])

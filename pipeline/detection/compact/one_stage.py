@@ -107,7 +107,7 @@ def loss(model: nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Ten
 @torch.no_grad()
 def candidates(model: OneStage, image: torch.Tensor, floor: float) -> tuple[torch.Tensor, ...]:
     """Boxes (M, 4), scores (M,) and class numbers (M,) of one image (1, 1, H, W), before suppression."""
-    found = model(image)
-    score, kind = found.logit[0].sigmoid().max(-1)
+    result = model(image)
+    score, kind = result.logit[0].sigmoid().max(-1)
     likely = score >= floor
-    return found.box[0][likely], score[likely], kind[likely]
+    return result.box[0][likely], score[likely], kind[likely]

@@ -71,11 +71,11 @@ def measure(name: str, frames: SimFrames) -> Callable[[torch.nn.Module], dict[st
         truths.append(Truth(box.astype(np.float64), label, ignore))
 
     def measures(model: torch.nn.Module) -> dict[str, float]:
-        found = []
+        entries = []
         for image in frames.images:
             raw = candidates(model, filled(image / np.float32(255)), 0.01)
-            found.append(judged(raw, image.shape, overlap=0.5, most=300))
-        results = evaluate(found, truths, LABELS)
+            entries.append(judged(raw, image.shape, overlap=0.5, most=300))
+        results = evaluate(entries, truths, LABELS)
         values = {f"ap_{label}_percent": 100 * result.average_precision for label, result in results.items()}
         mean = mean_average_precision(results.values())
         known = {key: value for key, value in values.items() if np.isfinite(value)}

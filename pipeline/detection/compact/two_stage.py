@@ -65,8 +65,8 @@ class TwoStage(nn.Module):
 
     def forward(self, images: torch.Tensor) -> Found:
         """What the first stage's cells say; see `look` for the second."""
-        found: Found = self.first(images)
-        return found
+        result: Found = self.first(images)
+        return result
 
     def look(self, maps: list[torch.Tensor], regions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """The second stage.
@@ -140,9 +140,9 @@ def loss(model: nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Ten
     assert isinstance(model, TwoStage)
     images = batch["image"].float().div_(255).contiguous(memory_format=torch.channels_last)
     truth, kind = batch["box"], batch["kind"].long()
-    found = model(images)
-    value, measures, _ = cell_loss(found, truth, torch.where(kind >= 0, 0, kind))
-    regions, _ = proposals(found, REGIONS_TRAINED)
+    result = model(images)
+    value, measures, _ = cell_loss(result, truth, torch.where(kind >= 0, 0, kind))
+    regions, _ = proposals(result, REGIONS_TRAINED)
     regions = torch.cat([regions, truth], 1)  # objects themselves are regions too, so that every one is named
     over = boxes.overlap(regions, truth) * (kind != -1)[:, None]
     best = over.max(-1)
@@ -151,7 +151,7 @@ def loss(model: nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Ten
     goal = torch.where(right, owner, model.classes)
     real = torch.cat([torch.ones_like(right[:, :REGIONS_TRAINED]), kind >= 0], 1)
     counted = real & ~((best.values >= RIGHT) & (owner < 0))
-    logit, moved = model.look(found.maps, regions)
+    logit, moved = model.look(result.maps, regions)
     name_loss = functional.cross_entropy(logit[counted], goal[counted])
     aim = truth.gather(1, best.indices[..., None].expand(-1, -1, 4))
     apart = 1 - boxes.generalised_overlap(moved[right], aim[right])
@@ -163,9 +163,9 @@ def loss(model: nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Ten
 @torch.no_grad()
 def candidates(model: TwoStage, image: torch.Tensor, floor: float) -> tuple[torch.Tensor, ...]:
     """Boxes (M, 4), scores (M,) and class numbers (M,) of one image (1, 1, H, W), before suppression."""
-    found = model(image)
-    regions, first = proposals(found, REGIONS_JUDGED)
-    logit, moved = model.look(found.maps, regions)
+    result = model(image)
+    regions, first = proposals(result, REGIONS_JUDGED)
+    logit, moved = model.look(result.maps, regions)
     second, kind = logit[0].softmax(-1)[:, : model.classes].max(-1)
     score = (first[0] * second).sqrt()
     likely = score >= floor
