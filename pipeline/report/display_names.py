@@ -61,7 +61,12 @@ _WORDS = {**EXPERIMENTS, **DETECTORS, **CLASSES, **DATASETS, **ESTIMATORS, **EFF
 
 def word(name: str) -> str:
     """The word for a name; a name not listed here is shown as it is, with spaces for underscores."""
-    return _QUALIFIED.get({}).get(name) or _WORDS.get(name, name.replace("_", " "))
+    return _QUALIFIED.get({}).get(name) or short_word(name)
+
+
+def short_word(name: str) -> str:
+    """The word for a name, unqualified: for a mark in a figure whose legend has the whole name."""
+    return _WORDS.get(name, name.replace("_", " "))
 
 
 @contextmanager

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pipeline.report import style
-from pipeline.report.display_names import word
+from pipeline.report.display_names import short_word, word
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import format_number
 
@@ -125,13 +125,21 @@ def small_multiples(
     return Drawing(figure, alt, values, series)
 
 
+HANDLE_IN, CHARACTER_IN = 0.5, 0.05
+"""Widths in a legend: of an entry's handle with its margins, and of a character."""
+
+
 def add_legend(figure: Figure, legend: Legend) -> None:
     """One legend above all panels."""
     from matplotlib.lines import Line2D
 
     if legend:
         handles = [Line2D([], [], label=label, **look) for label, look in legend]
-        figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 8))
+        longest = max(len(label) for label, _ in legend)
+        fitting = int(figure.get_figwidth() / (HANDLE_IN + CHARACTER_IN * longest))
+        wide = sum(HANDLE_IN + CHARACTER_IN * len(label) for label, _ in legend) <= figure.get_figwidth()
+        columns = min(len(handles), 8) if wide else max(1, min(len(handles), fitting))
+        figure.legend(handles=handles, loc="outside upper center", ncols=columns)
 
 
 def lines(
@@ -233,6 +241,6 @@ def abstentions(axes: Axes, counts: Mapping[str, tuple[int, int]], key: str, *, 
     for line, (name, (abstained, total)) in enumerate(shown.items()):
         height = 0.97 - 0.085 * line if at_top else 0.04 + 0.085 * (len(shown) - 1 - line)
         axes.text(
-            0.03, height, f"{word(name)} abstained {abstained:,} of {total:,}", fontsize=4.6, color=style.MUTED,
+            0.03, height, f"{short_word(name)} abstained {abstained:,} of {total:,}", fontsize=4.6, color=style.MUTED,
             transform=axes.transAxes, va="top" if at_top else "bottom", gid=style.series_id(name, f"abstained {key}"),
         )  # fmt: skip

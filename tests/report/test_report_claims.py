@@ -67,7 +67,7 @@ def test_the_network_is_best_where_its_whole_interval_is_lower(tmp_path: Path) -
     evidence.amae = table.assign(measured_on="kitti", dataset="kitti", blur="defocus", paper=1.0)
     measured = of_blur.CLAIMS[0].measure(evidence)
     assert measured is not None and measured.verdict == PARTLY and measured.on == "KITTI"
-    assert measured.text.startswith("supported by 1 and opposed by 1 of 3 cells")
+    assert measured.text.startswith("1 for, 1 against, of 3 cells")
 
 
 def test_the_records_of_the_repository_decide_claims_and_the_table_shows_them() -> None:

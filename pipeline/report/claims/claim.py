@@ -180,7 +180,7 @@ def of_cells(cells: Iterable[tuple[bool, bool]], what: str, on: Iterable[Any], t
     if not pairs:
         return None
     supporting, opposing = (sum(bool(pair[number]) for pair in pairs) for number in (0, 1))
-    words = f"supported by {supporting} and opposed by {opposing} of {counted(len(pairs), what)}, by their intervals"
+    words = f"{supporting} for, {opposing} against, of {counted(len(pairs), what)}"
     verdict = verdict_of_counts(supporting, opposing, len(pairs))
     return Measurement(f"{words}. {text}".strip(), verdict, on=names_of(on))
 

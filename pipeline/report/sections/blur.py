@@ -138,12 +138,11 @@ def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs)
     blocks: list[Block] = blur_amae.figures(summary, datasets, paper, _stages, inputs.relative, modes=inputs.modes)
     if not blocks:
         return [NotRun("Table I: AMAE of blur estimators", "stage absent", inputs.line(ANY_STAGE))]
+    settings = inputs.relative, inputs.modes
     for dataset in datasets:
         for is_calibrated in (False, True):
             if ((summary["dataset"] == dataset) & (summary["calibrated"] == is_calibrated)).any():
-                blocks.append(
-                    blur_amae.table_one(dataset, summary, paper, is_calibrated, inputs.relative, inputs.modes)
-                )
+                blocks.append(blur_amae.table_one(dataset, summary, paper, is_calibrated, *settings))
     extra = (blur_amae.beside_the_best(summary, paper), unseen(inputs))
     return [*blocks, *(one for one in extra if one is not None)]
 

@@ -70,8 +70,8 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
         paper, slow = published(inputs, "uncorrupted_mtf.csv"), mode_note(modes, settings)
         caption = (
             "Recorded: uncorrupted datasets. Median (line) and range of the inliers (band) of the MTF over patches of "
-            f"sharp frames. Dashed: the paper's medians, which it publishes for the horizontal direction. {slow}".rstrip()
-        )
+            f"sharp frames. Dashed: the paper's medians, which it publishes for the horizontal direction. {slow}"
+        ).rstrip()
         drawing = blur.uncorrupted(pd.concat(curves, ignore_index=True), datasets, paper)
         blocks.append(Figure("recorded_uncorrupted_mtf", drawing, caption))
     summary = pd.concat([one.summary for one in recordings], ignore_index=True)

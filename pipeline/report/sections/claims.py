@@ -44,18 +44,28 @@ def claims_table(pairs: Sequence[tuple[Claim, Measurement]]) -> Table:
 
     def value(row: Row) -> Estimate | None:
         one: Measurement = row["measured"]
-        return None if math.isnan(one.value) else Estimate(one.value, one.low, one.high)
+        if math.isnan(one.value):
+            return None
+        ends = (one.low, one.high) if one.low < one.high else (math.nan, math.nan)
+        return Estimate(*(float(f"{number:.3g}") for number in (one.value, *ends)))
+
+    def measured(row: Row) -> str:
+        one: Measurement = row["measured"]
+        return f"{one.text} On {one.on}." if one.on else one.text
 
     columns = [
         Column("source", "Paper", source=lambda row: row["claim"].source),
         Column("claim", "Claim", wide=True, source=lambda row: row["claim"].sentence),
-        Column("measured", "Our measurement", wide=True, source=lambda row: row["measured"].text),
-        Column("value", "Deciding number", source=value),
         Column("verdict", "Verdict", source=lambda row: row["measured"].verdict),
-        Column("on", "Measured on", source=lambda row: row["measured"].on),
+        Column("measured", "Our measurement", wide=True, source=measured),
+        Column("value", "Number", source=value),
         Column("reservation", "A sceptic's reservation", wide=True, source=lambda row: row["claim"].reservation),
     ]
-    notes = ["Intervals are 95 % intervals over frames (AP: over scenes). Cells of one table share their frames."]
+    notes = [
+        "For and against: cells whose whole 95 % interval lies on the claimed or on the other side. Intervals are over "
+        "frames (AP: over scenes); cells of one table share their frames. Number: the one that decides, with its "
+        "interval where it has one."
+    ]
     return table("claims", "The paper's claims beside our measurements.", rows, columns, notes)
 
 

@@ -15,11 +15,11 @@ from pipeline.report.tables import format_number
 TITLE = "Disclosure"
 DISCS = (
     "Discs of the paper's program are fixed arrays, one for each diameter: those that blur the evaluated patches also "
-    "occur among the kernels of training (some 8 % of them), on other pictures. Errors for defocus are the lower for it."
+    "occur among the kernels of training (some 8 % of them), on other pictures. This lowers the errors for defocus."
 )
 CALIBRATION = (
-    "Calibrated estimates need sharp frames of the same camera, which the paper's do not; the ledger compares raw "
-    "estimates only."
+    "Calibrated estimates need sharp frames of the same camera, which the paper's estimates do not need; the ledger "
+    "compares raw estimates only."
 )
 
 
@@ -64,8 +64,8 @@ def _light(inputs: ReportInputs) -> str:
     if not {"encoded", "linear"} <= set(means.index):
         return sentence
     amae, precision = (
-        f"{format_number(means.loc['encoded', name], 1)} in encoded and {format_number(means.loc['linear', name], 1)} % "
-        "in linear light"
+        f"{format_number(means.loc['encoded', name], 1)} in encoded and "
+        f"{format_number(means.loc['linear', name], 1)} % in linear light"
         for name in means
     )
     return f"{sentence} At the strongest photon noise the mean AMAE is {amae}, AP {precision} (order study)."
