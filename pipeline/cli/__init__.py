@@ -30,6 +30,9 @@ COMMANDS = {
     "record": "Measure noise of real cameras: estimators on photographs, sensors from raw frames.",
     "curves": "Ask measured curves for a detector's average precision at some noise and blur.",
     "advise": "Advise exposure and gain for pictures, and say why.",
+    "doctor": "State what is installed, which weights and data are there, what runs.",
+    "init": "Make a small project with a dataset, estimator, detector and policy of one's own.",
+    "report": "Compare the numbers of two reports.",
     "weights": "List, download and verify published detector weights.",
 }
 
