@@ -1,7 +1,8 @@
 """The surface that control asks: average precision over noise and motion, formed by the camera that is controlled.
 
 Frames are formed in linear light at constant brightness: the gain sets the noise (the light falls as the gain rises),
-the speed of the image sets the motion. Noise is every 5 DN up to 40, motion up to 31 px; noise and motion of a knot are
+the speed of the image sets the motion. All views share light and gain, as they share the camera in the loop: some are
+darker and noisier than others. Noise is every 5 DN up to 40, motion up to 31 px; noise and motion of a knot are
 the true ones, and the monitor's median estimates at the knots calibrate its estimates of noise. Small and distant
 objects count from ``lowest_px`` on.
 """
@@ -113,28 +114,75 @@ def gain_for_sigma(
     return float(2.0 ** ((low + high) / 2))
 
 
+@dataclass(frozen=True)
+class Exposures:
+    """Light and gains that all views are seen with.
+
+    Attributes:
+        light: illumination at which the median view has the design's mean level at gain 1.
+        gains: for each noise level, that at which the median view has this noise.
+    """
+
+    light: float
+    gains: tuple[float, ...]
+
+
+def exposures(views: Sequence[View], camera: Camera, design: SurfaceDesign) -> Exposures:
+    """Light and gains of a design: medians over the views.
+
+    Raises:
+        InputError: the camera does not reach a noise level at any gain.
+    """
+    radiances = [view.radiance() for view in views]
+    lights = [light_for_level(camera, each, design.target_level, design.exposure_s) for each in radiances]
+    light = float(np.median(lights))
+    gains = [
+        [gain_for_sigma(camera, each, light, design.exposure_s, level) for level in design.levels_dn]
+        for each in radiances
+    ]
+    return Exposures(light, tuple(float(gain) for gain in np.median(gains, axis=0)))
+
+
 def measure(
-    view: View, *, camera: Camera, design: SurfaceDesign, kind: str, options: str, most: int, estimate: bool, seed: int
+    view: View,
+    *,
+    camera: Camera,
+    design: SurfaceDesign,
+    shared: Exposures,
+    kind: str,
+    options: str,
+    most: int,
+    estimate: bool,
+    seed: int,
 ) -> dict[str, NDArray[Any]]:
     """Detections and estimates in one view under every condition.
+
+    Args:
+        view: to look at.
+        camera: forms the frames.
+        design: conditions.
+        shared: light and gains of all views.
+        kind: registry name of the detector.
+        options: of the detector, as JSON.
+        most: detections kept of one frame, best first.
+        estimate: whether the monitor is asked.
+        seed: of the noise.
 
     Returns:
         ``condition`` (M,) number of the condition (level-major), ``boxes``, ``score``, ``label`` of detections;
         ``true_sigma`` (C,); ``sigma`` (C,) and ``mtf`` (C, 2, 8) of the monitor, NaN where it abstained or was not run.
     """
     radiance = view.radiance()
-    light = light_for_level(camera, radiance, design.target_level, design.exposure_s)
     detector = opened(kind, options)
     parts: list[tuple[NDArray[Any], ...]] = []
     count = len(design.levels_dn) * len(design.sizes_px)
     truth, sigma, mtf = np.zeros(count), np.full(count, np.nan), np.full((count, 2, 8), np.nan)
-    gains = [gain_for_sigma(camera, radiance, light, design.exposure_s, level) for level in design.levels_dn]
     for number in range(count):
-        gain = gains[number // len(design.sizes_px)]
+        gain = shared.gains[number // len(design.sizes_px)]
         size = design.sizes_px[number % len(design.sizes_px)]
         frame = camera.expose(
             radiance, design.exposure_s, gain, noise_generator(seed, "surface", view.name),
-            light=light / gain, motion=Motion(size / design.exposure_s),
+            light=shared.light / gain, motion=Motion(size / design.exposure_s),
         )  # fmt: skip
         truth[number] = frame.sigma_dn
         found = detector.detect([frame.image])[0]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.config.entry import Run, stage
 
 if TYPE_CHECKING:
-    from pipeline.control.measured_surface import SurfaceDesign
+    from pipeline.control.measured_surface import Exposures, SurfaceDesign
     from pipeline.control.views import View
 
 READS = ["seed", "control", "detection.judge", "detection.detectors"]
@@ -34,16 +34,18 @@ def run(run: Run) -> None:
     every = folds(views(run.inputs / "data/sim"), section.viewpoints, section.folds)
     moments = set(section.surface.moments)
     every_view = [view for fold in every for view in fold if view.moment in moments]
-    designs = setup.designs(section.surface)
+    designs, camera = setup.designs(section.surface), setup.camera(section.camera)
+    settings = [measured_surface.exposures(every_view, camera, design) for design in designs]
     work = [(view, number) for number in range(len(designs)) for view in every_view]
     about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")
-    shared: dict[str, Any] = {"camera": setup.camera(section.camera), "seed": params.seed}
+    shared: dict[str, Any] = {"camera": camera, "seed": params.seed}
     key = fingerprint(
         "pipeline.control.measured_surface",
-        {**shared, "designs": designs, "detector": [detector.kind, options, about["sha256"]]},
+        {**shared, "designs": designs, "settings": settings, "detector": [detector.kind, options, about["sha256"]]},
     )
     folder = run.inputs / ".cache/control_surface" / key
-    measure = partial(look, folder=folder, kind=detector.kind, options=options, shared=shared, designs=designs)
+    conditions = list(zip(designs, settings, strict=True))
+    measure = partial(look, folder=folder, kind=detector.kind, options=options, shared=shared, conditions=conditions)
     measured = dict(zip(work, run.map(measure, work, "surface for control"), strict=True))
     judge = setup.judge(params.detection.judge)
     parts = {"all": list(range(len(every)))}
@@ -76,7 +78,7 @@ def look(
     kind: str,
     options: dict[str, Any],
     shared: dict[str, Any],
-    designs: Sequence[SurfaceDesign],
+    conditions: Sequence[tuple[SurfaceDesign, Exposures]],
 ) -> Any:
     """What one worker does: one view under every condition of one design, kept as soon as it is done."""
     import json
@@ -85,6 +87,7 @@ def look(
     from pipeline.detection.pieces import kept
 
     view, number = item
+    design, settings = conditions[number]
 
     def make() -> Any:
         return measured_surface.measure(
@@ -93,7 +96,8 @@ def look(
             options=json.dumps(options, sort_keys=True),
             most=100,
             estimate=True,
-            design=designs[number],
+            design=design,
+            shared=settings,
             **shared,
         )
 

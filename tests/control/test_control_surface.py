@@ -67,3 +67,18 @@ def test_surface_refuses_impossible_designs():
         part = measured()
         empty = View("a-0", "a", 0, None, ())
         surface.performance([(empty, part[0][1])], DESIGN, Judge(bootstrap_draws=5), 0, 1)
+
+
+def test_surface_all_views_share_light_and_gain(tmp_path):
+    """A view twice as bright as the others does not change the light; its noise level is that of the median view."""
+    views = []
+    for number, factor in enumerate((1.0, 1.0, 2.0)):
+        path = tmp_path / f"view-{number}.radiance.npz"
+        np.savez(path, radiance=(factor * RADIANCE).astype(np.float16))
+        views.append(View(f"view-{number}-0", f"view-{number}", 0, path, ()))
+    camera = Camera()
+    shared = surface.exposures(views, camera, DESIGN)
+    assert shared.light == pytest.approx(surface.light_for_level(camera, RADIANCE, 0.5, 0.008), rel=0.01)
+    assert shared.gains[0] == 1.0 and list(shared.gains) == sorted(shared.gains)
+    electrons = camera.electrons(RADIANCE, 0.008, shared.light / shared.gains[2])
+    assert camera.sigma_dn(electrons, shared.gains[2], 0.008) == pytest.approx(20.0, rel=0.1)
