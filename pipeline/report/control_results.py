@@ -34,6 +34,7 @@ BRIGHTNESS_ONLY = ("mean_intensity", "fixed", "shim", "shin2019")
 """Policies without knowledge of motion that ours are compared with."""
 
 POOR_LIGHT, MOVING_PX_S = 0.25, 100.0
+LIGHT_STEP_STOPS = 3.0
 _STEP = re.compile(r"^step_(\d+)$")
 
 
@@ -65,6 +66,12 @@ class ScenarioResult:
     def stands(self) -> bool:
         """Whether nothing moves."""
         return bool((self.steps["speed_px_s"] == 0).all())
+
+    @property
+    def has_light_step(self) -> bool:
+        """Whether the light changes eightfold or more from one frame to the next."""
+        light = self.steps.groupby("step")["light"].median().sort_index().to_numpy()
+        return bool((np.abs(np.diff(np.log2(light))) >= LIGHT_STEP_STOPS).any())
 
     def difference(self, policy: str, other: str) -> tuple[float, float, float] | None:
         """AP of a policy less that of another with its 95 % interval, percent points; None where one did not run."""

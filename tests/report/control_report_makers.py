@@ -18,12 +18,13 @@ N_STEPS = 6
 PICTURE = np.tile(np.arange(200, dtype=np.uint8), (150, 1))
 
 
-def make_scenario(root: Path, name: str, speed_px_s: float, margin: float) -> None:
-    """One scenario: `margin` is half the width of every interval, percent points."""
+def make_scenario(root: Path, name: str, speed_px_s: float, margin: float, light_factor: float = 1.0) -> None:
+    """One scenario: `margin` is half the width of every interval; from the third step on the light is another."""
     folder = root / "closed_loop" / name
     steps = [
         {
-            "scenario": name, "policy": policy, "fold": fold, "step": step, "light": 0.2, "speed_px_s": speed_px_s,
+            "scenario": name, "policy": policy, "fold": fold, "step": step,
+            "light": 0.2 * (light_factor if step > 2 else 1.0), "speed_px_s": speed_px_s,
             "exposure_ms": 8.0 / (1 + step), "iso": 100.0 * (1 + step), "motion_px": speed_px_s * 8e-3 / (1 + step),
             "sigma_dn": 4.0 + step, "mean_level": 0.5, "saturated_fraction": 0.0,
             "estimated_sigma_dn": 4.5 + step if policy.startswith("iopc") else np.nan,

@@ -101,6 +101,13 @@ def test_the_verdict_counts_scenarios_and_states_the_regret(section: Section) ->
     assert "IOPC continuous: median regret to the oracle 2.0 AP points; where nothing moves, at most 0.0" in text
 
 
+def test_settling_is_stated_for_drives_with_a_step_of_light(tmp_path: Path, inputs: ReportInputs) -> None:
+    made.make_scenario(tmp_path, "tunnel", 500.0, 5.0, light_factor=1 / 16)
+    results = scenario_results(ReportInputs(paper=made.PAPER, control=tmp_path, scenarios=("tunnel",)))
+    assert results[0].has_light_step and not any(one.has_light_step for one in scenario_results(inputs))
+    assert control_tables.findings(results)[-1].endswith("a step of light, frames: tunnel 2.")
+
+
 def test_decision_times_come_from_the_record(tmp_path: Path, inputs: ReportInputs) -> None:
     path = tmp_path / "control.json"
     store.write_json(path, {"machine": {}, "decision": {"shim": {"processor_median_ms": 1.25}}})

@@ -166,4 +166,12 @@ def findings(results: Sequence[ScenarioResult]) -> list[str]:
             if losses:
                 text += f"; where nothing moves, at most {max(max(losses), 0.0):.1f} points below any of them"
             sentences.append(f"{text}.")
+    stepped = [one for one in results if one.has_light_step]
+    if stepped:
+        words = [
+            f"{scenario_word(one.name).lower()} {_settling(frames)}"
+            for one in stepped
+            for frames in one.summary.loc[one.summary["policy"] == "iopc_continuous", "settling_frames"]
+        ]
+        sentences.append(f"Settling of IOPC continuous in drives with a step of light, frames: {listing(words)}.")
     return sentences
