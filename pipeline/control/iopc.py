@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 from pipeline.control.decision import Action, Decision
 from pipeline.control.metering import Metering
 from pipeline.control.motion import motion_length
+from pipeline.control.noise_ratio import NoiseRatio
 from pipeline.control.observation import Observation
 from pipeline.control.performance import LEVEL_SLACK_STOPS, Performance
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.prediction import model_sigma_dn, predict
 from pipeline.control.speed import SpeedFilter
 from pipeline.control.state import CameraState, Limits
-from pipeline.errors import InputError
 
 TIMES_PER_STOP = 6
 DARKER_TIMES_PER_STOP, DARKER_PER_STOP = 3, 1
@@ -90,7 +90,6 @@ class IopcPolicy(Policy):
         performance: surface asked.
         target: mean encoded grey level kept; None leaves brightness as it is.
         tolerance: dead band of the mean level.
-        smoothing: weight of earlier frames in the ratio of estimated to modelled noise, [0, 1).
 
     Raises:
         InputError: an option out of range.
@@ -105,17 +104,13 @@ class IopcPolicy(Policy):
         performance: Performance | None = None,
         target: float | None = 0.5,
         tolerance: float = 0.1,
-        smoothing: float = 0.6,
     ) -> None:
         super().__init__(camera, performance)
-        if not 0 <= smoothing < 1:
-            raise InputError(f"smoothing is a weight in [0, 1), got {smoothing!r}")
         self.metering = None if target is None else Metering(target, tolerance)
-        self.smoothing = smoothing
         self.known_speed_px_s: float | None = None
         """Speed of the image from another source (odometry), px/s; None takes it from the estimated MTF."""
         self._speed = SpeedFilter()
-        self._noise_ratio = math.nan
+        self._noise = NoiseRatio()
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:
         """See `Policy.decide`."""
@@ -140,7 +135,7 @@ class IopcPolicy(Policy):
     @property
     def _is_informed(self) -> bool:
         """Whether speed and noise are known from earlier frames."""
-        return math.isfinite(self.speed_px_s) and math.isfinite(self._noise_ratio)
+        return math.isfinite(self.speed_px_s)
 
     def _is_measured(self, level: float) -> bool:
         """Whether frames of this mean level were measured."""
@@ -170,7 +165,7 @@ class IopcPolicy(Policy):
         """Predictions for given settings."""
         mean = self._level(observation)
         model = self.camera.formation
-        sigma_dn = self._noise_ratio * float(model_sigma_dn(model, mean, state.gain, state.exposure_s))
+        sigma_dn = self._noise.value * float(model_sigma_dn(model, mean, state.gain, state.exposure_s))
         at = predict(model, sigma_dn, self.speed_px_s * state.exposure_s, mean, state, states)
         expected = self.performance.expected(at.sigma_dn, at.motion_px, at.level).ap_percent
         return Candidates(
@@ -218,13 +213,10 @@ class IopcPolicy(Policy):
         sigma_dn = float(self.performance.true_sigma_dn(observation.sigma_dn.value))
         modelled = float(model_sigma_dn(self.camera.formation, self._level(observation), state.gain, state.exposure_s))
         ratio = float(np.clip(sigma_dn / modelled, *_RATIO_RANGE))
-        self._noise_ratio = math.exp(self._smoothed(_log(self._noise_ratio), math.log(ratio)))
+        self._noise.update(ratio, sigma_dn)
         if self.known_speed_px_s is None:
             moving = motion_length(observation.mtf, self.performance.reference)
             self._speed.update(moving.value_px, state.exposure_s, sigma_dn)
-
-    def _smoothed(self, before: float, now: float) -> float:
-        return now if math.isnan(before) else self.smoothing * before + (1.0 - self.smoothing) * now
 
 
 def exposure_times(limits: Limits, per_stop: int) -> list[float]:
@@ -248,7 +240,3 @@ def darker_totals(total: float, performance: Performance, gamma: float) -> list[
 
 def _by_time(state: CameraState) -> tuple[float, float]:
     return state.exposure_s, state.gain
-
-
-def _log(value: float) -> float:
-    return math.nan if math.isnan(value) else math.log(value)

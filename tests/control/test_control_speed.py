@@ -1,4 +1,4 @@
-"""Speed from a sequence of motion estimates."""
+"""Speed from a sequence of motion estimates, and the noise ratio."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.control.noise_ratio import NoiseRatio
 from pipeline.control.speed import RESOLUTION_PX, SpeedFilter, length_error_px, resolved_px
 
 
@@ -42,3 +43,12 @@ def test_speed_first_estimate_is_the_resolved_length(length_px, exposure_s, sigm
     assert speed.update(length_px, exposure_s, sigma_dn) == pytest.approx(resolved_px(length_px) / exposure_s)
     assert 0.0 <= resolved_px(length_px) <= length_px
     assert length_error_px(length_px, sigma_dn) >= RESOLUTION_PX
+
+
+def test_noise_ratio_trusts_strong_noise_and_hardly_weak():
+    assert NoiseRatio().update(0.66, 0.9) > 0.9
+    assert NoiseRatio().update(1.5, 15.0) == pytest.approx(1.5, rel=0.05)
+    ratio = NoiseRatio()
+    for _ in range(30):
+        ratio.update(2.0, 6.0)
+    assert ratio.value == pytest.approx(2.0, rel=0.02)

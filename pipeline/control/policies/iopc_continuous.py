@@ -28,7 +28,6 @@ class IopcContinuous(IopcPolicy):
         performance: surface asked.
         target: see `IopcPolicy`.
         tolerance: see `IopcPolicy`.
-        smoothing: see `IopcPolicy`.
         hysteresis_percent: AP points that a change must promise.
         stops_per_frame: largest change of the exposure time, factors of two, as long as the gain can take the rest.
         max_motion_px: hard cap of motion blur.
@@ -42,13 +41,12 @@ class IopcContinuous(IopcPolicy):
         performance: Performance | None = None,
         target: float | None = 0.5,
         tolerance: float = 0.1,
-        smoothing: float = 0.6,
         hysteresis_percent: float = 2.0,
         stops_per_frame: float = 2.0,
         max_motion_px: float = 20.0,
         lamp_hz: float = 0.0,
     ) -> None:
-        super().__init__(camera, performance, target, tolerance, smoothing)
+        super().__init__(camera, performance, target, tolerance)
         if hysteresis_percent < 0 or stops_per_frame <= 0 or max_motion_px <= 0 or lamp_hz < 0:
             raise InputError(
                 "policy iopc_continuous: expected hysteresis_percent and lamp_hz of at least 0, stops_per_frame and "

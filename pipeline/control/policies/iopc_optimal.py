@@ -23,7 +23,6 @@ class IopcOptimal(IopcPolicy):
         performance: surface asked.
         target: see `IopcPolicy`.
         tolerance: see `IopcPolicy`.
-        smoothing: see `IopcPolicy`.
         least_gain_percent: AP points that another split must promise.
     """
 
@@ -33,10 +32,9 @@ class IopcOptimal(IopcPolicy):
         performance: Performance | None = None,
         target: float | None = 0.5,
         tolerance: float = 0.1,
-        smoothing: float = 0.6,
         least_gain_percent: float = 2.0,
     ) -> None:
-        super().__init__(camera, performance, target, tolerance, smoothing)
+        super().__init__(camera, performance, target, tolerance)
         self.least_gain_percent = least_gain_percent
 
     def choose(self, observation: Observation, state: CameraState, total: float, factor: float) -> Decision:

@@ -34,7 +34,6 @@ class IopcTarget(IopcPolicy):
         target_px: motion blur wanted, above 0.
         target: see `IopcPolicy`.
         tolerance: see `IopcPolicy`.
-        smoothing: see `IopcPolicy`.
         slack: no reaction while alpha is within this fraction of 1.
     """
 
@@ -45,10 +44,9 @@ class IopcTarget(IopcPolicy):
         target_px: float = 7.0,
         target: float | None = 0.5,
         tolerance: float = 0.1,
-        smoothing: float = 0.6,
         slack: float = 0.15,
     ) -> None:
-        super().__init__(camera, performance, target, tolerance, smoothing)
+        super().__init__(camera, performance, target, tolerance)
         if not target_px > 0:
             raise InputError(f"policy iopc_target: target_px is a length above 0 px, got {target_px!r}")
         self.target_px, self.slack = target_px, slack
