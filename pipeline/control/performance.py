@@ -114,7 +114,8 @@ class Performance:
             return self._at_level(sigma_dn, motion_px)
         parts = [other._at_level(sigma_dn, motion_px) for other in (self, *self.darker)]
         stops = -np.log2([self.level, *(other.level for other in self.darker)])
-        wanted = -np.log2(np.maximum(np.asarray(level, dtype=float), 1e-6))
+        shape = np.broadcast_shapes(np.shape(sigma_dn), np.shape(motion_px), np.shape(level))
+        wanted = np.broadcast_to(-np.log2(np.maximum(np.asarray(level, dtype=float), 1e-6)), shape)
         inside = (wanted >= stops[0] - LEVEL_SLACK_STOPS) & (wanted <= stops[-1] + LEVEL_SLACK_STOPS)
         index, share = _position(np.clip(wanted, stops[0], stops[-1]), stops)
         mixed = []

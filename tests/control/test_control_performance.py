@@ -61,6 +61,7 @@ def test_performance_between_brightnesses_is_mixed_and_beyond_them_refused():
     assert between == pytest.approx((bright + dark) / 2, abs=0.1)
     assert float(known.expected(5.0, 3.0, 0.55).ap_percent) == bright  # within the slack
     assert np.isnan(known.expected(5.0, 3.0, [0.7, 0.15]).ap_percent).all()
+    assert known.expected([[2.0], [5.0]], [1.0, 3.0, 9.0], 0.4).ap_percent.shape == (2, 3)
     assert (
         float(performance().expected(5.0, 3.0, 0.9).ap_percent) == bright
     )  # one brightness: the level is not regarded
