@@ -15,6 +15,7 @@ from pipeline.store import read_json
 
 ROOT = Path(__file__).resolve().parents[1]
 NOISE, SENSOR = ROOT / "reports/recorded/real-noise", ROOT / "reports/recorded/real-sensor"
+EXAMPLES = ROOT / "reports/recorded/real-noise-examples"
 PAIRS = {"cc": ("cc_noise", 8), "polyu": ("polyu", 50)}
 TILES = 16  # 128 px patches of 512 x 512 px
 
@@ -85,3 +86,21 @@ def test_noise_of_raw_frames_is_estimated_as_white() -> None:
     patches = pd.read_csv(SENSOR / files.RAW_PATCHES_FILE)
     assert patches["true_sigma_dn"].between(0.6, 1.5).all()
     assert patches.loc[patches["estimator"] == "adaptive", "correlation"].abs().median() < 0.1
+
+
+def test_examples_were_answered_as_zero_and_are_now_right_or_abstained_from() -> None:
+    """Canon at ISO 3200, a frame stored as JPEG, a frame of a video: the white-noise estimator is blind on each."""
+    table = pd.read_csv(EXAMPLES / files.EXAMPLES_FILE, keep_default_na=False, na_values=["nan"])
+    before, now = (table[table["estimator"] == name].reset_index() for name in ("cellwise", "adaptive"))
+    assert len(now) == 3 and (before["sigma_dn"].astype(float) < 0.3 * before["true_sigma_dn"]).all()
+    error = (now["sigma_dn"].astype(float) - now["true_sigma_dn"]).abs()
+    compressed = now["reasons"].str.startswith("compressed") & (now["answered"] < 0.5 * now["patches"])
+    assert ((error < 0.2 * now["true_sigma_dn"]) | compressed).all()
+
+
+def test_examples_keep_small_crops_and_name_their_pictures() -> None:
+    provenance = read_json(EXAMPLES / files.EXAMPLES_PROVENANCE_FILE)
+    assert "licence" in provenance["source"] and len(provenance["files"]) == 6
+    crops = sorted(EXAMPLES.glob("*.png"))
+    assert [path.name for path in crops] == [files.example_crop(number) for number in range(3)]
+    assert all(path.stat().st_size < 20_000 for path in crops)

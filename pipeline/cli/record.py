@@ -96,3 +96,29 @@ def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: P
             f" {row['saturation_e']:12.0f}"
         )
     click.echo(f"written to {out}")
+
+
+@command.command("examples")
+@click.option("--real", required=True, type=click.Path(path_type=Path), help="a photograph")
+@click.option("--mean", required=True, type=click.Path(path_type=Path), help="mean of many photographs of its scene")
+@click.option(
+    "--frame", "frames", multiple=True, required=True, type=click.Path(path_type=Path),
+    help="a sharp frame; repeated, consecutive frames in the order of time",
+)  # fmt: skip
+@click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record")
+@click.option("--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced")
+def examples_command(real: Path, mean: Path, frames: tuple[Path, ...], source: str, out: Path) -> None:
+    """Noise estimates on three pictures: a photograph, a noisy frame stored as JPEG, and one stored as video.
+
+    Prints, per picture and estimator, the median estimate with its interval in DN, the share of patches answered, the
+    noise present, and why patches were abstained from.
+    """
+    from pipeline.report.recorded_examples import record
+
+    for row in record(real, mean, frames, out, source).to_dict("records"):
+        click.echo(
+            f"{row['example']:32} {row['estimator']:9} {row['sigma_dn']:6.2f} ({row['low_dn']:.2f} to"
+            f" {row['high_dn']:.2f}) of {row['true_sigma_dn']:.2f} DN, {row['answered']} of {row['patches']} patches"
+            f" {row['reasons']}"
+        )
+    click.echo(f"written to {out}")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.datasets.pictures import read_grey8
 from pipeline.experiments.real_noise_tables import (
     DARK,
     DARK_MEANS,
@@ -18,16 +19,20 @@ from pipeline.report.inputs import ReportInputs, existing, optional
 from pipeline.store import Schema
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
+    from numpy.typing import NDArray
 
 PATCHES_FILE, SUMMARY_FILE, PROVENANCE_FILE = "noise_patches.csv", "noise_summary.csv", "noise_provenance.json"
 TRANSFER_FILE, POINTS_FILE = "sensor_transfer.csv", "sensor_points.csv"
 DARK_FILE, DARK_MEANS_FILE = "sensor_dark.csv", "sensor_dark_means.csv"
 RAW_PATCHES_FILE, RAW_SUMMARY_FILE = "sensor_patches.csv", "sensor_summary.csv"
 RAW_PROVENANCE_FILE = "sensor_provenance.json"
+EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE = "examples.csv", "examples_provenance.json"
 
-NOISE_FOLDER, SENSOR_FOLDER, SENSOR = "real-noise", "real-sensor", "flea3"
-"""Folders of the records, and the name of the recording that the second holds."""
+NOISE_FOLDER, SENSOR_FOLDER, EXAMPLES_FOLDER = "real-noise", "real-sensor", "real-noise-examples"
+SENSOR = "flea3"
+"""Name of the recording that the second folder holds."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,37 @@ class Sensor:
     points: pd.DataFrame
     dark: pd.DataFrame
     dark_means: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Examples:
+    """Estimates on single pictures.
+
+    Attributes:
+        source: of the pictures.
+        table: `pipeline.experiments.noise_examples.COLUMNS`.
+        crops: (128, 128) grey levels of each, in the table's order.
+    """
+
+    source: str
+    table: pd.DataFrame
+    crops: tuple[NDArray[np.uint8], ...]
+
+
+def example_crop(number: int) -> str:
+    """File name of the crop of an example."""
+    return f"examples_{number}.png"
+
+
+def examples(inputs: ReportInputs) -> Examples | None:
+    """The recorded examples; None where there are none."""
+    folder = _folder(inputs, EXAMPLES_FOLDER)
+    if folder is None:
+        return None
+    table = _table(folder / EXAMPLES_FILE)
+    table = table.assign(reasons=table["reasons"].fillna(""))
+    crops = tuple(read_grey8(folder / example_crop(number)) for number in range(table["example"].nunique()))
+    return Examples(str(optional(folder, EXAMPLES_PROVENANCE_FILE)["source"]), table, crops)
 
 
 def stage_has_run(inputs: ReportInputs, name: str) -> bool:

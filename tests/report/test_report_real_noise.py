@@ -12,9 +12,9 @@ from pipeline import store
 from pipeline.experiments.real_noise_tables import REAL_NOISE_PATCHES, REAL_NOISE_SUMMARY
 from pipeline.report import real_noise_records
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.sections import real_noise
+from pipeline.report.sections import real_noise, real_noise_examples
 from pipeline.report.spec import Figure
-from pipeline.report.tables import Table
+from pipeline.report.tables import Estimate, Table
 
 RECORDINGS = ("cc", "polyu", "flea3")
 
@@ -35,16 +35,29 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
     assert all("real_noise.recordings." in run.line for run in section.runs)
     blocks = {block.name: block for block in section.blocks if isinstance(block, (Figure, Table))}
     tables = ["real_noise_errors", "real_noise_sources", "real_sensor", "real_sensor_constants"]
-    assert list(blocks) == ["real_noise", *tables]
+    assert list(blocks) == ["real_noise_examples", "real_noise", *tables]
     table = blocks["real_noise_errors"]
     assert isinstance(table, Table)
     first = table.rows[0]
     assert first["recording"] == "CC" and first["estimator"] == "Adaptive"
     recorded = {part.name: part for part in real_noise_records.recordings(inputs)}
     own = recorded["cc"].summary.set_index("estimator").loc["adaptive"]
-    assert first["true_mae_dn"].value == own["true_mae_dn"] and first["true_mae_dn"].low == own["true_mae_low_dn"]
+    error = first["true_mae_dn"]
+    assert isinstance(error, Estimate)
+    assert error.value == own["true_mae_dn"] and error.low == own["true_mae_low_dn"]
     figure = blocks["real_noise"]
     assert isinstance(figure, Figure) and figure.stages == () and "Adaptive on CC" in figure.drawing.alt
+
+
+def test_examples_show_both_answers_and_the_reason_to_abstain(inputs: ReportInputs) -> None:
+    made = real_noise_records.examples(inputs)
+    assert made is not None and [crop.shape for crop in made.crops] == [(128, 128)] * 3
+    drawing = real_noise_examples.crops(made)
+    now = made.table[made.table["estimator"] == "adaptive"]
+    assert "compressed" in drawing.alt and all(f"{sigma:.2f} DN" in drawing.alt for sigma in now["true_sigma_dn"])
+    row = {"patches": 4, "answered": 1, "sigma_dn": 1.0, "low_dn": 0.5, "high_dn": 2.0, "reasons": "compressed: 3"}
+    assert real_noise_examples.answer(row) == "abstained in 3 of 4 (compressed)"
+    assert real_noise_examples.answer(row | {"answered": 4, "reasons": ""}) == "1.00 DN (0.50 to 2.00)"
 
 
 def test_a_stage_that_has_run_takes_the_place_of_the_record(inputs: ReportInputs, tmp_path: Path) -> None:

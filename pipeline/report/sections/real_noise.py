@@ -13,6 +13,7 @@ from pipeline.report.figures import add_legend
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.real_noise_records import Recording, Sensor
+from pipeline.report.sections import real_noise_examples
 from pipeline.report.spec import Block, Figure, Run, Section
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Column, Table, estimate, ordered, table
@@ -183,7 +184,8 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     runs = [_run(inputs, name) for name in inputs.real_noise]
     if not parts and made is None and not runs:
         return None
-    blocks: list[Block] = []
+    examples = real_noise_records.examples(inputs)
+    blocks: list[Block] = [] if examples is None else [real_noise_examples.block(examples)]
     if parts:
         stages = tuple(part.stage for part in parts if part.stage)
         estimators = in_order(

@@ -1,0 +1,87 @@
+"""Noise estimates on single pictures that the project may not keep as data: numbers, and a small crop to look at.
+
+Measured by hand, with ``camera-monitor record examples``. Pictures and weights are named by their SHA-256.
+
+    examples.csv              `pipeline.experiments.noise_examples.COLUMNS`
+    examples_N.png            128 px of each example, as a figure of the report shows them
+    examples_provenance.json  source, files, weights, seed
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline import store
+from pipeline.camera.processing.codec import Codec
+from pipeline.detection.weights import file_sha256
+from pipeline.experiments import noise_examples
+from pipeline.experiments.noise_examples import Example
+from pipeline.noise import cellwise, correlated, real_noise
+from pipeline.report.real_noise_records import EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE, example_crop
+from pipeline.report.record_files import write_csv
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+KINDS: Mapping[str, tuple[str, Mapping[str, Any]]] = {"cellwise": ("cellwise", {}), "adaptive": ("adaptive", {})}
+CROP_PX = 128
+JPEG_SIGMA_DN, JPEG_QUALITY = 10.0, 80
+VIDEO_SIGMA_DN, VIDEO_FACTOR = 5.0, 23
+
+
+def record(real: Path, mean: Path, frames: Sequence[Path], out: Path, source: str, seed: int = 1) -> pd.DataFrame:
+    """Measure a photograph, a frame stored as JPEG and one stored as H.264 video, and write everything into a folder.
+
+    Args:
+        real: a photograph.
+        mean: the mean of many photographs of its scene.
+        frames: sharp frames in the order of time.
+        out: folder; replaced.
+        source: where the pictures come from, their revision and licence, in words.
+        seed: root of the noise's stream.
+
+    Returns:
+        `pipeline.experiments.noise_examples.COLUMNS`.
+
+    Raises:
+        InputError: a picture is absent or broken.
+    """
+    import pandas as pd
+
+    jpeg, video = Codec("jpeg", JPEG_QUALITY), Codec("h264", VIDEO_FACTOR)
+    examples = [
+        noise_examples.photograph(f"Photograph {real.stem.removesuffix(real_noise.REAL)}", real, mean),
+        noise_examples.stored(f"{JPEG_SIGMA_DN:g} DN, JPEG {JPEG_QUALITY}", frames[-1:], JPEG_SIGMA_DN, jpeg, seed),
+        noise_examples.stored(f"{VIDEO_SIGMA_DN:g} DN, H.264 video", frames, VIDEO_SIGMA_DN, video, seed),
+    ]
+    estimators = real_noise.estimators(KINDS)
+    table = pd.concat([noise_examples.measure(example, estimators) for example in examples], ignore_index=True)
+    weights = [cellwise.RELEASED, correlated.RELEASED]
+    provenance = {
+        "source": source,
+        "files": {path.name: file_sha256(path) for path in (real, mean, *frames)},
+        "weights": {path.name: file_sha256(path) for path in weights},
+        "jpeg": {"sigma_dn": JPEG_SIGMA_DN, "quality": JPEG_QUALITY},
+        "video": {"sigma_dn": VIDEO_SIGMA_DN, "codec": "h264", "constant_rate_factor": VIDEO_FACTOR},
+        "seed": seed,
+    }
+    with store.replacing_folder(out) as folder:
+        write_csv(folder / EXAMPLES_FILE, table)
+        for number, example in enumerate(examples):
+            _write_crop(folder / example_crop(number), example)
+        store.write_json(folder / EXAMPLES_PROVENANCE_FILE, provenance)
+    return table
+
+
+def _write_crop(path: Path, example: Example) -> None:
+    """The middle of a picture, pixel for pixel."""
+    import cv2
+
+    top, left = ((side - CROP_PX) // 2 for side in example.picture.shape)
+    crop = np.ascontiguousarray(example.picture[top : top + CROP_PX, left : left + CROP_PX])
+    with store.replacing(path) as temporary:
+        cv2.imwrite(str(temporary), crop)
