@@ -47,7 +47,8 @@ def claims_table(pairs: Sequence[tuple[Claim, Measurement]]) -> Table:
         if math.isnan(one.value):
             return None
         ends = (one.low, one.high) if one.low < one.high else (math.nan, math.nan)
-        return Estimate(*(float(f"{number:.3g}") for number in (one.value, *ends)))
+        centre, low, high = (float(f"{number:.3g}") for number in (one.value, *ends))
+        return Estimate(centre, low, high)
 
     def measured(row: Row) -> str:
         one: Measurement = row["measured"]
