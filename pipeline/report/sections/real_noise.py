@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     pass
 
 STAGE = "real_noise@{name}"
+SENSOR = "flea3"
+"""Name of the recording that has raw frames of a sensor instead of pairs of pictures."""
+
 TITLE = "Noise of real cameras"
 TEXT = (
     "Photographs as cameras deliver them: demosaiced, denoised, sharpened and compressed, so that their noise is "
@@ -181,7 +184,8 @@ def sensor_table(made: Sensor) -> Table:
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
     """Noise of real cameras, or None where nothing of it is known."""
     parts, made = real_noise_records.recordings(inputs), real_noise_records.sensor(inputs)
-    runs = [_run(inputs, name) for name in inputs.real_noise]
+    pairs = {part.name for part in parts}
+    runs = [_run(inputs, name, name in pairs or (made is not None and name == SENSOR)) for name in inputs.real_noise]
     if not parts and made is None and not runs:
         return None
     examples = real_noise_records.examples(inputs)
@@ -226,7 +230,7 @@ def _sources(parts: Sequence[Recording]) -> Table:
     return table("real_noise_sources", "Noise of real cameras: pictures with their source.", rows, columns)
 
 
-def _run(inputs: ReportInputs, name: str) -> Run:
+def _run(inputs: ReportInputs, name: str, is_recorded: bool) -> Run:
     ran = real_noise_records.stage_has_run(inputs, name)
     line = f"dvc exp run -S real_noise.recordings.{name}.folder=/path real_noise@{name} report"
-    return Run(TITLE, recording_word(name), ran, "" if ran else "data absent", line)
+    return Run(TITLE, recording_word(name), ran, "" if ran else "data absent", line, is_recorded)
