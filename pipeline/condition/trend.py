@@ -9,6 +9,10 @@ Three quantities are charted (`pipeline.condition.change_point`), each against t
 The mean MTF is used and not the MTF50, because it is finite for every picture. The average run length of each chart is
 three hours at 10 frames per second, so that all together raise less than one false alarm an hour. That holds for
 frames whose estimates vary as they did in the reference period; a drive from a city into a forest is a change too.
+
+Delays on simulated series of 10 frames per second whose estimates scatter by 5 % (10 %) from frame to frame, median of
+ten series each: defocus that lowers the mean MTF from 0.60 to 0.36 within five minutes, 32 s (61 s); water on the lens,
+0.60 to 0.35 at once, 0.1 s (0.1 s); noise that doubles within two minutes as the sensor warms up, 11 s (20 s).
 """
 
 from __future__ import annotations
