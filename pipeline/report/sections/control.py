@@ -15,7 +15,8 @@ TEXT = (
     "A simulated camera looks at rendered scenes. A policy answers each frame with exposure time and gain for the "
     "next; frames are formed in linear light with photon noise behind motion and optics; the detector's average "
     "precision (AP) over all viewpoints is the judge. The policies on input-output performance curves (IOPC) act on "
-    "noise and blur as the condition monitor estimates them, never on the truth.",
+    "noise and blur as the condition monitor estimates them, never on the truth; they choose exposure time, gain and, "
+    "where the detector bears it better than gain, a darker frame.",
 )
 PUBLISHED = ("worked_examples", "controller_ap", "controller_response")
 
