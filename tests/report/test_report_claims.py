@@ -31,7 +31,16 @@ NOTHING = ReportInputs(paper=REPO / "data/paper", absent=ABSENT)
 
 @pytest.mark.parametrize(
     ("supporting", "opposing", "verdict"),
-    [(9, 0, SUPPORTED), (8, 0, PARTLY), (0, 9, CONTRADICTED), (2, 2, UNDECIDED), (3, 2, PARTLY), (0, 0, UNDECIDED)],
+    [
+        (9, 0, SUPPORTED),
+        (8, 0, PARTLY),
+        (0, 9, CONTRADICTED),
+        (2, 2, UNDECIDED),
+        (3, 2, PARTLY),
+        (0, 5, CONTRADICTED),
+        (1, 5, PARTLY),
+        (0, 0, UNDECIDED),
+    ],
 )
 def test_verdict_of_ten_cells(supporting: int, opposing: int, verdict: str) -> None:
     assert verdict_of_counts(supporting, opposing, 10) == verdict

@@ -157,12 +157,12 @@ def verdict_of_counts(supporting: int, opposing: int, total: int) -> str:
         total: cells in all.
 
     Returns:
-        supported or contradicted where nine cells of ten are, not decided where fewer than half are either; else
-        partly.
+        supported or contradicted where nine cells of ten are, contradicted too where half are and none supports; not
+        decided where fewer than half are either, else partly.
     """
     if supporting >= NEARLY_ALL * total:
         return SUPPORTED
-    if opposing >= NEARLY_ALL * total:
+    if opposing >= (NEARLY_ALL if supporting else HALF) * total > 0:
         return CONTRADICTED
     return UNDECIDED if supporting + opposing < HALF * total else PARTLY
 
