@@ -157,7 +157,7 @@ def verdict_of_counts(supporting: int, opposing: int, total: int) -> str:
         total: cells in all.
 
     Returns:
-        supported or contradicted where nine cells of ten are, contradicted too where half are and none supports; not
+        supported or contradicted where nine cells of ten are; contradicted too where half are and none supports; not
         decided where fewer than half are either, else partly.
     """
     if supporting >= NEARLY_ALL * total:
