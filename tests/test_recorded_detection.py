@@ -75,6 +75,9 @@ def configured(shared: Path) -> list[str]:
         "+detector@detection.detectors.yolox=yolox",
         f"detection.detectors.yolox.weights={shared / 'weights/yolox_nano.onnx'}",
         "detection.sweep.angles_deg=[0]",
+        "detection.sweep.effect=dcsn",
+        "detection.judge.lowest_px=25",
+        "detection.judge.least_visible=0.3",
     ]
 
 
