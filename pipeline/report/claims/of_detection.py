@@ -115,7 +115,8 @@ def _direction_matters(evidence: Evidence) -> Measurement | None:
 def _regression(evidence: Evidence) -> Measurement | None:
     published = any_table(evidence.inputs.paper / "regression_coefficients.csv")
     bound = float(published.loc[published["parameter"] == "r2", "value"].min())
-    fits = [(one.dataset, fit["r2"]) for one in evidence.detection for fit in one.fits.values() if "r2" in fit]
+    every = [(one.dataset, fit.get("r2")) for one in evidence.detection for fit in one.fits.values()]
+    fits = [(dataset, float(r2)) for dataset, r2 in every if r2 is not None]  # none of fewer cells than terms
     if not fits:
         return None
     values = [r2 for _, r2 in fits]
