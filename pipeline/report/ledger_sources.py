@@ -227,7 +227,7 @@ def _with_records(own: pd.DataFrame | None, recorded: list[pd.DataFrame]) -> pd.
     import pandas as pd
 
     if not recorded:
-        return own
+        return None if own is None else own.assign(measured_on=own["dataset"])
     rows = pd.concat(recorded, ignore_index=True)
     is_authors = rows["dataset"].isin(list(PAPER_NAMES)).to_numpy()
     rows = rows.assign(dataset=rows["dataset"].replace(PAPER_NAMES), measured_on=rows["dataset"])

@@ -90,7 +90,6 @@ class Evidence:
         paper = any_table(self.inputs.paper / "blur_amae.csv").rename(columns={"amae_percent": "paper"})
         if ours is None:
             return pd.DataFrame({name: [] for name in [*keys, "amae_percent", "low", "high", "measured_on", "paper"]})
-        ours = ours.assign(measured_on=ours["measured_on"] if "measured_on" in ours else ours["dataset"])
         ours = ours.rename(columns={"low_percent": "low", "high_percent": "high"})
         return ours.merge(paper.astype({"size_px": float}), how="left", on=keys)
 
