@@ -6,16 +6,14 @@ Each command is one file; it is imported when it is called, so that ``--help`` a
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import signal
-import threading
-from collections.abc import Iterator
 from types import FrameType
 from typing import Any
 
 import click
 
+from pipeline.cli.signals import handled
 from pipeline.errors import InputError
 
 COMMANDS = {
@@ -64,7 +62,7 @@ class _Lazy(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            with _signals_interrupt():
+            with handled((signal.SIGTERM, signal.SIGHUP), _interrupt):
                 return super().invoke(ctx)
         except InputError as error:
             click.echo(f"error: {error}", err=True)
@@ -86,22 +84,9 @@ class _Lazy(click.Group):
             raise SystemExit(INTERRUPTED) from None
 
 
-@contextlib.contextmanager
-def _signals_interrupt() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end a command as Ctrl-C does, so that results are closed properly."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.signal(number, stop) for number in (signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """End a command as Ctrl-C does, so that results are closed properly."""
+    raise KeyboardInterrupt
 
 
 @click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import signal
 import sys
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pipeline.cli.numbers import FiniteRange
+from pipeline.cli.signals import handled
 
 if TYPE_CHECKING:
     from pipeline.cli.frame_analysis import FrameAnalysis
@@ -72,7 +72,7 @@ def command(
     one_thread()
     camera = camera_store.load(camera_name) if camera_name is not None else None
     stop = threading.Event()
-    with _stopping(stop):
+    with handled((signal.SIGINT, signal.SIGTERM), _Stop(stop)):
         performance, _ = find_surface(surface)
         came = open_source(source, rate, wait=not no_wait, stop=stop)
         monitor = ConditionMonitor(blur_name, noise_name)
@@ -160,21 +160,13 @@ class _Watch:
         self.emit(event, picture=frame.name, reason=frame.problem)
 
 
-@contextlib.contextmanager
-def _stopping(stop: threading.Event) -> Iterator[None]:
-    """Let SIGINT and SIGTERM set an event; a second one interrupts at once."""
+class _Stop:
+    """Sets an event at the first signal; a second one interrupts at once."""
 
-    def handle(number: int, frame: FrameType | None) -> None:
-        if stop.is_set():
+    def __init__(self, stop: threading.Event) -> None:
+        self.stop = stop
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        if self.stop.is_set():
             raise KeyboardInterrupt
-        stop.set()
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        self.stop.set()

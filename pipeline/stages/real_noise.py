@@ -15,6 +15,7 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.datasets.raw_frames import raw_frames
+    from pipeline.errors import InputError
     from pipeline.experiments import real_noise_tables as tables
     from pipeline.experiments.real_noise import measure_pairs, measure_raw, real_noise_metrics
     from pipeline.experiments.sensor_constants import sensor_constants
@@ -29,7 +30,10 @@ def run(run: Run) -> None:
         if section.folder is not None:
             folder = Path(section.folder)
             if section.kind == "raw":
-                assert section.light is not None and section.dark is not None  # checked where they are read
+                if section.light is None or section.dark is None:
+                    raise InputError(
+                        f"real_noise.recordings.{name}: kind raw needs light and dark, folders below {folder}"
+                    )
                 light, dark = raw_frames(folder / section.light), raw_frames(folder / section.dark)
                 sensor = sensor_constants(light, dark, section.white_dn)
                 store.write_table(out / "transfer.parquet", sensor.transfer, tables.TRANSFER)

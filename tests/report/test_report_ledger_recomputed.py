@@ -52,7 +52,6 @@ def test_fifty_rows_of_the_committed_ledger() -> None:
     if not path.exists():
         pytest.skip("no committed ledger (reports/tables/ledger.csv)")
     rows = rows_of(path)
-    if not {"kind", "low", "high", "dataset"} <= set(rows[0]):
-        pytest.skip("the committed ledger is of a version without kinds of evidence; run dvc repro report")
+    assert {"kind", "low", "high", "dataset"} <= set(rows[0])
     for row in fifty(rows, "committed"):
         check(row, REPO)
