@@ -16,7 +16,7 @@ def configured(psf: PsfSettings, camera: str, seed: int) -> Sequence[Kernel]:
     """The kernels of the section ``psf``.
 
     Args:
-        psf: the section; of the paper's kernels, those of its kinds and sizes are taken.
+        psf: the section; of the paper's kernels, those of its kinds, sizes and angles are taken.
         camera: kind of the camera, ``"physical"`` or ``"authors"``; a generated bank follows its program.
         seed: root of the random streams, for random motions of a generated bank.
 
@@ -31,6 +31,6 @@ def configured(psf: PsfSettings, camera: str, seed: int) -> Sequence[Kernel]:
     from pipeline.camera.psf.bank import bank
 
     if psf.source == "paper":
-        return load(Path(str(psf.folder)), kinds=psf.kinds, sizes_px=psf.sizes_px)
+        return load(Path(str(psf.folder)), kinds=psf.kinds, sizes_px=psf.sizes_px, angles_deg=psf.angles_deg)
     program = "physical" if camera == "physical" else "authors"
     return bank(psf.kinds, psf.sizes_px, psf.angles_deg, seed, match=psf.match, camera=program)

@@ -25,6 +25,13 @@ def command() -> None:
     "--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced, but see --join"
 )
 @click.option("--join", is_flag=True, help="keep what the folder has of other estimators, measured on the same")
+@click.option("--frames", "frame_count", type=click.IntRange(min=2), help="of the frames with patches, this many only")
+@click.option("--patches", "patches_per_frame", type=click.IntRange(min=1), help="of each frame, this many only")
+@click.option(
+    "--keep",
+    type=click.Path(path_type=Path),
+    help="folder in which finished frames are kept, so that an interrupted recording continues; delete it after",
+)
 @click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record")
 @click.option(
     "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
@@ -35,19 +42,21 @@ def record_command(
     estimators: tuple[str, ...],
     out: Path,
     join: bool,
+    frame_count: int | None,
+    patches_per_frame: int | None,
+    keep: Path | None,
     source: str,
     workers: int,
 ) -> None:
     """Measure Table I on recorded pictures and keep numbers and provenance; no picture is kept.
 
     OVERRIDES are of conf/, as for ``dvc exp run -S``: +dataset@datasets.kitti=kitti datasets.kitti.root=/path
-    psf=paper psf.folder=/path blur.patches_per_frame=4
+    psf=paper psf.folder=/path blur.patches_per_frame=4; PMP and GBB as the paper ran them:
+    +estimator/blur@blur.estimators.gbb_exact=gbb_exact
     """
-    from functools import partial
-
+    from pipeline.cli.kept_results import keeping
     from pipeline.config.compose import compose, parse
     from pipeline.errors import InputError, did_you_mean
-    from pipeline.executor import run_map
     from pipeline.report.recorded_blur import record
 
     config = parse(compose(overrides), "conf/")
@@ -59,7 +68,17 @@ def record_command(
         for name in names:
             if name not in known:
                 raise InputError(f"--{what} {name}: not in the configuration; {did_you_mean(name, known)}")
-    metrics = record(config, dataset, chosen, out, source, partial(run_map, workers=workers), join=join)
+    metrics = record(
+        config,
+        dataset,
+        chosen,
+        out,
+        source,
+        keeping(keep, workers),
+        join=join,
+        frame_count=frame_count,
+        patches_per_frame=patches_per_frame,
+    )
     for name, ways in metrics.items():
         means = ", ".join(f"{way} {numbers['mean_amae_percent']:.2f} %" for way, numbers in sorted(ways.items()))
         click.echo(f"{name}: mean AMAE {means}")

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli.record_frames import COMMANDS
+
 
 @click.group("record")
 def command() -> None:
@@ -122,3 +124,7 @@ def examples_command(real: Path, mean: Path, frames: tuple[Path, ...], source: s
             f" {row['reasons']}"
         )
     click.echo(f"written to {out}")
+
+
+for one in COMMANDS:
+    command.add_command(one)

@@ -8,7 +8,7 @@ noise present in each tile; one that undoes the clipping, with the noise before 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -64,10 +64,48 @@ def measure(
         executor: changes no result.
         label: of its progress bar.
     """
+    return measure_all(
+        {name: estimator},
+        frames,
+        noise_sources,
+        target_sigmas_dn,
+        camera=camera,
+        seed=seed,
+        draws=draws,
+        executor=executor,
+        label=label,
+    )
+
+
+def measure_all(
+    estimators: Mapping[str, Any],
+    frames: Sequence[TestFrame],
+    noise_sources: Sequence[str],
+    target_sigmas_dn: Sequence[float],
+    *,
+    camera: CameraSettings | None = None,
+    seed: int = 1,
+    draws: int = 500,
+    executor: Executor = in_process,
+    label: str = "",
+) -> NoiseResult:
+    """As `measure`, of several estimators on the same corrupted frames, each of which is formed once.
+
+    Args:
+        estimators: name in the tables -> estimator, see `pipeline.experiments.run.Method`.
+        frames: see `measure`, like all that follow.
+        noise_sources: as in `pipeline.camera.effects`.
+        target_sigmas_dn: levels, DN.
+        camera: that adds the noise.
+        seed: root of the random streams.
+        draws: bootstrap resamples of the intervals.
+        executor: changes no result.
+        label: of its progress bar.
+    """
     exact = run(
         frames,
         grid([sharp_kernel()], noise_sources, target_sigmas_dn),
-        [Method(name, "sigma_dn", estimator)],
+        [Method(name, "sigma_dn", estimator) for name, estimator in estimators.items()],
         camera=camera,
         seed=seed,
         executor=executor,

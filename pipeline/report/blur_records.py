@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import InputError
 from pipeline.experiments.tables import BLUR_SUMMARY
 from pipeline.report.display_names import DATASETS, in_order
-from pipeline.report.inputs import ReportInputs, any_table, existing
+from pipeline.report.inputs import EXACT, ReportInputs, any_table, existing
 from pipeline.store import read_json
 
 if TYPE_CHECKING:
@@ -21,6 +21,9 @@ SUMMARY_FILE, SHARP_FILE, PATCHES_FILE, PROVENANCE_FILE = "summary.csv", "sharp.
 """By the first of these a record of blur is known among others."""
 
 METRICS_FILE = "metrics.json"
+SUBSETS = "subsets"
+"""Key of the provenance: estimator -> frames and patches that it was run on, where these are fewer than all."""
+
 SAID = {"source", "dataset", "frames", "kernels", "blur"}
 SAME = ("dataset", "kind", "frames", "previous", "kernels", "psf", "camera", "seed")
 """What must agree, beside how patches are taken, for two measurements to stand in one record."""
@@ -48,6 +51,32 @@ class BlurRecord:
     def estimators(self) -> list[str]:
         """Names of those measured."""
         return list(self.said["blur"]["estimators"])
+
+    @property
+    def exact(self) -> dict[str, str]:
+        """Estimator of the paper -> name of the one measured that is its program in exact mode."""
+        settings = self.said["blur"]["estimators"]
+        return {own["kind"]: name for name, own in settings.items() if own.get("options", {}).get("mode") == EXACT}
+
+    def name_of(self, estimator: str) -> str:
+        """The estimator measured that stands for one of the paper: its program in exact mode where that was run."""
+        return self.exact.get(estimator, estimator)
+
+    def as_the_paper_ran(self, table: pd.DataFrame) -> pd.DataFrame:
+        """A table of the record with exact programs under the paper's names, and without their faster variants.
+
+        Args:
+            table: with a column ``estimator``.
+        """
+        exact = self.exact
+        kept = table[~table["estimator"].isin([name for name in exact if exact[name] != name])]
+        names = {name: paper for paper, name in exact.items()}
+        return kept.assign(estimator=kept["estimator"].replace(names))
+
+    def measured_on(self, estimator: str) -> tuple[int, int]:
+        """Frames and patches that an estimator was run on."""
+        subset = self.said.get(SUBSETS, {}).get(estimator)
+        return (subset["frames"], subset["patches"]) if subset else (len(self.said["frames"]), self.patches)
 
 
 @dataclass(frozen=True)
@@ -87,7 +116,7 @@ def others(folder: Path, said: Mapping[str, Any]) -> Others | None:
             "anew into another folder"
         )
     names = [name for name in earlier["blur"]["estimators"] if name not in said["blur"]["estimators"]]
-    for part in (earlier["weights"], earlier["blur"]["estimators"]):
+    for part in (earlier["weights"], earlier["blur"]["estimators"], earlier.get(SUBSETS, {})):
         for name in set(part) - set(names):
             del part[name]
     known = _read(str(earlier["dataset"]), folder)

@@ -26,6 +26,8 @@ ESTIMATORS = {
     "immerkaer": "Immerkær",
     "pmp": "PMP",
     "gbb": "GBB",
+    "pmp_exact": "PMP, exact",
+    "gbb_exact": "GBB, exact",
     "spectral": "Spectral",
     "typical": "Spectral, typical lens",
     "fitted": "Spectral, fitted",

@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from pipeline.report import blur_records, training_budget
-from pipeline.report.display_names import counted
-from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger_sources import PAPER_FRAMES
+from pipeline.report import blur_records, frame_records, training_budget
+from pipeline.report.display_names import counted, word
+from pipeline.report.inputs import EXACT, ReportInputs
+from pipeline.report.ledger_sources import COMBINED_DATASET, COMBINED_ESTIMATOR, PAPER_FRAMES, combined_estimator
 from pipeline.report.tables import Row, format_number
+from pipeline.report.tables import records as records_of
 
 if TYPE_CHECKING:
     from pipeline.report.blur_records import BlurRecord
@@ -35,11 +36,12 @@ def blur_amae(inputs: ReportInputs) -> Callable[[Row], str]:
         function of a row (dataset by the paper's name, estimator, blur, size_px, paper, ours): the cause in words.
     """
     records, percent = blur_records.read(inputs), training_budget.percents(inputs).get("mtf_cnn")
+    effects = _effects(inputs)
 
     def cause(row: Row) -> str:
         record = _record(row, records)
-        lens = _lens(row, record)
-        return "; ".join([*([lens] if lens else []), *_of_estimator(row, record, percent), _frames(record)])
+        lens = "; ".join(filter(None, [_lens(row, record), effects(row, record)]))
+        return "; ".join([*([lens] if lens else []), *_of_estimator(row, record, percent), _frames(row, record)])
 
     return cause
 
@@ -90,21 +92,51 @@ def uncorrupted(inputs: ReportInputs) -> Callable[[Row], str]:
         if row["estimator"] == "ground_truth":
             return "another renderer and lens than the authors' Sim"
         record = _record(row, records)
-        return "; ".join([*_of_estimator(row, record, percent), _frames(record)])
+        return "; ".join([*_of_estimator(row, record, percent), _frames(row, record)])
 
     return cause
+
+
+def combined(inputs: ReportInputs) -> Callable[[Row], str]:
+    """Causes of differences with blur and noise at once.
+
+    Args:
+        inputs: of the report.
+
+    Returns:
+        function of a row: the cause in words.
+    """
+    percent = training_budget.percents(inputs).get("mtf_cnn")
+    records = frame_records.records_with(inputs, frame_records.COMBINED_FILES[0])
+    record = next((one for one in records if one.dataset == COMBINED_DATASET), None)
+    causes = [f"ours is {word(COMBINED_ESTIMATOR)}, which was trained on noise, the paper's network was not"]
+    if combined_estimator(inputs) == training_budget.NETWORK:
+        causes = ["other training pictures than the paper's photographs"]
+        if percent is not None and percent < 100:
+            causes.insert(0, f"trained anew on {training_budget.in_words(percent)}")
+    if record is not None:
+        patches = counted(int(record.frames["blur_patches"].sum()), "patch", "patches")
+        frames = counted(len(record.frames), "frame")
+        causes.append(f"{patches} of {frames}, the paper's of {PAPER_FRAMES}")
+    text = "; ".join(causes)
+    return lambda row: text
 
 
 def _record(row: Row, records: Sequence[BlurRecord]) -> BlurRecord | None:
     """The record that ours comes from, None where a stage made it."""
     return next(
-        (one for one in records if one.dataset == row["measured_on"] and row["estimator"] in one.estimators), None
+        (
+            one
+            for one in records
+            if one.dataset == row["measured_on"] and one.name_of(row["estimator"]) in one.estimators
+        ),
+        None,
     )
 
 
 def _of_estimator(row: Row, record: BlurRecord | None, percent: float | None) -> list[str]:
     """How our estimator differs from the paper's of that name, which saw ``percent`` of the paper's samples."""
-    settings = record.said["blur"]["estimators"][row["estimator"]] if record is not None else {}
+    settings = {} if record is None else record.said["blur"]["estimators"][record.name_of(row["estimator"])]
     options, causes = settings.get("options", {}), []
     if options.get("mode") not in (None, "exact"):
         causes.append(f"ours in {options['mode']} mode, the paper's program as published")
@@ -117,11 +149,53 @@ def _of_estimator(row: Row, record: BlurRecord | None, percent: float | None) ->
     return causes
 
 
-def _frames(record: BlurRecord | None) -> str:
+CHOICES = {
+    "storage": "kernels stored as JPEG, as theirs of these frames",
+    "boundary": "dark borders, as theirs",
+    "kernel_px": "kernels of 31 px, as ours",
+    "mode": "fast mode, as ours",
+}
+"""Factor -> the setting that one side has, in words."""
+
+JPEG_FRAMES = "udacity"
+"""Dataset whose frames, and so whose kernels, the authors' programs store as JPEG."""
+
+
+def _effects(inputs: ReportInputs) -> Callable[[Row, BlurRecord | None], str]:
+    """What each choice in which the two measurements differ does to the AMAE of a row, as the factorial measured it."""
+    tables = frame_records.records_with(inputs, frame_records.FACTOR_FILES[1])
+    known = {
+        (row["estimator"], row["factor"], row["blur_kind"], row["kernel_size_px"]): (row, table.dataset)
+        for table in tables
+        for row in records_of(table.table(frame_records.FACTOR_FILES[1]))
+    }
+
+    def words(row: Row, record: BlurRecord | None) -> str:
+        settings = {} if record is None else record.said["blur"]["estimators"][record.name_of(row["estimator"])]
+        options = settings.get("options", {})
+        applies = {
+            "storage": row["dataset"] == JPEG_FRAMES,
+            "boundary": True,
+            "kernel_px": options.get("kernel_size", PAPER_KERNEL_PX) != PAPER_KERNEL_PX,
+            "mode": options.get("mode", EXACT) != EXACT,
+        }
+        parts, on = [], ""
+        for factor, text in CHOICES.items():
+            cell = known.get((row["estimator"], factor, row["blur"], row["size_px"]))
+            if cell is not None and applies[factor]:
+                effect, on = cell
+                low, high = (f"{effect[name]:+.1f}" for name in ("low_percent", "high_percent"))
+                parts.append(f"{text}: {effect['effect_percent']:+.1f} points ({low} to {high})")
+        return f"{'; '.join(parts)}, measured on {word(on)}" if parts else ""
+
+    return words
+
+
+def _frames(row: Row, record: BlurRecord | None) -> str:
     if record is None:
         return f"other frames than the paper's {PAPER_FRAMES}"
-    patches = counted(record.patches, "patch", "patches")
-    return f"{patches} of {counted(len(record.said['frames']), 'frame')}, the paper's of {PAPER_FRAMES}"
+    frames, patches = record.measured_on(record.name_of(row["estimator"]))
+    return f"{counted(patches, 'patch', 'patches')} of {counted(frames, 'frame')}, the paper's of {PAPER_FRAMES}"
 
 
 def _lens(row: Row, record: BlurRecord | None) -> str:

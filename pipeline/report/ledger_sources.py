@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.experiments.condition import SHARP
 from pipeline.experiments.intervals import median_error_of_range
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
-from pipeline.report import blur_records, detection_results
+from pipeline.report import blur_records, detection_results, frame_records
 from pipeline.report.display_names import PAPER_NAMES
 from pipeline.report.inputs import (
     ReportInputs,
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
-COMBINED_DATASET, COMBINED_ESTIMATOR = "udacity", "spectral"
-"""All that the paper prints of blur and noise at once is on Udacity; ours is of this estimator."""
+COMBINED_DATASET, NETWORK, COMBINED_ESTIMATOR = "udacity", "cnn", "spectral"
+"""All that the paper prints of blur and noise at once is of its network on Udacity; without it, ours is the second."""
 
 EXAMPLE_PX, EXAMPLE_ANGLE_DEG = 11.0, 45.0
 DIRECTION_LABEL = "car"
@@ -110,8 +110,9 @@ def sizes(inputs: ReportInputs) -> pd.DataFrame | None:
 
 def noise_medians(inputs: ReportInputs) -> pd.DataFrame | None:
     """Robust medians of every noise estimator: dataset, effect, level_dn, estimator, sigma_dn and its interval."""
-    summary, _ = noise_tables(inputs)
-    return None if summary.empty else summary.rename(columns={"median_dn": "sigma_dn"})
+    summary, recorded = noise_tables(inputs)[0], frame_records.joined(inputs, frame_records.NOISE_FILE)
+    medians = [table.rename(columns={"median_dn": "sigma_dn"}) for table in (summary, recorded)]
+    return _with_records(None if summary.empty else medians[0], [] if recorded.empty else medians[1:])
 
 
 def star_curve(inputs: ReportInputs) -> dict[str, np.ndarray] | None:
@@ -172,7 +173,7 @@ def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
     parts = [sharp_mtf(inputs), _horizontal(sharp_curves(blur_estimates(inputs), inputs.seed))]
     known = [part for part in parts if part is not None and len(part)]
     own = pd.concat(known, ignore_index=True) if known else None
-    return _with_records(own, [_horizontal(one.sharp) for one in blur_records.read(inputs)])
+    return _with_records(own, [_horizontal(one.as_the_paper_ran(one.sharp)) for one in blur_records.read(inputs)])
 
 
 def _horizontal(curves: pd.DataFrame) -> pd.DataFrame:
@@ -203,7 +204,7 @@ def published_uncorrupted(inputs: ReportInputs) -> pd.DataFrame:
 
 def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:
     """Uncalibrated AMAE of every blur estimator: dataset, estimator, blur, size_px, amae_percent and its interval."""
-    parts = [blur_summary(inputs), *(one.summary for one in blur_records.read(inputs))]
+    parts = [blur_summary(inputs), *(one.as_the_paper_ran(one.summary) for one in blur_records.read(inputs))]
     columns = ["dataset", "estimator", "blur", "size_px", "amae_percent", "low_percent", "high_percent"]
     raw = [
         part[~part["calibrated"].astype(bool) & (part["kind"] != SHARP)].rename(columns={"kind": "blur"})[columns]
@@ -253,15 +254,23 @@ def run_times(inputs: ReportInputs) -> pd.DataFrame | None:
     return times[["name"]].rename(columns={"name": "estimator"}).assign(unit=unit, seconds=seconds)
 
 
-def _of_udacity(table: pd.DataFrame) -> pd.DataFrame:
-    """Raw rows of blur and noise at once that stand for the paper's."""
-    is_ours = (table["dataset"] == COMBINED_DATASET) & (table["estimator"] == COMBINED_ESTIMATOR)
-    return table[is_ours & ~table["calibrated"].astype(bool)]
+def _of_udacity(ran: pd.DataFrame, inputs: ReportInputs, file: str) -> pd.DataFrame:
+    """Raw rows of blur and noise at once that stand for the paper's, of a stage or of a record.
+
+    They are of the paper's network where it was run on all that the other estimator was run on.
+    """
+    import pandas as pd
+
+    recorded = frame_records.not_run(frame_records.joined(inputs, file), ran)
+    table = pd.concat([part for part in (ran, recorded) if len(part)] or [ran], ignore_index=True)
+    rows = table[(table["dataset"] == COMBINED_DATASET) & ~table["calibrated"].astype(bool)]
+    network, other = (rows[rows["estimator"] == name] for name in (NETWORK, COMBINED_ESTIMATOR))
+    return network if len(network) >= max(len(other), 1) else other
 
 
 def photon_defocus(inputs: ReportInputs) -> pd.DataFrame | None:
     """AMAE of defocus in the presence of photon noise: sigma_dn, size_px, amae_percent and its interval."""
-    cells = _of_udacity(combined_tables(inputs)[0])
+    cells = _of_udacity(combined_tables(inputs)[0], inputs, frame_records.COMBINED_FILES[0])
     own = cells[(cells["experiment"] == "photon_defocus") & (cells["filter_px"] == 0)]
     return own.rename(columns={"level_dn": "sigma_dn"}) if len(own) else None
 
@@ -273,7 +282,7 @@ def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
     """
     import pandas as pd
 
-    curves = _of_udacity(combined_tables(inputs)[2])
+    curves = _of_udacity(combined_tables(inputs)[2], inputs, frame_records.COMBINED_FILES[2])
     own = curves[
         (curves["experiment"] == "photon_linear")
         & (curves["filter_px"] == 0)
@@ -289,9 +298,15 @@ def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
     return pd.concat(parts, ignore_index=True)[["series", "sigma_dn", "frequency", "mtf"]]
 
 
+def combined_estimator(inputs: ReportInputs) -> str:
+    """Estimator that stands for the paper's network in blur and noise at once; empty where none has run."""
+    cells = _of_udacity(combined_tables(inputs)[0], inputs, frame_records.COMBINED_FILES[0])
+    return "" if cells.empty else str(cells["estimator"].iloc[0])
+
+
 def improved(inputs: ReportInputs) -> pd.DataFrame | None:
     """Errors after smoothing by a disc: d2_px, d1_px, sigma_dn, and the errors in percent."""
-    cells = _of_udacity(denoised_cells(inputs))
+    cells = _of_udacity(denoised_cells(inputs), inputs, frame_records.DENOISED_FILE)
     own = cells[(cells["filter_px"] > 0) & (cells["level_dn"] > 0)]
     return own.rename(columns={"filter_px": "d2_px", "size_px": "d1_px", "level_dn": "sigma_dn"}) if len(own) else None
 

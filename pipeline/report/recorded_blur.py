@@ -15,7 +15,7 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ from pipeline.camera.paper_kernels import PaperKernel
 from pipeline.camera.psf import stored
 from pipeline.datasets.index import index
 from pipeline.datasets.open import open_section
+from pipeline.datasets.selection import evenly_spread
 from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError, did_you_mean
 from pipeline.experiments import table_one
@@ -55,6 +56,8 @@ def record(
     run_map: Map,
     *,
     join: bool = False,
+    frame_count: int | None = None,
+    patches_per_frame: int | None = None,
 ) -> dict[str, Any]:
     """Measure blur estimators on one dataset and write everything into a folder.
 
@@ -66,6 +69,8 @@ def record(
         source: where pictures and kernels come from, their revision and licence, in words.
         run_map: see `pipeline.executor.run_map`; changes no result.
         join: keep what the folder has of other estimators.
+        frame_count: of the frames with patches, how many these estimators are run on, evenly spread; None for all.
+        patches_per_frame: how many of the patches of such a frame; None for all.
 
     Returns:
         estimator -> metrics of those measured: see `pipeline.experiments.metrics.table_one_metrics`.
@@ -85,6 +90,14 @@ def record(
     weights = {name: _weights(section.estimators[name]) for name in estimators}
     frames, all_patches = _frames(config, dataset, run_map)
     said = _provenance(config, dataset, source, frames, bank, weights)
+    chosen = [
+        replace(item, patches={"mtf": evenly_spread(item.patches["mtf"], patches_per_frame)})
+        for item in evenly_spread(frames, frame_count)
+    ]
+    said[blur_records.SUBSETS] = {
+        name: {"frames": len(chosen), "patches": sum(len(item.patches["mtf"]) for item in chosen)}
+        for name in estimators
+    }
     earlier = blur_records.others(out, said) if join else None
 
     def labelled(function: Callable[[Any], Any], items: Sequence[Any], label: str = "") -> list[Any]:
@@ -93,7 +106,7 @@ def record(
     measured = [
         table_one.measure(
             {name: table_one.Candidate.configured(section.estimators[name])},
-            frames,
+            chosen,
             stored.as_stored(bank),
             calibration_frames=all_patches,
             camera=config.camera,
@@ -118,6 +131,7 @@ def record(
         sharp = pd.concat([earlier.sharp, sharp], ignore_index=True)
         kept = earlier.metrics
         said["weights"] |= earlier.said["weights"]
+        said[blur_records.SUBSETS] |= earlier.said.get(blur_records.SUBSETS, {})
         said["blur"]["estimators"] |= earlier.said["blur"]["estimators"]
     with store.replacing_folder(out) as folder:
         write_csv(folder / SUMMARY_FILE, summary)

@@ -8,14 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from pipeline.report import blur_records
-from pipeline.report.display_names import ESTIMATORS, in_order, word
+from pipeline.report.blur_records import BlurRecord
+from pipeline.report.display_names import ESTIMATORS, counted, in_order, listing, word
 from pipeline.report.inputs import SYSTEM, ReportInputs, mode_note, mode_of, published, relative_to
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import blur, blur_amae
 from pipeline.report.spec import Block, Figure, Section
 from pipeline.report.tables import Column, Table, named, table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TITLE = "Blur estimation on recorded pictures"
 TEXT = (
@@ -30,6 +35,31 @@ def _recorded(shown: Table, notes: tuple[str, ...]) -> Table:
     """A table of the section of blur as one of recorded pictures, which no stage makes."""
     caption = f"{shown.caption.rstrip('.')} (recorded)."
     return replace(shown, name=f"recorded_{shown.name}", caption=caption, footnotes=notes, stage="")
+
+
+def beside_exact(paper: pd.DataFrame | None, recordings: Sequence[BlurRecord]) -> pd.DataFrame | None:
+    """The paper's Table I with PMP and GBB under the names of our exact programs, on datasets where these were run.
+
+    Args:
+        paper: columns dataset, estimator, and others.
+        recordings: of blur.
+    """
+    if paper is None:
+        return None
+    names = {(one.dataset, theirs): name for one in recordings for theirs, name in one.exact.items()}
+    pairs = zip(paper["dataset"], paper["estimator"], strict=True)
+    return paper.assign(estimator=[names.get(pair, pair[1]) for pair in pairs])
+
+
+def subsets(record: BlurRecord) -> list[str]:
+    """A note on estimators that were run on fewer patches than the others, slow ones; none without them."""
+    whole = record.measured_on("")
+    fewer = {name: own for name in record.estimators if (own := record.measured_on(name)) != whole}
+    words = [
+        f"{word(name)} on {counted(patches, 'patch', 'patches')} of {counted(frames, 'frame')}"
+        for name, (frames, patches) in fewer.items()
+    ]
+    return [f"{listing(words)}, the others on {whole[1]} of {whole[0]} frames."] if words else []
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
@@ -75,15 +105,17 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
         drawing = blur.uncorrupted(pd.concat(curves, ignore_index=True), datasets, paper)
         blocks.append(Figure("recorded_uncorrupted_mtf", drawing, caption))
     summary = pd.concat([one.summary for one in recordings], ignore_index=True)
-    paper = published(inputs, "blur_amae.csv")
+    theirs = published(inputs, "blur_amae.csv")
+    paper = beside_exact(theirs, recordings)
     blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), relative, "recorded", modes)
     for one in recordings:
         for is_calibrated in (False, True):
             if (one.summary["calibrated"] == is_calibrated).any():
                 blurred = blur_amae.without_unknown_lenses(one.summary)
                 shown = blur_amae.table_one(one.dataset, blurred, paper, is_calibrated, relative, modes)
-                blocks.append(_recorded(shown, (*shown.footnotes, FRAMES)))
-    beside = blur_amae.beside_the_best(summary, paper)
+                blocks.append(_recorded(shown, (*shown.footnotes, *subsets(one), FRAMES)))
+    own = summary[~summary["estimator"].isin({name for one in recordings for name in one.exact.values()})]
+    beside = blur_amae.beside_the_best(own, theirs)
     if beside is not None:
         blocks.append(_recorded(beside, (blur_amae.NOT_COUNTED, FRAMES)))
     return Section("blur_recorded", TITLE, (TEXT,), blocks)

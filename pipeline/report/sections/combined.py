@@ -12,6 +12,7 @@ from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
 from pipeline.report import style
 from pipeline.report.display_names import ESTIMATORS, EXPERIMENTS, in_order, listing, word
 from pipeline.report.figures import PAPER, PAPER_DASH, Facet, add_legend, lines, ordinal_legend, small_multiples
+from pipeline.report.frame_records import COMBINED_FILES, DENOISED_FILE, records_with
 from pipeline.report.inputs import ReportInputs, denoised_cells, described, optional
 from pipeline.report.inputs import combined_tables as read_tables
 from pipeline.report.ledger import LedgerRow
@@ -41,6 +42,7 @@ STEPS = {
     "readout": "readout noise",
     "frame": "8-bit frame",
 }
+BLUR_FILE = COMBINED_FILES[0]
 PICTURES = 3  # in a row of the example
 LEFT_IN = 0.5
 TRUTH: style.Look = {"color": style.INK, "linewidth": 1.3}
@@ -286,8 +288,11 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     blur, noise, curves = read_tables(inputs)
     cells = denoised_cells(inputs)
     ran, smoothed = (in_order(one["dataset"], inputs.datasets) for one in (blur, cells))
-    runs = overview(TITLE, STAGE, ran, inputs)
-    denoised_runs = overview("Denoised blur", DENOISED_STAGE, smoothed, inputs)
+    listed, listed_denoised = (
+        [one.dataset for one in records_with(inputs, name)] for name in (BLUR_FILE, DENOISED_FILE)
+    )
+    runs = overview(TITLE, STAGE, ran, inputs, recorded=listed)
+    denoised_runs = overview("Denoised blur", DENOISED_STAGE, smoothed, inputs, recorded=listed_denoised)
     blocks: list[Block] = []
     for dataset in ran:  # the order is the same on every dataset
         blocks += _example(dataset, curves[curves["dataset"] == dataset], inputs, with_order=dataset == ran[0])

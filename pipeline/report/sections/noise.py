@@ -13,6 +13,7 @@ from pipeline.experiments.patch_errors import SATURATED, agreement, patch_errors
 from pipeline.report import style
 from pipeline.report.display_names import DATASETS, EFFECTS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import Facet, abstentions, lines, small_multiples
+from pipeline.report.frame_records import NOISE_FILE, joined
 from pipeline.report.inputs import ReportInputs, described, members, noise_tables, optional
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Figure, Section, missing, overview
@@ -331,6 +332,7 @@ def _abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Noise estimation on every dataset."""
     summary, estimates = noise_tables(inputs)
+    recorded = joined(inputs, NOISE_FILE)
     ran = {(row["dataset"], row["estimator"]) for row in records(summary[["dataset", "estimator"]])}
     estimators = in_order((estimator for _, estimator in ran), ESTIMATORS)
     runs = [
@@ -339,6 +341,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
         for run in overview(
             f"Noise by {word(estimator)}", f"noise@{{dataset}}-{estimator}",
             [dataset for dataset, name in ran if name == estimator], inputs,
+            recorded=recorded.loc[recorded["estimator"] == estimator, "dataset"].unique(),
         )
     ]  # fmt: skip
     blocks: list[Block] = []

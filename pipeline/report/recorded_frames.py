@@ -1,0 +1,293 @@
+"""Experiments on frames that the project may not keep: noise, blur and noise, denoised blur, factors of Table I.
+
+The first three are those of the stages `noise`, `combined` and `denoised_blur`, with their settings; only the frames
+are the user's. Measured by hand, with ``camera-monitor record``, and kept as small files (`pipeline.report.
+frame_records` reads them); no picture is kept.
+
+    noise_levels.csv     `pipeline.tables.NOISE_SUMMARY`
+    combined_blur.csv    `pipeline.experiments.tables.BLUR_CELLS`, without noise rows
+    combined_noise.csv   `pipeline.experiments.tables.NOISE_CELLS`
+    combined_curves.csv  `pipeline.experiments.tables.CURVES`
+    denoised_blur.csv    `pipeline.experiments.tables.BLUR_CELLS`
+    factor_cells.csv     `pipeline.experiments.factors.FACTOR_CELLS`
+    factor_effects.csv   `pipeline.experiments.factors.EFFECTS`
+    frames.csv           frame, width_px, height_px, blur_patches, noise_tiles: those measured
+    provenance.json      `pipeline.report.record_provenance`
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline import noise as noise_estimators
+from pipeline import store
+from pipeline.camera import kernel_bank
+from pipeline.camera.psf import stored
+from pipeline.datasets.index import index
+from pipeline.datasets.open import open_section
+from pipeline.datasets.selection import evenly_spread
+from pipeline.experiments import combined, factors, noise
+from pipeline.experiments.combined_example import example_curves
+from pipeline.experiments.condition import Quantity
+from pipeline.experiments.frames import PURPOSES, TestFrame, with_patches
+from pipeline.experiments.run import Registered
+from pipeline.report.frame_records import (
+    COMBINED_FILES,
+    DENOISED_FILE,
+    FACTOR_FILES,
+    FRAMES_FILE,
+    NOISE_FILE,
+    PROVENANCE_FILE,
+)
+from pipeline.report.record_files import write_csv
+from pipeline.report.record_provenance import provenance
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipeline.camera.psf.kernel import Kernel
+    from pipeline.config.schema import Config
+
+Map = Callable[..., list[Any]]
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is to be recorded.
+
+    Attributes:
+        config: with the dataset and the estimators in it.
+        dataset: its name there.
+        out: folder to write; replaced.
+        source: where pictures and kernels come from, their revision and licence, in words.
+        run_map: see `pipeline.executor.run_map`; changes no result.
+        weights: file name -> SHA-256 of the weights that the estimators use.
+    """
+
+    config: Config
+    dataset: str
+    out: Path
+    source: str
+    run_map: Map
+    weights: Mapping[str, str]
+
+    def executor(self, function: Callable[[Any], Any], items: Sequence[Any], label: str = "") -> list[Any]:
+        """The map as experiments call it (`pipeline.experiments.run.Executor`)."""
+        return list(self.run_map(function, items, label=label))
+
+    def frames(self, per_frame: Mapping[Quantity, int | None], patches_from: str = "auto") -> list[TestFrame]:
+        """Usable frames of the dataset with their patches, as the stages take them.
+
+        Args:
+            per_frame: quantity -> patches of each frame at most, evenly spread; None takes all.
+            patches_from: where patches for blur lie, see `pipeline.datasets.index.index`.
+
+        Raises:
+            InputError: the dataset or its patches are absent, or too many frames are bad.
+        """
+        section = self.config.datasets[self.dataset]
+        result = index(
+            open_section(self.dataset, section),
+            tile_px=self.config.noise.tile_px,
+            patch_px=self.config.blur.patch_px,
+            max_bad_share=section.max_bad_share,
+            patches_from=patches_from,
+            run_map=self.run_map,
+        )
+        patches = {quantity: result.patches_for(PURPOSES[quantity], count) for quantity, count in per_frame.items()}
+        return with_patches(result.usable, patches, f"dataset '{self.dataset}'")
+
+    def kernels(self) -> Sequence[Kernel]:
+        """The kernels of the configuration."""
+        config = self.config
+        return kernel_bank.configured(config.psf, config.camera.kind, config.seed)
+
+    def write(
+        self,
+        tables: Mapping[str, pd.DataFrame],
+        frames: Sequence[TestFrame],
+        settings: Mapping[str, Any],
+        kernels: Sequence[Kernel] = (),
+    ) -> None:
+        """Write the record.
+
+        Args:
+            tables: file name -> table.
+            frames: measured.
+            settings: of the experiment.
+            kernels: behind which frames were measured.
+        """
+        about = provenance(
+            self.config,
+            self.dataset,
+            self.source,
+            (item.frame for item in frames),
+            settings,
+            self.weights,
+            kernels,
+        )
+        with store.replacing_folder(self.out) as folder:
+            for name, table in tables.items():
+                write_csv(folder / name, table)
+            write_csv(folder / FRAMES_FILE, _sizes(frames))
+            store.write_json(folder / PROVENANCE_FILE, about)
+
+
+def record_noise(request: Request) -> pd.DataFrame:
+    """Noise estimators over noise sources and levels, as the stage `noise`.
+
+    Args:
+        request: what is to be recorded.
+
+    Returns:
+        `pipeline.tables.NOISE_SUMMARY`.
+
+    Raises:
+        InputError: the dataset or weights are absent, or no frame has a tile.
+    """
+    import pandas as pd
+
+    config, section = request.config, request.config.noise
+    groups: dict[int | None, list[str]] = {}
+    for name, estimator in section.estimators.items():
+        groups.setdefault(estimator.per_frame or section.tiles_per_frame, []).append(name)
+    parts, measured = [], list[TestFrame]()
+    for count, names in groups.items():
+        frames = request.frames({"sigma_dn": count})
+        measured = frames if len(names) == max(map(len, groups.values())) else measured
+        chosen = {
+            name: Registered(
+                noise_estimators.create, section.estimators[name].kind, section.estimators[name].options
+            )
+            for name in names
+        }  # fmt: skip
+        result = noise.measure_all(
+            chosen,
+            frames,
+            section.noise_sources,
+            section.levels_dn,
+            camera=config.camera,
+            seed=config.seed,
+            draws=section.bootstrap_draws,
+            executor=request.executor,
+            label=f"noise of {request.dataset} by {', '.join(names)}",
+        )
+        parts.append(result.summary)
+    summary = pd.concat(parts, ignore_index=True)
+    request.write({NOISE_FILE: summary}, measured, {"noise": section.model_dump()})
+    return summary
+
+
+def record_combined(request: Request) -> pd.DataFrame:
+    """Blur and noise at once, as the stage `combined`.
+
+    Args:
+        request: what is to be recorded.
+
+    Returns:
+        `pipeline.experiments.tables.BLUR_CELLS`.
+
+    Raises:
+        InputError: the dataset, its labels, kernels or weights are absent.
+    """
+    config, section = request.config, request.config.combined
+    bank = request.kernels()
+    experiment = combined.configured(section, config.blur.estimators, config.noise.estimators, stored.as_stored(bank))
+    frames = combined.frames_of(
+        section, request.frames({"mtf": section.patches_per_frame, "sigma_dn": section.tiles_per_frame})
+    )
+    label = f"blur and noise of {request.dataset}"
+    measurements = experiment.run(frames, config.camera, config.seed, request.executor, label)
+    blur = combined.blur_cells(measurements, config.seed, section.bootstrap_draws)
+    sigma = combined.sigma_cells(measurements, config.seed, section.bootstrap_draws)
+    tables = dict(zip(COMBINED_FILES, (blur, sigma, example_curves(measurements, section.example_px)), strict=True))
+    estimators = {
+        "blur": {name: config.blur.estimators[name].model_dump() for name in section.blur_estimators},
+        "noise": {name: config.noise.estimators[name].model_dump() for name in section.noise_estimators},
+    }
+    settings = {"combined": section.model_dump(), "estimators": estimators}
+    request.write(tables, frames, settings, _used(bank, experiment.kernels))
+    return blur
+
+
+def record_denoised(request: Request) -> pd.DataFrame:
+    """Noisy patches smoothed before their blur is estimated (the supplement's table), as the stage `denoised_blur`.
+
+    Args:
+        request: what is to be recorded.
+
+    Returns:
+        `pipeline.experiments.tables.BLUR_CELLS` with the errors to be expected.
+
+    Raises:
+        InputError: the dataset, its labels, kernels or weights are absent.
+    """
+    config, section = request.config, request.config.denoised_blur
+    bank = request.kernels()
+    experiment = combined.denoised(section, config.blur.estimators, stored.as_stored(bank))
+    frames = combined.frames_of(section, request.frames({"mtf": section.patches_per_frame}))
+    label = f"denoised blur of {request.dataset}"
+    measurements = experiment.run(frames, config.camera, config.seed, request.executor, label)
+    cells = combined.with_expected(combined.blur_cells(measurements, config.seed, section.bootstrap_draws))
+    chosen = {name: config.blur.estimators[name].model_dump() for name in section.blur_estimators}
+    settings = {"denoised_blur": section.model_dump(), "estimators": {"blur": chosen}}
+    request.write({DENOISED_FILE: cells}, frames, settings, _used(bank, experiment.kernels))
+    return cells
+
+
+def record_factors(request: Request, frame_count: int, exact_sizes_px: Sequence[float]) -> pd.DataFrame:
+    """Each choice behind Table I switched, all else equal (`pipeline.experiments.factors`).
+
+    Args:
+        request: what is to be recorded; ``blur.patches_per_frame`` patches of each frame.
+        frame_count: frames, evenly spread over those with labelled objects.
+        exact_sizes_px: kernels on which exact and fast programs are compared.
+
+    Returns:
+        `pipeline.experiments.factors.EFFECTS`.
+
+    Raises:
+        InputError: the dataset, its labels, kernels or weights are absent.
+    """
+    config = request.config
+    count = config.blur.patches_per_frame
+    on_objects = evenly_spread(request.frames({"mtf": count}, "objects"), frame_count)
+    names = {item.frame.name for item in on_objects}
+    on_grid = [item for item in request.frames({"mtf": count}, "frame") if item.frame.name in names]
+    bank = request.kernels()
+    cells, effects = factors.measure(
+        {"objects": on_objects, "grid": on_grid},
+        stored.as_stored(bank),
+        exact_sizes_px,
+        camera=config.camera,
+        seed=config.seed,
+        draws=config.blur.bootstrap_draws,
+        executor=request.executor,
+        label=f"factors on {request.dataset}",
+    )
+    settings = {"factors": dict(factors.SETTINGS), "patches_per_frame": count, "exact_sizes_px": list(exact_sizes_px)}
+    request.write(dict(zip(FACTOR_FILES, (cells, effects), strict=True)), on_objects, settings, bank)
+    return effects
+
+
+def _used(bank: Sequence[Kernel], kernels: Iterable[Kernel]) -> list[Kernel]:
+    """The kernels of a bank that an experiment takes: discs that only denoise are none of them."""
+    names = {kernel.name for kernel in kernels}
+    return [kernel for kernel in bank if kernel.name in names]
+
+
+def _sizes(frames: Sequence[TestFrame]) -> pd.DataFrame:
+    import pandas as pd
+
+    rows = []
+    for item in frames:
+        height, width = item.frame.image().shape
+        counts = {name: len(item.patches.get(quantity, ())) for quantity, name in _COUNTS.items()}
+        rows.append({"frame": item.frame.name, "width_px": width, "height_px": height, **counts})
+    return pd.DataFrame(rows)
+
+
+_COUNTS: Mapping[Quantity, str] = {"mtf": "blur_patches", "sigma_dn": "noise_tiles"}

@@ -1,0 +1,141 @@
+"""Blur and noise at once on recorded frames: the paper's tables and curves, of its network and ours, measured by hand.
+
+`camera-monitor record combined` and `record denoised-blur` measure and store (`pipeline.report.recorded_frames`); the
+tables and most figures are those of the section of blur and noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.camera.mtf import FREQUENCIES
+from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
+from pipeline.report import style
+from pipeline.report.display_names import ESTIMATORS, EXPERIMENTS, in_order, listing, word
+from pipeline.report.figures import PAPER, Facet, lines, ordinal_legend, small_multiples
+from pipeline.report.frame_records import COMBINED_FILES, DENOISED_FILE, joined, records_with
+from pipeline.report.inputs import ReportInputs, optional
+from pipeline.report.ledger import LedgerRow
+from pipeline.report.sections import combined, combined_tables
+from pipeline.report.sections.noise_recorded import sources
+from pipeline.report.spec import Block, Figure, Section
+from pipeline.report.style import Drawing
+from pipeline.report.tables import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+TITLE = "Blur and noise at once on recorded frames"
+TEXT = (
+    "The paper's combined experiments on frames of its own datasets, with the kernels its authors publish, for its "
+    "network and ours. The numbers were measured earlier and are kept in reports/recorded with the SHA-256 of every "
+    "picture, kernel and weight file. Motion is averaged over the rotations recorded. The paper prints the defocus "
+    "errors, the curves of linear motion and the table of improved blur estimation as numbers: of its network, on "
+    "Udacity."
+)
+
+
+def _recorded(shown: Table) -> Table:
+    caption = f"{shown.caption.rstrip('.')} (recorded)."
+    return replace(shown, name=f"recorded_{shown.name}", caption=caption, stage="")
+
+
+@style.styled
+def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame | None) -> Drawing:
+    """Estimated MTF of one blur under growing noise: estimators down, experiments across.
+
+    Args:
+        curves: `pipeline.experiments.tables.CURVES` of one dataset, raw, mean of both directions, without a filter.
+        dataset: name.
+        paper: columns series, sigma_dn, frequency, mtf: the paper's photon noise with linear motion.
+    """
+    looks: Mapping[float, style.Look] = style.ordinal_looks(curves["level_dn"])
+    theirs = None
+    if paper is not None:
+        theirs = paper[paper["series"] == "cnn"]
+        theirs = theirs.assign(at=[FREQUENCIES[NOMINAL_FREQUENCIES.index(value)] for value in theirs["frequency"]])
+
+    def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+        if theirs is not None and key.endswith(" photon_linear"):
+            lines(axes, theirs, "sigma_dn", looks, "at", "mtf", change=PAPER | {"linewidth": 0.7}, zorder=2)
+        lines(axes, rows, "level_dn", looks, "frequency", "median")
+        truth = rows[rows["level_dn"] == rows["level_dn"].min()].sort_values("place")
+        axes.plot(truth["frequency"], truth["true_mtf"], zorder=4, **combined.TRUTH)
+
+    highest = curves[curves["level_dn"] == curves["level_dn"].max()]
+    distance = (highest["median"] - highest["true_mtf"]).abs().groupby([highest["estimator"], highest["experiment"]])
+    words = [f"{word(str(name))}, {word(str(experiment))} {value:.2f}"
+             for (name, experiment), value in distance.max().items()]  # fmt: skip
+    alt = (
+        f"Median MTF over patches of {word(dataset)} under a blur of {curves['size_px'].iloc[0]:g} px and growing "
+        f"noise. Largest distance from the ground truth at the strongest noise: {listing(words)}."
+    )
+    legend = [*ordinal_legend(looks, "DN", "no noise"), ("ground truth", combined.TRUTH)]
+    shown = ["estimator", "experiment", "level_dn", "frequency", "true_mtf", "median", "minimum", "maximum", "count"]
+    return small_multiples(
+        curves, Facet("estimator", in_order(curves["estimator"], ESTIMATORS)),
+        Facet("experiment", in_order(curves["experiment"], EXPERIMENTS)), panel,
+        x="frequency [fraction of Nyquist]", y="MTF", alt=alt,
+        axes={"xlim": (0, 0.62), "ylim": (0, 1.03), "xticks": np.arange(0, 0.61, 0.2)},
+        legend=legend if theirs is None else [*legend, ("the paper's CNN, Udacity", combined.THE_CNN)],
+        values=curves[shown].sort_values(shown[:4]), panel_in=1.7, title_size=6.6,
+    )  # fmt: skip
+
+
+def _of_dataset(
+    dataset: str, blur: pd.DataFrame, noise: pd.DataFrame, curves: pd.DataFrame, inputs: ReportInputs
+) -> list[Block]:
+    """Figures and tables of one dataset."""
+    blocks: list[Block] = []
+    own = curves[(curves["dataset"] == dataset) & ~curves["calibrated"] & (curves["axis"] == "HV")]
+    own = own[(own["filter_px"] == 0) & (own["experiment"] != "")]
+    if len(own):
+        caption = (
+            f"Recorded: a blur of {own['size_px'].iloc[0]:g} px under growing noise on {word(dataset)}. Median over "
+            "patches of the estimated MTF, mean of horizontal and vertical. Dashed: the paper's network."
+        )
+        paper = optional(inputs.paper, "photon_linear_motion_mtf.csv")
+        blocks.append(Figure(f"recorded_combined_curves_{dataset}", curves_figure(own, dataset, paper), caption))
+    theirs = optional(inputs.paper, "photon_defocus_amae.csv")
+    for name in in_order(blur.loc[blur["dataset"] == dataset, "estimator"], ESTIMATORS):
+        cells = blur[(blur["dataset"] == dataset) & (blur["estimator"] == name) & ~blur["calibrated"]]
+        caption = (
+            f"Recorded: error of {word(name)} on {word(dataset)} over the noise level, coloured by the size of the "
+            "blur; band: 95 % interval, frames resampled. Dashed: the paper's CNN on Udacity, where it prints numbers."
+        )
+        drawing = combined.amae_figure(cells, [dataset], theirs)
+        blocks.append(Figure(f"recorded_combined_amae_{dataset}_{name}", drawing, caption))
+    if (noise["dataset"] == dataset).any():
+        caption = (
+            f"Recorded: noise estimated on blurred frames of {word(dataset)}, medians, coloured by the size of the "
+            "blur. Dashed: the noise present before clipping, photon noise behind the optics (paper's order)."
+        )
+        blocks.append(Figure(f"recorded_combined_noise_{dataset}", combined.noise_figure(noise, dataset), caption))
+    for experiment in in_order(blur.loc[blur["dataset"] == dataset, "experiment"], EXPERIMENTS):
+        known = theirs if experiment == "photon_defocus" else None
+        blocks.append(_recorded(combined_tables.error(dataset, experiment, blur, known)))
+    return blocks
+
+
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+    """Blur and noise at once on every recorded dataset, or None where nothing was recorded."""
+    records, denoised = records_with(inputs, COMBINED_FILES[0]), records_with(inputs, DENOISED_FILE)
+    if not records and not denoised:
+        return None
+    blocks: list[Block] = []
+    if records:
+        caption = "Recorded: frames of blur and noise at once with their source."
+        blocks.append(sources("recorded_combined_sources", caption, records, "blur_patches", "Patches"))
+        blur, noise, curves = (joined(inputs, name) for name in COMBINED_FILES)
+        blur = blur[blur["experiment"] != ""]
+        for record in records:
+            blocks += _of_dataset(record.dataset, blur, noise, curves, inputs)
+        blocks.append(_recorded(combined_tables.abstentions(blur, noise)))
+    paper, cells = optional(inputs.paper, "improved_blur.csv"), joined(inputs, DENOISED_FILE)
+    blocks += [_recorded(combined_tables.denoised(record.dataset, cells, paper)) for record in denoised]
+    return Section("combined_recorded", TITLE, (TEXT,), blocks)
