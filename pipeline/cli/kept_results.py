@@ -1,9 +1,8 @@
-"""A parallel map that keeps every finished item on disk, so that an interrupted measurement continues."""
+"""A parallel map that keeps every measured frame on disk, so that an interrupted recording continues."""
 
 from __future__ import annotations
 
 import hashlib
-import os
 import pickle
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -14,11 +13,11 @@ from pipeline.executor import run_map
 
 
 def keeping(folder: Path | None, workers: int = 1) -> Callable[..., list[Any]]:
-    """`pipeline.executor.run_map` whose results are kept.
+    """`pipeline.executor.run_map` that keeps results which are tables of columns, as measured frames are.
 
     Args:
-        folder: of finished items, one file each, by a hash of function and item; None keeps none. It does not know of
-            changed code or weights: begin with an empty one.
+        folder: of the kept results, one file each, named by a hash of function and item; None keeps none. The hash does
+            not know of changed code or weights: begin with an empty folder.
         workers: processes.
     """
     if folder is None:
@@ -32,11 +31,15 @@ def keeping(folder: Path | None, workers: int = 1) -> Callable[..., list[Any]]:
 
 
 def _load_or_compute(function: Callable[[Any], Any], folder: Path, item: Any) -> Any:
-    path = folder / f"{hashlib.sha256(pickle.dumps((function, item))).hexdigest()}.pickle"
+    import numpy as np
+
+    from pipeline import store
+
+    path = folder / f"{hashlib.sha256(pickle.dumps((function, item))).hexdigest()}.npz"
     if path.exists():
-        return pickle.loads(path.read_bytes())
+        return store.read_arrays(path)
     result = function(item)
-    partial_file = path.with_suffix(f".{os.getpid()}")
-    partial_file.write_bytes(pickle.dumps(result))
-    partial_file.replace(path)  # complete or absent, whenever the process ends
+    if isinstance(result, dict) and result and all(isinstance(column, np.ndarray) for column in result.values()):
+        text = {name: column.astype(np.str_) for name, column in result.items() if column.dtype == object}
+        store.write_arrays(path, **{**result, **text})
     return result
