@@ -334,7 +334,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     summary, estimates = noise_tables(inputs)
     recorded = joined(inputs, NOISE_FILE)
     ran = {(row["dataset"], row["estimator"]) for row in records(summary[["dataset", "estimator"]])}
-    estimators = in_order((estimator for _, estimator in ran), ESTIMATORS)
+    estimators = in_order([*(estimator for _, estimator in ran), *recorded["estimator"]], ESTIMATORS)
     runs = [
         run
         for estimator in estimators or ["<estimator>"]
