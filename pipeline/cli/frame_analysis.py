@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pipeline.condition import Condition, ConditionMonitor
+    from pipeline.condition.frame_flags import FrameMeasures
     from pipeline.condition.trend import TrendAlarm
     from pipeline.control.performance import Performance
     from pipeline.control.policy import ControlledCamera
@@ -80,6 +81,14 @@ def find_surface(named: Path | None) -> tuple[Performance | None, str]:
     return None, f"no measured surface {SURFACE} (dvc repro makes it; --surface FILE names another)"
 
 
+@dataclass(frozen=True)
+class Estimated:
+    """Estimates of one frame: its condition, and the measures of its flags."""
+
+    condition: Condition
+    measures: FrameMeasures
+
+
 class FrameAnalysis:
     """Analyses frames one after the other.
 
@@ -117,8 +126,26 @@ class FrameAnalysis:
         self.trends: dict[str, ConditionTrend] = {}
         self._camera: ControlledCamera | None = None
 
+    def estimate(self, image: NDArray[np.float32]) -> Estimated:
+        """What one frame shows without those before it; may be called in several threads at once.
+
+        Args:
+            image: (H, W) float in [0, 1].
+
+        Raises:
+            InputError: not such a frame.
+        """
+        from pipeline.condition.frame_flags import measure
+
+        return Estimated(self.monitor.frame(image), measure(image))
+
     def analyse(
-        self, name: str, image: NDArray[np.float32], stream: str = "", sequence: str = ""
+        self,
+        name: str,
+        image: NDArray[np.float32],
+        stream: str = "",
+        sequence: str = "",
+        estimated: Estimated | None = None,
     ) -> tuple[dict[str, Any], Condition]:
         """The row and the condition of a frame.
 
@@ -127,6 +154,7 @@ class FrameAnalysis:
             image: (H, W) float in [0, 1].
             stream: video that it is a frame of, for the flag ``frozen``; empty for a picture.
             sequence: series of frames whose trend it belongs to; empty for none.
+            estimated: its estimates, where they are there already (`estimate`).
 
         Returns:
             the row (`pipeline.cli.health_rows.condition_row` and what follows from it), and the condition.
@@ -136,8 +164,9 @@ class FrameAnalysis:
         """
         from pipeline.cli.health_rows import alarms, condition_row
 
-        condition = self.monitor.frame(image)
-        row = condition_row(name, condition, self._inspector.inspect(image, stream))
+        estimated = estimated or self.estimate(image)
+        condition = estimated.condition
+        row = condition_row(name, condition, self._inspector.inspect(image, stream, estimated.measures))
         self._words(row, condition)
         self._precision(row, image, condition, Path(stream or name))
         row["trend"] = ", ".join(self._trend(row, condition, sequence)) if sequence else ""

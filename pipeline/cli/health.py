@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,11 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 @click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--out", type=click.Path(path_type=Path),
-    help="folder for the page health.html, the tables and pictures with maps; results of the last run there go",
+    help="folder for the tables and the page health.html with maps of the worst frames; the last run's results go",
+)  # fmt: skip
+@click.option(
+    "--map", "maps", is_flag=True,
+    help="with --out: write every frame with maps of its noise and blur as a picture too (half a second each)",
 )  # fmt: skip
 @click.option(
     "--blur", "blur_name", default="spectral", show_default=True, help="spectral, fused, pmp, gbb or a plug-in's name"
@@ -79,8 +83,8 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 )  # fmt: skip
 @click.option("--no-trend", is_flag=True, help="no alarm where the condition of a video or folder worsens over time")
 def command(
-    paths: tuple[Path, ...], out: Path | None, blur_name: str, quality: str, noise_name: str, sharp: tuple[Path, ...],
-    fitted: bool, added: bool, camera_name: str | None, as_json: bool, as_lines: bool,
+    paths: tuple[Path, ...], out: Path | None, maps: bool, blur_name: str, quality: str, noise_name: str,
+    sharp: tuple[Path, ...], fitted: bool, added: bool, camera_name: str | None, as_json: bool, as_lines: bool,
     alarm_sigma_dn: float | None, alarm_mtf50: float | None,
     alarm_flags: bool, every: int, exposure: str | None, iso: float | None, surface: Path | None,
     reference_frames: int, no_trend: bool,
@@ -107,6 +111,7 @@ def command(
 
     from pipeline.cli import camera_store
     from pipeline.cli.estimator_files import version, weight_hashes
+    from pipeline.cli.frame_ahead import estimated_ahead
     from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds, find_surface
     from pipeline.cli.health_files import HealthFiles, HealthRun
     from pipeline.cli.pictures import expand, named, readable, stream_of
@@ -128,6 +133,8 @@ def command(
         raise InputError("--added is for the estimator spectral without --sharp, which tells the same more exactly")
     if camera_name is not None and (sharp or added):
         raise InputError("--camera NAME is instead of --sharp and --added")
+    if maps and out is None:
+        raise InputError("--map needs --out FOLDER, where the pictures go")
     if as_json and as_lines:
         raise InputError("--json and --jsonl: choose one of the two")
     camera = camera_store.load(camera_name) if camera_name is not None else None
@@ -140,8 +147,10 @@ def command(
     }  # fmt: skip
     run = HealthRun(about, without_precision=without_precision)
     sequences = sequence_names(files)
-    with contextlib.ExitStack() as stack:
-        results = stack.enter_context(HealthFiles(out, [*files, *sharp_files], run)) if out is not None else None
+    with ExitStack() as stack:
+        results = (
+            stack.enter_context(HealthFiles(out, [*files, *sharp_files], run, maps=maps)) if out is not None else None
+        )
         monitor = ConditionMonitor(blur_name, noise_name, blur_options={"answer": "added"} if added else None)
         about["weights_released"] = monitor.weights_released
         about["weights_sha256"] = weight_hashes(monitor.blur_estimator, monitor.noise_estimator)
@@ -156,12 +165,11 @@ def command(
         run.trend_alarms = analysis.trend_alarms
         if not as_lines:
             stack.callback(_print_run, run, as_json)
-        for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
+        frames = stack.enter_context(closing(estimated_ahead(analysis, readable(files, every))))
+        for name, image, estimate in tqdm(frames, delay=2, leave=False, unit=" frames"):
             try:
-                if image is None:
-                    raise InputError(problem)
-                stream = stream_of(name)
-                row, condition = analysis.analyse(name, image, stream, stream or sequences.get(name, ""))
+                stream, estimated = stream_of(name), estimate()
+                row, condition = analysis.analyse(name, image, stream, stream or sequences.get(name, ""), estimated)
             except InputError as error:
                 reason = named(name, error)
                 run.set_aside.append(reason)

@@ -71,17 +71,18 @@ class HealthFiles:
         path: the folder.
         inputs: files the run reads.
         run: what the JSON and the page state of it.
+        maps: whether every frame is drawn with its maps; else only the worst are, on the page.
 
     Raises:
         OutputError: the folder cannot be written.
     """
 
-    def __init__(self, path: Path, inputs: Sequence[Path], run: HealthRun) -> None:
+    def __init__(self, path: Path, inputs: Sequence[Path], run: HealthRun, *, maps: bool = False) -> None:
         self._folder = OutputFolder(path, "--out", inputs)
         suffixes = (".csv", ".jsonl", ".json", ".html")
         table, lines, self._json, self.page = (self._folder.claim("health", suffix) for suffix in suffixes)
         self._table, self._lines = RowFile(table, WRITTEN), LineFile(lines)
-        self._run, self._frames = run, PageFrames()
+        self._run, self._frames, self._maps = run, PageFrames(_draw), maps
 
     def __enter__(self) -> HealthFiles:
         return self
@@ -102,14 +103,20 @@ class HealthFiles:
             self._folder.__exit__(kind, error, trace)
 
     def add(self, row: dict[str, Any], image: NDArray[np.float32], condition: Condition) -> None:
-        """Draw a frame's maps and append its row."""
-        from pipeline.cli.health_picture import draw
+        """Append a frame's row, and draw its maps where every frame's are wanted."""
         from pipeline.store import plain_json, write_image
 
-        target = self._folder.claim(result_stem(row["picture"]), ".health.png")
-        drawn = draw(image, condition)
-        write_image(target, drawn)
-        self._frames.add(row, image, drawn)
-        row["drawn"] = target.name
+        if self._maps:
+            target = self._folder.claim(result_stem(row["picture"]), ".health.png")
+            write_image(target, _draw(image, condition))
+            row["drawn"] = target.name
+        self._frames.add(row, image, condition)
         self._table.write(row)
         self._lines.write(json.dumps(plain_json(row), sort_keys=True, ensure_ascii=False))
+
+
+def _draw(image: NDArray[np.float32], condition: Condition) -> NDArray[np.uint8]:
+    """A frame with its maps (`pipeline.cli.health_picture.draw`), whose plots are imported when one is drawn."""
+    from pipeline.cli.health_picture import draw
+
+    return draw(image, condition)

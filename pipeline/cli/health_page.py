@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import heapq
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isinf
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from pipeline.condition import Condition
 
 THUMBNAIL_PX = 240  # longer side
 MOST_THUMBNAILS = 48
@@ -38,44 +40,66 @@ class Thumbnail:
     height_px: int
 
 
+@dataclass(frozen=True)
+class _Kept:
+    """A frame kept to be drawn: its row, its picture (H, W) in grey levels of 8 bit, its condition."""
+
+    row: dict[str, Any]
+    picture: NDArray[np.uint8]
+    condition: Condition
+
+
 class PageFrames:
     """Keeps what the page shows of the frames; its memory does not grow with their number.
 
-    Thumbnails are of evenly spaced frames: whenever there are too many, every second one goes.
+    Thumbnails are of evenly spaced frames: whenever there are too many, every second one goes. Of the worst frames so
+    far the pictures are kept; their maps are drawn when they are asked for.
+
+    Args:
+        draw: (H, W) picture in [0, 1] and condition of a frame -> (h, w, 3) RGB with its maps.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, draw: Callable[[NDArray[np.float32], Condition], NDArray[np.uint8]]) -> None:
         self.thumbnails: list[Thumbnail] = []
-        self._worst: list[tuple[float, int, Thumbnail]] = []
+        self._draw = draw
+        self._worst: list[tuple[float, int, _Kept]] = []
         self._count, self._step = 0, 1
 
-    def add(self, row: dict[str, Any], image: NDArray[np.float32], drawn: NDArray[np.uint8]) -> None:
+    def add(self, row: dict[str, Any], image: NDArray[np.float32], condition: Condition) -> None:
         """Take a frame.
 
         Args:
             row: of the frame.
             image: (H, W) float in [0, 1].
-            drawn: (h, w, 3) RGB, the frame with its maps.
+            condition: its blur and noise.
         """
         import numpy as np
 
         from pipeline.cli.health_verdict import badness
 
-        if self._count % self._step == 0:
-            self.thumbnails.append(_thumbnail(row, np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8), THUMBNAIL_PX))
+        score, shown = badness(row), self._count % self._step == 0
+        kept = len(self._worst) < WORST_FRAMES or score > self._worst[0][0]
+        self._count += 1
+        if not (shown or kept):
+            return
+        picture = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
+        if shown:
+            self.thumbnails.append(_thumbnail(row, picture, THUMBNAIL_PX))
             if len(self.thumbnails) > MOST_THUMBNAILS:
                 self.thumbnails = self.thumbnails[::2]
                 self._step *= 2
-        score = badness(row)
-        if len(self._worst) < WORST_FRAMES or score > self._worst[0][0]:
-            entry = (score, -self._count, _thumbnail(row, drawn, MAP_PX))
+        if kept:
+            entry = (score, -self._count, _Kept(row, picture, condition))
             (heapq.heappush if len(self._worst) < WORST_FRAMES else heapq.heapreplace)(self._worst, entry)
-        self._count += 1
 
     @property
     def worst(self) -> list[Thumbnail]:
-        """The worst frames with their maps, worst first."""
-        return [entry[2] for entry in sorted(self._worst, key=lambda entry: entry[:2], reverse=True)]
+        """The worst frames with their maps, worst first; drawn now."""
+        import numpy as np
+
+        ranked = [entry[2] for entry in sorted(self._worst, key=lambda entry: entry[:2], reverse=True)]
+        drawn = [self._draw((kept.picture / np.float32(255)).astype(np.float32), kept.condition) for kept in ranked]
+        return [_thumbnail(kept.row, maps, MAP_PX) for kept, maps in zip(ranked, drawn, strict=True)]
 
 
 def page(content: dict[str, Any], frames: PageFrames) -> str:

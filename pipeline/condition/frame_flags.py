@@ -40,6 +40,16 @@ DARK_RATIO = 0.35  # to the median of the cells with structure
 
 
 @dataclass(frozen=True)
+class FrameMeasures:
+    """What one frame shows without those before it; see `FrameFlags`."""
+
+    bright_dn: float
+    median_dn: float
+    saturated_fraction: float
+    obstructed_fraction: float
+
+
+@dataclass(frozen=True)
 class FrameFlags:
     """Measures of one frame and the flags they raise.
 
@@ -77,21 +87,53 @@ class FrameInspector:
     def __init__(self) -> None:
         self._stream, self._last, self._repeats = "", np.empty((0, 0), np.float32), 0
 
-    def inspect(self, image: NDArray[np.floating], stream: str = "") -> FrameFlags:
+    def inspect(
+        self, image: NDArray[np.floating], stream: str = "", measures: FrameMeasures | None = None
+    ) -> FrameFlags:
         """Measure one frame.
 
         Args:
             image: (H, W) float in [0, 1].
             stream: what it is a frame of, e.g. a video's name; empty for a single picture, which repeats nothing.
+            measures: those of the frame, where they are known already.
         """
         same = bool(stream) and stream == self._stream and np.array_equal(image, self._last)
         self._repeats = self._repeats + 1 if same else 0
         self._stream, self._last = stream, np.asarray(image)
-        levels_dn = 255.0 * np.asarray(image, dtype=np.float32)
-        bright, median = np.percentile(levels_dn, [99, 50])
-        # half a level of slack: grey levels of 8 bits come as multiples of 1/255, rounded to float32
-        saturated = float(np.mean(levels_dn >= SATURATED_DN - 0.5))
-        return FrameFlags(float(bright), float(median), saturated, obstructed_fraction(levels_dn), self._repeats)
+        measures = measures or measure(image)
+        return FrameFlags(
+            measures.bright_dn, measures.median_dn, measures.saturated_fraction, measures.obstructed_fraction,
+            self._repeats,
+        )  # fmt: skip
+
+
+def measure(image: NDArray[np.floating]) -> FrameMeasures:
+    """The measures of one frame.
+
+    Args:
+        image: (H, W) float in [0, 1].
+    """
+    levels_dn = 255.0 * np.asarray(image, dtype=np.float32)
+    bright, median = _percentiles(levels_dn, (99, 50))
+    # half a level of slack: grey levels of 8 bits come as multiples of 1/255, rounded to float32
+    saturated = float(np.mean(levels_dn >= SATURATED_DN - 0.5))
+    return FrameMeasures(float(bright), float(median), saturated, obstructed_fraction(levels_dn))
+
+
+def _percentiles(levels_dn: NDArray[np.float32], percents: tuple[float, ...]) -> list[float]:
+    """`numpy.percentile` of a frame, ten times as fast where its levels are whole numbers, as those of 8 bits are."""
+    whole = np.rint(levels_dn)
+    # multiples of 1/255, rounded to float32 and multiplied by 255, miss whole numbers by less than this
+    if levels_dn.size == 0 or np.abs(levels_dn - whole).max() > 1e-4 or whole.min() < 0 or whole.max() > 255:
+        return [float(value) for value in np.percentile(levels_dn, percents)]
+    counts = np.bincount(whole.astype(np.uint8).ravel(), minlength=256)
+    last = np.cumsum(counts) - 1  # index, in sorted order, of the last pixel of each level
+    result = []
+    for percent in percents:
+        index = percent / 100 * (levels_dn.size - 1)
+        low, high = (int(np.searchsorted(last, end)) for end in (np.floor(index), np.ceil(index)))
+        result.append(low + (index - np.floor(index)) * (high - low))
+    return result
 
 
 def obstructed_fraction(levels_dn: NDArray[np.floating]) -> float:

@@ -10,6 +10,8 @@ from click.testing import CliRunner
 from data_makers import picture
 
 from pipeline.cli import main
+from pipeline.cli.frame_ahead import estimated_ahead
+from pipeline.errors import InputError
 from pipeline.streams import stream
 
 
@@ -36,7 +38,7 @@ def write(path, sigma_dn, blur_px=0.0):
 def test_noise_and_blur_are_told_in_numbers_pictures_and_files(tmp_path):
     write(tmp_path / "in/a.png", 8.0)
     write(tmp_path / "in/b.png", 0.0, blur_px=3.0)
-    done = call(tmp_path / "in", "--out", tmp_path / "out")
+    done = call(tmp_path / "in", "--out", tmp_path / "out", "--map")
     assert done.exit_code == 0, done.output
     assert done.stdout.startswith("Median of 2 frames: ")
     assert len(table(done.output)) >= 3
@@ -57,9 +59,47 @@ def test_noise_and_blur_are_told_in_numbers_pictures_and_files(tmp_path):
         assert (drawn.max(axis=2).astype(int) - drawn.min(axis=2) > 40).mean() > 0.05  # maps are in colour
 
 
+def test_without_map_only_the_page_has_maps(tmp_path):
+    source = write(tmp_path / "a.png", 4.0)
+    done = call(source, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert {path.name for path in (tmp_path / "out").iterdir() if path.name[0] != "."} == {
+        "health.csv", "health.html", "health.json", "health.jsonl",
+    }  # fmt: skip
+    assert 'alt="' + str(source) + " with maps" in (tmp_path / "out/health.html").read_text()
+    assert "--map needs --out" in call(source, "--map").output
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_frames_estimated_ahead_keep_their_order_and_few_are_held(threads):
+    taken: list[int] = []
+
+    class Analysis:
+        def estimate(self, image):
+            if image[0, 0] == 4:
+                raise InputError("too dark")
+            return int(image[0, 0])
+
+    def frames():
+        for number in range(12):
+            taken.append(number)
+            yield f"{number}", None if number == 7 else np.full((2, 2), number, np.float32), "cut short"
+
+    results = []
+    for name, _, estimate in estimated_ahead(Analysis(), frames(), threads):
+        assert len(taken) - len(results) <= threads + 1
+        try:
+            results.append((name, estimate()))
+        except InputError as error:
+            results.append((name, str(error)))
+    expected = [(str(number), number) for number in range(12)]
+    expected[4], expected[7] = ("4", "too dark"), ("7", "cut short")
+    assert results == expected
+
+
 def test_pictures_of_one_name_do_not_overwrite_each_other(tmp_path):
     one, other = write(tmp_path / "1/a.png", 2.0), write(tmp_path / "2/a.png", 12.0)
-    done = call(one, other, "--out", tmp_path / "out")
+    done = call(one, other, "--out", tmp_path / "out", "--map")
     assert done.exit_code == 0, done.output
     assert len(list((tmp_path / "out").glob("*.health.png"))) == 2
 
@@ -86,7 +126,7 @@ def test_a_video_is_read_frame_by_frame(tmp_path):
 
 def test_a_frame_that_tells_nothing_says_so(tmp_path):
     cv2.imwrite(str(tmp_path / "white.png"), np.full((320, 448), 255, np.uint8))
-    done = call(tmp_path / "white.png", "--out", tmp_path / "out")
+    done = call(tmp_path / "white.png", "--out", tmp_path / "out", "--map")
     assert done.exit_code == 0, done.output
     assert done.stdout.startswith("Blur unknown; noise unknown.")
     line = table(done.output)[1]

@@ -10,7 +10,7 @@ from html import escape
 
 import numpy as np
 import pytest
-from test_cli_health_page import frame_row, run_of
+from test_cli_health_page import CONDITION, frame_row, run_of
 
 from pipeline.cli.health_page import PageFrames, page
 
@@ -28,11 +28,11 @@ smallest: Math.min(...[...document.querySelectorAll("p, li, td, figcaption, span
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
 @pytest.mark.parametrize("width_px", [390, 1280])
 def test_the_page_fits_phones_and_desktops(tmp_path, width_px):
-    frames, rows = PageFrames(), []
+    frames, rows = PageFrames(lambda image, condition: np.full((500, 700, 3), 120, np.uint8)), []
     for number in range(12):
         name = f"/a/very/long/folder/without/a/break/{'drive' * 12}.mp4#{number}"
         row = frame_row(number, picture=name, alarms="noise, trend blur horizontal" if number > 8 else "")
-        frames.add(row, np.full((192, 256), 0.4, np.float32), np.full((500, 700, 3), 120, np.uint8))
+        frames.add(row, np.full((192, 256), 0.4, np.float32), CONDITION)
         rows.append(row)
     html = page(run_of(rows, set_aside=[f"{'x' * 150}.png: cannot be read"]).content(complete=True), frames)
     probed = re.sub(r"<meta http-equiv=.Content-Security-Policy.*?>", "", html).replace("</head>", f"{PROBE}</head>")

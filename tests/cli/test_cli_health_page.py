@@ -19,8 +19,10 @@ from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds
 from pipeline.cli.health_files import HealthRun
 from pipeline.cli.health_page import MOST_THUMBNAILS, WORST_FRAMES, PageFrames, page
 from pipeline.cli.health_verdict import run_verdict
+from pipeline.condition import ConditionMonitor
 from pipeline.streams import stream
 
+CONDITION = ConditionMonitor(noise_name="immerkaer").patches(np.full((1, 1, 192, 192), 0.5, np.float32))
 LOADS = {"src", "srcset", "href", "data", "action", "poster", "background", "formaction"}
 
 
@@ -103,11 +105,11 @@ def test_a_run_writes_a_self_contained_page_and_states_its_means(tmp_path):
 
 
 def test_a_page_keeps_the_worst_frames_and_few_thumbnails_of_many():
-    frames = PageFrames()
+    frames = PageFrames(lambda image, condition: np.full((30, 60, 3), 255 * image[0, 0], np.uint8))
     rows = []
     for number in range(300):
         row = frame_row(number, sigma_dn=20.0 if number in (7, 150, 299) else 2.0)
-        frames.add(row, np.full((20, 40), 0.5, np.float32), np.full((30, 60, 3), 100, np.uint8))
+        frames.add(row, np.full((20, 40), 0.5, np.float32), CONDITION)
         rows.append(row)
     assert len(frames.worst) == WORST_FRAMES and MOST_THUMBNAILS / 2 < len(frames.thumbnails) <= MOST_THUMBNAILS
     assert {part.row["picture"] for part in frames.worst[:3]} == {"v.mp4#7", "v.mp4#150", "v.mp4#299"}
@@ -125,8 +127,8 @@ def test_a_page_keeps_the_worst_frames_and_few_thumbnails_of_many():
 
 def test_names_of_frames_cannot_inject_markup():
     row = frame_row(0, picture="<script>alert(1)</script>.png")
-    frames = PageFrames()
-    frames.add(row, np.zeros((20, 20), np.float32), np.zeros((20, 20, 3), np.uint8))
+    frames = PageFrames(lambda image, condition: np.zeros((20, 20, 3), np.uint8))
+    frames.add(row, np.zeros((20, 20), np.float32), CONDITION)
     assert_self_contained(
         page(run_of([row], set_aside=["<img src=x onerror=alert(1)>"]).content(complete=False), frames)
     )
