@@ -1,6 +1,6 @@
 """Time of every blur and noise estimator: per patch, and for a 1920 x 1200 frame's whole grid of patches.
 
-    python benchmarks/estimators.py [--out FILE] [--repeats N] [--frames N] [--only NAME ...]
+    python benchmarks/estimators.py [--out FILE] [--repeats N] [--frames N] [--only NAME ...] [--join]
 
 Patches (192 px for blur, 128 px for noise) are cut from one procedural picture, blurred by a 5 px disc, with noise of
 5 DN. One thread. ``one_patch`` is a call with a single patch, ``batched`` a call with many, per patch: least and median
@@ -18,6 +18,7 @@ busy a machine was; measure again after a change of an estimator, and commit the
 from __future__ import annotations
 
 import argparse
+import json
 import multiprocessing
 import sys
 import tempfile
@@ -46,6 +47,8 @@ ESTIMATORS: dict[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
         ("cnn", "cnn", {}),
         ("pmp", "pmp", {"mode": "fast", "kernel_size": 31}),
         ("gbb", "gbb", {"mode": "fast", "kernel_size": 31}),
+        ("pmp_exact", "pmp", {"mode": "exact", "kernel_size": 25}),
+        ("gbb_exact", "gbb", {"mode": "exact", "kernel_size": 25}),
         ("fused", "fused", {"shared_blur": "never"}),
     ),
     "noise": tuple(
@@ -176,10 +179,14 @@ def main() -> None:
     parser.add_argument(
         "--only", nargs="*", default=(), help="tasks or estimators to time, e.g. noise, spectral, joint"
     )
+    parser.add_argument("--join", action="store_true", help="keep what the file has of others, measured earlier")
     arguments = parser.parse_args()
     common.hold_loaded_libraries()
     picture = frame()
     results: dict[str, dict[str, Any]] = {}
+    if arguments.join:
+        path = arguments.out or common.RESULTS / "estimators.json"
+        results = json.loads(path.read_text(encoding="utf-8"))["results"]
     for task, estimators in ESTIMATORS.items():
         patches = cut(picture, grid(task))
         for name, kind, options in estimators:

@@ -44,23 +44,26 @@ def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) ->
 @click.option("--dataset", required=True, help="name of the dataset, which the overrides add and place")
 @click.option("--detector", required=True, help="name of the detector, likewise")
 @click.option("--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced")
+@click.option(
+    "--keep",
+    type=click.Path(path_type=Path),
+    help="folder in which finished frames are kept, so that an interrupted recording continues; delete it after",
+)
 @click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record")
 @click.option(
     "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
 )
 def record_command(
-    overrides: tuple[str, ...], dataset: str, detector: str, out: Path, source: str, workers: int
+    overrides: tuple[str, ...], dataset: str, detector: str, out: Path, keep: Path | None, source: str, workers: int
 ) -> None:
     """Measure a detector on recorded pictures and keep numbers, figures and provenance; no picture is kept.
 
     OVERRIDES are of conf/, as for ``dvc exp run -S``: +dataset@datasets.kitti=kitti datasets.kitti.root=/path
     +detector@detection.detectors.yolox=yolox detection.sweep.angles_deg=[0]
     """
-    from functools import partial
-
+    from pipeline.cli.kept_results import keeping
     from pipeline.config.compose import compose, parse
     from pipeline.errors import InputError, did_you_mean
-    from pipeline.executor import run_map
     from pipeline.report.recorded import record
 
     config = parse(compose(overrides), "conf/")
@@ -70,7 +73,7 @@ def record_command(
     ):
         if name not in known:
             raise InputError(f"--{what} {name}: not in the configuration; {did_you_mean(name, known)}")
-    numbers = record(config, dataset, detector, out, source, partial(run_map, workers=workers))
+    numbers = record(config, dataset, detector, out, source, keeping(keep, workers))
     for label, found in numbers.items():
         click.echo(f"{label}: {found['clean_ap_percent']:.1f} % sharp and without noise")
     click.echo(f"written to {out}")

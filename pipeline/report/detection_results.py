@@ -13,6 +13,9 @@ from pipeline.store import read_json
 if TYPE_CHECKING:
     import pandas as pd
 
+DIRECTION, SPREAD = "direction", "direction_spread"
+"""Names of the tables of blur directions in a record."""
+
 
 @dataclass(frozen=True)
 class Results:
@@ -112,12 +115,17 @@ class Recorded:
 
 def recorded(inputs: ReportInputs) -> list[Recorded]:
     """Every recorded sweep, by the name of its folder."""
+    import pandas as pd
+
     folder = existing(inputs.recorded)
     records = []
     for path in sorted(folder.glob("*/precision.csv")) if folder is not None else []:
         about = read_json(path.parent / "provenance.json")
-        table, heat, isolated = (any_table(path.parent / f"{name}.csv") for name in ("precision", "iopc_heat", "iopc"))
+        table, isolated = (any_table(path.parent / f"{name}.csv") for name in ("precision", "iopc"))
+        heat = optional(path.parent, "iopc_heat.csv")  # absent where there was too little for a surface
+        heat = pd.DataFrame(columns=list(precision.HEAT.columns)) if heat is None else heat
         pair = about["dataset"], about["detector"]["kind"]
-        results = Results(*pair, table, heat, isolated, {}, None, None, None, None, {}, {})
+        turned = [optional(path.parent, f"{name}.csv") for name in (DIRECTION, SPREAD)]  # of several directions only
+        results = Results(*pair, table, heat, isolated, {}, turned[0], turned[1], None, None, {}, {})
         records.append(Recorded(path.parent.name.replace("-", "_"), results, about))
     return records

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import store
-from pipeline.curves import precision
+from pipeline.curves import directions, precision
 from pipeline.datasets.selection import evaluation_frames, evenly_spread, scene_of
 from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError
@@ -21,6 +21,7 @@ from pipeline.experiments import detect, iopc
 from pipeline.experiments.condition import sweep_kernels
 from pipeline.experiments.summarise import condition_medians
 from pipeline.report import style
+from pipeline.report.detection_results import DIRECTION, SPREAD
 from pipeline.report.record_files import write_csv
 from pipeline.report.sections import detection_figures
 
@@ -60,16 +61,24 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
     for label in labels:
         rows = table[table["label"] == label].reset_index(drop=True)
         isolated.append(precision.curves(label, rows, draws[label], settings.curves, config.seed))
-        surfaces[label] = precision.surface(rows, draws[label], settings.curves, config.seed)
+        try:
+            surfaces[label] = precision.surface(rows, draws[label], settings.curves, config.seed)
+        except InputError:  # too few conditions for a surface; the curves and the table of conditions remain
+            continue
         heats.append(precision.heat(label, surfaces[label], settings.curves.tolerance_percent, rows["objects"].max()))
     if not labels:
         raise InputError(f"dataset '{dataset}': no object of a class that detectors know; see its labels")
     numbers = precision.metrics(table[table["label"].isin(labels)], surfaces)
+    turned = _directions(table, draws, labels, settings.curves.tolerance_percent)
     with store.replacing_folder(out) as folder:
+        for name, part in turned.items():
+            write_csv(folder / f"{name}.csv", part)
         write_csv(folder / "precision.csv", table[table["label"].isin(labels)])
         write_csv(folder / "conditions.csv", conditions)
         figures = (("iopc", isolated, detection_figures.iopc), ("iopc_heat", heats, detection_figures.heat))
         for name, parts, draw in figures:
+            if not parts:
+                continue
             drawing = draw(_joined(parts).assign(detector=detector))
             style.save(drawing.figure, folder / name, drawing.values)
         for label, surface in surfaces.items():
@@ -93,6 +102,19 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
             },
         )
     return numbers
+
+
+def _directions(
+    table: pd.DataFrame, draws: dict[str, Any], labels: list[str], tolerance: float
+) -> dict[str, pd.DataFrame]:
+    """The blur-direction table and the spread over directions, as the stage `direction`; empty with one direction."""
+    import pandas as pd
+
+    if table.loc[table["size_px"] > 0, "angle_deg"].nunique() < 2:
+        return {}
+    parts = [directions.tables(table[table["label"] == label], draws[label], tolerance) for label in labels]
+    rows, spread = (pd.concat(each, ignore_index=True) for each in zip(*parts, strict=True))
+    return {DIRECTION: rows, SPREAD: spread}
 
 
 def _frames(config: Config, dataset: str) -> list[Frame]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from pipeline.report import blur_records, detection_results, ledger_sources
+from pipeline.report import blur_records, detection_results, frame_records, ledger_sources
 from pipeline.report.display_names import counted, listing, word
 from pipeline.report.inputs import ReportInputs, any_table, combined_tables, denoised_cells, noise_tables, optional
 
@@ -106,19 +106,21 @@ class Evidence:
         """Raw blur cells under noise (`pipeline.experiments.tables.BLUR_CELLS`), improved estimation among them."""
         import pandas as pd
 
-        cells = pd.concat([combined_tables(self.inputs)[0], denoised_cells(self.inputs)], ignore_index=True)
+        ran = (combined_tables(self.inputs)[0], frame_records.COMBINED_FILES[0])
+        smoothed = (denoised_cells(self.inputs), frame_records.DENOISED_FILE)
+        cells = pd.concat([self._with_records(*ran), self._with_records(*smoothed)], ignore_index=True)
         cells = cells[~cells["calibrated"].astype(bool)]
         return cells.drop_duplicates(["dataset", "estimator", "experiment", "size_px", "level_dn", "filter_px"])
 
     @cached_property
     def curves(self) -> pd.DataFrame:
         """Example curves of blur under noise (`pipeline.experiments.tables.CURVES`)."""
-        return combined_tables(self.inputs)[2]
+        return self._with_records(combined_tables(self.inputs)[2], frame_records.COMBINED_FILES[2])
 
     @cached_property
     def noise(self) -> pd.DataFrame:
         """`pipeline.tables.NOISE_SUMMARY`."""
-        return noise_tables(self.inputs)[0]
+        return self._with_records(noise_tables(self.inputs)[0], frame_records.NOISE_FILE)
 
     @cached_property
     def detection(self) -> list[Results]:
@@ -135,6 +137,14 @@ class Evidence:
     def recorded(self) -> dict[str, pd.DataFrame]:
         """Dataset -> Table I recorded on it."""
         return {one.dataset: one.summary for one in blur_records.read(self.inputs)}
+
+    def _with_records(self, ran: pd.DataFrame, file: str) -> pd.DataFrame:
+        """A table of stages with what was recorded on other datasets."""
+        import pandas as pd
+
+        recorded = frame_records.not_run(frame_records.joined(self.inputs, file), ran)
+        parts = [part for part in (ran, recorded) if len(part)]
+        return pd.concat(parts, ignore_index=True) if parts else ran
 
     def table(self, name: str) -> Any:
         """A table of the stages of control, by its path below their folder; None where it has not run."""

@@ -99,7 +99,8 @@ def _direction_matters(evidence: Evidence) -> Measurement | None:
     paper = any_table(evidence.inputs.paper / "yolov7_direction_ap.csv")
     quiet = paper[paper["sigma_dn"] == 0].groupby("size_px")["ap_percent"]
     theirs = float((quiet.max() - quiet.min()).max())
-    parts = [one.spread.assign(dataset=one.dataset) for one in evidence.detection if one.spread is not None]
+    sweeps = [*evidence.detection, *(one.results for one in detection_results.recorded(evidence.inputs))]
+    parts = [one.spread.assign(dataset=one.dataset) for one in sweeps if one.spread is not None]
     rows = [row for part in parts for row in records(part[part["level_dn"] == 0])]
     if not rows:
         return None

@@ -289,9 +289,15 @@ def _recorded(records: Sequence[Recorded]) -> list[Block]:
             f"{about['detector']['sha256'][:12]}."
         )
         blocks.append(Figure(f"recorded_{one.name}_iopc", detection_figures.iopc(own.isolated), caption))
-        rises = _needed(own.heat) if "objects_needed" in own.heat else EACH_CELL
-        caption = f"Recorded: heat maps of {title}, of the same frames.{rises}"
-        blocks.append(Figure(f"recorded_{one.name}_iopc_heat", detection_figures.heat(own.heat), caption))
+        if len(own.heat):
+            rises = _needed(own.heat) if "objects_needed" in own.heat else EACH_CELL
+            caption = f"Recorded: heat maps of {title}, of the same frames.{rises}"
+            blocks.append(Figure(f"recorded_{one.name}_iopc_heat", detection_figures.heat(own.heat), caption))
+        for block in _directions(own.dataset, [own]):
+            if not isinstance(block, NotRun):
+                name, caption = f"recorded_{one.name}_{block.name}", f"Recorded: {block.caption}"
+                unstaged = {"stages": ()} if isinstance(block, Figure) else {"stage": ""}
+                blocks.append(replace(block, name=name, caption=caption, **unstaged))
     return blocks
 
 
