@@ -75,7 +75,7 @@ def advise(
         InputError: not such a picture.
     """
     seen = observe(image, monitor, condition)
-    policy = IopcOptimal(camera, performance, least_gain_percent=0.5)
+    policy = IopcOptimal(camera, performance, least_gain_percent=0.5, margin=0.0)
     policy.known_speed_px_s = speed_px_s
     decision = policy.decide(seen, state)
     nan = float("nan")

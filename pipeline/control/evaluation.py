@@ -163,6 +163,7 @@ def summary(
                 "refused_percent": 100.0 * float((table["action"] == Action.REFUSED.value).mean()),
                 "objects": own.objects,
                 "frames": sum(len(record.views) for record in records[name]),
+                "motion_in_poor_light": scenario.motion_in_poor_light,
             }
         )
         for other in tables:

@@ -3,6 +3,9 @@
 Each frame: total exposure is kept, or corrected where the mean level is off; then the split into time and gain is
 chosen on the surface of average precision, from the *estimated* noise and motion. Where surfaces of darker frames were
 measured too, the total exposure is chosen with the split: a detector may bear a dark frame better than its gain.
+Where several settings promise about the same, `pipeline.control.margin` decides: the one that loses least in the frames
+after a fall of light. Changes are compared with the settings written last, which with a delay are still on their way
+to the sensor: a frame taken before they took effect does not make the policy write them again.
 Defined actions in doubt:
 
 * the estimator abstains: the split is kept, only brightness is corrected (``ABSTAINED``);
@@ -12,6 +15,7 @@ Defined actions in doubt:
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -19,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.control.decision import Action, Decision
+from pipeline.control.margin import after_fall
 from pipeline.control.metering import Metering
 from pipeline.control.motion import motion_length
 from pipeline.control.noise_ratio import NoiseRatio
@@ -28,6 +33,7 @@ from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.prediction import model_sigma_dn, predict
 from pipeline.control.speed import SpeedFilter
 from pipeline.control.state import CameraState, Limits
+from pipeline.errors import InputError
 
 TIMES_PER_STOP = 6
 DARKER_TIMES_PER_STOP, DARKER_PER_STOP = 3, 1
@@ -35,6 +41,9 @@ DARKER_TIMES_PER_STOP, DARKER_PER_STOP = 3, 1
 
 MOSTLY_SATURATED = 0.25
 """Fraction of saturated pixels from which a frame's estimates are not used: its noise and detail are clipped."""
+
+LARGEST_FACTOR = 32.0
+"""On total exposure in one decision: a fall of light by 16 is answered at once."""
 
 _RATIO_RANGE = (0.2, 5.0)
 
@@ -47,6 +56,7 @@ class Candidates:
         states: N settings, shortest exposure first, darkest first among equal ones.
         sigma_dn, motion_px: (N,) predicted.
         ap_percent: (N,) average precision, NaN where refused.
+        value: (N,) ``ap_percent`` and the margin against a fall of light, points; NaN where refused.
         excess: (N,) distance from the measured region.
     """
 
@@ -54,6 +64,7 @@ class Candidates:
     sigma_dn: NDArray[np.float64]
     motion_px: NDArray[np.float64]
     ap_percent: NDArray[np.float64]
+    value: NDArray[np.float64]
     excess: NDArray[np.float64]
 
 
@@ -68,6 +79,7 @@ class Choice:
         ap_percent: expected there, NaN where refused.
         kept: settings that keep the exposure time, at the total exposure wanted.
         kept_ap_percent: expected with these, NaN where refused.
+        gain: of value over the kept settings, points; NaN where nothing is known of these.
     """
 
     index: int
@@ -76,10 +88,11 @@ class Choice:
     ap_percent: float
     kept: CameraState
     kept_ap_percent: float
+    gain: float
 
     def improves(self, least_gain_percent: float) -> bool:
-        """Whether the best promises so many AP points more than the present split, or nothing is known of that."""
-        return not np.isfinite(self.kept_ap_percent) or self.ap_percent > self.kept_ap_percent + least_gain_percent
+        """Whether the best promises so many points more than the present split, or nothing is known of that."""
+        return not np.isfinite(self.kept_ap_percent) or self.gain > least_gain_percent
 
 
 class IopcPolicy(Policy):
@@ -90,6 +103,8 @@ class IopcPolicy(Policy):
         performance: surface asked.
         target: mean encoded grey level kept; None leaves brightness as it is.
         tolerance: dead band of the mean level.
+        margin: AP points now that a point in the frames after a fall of light is worth; 0 for no margin. It counts for
+            every frame until a new setting takes effect.
 
     Raises:
         InputError: an option out of range.
@@ -104,28 +119,56 @@ class IopcPolicy(Policy):
         performance: Performance | None = None,
         target: float | None = 0.5,
         tolerance: float = 0.1,
+        margin: float = 0.07,
     ) -> None:
         super().__init__(camera, performance)
-        self.metering = None if target is None else Metering(target, tolerance)
+        if not 0.0 <= margin <= 1.0:
+            raise InputError(f"policy {type(self).__name__}: margin is a fraction in [0, 1], got {margin!r}")
+        self.margin = margin * (1 + self.limits.delay_frames)
+        self.metering = None if target is None else Metering(target, tolerance, LARGEST_FACTOR)
         self.known_speed_px_s: float | None = None
         """Speed of the image from another source (odometry), px/s; None takes it from the estimated MTF."""
         self._speed = SpeedFilter()
         self._noise = NoiseRatio()
+        self._written: deque[CameraState] = deque(maxlen=self.limits.delay_frames)
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:
         """See `Policy.decide`."""
-        factor = 1.0 if self.metering is None else self.metering.factor(observation, self.camera.formation.gamma)
-        total = state.total_exposure_s * factor
+        decision = self._decide(observation, state)
+        self._written.append(decision.state)
+        return decision
+
+    def ordered(self, state: CameraState) -> CameraState:
+        """The settings written last; those of the frame where none are on their way to the sensor."""
+        return self._written[-1] if self._written else state
+
+    def _decide(self, observation: Observation, state: CameraState) -> Decision:
+        ordered = self.ordered(state)
+        total, factor = self._total_exposure(observation, state, ordered)
         clipped = observation.saturated_fraction > MOSTLY_SATURATED
         if not (observation.abstained or clipped):
             self._learn(observation, state)
         elif not (clipped and self._is_informed):
             reason = "most of the frame is clipped" if clipped else observation.reason
             if factor == 1.0 or (self.chooses_brightness and self._is_measured(observation.mean_level)):
-                return Decision(state, Action.ABSTAINED, f"no estimate ({reason}); settings are kept")
-            new = self.limits.at_time(total, state.exposure_s)
+                return Decision(ordered, Action.ABSTAINED, f"no estimate ({reason}); settings are kept")
+            new = self.limits.at_time(total, ordered.exposure_s)
             return Decision(new, Action.ABSTAINED, f"no estimate ({reason}); brightness only")
         return self.choose(observation, state, total, factor)
+
+    def _total_exposure(
+        self, observation: Observation, state: CameraState, ordered: CameraState
+    ) -> tuple[float, float]:
+        """Total exposure wanted, s, and its factor on the settings written last; 1 where these are within tolerance."""
+        if self.metering is None:
+            return ordered.total_exposure_s, 1.0
+        gamma = self.camera.formation.gamma
+        total = state.total_exposure_s * self.metering.factor(observation, gamma)
+        ratio = ordered.total_exposure_s / state.total_exposure_s
+        coming = observation.mean_level * ratio ** (1.0 / gamma)
+        if self.metering.accepts(coming) and not observation.saturated_fraction > MOSTLY_SATURATED:
+            return ordered.total_exposure_s, 1.0
+        return total, total / ordered.total_exposure_s
 
     @property
     def chooses_brightness(self) -> bool:
@@ -149,7 +192,7 @@ class IopcPolicy(Policy):
             observation: the frame, with estimates.
             state: settings it was taken with.
             total: time x gain to reach, s.
-            factor: of the total against the present one.
+            factor: of the total against that of the settings written last.
         """
         raise NotImplementedError
 
@@ -158,8 +201,9 @@ class IopcPolicy(Policy):
         chooses = self.chooses_brightness
         totals = darker_totals(total, self.performance, self.camera.formation.gamma) if chooses else [total]
         times = exposure_times(self.limits, DARKER_TIMES_PER_STOP if chooses else TIMES_PER_STOP)
-        states = {self.limits.at_time(each, time) for each in totals for time in [*times, state.exposure_s]}
-        return self.expect(observation, state, sorted({*states, state} if chooses else states, key=_by_time))
+        ordered = self.ordered(state)
+        states = {self.limits.at_time(each, time) for each in totals for time in [*times, ordered.exposure_s]}
+        return self.expect(observation, state, sorted({*states, ordered} if chooses else states, key=_by_time))
 
     def expect(self, observation: Observation, state: CameraState, states: list[CameraState]) -> Candidates:
         """Predictions for given settings."""
@@ -168,30 +212,35 @@ class IopcPolicy(Policy):
         sigma_dn = self._noise.value * float(model_sigma_dn(model, mean, state.gain, state.exposure_s))
         at = predict(model, sigma_dn, self.speed_px_s * state.exposure_s, mean, state, states)
         expected = self.performance.expected(at.sigma_dn, at.motion_px, at.level).ap_percent
-        return Candidates(
-            states, at.sigma_dn, at.motion_px, expected, self.performance.excess(at.sigma_dn, at.motion_px)
-        )
+        value = expected
+        if self.margin:
+            value = expected + self.margin * after_fall(self.performance, model, at, states)
+        excess = self.performance.excess(at.sigma_dn, at.motion_px)
+        return Candidates(states, at.sigma_dn, at.motion_px, expected, value, excess)
 
     def best(self, among: Candidates) -> tuple[int, Action]:
-        """Index of the settings with the highest average precision, or nearest to the measured region."""
-        if np.isfinite(among.ap_percent).any():
-            return int(np.nanargmax(among.ap_percent)), Action.MOVE
+        """Index of the settings with the highest value, or nearest to the measured region."""
+        if np.isfinite(among.value).any():
+            return int(np.nanargmax(among.value)), Action.MOVE
         return int(np.argmin(among.excess)), Action.REFUSED
 
     def compare(self, observation: Observation, state: CameraState, total: float, among: Candidates) -> Choice:
-        """The best of some candidates and the present split, both with their expected average precision.
+        """The best of some candidates and the split written last, both with their expected average precision.
 
-        Where brightness is chosen, the present split is the present state; else that of the total exposure wanted.
+        Where brightness is chosen, that split is the settings written last; else that of the total exposure wanted.
         """
         index, action = self.best(among)
-        kept = state if self.chooses_brightness else self.limits.at_time(total, state.exposure_s)
-        known = among.ap_percent[among.states.index(kept)] if kept in among.states else None
-        here = float(self.expect(observation, state, [kept]).ap_percent[0] if known is None else known)
-        return Choice(index, among.states[index], action, float(among.ap_percent[index]), kept, here)
+        ordered = self.ordered(state)
+        kept = ordered if self.chooses_brightness else self.limits.at_time(total, ordered.exposure_s)
+        known = among if kept in among.states else self.expect(observation, state, [kept])
+        at = known.states.index(kept)
+        gain = float(among.value[index] - known.value[at])
+        here, best = float(known.ap_percent[at]), float(among.ap_percent[index])
+        return Choice(index, among.states[index], action, best, kept, here, gain)
 
     def held(self, state: CameraState, factor: float, choice: Choice) -> CameraState:
-        """Settings that keep the present split: the present ones, unless brightness has to be corrected."""
-        return state if factor == 1.0 else choice.kept
+        """Settings that keep the split written last: these ones, unless brightness has to be corrected."""
+        return self.ordered(state) if factor == 1.0 else choice.kept
 
     @property
     def speed_high_px_s(self) -> float:

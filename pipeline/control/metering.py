@@ -38,6 +38,10 @@ class Metering:
                 "metering: expected target in (0, 1), tolerance in [0, 1), largest_factor above 1 and damping in (0, 1]"
             )
 
+    def accepts(self, mean_level: float) -> bool:
+        """Whether a mean level is within the tolerance of the target."""
+        return abs(mean_level / self.target - 1.0) <= self.tolerance
+
     def factor(self, observation: Observation, gamma: float) -> float:
         """Factor on total exposure; 1 within the tolerance.
 
@@ -46,7 +50,7 @@ class Metering:
             gamma: of the camera's tone curve.
         """
         mean = max(observation.mean_level, _DARKEST_MEAN)
-        if abs(mean / self.target - 1.0) <= self.tolerance:
+        if self.accepts(mean):
             return 1.0
         factor = float((self.target / mean) ** (gamma * self.damping))
         if observation.saturated_fraction > _MOSTLY_SATURATED:

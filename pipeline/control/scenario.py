@@ -54,6 +54,9 @@ class Scenario:
         sun_radius_fraction: radius of a sun in the picture, fraction of its width; 0 for none.
         flicker: of the lamps.
         fault: of the estimator.
+        motion_in_poor_light: whether at some step the light is at most a quarter of daylight and the image moves at
+            100 px/s or more, so that a correct exposure at base gain would blur by several pixels: policies that know
+            motion are expected to win there.
     """
 
     name: str
@@ -67,6 +70,7 @@ class Scenario:
     sun_radius_fraction: float = 0.0
     flicker: Flicker = field(default_factory=Flicker)
     fault: EstimatorFault = field(default_factory=EstimatorFault)
+    motion_in_poor_light: bool = False
 
     def __post_init__(self) -> None:
         for name, knots, least in (("light", self.light, 1e-9), ("speed_px_s", self.speed_px_s, 0.0)):

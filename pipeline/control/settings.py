@@ -94,6 +94,8 @@ class ScenarioSettings(Settings):
     flicker_hz: NonNegative = 0.0
     flicker_depth: Fraction = 0.0
     fault: EstimatorFault = Field(default_factory=EstimatorFault)
+    motion_in_poor_light: bool = False
+    """Whether noise and motion blur have to be traded; see `pipeline.control.scenario.Scenario`."""
     also: list[Name] = Field(default_factory=list)
     """Policies that only this scenario runs."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from pipeline.control.state import BASE_ISO, CameraState, Limits
 from pipeline.control.views import View
 from pipeline.detection.settings import JudgeSettings
 from pipeline.errors import InputError
+from pipeline.store import read_arrays
 
 
 def camera(section: ControlCameraSettings) -> Camera:
@@ -93,6 +94,7 @@ def scenario(name: str, section: ScenarioSettings) -> Scenario:
         sun_radius_fraction=section.sun_radius_fraction,
         flicker=Flicker(section.flicker_hz, section.flicker_depth),
         fault=section.fault,
+        motion_in_poor_light=section.motion_in_poor_light,
     )
 
 
@@ -129,9 +131,15 @@ def surface(path: Path) -> Performance:
     return Performance.load(path)
 
 
+def reference(path: Path) -> NDArray[np.float64]:
+    """(2, 8) MTF of the camera's sharp frames that a surface was measured with; the surface itself is not opened."""
+    return np.asarray(read_arrays(path)["reference"], dtype=np.float64)
+
+
 def drive(item: Drive, *, rig: Rig, scenario: Scenario, pictures: tuple[int, ...]) -> list[StepRecord]:
     """What one worker does: one policy through the scenario."""
-    policy = make_policy(item.kind, item.options, rig.controlled, surface(item.surface))
+    limits = replace(rig.controlled.limits, delay_frames=scenario.delay_frames)
+    policy = make_policy(item.kind, item.options, replace(rig.controlled, limits=limits), surface(item.surface))
     return run(policy, rig, scenario, item.views, pictures)
 
 

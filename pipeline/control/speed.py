@@ -6,7 +6,8 @@ A frame exposed for t shows a line of length L = v t, so its estimate of the spe
 
 A short exposure tells little about the speed: lengths near the resolution of the estimator, about a pixel, are not
 distinguished from no motion, and strong noise disturbs the estimate of blur. The speed may change between frames by a
-quarter of itself and 100 px/s (standard deviation).
+quarter of itself and 100 px/s (standard deviation). An estimate more than three standard deviations from the prediction
+is a sudden change: the filter starts anew from it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ RESOLUTION_PX = 1.25
 RELATIVE_ERROR = 0.08
 DISTURBING_NOISE_DN = 12.0
 DRIFT_PX_S, DRIFT_FRACTION = 100.0, 0.25
+SUDDEN_SIGMAS = 3.0
 
 
 def length_error_px(length_px: float, sigma_dn: float) -> float:
@@ -58,10 +60,11 @@ class SpeedFilter:
         """
         measured = resolved_px(length_px) / exposure_s
         error = (length_error_px(length_px, sigma_dn) / exposure_s) ** 2
-        if math.isnan(self.value_px_s):
+        prior = self.variance + (DRIFT_PX_S + DRIFT_FRACTION * self.value_px_s) ** 2
+        sudden = (measured - self.value_px_s) ** 2 > SUDDEN_SIGMAS**2 * (prior + error)
+        if math.isnan(self.value_px_s) or sudden:
             self.value_px_s, self.variance = measured, error
             return measured
-        prior = self.variance + (DRIFT_PX_S + DRIFT_FRACTION * self.value_px_s) ** 2
         weight = prior / (prior + error)
         self.value_px_s += weight * (measured - self.value_px_s)
         self.variance = (1.0 - weight) * prior

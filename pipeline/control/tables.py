@@ -68,6 +68,7 @@ SUMMARY = Schema(
         "refused_percent": "float64",
         "objects": "int64",
         "frames": "int64",
+        "motion_in_poor_light": "bool",
     },
     {"ap_percent": "%", "regret_percent": "percent points"},
 )

@@ -42,7 +42,7 @@ class View:
         return _radiance(self.path)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)  # every moment of a fold, 3 MB each: a worker returns to them at every step
 def _radiance(path: Path) -> NDArray[np.float32]:
     arrays = read_arrays(path)
     if "radiance" not in arrays:

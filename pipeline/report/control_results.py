@@ -33,7 +33,6 @@ OURS = ("iopc_optimal", "iopc_continuous")
 BRIGHTNESS_ONLY = ("mean_intensity", "fixed", "shim", "shin2019")
 """Policies without knowledge of motion that ours are compared with."""
 
-POOR_LIGHT, MOVING_PX_S = 0.25, 100.0
 LIGHT_STEP_STOPS = 3.0
 _STEP = re.compile(r"^step_(\d+)$")
 
@@ -58,9 +57,8 @@ class ScenarioResult:
 
     @property
     def is_demanding(self) -> bool:
-        """Whether at some step the image moves in poor light: motion and noise have to be traded."""
-        steps = self.steps
-        return bool(((steps["light"] <= POOR_LIGHT) & (steps["speed_px_s"] >= MOVING_PX_S)).any())
+        """Whether the image moves in poor light (the scenario's flag): motion and noise have to be traded."""
+        return bool(self.summary["motion_in_poor_light"].any())
 
     @property
     def stands(self) -> bool:

@@ -52,3 +52,13 @@ def test_noise_ratio_trusts_strong_noise_and_hardly_weak():
     for _ in range(30):
         ratio.update(2.0, 6.0)
     assert ratio.value == pytest.approx(2.0, rel=0.02)
+
+
+def test_speed_follows_a_sudden_change_at_once():
+    """From 100 to 1500 px/s in one frame of 20 ms: no average of both."""
+    filtered = SpeedFilter()
+    for _ in range(6):
+        filtered.update(2.0, 0.020, 2.0)
+    assert filtered.value_px_s < 150
+    filtered.update(30.0, 0.020, 2.0)
+    assert filtered.value_px_s == pytest.approx(1500.0, rel=0.01)

@@ -1,6 +1,6 @@
 """The split with the highest expected average precision, every frame, made fit for a robot.
 
-Four additions to `iopc_optimal`: hysteresis (a change must promise two points), a rate limit, a hard cap on motion blur
+Four additions to `iopc_optimal`: hysteresis (a change must promise a point), a rate limit, a hard cap on motion blur
 at the upper end of its interval (``t <= d_max / v``), and exposure times in whole periods of lamp flicker.
 """
 
@@ -28,11 +28,12 @@ class IopcContinuous(IopcPolicy):
         performance: surface asked.
         target: see `IopcPolicy`.
         tolerance: see `IopcPolicy`.
-        hysteresis_percent: AP points that a change must promise.
+        hysteresis_percent: points that a change must promise.
         stops_per_frame: largest change of the exposure time, factors of two, as long as the gain can take the rest.
         max_motion_px: hard cap of motion blur.
         lamp_hz: frequency of light flicker (twice the mains frequency); 0 for none. Where the brightness allows it,
             exposure times are whole periods.
+        margin: see `IopcPolicy`.
     """
 
     def __init__(
@@ -41,12 +42,13 @@ class IopcContinuous(IopcPolicy):
         performance: Performance | None = None,
         target: float | None = 0.5,
         tolerance: float = 0.1,
-        hysteresis_percent: float = 2.0,
+        hysteresis_percent: float = 1.0,
         stops_per_frame: float = 2.0,
         max_motion_px: float = 20.0,
         lamp_hz: float = 0.0,
+        margin: float = 0.07,
     ) -> None:
-        super().__init__(camera, performance, target, tolerance)
+        super().__init__(camera, performance, target, tolerance, margin)
         if hysteresis_percent < 0 or stops_per_frame <= 0 or max_motion_px <= 0 or lamp_hz < 0:
             raise InputError(
                 "policy iopc_continuous: expected hysteresis_percent and lamp_hz of at least 0, stops_per_frame and "
@@ -62,8 +64,9 @@ class IopcContinuous(IopcPolicy):
         new, action, expected = choice.state, choice.action, choice.ap_percent
         if self._inside(choice.kept) and not choice.improves(self.hysteresis_percent):
             new, action, expected = (self.held(state, factor, choice)), Action.MOVE, choice.kept_ap_percent
-        new = self._limited(new, state)
-        if new == state and action is not Action.REFUSED:
+        ordered = self.ordered(state)
+        new = self._limited(new, ordered)
+        if new == ordered and action is not Action.REFUSED:
             action = Action.HOLD
         motion = self.speed_px_s * new.exposure_s
         return Decision(new, action, f"speed {self.speed_px_s:.0f} px/s, motion {motion:.1f} px expected", expected)
@@ -93,6 +96,7 @@ class IopcContinuous(IopcPolicy):
             sigma_dn=among.sigma_dn[keep],
             motion_px=among.motion_px[keep],
             ap_percent=among.ap_percent[keep],
+            value=among.value[keep],
             excess=among.excess[keep],
         )
 

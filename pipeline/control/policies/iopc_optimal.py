@@ -23,7 +23,8 @@ class IopcOptimal(IopcPolicy):
         performance: surface asked.
         target: see `IopcPolicy`.
         tolerance: see `IopcPolicy`.
-        least_gain_percent: AP points that another split must promise.
+        least_gain_percent: points that another split must promise.
+        margin: see `IopcPolicy`.
     """
 
     def __init__(
@@ -32,9 +33,10 @@ class IopcOptimal(IopcPolicy):
         performance: Performance | None = None,
         target: float | None = 0.5,
         tolerance: float = 0.1,
-        least_gain_percent: float = 2.0,
+        least_gain_percent: float = 1.0,
+        margin: float = 0.07,
     ) -> None:
-        super().__init__(camera, performance, target, tolerance)
+        super().__init__(camera, performance, target, tolerance, margin)
         self.least_gain_percent = least_gain_percent
 
     def choose(self, observation: Observation, state: CameraState, total: float, factor: float) -> Decision:
@@ -44,7 +46,7 @@ class IopcOptimal(IopcPolicy):
         if not choice.improves(self.least_gain_percent):
             here = choice.kept_ap_percent
             held = self.held(state, factor, choice)
-            action = Action.HOLD if held == state else Action.MOVE
+            action = Action.HOLD if held == self.ordered(state) else Action.MOVE
             return Decision(held, action, f"AP {here:.1f} % expected; no split promises clearly more", here)
         reason = (
             f"noise {among.sigma_dn[choice.index]:.1f} DN and motion {among.motion_px[choice.index]:.1f} px expected"

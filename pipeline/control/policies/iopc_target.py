@@ -56,9 +56,10 @@ class IopcTarget(IopcPolicy):
         ratio = alpha(self.speed_px_s * state.exposure_s, self.target_px)
         if abs(ratio - 1.0) <= self.slack:
             ratio = 1.0
-        new = state if ratio == 1.0 and factor == 1.0 else self.limits.at_time(total, state.exposure_s / ratio)
+        ordered = self.ordered(state)
+        new = ordered if ratio == 1.0 and factor == 1.0 else self.limits.at_time(total, state.exposure_s / ratio)
         there = self.expect(observation, state, [new])
-        action = Action.HOLD if new == state else Action.MOVE
+        action = Action.HOLD if new == ordered else Action.MOVE
         if not np.isfinite(there.ap_percent[0]):
             action = Action.REFUSED
         motion = self.speed_px_s * state.exposure_s

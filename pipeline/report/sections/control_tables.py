@@ -90,8 +90,24 @@ def _settling(frames: float) -> str:
 
 def beats_all(one: ScenarioResult, policy: str) -> bool:
     """Whether the interval of a policy's difference to each policy that knows no motion lies above 0."""
-    differences = [one.difference(policy, other) for other in BRIGHTNESS_ONLY]
-    return all(each is not None and each[1] > 0 for each in differences)
+    return all(_exceeds(one, policy, other) for other in BRIGHTNESS_ONLY)
+
+
+def _cause(one: ScenarioResult) -> str:
+    """A scenario that is not won, and the policies whose difference does not exclude 0, beside the oracle's."""
+    best = max(OURS, key=lambda policy: sum(_exceeds(one, policy, other) for other in BRIGHTNESS_ONLY))
+    level = [other for other in BRIGHTNESS_ONLY if not _exceeds(one, best, other)]
+    also = [other for other in level if not _exceeds(one, "oracle", other)]
+    text = f"{scenario_word(one.name).lower()} (not above {listing(map(policy_word, level))}"
+    if also:
+        text += ", nor is the oracle" + ("" if also == level else f" above {listing(map(policy_word, also))}")
+    return f"{text})"
+
+
+def _exceeds(one: ScenarioResult, policy: str, other: str) -> bool:
+    """Whether the interval of the difference of two policies lies above 0."""
+    difference = one.difference(policy, other)
+    return difference is not None and difference[1] > 0
 
 
 def pairs(results: Sequence[ScenarioResult]) -> Table:
@@ -146,7 +162,7 @@ def findings(results: Sequence[ScenarioResult]) -> list[str]:
             "interval of each paired difference above 0)."
         )
         if missed:
-            text += f" Not in: {listing(scenario_word(one.name).lower() for one in missed)}."
+            text += f" Not in: {listing(_cause(one) for one in missed)}."
         sentences.append(text)
     for policy in OURS:
         regrets = [
