@@ -68,9 +68,9 @@ def frames(folder: Path, count: int) -> list[Frame]:
     return made
 
 
-def look(work: tuple[Any, Any], *, sweep: Sweep) -> int:
+def detect(work: tuple[Any, Any], *, sweep: Sweep) -> int:
     """What the stage does for one frame and kernel."""
-    return len(sweep.look(*work)["score"])
+    return len(sweep.detect(*work)["score"])
 
 
 def growth(sweep: Sweep, shown: list[Frame], blurs: list[Any]) -> dict[str, Any]:
@@ -78,12 +78,12 @@ def growth(sweep: Sweep, shown: list[Frame], blurs: list[Any]) -> dict[str, Any]
     found: dict[str, Any] = {"conditions": {}, "workers": {}}
     for count in (1, len(blurs) // 2, len(blurs)):
         start = time.perf_counter()
-        run_map(partial(look, sweep=sweep), [(frame, kernel) for frame in shown for kernel in blurs[:count]])
-        found["conditions"][str(count * len(sweep.levels_dn))] = time.perf_counter() - start
+        run_map(partial(detect, sweep=sweep), [(frame, kernel) for frame in shown for kernel in blurs[:count]])
+        found["conditions"][str(count * len(sweep.target_sigmas_dn))] = time.perf_counter() - start
     for workers in (1, 2):
         start = time.perf_counter()
         work = [(frame, kernel) for frame in shown for kernel in blurs]
-        run_map(partial(look, sweep=sweep), work, workers=workers)
+        run_map(partial(detect, sweep=sweep), work, workers=workers)
         found["workers"][str(workers)] = time.perf_counter() - start
     return found
 
@@ -102,8 +102,8 @@ def main() -> None:
     overrides = [f"+detector@detection.detectors.{n}={n}" for n, _, _ in names if not n.startswith("compact")]
     overrides += [f"detection.detectors.{name}.weights={weights}" for name, _, weights in names if weights]
     config = parse(compose(overrides), "conf/")
-    section, judge = config.detection.sweep, config.detection.judge
-    camera, levels = config.camera, tuple(section.levels_dn)
+    section, criteria = config.detection.sweep, config.detection.evaluation
+    camera, levels = config.camera, tuple(section.target_sigmas_dn)
     blurs = sweep_kernels(section.blur, section.sizes_px, section.angles_deg, section.match, config.seed)
     blurs = blurs[: arguments.kernels]
     result: dict[str, Any] = {
@@ -115,7 +115,7 @@ def main() -> None:
     }
     with tempfile.TemporaryDirectory() as place:
         shown = frames(Path(place), arguments.frames)
-        conditions = grid([blurs[-1]], [section.effect], levels)
+        conditions = grid([blurs[-1]], [section.noise_source], levels)
         words, sharp = class_map("sim"), shown[0].image()
 
         def form() -> None:
@@ -124,19 +124,26 @@ def main() -> None:
                 frame.under(condition)
 
         result["form_a_condition"] = least(form) / len(levels)
-        where = iopc.on_objects(shown[:1], words, config.detection.measure, judge)
+        where = iopc.on_objects(shown[:1], words, config.detection.measure, criteria)
         see = partial(
-            iopc.measure, where, [blurs[-1]], section.effect, levels, config.detection.measure, camera=camera, seed=1
+            iopc.measure,
+            where,
+            [blurs[-1]],
+            section.noise_source,
+            levels,
+            config.detection.measure,
+            camera=camera,
+            seed=1,
         )
         result["form_and_measure_a_condition"] = least(see) / len(levels)
         for name, _, _ in names:
             chosen = config.detection.detectors[name]
             if not Path(chosen.weights).is_file():
-                result["absent"].append(f"{name}: {chosen.get}")
+                result["absent"].append(f"{name}: {chosen.fetch_command}")
                 continue
             options = options_of(chosen)
             detector = opened(chosen.kind, options)
-            sweep = Sweep(chosen.kind, options, tuple(words.classes), section.effect, levels, camera, 1)
+            sweep = Sweep(chosen.kind, options, tuple(words.classes), section.noise_source, levels, camera, 1)
             each = {"detect_a_frame": least(lambda d=detector: d.detect([sharp]))}  # type: ignore[misc]
             result["detectors"][name] = each | growth(sweep, shown, blurs)
     write_json(arguments.out, {"machine": machine("onnxruntime", "torch", "opencv-python-headless"), **result})

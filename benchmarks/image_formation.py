@@ -13,7 +13,7 @@ Three comparisons on one 1242 x 375 frame:
 Times are least and median of the turns, on the clock and of the processor. Ratios are peer over ours by least processor
 time; below 1 we lose. Peers that are not installed are named as absent. ``recorded`` holds times of the paper's program
 on another machine: no ratio is formed with them. All run in one process, after the memory
-setting of `pipeline.camera.memory`, from which peers gain as well.
+setting of `pipeline.camera.blocks`, from which peers gain as well.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ common.one_thread()
 
 import numpy as np  # noqa: E402
 
-from pipeline.camera import chain, levels  # noqa: E402
+from pipeline.camera import chain, corruption  # noqa: E402
 from pipeline.camera.blur import blur  # noqa: E402
 from pipeline.camera.photon import photon_shot  # noqa: E402
 from pipeline.camera.psf import create  # noqa: E402
@@ -201,10 +201,10 @@ def main() -> None:
         records[name] |= times
     results["equal physics"] = records
 
-    def ours(effect: str, kernel: np.ndarray | None, poisson: Any = "exact") -> Callable[[], object]:
-        key = (2, "image formation benchmark", effect)
-        return lambda: levels.corrupt(
-            image, effect, sigma_dn=SIGMA_DN, generator=stream(*key), psf=kernel, poisson=poisson
+    def ours(noise_source: str, kernel: np.ndarray | None, poisson: Any = "exact") -> Callable[[], object]:
+        key = (2, "image formation benchmark", noise_source)
+        return lambda: corruption.corrupt(
+            image, noise_source, sigma_dn=SIGMA_DN, generator=stream(*key), psf=kernel, poisson=poisson
         )
 
     program = authors_program(arguments.authors)
@@ -217,8 +217,8 @@ def main() -> None:
             "readout": "applyReadNoise",
             "combined": "applyPhotonDarkReadNoise",
         }
-        for effect, name in names.items():
-            theirs[effect] = partial(getattr(noises, name), image, SIGMA_DN)
+        for noise_source, name in names.items():
+            theirs[noise_source] = partial(getattr(noises, name), image, SIGMA_DN)
         eight = np.rint(image * 255).astype(np.uint8)
         theirs["blur"] = lambda: blurs.addDefocusBlur(eight, SIZE_PX)
 
@@ -243,13 +243,16 @@ def main() -> None:
     results["full chain"] = measured
 
     results["sources"] = {}
-    for effect in ("photon", "dcsn", "readout", "combined"):
-        pair: dict[str, Callable[[], object]] = {"ours": ours(effect, None)}
-        if effect in theirs:
-            pair["the paper's program"] = theirs[effect]
+    for noise_source in ("photon", "dcsn", "readout", "combined"):
+        pair: dict[str, Callable[[], object]] = {"ours": ours(noise_source, None)}
+        if noise_source in theirs:
+            pair["the paper's program"] = theirs[noise_source]
         for name, record in with_ratios(common.take_turns(pair, arguments.repeats), "ours").items():
-            results["sources"][f"{effect}: {name}"] = record
-        results["sources"][f"{effect}: recorded"] = {"status": "another machine", "least_ms": RECORDED_MS[effect]}
+            results["sources"][f"{noise_source}: {name}"] = record
+        results["sources"][f"{noise_source}: recorded"] = {
+            "status": "another machine",
+            "least_ms": RECORDED_MS[noise_source],
+        }
 
     for group, table in results.items():
         for name, record in table.items():

@@ -11,7 +11,8 @@ spectral estimator:
     raw         its answers as they are: lens and sensor of the recording camera are among them
     typical     what it takes to have been added to a typical camera's blur (`pipeline.blur.typical_camera`)
     calibrated  divided by its answer for the same sharp frames
-    fitted      corrected by `pipeline.blur.camera_fit`, fitted to the sharp frames of the other half of a dataset,
+    fitted      corrected by `pipeline.blur.camera_calibration`, fitted to the sharp frames of the other half of a
+    dataset,
                 blurred by kernels of the training family, none of them rendered
 
 With ``--peers N``, PMP and GBB (fast) too, on one patch of each of N frames evenly spread, beside the spectral
@@ -40,7 +41,7 @@ import numpy as np  # noqa: E402
 
 from benchmarks import rendered_psf  # noqa: E402
 from pipeline import blur  # noqa: E402
-from pipeline.blur import camera_fit, spectral  # noqa: E402
+from pipeline.blur import camera_calibration, spectral  # noqa: E402
 from pipeline.camera import mtf  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
@@ -121,13 +122,13 @@ def fitted(
     folds = measurements["frame"].map(fold_of).to_numpy()
     maps = calibrate.cross_fit(every, Registered(blur.create, "spectral"), samples=samples, seed=seed)
     for fold, fit in enumerate(maps):
-        assert isinstance(fit, camera_fit.Fit)
+        assert isinstance(fit, camera_calibration.Calibration)
         changed.loc[folds == fold, "estimate"] = mapped(measurements[folds == fold], fit)
         errors.append(round(fit.error_percent[1], 3))
     return changed, errors
 
 
-def mapped(measurements: pd.DataFrame, fit: camera_fit.Fit) -> np.ndarray:
+def mapped(measurements: pd.DataFrame, fit: camera_calibration.Calibration) -> np.ndarray:
     """Estimates corrected by a fit: rows go through a patch's directions and frequencies before the next."""
     return fit(measurements["estimate"].to_numpy(float).reshape(-1, 2, len(mtf.FREQUENCIES))).ravel()
 
@@ -136,7 +137,7 @@ def outcome(table: pd.DataFrame, seed: int) -> dict[str, Any]:
     """AMAE of each kernel and their means, percent; patches that answered and that did not."""
     # Each kernel is a cell of its own, whatever its size.
     cells = table[table["kernel"] != SHARP].assign(blur_kind=lambda rows: rows["kernel"])
-    rows = table_one.summarise(cells, seed, 0).set_index("kind")
+    rows = table_one.summarise(cells, seed, 0).set_index("blur_kind")
     amae = rows["amae_percent"]
     group_of = amae.index.map({one.name: one.group for one in rendered_psf.BANK})
     return {
@@ -155,7 +156,9 @@ def ways(read: pd.DataFrame, seed: int) -> dict[str, Any]:
 
 def spectral_ways(read: pd.DataFrame, corrected: pd.DataFrame, seed: int) -> dict[str, Any]:
     """The spectral estimator's answers read in every way of `WAYS`."""
-    typical = camera_fit.Fit.load(spectral.RELEASED.with_name(spectral.RELEASED.stem + spectral.TYPICAL))
+    typical = camera_calibration.Calibration.load(
+        spectral.RELEASED.with_name(spectral.RELEASED.stem + spectral.TYPICAL)
+    )
     added = read.assign(estimate=mapped(read, typical))
     return {**ways(read, seed), "typical": outcome(added, seed), "fitted": outcome(corrected, seed)}
 
@@ -267,7 +270,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--dataset", action="append", default=[], metavar="NAME=KIND:ROOT", help="may be repeated")
     parser.add_argument("--patches", type=int, default=4, help="at most this many of each frame")
-    parser.add_argument("--samples", type=int, default=camera_fit.SAMPLES, help="blurred patches that a fit is made on")
+    parser.add_argument(
+        "--samples", type=int, default=camera_calibration.SAMPLES, help="blurred patches that a fit is made on"
+    )
     parser.add_argument("--peers", type=int, default=0, metavar="N", help="PMP and GBB on N patches of a dataset")
     parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/unseen_kernels.json")
     arguments = parser.parse_args()

@@ -51,15 +51,15 @@ KERNELS = Schema(
     "kernels",
     {
         "kernel": "string",
-        "kind": "string",  # "defocus", "linear_motion", "nonlinear_motion"
-        "size_px": "int64",
+        "blur_kind": "string",  # "defocus", "linear_motion", "nonlinear_motion"
+        "kernel_size_px": "int64",
         "angle_deg": "float64",
         "source": "string",  # "generated" or "paper"
         "axis": "string",  # "H" or "V"
         "frequency": "float64",
         "mtf": "float64",
     },
-    {"size_px": "px", "angle_deg": "deg", "frequency": "fraction of Nyquist"},
+    {"kernel_size_px": "px", "angle_deg": "deg", "frequency": "fraction of Nyquist"},
 )
 
 CORRUPTION = Schema(
@@ -67,17 +67,18 @@ CORRUPTION = Schema(
     {
         "dataset": "string",
         "frame": "string",
-        "effect": "string",  # "photon", "dcsn", "readout", "combined"
-        "level_dn": "float64",  # the sigma asked for
-        "gain": "float64",  # factor on the sensor's own noise that reaches it
-        "sigma_dn": "float64",  # standard deviation of the noise added, whole frame, before the 8-bit range clips it
-        "sigma_clipped_dn": "float64",  # the same after clipping and rounding
+        "noise_source": "string",  # "photon", "dcsn", "readout", "combined"
+        "target_sigma_dn": "float64",  # the sigma asked for
+        "noise_scale": "float64",  # factor on the sensor's own noise that reaches it
+        # standard deviation of the noise added, whole frame, before the 8-bit range clips it
+        "unclipped_sigma_dn": "float64",
+        "clipped_sigma_dn": "float64",  # the same after clipping and rounding
         "shift_dn": "float64",  # mean of the noise after clipping and rounding
         "clipped_fraction": "float64",
         "temperature_k": "float64",
         "exposure_s": "float64",
     },
-    {"level_dn": "DN", "sigma_dn": "DN", "sigma_clipped_dn": "DN", "shift_dn": "DN"},
+    {"target_sigma_dn": "DN", "unclipped_sigma_dn": "DN", "clipped_sigma_dn": "DN", "shift_dn": "DN"},
 )
 
 NOISE_ESTIMATES = Schema(
@@ -85,20 +86,20 @@ NOISE_ESTIMATES = Schema(
     {
         "dataset": "string",
         "estimator": "string",
-        "effect": "string",
-        "level_dn": "float64",
+        "noise_source": "string",
+        "target_sigma_dn": "float64",
         "frame": "string",
         "patch": "int64",
-        "true_sigma_dn": "float64",  # standard deviation of the noise really present in this patch, after clipping
-        "added_sigma_dn": "float64",  # of the noise as the sensor added it, before the 8-bit range clips it
-        "saturated_share": "float64",  # of the patch's pixels, black or white in the sharp frame
+        "clipped_sigma_dn": "float64",  # standard deviation of the noise really present in this patch, after clipping
+        "unclipped_sigma_dn": "float64",  # of the noise as the sensor added it, before the 8-bit range clips it
+        "saturated_fraction": "float64",  # of the patch's pixels, black or white in the sharp frame
         "sigma_dn": "float64",  # NaN where abstained
         "low_dn": "float64",
         "high_dn": "float64",
         "abstained": "bool",
         "reason": "string",
     },
-    {"level_dn": "DN", "true_sigma_dn": "DN", "added_sigma_dn": "DN", "sigma_dn": "DN"},
+    {"target_sigma_dn": "DN", "clipped_sigma_dn": "DN", "unclipped_sigma_dn": "DN", "sigma_dn": "DN"},
 )
 
 NOISE_SUMMARY = Schema(
@@ -106,17 +107,17 @@ NOISE_SUMMARY = Schema(
     {
         "dataset": "string",
         "estimator": "string",
-        "effect": "string",
-        "level_dn": "float64",
+        "noise_source": "string",
+        "target_sigma_dn": "float64",
         "median_dn": "float64",
         "minimum_dn": "float64",
         "maximum_dn": "float64",
         "low_dn": "float64",  # bootstrap 95 % interval of the median
         "high_dn": "float64",
-        "true_median_dn": "float64",  # robust median of the noise really present, after clipping
-        "added_median_dn": "float64",  # of the noise as added, before clipping
+        "clipped_median_dn": "float64",  # robust median of the noise really present, after clipping
+        "unclipped_median_dn": "float64",  # of the noise as added, before clipping
         "patch_error_dn": "float64",  # mean |estimate - truth| per patch
-        "added_error_dn": "float64",  # mean |estimate - noise as added| per patch
+        "unclipped_error_dn": "float64",  # mean |estimate - noise as added| per patch
         "coverage": "float64",  # share of intervals that hold the noise as added; NaN where the method has none
         "count": "int64",
         "rejected": "int64",

@@ -27,19 +27,27 @@ def sweep_tables(scenes: int = FRAMES) -> tuple[pd.DataFrame, pd.DataFrame, pd.D
         objects.append({"frame": frame, "label": "car", **low, "ignore": False, "visible_fraction": np.nan})
     for kernel, kind, size, angle in names():
         for level in LEVELS:
-            place = {"kernel": kernel, "kind": kind, "size_px": size, "angle_deg": angle, "effect": "dcsn"}
+            place = {
+                "kernel": kernel,
+                "blur_kind": kind,
+                "kernel_size_px": size,
+                "angle_deg": angle,
+                "noise_source": "dcsn",
+            }
             share = 1.0 - size / 30.0 * (1.2 if angle else 0.8) - level / 100.0
             count = round(FRAMES * share)
             for number in range(FRAMES):
                 frame, hit = f"f{number:02d}", number < count
                 scene = f"s{number * scenes // FRAMES}"
-                looked.append({"frame": frame, "scene": scene, **place, "level_dn": level, "detections": int(hit)})
+                looked.append(
+                    {"frame": frame, "scene": scene, **place, "target_sigma_dn": level, "detections": int(hit)}
+                )
                 if hit:
                     box = {"x1": 10.0, "y1": 10.0, "x2": 60.0, "y2": 50.0}
                     found.append(
-                        {"frame": frame, "kernel": kernel, "level_dn": level, "label": "car", "score": 0.9} | box
+                        {"frame": frame, "kernel": kernel, "target_sigma_dn": level, "label": "car", "score": 0.9} | box
                     )
-            row = dict.fromkeys(CONDITIONS.columns, 0.0) | place | {"level_dn": level, "sigma_dn": level}
+            row = dict.fromkeys(CONDITIONS.columns, 0.0) | place | {"target_sigma_dn": level, "sigma_dn": level}
             medians.append(row | {"mtf": 1.0 - size / 30.0 + (0.01 if angle else -0.01) * (size > 0)})
     return (
         DETECTIONS.conform(pd.DataFrame(found)),

@@ -27,7 +27,7 @@ def tiny(folder, workers, **changes):
     content = yaml.safe_load(compose(overrides, ROOT / "conf"))
     content["datasets"] = {"kitti": {**content["datasets"]["kitti"], "root": str(folder / "kitti"), **changes}}
     content["matrix"]["datasets"] = ["kitti"]
-    content["corruption"]["levels_dn"] = content["noise"]["levels_dn"] = [0, 10]
+    content["corruption"]["target_sigmas_dn"] = content["noise"]["target_sigmas_dn"] = [0, 10]
     content["scenes"] |= {"viewpoints": 1, "samples": 1, "width_px": 256, "height_px": 256, "star_periods": 40}
     content["scenes"]["star_frequencies"] = [0.1, 0.2]
     content["corruption"]["effects"] = content["noise"]["noise_sources"] = ["photon", "combined"]

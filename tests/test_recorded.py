@@ -22,8 +22,8 @@ def test_recorded_frames_run_through_the_graph_and_into_a_report(shared, tmp_pat
         f"+dataset@datasets.{name}={name}",
         f"datasets.{name}.root={shared / 'realdata' / name}",
         f"datasets.{name}.limit=2",
-        "corruption.levels_dn=[0,15]",
-        "corruption.effects=[dcsn]",
+        "corruption.target_sigmas_dn=[0,15]",
+        "corruption.noise_sources=[dcsn]",
     ]
     content = yaml.safe_load(compose(overrides, ROOT / "conf"))
     content["datasets"] = {name: content["datasets"][name]}
@@ -39,8 +39,8 @@ def test_recorded_frames_run_through_the_graph_and_into_a_report(shared, tmp_pat
     assert len(frames) == 2
     assert (frames["objects"] > 0).any()
     summary = store.read_table(tmp_path / f"data/noise/{name}-pca/summary.parquet", tables.NOISE_SUMMARY)
-    noisy = summary[summary["level_dn"] == 15].iloc[0]
-    assert abs(noisy["median_dn"] - noisy["true_median_dn"]) < 1.5
+    noisy = summary[summary["target_sigma_dn"] == 15].iloc[0]
+    assert abs(noisy["median_dn"] - noisy["clipped_median_dn"]) < 1.5
     page = (tmp_path / "reports/index.html").read_text()
     absent = {"kitti": "udacity", "udacity": "kitti"}[name]
     assert "data absent" in page

@@ -37,14 +37,14 @@ def test_the_papers_three_datasets_are_recorded(records: dict[str, BlurRecord]) 
 @pytest.mark.parametrize("dataset", DATASETS)
 def test_every_estimator_has_every_cell_with_an_interval(records: dict[str, BlurRecord], dataset: str) -> None:
     one = records[dataset]
-    assert {"spectral", "typical", "fitted"} <= set(one.estimators)
+    assert {"spectral", "generic_lens", "camera_calibrated"} <= set(one.estimators)
     for name in one.estimators:
         for is_calibrated in (False, True):
             own = one.summary[(one.summary["estimator"] == name) & (one.summary["calibrated"] == is_calibrated)]
-            if (name, is_calibrated) in (("fitted", False), ("fused", False), ("typical", True)):
+            if (name, is_calibrated) in (("camera_calibrated", False), ("fused", False), ("generic_lens", True)):
                 assert own.empty
                 continue
-            assert len(own) == 1 + 3 * 5 and not own.duplicated(["kind", "size_px"]).any()
+            assert len(own) == 1 + 3 * 5 and not own.duplicated(["blur_kind", "kernel_size_px"]).any()
             assert np.isfinite(own[["amae_percent", "low_percent", "high_percent"]].to_numpy()).all()
             assert (own["low_percent"] <= own["high_percent"]).all()
             asked, patches = own["count"] + own["abstained"], one.measured_on(name)[1]
@@ -54,20 +54,20 @@ def test_every_estimator_has_every_cell_with_an_interval(records: dict[str, Blur
 @pytest.mark.parametrize("dataset", DATASETS)
 def test_fitted_to_the_camera_it_stays_below_the_bar(records: dict[str, BlurRecord], dataset: str) -> None:
     table = records[dataset].summary
-    blurred = table[(table["kind"] != SHARP) & (table["estimator"] == "fitted")]
+    blurred = table[(table["blur_kind"] != SHARP) & (table["estimator"] == "camera_calibrated")]
     assert blurred["amae_percent"].mean() < BARS[dataset]
 
 
 @pytest.mark.parametrize(
     ("dataset", "estimator", "bar"),
-    [("kitti", "typical", 2.6), ("udacity", "typical", 4.0), ("sim_authors", "spectral", 3.5)],
+    [("kitti", "generic_lens", 2.6), ("udacity", "generic_lens", 4.0), ("sim_authors", "spectral", 3.5)],
 )
 def test_uncalibrated_it_stays_below_the_bar(
     records: dict[str, BlurRecord], dataset: str, estimator: str, bar: float
 ) -> None:
     """Less a typical lens where there is one; the authors' Sim is rendered without."""
     table = records[dataset].summary
-    raw = table[(table["kind"] != SHARP) & (table["estimator"] == estimator) & ~table["calibrated"]]
+    raw = table[(table["blur_kind"] != SHARP) & (table["estimator"] == estimator) & ~table["calibrated"]]
     assert raw["amae_percent"].mean() < bar
 
 
@@ -75,7 +75,9 @@ def test_sharp_curves_fall_and_those_of_the_renderer_least(records: dict[str, Bl
     """A lens lets fine detail through less; the authors' Sim has none."""
     last = {}
     for dataset, one in records.items():
-        own = one.sharp[(one.sharp["estimator"] == "spectral") & (one.sharp["axis"] == "H")].sort_values("place")
+        own = one.sharp[(one.sharp["estimator"] == "spectral") & (one.sharp["axis"] == "H")].sort_values(
+            "frequency_index"
+        )
         assert len(own) == 8 and (np.diff(own["median"]) <= 0).all()
         assert ((own["min"] <= own["median"]) & (own["median"] <= own["max"])).all()
         last[dataset] = own["median"].iloc[-1]
@@ -135,9 +137,9 @@ def test_they_can_be_repeated(shared: Path, records: dict[str, BlurRecord], tmp_
         "blur.bootstrap_draws=2",
     ]
     config = parse(compose(overrides, ROOT / "conf"), "conf/")
-    record(config, dataset, ["spectral", "fitted"], tmp_path / "again", "again", partial(run_map, workers=1))
+    record(config, dataset, ["spectral", "camera_calibrated"], tmp_path / "again", "again", partial(run_map, workers=1))
     (again,) = blur_records.read(ReportInputs(paper=ROOT / "data/paper", recorded=tmp_path))
-    keys = ["estimator", "kind", "size_px", "calibrated"]
+    keys = ["estimator", "blur_kind", "kernel_size_px", "calibrated"]
     both = again.summary.merge(records[dataset].summary, on=keys, suffixes=("", "_kept"))
     assert len(both) == len(again.summary) == 3 * 3
     assert (both["count"] == both["count_kept"]).all()

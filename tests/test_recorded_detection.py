@@ -33,21 +33,21 @@ def provenance() -> dict:
 
 def test_sharp_cars_are_found_and_every_cell_has_an_interval(precision: pd.DataFrame) -> None:
     cars = precision[precision["label"] == "car"]
-    clean = cars[(cars["size_px"] == 0) & (cars["level_dn"] == 0)]
+    clean = cars[(cars["kernel_size_px"] == 0) & (cars["target_sigma_dn"] == 0)]
     assert clean["ap_percent"].item() >= 80.0
     assert len(cars) == 6 * 6 and (cars["low_percent"] <= cars["high_percent"]).all()
     assert (cars["objects"] == clean["objects"].item()).all()
 
 
 def test_blur_and_noise_each_lower_the_average_precision(precision: pd.DataFrame) -> None:
-    cars = precision[precision["label"] == "car"].set_index(["size_px", "level_dn"])["ap_percent"]
+    cars = precision[precision["label"] == "car"].set_index(["kernel_size_px", "target_sigma_dn"])["ap_percent"]
     assert cars[0, 25] < cars[0, 10] < cars[0, 0] and cars[21, 0] < cars[11, 0] < cars[0, 0]
     assert cars[21, 25] < cars[21, 0] and cars[21, 25] < cars[0, 25]
 
 
 def test_what_was_estimated_is_what_was_done(precision: pd.DataFrame) -> None:
     """The axes are estimates; they follow the noise and the blur put in."""
-    assert np.abs(precision["sigma_dn"] - precision["level_dn"]).max() < 1.0
+    assert np.abs(precision["sigma_dn"] - precision["target_sigma_dn"]).max() < 1.0
     found = pd.read_csv(KITTI / "conditions.csv")
     miss = np.abs(found["mtf"] - found["true_mtf"])
     assert miss.max() < 0.11 and miss.median() < 0.03  # at 7 px and noise the estimator reads a tenth too little
@@ -76,8 +76,8 @@ def configured(shared: Path) -> list[str]:
         f"detection.detectors.yolox.weights={shared / 'weights/yolox_nano.onnx'}",
         "detection.sweep.angles_deg=[0]",
         "detection.sweep.effect=dcsn",
-        "detection.judge.lowest_px=25",
-        "detection.judge.least_visible=0.3",
+        "detection.evaluation.min_height_px=25",
+        "detection.evaluation.min_visible_fraction=0.3",
     ]
 
 
@@ -94,11 +94,11 @@ def test_it_is_of_the_pictures_it_names(shared: Path, provenance: dict) -> None:
 @pytest.mark.slow
 def test_it_can_be_repeated(shared: Path, precision: pd.DataFrame, tmp_path: Path) -> None:
     """A few cells again, on all frames: the same numbers to what a platform's rounding moves."""
-    few = ["detection.sweep.sizes_px=[0,3,7]", "detection.sweep.levels_dn=[0,5]"]
+    few = ["detection.sweep.sizes_px=[0,3,7]", "detection.sweep.target_sigmas_dn=[0,5]"]
     config = parse(compose([*configured(shared), *few], ROOT / "conf"), "conf/")
     record(config, "kitti", "yolox", tmp_path / "out", "again", partial(run_map, workers=1))
     again = pd.read_csv(tmp_path / "out/precision.csv")
-    keys = ["label", "kernel", "level_dn"]
+    keys = ["label", "kernel", "target_sigma_dn"]
     both = again.merge(precision, on=keys, suffixes=("", "_kept"))
     assert len(both) == 2 * 3 * 2
     assert np.abs(both["ap_percent"] - both["ap_percent_kept"]).max() < 0.5

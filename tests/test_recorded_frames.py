@@ -20,7 +20,7 @@ from pipeline.report.recorded_frames import Request, record_combined, record_den
 OVERRIDES = (
     "datasets.photos.limit=2",
     "noise.noise_sources=[photon]",
-    "noise.levels_dn=[0,10]",
+    "noise.target_sigmas_dn=[0,10]",
     "noise.tiles_per_frame=3",
     "~noise.estimators.cnn",
     "~noise.estimators.adaptive",
@@ -28,7 +28,7 @@ OVERRIDES = (
     "+noise.estimators.bf.per_frame=2",
     "psf.angles_deg=[45]",
     "combined.frames=2",
-    "combined.levels_dn=[0,10]",
+    "combined.target_sigmas_dn=[0,10]",
     "combined.sizes_px=[3,11]",
     "~combined.experiments.linear_dcsn",
     "~combined.experiments.photon_linear",
@@ -40,7 +40,7 @@ OVERRIDES = (
     "combined.denoise.sigma_by=pca",
     "combined.bootstrap_draws=20",
     "denoised_blur.sizes_px=[3]",
-    "denoised_blur.levels_dn=[10]",
+    "denoised_blur.target_sigmas_dn=[10]",
     "denoised_blur.filters_px=[7]",
     "denoised_blur.bootstrap_draws=20",
 )
@@ -64,8 +64,8 @@ def inputs(folder: Path) -> ReportInputs:
 def test_noise_is_measured_as_the_stage_does(inputs: ReportInputs) -> None:
     table = frame_records.joined(inputs, NOISE_FILE)
     assert set(table["estimator"]) == {"pca", "bf"} and set(table["dataset"]) == {"photos"}
-    clean, noisy = table[table["estimator"] == "pca"].sort_values("added_median_dn").to_dict("records")
-    assert clean["added_median_dn"] == 0 and noisy["added_median_dn"] == pytest.approx(10, abs=4)
+    clean, noisy = table[table["estimator"] == "pca"].sort_values("unclipped_median_dn").to_dict("records")
+    assert clean["unclipped_median_dn"] == 0 and noisy["unclipped_median_dn"] == pytest.approx(10, abs=4)
     assert noisy["median_dn"] > clean["median_dn"]
     asked = (table["count"] + table["abstained"]).groupby(table["estimator"]).unique()
     assert asked["pca"].tolist() == [6] and asked["bf"].tolist() == [4]  # tiles of two frames
@@ -91,7 +91,7 @@ def test_the_provenance_names_frames_and_settings_and_no_folder(inputs: ReportIn
     about = json.loads(text)
     assert about["source"] == "noise (public domain)" and about["weights"] == {"w": "0"}
     assert len(about["frames"]) == 2 and all(len(value) == 64 for value in about["frames"].values())
-    assert about["settings"]["noise"]["levels_dn"] == [0, 10]
+    assert about["settings"]["noise"]["target_sigmas_dn"] == [0, 10]
     assert str(Path.home()) not in text and str(folder) not in text
     (record,) = frame_records.records_with(inputs, NOISE_FILE)
     assert record.frames["noise_tiles"].tolist() == [3, 3]

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from pipeline.learning.conduct import Conduct
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.settings import Recipe, Training
 
 JUDGED = ("mtf_error_percent", "mtf_error_clean_percent", "mtf_error_noisy_percent", "sigma_error_dn")
@@ -29,7 +29,7 @@ def shortened(training: Training, steps: int) -> Training:
         training.schedule,
         steps=steps,
         warm_up=min(training.schedule.warm_up, max(steps // 8, 1)),
-        average_decay=min(training.schedule.average_decay, 1 - 10 / max(steps, 20)),
+        ema_decay=min(training.schedule.ema_decay, 1 - 10 / max(steps, 20)),
         checkpoint_every=rhythm * max(steps // rhythm, 1),
         report_every=rhythm,
     )
@@ -49,13 +49,13 @@ def variant(training: Training, changes: Mapping[str, Any]) -> Training:
     return replace(training, recipe=recipe, **given)
 
 
-def judge(released: Training, changed: Training, conduct: Conduct) -> dict[str, float]:
+def evaluate(released: Training, changed: Training, run_options: RunOptions) -> dict[str, float]:
     """Train a variant and judge it on the held-out samples of the released training.
 
     Args:
         released: training whose held-out samples are used.
         changed: the variant.
-        conduct: how the variant's training runs.
+        run_options: how the variant's training runs.
 
     Returns:
         measures of `pipeline.blur.spectral_training.measure`.
@@ -65,7 +65,7 @@ def judge(released: Training, changed: Training, conduct: Conduct) -> dict[str, 
     from pipeline.blur.spectral_training import feature_arrays, measure, train
     from pipeline.learning.training import validation_samples
 
-    trained = train(changed, conduct)
+    trained = train(changed, run_options)
     with torch.no_grad():
-        result = measure(trained.model, validation_samples(released, conduct, feature_arrays))
+        result = measure(trained.model, validation_samples(released, run_options, feature_arrays))
     return {name: result[name] for name in JUDGED}

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.learning.conduct import Conduct
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.samples import Chunk
 from pipeline.learning.settings import Training
 from pipeline.learning.trainer import Trained
@@ -63,7 +63,7 @@ def measure(model: torch.nn.Module, data: Mapping[str, torch.Tensor]) -> dict[st
     return {"mtf_error_percent": 100 * float(error.abs().mean()), "mean_squared_error": float(error.square().mean())}
 
 
-def train(training: Training, conduct: Conduct) -> Trained:
+def train(training: Training, run_options: RunOptions) -> Trained:
     """Train the paper's network; arguments as for `pipeline.blur.spectral_training.train`."""
     from pipeline.blur.cnn_net import MtfCnn
     from pipeline.learning.initial import initialise
@@ -73,7 +73,7 @@ def train(training: Training, conduct: Conduct) -> Trained:
     initialise(model, training.seed, "cnn network", rule="glorot")
     loss = Loss(training.half_precision)
     return train_on_samples(
-        model, training, conduct, patch_arrays, loss, measure, name="mtf-cnn", code=__name__, score=SCORE
+        model, training, run_options, patch_arrays, loss, measure, name="mtf-cnn", code=__name__, score=SCORE
     )
 
 

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from pipeline.blur import shared_blur
 from pipeline.blur.base import BlurEstimate, Estimator, as_patches
-from pipeline.blur.camera_fit import SAMPLES, affine_fit
+from pipeline.blur.camera_calibration import SAMPLES, affine_calibration
 from pipeline.blur.fusion_camera import SHARP_PATCHES, FusionMap
 from pipeline.blur.fusion_members import Deconvolution, join_members
 from pipeline.blur.spectral import RELEASED as RELEASED_SPECTRAL
@@ -175,14 +175,14 @@ class Fused(Estimator):
         Args:
             sharp_patches: (N, 1, 192, 192) float in [0, 1] of the camera's sharp frames; some tens, from
                 different scenes, are enough.
-            samples: see `pipeline.blur.camera_fit.affine_fit`.
+            samples: see `pipeline.blur.camera_calibration.affine_calibration`.
             seed: see there.
 
         Raises:
             InputError: see there.
         """
         sharp = as_patches(sharp_patches, "sharp_patches")
-        spectral = affine_fit(self.spectral, sharp, samples=samples, seed=seed)
+        spectral = affine_calibration(self.spectral, sharp, samples=samples, seed=seed)
         picked = shared_blur.spread(np.arange(len(sharp)), SHARP_PATCHES)
         result = self.deconvolution.gbb.estimate(sharp[picked])
         kept = np.asarray(result.mtf, np.float64)[~result.abstained]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.blur.base import FREQUENCIES, BlurEstimate
-from pipeline.blur.camera_fit import Fit
+from pipeline.blur.camera_calibration import Calibration
 from pipeline.errors import InputError
 
 SHARP_FLOOR = 0.3  # GBB's sharp MTF is not divided by below this: it is noise there
@@ -30,7 +30,7 @@ class FusionMap:
         gbb_sharp_mtf: (2, 8) median MTF by GBB over sharp patches; 1 where it could measure none.
     """
 
-    spectral: Fit
+    spectral: Calibration
     gbb_sharp_mtf: NDArray[np.float64]
 
     @property
@@ -70,7 +70,7 @@ class FusionMap:
             sharp = np.array(content["gbb_sharp_mtf"], float)
             if sharp.shape != (2, FREQUENCIES) or not np.isfinite(sharp).all():
                 raise ValueError(f"gbb_sharp_mtf of shape {sharp.shape}, expected (2, {FREQUENCIES}) finite numbers")
-            return cls(Fit.from_content(content["spectral"]), sharp)
+            return cls(Calibration.from_content(content["spectral"]), sharp)
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(
                 f"{path}: not the calibration of the fused estimator ({error}); "

@@ -64,7 +64,7 @@ def blurred(recipe: FusionRecipe, index: int) -> Blurred:
     view = images.view(picture, generator, PATCH_PX, recipe.anisotropy)
     seen = torch.from_numpy(blur(blur(view, kernel), gaussian(spread)).clip(0, 1))[None]
     sigma_dn, dn = 0.0, seen * 255
-    if generator.random() >= recipe.clean_share:
+    if generator.random() >= recipe.clean_fraction:
         even = generator.uniform(0, recipe.largest_sigma_dn)
         logarithmic = np.exp(generator.uniform(0, np.log(recipe.largest_sigma_dn)))
         sigma_dn = float(even if generator.random() < 0.5 else logarithmic)

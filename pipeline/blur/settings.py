@@ -21,7 +21,7 @@ class FusionRecipe:
         kernel_distribution: see `pipeline.learning.kernels.draw`.
         anisotropy: see `pipeline.learning.images.view`.
         intrinsic_px: range of the intrinsic Gaussian's standard deviation, pixels.
-        clean_share: share of samples without noise.
+        clean_fraction: share of samples without noise.
         largest_sigma_dn: of the noise; half of the levels are even, half logarithmic from 1 DN.
         largest_mean_mtf: kernels with a higher mean MTF are passed over.
         seed: root of the random streams.
@@ -31,7 +31,7 @@ class FusionRecipe:
     kernel_distribution: KernelDistribution = "with_optics"
     anisotropy: Fraction = 0.7
     intrinsic_px: tuple[NonNegative, NonNegative] = (0.0, 0.7)
-    clean_share: Fraction = 0.5
+    clean_fraction: Fraction = 0.5
     largest_sigma_dn: Annotated[float, Field(gt=1, le=100)] = 25.0
     largest_mean_mtf: Annotated[float, Field(gt=0, le=1)] = 0.65
     seed: Seed = 1
@@ -56,7 +56,7 @@ class FusionTraining:
     folds: Annotated[int, Field(ge=2, le=20)] = 4
 
 
-class TypicalCameraSettings(Settings):
+class GenericLensSettings(Settings):
     """What the spectral estimator is fitted to cameras at large on; see `pipeline.blur.typical_camera`."""
 
     images: Count
@@ -71,11 +71,11 @@ class AblationVariant(Settings):
     seed: Seed | None = None
     images: Count | None = None
     kernels: Count | None = None
-    uses: Count | None = None
+    replays: Count | None = None
     anisotropy: Fraction | None = None
     intrinsic_px: tuple[NonNegative, NonNegative] | None = None
-    clean_share: Fraction | None = None
-    before_share: Fraction | None = None
+    clean_fraction: Fraction | None = None
+    pre_blur_noise_fraction: Fraction | None = None
 
 
 class AblationSettings(Settings):

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.blur.base import BlurEstimate, Estimator
-from pipeline.blur.camera_fit import Fit, corrected
+from pipeline.blur.camera_calibration import Calibration, corrected
 from pipeline.errors import InputError
 from pipeline.project_files import located
 from pipeline.weight_files import active
@@ -48,7 +48,7 @@ EXCESS_DN = (0.8, 2.0)
 WIDENED_FROM = 0.25  # weight of that network from which the interval spans both
 RELEASED_TYPICAL = located("data/weights/mtf_spectral_typical.json")
 
-ANSWERS = ("total", "added")
+OUTPUTS = ("system", "relative")
 AT_ONCE = 8
 INTERVAL = 3.0  # of a Laplace distribution, ln 20 scales hold 95 %; weight files carry their measured factor
 
@@ -64,8 +64,8 @@ class Spectral(Estimator):
         weights: file of `pipeline.learning.weights`; None for the released one.
         processed_weights: of the network for processed pictures; None for the released one.
         processed: whether that network takes part.
-        answer: ``"total"``, the MTF of lens, sensor and motion together, or ``"added"``, that of what was added to a
-            typical camera's sharp frames; the latter's map lies beside the weights (``STEM_typical.json``).
+        output: ``"system"``, the MTF of lens, sensor and motion together, or ``"relative"``, that of what was added to
+            a typical camera's sharp frames; the latter's map lies beside the weights (``STEM_typical.json``).
         mirrored: average the answers for the patch and its mirror image (whose spectrum is known already): the network
             runs twice, for hundredths of a percent in the AMAE.
         batch: patches computed together.
@@ -82,7 +82,7 @@ class Spectral(Estimator):
         *,
         processed_weights: str | Path | None = None,
         processed: bool = True,
-        answer: str = "total",
+        output: str = "system",
         mirrored: bool = False,
         batch: int = 32,
         device: str = "cpu",
@@ -94,13 +94,13 @@ class Spectral(Estimator):
 
         if batch < 1:
             raise InputError(f"blur estimator 'spectral': batch={batch}, expected at least 1")
-        if answer not in ANSWERS:
-            raise InputError(f"blur estimator 'spectral': answer={answer!r}, expected one of {', '.join(ANSWERS)}")
+        if output not in OUTPUTS:
+            raise InputError(f"blur estimator 'spectral': output={output!r}, expected one of {', '.join(OUTPUTS)}")
         self.mirrored, self.batch, self.device = mirrored, batch, device
         network, path = SpectralNet(), Path(weights or active(RELEASED))
         header = into(network, path, ARCHITECTURE)
         self.released = bool(header["released"])
-        self.typical = Fit.load(path.with_name(path.stem + TYPICAL)) if answer == "added" else None
+        self.typical = Calibration.load(path.with_name(path.stem + TYPICAL)) if output == "relative" else None
         self.interval = float(header.get("interval", INTERVAL))
         self.network = network.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.processed: SpectralNet | None = None

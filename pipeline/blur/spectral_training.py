@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.learning.conduct import Conduct
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.samples import Chunk
 from pipeline.learning.settings import Training
 from pipeline.learning.trainer import Trained
@@ -79,12 +79,12 @@ def measure(model: torch.nn.Module, data: Mapping[str, torch.Tensor]) -> dict[st
     }
 
 
-def train(training: Training, conduct: Conduct) -> Trained:
+def train(training: Training, run_options: RunOptions) -> Trained:
     """Train the spectral network.
 
     Args:
         training: all that the result depends on.
-        conduct: how it runs.
+        run_options: how it runs.
 
     Returns:
         the network that validated best, and its learning curve.
@@ -96,7 +96,7 @@ def train(training: Training, conduct: Conduct) -> Trained:
     model = SpectralNet(half_precision=training.half_precision)
     initialise(model, training.seed, "spectral network")
     trained = train_on_samples(
-        model, training, conduct, feature_arrays, loss, measure, name="mtf-spectral", code=__name__, score=SCORE
+        model, training, run_options, feature_arrays, loss, measure, name="mtf-spectral", code=__name__, score=SCORE
     )
     model.half_precision = False
     return trained

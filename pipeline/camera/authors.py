@@ -122,12 +122,12 @@ def add_noise(scene_dn: Double, raw: Double, sigma_dn: float, program: Program) 
     size = float(np.std(noise) if program.scaling == "std" else np.mean(np.abs(noise)))
     if not size > 0.0:
         raise InputError(f"no gain reaches {sigma_dn:g} DN: the effects give no noise on this frame")
-    gain = sigma_dn / size
-    noise *= np.float32(gain)
+    noise_scale = sigma_dn / size
+    noise *= np.float32(noise_scale)
     out = scene_dn + noise
     if program.rounds:
         out = np.rint(out)
-    return np.trunc(np.clip(out, 0.0, FULL_SCALE_DN)), noise, gain
+    return np.trunc(np.clip(out, 0.0, FULL_SCALE_DN)), noise, noise_scale
 
 
 def blur_8bit(dn: Double, psf: NDArray[np.floating]) -> Double:
@@ -185,7 +185,7 @@ def corrupt(
     dn = signal_e.astype(np.float64) * (FULL_SCALE_DN / sensor.full_well_e)
     first = effects == Effects(photon=True, temperature_k=effects.temperature_k, exposure_s=effects.exposure_s)
     noise_e: dict[str, Float] = {}
-    gain, outside = 0.0, 0.0
+    noise_scale, outside = 0.0, 0.0
     for step in ("noise", "blur") if first else ("blur", "noise"):
         if step == "blur" and psf is not None:
             dn = blur_8bit(np.trunc(dn + 1e-3), psf)
@@ -193,15 +193,15 @@ def corrupt(
             before = (dn * (sensor.full_well_e / FULL_SCALE_DN)).astype(np.float32)
             raw = raw_dn(before, effects, sensor, temperature_k, exposure_s, draws_from, program.full_scale)
             scene_dn = dn
-            dn, noise, gain = add_noise(scene_dn, raw, sigma_dn, program)
+            dn, noise, noise_scale = add_noise(scene_dn, raw, sigma_dn, program)
             wanted = scene_dn + noise
             outside = float(np.count_nonzero((wanted < 0.0) | (wanted > FULL_SCALE_DN))) / wanted.size
             noise_e["photon" if first else "total"] = noise * np.float32(sensor.electrons_per_dn)
     return Corrupted(
         image=full_range(dn.astype(np.float32)),
-        effect=name,
-        level_dn=float(sigma_dn),
-        gain=gain,
+        noise_source=name,
+        target_sigma_dn=float(sigma_dn),
+        noise_scale=noise_scale,
         sensor=sensor,
         temperature_k=temperature_k,
         exposure_s=exposure_s,

@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.camera import draws
+from pipeline.camera.blocks import blocks, keep_freed_memory
 from pipeline.camera.dark_current import dark_noise
 from pipeline.camera.effects import PRESETS, Effects, preset
-from pipeline.camera.memory import blocks, keep_freed_memory
 from pipeline.camera.photon import photon_shot
 from pipeline.camera.quantise import as_image, collect, digitise, full_range
 from pipeline.camera.readout import read_noise
@@ -121,12 +121,12 @@ def develop(
     drawn: Drawn,
     sensor: Sensor,
     *,
-    gain: float = 1.0,
+    noise_scale: float = 1.0,
     psf: NDArray[np.floating] | None = None,
     boundary: Boundary = "reflect",
     quantise: bool = True,
-    effect: str = "",
-    level_dn: float = float("nan"),
+    noise_source: str = "",
+    target_sigma_dn: float = float("nan"),
     poisson: str = "exact",
     order: Order = "paper",
     key: tuple[KeyPart, ...] = (),
@@ -135,14 +135,14 @@ def develop(
 
     Args:
         signal_e: (H, W) mean electrons.
-        drawn: the noise; its arrays are multiplied by ``gain`` in place.
+        drawn: the noise; its arrays are multiplied by ``noise_scale`` in place.
         sensor: the sensor.
-        gain: factor on all noise.
+        noise_scale: factor on all noise.
         psf: kernel of the optics, unit sum; None for none.
         boundary: what the blur sees beyond the frame.
         quantise: full well, whole electrons, rounding and clipping to 8 bit.
-        effect: name of the effects, recorded in the result.
-        level_dn: the level asked for, recorded.
+        noise_source: name of the effects, recorded in the result.
+        target_sigma_dn: the level asked for, recorded.
         poisson: how counts were drawn, recorded.
         order: whether photon noise comes before the optics (``paper``) or after them (``detector``).
         key: of the random stream, recorded.
@@ -151,9 +151,9 @@ def develop(
         the frame and its truth.
     """
     noise = drawn.noise_e
-    if gain != 1.0:
+    if noise_scale != 1.0:
         for source in noise.values():
-            source *= np.float32(gain)
+            source *= np.float32(noise_scale)
     light = signal_e
     if "photon" in noise and order == "paper":
         light = light + noise["photon"]
@@ -164,9 +164,9 @@ def develop(
     image, clipped = record(light, noise.get("dark"), noise.get("readout"), sensor, quantise=quantise)
     return Corrupted(
         image=image,
-        effect=effect,
-        level_dn=level_dn,
-        gain=gain if noise else 0.0,
+        noise_source=noise_source,
+        target_sigma_dn=target_sigma_dn,
+        noise_scale=noise_scale if noise else 0.0,
         sensor=sensor,
         temperature_k=drawn.temperature_k,
         exposure_s=drawn.exposure_s,
@@ -238,7 +238,7 @@ def expose(
     *,
     sensor: Sensor | None = None,
     psf: NDArray[np.floating] | None = None,
-    gain: float = 1.0,
+    noise_scale: float = 1.0,
     boundary: Boundary = "reflect",
     poisson: draws.PoissonMethod = "exact",
     order: Order = "paper",
@@ -254,7 +254,7 @@ def expose(
         generator: where everything comes from.
         sensor: the paper's if None.
         psf: kernel of the optics, unit sum; None for none.
-        gain: factor on all noise; 0 switches it off.
+        noise_scale: factor on all noise; 0 switches it off.
         boundary: what the blur sees beyond the frame.
         poisson: see `draws.poisson`.
         order: see `develop`.
@@ -266,12 +266,12 @@ def expose(
     Raises:
         InputError: wrong image, gain, kernel, order or conditions.
     """
-    if not 0.0 <= gain < float("inf"):
-        raise InputError(f"gain is a factor of at least 0 on the noise, got {gain!r}")
+    if not 0.0 <= noise_scale < float("inf"):
+        raise InputError(f"noise_scale is a factor of at least 0 on the noise, got {noise_scale!r}")
     used = sensor or Sensor()
     scene = as_image(image)
     signal_e = used.electrons(scene)
-    on = effects if gain > 0.0 else Effects(quantise=effects.quantise)
+    on = effects if noise_scale > 0.0 else Effects(quantise=effects.quantise)
     if not on.noisy and psf is None and used.over_exposure == 1.0:
         return untouched(scene, signal_e, used, key=key)
     drawn = draw(arriving(signal_e, psf, boundary, order), on, used, generator, poisson=poisson)
@@ -279,7 +279,7 @@ def expose(
         signal_e,
         drawn,
         used,
-        gain=gain,
+        noise_scale=noise_scale,
         psf=psf,
         boundary=boundary,
         quantise=effects.quantise,
@@ -290,7 +290,7 @@ def expose(
 
 
 def untouched(
-    scene: Float, signal_e: Float, sensor: Sensor, *, effect: str = "", key: tuple[KeyPart, ...] = ()
+    scene: Float, signal_e: Float, sensor: Sensor, *, noise_source: str = "", key: tuple[KeyPart, ...] = ()
 ) -> Corrupted:
     """A frame to which nothing happened: the image itself, bit for bit.
 
@@ -298,14 +298,14 @@ def untouched(
         scene: (H, W) float32 in [0, 1].
         signal_e: (H, W) its electrons.
         sensor: recorded in the result.
-        effect: name of the effects, recorded.
+        noise_source: name of the effects, recorded.
         key: of the random stream, recorded.
     """
     return Corrupted(
         image=scene,
-        effect=effect,
-        level_dn=0.0,
-        gain=0.0,
+        noise_source=noise_source,
+        target_sigma_dn=0.0,
+        noise_scale=0.0,
         sensor=sensor,
         temperature_k=float("nan"),
         exposure_s=float("nan"),

@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.camera.memory import blocks
+from pipeline.camera.blocks import blocks
 from pipeline.errors import InputError, did_you_mean
 from pipeline.streams import stream
 

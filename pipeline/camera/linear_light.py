@@ -42,7 +42,7 @@ def corrupt(
     order: Order,
     key: tuple[KeyPart, ...],
 ) -> Corrupted:
-    """Corrupt a checked frame in linear light; the arguments are those of `pipeline.camera.levels.corrupt`.
+    """Corrupt a checked frame in linear light; the arguments are those of `pipeline.camera.corruption.corrupt`.
 
     Args:
         scene: (H, W) float32 encoded grey levels in [0, 1].
@@ -96,9 +96,9 @@ def corrupt(
         charge = charge + arrived["readout"]
     return Corrupted(
         image=_digitised(charge, sensor) if effects.quantise else _level(charge, sensor),
-        effect=name,
-        level_dn=float(sigma_dn),
-        gain=scale,
+        noise_source=name,
+        target_sigma_dn=float(sigma_dn),
+        noise_scale=scale,
         sensor=sensor,
         temperature_k=drawn.temperature_k,
         exposure_s=drawn.exposure_s,

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic.dataclasses import dataclass
 
+from pipeline.camera.corruption import Camera
 from pipeline.camera.draws import PoissonMethod
-from pipeline.camera.levels import Camera
 from pipeline.camera.sensor import Sensor, described, named
 from pipeline.camera.truth import Light, Order
 from pipeline.errors import InputError

@@ -35,14 +35,14 @@ class Corrupted:
 
     Attributes:
         image: (H, W) float32 in [0, 1] on the 8-bit grid.
-        effect: name of the effect, or several joined by ``+``; empty for none.
-        level_dn: sigma asked for, DN; NaN where the noise has its natural size.
-        gain: factor on the sensor's own noise that reaches it; 1 is natural, 0 no noise.
+        noise_source: name of the effect, or several joined by ``+``; empty for none.
+        target_sigma_dn: sigma asked for, DN; NaN where the noise has its natural size.
+        noise_scale: factor on the sensor's own noise that reaches it; 1 is natural, 0 no noise.
         sensor: the sensor.
         temperature_k, exposure_s: conditions used, drawn where the effect says so.
         signal_e: (H, W) mean electrons before any effect.
-        noise_e: noise of each source as it was added, ``gain`` included, e-: ``photon`` (before or after the optics,
-            see ``order``), ``dark`` and ``readout`` (after).
+        noise_e: noise of each source as it was added, ``noise_scale`` included, e-: ``photon`` (before or after the
+            optics, see ``order``), ``dark`` and ``readout`` (after).
         psf: (h, w) kernel, or None for no blur.
         boundary: how the blur saw beyond the frame.
         clipped_fraction: share of pixels that noise drove out of the 8-bit range.
@@ -54,9 +54,9 @@ class Corrupted:
     """
 
     image: Float
-    effect: str
-    level_dn: float
-    gain: float
+    noise_source: str
+    target_sigma_dn: float
+    noise_scale: float
     sensor: Sensor
     temperature_k: float
     exposure_s: float
@@ -114,12 +114,12 @@ class Corrupted:
         return self.image * np.float32(FULL_SCALE_DN) - self.clean_dn
 
     @cached_property
-    def sigma_dn(self) -> float:
+    def unclipped_sigma_dn(self) -> float:
         """Standard deviation of `noise_dn` over the frame."""
         return float(np.std(self.noise_dn, dtype=np.float64))
 
     @cached_property
-    def sigma_clipped_dn(self) -> float:
+    def clipped_sigma_dn(self) -> float:
         """Standard deviation of `noise_clipped_dn` over the frame."""
         return float(np.std(self.noise_clipped_dn, dtype=np.float64))
 
@@ -138,11 +138,11 @@ class Corrupted:
     def row(self) -> dict[str, Any]:
         """The truth as one row of the corruption table, all but dataset and frame."""
         return {
-            "effect": self.effect,
-            "level_dn": self.level_dn,
-            "gain": self.gain,
-            "sigma_dn": self.sigma_dn,
-            "sigma_clipped_dn": self.sigma_clipped_dn,
+            "noise_source": self.noise_source,
+            "target_sigma_dn": self.target_sigma_dn,
+            "noise_scale": self.noise_scale,
+            "unclipped_sigma_dn": self.unclipped_sigma_dn,
+            "clipped_sigma_dn": self.clipped_sigma_dn,
             "shift_dn": self.shift_dn,
             "clipped_fraction": self.clipped_fraction,
             "temperature_k": self.temperature_k,

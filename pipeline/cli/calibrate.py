@@ -168,7 +168,7 @@ def _from_scenes(
 
     from pipeline import blur
     from pipeline.blur.base import PATCH_PX, Estimator
-    from pipeline.blur.camera_fit import Fit, fit
+    from pipeline.blur.camera_calibration import Calibration, calibrate
     from pipeline.cli.estimator_files import weight_hashes
     from pipeline.datasets.patches import cut, tiles
     from pipeline.errors import InputError
@@ -180,8 +180,8 @@ def _from_scenes(
     patches = np.concatenate(cuts)
     hashes = weight_hashes(estimator)
     if fitted:
-        camera = fit(estimator, patches)
-        if not isinstance(camera, Fit):
+        camera = calibrate(estimator, patches)
+        if not isinstance(camera, Calibration):
             raise InputError(f"--fit: the fit of the estimator {blur_name} cannot be stored; leave --fit out")
         return None, camera.content(), hashes
     made = estimator.calibrated(patches)

@@ -36,7 +36,7 @@ class StoredCamera:
         size_px: (height, width) of the pictures.
         frames: pictures that it was made from.
         sharp_mtf: (2, 8) MTF of the camera that estimates are divided by; None for a fit.
-        fit: content of `pipeline.blur.camera_fit.Fit`; None for the others.
+        fit: content of `pipeline.blur.camera_calibration.Calibration`; None for the others.
         version: of the package.
     """
 
@@ -127,7 +127,7 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
         InputError: it was calibrated with another estimator or other weights, or the estimator cannot be calibrated.
     """
     from pipeline.blur.base import Estimator
-    from pipeline.blur.camera_fit import Fit, Fitted
+    from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
     from pipeline.cli.estimator_files import weight_hashes
 
     if camera.kind not in CHARTS:
@@ -141,7 +141,7 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
             raise InputError(f"--camera {camera.name} was calibrated with other weights; {anew}")
     if camera.fit is not None:
         try:
-            monitor.blur_estimator = Fitted(monitor.blur_estimator, Fit.from_content(camera.fit))
+            monitor.blur_estimator = CalibratedEstimator(monitor.blur_estimator, Calibration.from_content(camera.fit))
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{path_of(camera.name)}: not the fit of a camera ({error}); calibrate it anew") from None
         return

@@ -22,7 +22,7 @@ LARGEST_KERNEL_PX = 255
     "--out", required=True, type=click.Path(path_type=Path),
     help="folder for the pictures and their truth; results of the last run there go",
 )  # fmt: skip
-@click.option("--effect", default="combined", show_default=True, help="photon, dcsn, readout, combined or sensor")
+@click.option("--noise-source", default="combined", show_default=True, help="photon, dcsn, readout, combined or sensor")
 @click.option(
     "--sigma-dn", default=0.0, show_default=True, type=FiniteRange(0, 255),
     help="standard deviation of the noise, grey levels 0..255",
@@ -58,7 +58,7 @@ LARGEST_KERNEL_PX = 255
 def command(
     paths: tuple[Path, ...],
     out: Path,
-    effect: str,
+    noise_source: str,
     sigma_dn: float,
     blur: str | None,
     size_px: float | None,
@@ -93,13 +93,13 @@ def command(
 
     from pipeline import store
     from pipeline.camera import mtf
-    from pipeline.camera.levels import CAMERAS, conditioned, corrupt
+    from pipeline.camera.corruption import CAMERAS, conditioned, corrupt
     from pipeline.cli.outputs import OutputFolder
     from pipeline.cli.pictures import expand, named, readable, result_stem
     from pipeline.errors import InputError, did_you_mean
     from pipeline.streams import stream
 
-    conditioned(effect)
+    conditioned(noise_source)
     if camera not in CAMERAS:
         raise InputError(f"--camera {camera}: unknown; {did_you_mean(camera, CAMERAS)}")
     psf = _kernel(blur, size_px, mtf50, angle_deg, seed)
@@ -110,13 +110,13 @@ def command(
         for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
             stem = result_stem(name)
             stem = Path(name).stem if stem == Path(name).name else stem
-            generator = stream(seed, "corrupt", stem, effect, sigma_dn)
+            generator = stream(seed, "corrupt", stem, noise_source, sigma_dn)
             try:
                 if image is None:
                     raise InputError(problem)
                 if psf is not None and max(psf.shape) > min(image.shape):
                     raise InputError(f"the blur kernel of {max(psf.shape)} px is larger than the picture")
-                shown = corrupt(image, effect, sigma_dn=sigma_dn, generator=generator, psf=psf, camera=camera)  # type: ignore[arg-type]
+                shown = corrupt(image, noise_source, sigma_dn=sigma_dn, generator=generator, psf=psf, camera=camera)  # type: ignore[arg-type]
             except InputError as error:
                 failed += 1
                 click.echo(f"set aside: {named(name, error)}", err=True)
@@ -135,7 +135,7 @@ def command(
             store.write_image(picture, np.asarray(shown.image))
             store.write_json(sidecar, truth)
             click.echo(
-                f"{sigma_dn:9.2f} {shown.sigma_dn:8.2f} {shown.sigma_clipped_dn:10.2f}"
+                f"{sigma_dn:9.2f} {shown.unclipped_sigma_dn:8.2f} {shown.clipped_sigma_dn:10.2f}"
                 f" {100 * shown.clipped_fraction:9.2f}  {name} -> {picture.name}"
             )
     click.echo(f"written to {out}")
@@ -154,7 +154,7 @@ def _check_options(context: click.Context, preset: str | None) -> None:
     from pipeline.errors import InputError
 
     processed = {"iso", "shots"}
-    sensor = {"effect", "sigma_dn", "blur", "size_px", "mtf50", "angle_deg", "camera"}
+    sensor = {"noise_source", "sigma_dn", "blur", "size_px", "mtf50", "angle_deg", "camera"}
     for name in sorted(processed if preset is None else sensor):
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             option = f"--{name.replace('_', '-')}"
@@ -170,7 +170,7 @@ def _kernel(
     Raises:
         InputError: a size without a kind, or neither or both of size and MTF50.
     """
-    from pipeline.camera.levels import psf_for_mtf50
+    from pipeline.camera.corruption import psf_for_mtf50
     from pipeline.camera.psf import create
     from pipeline.errors import InputError
     from pipeline.streams import stream

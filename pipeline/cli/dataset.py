@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 @click.argument("kind")
 @click.argument("root", required=False, type=click.Path(path_type=Path))
 @click.option(
-    "--max-bad-share", default=0.05, show_default=True, type=FiniteRange(0, 1),
+    "--max-rejected-fraction", default=0.05, show_default=True, type=FiniteRange(0, 1),
     help="fail when more than this share is unusable",
 )  # fmt: skip
-def command(kind: str, root: Path | None, max_bad_share: float) -> None:
+def command(kind: str, root: Path | None, max_rejected_fraction: float) -> None:
     """Check the dataset at ROOT, of KIND sim, photos, kitti, udacity or folder.
 
     Prints how many frames and objects are usable, the objects of each class with the range of their sizes, what was
@@ -41,7 +41,7 @@ def command(kind: str, root: Path | None, max_bad_share: float) -> None:
         click.echo(f"  {count:6d}  {note}")
     for row in checked.quarantined:
         click.echo(f"  set aside  {row.file}: {row.reason}")
-    scan(dataset, max_bad_share)
+    scan(dataset, max_rejected_fraction)
 
 
 def class_table(boxes: Iterable[Box]) -> Iterator[str]:

@@ -151,7 +151,7 @@ def command(
         results = (
             stack.enter_context(HealthFiles(out, [*files, *sharp_files], run, maps=maps)) if out is not None else None
         )
-        monitor = ConditionMonitor(blur_name, noise_name, blur_options={"answer": "added"} if added else None)
+        monitor = ConditionMonitor(blur_name, noise_name, blur_options={"output": "relative"} if added else None)
         about["weights_released"] = monitor.weights_released
         about["weights_sha256"] = weight_hashes(monitor.blur_estimator, monitor.noise_estimator)
         sharp_sizes: set[tuple[int, ...]] = _calibrate(monitor, sharp_files, fitted, every) if sharp else set()

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pipeline import blur, noise
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate
-from pipeline.blur.camera_fit import Fitted, fit
+from pipeline.blur.camera_calibration import CalibratedEstimator, calibrate
 from pipeline.condition.summary import Summary, summarise
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
@@ -149,8 +149,8 @@ class ConditionMonitor:
 
         Args:
             sharp_frames: (H, W) frames in [0, 1], known to be sharp.
-            fitted: fit the estimator to the frames blurred on purpose (`pipeline.blur.camera_fit`), which takes some
-                thousand estimates; otherwise divide by what it reads from them as they are.
+            fitted: fit the estimator to the frames blurred on purpose (`pipeline.blur.camera_calibration`), which takes
+                some thousand estimates; otherwise divide by what it reads from them as they are.
 
         Raises:
             InputError: none of their patches can be measured.
@@ -161,7 +161,7 @@ class ConditionMonitor:
             raise InputError(f"sharp frames: none is as large as a patch of {PATCH_PX} px; give whole frames")
         patches = np.concatenate(cuts)
         if fitted:
-            self.blur_estimator = Fitted(self.blur_estimator, fit(self.blur_estimator, patches))
+            self.blur_estimator = CalibratedEstimator(self.blur_estimator, calibrate(self.blur_estimator, patches))
         else:
             self.blur_estimator = self.blur_estimator.calibrated(patches)
 

@@ -113,41 +113,46 @@ def measure(image: NDArray[np.floating]) -> FrameMeasures:
     Args:
         image: (H, W) float in [0, 1].
     """
-    levels_dn = 255.0 * np.asarray(image, dtype=np.float32)
-    bright, median = _percentiles(levels_dn, (99, 50))
+    target_sigmas_dn = 255.0 * np.asarray(image, dtype=np.float32)
+    bright, median = _percentiles(target_sigmas_dn, (99, 50))
     # half a level of slack: grey levels of 8 bits come as multiples of 1/255, rounded to float32
-    saturated = float(np.mean(levels_dn >= SATURATED_DN - 0.5))
-    return FrameMeasures(float(bright), float(median), saturated, obstructed_fraction(levels_dn))
+    saturated = float(np.mean(target_sigmas_dn >= SATURATED_DN - 0.5))
+    return FrameMeasures(float(bright), float(median), saturated, obstructed_fraction(target_sigmas_dn))
 
 
-def _percentiles(levels_dn: NDArray[np.float32], percents: tuple[float, ...]) -> list[float]:
+def _percentiles(target_sigmas_dn: NDArray[np.float32], percents: tuple[float, ...]) -> list[float]:
     """`numpy.percentile` of a frame, ten times as fast where its levels are whole numbers, as those of 8 bits are."""
-    whole = np.rint(levels_dn)
+    whole = np.rint(target_sigmas_dn)
     # multiples of 1/255, rounded to float32 and multiplied by 255, miss whole numbers by less than this
-    if levels_dn.size == 0 or np.abs(levels_dn - whole).max() > 1e-4 or whole.min() < 0 or whole.max() > 255:
-        return [float(value) for value in np.percentile(levels_dn, percents)]
+    if (
+        target_sigmas_dn.size == 0
+        or np.abs(target_sigmas_dn - whole).max() > 1e-4
+        or whole.min() < 0
+        or whole.max() > 255
+    ):
+        return [float(value) for value in np.percentile(target_sigmas_dn, percents)]
     counts = np.bincount(whole.astype(np.uint8).ravel(), minlength=256)
     last = np.cumsum(counts) - 1  # index, in sorted order, of the last pixel of each level
     result = []
     for percent in percents:
-        index = percent / 100 * (levels_dn.size - 1)
+        index = percent / 100 * (target_sigmas_dn.size - 1)
         low, high = (int(np.searchsorted(last, end)) for end in (np.floor(index), np.ceil(index)))
         result.append(low + (index - np.floor(index)) * (high - low))
     return result
 
 
-def obstructed_fraction(levels_dn: NDArray[np.floating]) -> float:
+def obstructed_fraction(target_sigmas_dn: NDArray[np.floating]) -> float:
     """Share of a frame in its largest connected area that is dark and shows no structure.
 
     Args:
-        levels_dn: (H, W) grey levels, DN.
+        target_sigmas_dn: (H, W) grey levels, DN.
 
     Returns:
         0..1; 0 where nothing in the frame has structure, because nothing tells an obstruction from darkness then.
     """
     import cv2
 
-    levels = np.asarray(levels_dn, dtype=np.float32)
+    levels = np.asarray(target_sigmas_dn, dtype=np.float32)
     side = max(LEAST_CELL_PX, round(min(levels.shape) / CELLS_PER_SIDE))
     rows, columns = levels.shape[0] // side, levels.shape[1] // side
     if not rows or not columns:

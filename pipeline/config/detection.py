@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from pipeline.curves.settings import CurvesSettings, RegressionSettings
-from pipeline.detection.settings import DetectorSettings, JudgeSettings
+from pipeline.detection.settings import DetectorSettings, EvaluationSettings
 from pipeline.experiments.settings import MeasureSettings, SweepSettings
 from pipeline.settings import Name, Settings
 
@@ -16,7 +16,7 @@ class DetectionSettings(Settings):
     detectors: dict[Name, DetectorSettings] = Field(min_length=1)
     datasets: list[Name]
     sweep: SweepSettings
-    judge: JudgeSettings
+    evaluation: EvaluationSettings
     measure: MeasureSettings
     curves: CurvesSettings
     regression: RegressionSettings

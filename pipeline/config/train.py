@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from pipeline.blur.settings import FusionTraining, TypicalCameraSettings
+from pipeline.blur.settings import FusionTraining, GenericLensSettings
 from pipeline.detection.settings import DetectorTraining
 from pipeline.learning.settings import Training
 from pipeline.noise.settings import CorrelatedTraining, SigmaTraining
@@ -22,7 +22,7 @@ class TrainSettings(Settings):
 
     mtf: dict[BlurNetwork, Training]
     fusion: FusionTraining
-    typical_camera: TypicalCameraSettings
+    typical_camera: GenericLensSettings
     sigma: dict[NoiseNetwork, SigmaTraining]
     sigma_correlated: CorrelatedTraining
     detector: dict[DetectorNetwork, DetectorTraining]

@@ -14,7 +14,7 @@ from pipeline.control.decision import Action
 from pipeline.control.loop import StepRecord
 from pipeline.control.motion import motion_length
 from pipeline.control.scenario import Scenario
-from pipeline.control.scoring import Judge, Score, average_precision
+from pipeline.control.scoring import EvaluationCriteria, Score, average_precision
 from pipeline.control.tables import PAIRS, STEPS, SUMMARY
 from pipeline.detection.base import Detections
 from pipeline.errors import InputError, did_you_mean
@@ -32,7 +32,7 @@ def steps_table(
     policy: str,
     fold: int,
     records: Sequence[StepRecord],
-    judge: Judge,
+    criteria: EvaluationCriteria,
     reference: NDArray[np.float64],
     seed: int,
 ) -> pd.DataFrame:
@@ -40,7 +40,7 @@ def steps_table(
     import pandas as pd
 
     rows: list[dict[str, Any]] = []
-    without_interval = replace(judge, bootstrap_draws=1)
+    without_interval = replace(criteria, bootstrap_draws=1)
     for record in records:
         mtf = record.estimate_mtf
         sigma = record.estimate_sigma_dn
@@ -69,11 +69,11 @@ def steps_table(
     return STEPS.conform(pd.DataFrame(rows))
 
 
-def score(records: Sequence[StepRecord], judge: Judge, seed: int) -> Score:
+def score(records: Sequence[StepRecord], criteria: EvaluationCriteria, seed: int) -> Score:
     """Average precision over all views of all records; equal seeds resample the same viewpoints."""
     found = [Detections.of(**arrays) for record in records for arrays in record.detections]
     seen = [view for record in records for view in record.views]
-    return average_precision(found, seen, judge, stream(seed, "closed loop score"))
+    return average_precision(found, seen, criteria, stream(seed, "closed loop score"))
 
 
 def settling_frames(stops: NDArray[np.float64], start: int, end: int) -> float:
@@ -124,7 +124,7 @@ def summary(
     scenario: Scenario,
     tables: Mapping[str, pd.DataFrame],
     records: Mapping[str, Sequence[StepRecord]],
-    judge: Judge,
+    criteria: EvaluationCriteria,
     seed: int,
     ceiling: str = "oracle",
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -134,7 +134,7 @@ def summary(
         scenario: the drive.
         tables: policy -> `STEPS` of all folds.
         records: policy -> records of all folds.
-        judge: how detections are judged.
+        criteria: how detections are judged.
         seed: of the bootstrap.
         ceiling: policy that regret is measured against; NaN where it did not run.
 
@@ -143,7 +143,7 @@ def summary(
     """
     import pandas as pd
 
-    scores = {name: score(parts, judge, seed) for name, parts in records.items()}
+    scores = {name: score(parts, criteria, seed) for name, parts in records.items()}
     rows, pairs = [], []
     for name, table in tables.items():
         lost = (table["saturated_fraction"] > LOST_SATURATED) | (table["mean_level"] < LOST_MEAN)

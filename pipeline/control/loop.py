@@ -45,7 +45,7 @@ class Rig:
         controlled: what policies know of it.
         detector: registry name.
         detector_options: as JSON.
-        most: detections kept of one frame, best first.
+        max_detections: detections kept of one frame, best first.
         seed: root seed.
         cache: folder of `FrameCache`, or None.
     """
@@ -55,7 +55,7 @@ class Rig:
     detector: str
     detector_options: str
     seed: int
-    most: int = 100
+    max_detections: int = 100
     cache: Path | None = None
 
 
@@ -169,7 +169,7 @@ class SimulatedScene:
         def make() -> Arrays:
             image = (frame or self.expose(view, step, state)).image
             found = opened(self.rig.detector, self.rig.detector_options).detect([image])[0]
-            found = found.where(np.argsort(-found.score, kind="stable")[: self.rig.most])
+            found = found.where(np.argsort(-found.score, kind="stable")[: self.rig.max_detections])
             return {"boxes": found.boxes.reshape(-1, 4), "score": found.score, "label": found.label.astype(np.str_)}
 
         return self.cache.get("detections", self.key(view, step, state), make)

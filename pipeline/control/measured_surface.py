@@ -4,7 +4,7 @@ Frames are formed in linear light at constant brightness: the gain sets the nois
 the speed of the image sets the motion. All views share light and gain, as they share the camera in the loop: some are
 darker and noisier than others. Noise is every 5 DN up to 40, motion up to 31 px; noise and motion of a knot are
 the true ones, and the monitor's median estimates at the knots calibrate its estimates of noise. Small and distant
-objects count from ``lowest_px`` on.
+objects count from ``min_height_px`` on.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pipeline.camera.exposure import Camera, Motion, noise_generator
 from pipeline.control.motion import motion_mtf
 from pipeline.control.performance import Performance
-from pipeline.control.scoring import Judge, average_precision
+from pipeline.control.scoring import EvaluationCriteria, average_precision
 from pipeline.control.tables import KNOTS
 from pipeline.control.views import View
 from pipeline.curves.cells import Cells
@@ -48,19 +48,19 @@ class SurfaceDesign:
     """Which conditions are measured.
 
     Attributes:
-        levels_dn: target noise, rising; 0 is base gain.
+        target_sigmas_dn: target noise, rising; 0 is base gain.
         sizes_px: motion, rising, 0 first.
         target_level: mean encoded level of every frame.
         exposure_s: of every frame.
     """
 
-    levels_dn: tuple[float, ...]
+    target_sigmas_dn: tuple[float, ...]
     sizes_px: tuple[float, ...]
     target_level: float
     exposure_s: float
 
     def __post_init__(self) -> None:
-        for name in ("levels_dn", "sizes_px"):
+        for name in ("target_sigmas_dn", "sizes_px"):
             values = list(getattr(self, name))
             if len(values) < 2 or sorted(set(values)) != values or values[0] < 0:
                 raise InputError(f"control.surface.{name}: expected at least two rising numbers from 0 on")
@@ -107,7 +107,7 @@ def gain_for_sigma(
         return 1.0
     low, high = 0.0, np.log2(_LARGEST_GAIN)
     if noise(2.0**high) < sigma_dn:
-        raise InputError(f"control.surface.levels_dn: this camera does not reach {sigma_dn:g} DN at any gain")
+        raise InputError(f"control.surface.target_sigmas_dn: this camera does not reach {sigma_dn:g} DN at any gain")
     for _ in range(30):
         middle = (low + high) / 2
         low, high = (middle, high) if noise(2.0**middle) < sigma_dn else (low, middle)
@@ -137,7 +137,7 @@ def exposures(views: Sequence[View], camera: Camera, design: SurfaceDesign) -> E
     lights = [light_for_level(camera, each, design.target_level, design.exposure_s) for each in radiances]
     light = float(np.median(lights))
     gains = [
-        [gain_for_sigma(camera, each, light, design.exposure_s, level) for level in design.levels_dn]
+        [gain_for_sigma(camera, each, light, design.exposure_s, level) for level in design.target_sigmas_dn]
         for each in radiances
     ]
     return Exposures(light, tuple(float(gain) for gain in np.median(gains, axis=0)))
@@ -151,7 +151,7 @@ def measure(
     shared: Exposures,
     kind: str,
     options: str,
-    most: int,
+    max_detections: int,
     estimate: bool,
     seed: int,
 ) -> dict[str, NDArray[Any]]:
@@ -164,7 +164,7 @@ def measure(
         shared: light and gains of all views.
         kind: registry name of the detector.
         options: of the detector, as JSON.
-        most: detections kept of one frame, best first.
+        max_detections: detections kept of one frame, best first.
         estimate: whether the monitor is asked.
         seed: of the noise.
 
@@ -175,7 +175,7 @@ def measure(
     radiance = view.radiance()
     detector = opened(kind, options)
     parts: list[tuple[NDArray[Any], ...]] = []
-    count = len(design.levels_dn) * len(design.sizes_px)
+    count = len(design.target_sigmas_dn) * len(design.sizes_px)
     truth, sigma, mtf = np.zeros(count), np.full(count, np.nan), np.full((count, 2, 8), np.nan)
     for number in range(count):
         gain = shared.gains[number // len(design.sizes_px)]
@@ -186,7 +186,7 @@ def measure(
         )  # fmt: skip
         truth[number] = frame.sigma_dn
         found = detector.detect([frame.image])[0]
-        found = found.where(np.argsort(-found.score, kind="stable")[:most])
+        found = found.where(np.argsort(-found.score, kind="stable")[:max_detections])
         parts.append((np.full(len(found), number), found.boxes, found.score, found.label))
         if estimate:
             condition = monitor().frame(frame.image)
@@ -207,7 +207,7 @@ def measure(
 def performance(
     measured: Sequence[tuple[View, Mapping[str, NDArray[Any]]]],
     design: SurfaceDesign,
-    judge: Judge,
+    criteria: EvaluationCriteria,
     fold: int,
     seed: int,
     darker: Sequence[Performance] = (),
@@ -217,7 +217,7 @@ def performance(
     Args:
         measured: views and what `measure` gave.
         design: the conditions.
-        judge: how detections are judged.
+        criteria: how detections are judged.
         fold: recorded in the table.
         seed: of the bootstrap.
         darker: surfaces of darker frames that stand beside it.
@@ -230,7 +230,7 @@ def performance(
     """
     import pandas as pd
 
-    levels, sizes = len(design.levels_dn), len(design.sizes_px)
+    levels, sizes = len(design.target_sigmas_dn), len(design.sizes_px)
     sigma = np.stack([part["sigma"] for _, part in measured])
     truth = np.median([part["true_sigma"] for _, part in measured], axis=0)
     with np.errstate(all="ignore"):
@@ -250,13 +250,13 @@ def performance(
             Detections.of(*(part[name][part["condition"] == number] for name in ("boxes", "score", "label")))
             for _, part in measured
         ]
-        score = average_precision(found, [view for view, _ in measured], judge, stream(seed, "control surface"))
+        score = average_precision(found, [view for view, _ in measured], criteria, stream(seed, "control surface"))
         draws.append(score.draws)
         rows.append(
             {
                 "fold": fold,
                 "level": design.target_level,
-                "target_sigma_dn": design.levels_dn[number // sizes],
+                "target_sigma_dn": design.target_sigmas_dn[number // sizes],
                 "motion_px": design.sizes_px[number % sizes],
                 "sigma_dn": medians[number],
                 "true_sigma_dn": truth[number],
@@ -275,7 +275,7 @@ def performance(
     turned = slice(None, None, -1)  # MTF rises where motion falls
     shape = (levels, sizes)
     cells = Cells(
-        np.asarray(design.levels_dn, dtype=float),
+        np.asarray(design.target_sigmas_dn, dtype=float),
         mtf[turned],
         np.ones(shape, dtype=np.int64),
         grid[:, turned],

@@ -21,7 +21,7 @@ from pipeline.streams import stream
 
 
 @dataclass(frozen=True)
-class Judge:
+class EvaluationCriteria:
     """How detections are judged.
 
     Attributes:
@@ -60,23 +60,23 @@ class Score:
 
 
 def average_precision(
-    detections: Sequence[Detections], seen: Sequence[View], judge: Judge, generator: np.random.Generator
+    detections: Sequence[Detections], seen: Sequence[View], criteria: EvaluationCriteria, generator: np.random.Generator
 ) -> Score:
     """Judge detections.
 
     Args:
         detections: one entry per view.
         seen: the views.
-        judge: the rules.
+        criteria: the rules.
         generator: of the bootstrap; equal generators resample the same viewpoints.
     """
-    truths = [judge.words.truth(view.boxes, judge.min_height_px, judge.min_visible_fraction) for view in seen]
+    truths = [criteria.words.truth(view.boxes, criteria.min_height_px, criteria.min_visible_fraction) for view in seen]
     words = generator.integers(0, 2**63, dtype=np.uint64)
     values, draws, objects = [], [], 0
-    for label in judge.words.classes:
+    for label in criteria.words.classes:
         result = evaluate(
-            detections, truths, [label], judge.rule, judge.iou_threshold, stream(int(words), "viewpoints"),
-            judge.bootstrap_draws, [view.viewpoint for view in seen],
+            detections, truths, [label], criteria.rule, criteria.iou_threshold, stream(int(words), "viewpoints"),
+            criteria.bootstrap_draws, [view.viewpoint for view in seen],
         )[label]  # fmt: skip
         objects += result.objects
         if result.objects:
@@ -84,7 +84,7 @@ def average_precision(
             draws.append(100.0 * result.draws)
     if not values:
         nan = float("nan")
-        return Score(nan, nan, nan, 0, np.full(judge.bootstrap_draws, nan))
+        return Score(nan, nan, nan, 0, np.full(criteria.bootstrap_draws, nan))
     drawn = _mean_of_known(np.stack(draws))
     finite = drawn[np.isfinite(drawn)]
     low, high = np.percentile(finite, [2.5, 97.5]).tolist() if len(finite) else (float("nan"), float("nan"))

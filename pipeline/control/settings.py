@@ -39,14 +39,14 @@ class DarkerSettings(Settings):
     """Conditions of darker frames: their mean levels, noise and motion."""
 
     target_levels: list[Annotated[float, Field(gt=0, lt=1)]]
-    levels_dn: list[Level] = Field(min_length=2)
+    target_sigmas_dn: list[Level] = Field(min_length=2)
     sizes_px: list[Annotated[float, Field(ge=0, le=36)]] = Field(min_length=2)
 
 
 class ControlSurfaceSettings(Settings):
     """Conditions of the surface of average precision that policies use; see `pipeline.control.measured_surface`."""
 
-    levels_dn: list[Level] = Field(min_length=2)
+    target_sigmas_dn: list[Level] = Field(min_length=2)
     sizes_px: list[Annotated[float, Field(ge=0, le=36)]] = Field(min_length=2)
     moments: list[Annotated[int, Field(ge=0, le=3)]] = Field(min_length=1)
     target_level: Annotated[float, Field(gt=0, lt=1)]

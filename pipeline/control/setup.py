@@ -18,7 +18,7 @@ from pipeline.control.measured_surface import SurfaceDesign
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.scenario import Flicker, Scenario
-from pipeline.control.scoring import Judge
+from pipeline.control.scoring import EvaluationCriteria
 from pipeline.control.settings import (
     ControlCameraSettings,
     ControlSettings,
@@ -28,7 +28,7 @@ from pipeline.control.settings import (
 )
 from pipeline.control.state import BASE_ISO, CameraState, Limits
 from pipeline.control.views import View
-from pipeline.detection.settings import JudgeSettings
+from pipeline.detection.settings import EvaluationSettings
 from pipeline.errors import InputError
 from pipeline.store import read_arrays
 
@@ -58,24 +58,24 @@ def limits(section: LimitsSettings) -> Limits:
 def designs(section: ControlSurfaceSettings) -> list[SurfaceDesign]:
     """The conditions of ``control.surface``: those of full brightness, then those of darker frames."""
     exposure_s = section.exposure_ms / 1e3
-    bright = SurfaceDesign(tuple(section.levels_dn), tuple(section.sizes_px), section.target_level, exposure_s)
+    bright = SurfaceDesign(tuple(section.target_sigmas_dn), tuple(section.sizes_px), section.target_level, exposure_s)
     darker = section.darker
     return [
         bright,
         *(
-            SurfaceDesign(tuple(darker.levels_dn), tuple(darker.sizes_px), level, exposure_s)
+            SurfaceDesign(tuple(darker.target_sigmas_dn), tuple(darker.sizes_px), level, exposure_s)
             for level in darker.target_levels
         ),
     ]
 
 
-def judge(section: JudgeSettings) -> Judge:
-    """The rules of ``detection.judge``."""
-    return Judge(
+def criteria(section: EvaluationSettings) -> EvaluationCriteria:
+    """The rules of ``detection.evaluation``."""
+    return EvaluationCriteria(
         rule=section.rule,
-        iou_threshold=section.overlap,
-        min_height_px=section.lowest_px,
-        min_visible_fraction=section.least_visible,
+        iou_threshold=section.iou_threshold,
+        min_height_px=section.min_height_px,
+        min_visible_fraction=section.min_visible_fraction,
         bootstrap_draws=section.bootstrap_draws,
     )
 

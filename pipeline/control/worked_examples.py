@@ -22,7 +22,7 @@ from pipeline.control.motion import motion_length
 from pipeline.control.observation import estimates
 from pipeline.control.policies.iopc_target import alpha
 from pipeline.control.replay import BRIGHTNESS_LEVELS_PER_MS, PERIOD_MS, replay
-from pipeline.control.scoring import Judge, average_precision
+from pipeline.control.scoring import EvaluationCriteria, average_precision
 from pipeline.control.state import CameraState
 from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.control.views import View
@@ -109,7 +109,7 @@ def noisy_full_well(camera: Camera, radiance: NDArray[np.float32]) -> float:
     return float(2.0 ** ((low + high) / 2))
 
 
-def look(
+def measure(
     view: View,
     *,
     camera: Camera,
@@ -175,7 +175,10 @@ def best_score(found: Detections, view: View, label: str) -> float:
 
 
 def tables(
-    seen: Sequence[tuple[View, Sequence[Mapping[str, Any]]]], chosen: Sequence[Shot], judge: Judge, seed: int
+    seen: Sequence[tuple[View, Sequence[Mapping[str, Any]]]],
+    chosen: Sequence[Shot],
+    criteria: EvaluationCriteria,
+    seed: int,
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Steps of both examples, the response over time, and the controllers' average precision.
 
@@ -191,7 +194,7 @@ def tables(
         parts = [found[number] for _, found in seen]
         detected = [Detections.of(part["boxes"], part["score"], part["label"]) for part in parts]
         pools[shot.name] = detected
-        score = average_precision(detected, views, judge, stream(seed, "examples"))
+        score = average_precision(detected, views, criteria, stream(seed, "examples"))
         with np.errstate(all="ignore"):
             mtf = np.nanmedian([part["mtf"] for part in parts], axis=0)
         lengths = [motion_length(part["estimate"], sharp).value_px for part in parts if part["estimate"] is not None]
@@ -212,7 +215,7 @@ def tables(
                 "high_percent": score.high_percent,
             }
         )
-    cars = replace(judge, words=replace(judge.words, wanted={LABEL: LABEL}))
+    cars = replace(criteria, words=replace(criteria.words, wanted={LABEL: LABEL}))
     built_in = [name for name in pools if name.startswith("2/built_in")]
     precision = []
     for controller, names in (

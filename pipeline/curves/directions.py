@@ -18,23 +18,23 @@ TABLE = Schema(
     "average precision by direction",
     {
         "label": "string",
-        "level_dn": "float64",
+        "target_sigma_dn": "float64",
         "angle_deg": "float64",
-        "size_px": "float64",
+        "kernel_size_px": "float64",
         "ap_percent": "float64",
         "low_percent": "float64",
         "high_percent": "float64",
         "rises_with_size": "bool",  # better than with the next shorter blur
         "rises_with_sigma": "bool",  # better than at the next lower noise
     },
-    {"level_dn": "DN", "angle_deg": "deg", "size_px": "px", "ap_percent": "%"},
+    {"target_sigma_dn": "DN", "angle_deg": "deg", "kernel_size_px": "px", "ap_percent": "%"},
 )
 SPREAD = Schema(
     "spread over directions",
     {
         "label": "string",
-        "level_dn": "float64",
-        "size_px": "float64",
+        "target_sigma_dn": "float64",
+        "kernel_size_px": "float64",
         "mean_percent": "float64",  # over directions
         "mean_low_percent": "float64",  # bootstrap 95 % interval of that mean
         "mean_high_percent": "float64",
@@ -43,7 +43,7 @@ SPREAD = Schema(
         "high_percent": "float64",
         "worst_angle_deg": "float64",
     },
-    {"level_dn": "DN", "size_px": "px", "spread_percent": "percent points", "worst_angle_deg": "deg"},
+    {"target_sigma_dn": "DN", "kernel_size_px": "px", "spread_percent": "percent points", "worst_angle_deg": "deg"},
 )
 
 
@@ -63,14 +63,20 @@ def tables(rows: pd.DataFrame, draws: NDArray[np.float64], tolerance: float) -> 
     """
     import pandas as pd
 
-    blurred = (rows["size_px"] > 0).to_numpy()
+    blurred = (rows["kernel_size_px"] > 0).to_numpy()
     if not blurred.any():
         raise InputError("no condition is blurred; set detection.sweep.sizes_px")
     selected = rows[blurred].reset_index(drop=True)
     result = by_direction(
-        selected["level_dn"], selected["angle_deg"], selected["size_px"], selected["ap_percent"], tolerance
+        selected["target_sigma_dn"],
+        selected["angle_deg"],
+        selected["kernel_size_px"],
+        selected["ap_percent"],
+        tolerance,
     )
-    intervals: Any = selected.set_index(["level_dn", "angle_deg", "size_px"])[["low_percent", "high_percent"]]
+    intervals: Any = selected.set_index(["target_sigma_dn", "angle_deg", "kernel_size_px"])[
+        ["low_percent", "high_percent"]
+    ]
     listed: list[dict[str, Any]] = []
     for position in np.ndindex(result.ap_percent.shape):
         s, a, d = position
@@ -79,7 +85,7 @@ def tables(rows: pd.DataFrame, draws: NDArray[np.float64], tolerance: float) -> 
             continue
         row: dict[str, Any] = {
             "label": str(selected["label"].iloc[0]),
-            **dict(zip(("level_dn", "angle_deg", "size_px"), key, strict=True)),
+            **dict(zip(("target_sigma_dn", "angle_deg", "kernel_size_px"), key, strict=True)),
         }
         row |= {"ap_percent": result.ap_percent[position], **intervals.loc[key].to_dict()}
         row["rises_with_size"] = bool(result.rises_with_size[position])
@@ -93,11 +99,11 @@ def _spread(own: pd.DataFrame, draws: NDArray[np.float64], found: Directions) ->
     rows = []
     for s, level in enumerate(found.sigma_dn):
         for d, size in enumerate(found.size_px):
-            chosen = ((own["level_dn"] == level) & (own["size_px"] == size)).to_numpy()
+            chosen = ((own["target_sigma_dn"] == level) & (own["kernel_size_px"] == size)).to_numpy()
             drawn = draws[chosen]
             drawn = drawn[:, np.isfinite(drawn).all(axis=0)]
             spread, mean = drawn.max(axis=0) - drawn.min(axis=0), drawn.mean(axis=0)
-            row = {"label": str(own["label"].iloc[0]), "level_dn": level, "size_px": size}
+            row = {"label": str(own["label"].iloc[0]), "target_sigma_dn": level, "kernel_size_px": size}
             for name, values in (("", spread), ("mean_", mean)):
                 ends = np.percentile(values, [2.5, 97.5]) if len(values) else (np.nan, np.nan)
                 row |= dict(zip((f"{name}low_percent", f"{name}high_percent"), ends, strict=True))

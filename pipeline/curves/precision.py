@@ -17,7 +17,7 @@ from pipeline.curves.isolated import isolated
 from pipeline.curves.surface import Surface
 from pipeline.detection.average_precision import evaluate
 from pipeline.detection.base import Detections
-from pipeline.detection.matching import Truth
+from pipeline.detection.matching import GroundTruth
 from pipeline.errors import InputError
 from pipeline.experiments.tables import CONDITION
 from pipeline.store import Schema
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.curves.settings import CurvesSettings
-    from pipeline.detection.settings import JudgeSettings
+    from pipeline.detection.settings import EvaluationSettings
 
 Floats = NDArray[np.float64]
 
@@ -45,11 +45,18 @@ PRECISION = Schema(
         "objects": "int64",
         "objects_ignored": "int64",
         "detections": "int64",
-        "right": "int64",
-        "wrong": "int64",
-        "neither": "int64",
+        "true_positives": "int64",
+        "false_positives": "int64",
+        "ignored": "int64",
     },
-    {"ap_percent": "%", "low_percent": "%", "high_percent": "%", "sigma_dn": "DN", "size_px": "px", "angle_deg": "deg"},
+    {
+        "ap_percent": "%",
+        "low_percent": "%",
+        "high_percent": "%",
+        "sigma_dn": "DN",
+        "kernel_size_px": "px",
+        "angle_deg": "deg",
+    },
 )
 
 HEAT = Schema(
@@ -76,7 +83,7 @@ ISOLATED = Schema(
     {
         "label": "string",
         "quantity": "string",
-        "at": "float64",
+        "quantity_value": "float64",
         "ap_percent": "float64",
         "low_percent": "float64",
         "high_percent": "float64",
@@ -93,9 +100,11 @@ def percent(share: ArrayLike) -> Floats:
     return np.clip(100.0 * np.asarray(share, dtype=float), 0.0, 100.0)
 
 
-def truths(objects: pd.DataFrame, frames: Sequence[str], lowest_px: float, least_visible: float) -> list[Truth]:
+def truths(
+    objects: pd.DataFrame, frames: Sequence[str], min_height_px: float, min_visible_fraction: float
+) -> list[GroundTruth]:
     """What is to be found in each frame; objects lower or less visible than stated are ignored."""
-    hidden = (objects["y2"] - objects["y1"] < lowest_px) | (objects["visible_fraction"] < least_visible)
+    hidden = (objects["y2"] - objects["y1"] < min_height_px) | (objects["visible_fraction"] < min_visible_fraction)
     marked = objects.assign(ignore=objects["ignore"] | hidden)
     groups = {str(name): rows for name, rows in marked.groupby("frame")}
     nothing = marked.iloc[:0]
@@ -103,7 +112,7 @@ def truths(objects: pd.DataFrame, frames: Sequence[str], lowest_px: float, least
     for name in frames:
         rows = groups.get(name, nothing)
         corners = rows[["x1", "y1", "x2", "y2"]].to_numpy(float)
-        result.append(Truth(corners, rows["label"].to_numpy().astype(np.str_), rows["ignore"].to_numpy(bool)))
+        result.append(GroundTruth(corners, rows["label"].to_numpy().astype(np.str_), rows["ignore"].to_numpy(bool)))
     return result
 
 
@@ -113,7 +122,7 @@ def average_precision(
     objects: pd.DataFrame,
     conditions: pd.DataFrame,
     labels: Sequence[str],
-    judge: JudgeSettings,
+    criteria: EvaluationSettings,
     seed: int,
 ) -> tuple[pd.DataFrame, dict[str, Floats]]:
     """Judge every condition.
@@ -124,7 +133,7 @@ def average_precision(
         objects: `pipeline.experiments.detect.OBJECTS`.
         conditions: `pipeline.experiments.tables.CONDITIONS`, for noise and MTF.
         labels: classes.
-        judge: section ``detection.judge`` of the configuration.
+        criteria: section ``detection.evaluation`` of the configuration.
         seed: root seed.
 
     Returns:
@@ -138,26 +147,28 @@ def average_precision(
 
     names = list(dict.fromkeys(looked["frame"]))
     scenes = dict(zip(looked["frame"], looked["scene"], strict=True))
-    wanted = truths(objects, names, judge.lowest_px, judge.least_visible)
-    keys = ["frame", "kernel", "level_dn"]
+    wanted = truths(objects, names, criteria.min_height_px, criteria.min_visible_fraction)
+    keys = ["frame", "kernel", "target_sigma_dn"]
     known = {key: _detections(rows) for key, rows in detections.groupby(keys, sort=False)}
-    medians: Any = conditions.set_index(["kernel", "level_dn"])[["sigma_dn", "mtf"]]
+    medians: Any = conditions.set_index(["kernel", "target_sigma_dn"])[["sigma_dn", "mtf"]]
     rows: list[dict[str, Any]] = []
     draws: dict[str, list[Floats]] = {label: [] for label in labels}
     for position, group in looked.groupby(list(CONDITION), sort=False):
         condition = dict(zip(CONDITION, position, strict=True))
         if set(group["frame"]) != set(names):
-            raise InputError(f"{condition['kernel']} at {condition['level_dn']:g} DN: frames are missing; detect again")
-        cell = (condition["kernel"], condition["level_dn"])
+            raise InputError(
+                f"{condition['kernel']} at {condition['target_sigma_dn']:g} DN: frames are missing; detect again"
+            )
+        cell = (condition["kernel"], condition["target_sigma_dn"])
         entries = [known.get((name, *cell), Detections.none()) for name in names]
         results = evaluate(
             entries,
             wanted,
             labels,
-            judge.rule,
-            judge.overlap,
+            criteria.rule,
+            criteria.iou_threshold,
             stream(seed, "average precision"),  # the same scenes for every condition
-            judge.bootstrap_draws,
+            criteria.bootstrap_draws,
             [scenes[name] for name in names],
         )
         at = medians.loc[cell] if cell in medians.index else {"sigma_dn": np.nan, "mtf": np.nan}
@@ -165,7 +176,15 @@ def average_precision(
             draws[label].append(percent(result.draws))
             shares = (result.average_precision, result.low, result.high)
             values = dict(zip(("ap_percent", "low_percent", "high_percent"), percent(shares).tolist(), strict=True))
-            counts = ("images", "objects", "objects_ignored", "detections", "right", "wrong", "neither")
+            counts = (
+                "images",
+                "objects",
+                "objects_ignored",
+                "detections",
+                "true_positives",
+                "false_positives",
+                "ignored",
+            )
             numbers = {name: getattr(result, name) for name in counts}
             numbers |= {name: float(at[name]) for name in ("sigma_dn", "mtf")}
             rows.append({"label": label, **condition, **values, **numbers})
@@ -183,15 +202,15 @@ def tuples(rows: pd.DataFrame, draws: Floats, average: bool) -> tuple[pd.DataFra
         average: over the directions of each size and level, as the paper does; else one point per direction.
 
     Returns:
-        size_px, level_dn, sigma_dn, mtf, ap_percent of each point, and its draws (points, B).
+        size_px, target_sigma_dn, sigma_dn, mtf, ap_percent of each point, and its draws (points, B).
     """
     import pandas as pd
 
-    columns = ["size_px", "level_dn", "sigma_dn", "mtf", "ap_percent"]
+    columns = ["kernel_size_px", "target_sigma_dn", "sigma_dn", "mtf", "ap_percent"]
     numbered = rows.reset_index(drop=True)
     if not average:
         return numbered[columns], draws
-    groups = [(key, group) for key, group in numbered.groupby(["size_px", "level_dn"], sort=True)]
+    groups = [(key, group) for key, group in numbered.groupby(["kernel_size_px", "target_sigma_dn"], sort=True)]
     means = [[*key, *group[columns[2:]].mean(skipna=False)] for key, group in groups]
     drawn = [draws[group.index].mean(axis=0) for _, group in groups]
     return pd.DataFrame(means, columns=columns), np.stack(drawn)
@@ -265,7 +284,7 @@ def curves(label: str, rows: pd.DataFrame, draws: Floats, section: CurvesSetting
     parts = []
     bins: dict[str, Any] = {"sigma_bins_dn": section.sigma_bins_dn, "mtf_bins": section.mtf_bins}
     points, drawn = tuples(rows, draws, section.average_directions)
-    for quantity, chosen in (("sigma_dn", points["size_px"] == 0), ("mtf", points["level_dn"] == 0)):
+    for quantity, chosen in (("sigma_dn", points["kernel_size_px"] == 0), ("mtf", points["target_sigma_dn"] == 0)):
         selected = points[chosen]
         known = selected["ap_percent"].notna() & selected["sigma_dn"].notna() & selected["mtf"].notna()
         if not known.any():
@@ -277,7 +296,7 @@ def curves(label: str, rows: pd.DataFrame, draws: Floats, section: CurvesSetting
         cells = gather(sigma, contrast, selected["ap_percent"], stream(seed, "curve"), picked, **bins)
         curve = isolated(cells, quantity, tolerance=section.tolerance_percent)
         values: dict[str, Any] = {
-            "at": curve.at,
+            "quantity_value": curve.at,
             "ap_percent": curve.ap_percent,
             "low_percent": curve.low,
             "high_percent": curve.high,
@@ -302,7 +321,7 @@ def metrics(table: pd.DataFrame, made: Mapping[str, Surface]) -> dict[str, dict[
     """Numbers to watch, of classes with objects: average precision without blur and noise, over all; the surface."""
     measures = {}
     for label, rows in table[table["objects"] > 0].groupby("label"):
-        clean = rows[(rows["size_px"] == 0) & (rows["level_dn"] == 0)]["ap_percent"]
+        clean = rows[(rows["kernel_size_px"] == 0) & (rows["target_sigma_dn"] == 0)]["ap_percent"]
         item = made.get(str(label))
         measures[str(label)] = {
             "objects": float(rows["objects"].iloc[0]),

@@ -34,7 +34,7 @@ def beside(refitted: pd.DataFrame, printed: pd.DataFrame, grid: pd.DataFrame) ->
     """One published fit beside ours of its grid.
 
     Args:
-        refitted: `pipeline.curves.by_settings.COEFFICIENTS` of one label.
+        refitted: `pipeline.curves.iso_exposure.COEFFICIENTS` of one label.
         printed: rows parameter, value, std_dev of one detector and object (c1..c8, chi2, r2).
         grid: its printed grid: iso, exposure_ms, ap_percent.
 

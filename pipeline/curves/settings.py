@@ -28,7 +28,7 @@ class CurvesSettings(Settings):
 
 
 class RegressionSettings(Settings):
-    """Which settings stand for a condition; see `pipeline.curves.by_settings`."""
+    """Which settings stand for a condition; see `pipeline.curves.iso_exposure`."""
 
     sigma_per_iso: Positive
     px_per_ms: Positive

@@ -15,7 +15,7 @@ from pipeline.datasets import image_statistics
 from pipeline.datasets.dataset import Dataset
 from pipeline.datasets.frame import Frame
 from pipeline.datasets.patches import BLUR_PX, NOISE_PX, Patch, object_patches, tiles
-from pipeline.datasets.quarantine import MAX_BAD_SHARE, Inspection, gather, inspect
+from pipeline.datasets.quarantine import MAX_REJECTED_FRACTION, Inspection, gather, inspect
 from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError
 from pipeline.executor import run_map
@@ -66,7 +66,7 @@ def index(
     tile_px: int = NOISE_PX,
     tile_policy: str = "complete",
     patches_from: str = "auto",
-    max_bad_share: float = MAX_BAD_SHARE,
+    max_rejected_fraction: float = MAX_REJECTED_FRACTION,
     run_map: Callable[..., list[Any]] = run_map,
 ) -> Index:
     """Look at every frame, measure it and list its patches.
@@ -78,7 +78,7 @@ def index(
         tile_policy: see `pipeline.datasets.patches.tiles`.
         patches_from: ``"objects"``: blur patches over labelled objects; ``"frame"``: whole tiles over the frame;
             ``"auto"``: objects where the dataset has labels, else the frame.
-        max_bad_share: largest share of frames, in [0, 1], that may be left out.
+        max_rejected_fraction: largest share of frames, in [0, 1], that may be left out.
         run_map: ``run_map(function, items, label=...)``, as `pipeline.executor.run_map`; by default in this process.
             The tables do not depend on the number of workers.
 
@@ -98,7 +98,7 @@ def index(
         from_objects=dataset.labelled if patches_from == "auto" else patches_from == "objects",
     )
     entries = run_map(enter, dataset.frames(), label=f"index of {dataset.name}")
-    scan = gather(dataset, [entry.found for entry in entries], max_bad_share)
+    scan = gather(dataset, [entry.found for entry in entries], max_rejected_fraction)
     return Index(
         _table([entry.row for entry in entries if entry.row], FRAMES),
         _table(_patch_rows(entries), PATCHES),

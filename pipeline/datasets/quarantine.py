@@ -40,7 +40,7 @@ from pipeline.datasets.pictures import BadPicture, Picture, read_picture
 from pipeline.errors import InputError
 from pipeline.executor import run_map
 
-MAX_BAD_SHARE = 0.05
+MAX_REJECTED_FRACTION = 0.05
 DEEP = "16 bits a channel: divided by 65535"
 COLOUR = "colour: luma taken"
 ALPHA = "alpha channel dropped"
@@ -129,14 +129,16 @@ def _usable_previous(paths: Sequence[Path], picture: Picture) -> tuple[Path, ...
     return tuple(kept)
 
 
-def gather(dataset: Dataset, inspections: Sequence[Inspection], max_bad_share: float = MAX_BAD_SHARE) -> Scan:
+def gather(
+    dataset: Dataset, inspections: Sequence[Inspection], max_rejected_fraction: float = MAX_REJECTED_FRACTION
+) -> Scan:
     """Sort inspected frames into usable ones and quarantine.
 
     Raises:
-        InputError: more than `max_bad_share` of the frames are left out; names the first few.
+        InputError: more than `max_rejected_fraction` of the frames are left out; names the first few.
     """
-    if not 0 <= max_bad_share <= 1:
-        raise InputError(f"quarantine.max_bad_share={max_bad_share}: expected a share between 0 and 1")
+    if not 0 <= max_rejected_fraction <= 1:
+        raise InputError(f"quarantine.max_rejected_fraction={max_rejected_fraction}: expected a share between 0 and 1")
     left_out = [
         LeftOut(
             dataset.name, *(_relative(text, result.frame, dataset) for text in (str(result.frame.path), result.reason))
@@ -144,11 +146,12 @@ def gather(dataset: Dataset, inspections: Sequence[Inspection], max_bad_share: f
         for result in inspections
         if result.reason
     ]
-    if len(left_out) > max_bad_share * len(inspections):
+    if len(left_out) > max_rejected_fraction * len(inspections):
         first = "; ".join(f"{row.file} ({row.reason})" for row in left_out[:3])
         raise InputError(
             f"dataset '{dataset.name}': {len(left_out)} of {len(inspections)} frames cannot be used, more than the "
-            f"{max_bad_share:.0%} allowed by quarantine.max_bad_share: {first}{'; ...' if len(left_out) > 3 else ''}"
+            f"{max_rejected_fraction:.0%} allowed by quarantine.max_rejected_fraction: "
+            f"{first}{'; ...' if len(left_out) > 3 else ''}"
         )
     notes = Counter(note for result in inspections for note in result.notes)
     usable = [result.frame for result in inspections if not result.reason]
@@ -157,7 +160,7 @@ def gather(dataset: Dataset, inspections: Sequence[Inspection], max_bad_share: f
 
 def scan(
     dataset: Dataset,
-    max_bad_share: float = MAX_BAD_SHARE,
+    max_rejected_fraction: float = MAX_REJECTED_FRACTION,
     *,
     smallest_px: int = BLUR_PX,
     run_map: Callable[..., list[Any]] = run_map,
@@ -166,7 +169,7 @@ def scan(
 
     Args:
         dataset: an opened dataset.
-        max_bad_share: largest share of frames, in [0, 1], that may be left out.
+        max_rejected_fraction: largest share of frames, in [0, 1], that may be left out.
         smallest_px: both sides of a picture must be at least this long.
         run_map: ``run_map(function, items, label=...)``, as `pipeline.executor.run_map`; by default in this process.
 
@@ -178,7 +181,7 @@ def scan(
     """
     look = partial(_without_pixels, smallest_px=smallest_px)
     result = run_map(look, dataset.frames(), label=f"scan of {dataset.name}")
-    return gather(dataset, result, max_bad_share)
+    return gather(dataset, result, max_rejected_fraction)
 
 
 def _without_pixels(frame: Frame, smallest_px: int) -> Inspection:

@@ -14,10 +14,10 @@ class DatasetSettings(Settings):
 
     kind: Name
     root: str | None
-    watch: str
+    dvc_dependency: str
     limit: Count | None = None
     whitelist: str | None = None
-    max_bad_share: Fraction = 0.05
+    max_rejected_fraction: Fraction = 0.05
     options: dict[str, Any] = Field(default_factory=dict)
 
 

@@ -8,8 +8,8 @@
 
 Each viewpoint has four moments, 0 to 3, 0.1 s apart. By default a frame is a viewpoint's last moment, with the
 earlier ones as its previous frames; `moments="all"` makes every moment a frame. Boxes are those of the visible part,
-exact to the pixel; objects under `lowest_px` high or less visible than `least_visible` are ignored, as in the
-measurements that calibrated the renderer (detectors are not asked to find what people cannot).
+exact to the pixel; objects under `min_height_px` high or less visible than `min_visible_fraction` are ignored, as in
+the measurements that calibrated the renderer (detectors are not asked to find what people cannot).
 
 Licence: as this project's; the frames are made by it.
 """
@@ -39,8 +39,8 @@ class Sim(Dataset):
         root: the folder the rendering stage writes.
         split: ``"evaluation"`` or ``"train"``: a sub-folder.
         moments: ``"last"`` or ``"all"``.
-        lowest_px: lower objects are ignored.
-        least_visible: objects less visible, in [0, 1], are ignored.
+        min_height_px: lower objects are ignored.
+        min_visible_fraction: objects less visible, in [0, 1], are ignored.
         whitelist: see `Dataset`.
         limit: see `Dataset`.
     """
@@ -55,8 +55,8 @@ class Sim(Dataset):
         *,
         split: str = "evaluation",
         moments: str = "last",
-        lowest_px: float = 25.0,
-        least_visible: float = 0.3,
+        min_height_px: float = 25.0,
+        min_visible_fraction: float = 0.3,
         whitelist: str | Path | None = None,
         limit: int | None = None,
     ) -> None:
@@ -66,7 +66,7 @@ class Sim(Dataset):
         if not (self.root / split).is_dir():
             raise DataAbsent(f"dataset '{name}': no folder {self.root / split}. {self.source}")
         self.split, self.moments = split, moments
-        self.lowest_px, self.least_visible = lowest_px, least_visible
+        self.min_height_px, self.min_visible_fraction = min_height_px, min_visible_fraction
 
     def _read(self) -> Iterable[Frame]:
         viewpoints: dict[str, list[Path]] = {}
@@ -110,5 +110,5 @@ class Sim(Dataset):
             (fraction,) = numbers([visible], where)
         except (KeyError, TypeError, ValueError, AttributeError):
             raise BadLabels(f"{where}: expected label, box [x1, y1, x2, y2] and visible_fraction") from None
-        ignored = y2 - y1 < self.lowest_px or fraction < self.least_visible
+        ignored = y2 - y1 < self.min_height_px or fraction < self.min_visible_fraction
         return Box(label, x1, y1, x2, y2, ignored, fraction)

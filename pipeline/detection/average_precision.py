@@ -17,7 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.detection.base import Detections
-from pipeline.detection.matching import COCO_MOST, NEITHER, RIGHT, RULES, WRONG, Rule, Truth, judge
+from pipeline.detection.matching import (
+    COCO_MAX_DETECTIONS,
+    FALSE_POSITIVE,
+    IGNORED,
+    RULES,
+    TRUE_POSITIVE,
+    GroundTruth,
+    Rule,
+    match,
+)
 from pipeline.errors import InputError
 
 COCO_RECALLS = np.linspace(0.0, 1.0, 101)
@@ -35,7 +44,7 @@ class ClassResult:
         objects: objects to be found.
         objects_ignored: ignored objects and regions of this class.
         detections: all of this class (with ``coco``, the 100 best of each image).
-        right, wrong, neither: of these.
+        true_positives, false_positives, ignored: of these.
         score: (right + wrong,) scores, highest first.
         precision, recall: (right + wrong,) after each of these detections; recall is NaN where there is no object.
         draws: (draws,) average precision on resampled images, NaN where a draw holds no object; empty without a
@@ -50,9 +59,9 @@ class ClassResult:
     objects: int
     objects_ignored: int
     detections: int
-    right: int
-    wrong: int
-    neither: int
+    true_positives: int
+    false_positives: int
+    ignored: int
     score: NDArray[np.float64]
     precision: NDArray[np.float64]
     recall: NDArray[np.float64]
@@ -61,10 +70,10 @@ class ClassResult:
 
 def evaluate(
     detections: Sequence[Detections],
-    truths: Sequence[Truth],
+    truths: Sequence[GroundTruth],
     labels: Iterable[str] | None = None,
     rule: Rule = "paper",
-    overlap: float = 0.5,
+    iou_threshold: float = 0.5,
     generator: np.random.Generator | None = None,
     draws: int = 500,
     groups: Sequence[str] | None = None,
@@ -76,7 +85,7 @@ def evaluate(
         truths: one entry per image, in the same order.
         labels: classes to judge; None takes every class that has an object, as the paper's program does.
         rule: ``"paper"`` or ``"coco"``.
-        overlap: least intersection over union of a right detection, in (0, 1].
+        iou_threshold: least intersection over union of a right detection, in (0, 1].
         generator: for the bootstrap over images; None leaves the intervals out.
         draws: resamples.
         groups: one word per image; images of one group are no independent samples and are resampled together. None
@@ -92,14 +101,14 @@ def evaluate(
         raise InputError(f"detections for {len(detections)} images, truth for {len(truths)}; expected as many")
     if rule not in RULES:
         raise InputError(f"rule: expected one of {', '.join(RULES)}, not {rule!r}")
-    if not 0.0 < overlap <= 1.0:
-        raise InputError(f"overlap: expected a number in (0, 1], not {overlap!r}")
+    if not 0.0 < iou_threshold <= 1.0:
+        raise InputError(f"iou_threshold: expected a number in (0, 1], not {iou_threshold!r}")
     if groups is not None and len(groups) != len(truths):
         raise InputError(f"groups for {len(groups)} images, truth for {len(truths)}; expected as many")
     if labels is None:
         labels = sorted({str(word) for truth in truths for word in truth.label[~truth.ignore]})
     group_of = np.unique(np.asarray(groups if groups is not None else range(len(truths))), return_inverse=True)[1]
-    rest = (detections, truths, rule, overlap, generator, draws, group_of)
+    rest = (detections, truths, rule, iou_threshold, generator, draws, group_of)
     return {label: _evaluate_class(label, *rest) for label in labels}
 
 
@@ -112,9 +121,9 @@ def mean_average_precision(results: Iterable[ClassResult]) -> float:
 def _evaluate_class(
     label: str,
     detections: Sequence[Detections],
-    truths: Sequence[Truth],
+    truths: Sequence[GroundTruth],
     rule: Rule,
-    overlap: float,
+    iou_threshold: float,
     generator: np.random.Generator | None,
     draws: int,
     group_of: NDArray[np.int64],
@@ -126,16 +135,16 @@ def _evaluate_class(
     ignored = 0
     for image, (detected, truth) in enumerate(zip(detections, truths, strict=True)):
         wanted, mine = truth.called(label), detected.called(label)
-        order = np.argsort(-mine.score, kind="stable")[: COCO_MOST if rule == "coco" else None]
+        order = np.argsort(-mine.score, kind="stable")[: COCO_MAX_DETECTIONS if rule == "coco" else None]
         scores.append(mine.score[order])
-        verdicts.append(judge(mine.boxes[order], wanted, rule, overlap))
+        verdicts.append(match(mine.boxes[order], wanted, rule, iou_threshold))
         images.append(np.full(len(order), image, dtype=np.int64))
         objects[image] = np.count_nonzero(~wanted.ignore)
         ignored += int(np.count_nonzero(wanted.ignore))
     score, verdict, image_of = np.concatenate(scores), np.concatenate(verdicts), np.concatenate(images)
-    counted = np.flatnonzero(verdict != NEITHER)
+    counted = np.flatnonzero(verdict != IGNORED)
     order = counted[np.argsort(-score[counted], kind="stable")]
-    hit, image_of = verdict[order] == RIGHT, image_of[order]
+    hit, image_of = verdict[order] == TRUE_POSITIVE, image_of[order]
     total = int(objects.sum())
     found_so_far = np.cumsum(hit)
     low = high = float("nan")
@@ -153,9 +162,9 @@ def _evaluate_class(
         objects=total,
         objects_ignored=ignored,
         detections=len(verdict),
-        right=int(hit.sum()),
-        wrong=int(np.count_nonzero(verdict == WRONG)),
-        neither=int(np.count_nonzero(verdict == NEITHER)),
+        true_positives=int(hit.sum()),
+        false_positives=int(np.count_nonzero(verdict == FALSE_POSITIVE)),
+        ignored=int(np.count_nonzero(verdict == IGNORED)),
         score=score[order],
         precision=found_so_far / np.arange(1, len(hit) + 1),
         recall=found_so_far / total if total else np.full(len(hit), np.nan),
@@ -164,12 +173,12 @@ def _evaluate_class(
 
 
 def area(
-    right: NDArray[np.float64], counted: NDArray[np.float64], objects: NDArray[np.integer], rule: Rule
+    true_positive: NDArray[np.float64], counted: NDArray[np.float64], objects: NDArray[np.integer], rule: Rule
 ) -> NDArray[np.float64]:
     """Area under monotone precision over recall, for several weightings of the same sorted detections.
 
     Args:
-        right: (B, D) weight of a detection if it is right, else 0; highest score first.
+        true_positive: (B, D) weight of a detection if it is right, else 0; highest score first.
         counted: (B, D) weight of a detection.
         objects: (B,) objects, weighted.
         rule: ``"paper"`` for the whole area, ``"coco"`` for 101 recalls.
@@ -177,12 +186,12 @@ def area(
     Returns:
         (B,) average precision; NaN without objects.
     """
-    result = np.full(len(right), np.nan)
+    result = np.full(len(true_positive), np.nan)
     present = np.asarray(objects) > 0
-    if right.shape[1] == 0:
+    if true_positive.shape[1] == 0:
         result[present] = 0.0
         return result
-    true_positives, shown = np.cumsum(right[present], axis=1), np.cumsum(counted[present], axis=1)
+    true_positives, shown = np.cumsum(true_positive[present], axis=1), np.cumsum(counted[present], axis=1)
     precision = np.divide(true_positives, shown, out=np.zeros_like(true_positives), where=shown > 0)
     best = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
     recall = true_positives / np.asarray(objects)[present, None]

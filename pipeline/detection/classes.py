@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.datasets.frame import Box
-from pipeline.detection.matching import Truth
+from pipeline.detection.matching import GroundTruth
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class ClassMap:
         """The classes that are judged, sorted."""
         return sorted(set(self.wanted.values()))
 
-    def truth(self, boxes: Iterable[Box], lowest_px: float = 0.0, least_visible: float = 0.0) -> Truth:
+    def truth(self, boxes: Iterable[Box], min_height_px: float = 0.0, min_visible_fraction: float = 0.0) -> GroundTruth:
         """What is to be found in a frame.
 
         Args:
             boxes: of the frame.
-            lowest_px: objects less high are ignored.
-            least_visible: objects less visible, in [0, 1], are ignored; an unknown visible share is enough.
+            min_height_px: objects less high are ignored.
+            min_visible_fraction: objects less visible, in [0, 1], are ignored; an unknown visible share is enough.
         """
         corners: list[tuple[float, float, float, float]] = []
         words: list[str] = []
@@ -47,7 +47,7 @@ class ClassMap:
         for box in boxes:
             label = self.wanted.get(box.label)
             if label is not None:
-                small = box.height_px < lowest_px or box.visible_fraction < least_visible
+                small = box.height_px < min_height_px or box.visible_fraction < min_visible_fraction
                 entries = [(label, box.ignore or small)]
             elif box.label in self.neighbours:
                 entries = [(label, True) for label in self.neighbours[box.label]]
@@ -57,7 +57,7 @@ class ClassMap:
                 corners.append((box.x1, box.y1, box.x2, box.y2))
                 words.append(label)
                 ignored.append(ignore)
-        return Truth(
+        return GroundTruth(
             np.asarray(corners, dtype=np.float64).reshape(-1, 4),
             np.asarray(words, dtype=np.str_),
             np.asarray(ignored, dtype=bool),

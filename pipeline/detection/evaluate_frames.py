@@ -19,10 +19,10 @@ def evaluate_frames(
     frames: Sequence[Frame],
     detector: Detector,
     class_map: ClassMap,
-    lowest_px: float = 0.0,
-    least_visible: float = 0.0,
+    min_height_px: float = 0.0,
+    min_visible_fraction: float = 0.0,
     rule: Rule = "paper",
-    overlap: float = 0.5,
+    iou_threshold: float = 0.5,
     generator: np.random.Generator | None = None,
     image: Callable[[Frame], NDArray[np.float32]] = Frame.image,
 ) -> dict[str, ClassResult]:
@@ -32,10 +32,10 @@ def evaluate_frames(
         frames: with their boxes.
         detector: finds objects.
         class_map: what the frames' words mean.
-        lowest_px: objects less high are ignored.
-        least_visible: objects less visible, in [0, 1], are ignored.
+        min_height_px: objects less high are ignored.
+        min_visible_fraction: objects less visible, in [0, 1], are ignored.
         rule: ``"paper"`` or ``"coco"``, see `pipeline.detection.matching`.
-        overlap: least intersection over union of a right detection.
+        iou_threshold: least intersection over union of a right detection.
         generator: for bootstrap intervals, or None for none.
         image: how a frame becomes (H, W) float32 in [0, 1]; give a function that corrupts it to judge that.
 
@@ -48,17 +48,19 @@ def evaluate_frames(
     if not frames:
         raise InputError("frames: none given; an average precision needs at least one labelled frame")
     results = [detector.detect([image(frame)])[0] for frame in frames]
-    return evaluate_found(frames, results, class_map, lowest_px, least_visible, rule, overlap, generator)
+    return evaluate_found(
+        frames, results, class_map, min_height_px, min_visible_fraction, rule, iou_threshold, generator
+    )
 
 
 def evaluate_found(
     frames: Sequence[Frame],
     found: Sequence[Detections],
     class_map: ClassMap,
-    lowest_px: float = 0.0,
-    least_visible: float = 0.0,
+    min_height_px: float = 0.0,
+    min_visible_fraction: float = 0.0,
     rule: Rule = "paper",
-    overlap: float = 0.5,
+    iou_threshold: float = 0.5,
     generator: np.random.Generator | None = None,
 ) -> dict[str, ClassResult]:
     """Judge detections that were made before.
@@ -67,14 +69,14 @@ def evaluate_found(
         frames: with their boxes.
         found: one entry per frame, in the same order.
         class_map: see `evaluate_frames`, as all the rest.
-        lowest_px: objects less high are ignored.
-        least_visible: objects less visible are ignored.
+        min_height_px: objects less high are ignored.
+        min_visible_fraction: objects less visible are ignored.
         rule: ``"paper"`` or ``"coco"``.
-        overlap: least intersection over union of a right detection.
+        iou_threshold: least intersection over union of a right detection.
         generator: for bootstrap intervals, or None for none.
 
     Returns:
         results by class.
     """
-    truths = [class_map.truth(frame.boxes, lowest_px, least_visible) for frame in frames]
-    return evaluate(found, truths, class_map.classes, rule, overlap, generator)
+    truths = [class_map.truth(frame.boxes, min_height_px, min_visible_fraction) for frame in frames]
+    return evaluate(found, truths, class_map.classes, rule, iou_threshold, generator)

@@ -35,8 +35,8 @@ NAMES = ("__background__", *coco.NAMES)
 MEAN_BGR_DN = np.array([102.9801, 115.9465, 122.7717])
 SHORTEST_PX = 800
 MULTIPLE_PX = 32
-FULL = Limits(score_floor=0.0, overlap=1.0, most=300)
-PAPER = Limits(score_floor=0.5, overlap=1.0, most=300)
+FULL = Limits(score_floor=0.0, iou_threshold=1.0, max_detections=300)
+PAPER = Limits(score_floor=0.5, iou_threshold=1.0, max_detections=300)
 
 
 class FasterRcnn:
@@ -49,7 +49,7 @@ class FasterRcnn:
         longest_px: limit on the longer side, which then rules; None for no limit.
         threads: CPU threads (the authors' program sets 15).
         score_floor: instead of the mode's, [0, 1].
-        most: boxes kept per image at most (the network itself gives 100).
+        max_detections: boxes kept per image at most (the network itself gives 100).
         labels: class names in the network's order, the background first.
         sha256: expected hash of the file, or None.
 
@@ -65,11 +65,11 @@ class FasterRcnn:
         longest_px: int | None = None,
         threads: int = 1,
         score_floor: float | None = None,
-        most: int | None = None,
+        max_detections: int | None = None,
         labels: Sequence[str] = NAMES,
         sha256: str | None = None,
     ) -> None:
-        self.limits = limits(mode, PAPER, score_floor, None, most, FULL)
+        self.limits = limits(mode, PAPER, score_floor, None, max_detections, FULL)
         self.mode = mode
         if shortest_px < MULTIPLE_PX:
             raise InputError(f"shortest_px: expected at least {MULTIPLE_PX}, not {shortest_px!r}")
@@ -93,7 +93,7 @@ class FasterRcnn:
         boxes = np.trunc(boxes) if paper else np.clip(boxes, 0.0, [image.shape[1], image.shape[0]] * 2)
         real = (boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])
         likely = np.flatnonzero((paper | real) & (score >= self.limits.score_floor) & (kind > 0))
-        chosen = likely[np.argsort(-score[likely], kind="stable")][: self.limits.most]
+        chosen = likely[np.argsort(-score[likely], kind="stable")][: self.limits.max_detections]
         return Detections.of(boxes[chosen], np.clip(score[chosen], 0.0, 1.0), self.labels[kind[chosen]])
 
     def prepare(self, image: NDArray[np.float32]) -> tuple[NDArray[np.float32], float]:

@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 Rule = Literal["paper", "coco"]
 RULES: tuple[Rule, ...] = ("paper", "coco")
 
-RIGHT, WRONG, NEITHER = 1, 0, -1
-IGNORED_SHARE = 0.5
-COCO_MOST = 100
+TRUE_POSITIVE, FALSE_POSITIVE, IGNORED = 1, 0, -1
+IGNORED_FRACTION = 0.5
+COCO_MAX_DETECTIONS = 100
 
 
 @dataclass(frozen=True)
-class Truth:
+class GroundTruth:
     """What is to be found in one image.
 
     Attributes:
@@ -40,10 +40,10 @@ class Truth:
     label: NDArray[np.str_]
     ignore: NDArray[np.bool_]
 
-    def called(self, label: str) -> Truth:
+    def called(self, label: str) -> GroundTruth:
         """The objects and ignored regions of one class."""
         chosen = self.label == label
-        return Truth(self.boxes[chosen], self.label[chosen], self.ignore[chosen])
+        return GroundTruth(self.boxes[chosen], self.label[chosen], self.ignore[chosen])
 
 
 def overlaps(
@@ -72,49 +72,49 @@ def overlaps(
     return over_union, over_one
 
 
-def judge(boxes: NDArray[np.float64], truth: Truth, rule: Rule, overlap: float) -> NDArray[np.int8]:
+def match(boxes: NDArray[np.float64], truth: GroundTruth, rule: Rule, iou_threshold: float) -> NDArray[np.int8]:
     """Judge the detections of one class in one image.
 
     Args:
         boxes: (M, 4), highest score first.
         truth: objects and ignored regions of this class.
         rule: ``"paper"`` or ``"coco"``.
-        overlap: least intersection over union of a right detection, in (0, 1].
+        iou_threshold: least intersection over union of a right detection, in (0, 1].
 
     Returns:
-        (M,) `RIGHT`, `WRONG` or `NEITHER`.
+        (M,) `TRUE_POSITIVE`, `FALSE_POSITIVE` or `IGNORED`.
     """
-    verdict = np.full(len(boxes), WRONG, dtype=np.int8)
+    verdict = np.full(len(boxes), FALSE_POSITIVE, dtype=np.int8)
     if len(boxes) == 0 or len(truth.boxes) == 0:
         return verdict
     over_union, inside = overlaps(boxes, truth.boxes, pixel=1.0 if rule == "paper" else 0.0)
     if rule == "paper":
-        _claim_best(verdict, over_union, truth.ignore, overlap)
+        _claim_best(verdict, over_union, truth.ignore, iou_threshold)
     else:
-        _claim_free(verdict, over_union[:, ~truth.ignore], overlap)
-    excused = (inside[:, truth.ignore] >= IGNORED_SHARE).any(axis=1)
-    verdict[(verdict == WRONG) & excused] = NEITHER
+        _claim_free(verdict, over_union[:, ~truth.ignore], iou_threshold)
+    excused = (inside[:, truth.ignore] >= IGNORED_FRACTION).any(axis=1)
+    verdict[(verdict == FALSE_POSITIVE) & excused] = IGNORED
     return verdict
 
 
 def _claim_best(
-    verdict: NDArray[np.int8], over_union: NDArray[np.float64], ignore: NDArray[np.bool_], overlap: float
+    verdict: NDArray[np.int8], over_union: NDArray[np.float64], ignore: NDArray[np.bool_], iou_threshold: float
 ) -> None:
     """Each detection claims the object it overlaps most, claimed already or not; of equal ones the first."""
     claimed = np.zeros(over_union.shape[1], dtype=bool)
     for index, best in enumerate(over_union.argmax(axis=1)):
-        if over_union[index, best] < overlap:
+        if over_union[index, best] < iou_threshold:
             continue
         if ignore[best]:
-            verdict[index] = NEITHER
+            verdict[index] = IGNORED
         elif not claimed[best]:
-            verdict[index] = RIGHT
+            verdict[index] = TRUE_POSITIVE
             claimed[best] = True
 
 
-def _claim_free(verdict: NDArray[np.int8], over_union: NDArray[np.float64], overlap: float) -> None:
+def _claim_free(verdict: NDArray[np.int8], over_union: NDArray[np.float64], iou_threshold: float) -> None:
     """Each detection claims the free object it overlaps most; of equal ones the last, as pycocotools does."""
-    least = min(overlap, 1.0 - 1e-10)
+    least = min(iou_threshold, 1.0 - 1e-10)
     free = over_union.copy()
     count = free.shape[1]
     for index in range(len(free)):
@@ -122,5 +122,5 @@ def _claim_free(verdict: NDArray[np.int8], over_union: NDArray[np.float64], over
             return
         best = count - 1 - int(free[index, ::-1].argmax())
         if free[index, best] >= least:
-            verdict[index] = RIGHT
+            verdict[index] = TRUE_POSITIVE
             free[:, best] = -1.0

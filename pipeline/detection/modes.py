@@ -21,13 +21,13 @@ class Limits:
 
     Attributes:
         score_floor: boxes below this score are dropped, [0, 1].
-        overlap: intersection over union above which the weaker box of a class is dropped, [0, 1].
-        most: boxes kept per image at most.
+        iou_threshold: intersection over union above which the weaker box of a class is dropped, [0, 1].
+        max_detections: boxes kept per image at most.
     """
 
     score_floor: float
-    overlap: float
-    most: int
+    iou_threshold: float
+    max_detections: int
 
     def select(
         self,
@@ -53,11 +53,11 @@ class Limits:
         real = (boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])
         likely = np.flatnonzero(real & (score > self.score_floor if above else score >= self.score_floor))
         if suppressed:
-            return likely[np.argsort(-score[likely], kind="stable")][: self.most]
-        return likely[suppress(boxes[likely], score[likely], kind[likely], self.overlap, self.most)]
+            return likely[np.argsort(-score[likely], kind="stable")][: self.max_detections]
+        return likely[suppress(boxes[likely], score[likely], kind[likely], self.iou_threshold, self.max_detections)]
 
 
-FULL = Limits(score_floor=0.01, overlap=0.5, most=300)
+FULL = Limits(score_floor=0.01, iou_threshold=0.5, max_detections=300)
 """Nearly everything is kept: average precision needs the curve to its end; thin out later with `Detections.above`."""
 
 
@@ -65,8 +65,8 @@ def limits(
     mode: Mode,
     paper: Limits,
     score_floor: float | None = None,
-    overlap: float | None = None,
-    most: int | None = None,
+    iou_threshold: float | None = None,
+    max_detections: int | None = None,
     full: Limits = FULL,
 ) -> Limits:
     """The limits of a mode, each replaced where one is given.
@@ -75,8 +75,8 @@ def limits(
         mode: ``"full"`` or ``"paper"``.
         paper: the limits the paper used.
         score_floor: instead of the mode's, [0, 1].
-        overlap: instead of the mode's, [0, 1].
-        most: instead of the mode's, at least 1.
+        iou_threshold: instead of the mode's, [0, 1].
+        max_detections: instead of the mode's, at least 1.
         full: the limits of the other mode.
 
     Raises:
@@ -84,16 +84,16 @@ def limits(
     """
     if mode not in MODES:
         raise InputError(f"mode: expected one of {', '.join(MODES)}, not {mode!r}; {did_you_mean(str(mode), MODES)}")
-    for name, value in (("score_floor", score_floor), ("overlap", overlap)):
+    for name, value in (("score_floor", score_floor), ("iou_threshold", iou_threshold)):
         if value is not None and not 0.0 <= value <= 1.0:
             raise InputError(f"{name}: expected a number in [0, 1], not {value!r}")
-    if most is not None and most < 1:
-        raise InputError(f"most: expected at least 1, not {most!r}")
+    if max_detections is not None and max_detections < 1:
+        raise InputError(f"max_detections: expected at least 1, not {max_detections!r}")
     base = paper if mode == "paper" else full
     return Limits(
         score_floor=base.score_floor if score_floor is None else score_floor,
-        overlap=base.overlap if overlap is None else overlap,
-        most=base.most if most is None else most,
+        iou_threshold=base.iou_threshold if iou_threshold is None else iou_threshold,
+        max_detections=base.max_detections if max_detections is None else max_detections,
     )
 
 

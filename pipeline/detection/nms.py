@@ -11,8 +11,8 @@ def suppress(
     boxes: NDArray[np.floating],
     score: NDArray[np.floating],
     kind: NDArray[np.integer],
-    overlap: float,
-    most: int | None = None,
+    iou_threshold: float,
+    max_detections: int | None = None,
 ) -> NDArray[np.int64]:
     """Greedy suppression within each class.
 
@@ -23,8 +23,8 @@ def suppress(
         boxes: (M, 4) x1 y1 x2 y2.
         score: (M,).
         kind: (M,) class numbers.
-        overlap: limit on the intersection over union, in [0, 1].
-        most: keep so many at most, all classes together; None keeps all.
+        iou_threshold: limit on the intersection over union, in [0, 1].
+        max_detections: keep so many at most, all classes together; None keeps all.
 
     Returns:
         indices of the boxes kept, highest score first.
@@ -33,7 +33,7 @@ def suppress(
         return np.zeros(0, dtype=np.int64)
     corner_size = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1).astype(np.float64)
     floor = float(score.min()) - 1.0  # OpenCV wants a floor of its own; nothing is to fall below it
-    kept = cv2.dnn.NMSBoxesBatched(corner_size.tolist(), score.tolist(), kind.tolist(), floor, overlap)
+    kept = cv2.dnn.NMSBoxesBatched(corner_size.tolist(), score.tolist(), kind.tolist(), floor, iou_threshold)
     order = np.asarray(kept, dtype=np.int64).reshape(-1)
     order = order[np.argsort(-score[order], kind="stable")]
-    return order[:most]
+    return order[:max_detections]

@@ -17,18 +17,18 @@ class DetectorSettings(Settings):
 
     kind: Name
     weights: str
-    watch: str
-    get: str
+    dvc_dependency: str
+    fetch_command: str
     options: dict[str, Any] = Field(default_factory=dict)
 
 
-class JudgeSettings(Settings):
+class EvaluationSettings(Settings):
     """What counts as a true positive; see `pipeline.detection.average_precision`."""
 
     rule: Literal["paper", "coco"]
-    overlap: Annotated[float, Field(gt=0, le=1)]
-    lowest_px: NonNegative
-    least_visible: Fraction
+    iou_threshold: Annotated[float, Field(gt=0, le=1)]
+    min_height_px: NonNegative
+    min_visible_fraction: Fraction
     bootstrap_draws: Draws
 
 
@@ -67,6 +67,6 @@ class DetectorTraining(LoopSettings):
     rays: Annotated[int, Field(ge=1, le=8)] = 2
     width_px: Annotated[int, Field(ge=32, le=4096)] = 896
     height_px: Annotated[int, Field(ge=32, le=4096)] = 768
-    uses: Count = 1
-    window: Count = 64
+    replays: Count = 1
+    replay_window: Count = 64
     half_precision: bool = True

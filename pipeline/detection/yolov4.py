@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 XY_SCALE = (1.2, 1.1, 1.05)
 FILL_DN = 128.0
-PAPER = Limits(score_floor=0.5, overlap=0.213, most=3 * 52 * 52)
+PAPER = Limits(score_floor=0.5, iou_threshold=0.213, max_detections=3 * 52 * 52)
 _LARGEST_LOG = 20.0
 
 
@@ -48,8 +48,8 @@ class Yolov4:
         mode: ``"full"`` keeps scores above 0.01, suppresses at 0.5 and keeps 300 boxes; ``"paper"``, see above.
         threads: CPU threads.
         score_floor: instead of the mode's; a box must score more, [0, 1].
-        overlap: instead of the mode's, [0, 1].
-        most: instead of the mode's.
+        iou_threshold: instead of the mode's, [0, 1].
+        max_detections: instead of the mode's.
         labels: class names in the network's order.
         sha256: expected hash of the file, or None.
 
@@ -63,12 +63,12 @@ class Yolov4:
         mode: Mode = "full",
         threads: int = 1,
         score_floor: float | None = None,
-        overlap: float | None = None,
-        most: int | None = None,
+        iou_threshold: float | None = None,
+        max_detections: int | None = None,
         labels: Sequence[str] = coco.NAMES,
         sha256: str | None = None,
     ) -> None:
-        self.limits = limits(mode, PAPER, score_floor, overlap, most)
+        self.limits = limits(mode, PAPER, score_floor, iou_threshold, max_detections)
         self.mode = mode
         self.labels = np.asarray(labels, dtype=np.str_)
         self.model = OnnxModel(weights, threads, sha256)

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from pipeline.detection.base import Images
 
 FILL_DN = 114.0
-PAPER = Limits(score_floor=0.35, overlap=0.65, most=100)
+PAPER = Limits(score_floor=0.35, iou_threshold=0.65, max_detections=100)
 SUPPRESSED_COLUMNS = 7
 EXPORT = "export again with --grid (or with --grid --end2end --max-wh 640)"
 
@@ -56,8 +56,8 @@ class Yolov7:
         input_px: (width, height) of the input in multiples of 32, for files that leave it open; None for the file's.
         threads: CPU threads.
         score_floor: instead of the mode's, [0, 1].
-        overlap: instead of the mode's, [0, 1].
-        most: instead of the mode's.
+        iou_threshold: instead of the mode's, [0, 1].
+        max_detections: instead of the mode's.
         labels: class names in the network's order.
         sha256: expected hash of the file, or None.
 
@@ -72,12 +72,12 @@ class Yolov7:
         input_px: Sequence[int] | None = None,
         threads: int = 1,
         score_floor: float | None = None,
-        overlap: float | None = None,
-        most: int | None = None,
+        iou_threshold: float | None = None,
+        max_detections: int | None = None,
         labels: Sequence[str] = coco.NAMES,
         sha256: str | None = None,
     ) -> None:
-        self.limits = limits(mode, PAPER, score_floor, overlap, most)
+        self.limits = limits(mode, PAPER, score_floor, iou_threshold, max_detections)
         self.labels = np.asarray(labels, dtype=np.str_)
         self.model = _opened(weights, threads, sha256)
         self.width_px, self.height_px = _input_size(self.model, input_px)

@@ -42,8 +42,8 @@ class Yolox:
             multiples of 32); or (width, height), multiples of 32; or None for the file's own size.
         threads: CPU threads.
         score_floor: detections below this score are dropped, [0, 1].
-        overlap: intersection over union above which the weaker box is dropped, [0, 1].
-        most: boxes kept per image at most.
+        iou_threshold: intersection over union above which the weaker box is dropped, [0, 1].
+        max_detections: boxes kept per image at most.
         labels: class names in the network's order.
         sha256: expected hash of the file, or None.
 
@@ -57,12 +57,12 @@ class Yolox:
         input_px: int | tuple[int, int] | None = None,
         threads: int = 1,
         score_floor: float = FULL.score_floor,
-        overlap: float = FULL.overlap,
-        most: int = FULL.most,
+        iou_threshold: float = FULL.iou_threshold,
+        max_detections: int = FULL.max_detections,
         labels: Sequence[str] = coco.NAMES,
         sha256: str | None = None,
     ) -> None:
-        self.limits = limits("full", FULL, score_floor, overlap, most)
+        self.limits = limits("full", FULL, score_floor, iou_threshold, max_detections)
         self.input_px = _checked_input(input_px)
         self.labels = np.asarray(labels, dtype=np.str_)
         self.model = OnnxModel(weights, threads, sha256)

@@ -6,8 +6,8 @@ median of the same camera's sharp patches (MTFs of serial stages multiply),
     MTF_relative = clip(MTF / max(MTF_sharp, 0.05), 0, 1).
 
 An estimator *calibrated to the camera* is corrected by a map that was fitted on synthetically blurred sharp patches
-(`pipeline.blur.camera_fit`); it is cross-fitted: each half of the frames is evaluated with the calibration from the
-other half, so that no frame is evaluated with a calibration to itself.
+(`pipeline.blur.camera_calibration`); it is cross-fitted: each half of the frames is evaluated with the calibration from
+the other half, so that no frame is evaluated with a calibration to itself.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.blur.base import SHARP_FLOOR
-from pipeline.blur.camera_fit import CameraMap, Fitted, fit
+from pipeline.blur.camera_calibration import CalibratedEstimator, CameraMap, calibrate
 from pipeline.blur.denoise import EPSILON, divided, divided_end
 from pipeline.camera import mtf
 from pipeline.camera.psf.defocus import create as disc
@@ -46,9 +46,9 @@ class Calibrated:
     estimator: Any
     calibration: CameraMap
 
-    def open(self) -> Fitted:
+    def open(self) -> CalibratedEstimator:
         """The calibrated estimator."""
-        return Fitted(opened(self.estimator), self.calibration)
+        return CalibratedEstimator(opened(self.estimator), self.calibration)
 
 
 def divided_by_sharp(measurements: pd.DataFrame) -> pd.DataFrame:
@@ -146,7 +146,8 @@ def folds(count: int) -> list[int]:
     """
     if count < 2:
         raise InputError(
-            f"{count} frame to calibrate to a camera and to evaluate on; give at least two, or leave camera_samples out"
+            f"{count} frame to calibrate to a camera and to evaluate on; give at least two, or leave "
+            f"calibration_samples out"
         )
     return [int(2 * number >= count) for number in range(count)]
 
@@ -159,12 +160,12 @@ def cross_fit(
     Args:
         frames: sharp frames with their patches.
         estimator: see `pipeline.experiments.run.Method`.
-        samples: see `pipeline.blur.camera_fit.fit`.
+        samples: see `pipeline.blur.camera_calibration.calibrate`.
         seed: see there.
         executor: changes no result.
 
     Raises:
-        InputError: fewer than two frames, or see `pipeline.blur.camera_fit.fit`.
+        InputError: fewer than two frames, or see `pipeline.blur.camera_calibration.calibrate`.
     """
     halves = folds(len(frames))
     others = [[item for item, half in zip(frames, halves, strict=True) if half != fold] for fold in (0, 1)]
@@ -174,8 +175,8 @@ def cross_fit(
 
 
 def fit_frames(frames: Sequence[TestFrame], *, estimator: Any, samples: int, seed: int) -> CameraMap:
-    """Calibrates an estimator to the patches of sharp frames; see `pipeline.blur.camera_fit.fit`."""
+    """Calibrates an estimator to the patches of sharp frames; see `pipeline.blur.camera_calibration.calibrate`."""
     from pipeline.datasets.patches import cut
 
     sharp = np.concatenate([cut(np.asarray(item.frame.image()), item.patches["mtf"]) for item in frames])
-    return fit(opened(estimator), sharp, samples=samples, seed=seed)
+    return calibrate(opened(estimator), sharp, samples=samples, seed=seed)

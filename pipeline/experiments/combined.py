@@ -89,14 +89,14 @@ class Combined:
     Attributes:
         pairs: what comes together.
         kernels: blurs; each pair takes those of its kind.
-        levels_dn: target sigmas of the noise, DN.
+        target_sigmas_dn: target sigmas of the noise, DN.
         methods: blur estimators, and noise estimators, which run on the first rotation of each kernel and on frames
             without blur.
     """
 
     pairs: Sequence[Pair]
     kernels: Sequence[Kernel]
-    levels_dn: Sequence[float]
+    target_sigmas_dn: Sequence[float]
     methods: Sequence[Method]
 
     @property
@@ -104,7 +104,7 @@ class Combined:
         """The reference, frames with noise alone, and every kernel with every noise of its pairs."""
         conditions = [Condition(quantities=MTF_ONLY)]
         for source in dict.fromkeys(pair.noise_source for pair in self.pairs):
-            for level in self.levels_dn:
+            for level in self.target_sigmas_dn:
                 conditions += [
                     Condition(sharp_kernel(pair.blur_kind), source, float(level), pair.name, SIGMA_ONLY)
                     for pair in self.pairs
@@ -117,7 +117,7 @@ class Combined:
                 if pair.blur_kind == kernel.kind:
                     conditions += [
                         Condition(kernel, pair.noise_source, float(level), pair.name, quantities)
-                        for level in self.levels_dn
+                        for level in self.target_sigmas_dn
                     ]
         return conditions
 
@@ -184,7 +184,7 @@ def configured(
             name,
             "mtf",
             _registered(blur_sections, name, key, "blur.estimators"),
-            Subset(part.sizes_px, part.angles_deg, part.levels_dn, part.experiments),
+            Subset(part.sizes_px, part.angles_deg, part.target_sigmas_dn, part.experiments),
             part.frames,
             prefilter=prefilter,
         )
@@ -193,9 +193,9 @@ def configured(
         Method(name, "sigma_dn", _registered(noise_sections, name, "combined.noise_estimators", of_noise))
         for name in section.noise_estimators
     ]
-    pairs = [Pair(name, each.kind, each.effect) for name, each in section.experiments.items()]
+    pairs = [Pair(name, each.blur_kind, each.noise_source) for name, each in section.experiments.items()]
     kernels = chosen_kernels(bank, [pair.blur_kind for pair in pairs], section.sizes_px, "combined.sizes_px")
-    return Combined(pairs, kernels, section.levels_dn, methods)
+    return Combined(pairs, kernels, section.target_sigmas_dn, methods)
 
 
 def denoised(
@@ -214,9 +214,12 @@ def denoised(
     discs = [Kernel(f"disc_{size:g}", DISC, float(size), 0.0, disc(float(size))) for size in section.filters_px]
     prefilter, key = PreFilter(tuple(section.filters_px)), "denoised_blur.blur_estimators"
     return Combined(
-        [Pair(f"{section.kind}_{section.effect}", section.kind, section.effect), Pair(DISC, DISC, section.effect)],
-        [*chosen_kernels(bank, [section.kind], section.sizes_px, "denoised_blur.sizes_px"), *discs],
-        [0.0, *section.levels_dn],
+        [
+            Pair(f"{section.blur_kind}_{section.noise_source}", section.blur_kind, section.noise_source),
+            Pair(DISC, DISC, section.noise_source),
+        ],
+        [*chosen_kernels(bank, [section.blur_kind], section.sizes_px, "denoised_blur.sizes_px"), *discs],
+        [0.0, *section.target_sigmas_dn],
         [
             Method(name, "mtf", _registered(blur_sections, name, key, "blur.estimators"), prefilter=prefilter)
             for name in section.blur_estimators
@@ -261,14 +264,16 @@ def with_expected(cells: pd.DataFrame) -> pd.DataFrame:
         cells: `pipeline.experiments.tables.BLUR_CELLS` with experiment `DISC` and level 0.
     """
     who = ["dataset", "estimator", "calibrated"]
-    without = cells[(cells["level_dn"] == 0) & (cells["filter_px"] == 0)]
+    without = cells[(cells["target_sigma_dn"] == 0) & (cells["filter_px"] == 0)]
     error = {
         (*key[:3], key[3] == DISC, key[4]): value
-        for *key, value in without[[*who, "experiment", "size_px", "amae_percent"]].itertuples(index=False, name=None)
+        for *key, value in without[[*who, "experiment", "kernel_size_px", "amae_percent"]].itertuples(
+            index=False, name=None
+        )
     }
     expected = [
         float(expected_amae(error.get((*key[:3], False, size), np.nan), error.get((*key[:3], True, filter_px), np.nan)))
-        for *key, size, filter_px in cells[[*who, "size_px", "filter_px"]].itertuples(index=False, name=None)
+        for *key, size, filter_px in cells[[*who, "kernel_size_px", "filter_px"]].itertuples(index=False, name=None)
     ]
     changed = cells.assign(expected_amae_percent=expected)
     return changed[changed["experiment"] != DISC].reset_index(drop=True)

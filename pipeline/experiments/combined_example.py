@@ -18,7 +18,7 @@ from pipeline.experiments.combined import CELL, Pair
 from pipeline.experiments.condition import Condition, nearest_rotation
 from pipeline.experiments.corrupt import SharpFrame
 from pipeline.experiments.frames import TestFrame
-from pipeline.experiments.tables import CURVES, WRITTEN
+from pipeline.experiments.tables import CURVES
 from pipeline.statistics import robust
 from pipeline.streams import stream
 
@@ -82,7 +82,7 @@ def example(
     pairs: Sequence[Pair],
     kernels: Sequence[Kernel],
     size_px: float,
-    levels_dn: Sequence[float],
+    target_sigmas_dn: Sequence[float],
     camera: CameraSettings,
     seed: int,
 ) -> tuple[dict[str, NDArray[np.uint8]], dict[str, Any]]:
@@ -94,14 +94,14 @@ def example(
         pairs: what comes together.
         kernels: the bank.
         size_px: of the blur shown.
-        levels_dn: shown; the steps are those of the highest.
+        target_sigmas_dn: shown; the steps are those of the highest.
         camera: the camera that forms the image.
         seed: root of the random streams.
 
     Returns:
         ``step_<experiment>_<step>`` and ``level_<experiment>_<number>`` (h, w) uint8; and ``{"dataset", "frame",
         "label", "size_px", "experiments": [{"experiment", "kernel", "kind", "effect", "angle_deg", "steps",
-        "levels_dn"}]}``. Experiments whose kernel the bank lacks are left out.
+        "target_sigmas_dn"}]}``. Experiments whose kernel the bank lacks are left out.
     """
     sharp = SharpFrame(frame, camera, seed, paired=False)
     arrays: dict[str, NDArray[np.uint8]] = {}
@@ -110,24 +110,24 @@ def example(
         kernel = nearest_rotation(kernels, pair.blur_kind, size_px)
         if kernel is None:
             continue
-        for number, level in enumerate(levels_dn):
+        for number, level in enumerate(target_sigmas_dn):
             formation = sharp.formation(Condition(kernel, pair.noise_source, float(level), pair.name))
             arrays[f"level_{pair.name}_{number}"] = _middle(formation.image * 255.0, patch)
-            if level == max(levels_dn):
+            if level == max(target_sigmas_dn):
                 images = steps(formation, patch)
                 arrays |= {f"step_{pair.name}_{name}": image for name, image in images.items()}
         entries.append(
             {
                 "experiment": pair.name,
                 "kernel": kernel.name,
-                "kind": kernel.kind,
-                "effect": pair.noise_source,
+                "blur_kind": kernel.kind,
+                "noise_source": pair.noise_source,
                 "angle_deg": float(kernel.angle_deg),
                 "steps": list(images),
-                "levels_dn": [float(level) for level in levels_dn],
+                "target_sigmas_dn": [float(level) for level in target_sigmas_dn],
             }
         )
-    head = {"dataset": frame.dataset, "frame": frame.name, "label": patch.label, "size_px": float(size_px)}
+    head = {"dataset": frame.dataset, "frame": frame.name, "label": patch.label, "kernel_size_px": float(size_px)}
     return arrays, {**head, "experiments": entries}
 
 
@@ -170,10 +170,10 @@ def example_curves(measurements: pd.DataFrame, size_px: float) -> pd.DataFrame:
                     statistics = robust(values, stream(0, "bootstrap", "no interval"), 1)
                     rows.append(
                         {
-                            **{WRITTEN.get(name, name): value for name, value in cell.items()},
+                            **cell,
                             "calibrated": calibrated,
                             "axis": axis,
-                            "place": point,
+                            "frequency_index": point,
                             "frequency": float(mtf.FREQUENCIES[point]),
                             "true_mtf": float(true[point]),
                             "median": statistics.median,

@@ -118,7 +118,7 @@ class Subset:
 
     sizes_px: Sequence[float] | None = None
     angles_deg: Sequence[float] | None = None
-    levels_dn: Sequence[float] | None = None
+    target_sigmas_dn: Sequence[float] | None = None
     experiments: Sequence[str] | None = None
 
     def holds(self, condition: Condition) -> bool:
@@ -128,7 +128,7 @@ class Subset:
         kernel = condition.kernel
         limits: list[tuple[Sequence[Any] | None, Any]] = [
             (self.sizes_px, kernel.size_px),
-            (self.levels_dn, condition.target_sigma_dn),
+            (self.target_sigmas_dn, condition.target_sigma_dn),
             (self.experiments, condition.experiment),
         ]
         if kernel.kind != "defocus":

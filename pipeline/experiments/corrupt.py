@@ -1,7 +1,7 @@
 """A frame under a condition, with its ground truth: sharp frames as another camera would have delivered them.
 
 Sampling policy. The noise of a frame and source is drawn once, from the random stream of (seed, dataset, frame, noise
-source), and scaled to every target sigma (`pipeline.camera.levels`); behind every kernel the draw is the same (with
+source), and scaled to every target sigma (`pipeline.camera.corruption`); behind every kernel the draw is the same (with
 ``camera.order: detector`` photon noise follows the blurred light, from the same random numbers). Cells of a table are
 therefore paired: between two levels or two kernels nothing changes but the level or the kernel. The detection sweep
 and its curves are sampled so. With ``paired=False`` every level and kernel draws from a stream of its own, as the noise
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.camera import chain, levels, mtf
+from pipeline.camera import chain, corruption, mtf
 from pipeline.camera.settings import CameraSettings
 from pipeline.camera.truth import Corrupted, local_sigma, through_optics
 from pipeline.experiments.condition import SHARP, Condition, CorruptedImage
@@ -138,7 +138,7 @@ class SharpFrame:
         options: dict[str, Any] = {"sensor": sensor, "poisson": self.camera.poisson, "key": (self.seed, *key)}
         plain = (self.camera.kind, self.camera.order, self.camera.light) == ("physical", "paper", "encoded")
         if not plain or not (condition.noisy or condition.blurred):
-            return levels.corrupt(
+            return corruption.corrupt(
                 self.image,
                 source,
                 sigma_dn=level,
@@ -152,10 +152,12 @@ class SharpFrame:
         light, drawn, noise_scale = self._light, chain.Drawn({}, float("nan"), float("nan")), 0.0
         if condition.noisy:
             drawn = self._drawn(key, effects)
-            noise_scale = levels.gain_to_reach(drawn, level, sensor)
+            noise_scale = corruption.noise_scale_to_reach(drawn, level, sensor)
         if shared_optics and psf is not None and "photon" not in drawn.noise_e:
             light, psf = self._behind(condition.kernel), None
-        return chain.develop(light, drawn, gain=noise_scale, psf=psf, effect=name, level_dn=level, **options)
+        return chain.develop(
+            light, drawn, noise_scale=noise_scale, psf=psf, noise_source=name, target_sigma_dn=level, **options
+        )
 
     def _key(self, source: str, condition: Condition) -> tuple[str, *tuple[KeyPart, ...]]:
         head = self.frame.dataset, self.frame.name, source

@@ -1,6 +1,7 @@
 """A detector under every condition of a sweep: what it finds in one frame behind one kernel, at every level of noise.
 
-That is the unit of work, of parallelism and of what an interrupted run keeps (`pipeline.detection.pieces`). Everything
+That is the unit of work, of parallelism and of what an interrupted run keeps (`pipeline.detection.checkpoint`).
+Everything
 is tidy: one row per detection, one row per frame and condition looked at (frames without a detection are no gap), one
 row per object to be found.
 """
@@ -35,14 +36,21 @@ if TYPE_CHECKING:
 _CORNERS = {"x1": "float64", "y1": "float64", "x2": "float64", "y2": "float64"}
 DETECTIONS = Schema(
     "detections",
-    {"frame": "string", "kernel": "string", "level_dn": "float64", "label": "string", "score": "float64", **_CORNERS},
-    {"level_dn": "DN", "x1": "px", "y1": "px", "x2": "px", "y2": "px"},
+    {
+        "frame": "string",
+        "kernel": "string",
+        "target_sigma_dn": "float64",
+        "label": "string",
+        "score": "float64",
+        **_CORNERS,
+    },
+    {"target_sigma_dn": "DN", "x1": "px", "y1": "px", "x2": "px", "y2": "px"},
 )
 
 LOOKED = Schema(
     "frames looked at",
     {"frame": "string", "scene": "string", **CONDITION, "detections": "int64"},
-    {"size_px": "px", "angle_deg": "deg", "level_dn": "DN"},
+    {"kernel_size_px": "px", "angle_deg": "deg", "target_sigma_dn": "DN"},
 )
 
 OBJECTS = Schema(
@@ -66,23 +74,23 @@ class Sweep:
         kind: the detector's registry name.
         options: its options, weights among them, as JSON.
         classes: labels that are kept.
-        effect: noise source.
-        levels_dn: of the noise.
+        noise_source: noise source.
+        target_sigmas_dn: of the noise.
         camera: that adds it.
         seed: root seed.
-        most: detections kept of one frame, best first.
+        max_detections: detections kept of one frame, best first.
     """
 
     kind: str
     options: str
     classes: tuple[str, ...]
-    effect: str
-    levels_dn: tuple[float, ...]
+    noise_source: str
+    target_sigmas_dn: tuple[float, ...]
     camera: CameraSettings
     seed: int
-    most: int = 100
+    max_detections: int = 100
 
-    def look(self, frame: Frame, kernel: Kernel) -> dict[str, NDArray[Any]]:
+    def detect(self, frame: Frame, kernel: Kernel) -> dict[str, NDArray[Any]]:
         """Detections in one frame behind one kernel.
 
         Returns:
@@ -92,10 +100,10 @@ class Sweep:
         detector = opened(self.kind, self.options)
         parts: list[tuple[NDArray[Any], ...]] = []
         sharp = SharpFrame(frame, self.camera, self.seed)
-        for number, level in enumerate(self.levels_dn):
-            result = detector.detect([sharp.under(Condition(kernel, self.effect, float(level))).image])[0]
+        for number, level in enumerate(self.target_sigmas_dn):
+            result = detector.detect([sharp.under(Condition(kernel, self.noise_source, float(level))).image])[0]
             result = result.where(np.isin(result.label, self.classes))
-            result = result.where(np.argsort(-result.score, kind="stable")[: self.most])
+            result = result.where(np.argsort(-result.score, kind="stable")[: self.max_detections])
             parts.append((np.full(len(result), number), result.boxes, result.score, result.label))
         numbers, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))
         return {"level": numbers, "boxes": boxes.reshape(-1, 4), "score": score, "label": label.astype(np.str_)}
@@ -169,13 +177,21 @@ def tables(
 
     parts, looked = [], []
     for (frame, kernel), piece in zip(work, found, strict=True):
-        levels = np.asarray(sweep.levels_dn, dtype=float)
-        columns = {"level_dn": levels[piece["level"].astype(int)], "label": piece["label"], "score": piece["score"]}
+        levels = np.asarray(sweep.target_sigmas_dn, dtype=float)
+        columns = {
+            "target_sigma_dn": levels[piece["level"].astype(int)],
+            "label": piece["label"],
+            "score": piece["score"],
+        }
         columns |= dict(zip(_CORNERS, piece["boxes"].T, strict=True))
         parts.append(pd.DataFrame({"frame": frame.name, "kernel": kernel.name, **columns}))
         counts = np.bincount(piece["level"].astype(int), minlength=len(levels))
         for level, count in zip(levels, counts, strict=True):
-            where = {"frame": frame.name, "scene": scenes[frame.name], "kernel": kernel.name, "kind": kernel.kind}
-            position = {"size_px": float(kernel.size_px), "angle_deg": float(kernel.angle_deg), "effect": sweep.effect}
-            looked.append({**where, **position, "level_dn": float(level), "detections": int(count)})
+            where = {"frame": frame.name, "scene": scenes[frame.name], "kernel": kernel.name, "blur_kind": kernel.kind}
+            position = {
+                "kernel_size_px": float(kernel.size_px),
+                "angle_deg": float(kernel.angle_deg),
+                "noise_source": sweep.noise_source,
+            }
+            looked.append({**where, **position, "target_sigma_dn": float(level), "detections": int(count)})
     return DETECTIONS.conform(pd.concat(parts, ignore_index=True)), LOOKED.conform(pd.DataFrame(looked))

@@ -20,7 +20,7 @@ from pipeline.streams import stream
 def gallery(
     frame: Frame,
     effects: Sequence[str],
-    levels_dn: Sequence[float],
+    target_sigmas_dn: Sequence[float],
     camera: CameraSettings,
     seed: int,
     sigma_dn: float,
@@ -32,7 +32,7 @@ def gallery(
     Args:
         frame: the frame shown.
         effects: noise sources shown, as in the experiment.
-        levels_dn: their levels, DN.
+        target_sigmas_dn: their levels, DN.
         camera: the camera.
         seed: root seed.
         sigma_dn: level of the chain's combined noise, DN.
@@ -57,11 +57,11 @@ def gallery(
         "chain": [{"array": f"chain_{step.name}", "title": step.title, "caption": step.caption} for step in chain],
         "effects": [],
     }
-    for effect in effects:
-        for level in levels_dn:
-            name = f"{effect}_{level:g}"
-            arrays[name] = shown(sharp.under(Condition(noise_source=effect, target_sigma_dn=float(level))).image)
-            described["effects"].append({"array": name, "effect": effect, "level_dn": float(level)})
+    for noise_source in effects:
+        for level in target_sigmas_dn:
+            name = f"{noise_source}_{level:g}"
+            arrays[name] = shown(sharp.under(Condition(noise_source=noise_source, target_sigma_dn=float(level))).image)
+            described["effects"].append({"array": name, "noise_source": noise_source, "target_sigma_dn": float(level)})
     return arrays, described
 
 

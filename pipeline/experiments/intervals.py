@@ -18,12 +18,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.statistics import REJECT_BEYOND_MAD
+from pipeline.streams import KeyPart, stream
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+FIRST_NAMES = {"camera_calibrated": "fitted", "generic_lens": "typical"}
+"""Renamed estimators -> their name in the keys of random streams, kept so that their intervals stay the same."""
+
 _BLOCK = 2_000_000  # numbers resampled together
 _NO_INTERVAL = (math.nan, math.nan)
+
+
+def bootstrap_stream(seed: int, purpose: str, *key: KeyPart) -> np.random.Generator:
+    """The random stream that resamples one cell.
+
+    Args:
+        seed: root of the random streams.
+        purpose: of the table, e.g. ``"blur"``.
+        key: what the cell's rows have in common: dataset, estimator, condition.
+    """
+    return stream(seed, "bootstrap", purpose, *(FIRST_NAMES.get(str(part), part) for part in key))
 
 
 def median(values: NDArray[np.floating]) -> NDArray[np.float64]:

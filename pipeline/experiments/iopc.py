@@ -23,12 +23,12 @@ from pipeline.errors import InputError
 from pipeline.experiments.condition import Quantity, grid
 from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.run import Executor, Method, Registered, in_process, run
-from pipeline.experiments.tables import MEASURED, WRITTEN
+from pipeline.experiments.tables import MEASURED
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipeline.detection.settings import JudgeSettings
+    from pipeline.detection.settings import EvaluationSettings
     from pipeline.experiments.settings import MeasureSettings
 
 FREQUENCY_INDEX = 1
@@ -36,7 +36,7 @@ FREQUENCY_INDEX = 1
 
 
 def on_objects(
-    frames: Sequence[Frame], words: ClassMap, section: MeasureSettings, judge: JudgeSettings
+    frames: Sequence[Frame], words: ClassMap, section: MeasureSettings, criteria: EvaluationSettings
 ) -> list[TestFrame]:
     """Frames with patches for the MTF and tiles for noise that overlap objects to be detected.
 
@@ -44,11 +44,11 @@ def on_objects(
         frames: labelled.
         words: what the labels mean to a detector.
         section: sides of patches and tiles, and how many of a frame.
-        judge: which objects count.
+        criteria: which objects count.
     """
     chosen = []
     for frame in frames:
-        truth = words.truth(frame.boxes, judge.lowest_px, judge.least_visible)
+        truth = words.truth(frame.boxes, criteria.min_height_px, criteria.min_visible_fraction)
         boxes = [Box("object", x1, y1, x2, y2) for x1, y1, x2, y2 in truth.boxes[~truth.ignore].tolist()]
         shape = frame.image().shape
         patches = object_patches(shape, boxes, section.patch_px)
@@ -135,5 +135,5 @@ def measured(measurements: pd.DataFrame) -> pd.DataFrame:
         mean = both.mean(axis=1)
         single = name == "estimate"  # the precision that networks estimate in
         rows.loc[of_mtf, name] = mean.astype(np.float32) if single else mean
-    rows = rows.rename(columns={**WRITTEN, "truth": "true"})
+    rows = rows.rename(columns={"truth": "true"})
     return MEASURED.conform(rows[list(MEASURED.columns)])

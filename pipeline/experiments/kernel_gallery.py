@@ -107,8 +107,8 @@ def gallery(
         entries.append(
             {
                 "kernel": name,
-                "kind": made.kernel.kind,
-                "size_px": float(made.kernel.size_px),
+                "blur_kind": made.kernel.kind,
+                "kernel_size_px": float(made.kernel.size_px),
                 "mtf": estimate.mtf[0].tolist(),
                 "true_mtf": mtf.sample(made.kernel.psf).tolist(),
                 "amae_percent": made.amae_percent,

@@ -23,10 +23,14 @@ def noise_metrics(summary: pd.DataFrame) -> dict[str, Any]:
     """
     nested: dict[str, Any] = {}
     for row in summary.to_dict("records"):
-        cell = nested.setdefault(str(row["effect"]), {})
-        names = ("median_dn", "true_median_dn", "patch_error_dn", "coverage")
+        cell = nested.setdefault(str(row["noise_source"]), {})
+        names = ("median_dn", "clipped_median_dn", "patch_error_dn", "coverage")
         numbers = {name: row[name] for name in names if np.isfinite(row[name])}
-        cell[f"{row['level_dn']:g}"] = {**numbers, "abstained": int(row["abstained"]), "count": int(row["count"])}
+        cell[f"{row['target_sigma_dn']:g}"] = {
+            **numbers,
+            "abstained": int(row["abstained"]),
+            "count": int(row["count"]),
+        }
     return nested
 
 
@@ -38,12 +42,12 @@ def table_one_metrics(summary: pd.DataFrame) -> dict[str, Any]:
     """
     nested: dict[str, Any] = {}
     for row in summary.to_dict("records"):
-        if row["kind"] == SHARP:
+        if row["blur_kind"] == SHARP:
             continue
         part = nested.setdefault("calibrated" if row["calibrated"] else "raw", {"mean_amae_percent": []})
         part["mean_amae_percent"].append(row["amae_percent"])
         cell = {"amae_percent": row["amae_percent"], "count": int(row["count"]), "abstained": int(row["abstained"])}
-        part.setdefault(str(row["kind"]), {})[f"{row['size_px']:g}"] = cell
+        part.setdefault(str(row["blur_kind"]), {})[f"{row['kernel_size_px']:g}"] = cell
     for part in nested.values():
         part["mean_amae_percent"] = float(np.mean(part["mean_amae_percent"]))
     return nested
@@ -64,24 +68,24 @@ def combined_metrics(blur: pd.DataFrame, noise: pd.DataFrame | None = None) -> d
             node = node.setdefault(part, {})
         node.update({name: value for name, value in content.items() if np.isfinite(value)})
 
-    keys = ["experiment", "estimator", "calibrated", "filter_px", "level_dn"]
+    keys = ["experiment", "estimator", "calibrated", "filter_px", "target_sigma_dn"]
     for key, group in blur.groupby(keys, sort=True):
         cell: dict[str, Any] = dict(zip(keys, key, strict=True))
         variant = "calibrated" if cell["calibrated"] else "raw"
         variant += f", smoothed by {cell['filter_px']:g} px" if cell["filter_px"] else ""
         put(
-            ["blur", cell["experiment"], cell["estimator"], variant, f"{cell['level_dn']:g}"],
+            ["blur", cell["experiment"], cell["estimator"], variant, f"{cell['target_sigma_dn']:g}"],
             {
                 "amae_percent": float(group["amae_percent"].mean()),
                 "count": int(group["count"].sum()),
                 "abstained": int(group["abstained"].sum()),
             },
         )
-    keys = ["experiment", "estimator", "level_dn"]
+    keys = ["experiment", "estimator", "target_sigma_dn"]
     for key, group in noise.groupby(keys, sort=True) if noise is not None else ():
         cell = dict(zip(keys, key, strict=True))
         put(
-            ["noise", cell["experiment"], cell["estimator"], f"{cell['level_dn']:g}"],
+            ["noise", cell["experiment"], cell["estimator"], f"{cell['target_sigma_dn']:g}"],
             {
                 "median_dn": float(group["median_dn"].mean()),
                 "patch_error_dn": float(group["patch_error_dn"].mean()),

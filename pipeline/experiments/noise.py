@@ -128,5 +128,5 @@ def summarise(measurements: pd.DataFrame, seed: int, draws: int) -> pd.DataFrame
         `pipeline.tables.NOISE_SUMMARY`.
     """
     cells = noise_cells(measurements, NOISE_CELL, "noise", seed, draws, sort=False)
-    renamed = cells.rename(columns={"clipped_error_dn": "patch_error_dn", "unclipped_error_dn": "added_error_dn"})
+    renamed = cells.rename(columns={"clipped_error_dn": "patch_error_dn"})
     return NOISE_SUMMARY.conform(renamed)

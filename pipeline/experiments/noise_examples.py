@@ -36,7 +36,7 @@ SHOTS = 4
 Grey = NDArray[np.uint8]
 COLUMNS = (
     "example", "estimator", "patches", "answered", "sigma_dn", "low_dn", "high_dn", "reasons", "true_sigma_dn",
-    "added_sigma_dn",
+    "unclipped_sigma_dn",
 )  # fmt: skip
 
 
@@ -48,13 +48,13 @@ class Example:
         name: what it is, in words.
         picture: (H, W) grey levels as delivered.
         true_sigma_dn: (N,) noise present in its patches, row by row from the upper left corner, DN.
-        added_sigma_dn: noise added before the codec, DN; NaN for a photograph.
+        unclipped_sigma_dn: noise added before the codec, DN; NaN for a photograph.
     """
 
     name: str
     picture: Grey
     true_sigma_dn: NDArray[np.float64]
-    added_sigma_dn: float
+    unclipped_sigma_dn: float
 
 
 def photograph(name: str, real: Path, mean: Path) -> Example:
@@ -138,7 +138,7 @@ def measure(example: Example, estimators: Mapping[str, NoiseEstimator]) -> pd.Da
                 "high_dn": median(answer.high_dn),
                 "reasons": ", ".join(f"{reason}: {count}" for reason, count in reasons.items()),
                 "true_sigma_dn": float(np.median(example.true_sigma_dn)),
-                "added_sigma_dn": example.added_sigma_dn,
+                "unclipped_sigma_dn": example.unclipped_sigma_dn,
             }
         )
     return pd.DataFrame(rows)[list(COLUMNS)]

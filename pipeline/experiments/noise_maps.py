@@ -71,7 +71,7 @@ def noise_maps(
 
     Returns:
         arrays ``<source>_seen`` (H, W) uint8, ``<source>_added`` and ``<source>_found`` (h, w) float32 DN, and their
-        description (dataset, frame, level_dn, cell_px, effects); None without a ``map`` of cells.
+        description (dataset, frame, target_sigma_dn, cell_px, effects); None without a ``map`` of cells.
     """
     estimator = opened(estimator)
     if not isinstance(estimator, NoiseMapper):
@@ -85,5 +85,5 @@ def noise_maps(
         if estimated.shape != added.shape:  # a map of other cells than ours
             return None
         arrays |= {f"{source}_seen": formation.image_8bit, f"{source}_added": added, f"{source}_found": estimated}
-    description = {"dataset": frame.dataset, "frame": frame.name, "level_dn": target_sigma_dn}
+    description = {"dataset": frame.dataset, "frame": frame.name, "target_sigma_dn": target_sigma_dn}
     return arrays, {**description, "cell_px": CELL_PX, "effects": chosen}

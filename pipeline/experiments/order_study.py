@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera import mtf as mtf_of
-from pipeline.camera.levels import corrupt
+from pipeline.camera.corruption import corrupt
 from pipeline.camera.psf import create as create_psf
 from pipeline.camera.settings import CameraSettings
 from pipeline.camera.truth import LIGHTS, ORDERS
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from pipeline.condition import ConditionMonitor
     from pipeline.detection.base import Detector
-    from pipeline.detection.settings import JudgeSettings
+    from pipeline.detection.settings import EvaluationSettings
 
 EFFECT = "photon"
 EFFECT_DRAWS = 2000
@@ -99,14 +99,14 @@ class Corruption:
     sigma_dn: float
 
 
-def conditions(sizes_px: Sequence[float], levels_dn: Sequence[float]) -> list[Corruption]:
+def conditions(sizes_px: Sequence[float], target_sigmas_dn: Sequence[float]) -> list[Corruption]:
     """All conditions: every order, light, length and level."""
     return [
         Corruption(order, light, float(size), float(level))
         for light in LIGHTS
         for order in ORDERS
         for size in sizes_px
-        for level in levels_dn
+        for level in target_sigmas_dn
     ]
 
 
@@ -118,7 +118,7 @@ def _opened(kind: str, options: str) -> tuple[ConditionMonitor, Detector]:
     return ConditionMonitor(), detection.create(kind, **json.loads(options))
 
 
-def look(
+def measure(
     frame: Frame, *, chosen: Sequence[Corruption], camera: CameraSettings, kind: str, options: str, seed: int
 ) -> list[dict[str, Any]]:
     """One frame under every condition: estimates, truth and detections."""
@@ -138,7 +138,7 @@ def look(
         detected = detector.detect([made.image])[0]
         entries.append(
             {
-                "clipped_sigma_dn": made.sigma_clipped_dn,
+                "clipped_sigma_dn": made.clipped_sigma_dn,
                 "sigma_dn": float(condition.sigma_dn.value),
                 "amae_percent": 100.0 * float(np.abs(np.asarray(condition.mtf.value) - truth).mean()),
                 "boxes": detected.boxes,
@@ -154,28 +154,28 @@ def precisions(
     found: Sequence[Sequence[Mapping[str, Any]]],
     chosen: Sequence[Corruption],
     words: ClassMap,
-    judge: JudgeSettings,
+    criteria: EvaluationSettings,
     seed: int,
 ) -> list[Precision]:
     """Average precision under every condition; the draws resample the same scenes, so that differences are paired.
 
     Args:
         frames: looked at.
-        found: what `look` gave, one entry per frame.
+        found: what `measure` gave, one entry per frame.
         chosen: the conditions.
         words: what the dataset's labels mean to the detector.
-        judge: section ``detection.judge`` of the configuration.
+        criteria: section ``detection.evaluation`` of the configuration.
         seed: of the bootstrap.
     """
-    truths = [words.truth(frame.boxes, judge.lowest_px, judge.least_visible) for frame in frames]
+    truths = [words.truth(frame.boxes, criteria.min_height_px, criteria.min_visible_fraction) for frame in frames]
     scenes = [scene_of("sim", frame.name) for frame in frames]
     scores = []
     for number in range(len(chosen)):
         parts = [each[number] for each in found]
         detected = [Detections.of(part["boxes"], part["score"], part["label"]) for part in parts]
         results = evaluate(
-            detected, truths, words.classes, judge.rule, judge.overlap, stream(seed, "order study"),
-            judge.bootstrap_draws, scenes,
+            detected, truths, words.classes, criteria.rule, criteria.iou_threshold, stream(seed, "order study"),
+            criteria.bootstrap_draws, scenes,
         )  # fmt: skip
         known = [result for result in results.values() if result.objects]
         draws = 100.0 * np.mean([result.draws for result in known], axis=0) if known else np.array([np.nan])
@@ -193,7 +193,7 @@ def table(
     """Conditions side by side: schema `STUDY`.
 
     Args:
-        found: what `look` gave, one entry per frame.
+        found: what `measure` gave, one entry per frame.
         chosen: the conditions.
         scores: `precisions`.
         seed: of the bootstraps.
@@ -237,7 +237,7 @@ def effects(
     """What noise and motion change under each order and light, paired: schema `EFFECTS`.
 
     Args:
-        found: what `look` gave, one entry per frame.
+        found: what `measure` gave, one entry per frame.
         chosen: the conditions.
         scores: `precisions`.
         seed: of the bootstrap.

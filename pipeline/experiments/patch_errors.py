@@ -41,13 +41,13 @@ def patch_errors(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
-    groups: Any = estimates.groupby(["dataset", "estimator", "effect"], sort=False)
-    for (dataset, estimator, effect), selected in groups:
-        ends = (selected[name].to_numpy(float) for name in ("low_dn", "high_dn", "added_sigma_dn"))
-        covered, clean = pd.Series(100.0 * coverage(*ends), selected.index), selected["level_dn"] == 0
+    groups: Any = estimates.groupby(["dataset", "estimator", "noise_source"], sort=False)
+    for (dataset, estimator, noise_source), selected in groups:
+        ends = (selected[name].to_numpy(float) for name in ("low_dn", "high_dn", "unclipped_sigma_dn"))
+        covered, clean = pd.Series(100.0 * coverage(*ends), selected.index), selected["target_sigma_dn"] == 0
         quantities = {
-            "present_dn": ("present", (selected["sigma_dn"] - selected["true_sigma_dn"]).abs()),
-            "added_dn": ("added", (selected["sigma_dn"] - selected["added_sigma_dn"]).abs()),
+            "present_dn": ("present", (selected["sigma_dn"] - selected["clipped_sigma_dn"]).abs()),
+            "added_dn": ("added", (selected["sigma_dn"] - selected["unclipped_sigma_dn"]).abs()),
         }
         if covered.notna().any():
             quantities["coverage_percent"] = ("coverage", covered.mask(clean))
@@ -55,14 +55,14 @@ def patch_errors(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
         row = {
             "dataset": dataset,
             "estimator": estimator,
-            "effect": effect,
+            "noise_source": noise_source,
             "abstained_percent": 100.0 * float(selected["abstained"].mean()),
             "width_dn": float((selected["high_dn"] - selected["low_dn"]).median())
             if covered.notna().any()
             else math.nan,
         }
         for name, (part, values) in quantities.items():
-            generator = stream(seed, "report", "noise patches", dataset, estimator, effect, part)
+            generator = stream(seed, "report", "noise patches", dataset, estimator, noise_source, part)
             cells = cluster_mean(values, selected["frame"], generator)
             row |= dict(zip((name, f"{name}_low", f"{name}_high", f"{name}_count"), cells, strict=True))
         rows.append(row)
@@ -77,29 +77,30 @@ def saturated_patches(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
         seed: root of the random streams.
 
     Returns:
-        dataset, effect, level_dn, patches, added_dn, present_dn (medians over the patches), estimator, median_dn,
+        dataset, effect, target_sigma_dn, patches, added_dn, present_dn (medians over the patches), estimator,
+        median_dn,
         low_dn, high_dn (bootstrap 95 % interval) and count (patches with an estimate); empty without such patches.
     """
     import pandas as pd
 
-    chosen = estimates[estimates["saturated_share"] > SATURATED]
-    level = float(chosen["level_dn"].max()) if len(chosen) else math.nan
+    chosen = estimates[estimates["saturated_fraction"] > SATURATED]
+    level = float(chosen["target_sigma_dn"].max()) if len(chosen) else math.nan
     rows = []
-    groups: Any = chosen[chosen["level_dn"] == level].groupby(["dataset", "effect"], sort=False)
-    for (dataset, effect), here in groups:
+    groups: Any = chosen[chosen["target_sigma_dn"] == level].groupby(["dataset", "noise_source"], sort=False)
+    for (dataset, noise_source), here in groups:
         patches = here[here["estimator"] == here["estimator"].iloc[0]]
         for estimator, selected in here.groupby("estimator", sort=False):
             answers = selected.loc[~selected["abstained"], "sigma_dn"].to_numpy(float)
-            generator = stream(seed, "report", "saturated", dataset, effect, estimator)
+            generator = stream(seed, "report", "saturated", dataset, noise_source, estimator)
             low, high = bootstrap_interval(answers, generator) if len(answers) > 1 else (math.nan, math.nan)
             rows.append(
                 {
                     "dataset": dataset,
-                    "effect": effect,
-                    "level_dn": level,
+                    "noise_source": noise_source,
+                    "target_sigma_dn": level,
                     "patches": len(patches),
-                    "added_dn": float(patches["added_sigma_dn"].median()),
-                    "present_dn": float(patches["true_sigma_dn"].median()),
+                    "added_dn": float(patches["unclipped_sigma_dn"].median()),
+                    "present_dn": float(patches["clipped_sigma_dn"].median()),
                     "estimator": estimator,
                     "median_dn": float(np.median(answers)) if answers.size else math.nan,
                     "low_dn": low,
@@ -118,19 +119,19 @@ def agreement(added_dn: NDArray[np.floating], estimated_dn: NDArray[np.floating]
         estimated_dn: (h, w) noise estimated, DN; NaN where the estimator abstains.
 
     Returns:
-        cells (in both), unknown (in either), added_median_dn, found_median_dn, mean_error_dn and correlation (NaN for
-        uniform noise).
+        cells (in both), unknown (in either), unclipped_median_dn, found_median_dn, mean_error_dn and correlation (NaN
+        for uniform noise).
     """
     known = np.isfinite(added_dn) & np.isfinite(estimated_dn)
     added, estimated = added_dn[known].astype(float), estimated_dn[known].astype(float)
     numbers: dict[str, float] = {"cells": int(known.sum()), "unknown": int((~known).sum())}
     if not added.size:
-        names = ("added_median_dn", "found_median_dn", "mean_error_dn", "correlation")
+        names = ("unclipped_median_dn", "found_median_dn", "mean_error_dn", "correlation")
         return numbers | dict.fromkeys(names, float("nan"))
     spread = added.std() * estimated.std() if added.std() > UNIFORM_BELOW * np.median(added) else 0.0
     covariance = ((added - added.mean()) * (estimated - estimated.mean())).mean()
     return numbers | {
-        "added_median_dn": float(np.median(added)),
+        "unclipped_median_dn": float(np.median(added)),
         "found_median_dn": float(np.median(estimated)),
         "mean_error_dn": float(np.abs(added - estimated).mean()),
         "correlation": float(covariance / spread) if spread else float("nan"),

@@ -22,7 +22,7 @@ class RecordingSettings(Settings):
     """Folder of dark frames, relative to ``folder``."""
     white_dn: Positive = 255.0
     """Grey value of saturation of raw frames."""
-    watch: str
+    dvc_dependency: str
     source: str
 
     @model_validator(mode="after")

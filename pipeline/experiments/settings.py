@@ -28,24 +28,24 @@ class EstimatorSettings(Settings):
     options: dict[str, Any] = Field(default_factory=dict)
     per_frame: Count | None = None
     """Patches or tiles of a frame that a slow one is run on, where that is fewer than all are."""
-    camera_samples: Annotated[int, Field(ge=100, le=100_000)] | None = None
+    calibration_samples: Annotated[int, Field(ge=100, le=100_000)] | None = None
     """Blurred sharp patches that a blur estimator is fitted to each dataset's camera on; null leaves it as it is."""
 
     @property
     def answers_added(self) -> bool:
         """Whether a blur estimator estimates the relative MTF, to sharp frames of this camera or of a typical one."""
-        return self.camera_samples is not None or self.options.get("answer") == "added"
+        return self.calibration_samples is not None or self.options.get("output") == "relative"
 
 
 class NoiseSettings(Settings):
     """The evaluation of noise estimators (the noise figure)."""
 
     noise_sources: list[NoiseSource] = Field(min_length=1)
-    levels_dn: list[Level] = Field(min_length=1)
+    target_sigmas_dn: list[Level] = Field(min_length=1)
     tile_px: TilePx
     tiles_per_frame: Count | None
     bootstrap_draws: Draws
-    map_level_dn: Level
+    map_target_sigma_dn: Level
     estimators: dict[Name, EstimatorSettings] = Field(min_length=1)
 
 
@@ -69,16 +69,16 @@ class GallerySettings(Settings):
 class CorruptionSettings(Settings):
     """Which effects at which levels."""
 
-    effects: list[Literal["photon", "dcsn", "readout", "combined"]] = Field(min_length=1)
-    levels_dn: list[Level] = Field(min_length=1)
+    noise_sources: list[Literal["photon", "dcsn", "readout", "combined"]] = Field(min_length=1)
+    target_sigmas_dn: list[Level] = Field(min_length=1)
     gallery: GallerySettings
 
 
 class PairSettings(Settings):
     """Blur and noise that come together; each enters where it does in the camera."""
 
-    kind: BlurKind
-    effect: NoiseSource
+    blur_kind: BlurKind
+    noise_source: NoiseSource
 
 
 class SubsetSettings(Settings):
@@ -87,7 +87,7 @@ class SubsetSettings(Settings):
     frames: Count | None = None
     sizes_px: list[Positive] | None = None
     angles_deg: list[NonNegative] | None = None
-    levels_dn: list[Level] | None = None
+    target_sigmas_dn: list[Level] | None = None
     experiments: list[Name] | None = None
 
 
@@ -104,7 +104,7 @@ class CombinedSettings(Settings):
 
     experiments: dict[Name, PairSettings] = Field(min_length=1)
     sizes_px: list[Positive] = Field(min_length=1)
-    levels_dn: list[Level] = Field(min_length=1)
+    target_sigmas_dn: list[Level] = Field(min_length=1)
     frames: Count | None
     patches_per_frame: Count | None
     tiles_per_frame: Count | None
@@ -118,10 +118,10 @@ class CombinedSettings(Settings):
 class DenoisedBlurSettings(Settings):
     """The supplement's table of improved blur estimation under noise."""
 
-    kind: BlurKind
-    effect: NoiseSource
+    blur_kind: BlurKind
+    noise_source: NoiseSource
     sizes_px: list[Positive] = Field(min_length=1)
-    levels_dn: list[Annotated[float, Field(gt=0, le=100)]] = Field(min_length=1)
+    target_sigmas_dn: list[Annotated[float, Field(gt=0, le=100)]] = Field(min_length=1)
     filters_px: list[Annotated[float, Field(gt=1, le=31)]] = Field(min_length=1)
     frames: Count | None
     patches_per_frame: Count | None
@@ -136,8 +136,8 @@ class SweepSettings(Settings):
     match: Literal["nominal", "paper"]
     sizes_px: list[Annotated[float, Field(ge=0, le=55)]] = Field(min_length=1)
     angles_deg: list[Annotated[float, Field(ge=0, lt=360)]] = Field(min_length=1)
-    effect: NoiseSource
-    levels_dn: list[Level] = Field(min_length=1)
+    noise_source: NoiseSource
+    target_sigmas_dn: list[Level] = Field(min_length=1)
     frames: Count | None
     options: dict[Name, dict[str, Any]]
 
@@ -156,4 +156,4 @@ class OrderStudySettings(Settings):
     """Conditions of the comparison of orders and lights; see `pipeline.experiments.order_study`."""
 
     sizes_px: list[Annotated[float, Field(ge=0, le=55)]] = Field(min_length=1)
-    levels_dn: list[Level] = Field(min_length=1)
+    target_sigmas_dn: list[Level] = Field(min_length=1)

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.camera import mtf
-from pipeline.experiments.intervals import frame_interval, robust_median
+from pipeline.experiments.intervals import bootstrap_stream, frame_interval, robust_median
 from pipeline.statistics import inliers
-from pipeline.streams import stream
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,14 +36,14 @@ def sharp_curves(estimates: pd.DataFrame, seed: int = 0, draws: int = 500) -> pd
 
     from pipeline.experiments.condition import SHARP
 
-    columns = ["dataset", "estimator", "axis", "frequency", "place", "median", "min", "max", "low", "high"]
+    columns = ["dataset", "estimator", "axis", "frequency", "frequency_index", "median", "min", "max", "low", "high"]
     rows = []
     sharp = estimates[estimates["kernel"] == SHARP]
     groups: Any = sharp.groupby(["dataset", "estimator", "axis"], sort=True)
     for (dataset, estimator, axis), curve in groups:
         for number, (_, point) in enumerate(curve.groupby("frequency", sort=True)):
             values = point["mtf"].to_numpy(float)
-            generator = stream(seed, "bootstrap", "sharp curves", dataset, estimator, axis, number)
+            generator = bootstrap_stream(seed, "sharp curves", dataset, estimator, axis, number)
             low, high = frame_interval(values, point["frame"].to_numpy(str), robust_median, generator, draws)
             answers = values[np.isfinite(values)]
             kept = answers[inliers(answers)] if answers.size else np.array([np.nan])
@@ -54,7 +53,7 @@ def sharp_curves(estimates: pd.DataFrame, seed: int = 0, draws: int = 500) -> pd
                     "estimator": estimator,
                     "axis": axis,
                     "frequency": NOMINAL_FREQUENCIES[number],
-                    "place": number,
+                    "frequency_index": number,
                     "median": float(np.median(kept)),
                     "min": float(kept.min()),
                     "max": float(kept.max()),
@@ -101,14 +100,14 @@ def sharp_errors(
         def error(patches: NDArray[np.float64], lens: NDArray[np.float64] = lenses[dataset]) -> NDArray[np.float64]:
             return mtf.amae(robust_median(patches), np.broadcast_to(lens, (2, len(lens))))
 
-        generator = stream(seed, "bootstrap", "sharp errors", dataset, estimator)
+        generator = bootstrap_stream(seed, "sharp errors", dataset, estimator)
         low, high = frame_interval(values, frames, error, generator, draws)
         rows.append(
             {
                 "dataset": dataset,
                 "estimator": estimator,
-                "kind": SHARP,
-                "size_px": 0.0,
+                "blur_kind": SHARP,
+                "kernel_size_px": 0.0,
                 "calibrated": False,
                 "amae_percent": float(error(values)),
                 "low_percent": low,

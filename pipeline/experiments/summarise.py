@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.camera import mtf
-from pipeline.experiments.intervals import frame_interval, median, robust_median
-from pipeline.experiments.tables import CONDITION, CONDITIONS, WRITTEN
+from pipeline.experiments.intervals import bootstrap_stream, frame_interval, median, robust_median
+from pipeline.experiments.tables import CONDITION, CONDITIONS
 from pipeline.statistics import robust
 from pipeline.streams import stream
 
@@ -61,19 +61,19 @@ def noise_cells(
         values, clipped, unclipped, low, high = (
             group[name].to_numpy(float) for name in ("estimate", "truth", "unclipped_truth", "low", "high")
         )
-        generator = stream(seed, "bootstrap", purpose, *cell.values())
+        generator = bootstrap_stream(seed, purpose, *cell.values())
         statistics = robust(values, generator, 1)
         low_dn, high_dn = frame_interval(values, group["frame"].to_numpy(str), robust_median, generator, draws)
         rows.append(
             {
-                **{WRITTEN.get(name, name): value for name, value in cell.items()},
+                **cell,
                 "median_dn": statistics.median,
                 "minimum_dn": statistics.minimum,
                 "maximum_dn": statistics.maximum,
                 "low_dn": low_dn,
                 "high_dn": high_dn,
-                "true_median_dn": float(robust_median(clipped)),
-                "added_median_dn": float(robust_median(unclipped)),
+                "clipped_median_dn": float(robust_median(clipped)),
+                "unclipped_median_dn": float(robust_median(unclipped)),
                 "clipped_error_dn": _known_mean(np.abs(values - clipped)),
                 "unclipped_error_dn": _known_mean(np.abs(values - unclipped)),
                 "coverage": _known_mean(coverage(low, high, unclipped)),
@@ -122,7 +122,7 @@ def mtf_cells(
             else a cell in which one has none is NaN.
 
     Returns:
-        the cells in the order of their keys; ``frequencies_share`` is the fraction of frequencies with an estimate,
+        the cells in the order of their keys; ``frequencies_fraction`` is the fraction of frequencies with an estimate,
         over patches that were not abstained from.
     """
     import pandas as pd
@@ -139,7 +139,7 @@ def mtf_cells(
         def amae(patches: NDArray[np.float64], truths: NDArray[np.float64] = truths) -> NDArray[np.float64]:
             return _amae(robust_median(patches), truths, skip_missing)
 
-        generator = stream(seed, "bootstrap", purpose, *cell.values())
+        generator = bootstrap_stream(seed, purpose, *cell.values())
         frames = ordered["frame"].to_numpy(str).reshape(shape)[0, :, 0, 0]
         low, high = frame_interval(by_patch, frames, amae, generator, draws)
         patches = group[~group["abstained"].to_numpy(bool)]
@@ -149,7 +149,7 @@ def mtf_cells(
         points = 2 * len(mtf.FREQUENCIES)
         rows.append(
             {
-                **{WRITTEN.get(name, name): value for name, value in cell.items()},
+                **cell,
                 "calibrated": calibrated,
                 "amae_percent": float(_amae(curves, truths, skip_missing)),
                 "low_percent": low,
@@ -159,8 +159,8 @@ def mtf_cells(
                 "angles": shape[0],
                 "count": len(patches) // points,
                 "abstained": (len(group) - len(patches)) // points,
-                "smoothed_share": float(group["smoothed"].mean()),
-                "frequencies_share": len(estimated) / len(patches) if len(patches) else _NAN,
+                "smoothed_fraction": float(group["smoothed"].mean()),
+                "frequencies_fraction": len(estimated) / len(patches) if len(patches) else _NAN,
                 "mae_h_percent": float(_amae(curves[:, [0, 0]], truths[:, [0, 0]], True)),
                 "mae_v_percent": float(_amae(curves[:, [1, 1]], truths[:, [1, 1]], True)),
                 "expected_amae_percent": _NAN,
@@ -192,7 +192,8 @@ def condition_medians(measured: pd.DataFrame, seed: int, draws: int) -> pd.DataF
             generator = stream(seed, "condition medians", quantity, *key)
             low, high = frame_interval(values, part["frame"].to_numpy(str), median, generator, draws)
             row |= {f"{short}{unit}": float(median(values)), f"{short}_low{unit}": low, f"{short}_high{unit}": high}
-            row[f"true_{short}{unit}"] = float(part["true"].median())
+            truth = "clipped_sigma_dn" if quantity == "sigma_dn" else "true_mtf"
+            row[truth] = float(part["true"].median())
             row |= {count: len(part), f"{count}_abstained": int(part["abstained"].sum())}
         rows.append(row)
     return CONDITIONS.conform(pd.DataFrame(rows, columns=list(CONDITIONS.columns)))

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline import blur
-from pipeline.blur.camera_fit import CameraMap
+from pipeline.blur.camera_calibration import CameraMap
 from pipeline.camera.settings import CameraSettings
 from pipeline.experiments.calibrate import Calibrated, cross_fit, divided_by_sharp, folds
 from pipeline.experiments.condition import grid, sharp_kernel
@@ -39,20 +39,20 @@ class Candidate:
 
     Attributes:
         estimator: see `pipeline.experiments.run.Method`.
-        camera_samples: synthetically blurred sharp patches that it is calibrated to the camera on; None leaves it as it
-            is.
+        calibration_samples: synthetically blurred sharp patches that it is calibrated to the camera on; None leaves it
+            as it is.
         relative: whether its MTF is relative already: to this camera's sharp frames, or to a generic lens.
     """
 
     estimator: Any
-    camera_samples: int | None = None
+    calibration_samples: int | None = None
     relative: bool = False
 
     @classmethod
     def configured(cls, section: EstimatorSettings) -> Candidate:
         """From a section of ``blur.estimators``."""
         return cls(
-            Registered(blur.create, section.kind, section.options), section.camera_samples, section.answers_added
+            Registered(blur.create, section.kind, section.options), section.calibration_samples, section.answers_added
         )
 
 
@@ -112,12 +112,12 @@ def measure(
     for name, given in estimators.items():
         candidate = given if isinstance(given, Candidate) else Candidate(given)
         method, chosen = Method(name, "mtf", candidate.estimator), list(frames)
-        if candidate.camera_samples is not None:
+        if candidate.calibration_samples is not None:
             chosen = [replace(item, fold=fold) for item, fold in zip(frames, folds(len(frames)), strict=True)]
             calibrations[name] = cross_fit(
                 calibration_frames or frames,
                 candidate.estimator,
-                samples=candidate.camera_samples,
+                samples=candidate.calibration_samples,
                 seed=seed,
                 executor=executor,
             )

@@ -55,11 +55,11 @@ BLUR_ESTIMATES = Schema(
         "dataset": "string",
         "estimator": "string",
         "kernel": "string",  # "sharp", or a name of the kernel bank
-        "kind": "string",
-        "size_px": "float64",
+        "blur_kind": "string",
+        "kernel_size_px": "float64",
         "angle_deg": "float64",
-        "effect": "string",  # noise beside the blur, "" for none
-        "level_dn": "float64",
+        "noise_source": "string",  # noise beside the blur, "" for none
+        "target_sigma_dn": "float64",
         "frame": "string",
         "patch": "int64",
         "axis": "string",  # "H" or "V"
@@ -71,7 +71,7 @@ BLUR_ESTIMATES = Schema(
         "abstained": "bool",
         "reason": "string",
     },
-    {"size_px": "px", "angle_deg": "deg", "level_dn": "DN", "frequency": "fraction of Nyquist"},
+    {"kernel_size_px": "px", "angle_deg": "deg", "target_sigma_dn": "DN", "frequency": "fraction of Nyquist"},
 )
 
 BLUR_SUMMARY = Schema(
@@ -79,10 +79,10 @@ BLUR_SUMMARY = Schema(
     {
         "dataset": "string",
         "estimator": "string",
-        "effect": "string",
-        "level_dn": "float64",
-        "kind": "string",
-        "size_px": "float64",
+        "noise_source": "string",
+        "target_sigma_dn": "float64",
+        "blur_kind": "string",
+        "kernel_size_px": "float64",
         "calibrated": "bool",
         "amae_percent": "float64",
         "low_percent": "float64",  # 95 % interval of the AMAE over frames (`pipeline.experiments.intervals`)
@@ -97,7 +97,7 @@ BLUR_SUMMARY = Schema(
 )
 
 _EXPERIMENT = {"experiment": "string"}  # a name of combined.experiments; "" for sharp frames
-_PLACE = {**_EXPERIMENT, "kind": "string", "size_px": "float64"}
+_PLACE = {**_EXPERIMENT, "blur_kind": "string", "kernel_size_px": "float64"}
 
 BLUR_READ = Schema(
     "blur read under noise",
@@ -116,8 +116,8 @@ BLUR_CELLS = Schema(
         **_EXPERIMENT,
         **BLUR_SUMMARY.columns,
         "filter_px": "float64",
-        "smoothed_share": "float64",  # of patches
-        "frequencies_share": "float64",  # of frequencies answered, over patches with an answer
+        "smoothed_fraction": "float64",  # of patches
+        "frequencies_fraction": "float64",  # of frequencies answered, over patches with an answer
         "mae_h_percent": "float64",
         "mae_v_percent": "float64",
         "expected_amae_percent": "float64",  # of a smoothed answer, from the errors for both blurs without noise
@@ -132,11 +132,11 @@ CURVES = Schema(
         "estimator": "string",
         **_PLACE,
         "angle_deg": "float64",
-        "level_dn": "float64",
+        "target_sigma_dn": "float64",
         "filter_px": "float64",
         "calibrated": "bool",
         "axis": "string",  # "H", "V", or "HV": their mean, as the paper draws it
-        "place": "int64",  # number of the frequency, from 0
+        "frequency_index": "int64",  # number of the frequency, from 0
         "frequency": "float64",
         "true_mtf": "float64",
         "median": "float64",
@@ -145,15 +145,21 @@ CURVES = Schema(
         "count": "int64",
         "abstained": "int64",
     },
-    {"size_px": "px", "angle_deg": "deg", "level_dn": "DN", "filter_px": "px", "frequency": "fraction of Nyquist"},
+    {
+        "kernel_size_px": "px",
+        "angle_deg": "deg",
+        "target_sigma_dn": "DN",
+        "filter_px": "px",
+        "frequency": "fraction of Nyquist",
+    },
 )
 
 _NOISE = {
     "dataset": "string",
     "estimator": "string",
     **_PLACE,
-    "effect": "string",
-    "level_dn": "float64",
+    "noise_source": "string",
+    "target_sigma_dn": "float64",
 }
 
 NOISE_READ = Schema(
@@ -162,15 +168,21 @@ NOISE_READ = Schema(
         **_NOISE,
         "frame": "string",
         "patch": "int64",
-        "true_sigma_dn": "float64",  # standard deviation of the noise really present in this patch, after clipping
-        "added_sigma_dn": "float64",  # the same before the 8-bit range clips it; photon noise as the optics pass it
+        "clipped_sigma_dn": "float64",  # standard deviation of the noise really present in this patch, after clipping
+        "unclipped_sigma_dn": "float64",  # the same before the 8-bit range clips it; photon noise as the optics pass it
         "sigma_dn": "float64",  # NaN where abstained
         "low_dn": "float64",
         "high_dn": "float64",
         "abstained": "bool",
         "reason": "string",
     },
-    {"size_px": "px", "level_dn": "DN", "true_sigma_dn": "DN", "added_sigma_dn": "DN", "sigma_dn": "DN"},
+    {
+        "kernel_size_px": "px",
+        "target_sigma_dn": "DN",
+        "clipped_sigma_dn": "DN",
+        "unclipped_sigma_dn": "DN",
+        "sigma_dn": "DN",
+    },
 )
 
 NOISE_CELLS = Schema(
@@ -182,24 +194,24 @@ NOISE_CELLS = Schema(
         "maximum_dn": "float64",
         "low_dn": "float64",  # 95 % interval of the median over frames
         "high_dn": "float64",
-        "true_median_dn": "float64",
-        "added_median_dn": "float64",
+        "clipped_median_dn": "float64",
+        "unclipped_median_dn": "float64",
         "patch_error_dn": "float64",  # mean |estimate - noise as added| per patch
         "coverage": "float64",  # share of intervals that hold the noise as added; NaN where the method has none
         "count": "int64",
         "rejected": "int64",
         "abstained": "int64",
     },
-    {"size_px": "px", "level_dn": "DN", "median_dn": "DN"},
+    {"kernel_size_px": "px", "target_sigma_dn": "DN", "median_dn": "DN"},
 )
 
 CONDITION = {
     "kernel": "string",
-    "kind": "string",
-    "size_px": "float64",
+    "blur_kind": "string",
+    "kernel_size_px": "float64",
     "angle_deg": "float64",
-    "effect": "string",
-    "level_dn": "float64",
+    "noise_source": "string",
+    "target_sigma_dn": "float64",
 }
 """Columns that identify a condition of a detection sweep."""
 
@@ -218,7 +230,7 @@ MEASURED = Schema(
         "abstained": "bool",
         "reason": "string",
     },
-    {"size_px": "px", "angle_deg": "deg", "level_dn": "DN"},
+    {"kernel_size_px": "px", "angle_deg": "deg", "target_sigma_dn": "DN"},
 )
 
 CONDITIONS = Schema(
@@ -228,7 +240,7 @@ CONDITIONS = Schema(
         "sigma_dn": "float64",  # median of the tiles' estimates; NaN where every one abstained
         "sigma_low_dn": "float64",
         "sigma_high_dn": "float64",
-        "true_sigma_dn": "float64",
+        "clipped_sigma_dn": "float64",
         "tiles": "int64",
         "tiles_abstained": "int64",
         "mtf": "float64",
@@ -238,29 +250,20 @@ CONDITIONS = Schema(
         "patches": "int64",
         "patches_abstained": "int64",
     },
-    {"size_px": "px", "angle_deg": "deg", "level_dn": "DN", "sigma_dn": "DN"},
+    {"kernel_size_px": "px", "angle_deg": "deg", "target_sigma_dn": "DN", "sigma_dn": "DN"},
 )
-
-WRITTEN = {
-    "noise_source": "effect",
-    "target_sigma_dn": "level_dn",
-    "blur_kind": "kind",
-    "kernel_size_px": "size_px",
-    "saturated_fraction": "saturated_share",
-}
-"""Columns of the measurements -> as the stages' tables call them."""
 
 WRITTEN_OF = {
     "mtf": {"estimate": "mtf", "truth": "true_mtf"},
     "sigma_dn": {
         "estimate": "sigma_dn",
-        "truth": "true_sigma_dn",
-        "unclipped_truth": "added_sigma_dn",
+        "truth": "clipped_sigma_dn",
+        "unclipped_truth": "unclipped_sigma_dn",
         "low": "low_dn",
         "high": "high_dn",
     },
 }
-"""The same for columns whose name depends on the quantity."""
+"""Quantity -> columns of the measurements -> as the stages' tables call them."""
 
 
 def rounded(measurements: pd.DataFrame) -> pd.DataFrame:
@@ -287,7 +290,7 @@ def written(measurements: pd.DataFrame, quantity: str, schema: Schema) -> pd.Dat
         schema: of the table.
     """
     rows = measurements[measurements["quantity"] == quantity]
-    rows = rows.rename(columns={**WRITTEN, **WRITTEN_OF[quantity]})
+    rows = rows.rename(columns=WRITTEN_OF[quantity])
     return schema.conform(rows[list(schema.columns)])
 
 
@@ -298,7 +301,7 @@ def measurements_of(table: pd.DataFrame, quantity: str) -> pd.DataFrame:
         table: from `written`.
         quantity: see there.
     """
-    names = {new: old for old, new in {**WRITTEN, **WRITTEN_OF[quantity]}.items()}
+    names = {new: old for old, new in WRITTEN_OF[quantity].items()}
     without: dict[str, Any] = {"experiment": "", "filter_px": 0.0, "smoothed": False}
     absent = {name: value for name, value in without.items() if name not in table}
     return table.rename(columns=names).assign(quantity=quantity, **absent)

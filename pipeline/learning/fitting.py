@@ -15,8 +15,8 @@ import numpy as np
 
 from pipeline.dependencies import closure
 from pipeline.learning import weights
-from pipeline.learning.conduct import Conduct
-from pipeline.learning.feed import Feed, Maker
+from pipeline.learning.chunk_loader import ChunkLoader, Maker
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.settings import LoopSettings
 from pipeline.learning.trainer import Loss, Trained, train
 
@@ -54,7 +54,7 @@ def fit(
     loss: Loss,
     make: Maker,
     settings: LoopSettings,
-    conduct: Conduct,
+    run_options: RunOptions,
     *,
     name: str,
     code: Code,
@@ -66,9 +66,9 @@ def fit(
     Args:
         model: initialised (`pipeline.learning.initial`).
         loss: see `pipeline.learning.trainer.train`.
-        make: chunk number -> arrays; see `pipeline.learning.feed`.
+        make: chunk number -> arrays; see `pipeline.learning.chunk_loader`.
         settings: all that the result depends on.
-        conduct: how it runs.
+        run_options: how it runs.
         name: of what is trained, e.g. ``"mtf-spectral"``; with the fingerprint it names the checkpoint's folder.
         code: see `fingerprint`.
         validate: model -> measures.
@@ -80,18 +80,22 @@ def fit(
     from pipeline.executor import one_thread
 
     one_thread()
-    repetition = {"fresh": settings.fresh, "uses": settings.uses, "window": settings.window}
-    with Feed(make, settings.seed, producers=conduct.producers, **repetition) as feed:
+    repetition = {
+        "new_chunks_per_step": settings.new_chunks_per_step,
+        "replays": settings.replays,
+        "replay_window": settings.replay_window,
+    }
+    with ChunkLoader(make, settings.seed, producers=run_options.producers, **repetition) as loader:
         return train(
             model,
             loss,
-            feed,
+            loader,
             settings.schedule,
-            folder=conduct.folder or conduct.cache / f"{name}-{fingerprint(settings, code)}",
+            folder=run_options.folder or run_options.cache / f"{name}-{fingerprint(settings, code)}",
             validate=validate,
             score=score,
-            report=conduct.report,
-            stop_after=conduct.stop_after,
+            report=run_options.report,
+            stop_after=run_options.stop_after,
         )
 
 

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from pipeline.learning.feed import Arrays
+from pipeline.learning.chunk_loader import Arrays
 from pipeline.learning.settings import PictureTraining
 
 Chosen = TypeVar("Chosen", bound=PictureTraining)

@@ -100,7 +100,7 @@ class Samples:
             ]
         )
         scene = torch.from_numpy(views)
-        before = torch.from_numpy(generator.random(recipe.views) < recipe.before_share)
+        before = torch.from_numpy(generator.random(recipe.views) < recipe.pre_blur_noise_fraction)
         delivered = np.zeros(recipe.views, bool)
         linear = np.zeros(recipe.views, bool)
         if recipe.camera_fraction:
@@ -116,7 +116,7 @@ class Samples:
         inside = slice(MARGIN_PX, MARGIN_PX + PATCH_PX)
         blurred = whole_field[:, inside, inside].clamp(0, 1)
         kind = torch.from_numpy(generator.integers(len(KINDS), size=recipe.chunk))
-        share = recipe.clean_share / max(1 - recipe.before_share, 1e-9)
+        share = recipe.clean_fraction / max(1 - recipe.pre_blur_noise_fraction, 1e-9)
         after = torch.from_numpy(generator.random(recipe.chunk) >= share)
         after &= ~before.repeat(recipe.kernels_per_view)
         after &= ~torch.from_numpy(delivered).repeat(recipe.kernels_per_view)

@@ -25,11 +25,11 @@ class Schedule:
         optimiser: ``adamw`` or ``adam``.
         betas, epsilon, weight_decay: of the optimiser.
         warm_up: steps.
-        hold: share of the steps before the rate begins to fall, in [0, 1). Until then the length of the training makes
-            no difference, so it can still be changed.
-        final_share: e, of the learning rate at the end; 1 keeps it constant.
-        average_decay: of the moving average of the weights; 0 keeps the weights themselves.
-        clip: greatest norm of the gradient; None leaves it.
+        constant_lr_fraction: share of the steps before the rate begins to fall, in [0, 1). Until then the length of the
+            training makes no difference, so it can still be changed.
+        final_lr_ratio: e, of the learning rate at the end; 1 keeps it constant.
+        ema_decay: of the moving average of the weights; 0 keeps the weights themselves.
+        max_grad_norm: greatest norm of the gradient; None leaves it.
         checkpoint_every, report_every: steps.
     """
 
@@ -40,10 +40,10 @@ class Schedule:
     epsilon: Positive = 1e-8
     weight_decay: NonNegative = 1e-3
     warm_up: Count = 150
-    hold: Decay = 0.0
-    final_share: Fraction = 0.01
-    average_decay: Decay = 0.998
-    clip: Positive | None = 1.0
+    constant_lr_fraction: Decay = 0.0
+    final_lr_ratio: Fraction = 0.01
+    ema_decay: Decay = 0.998
+    max_grad_norm: Positive | None = 1.0
     checkpoint_every: Count = 1000
     report_every: Count = 100
 
@@ -58,10 +58,10 @@ class Schedule:
 
     def rate(self, step: int) -> float:
         """Learning rate of a step."""
-        fall = max(0.0, step / self.steps - self.hold) / (1 - self.hold)
+        fall = max(0.0, step / self.steps - self.constant_lr_fraction) / (1 - self.constant_lr_fraction)
         cosine = 0.5 * (1 + math.cos(math.pi * min(fall, 1.0)))
         warm = min(1.0, (step + 1) / max(self.warm_up, 1))
-        return self.learning_rate * warm * (self.final_share + (1 - self.final_share) * cosine)
+        return self.learning_rate * warm * (self.final_lr_ratio + (1 - self.final_lr_ratio) * cosine)
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -94,8 +94,8 @@ class Recipe:
         kernels_per_view: samples made of each view, by different kernels.
         anisotropy: see `pipeline.learning.images.view`.
         intrinsic_px: range of the intrinsic Gaussian's standard deviation, pixels.
-        clean_share, before_share: shares of samples without noise and with photon noise before the blur; the others
-            have noise after it.
+        clean_fraction, pre_blur_noise_fraction: shares of samples without noise and with photon noise before the blur;
+            the others have noise after it.
         largest_sigma_dn: of the noise; half of the levels are even, half logarithmic from 1 DN.
         camera_fraction: share of views that are delivered by a random camera.
         cameras: their distribution; they do not scale, which would move frequencies.
@@ -105,8 +105,8 @@ class Recipe:
     kernels_per_view: Count = 2
     anisotropy: Fraction = 0.7
     intrinsic_px: tuple[NonNegative, NonNegative] = (0.0, 0.7)
-    clean_share: Fraction = 0.45
-    before_share: Fraction = 0.15
+    clean_fraction: Fraction = 0.45
+    pre_blur_noise_fraction: Fraction = 0.15
     largest_sigma_dn: Annotated[float, Field(gt=1, le=100)] = 30.0
     camera_fraction: Fraction = 0.0
     cameras: CameraRecipe = field(
@@ -127,14 +127,15 @@ class LoopSettings:
 
     Attributes:
         schedule: of the optimiser.
-        fresh, uses, window: see `pipeline.learning.feed`; a batch has fresh * uses chunks.
+        new_chunks_per_step, replays, replay_window: see `pipeline.learning.chunk_loader`; a batch has
+            new_chunks_per_step * replays chunks.
         seed: of everything.
     """
 
     schedule: Schedule
-    fresh: Count = 1
-    uses: Count = 2
-    window: Count = 256
+    new_chunks_per_step: Count = 1
+    replays: Count = 2
+    replay_window: Count = 256
     seed: Seed = 1
 
 

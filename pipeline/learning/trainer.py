@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
 from pipeline.learning import weights
-from pipeline.learning.feed import Feed
+from pipeline.learning.chunk_loader import ChunkLoader
 from pipeline.learning.settings import Schedule
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ Loss = Callable[["torch.nn.Module", Mapping[str, Any]], tuple["torch.Tensor", di
 def train(
     model: torch.nn.Module,
     loss: Loss,
-    feed: Feed,
+    loader: ChunkLoader,
     schedule: Schedule,
     *,
     folder: Path | None = None,
@@ -80,7 +80,7 @@ def train(
     Args:
         model: freshly initialised, in the same way on every start.
         loss: (model, batch) -> loss to minimise, and measures to record; the batch holds the feed's arrays as tensors.
-        feed: batches by step.
+        loader: batches by step.
         schedule: how.
         folder: where checkpoints are kept; None keeps none.
         validate: measures of a model, taken at checkpoints on the averaged weights.
@@ -104,7 +104,7 @@ def train(
     while state.step < schedule.steps:
         if stop_after is not None and state.step >= stop_after:
             break
-        _one_step(state, loss, feed, schedule)
+        _one_step(state, loss, loader, schedule)
         row = _row(state, schedule)
         if state.step % schedule.checkpoint_every == 0 or state.step == schedule.steps:
             result = _validated(state, validate, score)
@@ -121,19 +121,19 @@ def train(
     return Trained(model.eval(), state.curve, state.best_step or state.step)
 
 
-def _one_step(state: _State, loss: Loss, feed: Feed, schedule: Schedule) -> None:
+def _one_step(state: _State, loss: Loss, loader: ChunkLoader, schedule: Schedule) -> None:
     import torch
 
     for group in state.optimiser.param_groups:
         group["lr"] = schedule.rate(state.step)
-    batch = {name: torch.from_numpy(values) for name, values in feed.batch(state.step).items()}
+    batch = {name: torch.from_numpy(values) for name, values in loader.batch(state.step).items()}
     value, measures = loss(state.model, batch)
     state.optimiser.zero_grad(set_to_none=True)
     value.backward()
-    if schedule.clip is not None:
-        torch.nn.utils.clip_grad_norm_(state.model.parameters(), schedule.clip)
+    if schedule.max_grad_norm is not None:
+        torch.nn.utils.clip_grad_norm_(state.model.parameters(), schedule.max_grad_norm)
     state.optimiser.step()
-    decay = min(schedule.average_decay, (1 + state.step) / (10 + state.step)) if schedule.average_decay else 0.0
+    decay = min(schedule.ema_decay, (1 + state.step) / (10 + state.step)) if schedule.ema_decay else 0.0
     with torch.no_grad():
         for name, tensor in state.model.state_dict().items():
             if tensor.dtype.is_floating_point:
@@ -190,7 +190,7 @@ def _continues(kept: dict[str, Any], schedule: Schedule, step: int) -> bool:
     """
     identity = _identity(schedule)
     lengths = kept.pop("steps", 0), identity.pop("steps")
-    even = 1.0 if schedule.final_share == 1 else schedule.hold
+    even = 1.0 if schedule.final_lr_ratio == 1 else schedule.constant_lr_fraction
     return kept == identity and (lengths[0] == lengths[1] or step <= even * min(lengths))
 
 

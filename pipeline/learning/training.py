@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.learning.conduct import Conduct
-from pipeline.learning.feed import Arrays
+from pipeline.learning.chunk_loader import Arrays
 from pipeline.learning.fitting import fit, held_out
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.samples import Chunk, Samples
 from pipeline.learning.settings import Training
 from pipeline.learning.trainer import Loss, Trained
@@ -67,16 +67,16 @@ class Maker:
         return self.transform(self._samples.chunk(number))
 
 
-def validation_samples(training: Training, conduct: Conduct, transform: Transform) -> dict[str, torch.Tensor]:
+def validation_samples(training: Training, run_options: RunOptions, transform: Transform) -> dict[str, torch.Tensor]:
     """All validation samples, as tensors by name; makes their banks."""
-    opened = open_samples(training, conduct.cache, validation=True, **conduct.executor)
+    opened = open_samples(training, run_options.cache, validation=True, **run_options.executor)
     return held_out(lambda number: transform(opened.chunk(number)), training.validation_chunks)
 
 
 def train_on_samples(
     model: torch.nn.Module,
     training: Training,
-    conduct: Conduct,
+    run_options: RunOptions,
     transform: Transform,
     loss: Loss,
     measure: Callable[[torch.nn.Module, Mapping[str, torch.Tensor]], dict[str, float]],
@@ -90,7 +90,7 @@ def train_on_samples(
     Args:
         model: initialised; its convolutions are laid out channels last.
         training: settings.
-        conduct: how it runs.
+        run_options: how it runs.
         transform: chunk -> arrays; a function of a module.
         loss: see `pipeline.learning.trainer.train`.
         measure: (model, held-out tensors) -> measures.
@@ -101,14 +101,14 @@ def train_on_samples(
     import torch
 
     # Banks first, with all the workers there are; the producers then only read them.
-    open_samples(training, conduct.cache, **conduct.executor)
-    data = validation_samples(training, conduct, transform)
+    open_samples(training, run_options.cache, **run_options.executor)
+    data = validation_samples(training, run_options, transform)
     return fit(
         model.to(memory_format=torch.channels_last),  # type: ignore[call-overload]
         loss,
-        Maker(training, conduct.cache, transform),
+        Maker(training, run_options.cache, transform),
         training,
-        conduct,
+        run_options,
         name=name,
         code=code,
         validate=lambda network: measure(network, data),

@@ -34,6 +34,24 @@ RELEASED_WITHOUT_FLAG = frozenset(
 )
 """SHA-256 of released files that were written before headers said whether a file is released."""
 
+RENAMED_SETTINGS = {
+    "hold": "constant_lr_fraction",
+    "final_share": "final_lr_ratio",
+    "average_decay": "ema_decay",
+    "clip": "max_grad_norm",
+    "fresh": "new_chunks_per_step",
+    "uses": "replays",
+    "window": "replay_window",
+    "before_share": "pre_blur_noise_fraction",
+    "clean_share": "clean_fraction",
+    "low_share": "low_fraction",
+    "texture_share": "texture_fraction",
+    "blurred_noise_share": "blurred_noise_fraction",
+    "interpolated_share": "interpolated_fraction",
+    "compressed_share": "compressed_fraction",
+}
+"""Settings in headers of files that were written before these were renamed -> their names now."""
+
 _announced: set[str] = set()
 
 
@@ -177,4 +195,13 @@ def _read(path: str | Path, tensors: bool) -> tuple[dict[str, Any], dict[str, to
         raise InputError(f"{path}: not a readable safetensors file ({error}); restore or train it anew") from None
     if not isinstance(header, dict) or "architecture" not in header:
         raise InputError(f"{path}: says nothing of its architecture; expected a file written by pipeline.learning")
+    if "settings" in header:
+        header["settings"] = _with_current_names(header.get("settings"))
     return header, content
+
+
+def _with_current_names(settings: Any) -> Any:
+    """Settings of a header under the names that they have now (`RENAMED_SETTINGS`)."""
+    if not isinstance(settings, Mapping):
+        return settings
+    return {RENAMED_SETTINGS.get(name, name): _with_current_names(value) for name, value in settings.items()}

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.learning import fitting
-from pipeline.learning.conduct import Conduct
 from pipeline.learning.picture_maker import PictureMaker
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.trainer import Trained
 from pipeline.noise import camera_samples, samples
 from pipeline.noise.correlated_features import CELL_PX
@@ -55,7 +55,7 @@ def camera_arrays(tiles: np.ndarray, settings: CorrelatedTraining, purpose: str,
 
 def white_arrays(tiles: np.ndarray, settings: CorrelatedTraining, purpose: str, number: int) -> dict[str, np.ndarray]:
     """A chunk of white noise on clean views as arrays."""
-    recipe = replace(Recipe(), blurred_noise_share=0.0, clean_share=settings.white_noise_free_fraction)
+    recipe = replace(Recipe(), blurred_noise_fraction=0.0, clean_fraction=settings.white_noise_free_fraction)
     made = samples.chunk(tiles, recipe, settings.seed, purpose, number)
     return {
         **_seen(made.patches_dn),
@@ -108,12 +108,12 @@ def measures(data: Mapping[str, torch.Tensor]) -> Callable[[torch.nn.Module], di
     return measure
 
 
-def train(settings: CorrelatedTraining, conduct: Conduct) -> Trained:
+def train(settings: CorrelatedTraining, run_options: RunOptions) -> Trained:
     """Train the network, or go on training it.
 
     Args:
         settings: all that the result depends on.
-        conduct: how it runs.
+        run_options: how it runs.
 
     Returns:
         the network that validated best, and its learning curve.
@@ -124,19 +124,19 @@ def train(settings: CorrelatedTraining, conduct: Conduct) -> Trained:
     from pipeline.noise.correlated_net import CorrelatedNet, loss
 
     for held_out in (False, True):
-        Maker(settings, conduct.cache, held_out).bank(conduct.executor)
-    make = Maker(settings, conduct.cache)
+        Maker(settings, run_options.cache, held_out).bank(run_options.executor)
+    make = Maker(settings, run_options.cache)
     model = CorrelatedNet(settings.members)
     initialise(model, settings.seed, "correlated noise network")
     first = [torch.from_numpy(make(number)["statistics"]) for number in range(4 * WHITE_EVERY)]
     model.standardise(torch.cat(first))
-    held = fitting.held_out(Maker(settings, conduct.cache, validation=True), settings.validation_chunks)
+    held = fitting.held_out(Maker(settings, run_options.cache, validation=True), settings.validation_chunks)
     return fitting.fit(
         model,
         loss,  # type: ignore[arg-type]
         make,
         settings,
-        conduct,
+        run_options,
         name="sigma-correlated",
         code=CODE,
         validate=measures(held),

@@ -71,18 +71,18 @@ def clean_view(tile: NDArray[np.uint8], recipe: Recipe, generator: np.random.Gen
     """A clean image: (S, S) float32, whole numbers 0..255."""
     size_px = recipe.size_px + 2 * MARGIN_PX
     image = images.view(tile, generator, min(size_px, len(tile))) * np.float32(255)
-    if generator.random() < recipe.texture_share:
+    if generator.random() < recipe.texture_fraction:
         image = textured(image, generator)
-    if generator.random() < recipe.interpolated_share:
+    if generator.random() < recipe.interpolated_fraction:
         image = _interpolated(image, generator)
     image = exposed(image, generator)
-    if generator.random() < recipe.blurred_noise_share:
+    if generator.random() < recipe.blurred_noise_fraction:
         image = _with_blurred_noise(image, generator)
     else:
         image = _sharpness(image, generator)
     inside = slice(MARGIN_PX, MARGIN_PX + recipe.size_px)
     whole = np.rint(np.clip(image, 0, 255)).astype(np.uint8)
-    if generator.random() < recipe.compressed_share:
+    if generator.random() < recipe.compressed_fraction:
         whole = _compressed(whole, generator)
     return whole[inside, inside].astype(np.float32)
 
@@ -98,9 +98,9 @@ def noisy(clean: Plane, recipe: Recipe, generator: np.random.Generator) -> tuple
     cells = len(clean) // CELL_PX
     low, high = recipe.sigma_dn
     kind = generator.random()
-    if kind < recipe.clean_share:
+    if kind < recipe.clean_fraction:
         return clean.astype(np.uint8), 0.0, np.zeros((cells, cells), np.float32)
-    if kind < recipe.clean_share + recipe.low_share:
+    if kind < recipe.clean_fraction + recipe.low_fraction:
         sigma = float(np.exp(generator.uniform(np.log(max(low, 0.3)), np.log(8.0))))
     else:
         sigma = float(generator.uniform(low, high))

@@ -23,11 +23,11 @@ class Recipe:
         views: clean images in a chunk.
         noises: samples made of each, with noise of their own.
         sigma_dn: range of the noise, DN.
-        clean_share: share of samples without any.
-        low_share: share whose noise is spread evenly over the logarithm from 0.3 to 8 DN; the rest is even.
-        texture_share, blurred_noise_share: shares of clean images with fine texture, and with noise that came before a
-            blur, which does not count.
-        interpolated_share, compressed_share: shares enlarged from fewer pixels, and stored as JPEG.
+        clean_fraction: share of samples without any.
+        low_fraction: share whose noise is spread evenly over the logarithm from 0.3 to 8 DN; the rest is even.
+        texture_fraction, blurred_noise_fraction: shares of clean images with fine texture, and with noise that came
+            before a blur, which does not count.
+        interpolated_fraction, compressed_fraction: shares enlarged from fewer pixels, and stored as JPEG.
         sources: which noise: ``"any"`` (photon, constant and mixed) or ``"mixed"`` only.
     """
 
@@ -35,12 +35,12 @@ class Recipe:
     views: Count = 8
     noises: Count = 4
     sigma_dn: tuple[Level, Level] = (0.0, 42.0)
-    clean_share: Fraction = 0.18
-    low_share: Fraction = 0.22
-    texture_share: Fraction = 0.65
-    blurred_noise_share: Fraction = 0.15
-    interpolated_share: Fraction = 0.12
-    compressed_share: Fraction = 0.15
+    clean_fraction: Fraction = 0.18
+    low_fraction: Fraction = 0.22
+    texture_fraction: Fraction = 0.65
+    blurred_noise_fraction: Fraction = 0.15
+    interpolated_fraction: Fraction = 0.12
+    compressed_fraction: Fraction = 0.15
     sources: Literal["any", "mixed"] = "any"
 
 
@@ -77,8 +77,8 @@ class SigmaTraining(PictureTraining):
 
     kind: Kind = "cellwise"
     recipe: Recipe = field(default_factory=Recipe)
-    uses: Count = 3
-    window: Count = 128
+    replays: Count = 3
+    replay_window: Count = 128
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -94,6 +94,6 @@ class CorrelatedTraining(PictureTraining):
     recipe: CameraSamplesRecipe = field(default_factory=CameraSamplesRecipe)
     members: Annotated[int, Field(ge=1, le=16)] = 4
     white_noise_free_fraction: Fraction = 0.35
-    uses: Count = 8
-    window: Count = 4000
+    replays: Count = 8
+    replay_window: Count = 4000
     validation_chunks: Count = 60

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.learning import fitting
-from pipeline.learning.conduct import Conduct
 from pipeline.learning.picture_maker import PictureMaker
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.trainer import Trained
 from pipeline.noise import samples
 from pipeline.noise.settings import SigmaTraining
@@ -100,26 +100,26 @@ def validation(settings: SigmaTraining, cache: Path) -> Callable[[torch.nn.Modul
     return measure
 
 
-def train(settings: SigmaTraining, conduct: Conduct) -> Trained:
+def train(settings: SigmaTraining, run_options: RunOptions) -> Trained:
     """Train a noise network, or go on training it.
 
     Args:
         settings: all that the result depends on.
-        conduct: how it runs.
+        run_options: how it runs.
 
     Returns:
         the network that validated best, and its learning curve.
     """
-    cache, kind = conduct.cache, settings.kind
+    cache, kind = run_options.cache, settings.kind
     program: Program = PROGRAMS.get(kind)
     for held_out in (False, True):
-        Maker(settings, cache, held_out).bank(conduct.executor)
+        Maker(settings, cache, held_out).bank(run_options.executor)
     return fitting.fit(
         program.network(settings.seed),
         program.loss,
         Maker(settings, cache),
         settings,
-        conduct,
+        run_options,
         name=f"sigma-{kind}",
         code=program.module,
         validate=validation(settings, cache),

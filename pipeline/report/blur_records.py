@@ -166,8 +166,8 @@ def _said(folder: Path) -> dict[str, Any]:
 
 def _read(dataset: str, folder: Path) -> BlurRecord:
     table = any_table(folder / SUMMARY_FILE)
-    if "effect" in table:  # empty cells, "" for no noise beside the blur, are read as no number
-        table = table.assign(effect=table["effect"].astype("string").fillna(""))
+    if "noise_source" in table:  # empty cells, "" for no noise beside the blur, are read as no number
+        table = table.assign(noise_source=table["noise_source"].astype("string").fillna(""))
     summary = BLUR_SUMMARY.conform(table, str(folder / SUMMARY_FILE))
     patches = len(any_table(folder / PATCHES_FILE))
     return BlurRecord(dataset, _said(folder), summary, any_table(folder / SHARP_FILE), patches)

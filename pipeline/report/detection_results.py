@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pipeline.curves import by_settings, directions, precision
+from pipeline.curves import directions, iso_exposure, precision
 from pipeline.report.display_names import DATASETS, DETECTORS, in_order
 from pipeline.report.inputs import ReportInputs, any_table, existing, optional
 from pipeline.store import read_json
@@ -29,10 +29,10 @@ class Results:
         refused: label -> why it has no surface.
         directions: `pipeline.curves.directions.TABLE`, or None.
         spread: `pipeline.curves.directions.SPREAD`, or None.
-        coefficients: `pipeline.curves.by_settings.COEFFICIENTS`, or None.
-        fitted: `pipeline.curves.by_settings.FITTED`, or None.
+        coefficients: `pipeline.curves.iso_exposure.COEFFICIENTS`, or None.
+        fitted: `pipeline.curves.iso_exposure.FITTED`, or None.
         fits: label -> numbers of the fit, or its ``reason``.
-        calibration: see `pipeline.curves.by_settings.calibration`.
+        calibration: see `pipeline.curves.iso_exposure.calibration`.
     """
 
     dataset: str
@@ -86,8 +86,8 @@ def _read_one(inputs: ReportInputs, dataset: str, detector: str) -> Results | No
         optional(curves, "refused.json") or {},
         optional(turned, "table.parquet", directions.TABLE),
         optional(turned, "spread.parquet", directions.SPREAD),
-        optional(fitted, "coefficients.parquet", by_settings.COEFFICIENTS),
-        optional(fitted, "fitted.parquet", by_settings.FITTED),
+        optional(fitted, "coefficients.parquet", iso_exposure.COEFFICIENTS),
+        optional(fitted, "fitted.parquet", iso_exposure.FITTED),
         optional(fitted, "fits.json") or {},
         optional(fitted, "calibration.json") or {},
     )

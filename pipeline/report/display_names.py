@@ -29,8 +29,8 @@ ESTIMATORS = {
     "pmp_exact": "PMP, exact",
     "gbb_exact": "GBB, exact",
     "spectral": "Spectral",
-    "typical": "Spectral, typical lens",
-    "fitted": "Spectral, fitted",
+    "generic_lens": "Spectral, typical lens",
+    "camera_calibrated": "Spectral, fitted",
     "fused": "Fused, fitted",
     "ground_truth": "Ground truth",
 }

@@ -8,7 +8,7 @@ bar and the note on panels without data. `lines` draws one line per series, with
         looks = style.series_looks(in_order(summary["estimator"], ESTIMATORS))
 
         def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-            lines(axes, rows, "estimator", looks, "level_dn", "median_dn", band=("low_dn", "high_dn"), key=key)
+            lines(axes, rows, "estimator", looks, "target_sigma_dn", "median_dn", band=("low_dn", "high_dn"), key=key)
 
         return small_multiples(
             summary, Facet("dataset", datasets), Facet("effect", in_order(summary["effect"], EFFECTS)), panel,

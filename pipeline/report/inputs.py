@@ -15,6 +15,14 @@ from pipeline.store import Schema, read_arrays, read_json, read_table
 if TYPE_CHECKING:
     import pandas as pd
 
+PUBLISHED_COLUMNS = {
+    "blur": "blur_kind",
+    "size_px": "kernel_size_px",
+    "effect": "noise_source",
+    "level_dn": "target_sigma_dn",
+}
+"""Columns of the files of published numbers -> as our tables call them."""
+
 SYSTEM, CAMERA, GENERIC_LENS = "system", "camera", "generic lens"
 """What an MTF is relative to: nothing (the whole system's), this camera's sharp frames, or a generic lens."""
 
@@ -36,7 +44,7 @@ class ReportInputs:
         psf: folder with ``kernels.parquet`` and ``kernels.npz`` (kernel name -> (k, k)).
         corrupt: dataset -> folder with ``corruption.parquet``, ``gallery.npz`` (named (H, W) arrays, uint8 or float
             in [0, 1]) and ``gallery.json``: ``{"chain": [{"array", "title", "caption"}], "effects": [{"array",
-            "effect", "level_dn"}], "frame": name}``, both lists in the order shown.
+            "effect", "target_sigma_dn"}], "frame": name}``, both lists in the order shown.
         noise: folder whose sub-folders hold ``summary.parquet`` and ``estimates.parquet``; one per dataset
             and estimator.
         noise_members: names of those sub-folders that belong to this run; None takes all.
@@ -146,9 +154,9 @@ class ReportInputs:
 
 def relative_to(settings: Mapping[str, Any]) -> str:
     """What the MTF of a blur estimator is relative to, by its settings (`EstimatorSettings`)."""
-    if settings.get("camera_samples") is not None:
+    if settings.get("calibration_samples") is not None:
         return CAMERA
-    return GENERIC_LENS if settings.get("options", {}).get("answer") == "added" else SYSTEM
+    return GENERIC_LENS if settings.get("options", {}).get("output") == "relative" else SYSTEM
 
 
 def mode_of(settings: Mapping[str, Any]) -> str:
@@ -233,6 +241,29 @@ def any_table(path: Path) -> pd.DataFrame:
     raise InputError(f"{path}: expected a .csv or .parquet table")
 
 
+def published_table(path: Path) -> pd.DataFrame:
+    """A file of published numbers, its columns named as ours.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        InputError: see `any_table`.
+    """
+    return any_table(path).rename(columns=PUBLISHED_COLUMNS)
+
+
+def paper_table(inputs: ReportInputs, name: str) -> pd.DataFrame | None:
+    """A file of published numbers (`published_table`), or None where it is absent.
+
+    Args:
+        inputs: of the report.
+        name: of the file.
+    """
+    path = existing(inputs.paper / name)
+    return None if path is None else published_table(path)
+
+
 def published(inputs: ReportInputs, name: str) -> pd.DataFrame | None:
     """A file of published numbers, those of the paper's Sim also under our name of its authors' frames.
 
@@ -242,7 +273,7 @@ def published(inputs: ReportInputs, name: str) -> pd.DataFrame | None:
     """
     import pandas as pd
 
-    table: pd.DataFrame | None = optional(inputs.paper, name)
+    table = paper_table(inputs, name)
     if table is None or "dataset" not in table:
         return table
     again = [table[table["dataset"] == theirs].assign(dataset=ours) for ours, theirs in PAPER_NAMES.items()]
@@ -287,7 +318,7 @@ def blur_summary(inputs: ReportInputs) -> pd.DataFrame:
     from pipeline.experiments.tables import BLUR_SUMMARY
 
     summary = _joined(members(inputs.blur, inputs.blur_members), "summary.parquet", BLUR_SUMMARY)
-    return summary[summary["level_dn"] == 0].reset_index(drop=True)
+    return summary[summary["target_sigma_dn"] == 0].reset_index(drop=True)
 
 
 def blur_estimates(inputs: ReportInputs) -> pd.DataFrame:
@@ -295,7 +326,7 @@ def blur_estimates(inputs: ReportInputs) -> pd.DataFrame:
     from pipeline.experiments.tables import BLUR_ESTIMATES
 
     estimates = _joined(members(inputs.blur, inputs.blur_members), "estimates.parquet", BLUR_ESTIMATES)
-    return estimates[estimates["level_dn"] == 0].reset_index(drop=True)
+    return estimates[estimates["target_sigma_dn"] == 0].reset_index(drop=True)
 
 
 def combined_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:

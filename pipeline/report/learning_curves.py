@@ -148,8 +148,8 @@ def _samples(settings: Mapping[str, Any]) -> int | None:
         return int(settings["batch"])
     recipe = settings.get("recipe")
     if isinstance(recipe, Mapping) and "count" in recipe:
-        return int(recipe["count"] * settings.get("uses", 1))
-    if not isinstance(recipe, Mapping) or "views" not in recipe or "fresh" not in settings:
+        return int(recipe["count"] * settings.get("replays", 1))
+    if not isinstance(recipe, Mapping) or "views" not in recipe or "new_chunks_per_step" not in settings:
         return None
     each = recipe.get("kernels_per_view", recipe.get("noises", 1))
-    return int(settings["fresh"] * settings.get("uses", 1) * recipe["views"] * each)
+    return int(settings["new_chunks_per_step"] * settings.get("replays", 1) * recipe["views"] * each)

@@ -181,11 +181,11 @@ def _effects(inputs: ReportInputs) -> Callable[[Row, BlurRecord | None], str]:
         }
         parts, on = [], ""
         for factor, text in CHOICES.items():
-            cell = known.get((row["estimator"], factor, row["blur"], row["size_px"]))
+            cell = known.get((row["estimator"], factor, row["blur_kind"], row["kernel_size_px"]))
             if cell is not None and applies[factor]:
-                effect, on = cell
-                low, high = (f"{effect[name]:+.1f}" for name in ("low_percent", "high_percent"))
-                parts.append(f"{text}: {effect['effect_percent']:+.1f} points ({low} to {high})")
+                noise_source, on = cell
+                low, high = (f"{noise_source[name]:+.1f}" for name in ("low_percent", "high_percent"))
+                parts.append(f"{text}: {noise_source['effect_percent']:+.1f} points ({low} to {high})")
         return f"{'; '.join(parts)}, measured on {word(on)}" if parts else ""
 
     return words
@@ -204,8 +204,8 @@ def _lens(row: Row, record: BlurRecord | None) -> str:
         return ""
     cells = record.summary[
         (record.summary["estimator"] == row["estimator"])
-        & (record.summary["kind"] == row["blur"])
-        & (record.summary["size_px"] == row["size_px"])
+        & (record.summary["blur_kind"] == row["blur_kind"])
+        & (record.summary["kernel_size_px"] == row["kernel_size_px"])
         & record.summary["calibrated"].astype(bool)
     ]
     if len(cells) != 1:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import InputError
 from pipeline.report import ledger_causes, ledger_sources
 from pipeline.report.display_names import word
-from pipeline.report.inputs import ReportInputs, any_table, existing
+from pipeline.report.inputs import ReportInputs, existing, published_table
 from pipeline.report.ledger import (
     BETTER,
     CLOSE,
@@ -37,8 +37,15 @@ if TYPE_CHECKING:
     import pandas as pd
 
 UNEXPLAINED = "not explained yet"
-UNITS = {"level_dn": "DN", "sigma_dn": "DN", "size_px": "px", "angle_deg": "°", "time_ms": "ms", "exposure_ms": "ms"}
-SYMBOLS = {"sigma_dn": "σ", "level_dn": "σ", "frequency": "f", "iso": "ISO", "d1_px": "d₁", "d2_px": "d₂"}
+UNITS = {
+    "target_sigma_dn": "DN",
+    "sigma_dn": "DN",
+    "kernel_size_px": "px",
+    "angle_deg": "°",
+    "time_ms": "ms",
+    "exposure_ms": "ms",
+}
+SYMBOLS = {"sigma_dn": "σ", "target_sigma_dn": "σ", "frequency": "f", "iso": "ISO", "d1_px": "d₁", "d2_px": "d₂"}
 PICTURES_ONLY = (
     "The paper prints its noise curves, its object-detection (IOPC) curves and heat maps and its defocus with "
     "dark-current-noise table as pictures only: no numbers exist to compare."
@@ -116,7 +123,7 @@ ITEMS: tuple[Item, ...] = (
         printed=lambda row: row["source"] == "parameter table",
     ),
     Item(
-        "noise_levels", "Image formation: largest miss of a noise level", "", ("dataset", "effect"),
+        "noise_levels", "Image formation: largest miss of a noise level", "", ("dataset", "noise_source"),
         {"miss_percent": "%"}, "corrupt@{dataset}", Tolerance(absolute=2.0), ledger_sources.levels,
         ledger_sources.expected_levels, kind=DEFINITION, printed=lambda row: False,
     ),
@@ -133,7 +140,7 @@ ITEMS: tuple[Item, ...] = (
     ),
     Item(
         "noise_reference", "Fig. noise estimation: PCA and B+F by the authors' code", "noise_reference.csv",
-        ("dataset", "effect", "level_dn", "estimator"), {"sigma_dn": "DN"}, "noise@{dataset}-{estimator}",
+        ("dataset", "noise_source", "target_sigma_dn", "estimator"), {"sigma_dn": "DN"}, "noise@{dataset}-{estimator}",
         Tolerance(absolute=1.0), ledger_sources.noise_medians, why="other frames than the reference's",
         barriers=(Barrier(RENDERED, _rendered),), kind=REFERENCE,
         printed=lambda row: False,
@@ -159,14 +166,15 @@ ITEMS: tuple[Item, ...] = (
         barriers=(Barrier("the published run times are of other hardware (Xeon W-2145, Quadro RTX 6000)"),),
     ),
     Item(
-        "blur_amae", "Table I: AMAE of blur estimators", "blur_amae.csv", ("dataset", "estimator", "blur", "size_px"),
+        "blur_amae", "Table I: AMAE of blur estimators", "blur_amae.csv", ("dataset", "estimator", "blur_kind",
+        "kernel_size_px"),
         {"amae_percent": "%"}, "blur@{dataset}-{estimator}", Tolerance(absolute=2.0), ledger_sources.blur_amae,
         better="lower", why=ledger_causes.blur_amae, barriers=(Barrier(RENDERED, _of_authors),),
         intervals=AMAE_INTERVAL,
     ),
     Item(
         "photon_defocus_amae", "Fig. defocus in presence of photon noise", "photon_defocus_amae.csv",
-        ("sigma_dn", "size_px"), {"amae_percent": "%"}, "combined@{dataset}", Tolerance(absolute=2.0),
+        ("sigma_dn", "kernel_size_px"), {"amae_percent": "%"}, "combined@{dataset}", Tolerance(absolute=2.0),
         ledger_sources.photon_defocus, dataset=ledger_sources.COMBINED_DATASET, better="lower",
         why=ledger_causes.combined, intervals=AMAE_INTERVAL,
     ),
@@ -185,7 +193,7 @@ ITEMS: tuple[Item, ...] = (
     ),
     Item(
         "yolov7_direction_ap", "Supplement: AP by blur direction", "yolov7_direction_ap.csv",
-        ("sigma_dn", "angle_deg", "size_px"), {"ap_percent": "%"}, "direction", Tolerance(absolute=2.0),
+        ("sigma_dn", "angle_deg", "kernel_size_px"), {"ap_percent": "%"}, "direction", Tolerance(absolute=2.0),
         ledger_sources.direction_ap, better="higher",
         barriers=(Barrier("another detector on other frames than the paper's YOLOv7 on Udacity"),),
         intervals={"ap_percent": ("low_percent", "high_percent")},
@@ -250,7 +258,7 @@ def _ours(item: Item, inputs: ReportInputs) -> pd.DataFrame:
 
     columns = ["key", "column", "ours", "low", "high", "measured_on"]
     path = existing(inputs.results.get(item.name))
-    tables = [item.ours(inputs) if item.ours is not None else None, any_table(path) if path is not None else None]
+    tables = [item.ours(inputs) if item.ours is not None else None, published_table(path) if path is not None else None]
     parts = []
     for table in tables:
         absent = [name for name in item.keys if table is not None and name not in table.columns]
@@ -276,7 +284,7 @@ def _published(item: Item, inputs: ReportInputs) -> pd.DataFrame:
     path = inputs.paper / item.file
     if not path.exists():
         raise InputError(f"{path}: no such file of published numbers; restore data/paper from git")
-    return any_table(path).assign(**({"dataset": item.dataset} if item.dataset else {}))
+    return published_table(path).assign(**({"dataset": item.dataset} if item.dataset else {}))
 
 
 def rows_of(item: Item, inputs: ReportInputs) -> list[LedgerRow]:

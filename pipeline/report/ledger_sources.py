@@ -20,13 +20,13 @@ from pipeline.report import blur_records, detection_results, frame_records
 from pipeline.report.display_names import PAPER_NAMES
 from pipeline.report.inputs import (
     ReportInputs,
-    any_table,
     blur_estimates,
     blur_summary,
     combined_tables,
     denoised_cells,
     noise_tables,
     optional,
+    published_table,
 )
 from pipeline.report.tables import records
 
@@ -69,8 +69,10 @@ def levels(inputs: ReportInputs) -> pd.DataFrame | None:
     if all(part is None for part in parts):
         return None
     rows = pd.concat([part for part in parts if part is not None], ignore_index=True)
-    miss = 100.0 * (rows["sigma_dn"] - rows["level_dn"]).abs() / rows["level_dn"].clip(lower=1.0)
-    return rows.assign(miss_percent=miss).groupby(["dataset", "effect"], as_index=False)[["miss_percent"]].max()
+    miss = (
+        100.0 * (rows["unclipped_sigma_dn"] - rows["target_sigma_dn"]).abs() / rows["target_sigma_dn"].clip(lower=1.0)
+    )
+    return rows.assign(miss_percent=miss).groupby(["dataset", "noise_source"], as_index=False)[["miss_percent"]].max()
 
 
 def expected_levels(inputs: ReportInputs) -> pd.DataFrame:
@@ -83,11 +85,11 @@ def expected_levels(inputs: ReportInputs) -> pd.DataFrame:
     own = levels(inputs)
     ran = [] if own is None else records(own)
     absent = [name for name in inputs.datasets if name not in {row["dataset"] for row in ran}]
-    rows = [(row["dataset"], row["effect"]) for row in ran]
-    rows += [(dataset, effect) for dataset in absent for effect in PAPER_EFFECTS]
+    rows = [(row["dataset"], row["noise_source"]) for row in ran]
+    rows += [(dataset, noise_source) for dataset in absent for noise_source in PAPER_EFFECTS]
     order = {dataset: number for number, dataset in enumerate(inputs.datasets)}
     rows.sort(key=lambda row: order.get(row[0], len(order)))  # stable: effects keep their order
-    return pd.DataFrame(rows, columns=["dataset", "effect"]).assign(miss_percent=0.0)
+    return pd.DataFrame(rows, columns=["dataset", "noise_source"]).assign(miss_percent=0.0)
 
 
 def sizes(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -109,7 +111,9 @@ def sizes(inputs: ReportInputs) -> pd.DataFrame | None:
 
 
 def noise_medians(inputs: ReportInputs) -> pd.DataFrame | None:
-    """Robust medians of every noise estimator: dataset, effect, level_dn, estimator, sigma_dn and its interval."""
+    """Robust medians of every noise estimator: dataset, effect, target_sigma_dn, estimator, sigma_dn and its
+    interval.
+    """
     summary, recorded = noise_tables(inputs)[0], frame_records.joined(inputs, frame_records.NOISE_FILE)
     medians = [table.rename(columns={"median_dn": "sigma_dn"}) for table in (summary, recorded)]
     return _with_records(None if summary.empty else medians[0], [] if recorded.empty else medians[1:])
@@ -194,7 +198,7 @@ def _horizontal(curves: pd.DataFrame) -> pd.DataFrame:
 
 def published_uncorrupted(inputs: ReportInputs) -> pd.DataFrame:
     """The published curves, each median with half its 95 % interval as ``paper_error``, from the printed range."""
-    table = any_table(inputs.paper / "uncorrupted_mtf.csv")
+    table = published_table(inputs.paper / "uncorrupted_mtf.csv")
     keys = ["dataset", "estimator", "frequency"]
     wide = table.pivot_table(index=keys, columns="statistic", values="mtf").reset_index()
     error = median_error_of_range((wide["max"] - wide["min"]).to_numpy(float), np.full(len(wide), PAPER_FRAMES))
@@ -205,11 +209,8 @@ def published_uncorrupted(inputs: ReportInputs) -> pd.DataFrame:
 def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:
     """Uncalibrated AMAE of every blur estimator: dataset, estimator, blur, size_px, amae_percent and its interval."""
     parts = [blur_summary(inputs), *(one.as_the_paper_ran(one.summary) for one in blur_records.read(inputs))]
-    columns = ["dataset", "estimator", "blur", "size_px", "amae_percent", "low_percent", "high_percent"]
-    raw = [
-        part[~part["calibrated"].astype(bool) & (part["kind"] != SHARP)].rename(columns={"kind": "blur"})[columns]
-        for part in parts
-    ]
+    columns = ["dataset", "estimator", "blur_kind", "kernel_size_px", "amae_percent", "low_percent", "high_percent"]
+    raw = [part[~part["calibrated"].astype(bool) & (part["blur_kind"] != SHARP)][columns] for part in parts]
     return _with_records(raw[0] if len(raw[0]) else None, raw[1:])
 
 
@@ -274,7 +275,7 @@ def photon_defocus(inputs: ReportInputs) -> pd.DataFrame | None:
     """AMAE of defocus in the presence of photon noise: sigma_dn, size_px, amae_percent and its interval."""
     cells = _of_udacity(combined_tables(inputs)[0], inputs, frame_records.COMBINED_FILES[0])
     own = cells[(cells["experiment"] == "photon_defocus") & (cells["filter_px"] == 0)]
-    return own.rename(columns={"level_dn": "sigma_dn"}) if len(own) else None
+    return own.rename(columns={"target_sigma_dn": "sigma_dn"}) if len(own) else None
 
 
 def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -289,13 +290,17 @@ def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
         (curves["experiment"] == "photon_linear")
         & (curves["filter_px"] == 0)
         & (curves["axis"] == "HV")
-        & (curves["size_px"] == EXAMPLE_PX)
+        & (curves["kernel_size_px"] == EXAMPLE_PX)
         & (curves["angle_deg"] == EXAMPLE_ANGLE_DEG)
     ]
     if own.empty:
         return None
-    own = own.assign(frequency=[NOMINAL_FREQUENCIES[place] for place in own["place"]], sigma_dn=own["level_dn"])
-    truth = own[own["level_dn"] == own["level_dn"].min()].assign(series="ground_truth", sigma_dn=float("nan"))
+    own = own.assign(
+        frequency=[NOMINAL_FREQUENCIES[place] for place in own["frequency_index"]], sigma_dn=own["target_sigma_dn"]
+    )
+    truth = own[own["target_sigma_dn"] == own["target_sigma_dn"].min()].assign(
+        series="ground_truth", sigma_dn=float("nan")
+    )
     parts = [truth.assign(mtf=truth["true_mtf"]), own.assign(series="cnn", mtf=own["median"])]
     return pd.concat(parts, ignore_index=True)[["series", "sigma_dn", "frequency", "mtf"]]
 
@@ -309,8 +314,12 @@ def combined_estimator(inputs: ReportInputs) -> str:
 def improved(inputs: ReportInputs) -> pd.DataFrame | None:
     """Errors after smoothing by a disc: d2_px, d1_px, sigma_dn, and the errors in percent."""
     cells = _of_udacity(denoised_cells(inputs), inputs, frame_records.DENOISED_FILE)
-    own = cells[(cells["filter_px"] > 0) & (cells["level_dn"] > 0)]
-    return own.rename(columns={"filter_px": "d2_px", "size_px": "d1_px", "level_dn": "sigma_dn"}) if len(own) else None
+    own = cells[(cells["filter_px"] > 0) & (cells["target_sigma_dn"] > 0)]
+    return (
+        own.rename(columns={"filter_px": "d2_px", "kernel_size_px": "d1_px", "target_sigma_dn": "sigma_dn"})
+        if len(own)
+        else None
+    )
 
 
 def direction_ap(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -327,7 +336,7 @@ def direction_ap(inputs: ReportInputs) -> pd.DataFrame | None:
     chosen = next((one for one in results if one.detector == "yolov7"), results[0])
     assert chosen.directions is not None
     own = chosen.directions[chosen.directions["label"] == DIRECTION_LABEL]
-    return own.rename(columns={"level_dn": "sigma_dn"}).assign(measured_on=chosen.dataset)
+    return own.rename(columns={"target_sigma_dn": "sigma_dn"}).assign(measured_on=chosen.dataset)
 
 
 def published_coefficients(inputs: ReportInputs) -> pd.DataFrame:
@@ -335,5 +344,5 @@ def published_coefficients(inputs: ReportInputs) -> pd.DataFrame:
 
     They are fitted to a grid that is printed to 0.1 points, which moves them by up to an eighth of it.
     """
-    coefficients = any_table(inputs.paper / "regression_coefficients.csv")
+    coefficients = published_table(inputs.paper / "regression_coefficients.csv")
     return coefficients.assign(tolerance=(STD_DEV_FRACTION * coefficients["std_dev"]).fillna(0.0))

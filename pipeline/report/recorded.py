@@ -53,7 +53,9 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
     """
     settings, section, kind = config.detection, config.detection.detectors[detector], config.datasets[dataset].kind
     if not Path(section.weights).is_file():
-        raise InputError(f"detection.detectors.{detector}.weights: no file {section.weights}; '{section.get}' gets it")
+        raise InputError(
+            f"detection.detectors.{detector}.weights: no file {section.weights}; '{section.fetch_command}' gets it"
+        )
     frames = _frames(config, dataset)
     table, draws, conditions = _measure(config, dataset, detector, frames, run_map)
     labels = [label for label in draws if (table.loc[table["label"] == label, "objects"] > 0).any()]
@@ -94,7 +96,7 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
                 "detector": {"kind": section.kind, "file": Path(section.weights).name, "options": section.options}
                 | {"sha256": file_sha256(section.weights)},
                 "sweep": settings.sweep.model_dump(),
-                "judge": settings.judge.model_dump(),
+                "evaluation": settings.evaluation.model_dump(),
                 "measure": settings.measure.model_dump(),
                 "curves": settings.curves.model_dump(),
                 "camera": config.camera.described(),
@@ -110,7 +112,7 @@ def _directions(
     """The blur-direction table and the spread over directions, as the stage `direction`; empty with one direction."""
     import pandas as pd
 
-    if table.loc[table["size_px"] > 0, "angle_deg"].nunique() < 2:
+    if table.loc[table["kernel_size_px"] > 0, "angle_deg"].nunique() < 2:
         return {}
     parts = [directions.tables(table[table["label"] == label], draws[label], tolerance) for label in labels]
     rows, spread = (pd.concat(each, ignore_index=True) for each in zip(*parts, strict=True))
@@ -134,15 +136,15 @@ def _measure(
     """Average precisions, their draws, and the estimated conditions."""
     settings, section = config.detection, config.detection.detectors[detector]
     words = detect.class_map(config.datasets[dataset].kind)
-    camera, levels = config.camera, tuple(settings.sweep.levels_dn)
+    camera, levels = config.camera, tuple(settings.sweep.target_sigmas_dn)
     shape = settings.sweep
     blurs = sweep_kernels(shape.blur, shape.sizes_px, shape.angles_deg, shape.match, config.seed)
     work = [(frame, kernel) for frame in frames for kernel in blurs]
-    judge = settings.judge
+    criteria = settings.evaluation
     estimates = iopc.measure(
-        iopc.on_objects(frames, words, settings.measure, judge),
+        iopc.on_objects(frames, words, settings.measure, criteria),
         blurs,
-        shape.effect,
+        shape.noise_source,
         levels,
         settings.measure,
         camera=camera,
@@ -150,20 +152,20 @@ def _measure(
         executor=lambda function, items, label: run_map(function, items, label=label),
         label=f"condition of {dataset}",
     )
-    conditions = condition_medians(estimates, config.seed, judge.bootstrap_draws)
+    conditions = condition_medians(estimates, config.seed, criteria.bootstrap_draws)
     classes, options = tuple(words.classes), detect.options_of(section)
-    one = detect.Sweep(section.kind, options, classes, shape.effect, levels, camera, config.seed)
+    one = detect.Sweep(section.kind, options, classes, shape.noise_source, levels, camera, config.seed)
     found = run_map(partial(_look, one), work, label=f"{detector} on {dataset}")
     scenes = {frame.name: scene_of(config.datasets[dataset].kind, frame.name) for frame in frames}
     detections, looked = detect.tables(work, found, one, scenes)
     table, draws = precision.average_precision(
-        detections, looked, detect.objects(frames, words), conditions, classes, judge, config.seed
+        detections, looked, detect.objects(frames, words), conditions, classes, criteria, config.seed
     )
     return table, draws, conditions
 
 
 def _look(one: detect.Sweep, work: tuple[Any, Any]) -> dict[str, Any]:
-    return one.look(*work)
+    return one.detect(*work)
 
 
 def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:

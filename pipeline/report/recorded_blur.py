@@ -178,7 +178,7 @@ def _frames(config: Config, dataset: str, run_map: Map) -> tuple[list[TestFrame]
         open_section(dataset, section),
         tile_px=config.noise.tile_px,
         patch_px=config.blur.patch_px,
-        max_bad_share=section.max_bad_share,
+        max_rejected_fraction=section.max_rejected_fraction,
         run_map=run_map,
     )
     some, every = (result.patches_for("blur", count) for count in (config.blur.patches_per_frame, None))
@@ -211,7 +211,7 @@ def _weights(section: EstimatorSettings) -> dict[str, str]:
     if given is None:
         return {}
     path = Path(given)
-    paths = [path, path.with_name(path.stem + TYPICAL)] if section.options.get("answer") == "added" else [path]
+    paths = [path, path.with_name(path.stem + TYPICAL)] if section.options.get("output") == "relative" else [path]
     beside = getattr(sys.modules[made.__module__], "RELEASED_BESIDE", {})  # of an estimator that has further networks
     paths += [Path(section.options.get(option) or released) for option, released in beside.items()]
     for one in paths:

@@ -93,7 +93,7 @@ class Request:
             open_section(self.dataset, section),
             tile_px=self.config.noise.tile_px,
             patch_px=self.config.blur.patch_px,
-            max_bad_share=section.max_bad_share,
+            max_rejected_fraction=section.max_rejected_fraction,
             patches_from=patches_from,
             run_map=self.run_map,
         )
@@ -168,7 +168,7 @@ def record_noise(request: Request) -> pd.DataFrame:
             chosen,
             frames,
             section.noise_sources,
-            section.levels_dn,
+            section.target_sigmas_dn,
             camera=config.camera,
             seed=config.seed,
             draws=section.bootstrap_draws,

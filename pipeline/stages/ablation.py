@@ -13,7 +13,7 @@ def run(run: Run) -> None:
     from pipeline import processor
     from pipeline.blur import ablation
     from pipeline.learning import training_record
-    from pipeline.learning.conduct import Conduct
+    from pipeline.learning.run_options import RunOptions
     from pipeline.learning.settings import Training
 
     name, section = run.job["variant"], run.params.ablation
@@ -25,7 +25,7 @@ def run(run: Run) -> None:
 
     if changed.half_precision:
         processor.release_torch()
-    result = ablation.judge(released, changed, Conduct.reported(name, section.steps, run.executor.workers))
+    result = ablation.evaluate(released, changed, RunOptions.reporting(name, section.steps, run.executor.workers))
     training_record.write_measures(run.outputs / f"reports/metrics/ablation/{name}.json", result)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
-READS = ["seed", "control", "detection.judge", "detection.detectors"]
+READS = ["seed", "control", "detection.evaluation", "detection.detectors"]
 
 
 @stage("closed_loop", reads=READS, job=["scenario"])
@@ -50,16 +50,16 @@ def run(run: Run) -> None:
     work = setup.drives(chosen, every, surfaces)
     pictures = setup.film_steps(scenario.steps, section.film_steps)
     driven = run.map(partial(setup.drive, rig=rig, scenario=scenario, pictures=pictures), work, f"scenario {name}")
-    judge, reference = setup.judge(params.detection.judge), setup.reference(surfaces / "all.npz")
+    criteria, reference = setup.criteria(params.detection.evaluation), setup.reference(surfaces / "all.npz")
     parts: dict[str, list[pd.DataFrame]] = {policy: [] for policy in chosen}
     records: dict[str, list] = {policy: [] for policy in chosen}
     for item, result in zip(work, driven, strict=True):
         records[item.policy] += result
         parts[item.policy].append(
-            evaluation.steps_table(scenario, item.policy, item.fold, result, judge, reference, params.seed)
+            evaluation.steps_table(scenario, item.policy, item.fold, result, criteria, reference, params.seed)
         )
     steps = {policy: pd.concat(rows, ignore_index=True) for policy, rows in parts.items()}
-    summary, pairs = evaluation.summary(scenario, steps, records, judge, params.seed)
+    summary, pairs = evaluation.summary(scenario, steps, records, criteria, params.seed)
     with store.replacing_folder(run.outputs / "data/closed_loop" / name) as out:
         store.write_table(out / "steps.parquet", pd.concat(steps.values()), tables.STEPS)
         store.write_table(out / "summary.parquet", summary, tables.SUMMARY)

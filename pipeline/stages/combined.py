@@ -33,8 +33,10 @@ def run(run: Run) -> None:
     blur = combined.blur_cells(measurements, seed, section.bootstrap_draws)
     noise = combined.sigma_cells(measurements, seed, section.bootstrap_draws)
     frame, patch = highest_contrast_patch(frames)
-    size_px, levels_dn = section.example_px, section.levels_dn
-    arrays, description = example(frame, patch, experiment.pairs, experiment.kernels, size_px, levels_dn, camera, seed)
+    size_px, target_sigmas_dn = section.example_px, section.target_sigmas_dn
+    arrays, description = example(
+        frame, patch, experiment.pairs, experiment.kernels, size_px, target_sigmas_dn, camera, seed
+    )
     with store.replacing_folder(run.outputs / "data/combined" / dataset) as out:
         for name, quantity, schema in (
             ("blur_read", "mtf", tables.BLUR_READ),

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pipeline.control.measured_surface import Exposures, SurfaceDesign
     from pipeline.control.views import View
 
-READS = ["seed", "control", "detection.judge", "detection.detectors"]
+READS = ["seed", "control", "detection.evaluation", "detection.detectors"]
 ARRAYS = frozenset({"condition", "boxes", "score", "label", "true_sigma", "sigma", "mtf"})
 
 
@@ -45,9 +45,11 @@ def run(run: Run) -> None:
     )
     folder = run.inputs / ".cache/control_surface" / key
     conditions = list(zip(designs, settings, strict=True))
-    measure = partial(look, folder=folder, kind=detector.kind, options=options, shared=shared, conditions=conditions)
+    measure = partial(
+        measure_view, folder=folder, kind=detector.kind, options=options, shared=shared, conditions=conditions
+    )
     measured = dict(zip(work, run.map(measure, work, "surface for control"), strict=True))
-    judge = setup.judge(params.detection.judge)
+    criteria = setup.criteria(params.detection.evaluation)
     parts = {"all": list(range(len(every)))}
     for number in range(len(every)):
         parts[f"fold{number}"] = [number]
@@ -61,7 +63,7 @@ def run(run: Run) -> None:
             for number in reversed(range(len(designs))):  # the brightest last: it carries the others
                 mine = [(view, measured[view, number]) for view in seen]
                 surface, table = measured_surface.performance(
-                    mine, designs[number], judge, label, params.seed, [] if number else darker
+                    mine, designs[number], criteria, label, params.seed, [] if number else darker
                 )
                 darker.append(surface)
                 if name == "all" or name.startswith("fold"):
@@ -71,7 +73,7 @@ def run(run: Run) -> None:
     forget(folder)
 
 
-def look(
+def measure_view(
     item: tuple[View, int],
     *,
     folder: Path,
@@ -84,7 +86,7 @@ def look(
     import json
 
     from pipeline.control import measured_surface
-    from pipeline.detection.pieces import kept
+    from pipeline.detection.checkpoint import load_or_compute
 
     view, number = item
     design, settings = conditions[number]
@@ -94,14 +96,14 @@ def look(
             view,
             kind=kind,
             options=json.dumps(options, sort_keys=True),
-            most=100,
+            max_detections=100,
             estimate=True,
             design=design,
             shared=settings,
             **shared,
         )
 
-    return kept(folder, f"{view.name}-{number}", view.path.read_bytes(), ARRAYS, make)
+    return load_or_compute(folder, f"{view.name}-{number}", view.path.read_bytes(), ARRAYS, make)
 
 
 if __name__ == "__main__":

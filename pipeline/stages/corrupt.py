@@ -26,8 +26,8 @@ def run(run: Run) -> None:
     name, params = run.job["dataset"], run.params
     camera = params.camera
     frames = indexed_frames(run.inputs / "data/index" / name, name, params.datasets[name])
-    effects, levels = params.corruption.effects, params.corruption.levels_dn
-    work = partial(truth_of_frame, effects=effects, levels_dn=levels, camera=camera, seed=params.seed)
+    effects, levels = params.corruption.noise_sources, params.corruption.target_sigmas_dn
+    work = partial(truth_of_frame, effects=effects, target_sigmas_dn=levels, camera=camera, seed=params.seed)
     rows = [row for result in run.map(work, frames, f"corruption of {name}") for row in result]
     truth = tables.CORRUPTION.conform(pd.DataFrame(rows))
     section = params.corruption.gallery
@@ -38,14 +38,16 @@ def run(run: Run) -> None:
         store.write_table(folder / "corruption.parquet", truth, tables.CORRUPTION)
         store.write_arrays(folder / "gallery.npz", **arrays)
         store.write_json(folder / "gallery.json", description)
-    columns = ["gain", "sigma_dn", "sigma_clipped_dn", "clipped_fraction"]
-    cells = truth.groupby(["effect", "level_dn"], as_index=False)[columns].mean().to_dict("records")
-    metrics = {f"{cell['effect']}-{cell['level_dn']:g}": {name: cell[name] for name in columns} for cell in cells}
+    columns = ["noise_scale", "unclipped_sigma_dn", "clipped_sigma_dn", "clipped_fraction"]
+    cells = truth.groupby(["noise_source", "target_sigma_dn"], as_index=False)[columns].mean().to_dict("records")
+    metrics = {
+        f"{cell['noise_source']}-{cell['target_sigma_dn']:g}": {name: cell[name] for name in columns} for cell in cells
+    }
     store.write_json(run.outputs / f"reports/metrics/corrupt/{name}.json", metrics)
 
 
 def truth_of_frame(
-    frame: Frame, *, effects: Sequence[str], levels_dn: Sequence[float], camera: CameraSettings, seed: int
+    frame: Frame, *, effects: Sequence[str], target_sigmas_dn: Sequence[float], camera: CameraSettings, seed: int
 ) -> list[dict[str, Any]]:
     """What one worker does: the truth of all effects and levels of one frame."""
     from pipeline.experiments.condition import grid, sharp_kernel
@@ -53,7 +55,9 @@ def truth_of_frame(
 
     sharp = SharpFrame(frame, camera, seed, paired=False)
     names = {"dataset": frame.dataset, "frame": frame.name}
-    return [{**names, **sharp.formation(condition).row()} for condition in grid([sharp_kernel()], effects, levels_dn)]
+    return [
+        {**names, **sharp.formation(condition).row()} for condition in grid([sharp_kernel()], effects, target_sigmas_dn)
+    ]
 
 
 if __name__ == "__main__":

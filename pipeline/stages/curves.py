@@ -7,7 +7,7 @@ from pipeline.config.entry import Run, stage
 USES: dict[str, list[str]] = {"pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": []}
 
 
-@stage("curves", reads=["seed", "detection.judge", "detection.curves"], job=["dataset", "detector"], uses=USES)
+@stage("curves", reads=["seed", "detection.evaluation", "detection.curves"], job=["dataset", "detector"], uses=USES)
 def run(run: Run) -> None:
     """Judge every condition; write average precisions, surfaces that can be queried, isolated curves and metrics."""
     import pandas as pd
@@ -28,7 +28,7 @@ def run(run: Run) -> None:
         store.read_table(folder / "objects.parquet", detect.OBJECTS),
         conditions,
         store.read_json(folder / "about.json")["classes"],
-        params.detection.judge,
+        params.detection.evaluation,
         params.seed,
     )
     surfaces, heats, isolated, refused = {}, [], [], {}

@@ -24,7 +24,7 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.datasets.selection import evaluation_frames, scene_of
-    from pipeline.detection import pieces
+    from pipeline.detection import checkpoint
     from pipeline.experiments import detect
     from pipeline.experiments.condition import sweep_kernels
 
@@ -38,16 +38,16 @@ def run(run: Run) -> None:
         kind=section.kind,
         options=detect.options_of(section),
         classes=tuple(words.classes),
-        effect=settings.effect,
-        levels_dn=tuple(settings.levels_dn),
+        noise_source=settings.noise_source,
+        target_sigmas_dn=tuple(settings.target_sigmas_dn),
         camera=params.camera,
         seed=params.seed,
     )
     about = store.read_json(run.inputs / "data/detector" / name / "detector.json")
-    key = pieces.fingerprint(detect.__name__, {"sweep": vars(sweep), "weights": about["sha256"]}, section.kind)
+    key = checkpoint.fingerprint(detect.__name__, {"sweep": vars(sweep), "weights": about["sha256"]}, section.kind)
     folder = run.inputs / ".cache/detect" / key
     work = [(frame, kernel) for frame in frames for kernel in blurs]
-    result = run.map(partial(look, sweep=sweep, folder=folder), work, f"{name} on {dataset}")
+    result = run.map(partial(detect_frame, sweep=sweep, folder=folder), work, f"{name} on {dataset}")
     scenes = {frame.name: scene_of(source.kind, frame.name) for frame in frames}
     detections, looked = detect.tables(work, result, sweep, scenes)
     with store.replacing_folder(run.outputs / f"data/detect/{dataset}-{name}") as out:
@@ -55,17 +55,17 @@ def run(run: Run) -> None:
         store.write_table(out / "looked.parquet", looked, detect.LOOKED)
         store.write_table(out / "objects.parquet", detect.objects(frames, words), detect.OBJECTS)
         store.write_json(out / "about.json", {**about, "classes": words.classes})
-    pieces.forget(folder)
+    checkpoint.clear(folder)
 
 
-def look(work: tuple[Frame, Kernel], *, sweep: Sweep, folder: Path) -> Any:
+def detect_frame(work: tuple[Frame, Kernel], *, sweep: Sweep, folder: Path) -> Any:
     """What one worker does: one frame behind one kernel at every level, kept as soon as it is done."""
-    from pipeline.detection import pieces
+    from pipeline.detection import checkpoint
 
     frame, kernel = work
     depends = frame.path.read_bytes() + kernel.psf.tobytes()
-    make = lambda: sweep.look(frame, kernel)  # noqa: E731
-    return pieces.kept(folder, f"{frame.name}-{kernel.name}", depends, ARRAYS, make)
+    make = lambda: sweep.detect(frame, kernel)  # noqa: E731
+    return checkpoint.load_or_compute(folder, f"{frame.name}-{kernel.name}", depends, ARRAYS, make)
 
 
 if __name__ == "__main__":

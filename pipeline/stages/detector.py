@@ -22,7 +22,8 @@ def run(run: Run) -> None:
     path = Path(section.weights)
     if not path.is_file():
         raise InputError(
-            f"detection.detectors.{name}.weights: no file {path}; '{section.get}' gets it, or name another file"
+            f"detection.detectors.{name}.weights: no file {path}; '{section.fetch_command}' gets it, or name another "
+            f"file"
         )
     opened(section.kind, options_of(section))
     with store.replacing_folder(run.outputs / "data/detector" / name) as out:

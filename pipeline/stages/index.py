@@ -22,7 +22,7 @@ def run(run: Run) -> None:
         dataset,
         tile_px=params.noise.tile_px,
         patch_px=params.blur.patch_px,
-        max_bad_share=params.datasets[name].max_bad_share,
+        max_rejected_fraction=params.datasets[name].max_rejected_fraction,
         run_map=run.map,
     )
     count = min(params.report.example_frames, len(result.usable))

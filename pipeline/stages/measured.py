@@ -10,9 +10,9 @@ READS = [
     "datasets.{dataset}",
     "detection.sweep",
     "detection.measure",
-    "detection.judge.lowest_px",
-    "detection.judge.least_visible",
-    "detection.judge.bootstrap_draws",
+    "detection.evaluation.min_height_px",
+    "detection.evaluation.min_visible_fraction",
+    "detection.evaluation.bootstrap_draws",
 ]
 USES = {
     "pipeline.blur": ["detection.measure.mtf"],
@@ -32,21 +32,21 @@ def run(run: Run) -> None:
     from pipeline.experiments.summarise import condition_medians
 
     name, params = run.job["dataset"], run.params
-    source, settings, judge = params.datasets[name], params.detection.sweep, params.detection.judge
+    source, settings, criteria = params.datasets[name], params.detection.sweep, params.detection.evaluation
     options = settings.options.get(name, {})
     frames = evaluation_frames(run.inputs / "data/index" / name, name, source, options, settings.frames)
     estimates = iopc.measure(
-        iopc.on_objects(frames, class_map(source.kind), params.detection.measure, judge),
+        iopc.on_objects(frames, class_map(source.kind), params.detection.measure, criteria),
         sweep_kernels(settings.blur, settings.sizes_px, settings.angles_deg, settings.match, params.seed),
-        settings.effect,
-        settings.levels_dn,
+        settings.noise_source,
+        settings.target_sigmas_dn,
         params.detection.measure,
         camera=params.camera,
         seed=params.seed,
         executor=run.map,
         label=f"condition of {name}",
     )
-    summary = condition_medians(estimates, params.seed, judge.bootstrap_draws)
+    summary = condition_medians(estimates, params.seed, criteria.bootstrap_draws)
     with store.replacing_folder(run.outputs / "data/measured" / name) as out:
         store.write_table(out / "estimates.parquet", estimates, tables.MEASURED)
         store.write_table(out / "conditions.parquet", summary, tables.CONDITIONS)

@@ -9,11 +9,11 @@ READS = [
     "camera",
     "datasets.{dataset}",
     "noise.noise_sources",
-    "noise.levels_dn",
+    "noise.target_sigmas_dn",
     "noise.tile_px",
     "noise.tiles_per_frame",
     "noise.bootstrap_draws",
-    "noise.map_level_dn",
+    "noise.map_target_sigma_dn",
     "noise.estimators.{estimator}",
 ]
 USES = {"pipeline.noise": ["noise.estimators.{estimator}"]}
@@ -42,7 +42,7 @@ def run(run: Run) -> None:
         estimator,
         frames,
         sources,
-        params.noise.levels_dn,
+        params.noise.target_sigmas_dn,
         camera=camera,
         seed=params.seed,
         draws=params.noise.bootstrap_draws,
@@ -53,7 +53,7 @@ def run(run: Run) -> None:
         noise_maps.noise_maps,
         estimator=estimator,
         noise_sources=sources,
-        target_sigma_dn=params.noise.map_level_dn,
+        target_sigma_dn=params.noise.map_target_sigma_dn,
         camera=camera,
         seed=params.seed,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
-READS = ["seed", "camera", "control", "datasets.sim", "detection.judge", "detection.detectors"]
+READS = ["seed", "camera", "control", "datasets.sim", "detection.evaluation", "detection.detectors"]
 
 
 @stage("order_study", reads=READS)
@@ -21,19 +21,19 @@ def run(run: Run) -> None:
     params, section = run.params, run.params.control
     detector, source = params.detection.detectors[section.detector], params.datasets["sim"]
     frames = indexed_frames(run.inputs / "data/index/sim", "sim", source)
-    chosen = order_study.conditions(section.order_study.sizes_px, section.order_study.levels_dn)
+    chosen = order_study.conditions(section.order_study.sizes_px, section.order_study.target_sigmas_dn)
     options = json.dumps({"weights": detector.weights, **detector.options}, sort_keys=True)
-    look = partial(
-        order_study.look,
+    measure = partial(
+        order_study.measure,
         chosen=chosen,
         camera=params.camera,
         kind=detector.kind,
         options=options,
         seed=params.seed,
     )
-    result = run.map(look, frames, "order study")
+    result = run.map(measure, frames, "order study")
     words = class_map(source.kind)
-    scores = order_study.precisions(frames, result, chosen, words, params.detection.judge, params.seed)
+    scores = order_study.precisions(frames, result, chosen, words, params.detection.evaluation, params.seed)
     table = order_study.table(result, chosen, scores, params.seed)
     effects = order_study.effects(result, chosen, scores, params.seed)
     with store.replacing_folder(run.outputs / "data/order_study") as out:

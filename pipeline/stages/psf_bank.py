@@ -16,10 +16,10 @@ def run(run: Run) -> None:
     kernels = configured(psf, run.params.camera.kind, run.params.seed)
     with store.replacing_folder(run.outputs / "data/psf") as folder:
         rows = stored.write(folder, kernels, psf.source)
-    means = rows.groupby(["kind", "size_px"], as_index=False)[["mtf"]].mean().to_dict("records")
+    means = rows.groupby(["blur_kind", "kernel_size_px"], as_index=False)[["mtf"]].mean().to_dict("records")
     store.write_json(
         run.outputs / "reports/metrics/psf.json",
-        {"kernels": len(kernels), "mean_mtf": {f"{m['kind']}-{m['size_px']}": m["mtf"] for m in means}},
+        {"kernels": len(kernels), "mean_mtf": {f"{m['blur_kind']}-{m['kernel_size_px']}": m["mtf"] for m in means}},
     )
 
 

@@ -13,7 +13,7 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store
-    from pipeline.curves import by_settings, published
+    from pipeline.curves import iso_exposure, published
 
     grid = store.read_published(run.project / "data/paper/fitted_ap_grid.csv", published.GRID_COLUMNS)
     printed = store.read_published(
@@ -22,18 +22,18 @@ def run(run: Run) -> None:
     coefficients, fitted, about = [], [], {}
     for (detector, kind), rows in grid.groupby(["detector", "object"], sort=True):
         label = f"{detector} {kind}"
-        *parts, about[label] = by_settings.tables(label, rows, run.params.detection.regression.terms)
+        *parts, about[label] = iso_exposure.tables(label, rows, run.params.detection.regression.terms)
         selected = printed[(printed["detector"] == detector) & (printed["object"] == kind)]
         about[label] |= published.beside(parts[0], selected, rows)
         coefficients.append(parts[0])
         fitted.append(parts[1])
     with store.replacing_folder(run.outputs / "data/refit") as out:
-        store.write_table(out / "coefficients.parquet", pd.concat(coefficients), by_settings.COEFFICIENTS)
-        store.write_table(out / "fitted.parquet", pd.concat(fitted), by_settings.FITTED)
+        store.write_table(out / "coefficients.parquet", pd.concat(coefficients), iso_exposure.COEFFICIENTS)
+        store.write_table(out / "fitted.parquet", pd.concat(fitted), iso_exposure.FITTED)
         store.write_json(out / "fits.json", about)
         for item, results in published.ledger_tables(pd.concat(coefficients), pd.concat(fitted), about).items():
             store.write_text(out / f"{item}.csv", results.to_csv(index=False, lineterminator="\n"))
-    store.write_json(run.outputs / "reports/metrics/refit.json", by_settings.metrics(about))
+    store.write_json(run.outputs / "reports/metrics/refit.json", iso_exposure.metrics(about))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store
-    from pipeline.curves import by_settings, precision
+    from pipeline.curves import iso_exposure, precision
     from pipeline.errors import InputError
     from pipeline.experiments.tables import CONDITIONS
 
@@ -23,9 +23,9 @@ def run(run: Run) -> None:
     conditions = store.read_table(run.inputs / f"data/measured/{run.job['dataset']}/conditions.parquet", CONDITIONS)
     coefficients, fitted, about = [], [], {}
     for label, draws in sorted(store.read_arrays(folder / "draws.npz").items()):
-        data = by_settings.cells(table[table["label"] == label], draws, section)
+        data = iso_exposure.cells(table[table["label"] == label], draws, section)
         try:
-            *parts, about[label] = by_settings.tables(label, data, section.terms)
+            *parts, about[label] = iso_exposure.tables(label, data, section.terms)
         except InputError as error:
             about[label] = {"reason": str(error)}
             continue
@@ -33,14 +33,14 @@ def run(run: Run) -> None:
         fitted.append(parts[1])
     with store.replacing_folder(run.outputs / "data/regression" / name) as out:
         for file, schema, result in (
-            ("coefficients", by_settings.COEFFICIENTS, coefficients),
-            ("fitted", by_settings.FITTED, fitted),
+            ("coefficients", iso_exposure.COEFFICIENTS, coefficients),
+            ("fitted", iso_exposure.FITTED, fitted),
         ):
             empty = pd.DataFrame(columns=list(schema.columns))
             store.write_table(out / f"{file}.parquet", pd.concat(result) if result else empty, schema)
-        store.write_json(out / "calibration.json", by_settings.calibration(conditions, section))
+        store.write_json(out / "calibration.json", iso_exposure.calibration(conditions, section))
         store.write_json(out / "fits.json", about)
-    store.write_json(run.outputs / f"reports/metrics/regression/{name}.json", by_settings.metrics(about))
+    store.write_json(run.outputs / f"reports/metrics/regression/{name}.json", iso_exposure.metrics(about))
 
 
 if __name__ == "__main__":

@@ -13,8 +13,8 @@ def run(run: Run) -> None:
     from pipeline import processor
     from pipeline.detection.settings import DetectorTraining
     from pipeline.learning import training_record
-    from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
+    from pipeline.learning.run_options import RunOptions
 
     name = run.job["network"]
     settings: DetectorTraining = run.params.train.detector[name]
@@ -22,7 +22,7 @@ def run(run: Run) -> None:
         processor.release_torch()
     from pipeline.detection.compact import training
 
-    trained = training.train(name, settings, Conduct.reported(name, settings.schedule.steps, run.executor.workers))
+    trained = training.train(name, settings, RunOptions.reporting(name, settings.schedule.steps, run.executor.workers))
     training.save(
         run.outputs / f"data/weights/detector_{name}.safetensors", name, trained, settings, released=run.released
     )

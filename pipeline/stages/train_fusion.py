@@ -11,11 +11,11 @@ def run(run: Run) -> None:
     from pipeline.blur import fusion_rows, fusion_training
     from pipeline.blur.settings import FusionTraining
     from pipeline.learning import training_record
-    from pipeline.learning.conduct import Conduct
+    from pipeline.learning.run_options import RunOptions
 
     settings: FusionTraining = run.params.train.fusion
     spectral = run.inputs / "data/weights/mtf_spectral.safetensors"
-    rows = fusion_rows.rows(settings.recipe, spectral, Conduct().cache, run.map)
+    rows = fusion_rows.rows(settings.recipe, spectral, RunOptions().cache, run.map)
     trained = fusion_training.train(rows, settings)
     fusion_training.save(run.outputs / "data/weights/mtf_fusion.safetensors", trained, settings, released=run.released)
     training_record.write_measures(run.outputs / "reports/metrics/train/mtf_fusion.json", trained.measures)

@@ -32,8 +32,8 @@ def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
     from pipeline import processor
     from pipeline.learning import training_record
-    from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
+    from pipeline.learning.run_options import RunOptions
     from pipeline.learning.settings import Training
 
     name = run.job["network"]
@@ -41,7 +41,7 @@ def run(run: Run) -> None:
     if training.half_precision:
         processor.release_torch()
 
-    trained = PROGRAMS.get(name)(training, Conduct.reported(name, training.schedule.steps, run.executor.workers))
+    trained = PROGRAMS.get(name)(training, RunOptions.reporting(name, training.schedule.steps, run.executor.workers))
     SAVERS.get(name)(run.outputs / f"data/weights/mtf_{name}.safetensors", trained, training, released=run.released)
     training_record.write(run.outputs, f"mtf_{name}", trained.curve, final_measures(trained))
 

@@ -11,15 +11,15 @@ USES = {"pipeline.noise.training": ["{network}"]}
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
     from pipeline.learning import training_record
-    from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
+    from pipeline.learning.run_options import RunOptions
     from pipeline.noise import training
     from pipeline.noise.settings import SigmaTraining
 
     name = run.job["network"]
     settings: SigmaTraining = run.params.train.sigma[name]
 
-    trained = training.train(settings, Conduct.reported(name, settings.schedule.steps, run.executor.workers))
+    trained = training.train(settings, RunOptions.reporting(name, settings.schedule.steps, run.executor.workers))
     training.save(run.outputs / f"data/weights/sigma_{name}.safetensors", trained, settings, released=run.released)
     training_record.write(run.outputs, f"sigma_{name}", trained.curve, final_measures(trained))
 

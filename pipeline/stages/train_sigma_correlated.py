@@ -9,14 +9,14 @@ from pipeline.config.entry import Run, stage
 def run(run: Run) -> None:
     """Train, write weights, learning curve and metrics; goes on from its checkpoint if it was interrupted."""
     from pipeline.learning import training_record
-    from pipeline.learning.conduct import Conduct
     from pipeline.learning.fitting import final_measures
+    from pipeline.learning.run_options import RunOptions
     from pipeline.noise import correlated_training
     from pipeline.noise.settings import CorrelatedTraining
 
     settings: CorrelatedTraining = run.params.train.sigma_correlated
-    conduct = Conduct.reported("correlated", settings.schedule.steps, run.executor.workers)
-    trained = correlated_training.train(settings, conduct)
+    run_options = RunOptions.reporting("correlated", settings.schedule.steps, run.executor.workers)
+    trained = correlated_training.train(settings, run_options)
     path = run.outputs / "data/weights/sigma_correlated.safetensors"
     correlated_training.save(path, trained, settings, released=run.released)
     training_record.write(run.outputs, "sigma_correlated", trained.curve, final_measures(trained))

@@ -15,7 +15,7 @@ def run(run: Run) -> None:
     import numpy as np
 
     from pipeline import blur, store
-    from pipeline.blur import camera_fit, spectral, typical_camera
+    from pipeline.blur import camera_calibration, spectral, typical_camera
     from pipeline.learning import images
 
     section, seed = run.params.train.typical_camera, run.params.seed
@@ -23,7 +23,9 @@ def run(run: Run) -> None:
     draw = partial(images.picture, seed=seed, purpose=typical_camera.PICTURES)
     tiles = run.map(draw, range(section.images), "pictures")
     sharp = typical_camera.sharp_patches(np.stack(tiles), section.patches, section.intrinsic_px, seed)
-    fit = camera_fit.fit(blur.create("spectral", weights=weights), sharp, samples=section.samples, seed=seed)
+    fit = camera_calibration.calibrate(
+        blur.create("spectral", weights=weights), sharp, samples=section.samples, seed=seed
+    )
     fit.save(run.outputs / "data/weights" / f"{weights.stem}{spectral.TYPICAL}")
     before, after = fit.error_percent
     values = {"samples": fit.samples, "error_before_percent": before, "error_after_percent": after}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
-READS = ["seed", "control", "detection.judge", "detection.detectors"]
+READS = ["seed", "control", "detection.evaluation", "detection.detectors"]
 
 
 @stage("worked_examples", reads=READS)
@@ -24,8 +24,8 @@ def run(run: Run) -> None:
     camera = setup.camera(section.camera)
     chosen = worked_examples.shots(camera, worked_examples.noisy_full_well(camera, work[0].radiance()))
     window = example_pictures.window(work, worked_examples.LABEL)
-    look = partial(
-        worked_examples.look,
+    measure = partial(
+        worked_examples.measure,
         camera=camera,
         chosen=chosen,
         kind=detector.kind,
@@ -33,9 +33,9 @@ def run(run: Run) -> None:
         seed=params.seed,
         window=window,
     )
-    seen = list(zip(work, run.map(look, work, "worked examples"), strict=True))
-    judge = setup.judge(params.detection.judge)
-    steps, response, precision = worked_examples.tables(seen, chosen, judge, params.seed)
+    seen = list(zip(work, run.map(measure, work, "worked examples"), strict=True))
+    criteria = setup.criteria(params.detection.evaluation)
+    steps, response, precision = worked_examples.tables(seen, chosen, criteria, params.seed)
     arrays, description = worked_examples.pictures(seen, chosen, window)
     with store.replacing_folder(run.outputs / "data/worked_examples") as out:
         store.write_arrays(out / "pictures.npz", **arrays)

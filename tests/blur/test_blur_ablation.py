@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.blur import ablation
-from pipeline.learning.conduct import Conduct
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.settings import Recipe, Schedule, Training
 
 RELEASED = Training(schedule=Schedule(24000, hold=0.6, checkpoint_every=500, report_every=100))
@@ -27,27 +27,29 @@ def test_a_shortened_training_is_validated_at_its_end(steps: int) -> None:
     schedule = ablation.shortened(RELEASED, steps).schedule
     assert schedule.steps == steps
     assert schedule.warm_up < steps
-    assert schedule.average_decay < RELEASED.schedule.average_decay
+    assert schedule.ema_decay < RELEASED.schedule.ema_decay
     assert schedule.rate(steps - 1) < 0.1 * schedule.learning_rate or steps < 20
     assert ablation.shortened(RELEASED, steps).recipe == RELEASED.recipe
 
 
 def test_only_the_named_things_change() -> None:
-    changed = ablation.variant(RELEASED, {"seed": 2, "clean_share": 1.0, "images": None})
+    changed = ablation.variant(RELEASED, {"seed": 2, "clean_fraction": 1.0, "images": None})
     before, after = asdict(RELEASED), asdict(changed)
     assert after.pop("seed") == 2
     before.pop("seed")
-    assert after["recipe"].pop("clean_share") == 1.0
-    assert before["recipe"].pop("clean_share") == 0.45
+    assert after["recipe"].pop("clean_fraction") == 1.0
+    assert before["recipe"].pop("clean_fraction") == 0.45
     assert after == before
 
 
 def test_variants_are_judged_on_the_samples_of_the_released_training(tmp_path: Path) -> None:
     """A network trained on kernels and noise of its own sees the same held-out samples: seed 1's, with noise."""
-    conduct = Conduct(tmp_path)
-    plain = ablation.judge(TINY, TINY, conduct)
-    other = ablation.judge(TINY, ablation.variant(TINY, {"clean_share": 1.0, "before_share": 0.0}), conduct)
-    again = ablation.judge(TINY, TINY, conduct)
+    run_options = RunOptions(tmp_path)
+    plain = ablation.evaluate(TINY, TINY, run_options)
+    other = ablation.evaluate(
+        TINY, ablation.variant(TINY, {"clean_fraction": 1.0, "pre_blur_noise_fraction": 0.0}), run_options
+    )
+    again = ablation.evaluate(TINY, TINY, run_options)
     assert plain == again
     assert set(plain) == set(ablation.JUDGED)
     assert plain["mtf_error_noisy_percent"] != other["mtf_error_noisy_percent"]

@@ -12,8 +12,8 @@ from pipeline.blur.cnn_features import network_input
 from pipeline.blur.cnn_net import ARCHITECTURE, MtfCnn, SameConv
 from pipeline.errors import InputError
 from pipeline.learning import images, weights
-from pipeline.learning.conduct import Conduct
 from pipeline.learning.initial import initialise
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.settings import Recipe, Schedule, Training
 from pipeline.streams import stream
 
@@ -152,7 +152,7 @@ def test_its_training_runs_and_its_weights_load(tmp_path, monkeypatch):
     draw = lambda index, seed, purpose: stream(seed, purpose, index).integers(0, 256, (260, 260)).astype(np.uint8)  # noqa: E731
     monkeypatch.setattr(images, "picture", draw)
     schedule = Schedule(2, 1e-4, "adam", (0.9, 0.999), 1e-7, 0.0, 1, 0.0, 1.0, 0.0, None, 2, 1)
-    recipe = Recipe(views=1, kernels_per_view=2, clean_share=1.0, before_share=0.0)
+    recipe = Recipe(views=1, kernels_per_view=2, clean_fraction=1.0, pre_blur_noise_fraction=0.0)
     training = Training(
         schedule=schedule,
         recipe=recipe,
@@ -162,7 +162,7 @@ def test_its_training_runs_and_its_weights_load(tmp_path, monkeypatch):
         validation_chunks=1,
         half_precision=False,
     )
-    trained = cnn_training.train(training, Conduct(tmp_path))
+    trained = cnn_training.train(training, RunOptions(tmp_path))
     assert len(trained.curve) == 2 and "validation_mean_squared_error" in trained.curve[-1]
     cnn_training.save(tmp_path / "cnn.safetensors", trained, training)
     fresh = MtfCnn()

@@ -19,8 +19,8 @@ from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus
 from pipeline.errors import InputError
 from pipeline.learning import images, kernels, samples, weights
-from pipeline.learning.conduct import Conduct
 from pipeline.learning.initial import initialise
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.settings import Recipe, Schedule, Training
 from pipeline.streams import stream
 
@@ -172,7 +172,7 @@ def small_images(monkeypatch):
 
 def test_training_learns_and_resumes_to_the_bit(tmp_path, small_images):
     training = small_training()
-    alone, other = (Conduct(tmp_path / "cache", folder=tmp_path / name) for name in "ab")
+    alone, other = (RunOptions(tmp_path / "cache", folder=tmp_path / name) for name in "ab")
     whole = spectral_training.train(training, alone)
     spectral_training.train(training, replace(other, stop_after=13))
     again = spectral_training.train(training, replace(other, producers=1))

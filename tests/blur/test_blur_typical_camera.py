@@ -7,7 +7,7 @@ import pytest
 
 from pipeline import blur, store
 from pipeline.blur import spectral, typical_camera
-from pipeline.blur.camera_fit import Fit
+from pipeline.blur.camera_calibration import Calibration
 from pipeline.camera import mtf
 from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus
@@ -66,29 +66,29 @@ def test_added_is_nearer_to_the_kernel_than_total_for_a_camera_with_a_lens(tiles
     errors = {}
     sharp = typical_camera.sharp_patches(tiles, 12, (0.5, 0.5), 4)
     seen = (np.rint(convolve(sharp, kernel) * 255) / 255).astype(np.float32)
-    for answer in spectral.ANSWERS:
-        found = blur.create("spectral", answer=answer).estimate(seen)
+    for answer in spectral.OUTPUTS:
+        found = blur.create("spectral", output=answer).estimate(seen)
         errors[answer] = np.abs(np.nanmedian(found.mtf, axis=0) - truth).mean()
         assert (found.low <= found.mtf).all() and (found.mtf <= found.high).all()
-    assert errors["added"] < 0.7 * errors["total"]
+    assert errors["relative"] < 0.7 * errors["system"]
 
 
 @released
 def test_added_is_the_released_map_of_the_total(tiles):
     seen = typical_camera.sharp_patches(tiles, 4, (0.0, 0.7), 5)
-    total, added = (blur.create("spectral", answer=answer).estimate(seen) for answer in spectral.ANSWERS)
-    assert np.allclose(added.mtf, Fit.load(MAP)(total.mtf))
-    assert Fit.load(MAP).samples > 3000
+    total, added = (blur.create("spectral", output=answer).estimate(seen) for answer in spectral.OUTPUTS)
+    assert np.allclose(added.mtf, Calibration.load(MAP)(total.mtf))
+    assert Calibration.load(MAP).samples > 3000
 
 
 @pytest.mark.skipif(not spectral.RELEASED.is_file(), reason="released weights absent: run dvc repro train_mtf")
 def test_an_unknown_answer_or_an_absent_map_is_an_error_that_names_it(tmp_path):
     with pytest.raises(InputError, match="answer='sharp', expected one of total, added"):
-        blur.create("spectral", answer="sharp")
+        blur.create("spectral", output="sharp")
     copy = tmp_path / "mine.safetensors"
     copy.write_bytes(spectral.RELEASED.read_bytes())
     with pytest.raises(InputError, match="mine_typical.json"):
-        blur.create("spectral", weights=copy, answer="added")
+        blur.create("spectral", weights=copy, output="relative")
 
 
 @pytest.mark.skipif(not spectral.RELEASED.is_file(), reason="released weights absent: run dvc repro train_mtf")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.camera import authors, levels
+from pipeline.camera import authors, corruption
 from pipeline.camera.chain import PRESETS
 from pipeline.camera.sensor import Sensor
 from pipeline.errors import InputError
@@ -14,9 +14,9 @@ from pipeline.streams import stream
 GREY = np.full((300, 400), 120, np.uint8)
 
 
-def residual(image: np.ndarray, effect: str, sigma_dn: float, **options: object) -> np.ndarray:
+def residual(image: np.ndarray, noise_source: str, sigma_dn: float, **options: object) -> np.ndarray:
     """Noise seen in the 8-bit frame, DN."""
-    made = levels.corrupt(image, effect, sigma_dn=sigma_dn, generator=stream(1, effect), **options)
+    made = corruption.corrupt(image, noise_source, sigma_dn=sigma_dn, generator=stream(1, noise_source), **options)
     return made.image_8bit.astype(float) - image
 
 
@@ -29,7 +29,7 @@ def test_authors_truncate_instead_of_rounding():
 
 
 def test_authors_old_program_scales_the_mean_absolute():
-    made = levels.corrupt(GREY, "readout", sigma_dn=10.0, generator=stream(2, "x"), camera="authors_2022")
+    made = corruption.corrupt(GREY, "readout", sigma_dn=10.0, generator=stream(2, "x"), camera="authors_2022")
     assert np.abs(made.noise_dn).mean() == pytest.approx(10.0, rel=1e-4)
 
 
@@ -64,8 +64,8 @@ def test_authors_reset_noise_is_nearly_normal_and_lowers_the_signal():
 
 def test_authors_noise_map_has_the_raw_magnitudes_of_the_program():
     signal = Sensor().electrons(np.full((300, 400), 0.5, np.float32))
-    for effect, sigma_dn in (("photon", 1.27), ("dcsn", 0.482), ("readout", 0.96)):
-        effects = PRESETS[effect]
+    for noise_source, sigma_dn in (("photon", 1.27), ("dcsn", 0.482), ("readout", 0.96)):
+        effects = PRESETS[noise_source]
         raw = authors.raw_dn(signal, effects, Sensor(), effects.temperature_k[0], effects.exposure_s[0], stream(6, "x"))
         assert raw.std() == pytest.approx(sigma_dn, abs=0.01)
 
@@ -84,9 +84,9 @@ def test_authors_blur_has_a_dark_frame_and_truncates():
     blurred = authors.blur_8bit(white.astype(float), kernel)
     assert blurred[0, 25] == np.trunc(255 * 6 / 11)
     assert set(np.unique(blurred[6:-6, 6:-6])) <= {254.0, 255.0}
-    whole = levels.corrupt(white, "photon", sigma_dn=0.0, generator=stream(7, "x"), psf=kernel, camera="authors")
+    whole = corruption.corrupt(white, "photon", sigma_dn=0.0, generator=stream(7, "x"), psf=kernel, camera="authors")
     np.testing.assert_array_equal(whole.image_8bit, blurred)
-    ours = levels.corrupt(white, "photon", sigma_dn=0.0, generator=stream(7, "x"), psf=kernel)
+    ours = corruption.corrupt(white, "photon", sigma_dn=0.0, generator=stream(7, "x"), psf=kernel)
     assert ours.image_8bit.min() == 255
 
 
@@ -99,14 +99,16 @@ def test_authors_order_photon_before_the_blur_and_the_rest_after():
 
 
 def test_authors_conditions_are_those_of_the_physical_chain():
-    both = [levels.corrupt(GREY, "sensor", sigma_dn=5.0, generator=stream(8, "x"), camera=c) for c in levels.CAMERAS]
+    both = [
+        corruption.corrupt(GREY, "sensor", sigma_dn=5.0, generator=stream(8, "x"), camera=c) for c in corruption.CAMERAS
+    ]
     assert len({(made.temperature_k, made.exposure_s) for made in both}) == 1
-    assert [made.camera for made in both] == list(levels.CAMERAS)
+    assert [made.camera for made in both] == list(corruption.CAMERAS)
 
 
 def test_authors_truth_describes_the_frame():
-    made = levels.corrupt(GREY, "combined", sigma_dn=10.0, generator=stream(9, "x"), camera="authors")
-    assert made.sigma_dn == pytest.approx(10.0, rel=1e-3)
+    made = corruption.corrupt(GREY, "combined", sigma_dn=10.0, generator=stream(9, "x"), camera="authors")
+    assert made.unclipped_sigma_dn == pytest.approx(10.0, rel=1e-3)
     difference = made.noise_clipped_dn - made.noise_dn
     assert difference.max() <= 0.01 and difference.min() >= -1.01  # truncation only
 
@@ -114,9 +116,11 @@ def test_authors_truth_describes_the_frame():
 def test_authors_refuse_a_sensor_their_program_does_not_know():
     for sensor in (Sensor(gain=2.0), Sensor(read_noise_e=3.0)):
         with pytest.raises(InputError, match="camera=physical"):
-            levels.corrupt(GREY, "photon", sigma_dn=5.0, generator=stream(10, "x"), camera="authors", sensor=sensor)
+            corruption.corrupt(GREY, "photon", sigma_dn=5.0, generator=stream(10, "x"), camera="authors", sensor=sensor)
     with pytest.raises(InputError, match="no noise"):
-        levels.corrupt(np.zeros((8, 8), np.uint8), "photon", sigma_dn=5.0, generator=stream(10, "x"), camera="authors")
+        corruption.corrupt(
+            np.zeros((8, 8), np.uint8), "photon", sigma_dn=5.0, generator=stream(10, "x"), camera="authors"
+        )
 
 
 @pytest.mark.shared
@@ -134,6 +138,6 @@ def test_authors_measured_on_a_real_frame(shared):
         ("authors_2022", "dcsn"): (16.01, 23.79, 22.60),
         ("authors_2022", "readout"): (10.88, 26.36, 22.37),
     }
-    for (camera, effect), expected in measured.items():
-        noise = residual(image, effect, 25.0, camera=camera)
+    for (camera, noise_source), expected in measured.items():
+        noise = residual(image, noise_source, 25.0, camera=camera)
         np.testing.assert_allclose([noise.mean(), noise.std(), np.abs(noise).mean()], expected, atol=0.15)

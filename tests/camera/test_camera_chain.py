@@ -29,24 +29,26 @@ def test_chain_with_nothing_on_returns_the_frame_bit_for_bit():
     formed = chain.expose(eight, chain.Effects(), stream(1, "chain"))
     np.testing.assert_array_equal(formed.image_8bit, eight)
     np.testing.assert_array_equal(formed.image, eight.astype(np.float32) / np.float32(255))
-    off = chain.expose(eight, chain.PRESETS["combined"], stream(1, "chain"), gain=0.0)
+    off = chain.expose(eight, chain.PRESETS["combined"], stream(1, "chain"), noise_scale=0.0)
     np.testing.assert_array_equal(off.image_8bit, eight)
-    assert formed.sigma_dn == 0.0 and formed.gain == 0.0 and not formed.noise_e
+    assert formed.unclipped_sigma_dn == 0.0 and formed.noise_scale == 0.0 and not formed.noise_e
 
 
 @pytest.mark.parametrize(
-    ("effect", "variance_e2"),
+    ("noise_source", "variance_e2"),
     [
         ("photon", 20_000 * 128 / 255),
         ("dcsn", 1427.947),
         ("readout", 75.415**2 + 6.0867**2),
     ],
 )
-def test_chain_natural_noise_equals_its_closed_form(effect, variance_e2):
-    formed = chain.expose(GREY, chain.PRESETS[effect], stream(3, "chain", effect))
+def test_chain_natural_noise_equals_its_closed_form(noise_source, variance_e2):
+    formed = chain.expose(GREY, chain.PRESETS[noise_source], stream(3, "chain", noise_source))
     count = GREY.size
     expected_dn2 = variance_e2 * Sensor().dn_per_electron ** 2
-    assert abs(formed.sigma_dn**2 - expected_dn2) < 3 * expected_dn2 * np.sqrt(2 / count) + 1e-3 * expected_dn2
+    assert (
+        abs(formed.unclipped_sigma_dn**2 - expected_dn2) < 3 * expected_dn2 * np.sqrt(2 / count) + 1e-3 * expected_dn2
+    )
     assert abs(formed.noise_dn.mean(dtype=float)) < 3 * np.sqrt(expected_dn2 / count)
 
 
@@ -56,16 +58,17 @@ def test_chain_combined_noise_adds_in_squares_and_quantisation_adds_a_twelfth():
     dark = sensor.dark_electrons(at.temperature_k, at.exposure_s)
     electrons2 = 20_000 * 128 / 255 + dark + sensor.readout_sigma_e(at.temperature_k) ** 2
     expected = electrons2 * sensor.dn_per_electron**2
-    assert at.sigma_dn**2 == pytest.approx(expected, rel=0.015)
-    assert at.sigma_clipped_dn**2 == pytest.approx(expected + 1 / 12, rel=0.015)
+    assert at.unclipped_sigma_dn**2 == pytest.approx(expected, rel=0.015)
+    assert at.clipped_sigma_dn**2 == pytest.approx(expected + 1 / 12, rel=0.015)
     # charge comes in whole electrons: half an electron is lost on average
     assert at.shift_dn == pytest.approx(-0.5 * sensor.dn_per_electron, abs=3 * np.sqrt(expected / GREY.size))
 
 
-@pytest.mark.parametrize("effect", ["combined", "sensor"])
-def test_chain_draws_conditions_in_the_papers_ranges(effect):
+@pytest.mark.parametrize("noise_source", ["combined", "sensor"])
+def test_chain_draws_conditions_in_the_papers_ranges(noise_source):
     found = [
-        chain.draw(GREY[:2, :2] * 20_000, chain.PRESETS[effect], Sensor(), stream(5, "chain", n)) for n in range(60)
+        chain.draw(GREY[:2, :2] * 20_000, chain.PRESETS[noise_source], Sensor(), stream(5, "chain", n))
+        for n in range(60)
     ]
     temperatures, times = np.array([[f.temperature_k, f.exposure_s] for f in found]).T
     assert 300 <= temperatures.min() < 305 and 325 < temperatures.max() <= 330
@@ -88,7 +91,7 @@ def test_chain_order_photon_noise_is_blurred_and_sensor_noise_is_not():
     photon = chain.expose(GREY, chain.PRESETS["photon"], stream(7, "chain"), psf=kernel)
     share = float(np.sqrt((kernel.astype(float) ** 2).sum()))
     natural = np.sqrt(20_000 * 128 / 255) * Sensor().dn_per_electron
-    assert photon.sigma_dn == pytest.approx(natural * share, rel=0.03)
+    assert photon.unclipped_sigma_dn == pytest.approx(natural * share, rel=0.03)
     read = chain.expose(GREY, chain.PRESETS["readout"], stream(7, "chain"), psf=kernel)
     sharp = chain.expose(GREY, chain.PRESETS["readout"], stream(7, "chain"))
     np.testing.assert_array_equal(read.noise_dn, sharp.noise_dn)
@@ -115,13 +118,13 @@ def test_chain_delta_kernel_is_no_blur():
 
 def test_chain_without_quantisation_is_linear_in_the_gain():
     effects = chain.Effects(photon=True, quantise=False)
-    once, twice = (chain.expose(scene(), effects, stream(10, "chain"), gain=g) for g in (1.0, 2.0))
+    once, twice = (chain.expose(scene(), effects, stream(10, "chain"), noise_scale=g) for g in (1.0, 2.0))
     np.testing.assert_allclose(twice.image - scene(), 2 * (once.image - scene()), atol=2e-6)
 
 
 def test_chain_full_well_and_camera_gain():
     bright = np.ones((200, 300), np.float32)
-    formed = chain.expose(bright, chain.PRESETS["photon"], stream(11, "chain"), gain=20)
+    formed = chain.expose(bright, chain.PRESETS["photon"], stream(11, "chain"), noise_scale=20)
     assert formed.image.max() == 1.0
     assert formed.clipped_fraction == pytest.approx(0.5, abs=0.01)
     assert formed.shift_dn == pytest.approx(-20 * np.sqrt(20_000 / (2 * np.pi)) * 255 / 20_000, rel=0.03)
@@ -129,7 +132,7 @@ def test_chain_full_well_and_camera_gain():
     low, high = (
         chain.expose(GREY, chain.PRESETS["photon"], stream(12, "chain"), sensor=Sensor(gain=g)) for g in (1.0, 4.0)
     )
-    assert high.sigma_dn / low.sigma_dn == pytest.approx(2.0, rel=0.01)
+    assert high.unclipped_sigma_dn / low.unclipped_sigma_dn == pytest.approx(2.0, rel=0.01)
 
 
 def test_chain_over_exposure_saturates():
@@ -145,7 +148,7 @@ def test_chain_truth_fits_together():
     assert np.abs(formed.image * 255 - unclipped).max() <= 0.5 + 0.013 + 1e-3
     np.testing.assert_allclose(formed.electrons * Sensor().dn_per_electron, unclipped, rtol=1e-5)
     row = formed.row()
-    assert row["sigma_dn"] == formed.sigma_dn and row["clipped_fraction"] == 0.0
+    assert row["unclipped_sigma_dn"] == formed.unclipped_sigma_dn and row["clipped_fraction"] == 0.0
     assert all(not isinstance(value, np.generic) for value in row.values())
     again = pickle.loads(pickle.dumps(formed))
     np.testing.assert_array_equal(again.image, formed.image)
@@ -176,7 +179,7 @@ def test_chain_refuses_what_is_not_a_grey_image(image, message):
 
 
 def test_chain_refuses_bad_gain_and_names():
-    with pytest.raises(InputError, match="gain"):
-        chain.expose(GREY, chain.Effects(), stream(16, "chain"), gain=-1.0)
+    with pytest.raises(InputError, match="noise_scale"):
+        chain.expose(GREY, chain.Effects(), stream(16, "chain"), noise_scale=-1.0)
     with pytest.raises(InputError, match="did you mean 'readout'"):
         chain.preset("redout")

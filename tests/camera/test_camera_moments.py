@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from data_makers import picture
 
-from pipeline.camera.levels import corrupt
+from pipeline.camera.corruption import corrupt
 from pipeline.camera.moments import moments, photon_transfer
 from pipeline.camera.psf import create
 from pipeline.camera.sensor import Sensor

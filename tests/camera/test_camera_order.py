@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.camera import chain, psf
-from pipeline.camera.levels import corrupt
+from pipeline.camera.corruption import corrupt
 from pipeline.camera.sensor import Sensor
 from pipeline.camera.steps import steps
 from pipeline.errors import InputError
@@ -41,14 +41,21 @@ def test_order_is_known_to_the_truth_and_to_the_steps():
 
 @pytest.mark.parametrize("order", ["paper", "detector"])
 @pytest.mark.parametrize("light", ["encoded", "linear"])
-@pytest.mark.parametrize("effect", ["photon", "dcsn", "combined"])
-def test_order_and_light_meet_the_level(order, light, effect):
+@pytest.mark.parametrize("noise_source", ["photon", "dcsn", "combined"])
+def test_order_and_light_meet_the_level(order, light, noise_source):
     ramp = np.linspace(0.25, 0.8, 300, dtype=np.float32)[None] * np.ones((300, 1), np.float32)
     frame = corrupt(
-        ramp, effect, sigma_dn=8.0, generator=stream(2, "level"), psf=DISC, order=order, light=light, reach="frame"
+        ramp,
+        noise_source,
+        sigma_dn=8.0,
+        generator=stream(2, "level"),
+        psf=DISC,
+        order=order,
+        light=light,
+        reach="frame",
     )
-    assert frame.sigma_dn == pytest.approx(8.0, rel=0.02)
-    assert frame.sigma_clipped_dn == pytest.approx(8.0, rel=0.03)
+    assert frame.unclipped_sigma_dn == pytest.approx(8.0, rel=0.02)
+    assert frame.clipped_sigma_dn == pytest.approx(8.0, rel=0.03)
     assert (frame.order, frame.light) == (order, light)
     assert np.array_equal(np.rint(frame.image * 255), frame.image_8bit)
 

@@ -83,7 +83,7 @@ def test_noise_sets_a_broken_file_aside_and_fails(tmp_path):
     [
         (["noise", "absent.png"], "absent.png"),
         (["noise", "{}", "--estimator", "pcaa"], "did you mean 'pca'"),
-        (["corrupt", "{}", "--out", "{}/out", "--effect", "fotons"], "photon"),
+        (["corrupt", "{}", "--out", "{}/out", "--noise-source", "fotons"], "photon"),
         (["corrupt", "{}", "--out", "{}/out", "--blur", "defocus"], "--size-px"),
         (["corrupt", "{}", "--out", "{}/out", "--size-px", "3"], "--blur"),
         (["corrupt", "{}", "--out", "{}/out", "--sigma-dn", "-3"], "--sigma-dn"),
@@ -102,7 +102,7 @@ def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):
 
 def test_corrupt_writes_the_picture_and_its_truth(tmp_path):
     source = noisy(tmp_path / "a.png", 0.0)
-    options = ["--effect", "dcsn", "--sigma-dn", 8, "--blur", "defocus", "--mtf50", 0.3]
+    options = ["--noise-source", "dcsn", "--sigma-dn", 8, "--blur", "defocus", "--mtf50", 0.3]
     done = call("corrupt", source, "--out", tmp_path / "out", *options)
     assert done.exit_code == 0, done.output
     truth = json.loads((tmp_path / "out/a.json").read_text())

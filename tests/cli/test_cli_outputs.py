@@ -168,13 +168,17 @@ def test_names_in_tables_are_quoted_and_no_formulas(tmp_path):
 def test_corrupt_goes_on_past_a_bad_file_and_reports_what_it_reached(tmp_path):
     good = save(tmp_path / "in/b.png")
     (tmp_path / "in/a.png").write_bytes(good.read_bytes()[:900])
-    done = call("corrupt", tmp_path / "in", "--out", tmp_path / "out", "--effect", "readout", "--sigma-dn", 8)
+    done = call("corrupt", tmp_path / "in", "--out", tmp_path / "out", "--noise-source", "readout", "--sigma-dn", 8)
     assert done.exit_code == 2
     assert "set aside" in done.output and "a.png" in done.output
     line = next(text for text in done.output.splitlines() if text.endswith("-> b.png"))
     asked, reached, clipped = (float(word) for word in line.split()[:3])
     truth = json.loads((tmp_path / "out/b.json").read_text())
-    assert asked == 8 and abs(reached - truth["sigma_dn"]) < 0.006 and abs(clipped - truth["sigma_clipped_dn"]) < 0.006
+    assert (
+        asked == 8
+        and abs(reached - truth["unclipped_sigma_dn"]) < 0.006
+        and abs(clipped - truth["clipped_sigma_dn"]) < 0.006
+    )
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 from data_makers import picture
 
 from pipeline.camera import mtf
-from pipeline.camera.levels import corrupt
+from pipeline.camera.corruption import corrupt
 from pipeline.camera.psf import create
 from pipeline.condition import ConditionMonitor
 from pipeline.errors import InputError

@@ -90,7 +90,7 @@ def test_the_text_is_the_one_dvc_writes(tmp_path):
         ("noise.tile_px=many", ["noise.tile_px", "many"]),
         ("profile=smok", ["profile", "smoke"]),
         ("camera.kind=pinhole", ["camera.kind", "pinhole", "authors"]),
-        ("denoised_blur.levels_dn=[]", ["denoised_blur.levels_dn"]),
+        ("denoised_blur.target_sigmas_dn=[]", ["denoised_blur.target_sigmas_dn"]),
         ("psf.source=paper", ["psf.folder"]),
         ("matrix.datasets=[sim]", ["matrix.datasets", "derived"]),
         ("noise=3", ["noise"]),

@@ -33,15 +33,15 @@ def test_declared_parameters_are_seen_and_no_others(config):
     seen = {}
 
     def body(run):
-        seen["levels"] = run.params.corruption.levels_dn
+        seen["levels"] = run.params.corruption.target_sigmas_dn
         seen["datasets"] = list(run.params.datasets)
         with pytest.raises(AttributeError, match="without declaring"):
             _ = run.params.seed
-        with pytest.raises(AttributeError, match="corruption.effects"):
-            _ = run.params.corruption.effects
+        with pytest.raises(AttributeError, match="corruption.noise_sources"):
+            _ = run.params.corruption.noise_sources
 
-    run_stage(config, ["corruption.levels_dn", "datasets.{dataset}"], body, ["dataset"], dataset="sim")
-    assert seen == {"levels": config.corruption.levels_dn, "datasets": ["sim"]}
+    run_stage(config, ["corruption.target_sigmas_dn", "datasets.{dataset}"], body, ["dataset"], dataset="sim")
+    assert seen == {"levels": config.corruption.target_sigmas_dn, "datasets": ["sim"]}
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from pipeline.control import evaluation
 from pipeline.control.decision import Action
 from pipeline.control.loop import Rig, make_policy, run
 from pipeline.control.scenario import EstimatorFault, Flicker, Scenario
-from pipeline.control.scoring import Judge
+from pipeline.control.scoring import EvaluationCriteria
 from pipeline.control.state import CameraState
 from pipeline.control.views import folds, views, with_sun
 from pipeline.errors import InputError
@@ -109,7 +109,7 @@ class _Blind:
 @pytest.mark.parametrize("name", ["mean_intensity", "iopc_optimal", "iopc_continuous", "shin2019"])
 def test_loop_a_failed_detector_leaves_the_state_defined(seen, monkeypatch, name):
     """Policies do not depend on detections: the same settings follow, and average precision is 0, not missing."""
-    drive, judge = scenario(), Judge(bootstrap_draws=5)
+    drive, criteria = scenario(), EvaluationCriteria(bootstrap_draws=5)
 
     def states():
         return run(make_policy(name, {}, CAMERA, performance()), rig(), drive, seen)
@@ -118,7 +118,7 @@ def test_loop_a_failed_detector_leaves_the_state_defined(seen, monkeypatch, name
     monkeypatch.setattr("pipeline.control.loop.opened", lambda kind, options: _Blind())
     without = states()
     assert [record.decision.state for record in without] == [record.decision.state for record in with_detections]
-    table = evaluation.steps_table(drive, name, 0, without, judge, performance().reference, 1)
+    table = evaluation.steps_table(drive, name, 0, without, criteria, performance().reference, 1)
     assert (table["ap_percent"] == 0.0).all()
 
 
@@ -126,12 +126,12 @@ def test_loop_oracle_and_summary(seen):
     names = ("fixed", "oracle")
     drive = scenario()
     records = {name: run(make_policy(name, {}, CAMERA, performance()), rig(), drive, seen) for name in names}
-    judge = Judge(bootstrap_draws=20)
+    criteria = EvaluationCriteria(bootstrap_draws=20)
     tables = {
-        name: evaluation.steps_table(drive, name, 0, found, judge, performance().reference, 1)
+        name: evaluation.steps_table(drive, name, 0, found, criteria, performance().reference, 1)
         for name, found in records.items()
     }
-    summary, pairs = evaluation.summary(drive, tables, records, judge, 1)
+    summary, pairs = evaluation.summary(drive, tables, records, criteria, 1)
     rows = summary.set_index("policy")
     assert rows.loc["oracle", "regret_percent"] == 0.0 and len(pairs) == 2
     assert rows.loc["fixed", "frames"] == 6 and rows.loc["fixed", "objects"] == 12

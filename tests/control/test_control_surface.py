@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.camera.exposure import Camera
 from pipeline.control import measured_surface as surface
-from pipeline.control.scoring import Judge
+from pipeline.control.scoring import EvaluationCriteria
 from pipeline.control.views import View
 from pipeline.datasets.frame import Box
 from pipeline.errors import InputError
@@ -50,7 +50,7 @@ def measured(score_falls=True):
 
 
 def test_surface_through_measured_knots():
-    found, table = surface.performance(measured(), DESIGN, Judge(bootstrap_draws=10), 0, 1)
+    found, table = surface.performance(measured(), DESIGN, EvaluationCriteria(bootstrap_draws=10), 0, 1)
     assert len(table) == 9 and table["estimates_abstained"].sum() == 1
     for row in table.itertuples():
         answer = float(found.expected(row.true_sigma_dn, row.motion_px).ap_percent)
@@ -66,7 +66,7 @@ def test_surface_refuses_impossible_designs():
     with pytest.raises(InputError, match="no object"):
         part = measured()
         empty = View("a-0", "a", 0, None, ())
-        surface.performance([(empty, part[0][1])], DESIGN, Judge(bootstrap_draws=5), 0, 1)
+        surface.performance([(empty, part[0][1])], DESIGN, EvaluationCriteria(bootstrap_draws=5), 0, 1)
 
 
 def test_surface_all_views_share_light_and_gain(tmp_path):

@@ -12,7 +12,9 @@ from sweep_makers import FRAMES, LEVELS, SIZES, sweep_tables
 from pipeline.curves import Surface, directions, precision
 from pipeline.errors import InputError
 
-JUDGE = SimpleNamespace(rule="paper", overlap=0.5, lowest_px=25, least_visible=0.3, bootstrap_draws=200)
+JUDGE = SimpleNamespace(
+    rule="paper", iou_threshold=0.5, min_height_px=25, min_visible_fraction=0.3, bootstrap_draws=200
+)
 SECTION = SimpleNamespace(
     average_directions=True,
     sigma_bins_dn=[0, 5, 10, 15, 20, 25],
@@ -30,9 +32,9 @@ def test_percent_are_the_share_of_cars_found(judged: tuple[pd.DataFrame, dict[st
     table, draws = judged
     cars = table[table["label"] == "car"]
     assert len(cars) == 9 * 3 and list(draws) == ["car", "person"] and draws["car"].shape == (27, 200)
-    np.testing.assert_allclose(cars["ap_percent"], 100.0 * cars["right"] / FRAMES)  # none is wrong
+    np.testing.assert_allclose(cars["ap_percent"], 100.0 * cars["true_positives"] / FRAMES)  # none is wrong
     assert (cars["objects"] == FRAMES).all() and (cars["objects_ignored"] == FRAMES).all()
-    sharp = cars[(cars["size_px"] == 0) & (cars["level_dn"] == 0)].iloc[0]
+    sharp = cars[(cars["kernel_size_px"] == 0) & (cars["target_sigma_dn"] == 0)].iloc[0]
     assert sharp[["ap_percent", "low_percent", "high_percent"]].tolist() == pytest.approx([100.0] * 3)
     assert (cars["low_percent"] <= cars["ap_percent"]).all() and (cars["ap_percent"] <= cars["high_percent"]).all()
     nobody = table[table["label"] == "person"]
@@ -68,8 +70,8 @@ def test_tuples_are_means_over_directions(judged: tuple[pd.DataFrame, dict[str, 
     cars = table[table["label"] == "car"]
     points, drawn = precision.tuples(cars, draws["car"], True)
     assert len(points) == len(drawn) == len(SIZES) * len(LEVELS)
-    cell = (cars["size_px"] == 21) & (cars["level_dn"] == 10)
-    point = points[(points["size_px"] == 21) & (points["level_dn"] == 10)]
+    cell = (cars["kernel_size_px"] == 21) & (cars["target_sigma_dn"] == 10)
+    point = points[(points["kernel_size_px"] == 21) & (points["target_sigma_dn"] == 10)]
     assert point["ap_percent"].item() == pytest.approx(cars.loc[cell, "ap_percent"].mean())
     assert point["mtf"].item() == pytest.approx(0.3)
     np.testing.assert_allclose(drawn[point.index[0]], draws["car"][cell.to_numpy()].mean(axis=0))
@@ -102,9 +104,9 @@ def test_isolated_curves_hold_one_effect(judged: tuple[pd.DataFrame, dict[str, n
     table, draws = judged
     lines = precision.curves("car", table[table["label"] == "car"], draws["car"], SECTION, 1)
     noise, blur = (lines[lines["quantity"] == name] for name in ("sigma_dn", "mtf"))
-    assert noise["at"].tolist() == list(LEVELS) and noise["ap_percent"].is_monotonic_decreasing
+    assert noise["quantity_value"].tolist() == list(LEVELS) and noise["ap_percent"].is_monotonic_decreasing
     assert (
-        blur["at"].tolist() == pytest.approx([0.3, 1 - 14 / 30, 1 - 7 / 30, 0.9, 1.0])
+        blur["quantity_value"].tolist() == pytest.approx([0.3, 1 - 14 / 30, 1 - 7 / 30, 0.9, 1.0])
         and blur["ap_percent"].is_monotonic_increasing
     )
     assert noise["ap_percent"].iloc[0] == blur["ap_percent"].iloc[-1] == 100.0
@@ -115,19 +117,19 @@ def test_direction_is_told_apart_and_rises_are_marked(judged: tuple[pd.DataFrame
     cars = table[table["label"] == "car"].reset_index(drop=True)
     rows, spread = directions.tables(cars, draws["car"], 0.0)
     assert len(rows) == 4 * 2 * 3 and not (rows["rises_with_size"] | rows["rises_with_sigma"]).any()
-    wide = spread[spread["size_px"] >= 14]
+    wide = spread[spread["kernel_size_px"] >= 14]
     assert (wide["worst_angle_deg"] == 90).all() and (wide["spread_percent"] > 0).all()
     assert (spread["low_percent"] <= spread["high_percent"]).all()
     assert (spread["mean_low_percent"] <= spread["mean_percent"]).all()
     assert (spread["mean_percent"] <= spread["mean_high_percent"]).all()
     better = cars.copy()
-    here = (better["size_px"] == 21) & (better["angle_deg"] == 0) & (better["level_dn"] == 10)
+    here = (better["kernel_size_px"] == 21) & (better["angle_deg"] == 0) & (better["target_sigma_dn"] == 10)
     better.loc[here, "ap_percent"] = 99.0
     rows, _ = directions.tables(better, draws["car"], 0.0)
     marked = rows[rows["rises_with_size"]]
-    assert marked[["level_dn", "angle_deg", "size_px"]].to_numpy().tolist() == [[10.0, 0.0, 21.0]]
+    assert marked[["target_sigma_dn", "angle_deg", "kernel_size_px"]].to_numpy().tolist() == [[10.0, 0.0, 21.0]]
     with pytest.raises(InputError, match="no condition is blurred"):
-        directions.tables(cars[cars["size_px"] == 0], draws["car"][:3], 0.0)
+        directions.tables(cars[cars["kernel_size_px"] == 0], draws["car"][:3], 0.0)
 
 
 def test_metrics_name_the_clean_value_and_the_surface(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pipeline.curves import by_settings, published
+from pipeline.curves import iso_exposure, published
 from pipeline.errors import InputError
 from pipeline.store import read_published
 
@@ -21,7 +21,7 @@ def test_a_missing_parameter_is_named(parameter: str) -> None:
     rows = grid[(grid["detector"] == "yolov4") & (grid["object"] == "car")]
     own = printed[(printed["detector"] == "yolov4") & (printed["object"] == "car")]
     terms = ["c1", "c2", "c3", "c4", "c5", "c6", "c7", "c8"]
-    coefficients, *_ = by_settings.tables("yolov4 car", rows, terms)
+    coefficients, *_ = iso_exposure.tables("yolov4 car", rows, terms)
     assert published.beside(coefficients, own, rows)["printed_r2"] > 0.9
     with pytest.raises(InputError, match=f"0 rows for {parameter}"):
         published.beside(coefficients, own[own["parameter"] != parameter], rows)

@@ -52,7 +52,7 @@ def broken_kitti(tmp_path):
 def test_every_case_is_handled_and_counted(tmp_path):
     root = broken_kitti(tmp_path)
     dataset = datasets.open_dataset("kitti", "kitti", root)
-    found = scan(dataset, max_bad_share=0.35)
+    found = scan(dataset, max_rejected_fraction=0.35)
     reasons = {row.file: row.reason for row in found.quarantined}
     expected = {
         "training/image_2/000000.png": "truncated",
@@ -88,10 +88,10 @@ def test_too_many_bad_frames_stop_the_run(tmp_path):
         scan(dataset)
     message = str(caught.value)
     assert "7 of 20 frames cannot be used" in message
-    assert "quarantine.max_bad_share" in message
+    assert "quarantine.max_rejected_fraction" in message
     assert message.count(".png (") == 3  # the first three files
     with pytest.raises(InputError, match="share between 0 and 1"):
-        scan(dataset, max_bad_share=1.5)
+        scan(dataset, max_rejected_fraction=1.5)
 
 
 def test_index_tables(tmp_path):
@@ -139,8 +139,8 @@ def test_index_without_bad_frames_has_an_empty_quarantine_of_the_right_shape(tmp
 @pytest.mark.slow
 def test_index_does_not_depend_on_workers(tmp_path):
     dataset = datasets.open_dataset("kitti", "kitti", broken_kitti(tmp_path))
-    one = index(dataset, max_bad_share=0.4)
-    two = index(dataset, max_bad_share=0.4, run_map=partial(run_map, workers=2))
+    one = index(dataset, max_rejected_fraction=0.4)
+    two = index(dataset, max_rejected_fraction=0.4, run_map=partial(run_map, workers=2))
     for left, right in zip(one[:3], two[:3], strict=True):
         assert left.equals(right)
     assert [f.name for f in one.usable] == [f.name for f in two.usable]
@@ -159,7 +159,7 @@ def test_index_of_a_subset_has_the_same_rows(tmp_path):
 
 def test_usable_frames_come_back_from_the_table(tmp_path):
     dataset = datasets.open_dataset("kitti", "kitti", broken_kitti(tmp_path))
-    found = index(dataset, max_bad_share=0.4)
+    found = index(dataset, max_rejected_fraction=0.4)
     assert usable_frames(dataset, found.frames) == found.usable
     with pytest.raises(InputError, match="no frame '000019' any more"):
         (dataset.root / "training" / "image_2" / "000019.png").unlink()

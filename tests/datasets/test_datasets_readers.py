@@ -203,7 +203,7 @@ def test_sim(tmp_path):
     ]
     every = datasets.open_dataset("sim", "sim", root, moments="all").frames()
     assert [len(f.previous) for f in every] == [0, 1, 2, 3, 0, 1, 2, 3]
-    lenient = datasets.open_dataset("sim", "sim", root, least_visible=0.0, lowest_px=0.0).frames()
+    lenient = datasets.open_dataset("sim", "sim", root, min_visible_fraction=0.0, min_height_px=0.0).frames()
     assert not any(b.ignore for b in lenient[0].boxes)
 
 

@@ -13,7 +13,7 @@ def test_items_are_spread_evenly():
 
 def test_more_moments_can_be_judged_than_the_index_holds(tmp_path):
     root = make_sim(tmp_path / "sim", viewpoints=2)
-    section = DatasetSettings(kind="sim", root=str(root), watch="data/sim", limit=1, max_bad_share=0.0)
+    section = DatasetSettings(kind="sim", root=str(root), dvc_dependency="data/sim", limit=1, max_rejected_fraction=0.0)
     frames = evaluation_frames(tmp_path, "sim", section, {"moments": "all"})
     assert len(frames) == 8
     chosen = evaluation_frames(tmp_path, "sim", section, {"moments": "all"}, 4)

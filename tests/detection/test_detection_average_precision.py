@@ -15,16 +15,16 @@ from hypothesis import strategies as st
 
 from pipeline.detection.average_precision import evaluate, mean_average_precision
 from pipeline.detection.base import Detections
-from pipeline.detection.matching import Truth
+from pipeline.detection.matching import GroundTruth
 from pipeline.detection.text_files import read_detections
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
-Case = tuple[list[Detections], list[Truth]]
+Case = tuple[list[Detections], list[GroundTruth]]
 
 
-def truth(*entries: tuple[str, float, float, float, float, bool]) -> Truth:
-    return Truth(
+def truth(*entries: tuple[str, float, float, float, float, bool]) -> GroundTruth:
+    return GroundTruth(
         np.array([entry[1:5] for entry in entries], dtype=float).reshape(-1, 4),
         np.array([entry[0] for entry in entries], dtype=np.str_),
         np.array([entry[5] for entry in entries], dtype=bool),
@@ -63,7 +63,7 @@ def scenes(draw: st.DrawFn, ignored: bool = True) -> Case:
     return detections, truths
 
 
-def cartucho(detections: list[Detections], truths: list[Truth], label: str) -> float:
+def cartucho(detections: list[Detections], truths: list[GroundTruth], label: str) -> float:
     """The paper's rules from their description, one detection after another (no ignored regions but 'difficult')."""
     claims = [
         (score, image, box)
@@ -174,7 +174,8 @@ def test_coco_rule_breaks_ties_as_peers_do(package: str) -> None:
 
 @pytest.mark.shared
 @pytest.mark.parametrize(
-    ("detector", "percent", "right", "wrong"), [("faster-RCNN", "32.44", 12, 11), ("YOLOv4", "10.42", 5, 3)]
+    ("detector", "percent", "true_positives", "false_positives"),
+    [("faster-RCNN", "32.44", 12, 11), ("YOLOv4", "10.42", 5, 3)],
 )
 def test_published_detections_give_the_published_digits(
     shared: Path, detector: str, percent: str, right: int, wrong: int
@@ -190,7 +191,7 @@ def test_published_detections_give_the_published_digits(
     assert list(results) == ["car"]
     car = results["car"]
     assert f"{100 * car.average_precision:.2f}" == percent
-    assert (car.objects, car.right, car.wrong, car.images) == (30, right, wrong, 10)
+    assert (car.objects, car.true_positives, car.false_positives, car.images) == (30, right, wrong, 10)
     assert car.low < car.average_precision < car.high
     assert mean_average_precision(results.values()) == car.average_precision
     if detector == "faster-RCNN":
@@ -215,8 +216,8 @@ def test_the_second_claim_on_an_object_is_wrong_or_goes_to_a_free_one() -> None:
     """The paper's rule looks at the best object only; COCO's takes the next free one."""
     truths = [truth(("car", 0, 0, 100, 100, False), ("car", 0, 0, 100, 60, False))]
     claims = [found(("car", 0.9, 0, 0, 100, 100), ("car", 0.8, 0, 0, 100, 90))]
-    assert evaluate(claims, truths, rule="paper")["car"].right == 1
-    assert evaluate(claims, truths, rule="coco")["car"].right == 2
+    assert evaluate(claims, truths, rule="paper")["car"].true_positives == 1
+    assert evaluate(claims, truths, rule="coco")["car"].true_positives == 2
 
 
 @pytest.mark.parametrize("rule", ["paper", "coco"])
@@ -234,7 +235,7 @@ def test_ignored_regions_count_neither_way(rule: str) -> None:
         )
     ]
     result = evaluate(claims, truths, rule=rule)["car"]  # type: ignore[arg-type]
-    assert (result.right, result.wrong, result.neither) == (1, 1, 3)
+    assert (result.true_positives, result.false_positives, result.ignored) == (1, 1, 3)
     assert (result.objects, result.objects_ignored, result.detections) == (1, 2, 5)
     assert result.average_precision == 1.0
 
@@ -244,7 +245,7 @@ def test_a_class_without_objects_is_nan_with_a_count() -> None:
     truths = [truth(), truth(("car", 0, 0, 10, 10, True))]
     result = evaluate(claims, truths, ["car", "person"], generator=stream(0, "bootstrap"))
     assert np.isnan([result["car"].average_precision, result["car"].low, result["person"].high]).all()
-    assert (result["car"].objects, result["car"].objects_ignored, result["car"].wrong) == (0, 1, 1)
+    assert (result["car"].objects, result["car"].objects_ignored, result["car"].false_positives) == (0, 1, 1)
     assert np.isnan(result["car"].recall).all()
     assert np.isnan(mean_average_precision(result.values()))
     assert evaluate([], [], ["car"])["car"].images == 0
@@ -263,7 +264,7 @@ def test_order_of_images_place_and_score_scale_do_not_matter(case: Case, shift: 
         detections[index] = Detections(entry.boxes, entry.score * 0.5 + numbers * 1e-6, entry.label)
     before = evaluate(detections, truths, ["car"])["car"].average_precision
     moved = [Detections(e.boxes + shift, np.sqrt(e.score), e.label) for e in reversed(detections)]
-    there = [Truth(t.boxes + shift, t.label, t.ignore) for t in reversed(truths)]
+    there = [GroundTruth(t.boxes + shift, t.label, t.ignore) for t in reversed(truths)]
     np.testing.assert_allclose(evaluate(moved, there, ["car"])["car"].average_precision, before, atol=1e-12)
 
 
@@ -276,11 +277,11 @@ def test_more_wrong_detections_never_help_and_bounds_hold(case: Case) -> None:
         for entry in detections
     ]
     after = evaluate(extra, truths, ["car"])["car"]
-    assert after.wrong == before.wrong + len(detections)
+    assert after.false_positives == before.false_positives + len(detections)
     if before.objects:
         assert 0.0 <= after.average_precision <= before.average_precision <= 1.0
-    assert before.right + before.wrong + before.neither == before.detections
-    assert before.right <= before.objects
+    assert before.true_positives + before.false_positives + before.ignored == before.detections
+    assert before.true_positives <= before.objects
 
 
 def test_interval_shrinks_with_more_images_and_repeats() -> None:
@@ -303,5 +304,5 @@ def test_wrong_arguments_are_named() -> None:
         evaluate([Detections.none()], [])
     with pytest.raises(InputError, match="rule"):
         evaluate([], [], rule="voc")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="overlap"):
-        evaluate([], [], overlap=0.0)
+    with pytest.raises(InputError, match="iou_threshold"):
+        evaluate([], [], iou_threshold=0.0)

@@ -72,7 +72,7 @@ def test_images_come_in_many_shapes() -> None:
     assert list(each_image([])) == []
 
 
-def greedy(boxes: np.ndarray, score: np.ndarray, kind: np.ndarray, overlap: float) -> list[int]:
+def greedy(boxes: np.ndarray, score: np.ndarray, kind: np.ndarray, iou_threshold: float) -> list[int]:
     """Suppression by its definition."""
     kept: list[int] = []
     for index in np.argsort(-score, kind="stable"):
@@ -80,20 +80,20 @@ def greedy(boxes: np.ndarray, score: np.ndarray, kind: np.ndarray, overlap: floa
             low, high = np.maximum(boxes[index, :2], boxes[other, :2]), np.minimum(boxes[index, 2:], boxes[other, 2:])
             shared = np.prod(np.maximum(high - low, 0.0))
             union = sum(np.prod(boxes[k, 2:] - boxes[k, :2]) for k in (index, other)) - shared
-            if kind[index] == kind[other] and shared / union > overlap:
+            if kind[index] == kind[other] and shared / union > iou_threshold:
                 break
         else:
             kept.append(int(index))
     return kept
 
 
-@given(count=st.integers(0, 60), key=st.integers(0, 10_000), overlap=st.floats(0.05, 0.95))
-def test_suppression_is_greedy_within_classes(count: int, key: int, overlap: float) -> None:
+@given(count=st.integers(0, 60), key=st.integers(0, 10_000), iou_threshold=st.floats(0.05, 0.95))
+def test_suppression_is_greedy_within_classes(count: int, key: int, iou_threshold: float) -> None:
     found = random_detections(count, key)
     kind = stream(6, "kind", key).integers(0, 3, count)
-    expected = greedy(found.boxes, found.score, kind, overlap)
-    assert suppress(found.boxes, found.score, kind, overlap).tolist() == expected
-    assert suppress(found.boxes, found.score, kind, overlap, most=3).tolist() == expected[:3]
+    expected = greedy(found.boxes, found.score, kind, iou_threshold)
+    assert suppress(found.boxes, found.score, kind, iou_threshold).tolist() == expected
+    assert suppress(found.boxes, found.score, kind, iou_threshold, max_detections=3).tolist() == expected[:3]
 
 
 @given(
@@ -146,7 +146,7 @@ def test_class_maps_say_what_counts() -> None:
         Box("Tree", 0, 0, 9, 9),
         Box("Pedestrian", 0, 0, 20, 60),
     ]
-    wanted = CLASS_MAPS["kitti"].truth(boxes, lowest_px=25, least_visible=0.3)
+    wanted = CLASS_MAPS["kitti"].truth(boxes, min_height_px=25, min_visible_fraction=0.3)
     car, person = wanted.called("car"), wanted.called("person")
     assert list(car.ignore) == [False, True, True, True, True, True]
     assert list(person.ignore) == [True, True, False]
@@ -175,7 +175,7 @@ def test_frames_are_judged_by_height_and_visibility() -> None:
         frames,
         stub,  # type: ignore[arg-type]
         ClassMap({"car": "car", "person": "person"}),
-        least_visible=0.3,
+        min_visible_fraction=0.3,
         generator=stream(0, "bootstrap"),
         image=lambda frame: np.full((90, 130), 0.25, np.float32),
     )

@@ -15,8 +15,8 @@ from pipeline.detection.compact.detector import Compact
 from pipeline.detection.settings import CropRecipe, DetectorTraining
 from pipeline.detection.sim_frames import SimFrames, fingerprint, sim_frames
 from pipeline.errors import InputError
-from pipeline.learning.conduct import Conduct
 from pipeline.learning.initial import initialise
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.settings import Schedule
 
 NETWORKS = training.NETWORKS.names()
@@ -38,9 +38,16 @@ def frame(number: int) -> tuple[np.ndarray, list[dict]]:
 
 
 def settings(steps: int = 6, **changes) -> DetectorTraining:
-    schedule = Schedule(steps, 2e-3, warm_up=2, checkpoint_every=2, report_every=2, average_decay=0.9)
+    schedule = Schedule(steps, 2e-3, warm_up=2, checkpoint_every=2, report_every=2, ema_decay=0.9)
     recipe = CropRecipe(size_px=96, count=2, scale=(0.9, 1.2))
-    values = {"frames": 3, "validation_frames": 1, "rays": 1, "width_px": SIZE[1], "height_px": SIZE[0], "window": 4}
+    values = {
+        "frames": 3,
+        "validation_frames": 1,
+        "rays": 1,
+        "width_px": SIZE[1],
+        "height_px": SIZE[0],
+        "replay_window": 4,
+    }
     return DetectorTraining(schedule=schedule, recipe=recipe, **{**values, **changes})
 
 
@@ -127,9 +134,9 @@ def test_proposals_are_the_best_and_apart() -> None:
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_training_learns_and_goes_on_bit_for_bit(cache: Path, tmp_path: Path, name: str) -> None:
-    whole = training.train(name, settings(), Conduct(cache, tmp_path / "whole"))
-    training.train(name, settings(), Conduct(cache, tmp_path / "cut", stop_after=3))
-    resumed = training.train(name, settings(), Conduct(cache, tmp_path / "cut"))
+    whole = training.train(name, settings(), RunOptions(cache, tmp_path / "whole"))
+    training.train(name, settings(), RunOptions(cache, tmp_path / "cut", stop_after=3))
+    resumed = training.train(name, settings(), RunOptions(cache, tmp_path / "cut"))
     assert whole.curve[-1]["loss"] < 0.95 * whole.curve[0]["loss"]
     for key, value in whole.model.state_dict().items():
         assert torch.equal(value, resumed.model.state_dict()[key]), key
@@ -170,7 +177,7 @@ def test_a_frame_is_rendered_once_and_is_the_same_again(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_detections_are_inside_sorted_and_apart(tmp_path: Path, name: str) -> None:
-    detector = detection.create(name, weights=weight_file(tmp_path, name), score_floor=0.0, most=20)
+    detector = detection.create(name, weights=weight_file(tmp_path, name), score_floor=0.0, max_detections=20)
     image = np.random.default_rng(0).random((75, 101)).astype(np.float32)
     found = detector.detect([image])[0]
     assert 1 <= len(found) <= 20
@@ -188,8 +195,8 @@ def test_scale_sees_a_larger_picture_and_answers_in_its_own_pixels(tmp_path: Pat
     path = weight_file(tmp_path, "compact")
     image = np.random.default_rng(0).random((64, 96)).astype(np.float32)
     large = cv2.resize(image, (192, 128), interpolation=cv2.INTER_LINEAR)
-    found = Compact(path, scale=2.0, score_floor=0.0, most=5).detect([image])[0]
-    expected = Compact(path, score_floor=0.0, most=5).detect([large])[0]
+    found = Compact(path, scale=2.0, score_floor=0.0, max_detections=5).detect([image])[0]
+    expected = Compact(path, score_floor=0.0, max_detections=5).detect([large])[0]
     assert found.boxes == pytest.approx(expected.boxes / 2, abs=1e-3)
 
 
@@ -203,7 +210,7 @@ def test_bad_files_and_options_are_refused(tmp_path: Path) -> None:
         detection.create("compact", weights=cut)
     with pytest.raises(InputError, match="no such weight file"):
         detection.create("compact", weights=tmp_path / "none.safetensors")
-    for key, value in {"score_floor": 2, "overlap": -1, "most": 0, "scale": 0}.items():
+    for key, value in {"score_floor": 2, "iou_threshold": -1, "max_detections": 0, "scale": 0}.items():
         with pytest.raises(InputError, match=key):
             detection.create("compact", weights=path, **{key: value})
 

@@ -145,7 +145,14 @@ def test_files_that_are_no_faster_rcnn_are_named(tmp_path: Path, network: Path) 
 
 @pytest.mark.parametrize(
     "option",
-    [{"mode": "fast"}, {"score_floor": 1.5}, {"most": 0}, {"threads": 0}, {"shortest_px": 8}, {"longest_px": 100}],
+    [
+        {"mode": "fast"},
+        {"score_floor": 1.5},
+        {"max_detections": 0},
+        {"threads": 0},
+        {"shortest_px": 8},
+        {"longest_px": 100},
+    ],
 )
 def test_options_out_of_range_are_named(network: Path, option: dict[str, object]) -> None:
     with pytest.raises(InputError, match=next(iter(option))):

@@ -243,19 +243,19 @@ def test_configured_detectors_take_their_options(path: Path) -> None:
     """Options are the class's own; the file is one that ``weights get`` brings (or its export), or a released one."""
     # The root of the default profile is empty.
     content = yaml.safe_load(path.read_text(encoding="utf-8").replace("${root}", ""))
-    section = DetectorSettings(**{**content, "watch": content["weights"]})
+    section = DetectorSettings(**{**content, "dvc_dependency": content["weights"]})
     assert section.kind == path.stem
     taken = inspect.signature(detection.REGISTRY.get(section.kind)).parameters
     assert {"weights", *section.options} <= set(taken)
     file = Path(section.weights)
-    if section.get.startswith("dvc repro train_detector_"):
+    if section.fetch_command.startswith("dvc repro train_detector_"):
         assert (ROOT / file).is_file()
         detection.create(section.kind, weights=ROOT / file, **section.options)
     else:
         assert file.parent == FOLDER
         row = next(row for row in TABLE.values() if row.detector == section.kind)
         assert file.stem == Path(row.file).stem and file.suffix == ".onnx"
-        assert "camera-monitor weights get" in section.get
+        assert "camera-monitor weights get" in section.fetch_command
     with pytest.raises(InputError, match="no such (model|weight) file"):
         detection.create(section.kind, **{**section.options, "weights": "absent"})
 

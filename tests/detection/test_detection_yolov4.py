@@ -13,7 +13,7 @@ from pipeline import detection
 from pipeline.detection.yolov4 import ANCHORS_PX, canvas_of, decode
 from pipeline.errors import InputError
 
-EVERY = {"score_floor": 0.6, "overlap": 0.5}
+EVERY = {"score_floor": 0.6, "iou_threshold": 0.5}
 
 
 def tiny_yolov4(path: Path, side: int = 416, classes: int = 80, maps: int = 3, grown: float = 1.0) -> Path:
@@ -87,7 +87,7 @@ def test_paper_mode_suppresses_at_an_overlap_of_0213(tmp_path: Path) -> None:
     wide = tiny_yolov4(tmp_path / "wide.onnx", grown=2.0)
     image = bright(416, 416, (80, 80, 96, 88))
     assert len(detection.create("yolov4", weights=wide, mode="paper").detect([image])[0]) == 1
-    assert len(detection.create("yolov4", weights=wide, mode="paper", overlap=0.34).detect([image])[0]) == 2
+    assert len(detection.create("yolov4", weights=wide, mode="paper", iou_threshold=0.34).detect([image])[0]) == 2
     assert len(detection.create("yolov4", weights=wide).detect([image])[0]) == 2
 
 
@@ -140,7 +140,7 @@ def test_files_that_are_no_yolov4_are_named(tmp_path: Path, network: Path) -> No
 
 
 @pytest.mark.parametrize(
-    "option", [{"mode": "papers"}, {"score_floor": -1.0}, {"overlap": 2.0}, {"most": 0}, {"threads": 0}]
+    "option", [{"mode": "papers"}, {"score_floor": -1.0}, {"iou_threshold": 2.0}, {"max_detections": 0}, {"threads": 0}]
 )
 def test_options_out_of_range_are_named(network: Path, option: dict[str, object]) -> None:
     with pytest.raises(InputError, match=next(iter(option))):

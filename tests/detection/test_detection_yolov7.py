@@ -122,14 +122,18 @@ def test_decoding_equals_the_published_formula() -> None:
 
 def test_the_margin_is_114_and_centred(tmp_path: Path) -> None:
     """White 640 x 636 px: 2 px of margin above, so that the first row of cells is a quarter margin."""
-    detector = detection.create("yolov7", weights=tiny_yolov7(tmp_path / "t.onnx", "grid"), most=10_000)
+    detector = detection.create("yolov7", weights=tiny_yolov7(tmp_path / "t.onnx", "grid"), max_detections=10_000)
     score = detector.detect([np.ones((636, 640), np.float32)])[0].score
     assert np.count_nonzero(np.abs(score - (0.75 + 0.25 * 114 / 255)) < 1e-4) == 160
 
 
 def test_paper_mode_has_the_exports_thresholds(tmp_path: Path) -> None:
     detector = detection.create("yolov7", weights=tiny_yolov7(tmp_path / "t.onnx", "grid"), mode="paper")
-    assert (detector.limits.score_floor, detector.limits.overlap, detector.limits.most) == (0.35, 0.65, 100)
+    assert (detector.limits.score_floor, detector.limits.iou_threshold, detector.limits.max_detections) == (
+        0.35,
+        0.65,
+        100,
+    )
     image = bright(640, 640, (80, 80, 88, 88), 0.34)
     assert len(detector.detect([image])[0]) == 0
     image[160:168, 160:168] = 0.36

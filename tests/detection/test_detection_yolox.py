@@ -72,7 +72,7 @@ def test_many_images_keep_their_order_and_nothing_is_nothing(tmp_path: Path) -> 
 def test_the_number_of_boxes_is_limited_best_first(tmp_path: Path) -> None:
     path = tiny_yolox(tmp_path / "t.onnx")
     image = stream(1, "image").random((64, 64)).astype(np.float32)
-    found = detection.create("yolox", weights=path, labels=LABELS, most=5).detect([image])[0]
+    found = detection.create("yolox", weights=path, labels=LABELS, max_detections=5).detect([image])[0]
     every = detection.create("yolox", weights=path, labels=LABELS).detect([image])[0]
     assert len(found) == 5 < len(every)
     np.testing.assert_array_equal(found.score, every.score[:5])
@@ -108,7 +108,7 @@ def test_files_that_are_no_yolox_are_named(tmp_path: Path) -> None:
     "option",
     [
         {"input_px": 16}, {"input_px": (100, 64)}, {"input_px": (64, 64, 64)}, {"score_floor": 2.0},
-        {"overlap": -0.1}, {"most": 0}, {"threads": 0}, {"input_size": 3},
+        {"iou_threshold": -0.1}, {"max_detections": 0}, {"threads": 0}, {"input_size": 3},
     ],
 )  # fmt: skip
 def test_options_out_of_range_are_named(tmp_path: Path, option: dict[str, object]) -> None:
@@ -187,7 +187,7 @@ def test_equals_another_runtime_and_a_plain_decoder(nano: Path, kitti: list[Fram
 def test_finds_the_cars_of_real_streets(nano: Path, kitti: list[Frame]) -> None:
     """16 grey KITTI frames at 1280 px: measured car 92.8 %, person 76.2 % (10 people); bar for cars 80 %."""
     detector = detection.create("yolox", weights=nano, input_px=1280)
-    result = evaluate_frames(kitti, detector, CLASS_MAPS["kitti"], lowest_px=25, generator=stream(0, "bootstrap"))
+    result = evaluate_frames(kitti, detector, CLASS_MAPS["kitti"], min_height_px=25, generator=stream(0, "bootstrap"))
     assert result["car"].objects == 17
     assert result["car"].average_precision > 0.85
     assert result["car"].low <= result["car"].average_precision <= result["car"].high

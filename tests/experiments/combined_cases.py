@@ -29,7 +29,9 @@ class Contrast:
 def measured(frame, patches, tiles=(), methods=None, **changes):
     """The measurements of one frame."""
     methods = [Method("contrast", "mtf", Contrast())] if methods is None else methods
-    experiment = Combined(**{"pairs": PAIRS, "kernels": KERNELS, "levels_dn": LEVELS, "methods": methods, **changes})
+    experiment = Combined(
+        **{"pairs": PAIRS, "kernels": KERNELS, "target_sigmas_dn": LEVELS, "methods": methods, **changes}
+    )
     return experiment.run([TestFrame(frame, {"mtf": patches, "sigma_dn": tiles})], CameraSettings(), 1)
 
 

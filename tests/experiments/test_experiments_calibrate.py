@@ -7,7 +7,7 @@ import pytest
 from data_makers import make_folder
 
 from pipeline import blur, datasets, store, tables
-from pipeline.blur.camera_fit import Fit, Fitted
+from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
 from pipeline.camera.psf import stored
 from pipeline.camera.psf.defocus import create as defocus
 from pipeline.camera.psf.kernel import Kernel
@@ -24,7 +24,7 @@ from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY
 from pipeline.stages.blur import run as stage
 
 BANK = [Kernel("defocus_7", "defocus", 7, 0, defocus(7.0))]
-JOB = {"dataset": "mine", "estimator": "fitted"}
+JOB = {"dataset": "mine", "estimator": "camera_calibrated"}
 SAMPLES = 100
 
 
@@ -35,11 +35,11 @@ def prepared(place, frames, workers=1):
     store.write_table(place / "data/index/mine/frames.parquet", found.frames, tables.FRAMES)
     store.write_table(place / "data/index/mine/patches.parquet", found.patches, tables.PATCHES)
     stored.write(place / "data/psf", BANK, "generated")
-    estimators = {"fitted": EstimatorSettings(kind="spectral", camera_samples=SAMPLES)}
+    estimators = {"camera_calibrated": EstimatorSettings(kind="spectral", calibration_samples=SAMPLES)}
     config = SimpleNamespace(
         seed=1,
         camera=CameraSettings(),
-        datasets={"mine": DatasetSettings(kind="folder", root=str(root), watch=str(root))},
+        datasets={"mine": DatasetSettings(kind="folder", root=str(root), dvc_dependency=str(root))},
         blur=SimpleNamespace(patches_per_frame=1, bootstrap_draws=5, estimators=estimators),
         executor=SimpleNamespace(workers=workers, backend="processes", address=None),
     )
@@ -51,14 +51,14 @@ def ran(tmp_path_factory):
     config, inputs = prepared(tmp_path_factory.mktemp("project"), 3)
     out = tmp_path_factory.mktemp("out")
     stage.run(config, JOB, inputs, out)
-    return config, inputs, out / "data/blur/mine-fitted"
+    return config, inputs, out / "data/blur/mine-camera_calibrated"
 
 
 def test_answers_are_calibrated_ones_only(ran):
     _, _, folder = ran
     summary = store.read_table(folder / "summary.parquet", BLUR_SUMMARY)
-    assert summary["calibrated"].all() and set(summary["kind"]) == {"sharp", "defocus"}
-    metrics = store.read_json(folder.parents[2] / "reports/metrics/blur/mine-fitted.json")
+    assert summary["calibrated"].all() and set(summary["blur_kind"]) == {"sharp", "defocus"}
+    metrics = store.read_json(folder.parents[2] / "reports/metrics/blur/mine-camera_calibrated.json")
     assert set(metrics) == {"calibrated"}
 
 
@@ -70,10 +70,10 @@ def test_no_frame_is_judged_by_a_fit_to_itself(ran):
     estimates = store.read_table(folder / "estimates.parquet", BLUR_ESTIMATES)
     for half, kept in others.items():
         own = calibrate.fit_frames(kept, estimator=Registered(blur.create, "spectral"), samples=SAMPLES, seed=1)
-        found = Fit.load(folder / f"camera-{half}.json")
+        found = Calibration.load(folder / f"camera-{half}.json")
         assert np.array_equal(own.matrix, found.matrix) and found.samples <= SAMPLES
         held_out = [item for item in some if item.frame.name not in {other.frame.name for other in kept}]
-        method = Method("fitted", "mtf", Fitted(blur.create("spectral"), found))
+        method = Method("camera_calibrated", "mtf", CalibratedEstimator(blur.create("spectral"), found))
         rows = run(held_out, grid(BANK), [method])
         names = [item.frame.name for item in held_out]
         stored_rows = estimates[estimates["frame"].isin(names) & (estimates["kernel"] == "defocus_7")]
@@ -95,7 +95,7 @@ def test_two_workers_write_the_same_bytes(ran, tmp_path):
         **{**vars(config), "executor": SimpleNamespace(workers=2, backend="processes", address=None)}
     )
     stage.run(config, JOB, inputs, tmp_path)
-    again = tmp_path / "data/blur/mine-fitted"
+    again = tmp_path / "data/blur/mine-camera_calibrated"
     names = sorted(path.name for path in folder.iterdir())
     assert names == ["camera-0.json", "camera-1.json", "estimates.parquet", "summary.parquet"]
     assert all((folder / name).read_bytes() == (again / name).read_bytes() for name in names)
@@ -103,5 +103,5 @@ def test_two_workers_write_the_same_bytes(ran, tmp_path):
 
 def test_one_frame_is_refused_with_a_way_out(tmp_path):
     config, inputs = prepared(tmp_path, 1)
-    with pytest.raises(InputError, match="at least two, or leave camera_samples out"):
+    with pytest.raises(InputError, match="at least two, or leave calibration_samples out"):
         stage.run(config, JOB, inputs, tmp_path)

@@ -76,7 +76,7 @@ def test_the_patch_shown_has_the_highest_contrast(frame, patches):
 
 
 def test_a_slow_estimator_takes_its_part_only(frame, patches):
-    part = Subset(sizes_px=[7], angles_deg=[90], levels_dn=[15], experiments=["linear_dcsn", "defocus_dcsn"])
+    part = Subset(sizes_px=[7], angles_deg=[90], target_sigmas_dn=[15], experiments=["linear_dcsn", "defocus_dcsn"])
     rows = measured(frame, patches, methods=[Method("slow", "mtf", Contrast(), part)])
     blurred = rows[rows["kernel"] != "sharp"]
     assert set(blurred["kernel"]) == {"defocus_7", "linear_motion_7_90"}  # a disc has no rotation
@@ -115,8 +115,8 @@ def test_the_disc_is_divided_out_where_enough_is_left(measurements):
     assert answered.tolist() == (both(filtered) > 0.05).tolist() and 0.2 < answered.mean() < 1
     cells = blur_cells(pd.concat([measurements, filtered]), 1, 5)
     row = cells[(cells["filter_px"] == 3) & ~cells["calibrated"]].iloc[0]
-    assert row["amae_percent"] == pytest.approx(0, abs=1e-9) and row["smoothed_share"] == 1
-    assert row["frequencies_share"] == pytest.approx(answered.mean()) and row["abstained"] == 0
+    assert row["amae_percent"] == pytest.approx(0, abs=1e-9) and row["smoothed_fraction"] == 1
+    assert row["frequencies_fraction"] == pytest.approx(answered.mean()) and row["abstained"] == 0
 
 
 def test_a_patch_of_which_nothing_is_left_abstains(measurements):
@@ -133,11 +133,11 @@ def test_statistics_are_those_of_table_one_where_nothing_is_filtered(measurement
     chosen = measurements[(measurements["experiment"] == "linear_dcsn") | (measurements["kernel"] == "sharp")]
     for calibrated in (False, True):
         rows = divided_by_sharp(chosen) if calibrated else chosen
-        theirs = mtf_cells(rows, MTF_CELL, "blur", 1, 0).set_index(["kind", "level_dn"])
+        theirs = mtf_cells(rows, MTF_CELL, "blur", 1, 0).set_index(["blur_kind", "target_sigma_dn"])
         ours = cells[(cells["experiment"] == "linear_dcsn") & (cells["calibrated"] == calibrated)]
         assert len(ours) == 2 and (ours["angles"] == 2).all()
         for row in ours.to_dict("records"):
-            beside = theirs.loc[("linear_motion", row["level_dn"])]
+            beside = theirs.loc[("linear_motion", row["target_sigma_dn"])]
             for name in ("amae_percent", "patch_error_percent", "coverage", "count"):
                 assert row[name] == pytest.approx(beside[name]), name
             assert row["amae_percent"] == pytest.approx((row["mae_h_percent"] + row["mae_v_percent"]) / 2)
@@ -148,7 +148,8 @@ def test_the_error_expected_is_that_of_both_blurs(measurements):
     errors = {("defocus_dcsn", 0.0, 0.0, 7.0): 3.0, (DISC, 0.0, 0.0, 5.0): 4.0,
               ("defocus_dcsn", 15.0, 5.0, 7.0): 9.0}  # fmt: skip
     rows = [
-        {**cells.iloc[0].to_dict(), "experiment": name, "level_dn": level, "filter_px": filter_px, "size_px": size,
+        {**cells.iloc[0].to_dict(), "experiment": name, "target_sigma_dn": level, "filter_px": filter_px,
+        "kernel_size_px": size,
          "amae_percent": value, "calibrated": False}
         for (name, level, filter_px, size), value in errors.items()
     ]  # fmt: skip
@@ -160,39 +161,39 @@ def test_the_error_expected_is_that_of_both_blurs(measurements):
 
 def test_noise_behind_the_optics_keeps_its_level_and_noise_before_them_is_blurred(frame):
     rows = measured(frame, [], tiles(frame.image().shape), [Method("pca", "sigma_dn", Registered(noise.create, "pca"))])
-    assert written(rows, "sigma_dn", NOISE_READ)["kind"].isin(["defocus", "linear_motion"]).all()
-    cells = sigma_cells(rows, 1, 5).set_index(["experiment", "size_px", "level_dn"])
+    assert written(rows, "sigma_dn", NOISE_READ)["blur_kind"].isin(["defocus", "linear_motion"]).all()
+    cells = sigma_cells(rows, 1, 5).set_index(["experiment", "kernel_size_px", "target_sigma_dn"])
     behind, before = (cells.loc[(name, 7.0, 15.0)] for name in ("defocus_dcsn", "photon_defocus"))
-    assert behind["added_median_dn"] == pytest.approx(15, rel=0.02)
-    assert behind["median_dn"] == pytest.approx(behind["true_median_dn"], rel=0.1)
+    assert behind["unclipped_median_dn"] == pytest.approx(15, rel=0.02)
+    assert behind["median_dn"] == pytest.approx(behind["clipped_median_dn"], rel=0.1)
     # White noise through a disc keeps the root of the sum of squares of its weights.
     kernel = next(kernel for kernel in KERNELS if kernel.kind == "defocus")
     left = np.sqrt((kernel.psf.astype(float) ** 2).sum())
     unblurred = cells.loc[("photon_defocus", 0.0, 15.0)]
-    assert unblurred["added_median_dn"] > 10
-    assert before["added_median_dn"] == pytest.approx(left * unblurred["added_median_dn"], rel=0.15)
+    assert unblurred["unclipped_median_dn"] > 10
+    assert before["unclipped_median_dn"] == pytest.approx(left * unblurred["unclipped_median_dn"], rel=0.15)
     assert before["median_dn"] < 0.2 * behind["median_dn"]
-    assert cells.loc[("defocus_dcsn", 7.0, 0.0)]["added_median_dn"] == 0
+    assert cells.loc[("defocus_dcsn", 7.0, 0.0)]["unclipped_median_dn"] == 0
 
 
 def test_example_curves_are_medians_of_the_rotation_nearest_to_the_diagonal(measurements):
     curves = example_curves(measurements, 7.0)
-    part = curves[(curves["experiment"] == "linear_dcsn") & (curves["level_dn"] == 15) & ~curves["calibrated"]]
+    part = curves[(curves["experiment"] == "linear_dcsn") & (curves["target_sigma_dn"] == 15) & ~curves["calibrated"]]
     assert set(part["angle_deg"]) == {0.0} and set(part["axis"]) == {"H", "V", "HV"}  # 0 and 90 are as near
     rows = (measurements["experiment"] == "linear_dcsn") & (measurements["target_sigma_dn"] == 15)
     rows &= (measurements["angle_deg"] == 0) & (measurements["axis"] == "H")
     lowest = measurements[rows & np.isclose(measurements["frequency"], mtf.FREQUENCIES[0])]["estimate"]
-    first = part[(part["axis"] == "H") & (part["place"] == 0)].iloc[0]
+    first = part[(part["axis"] == "H") & (part["frequency_index"] == 0)].iloc[0]
     assert first["median"] == pytest.approx(robust_median(lowest.to_numpy()))
     kernel = next(kernel for kernel in KERNELS if kernel.name == "linear_motion_7_0")
-    both = part[part["axis"] == "HV"].sort_values("place")["true_mtf"].to_numpy()
+    both = part[part["axis"] == "HV"].sort_values("frequency_index")["true_mtf"].to_numpy()
     assert both == pytest.approx(mtf.sample(kernel.psf).mean(axis=0))
 
 
 def test_a_cell_without_any_estimate_has_counts_but_no_mean():
     rows = {
         "experiment": "defocus_dcsn", "estimator": "mine", "calibrated": False, "filter_px": 0.0,
-        "level_dn": [0.0, 15.0], "amae_percent": [2.0, float("nan")], "count": [3, 0], "abstained": [0, 3],
+        "target_sigma_dn": [0.0, 15.0], "amae_percent": [2.0, float("nan")], "count": [3, 0], "abstained": [0, 3],
     }  # fmt: skip
     nested = combined_metrics(pd.DataFrame(rows))["blur"]["defocus_dcsn"]["mine"]["raw"]
     assert nested == {"0": {"amae_percent": 2.0, "count": 3, "abstained": 0}, "15": {"count": 0, "abstained": 3}}

@@ -16,7 +16,7 @@ from pipeline.stages import combined, denoised_blur, index, psf_bank
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY = (
-    *(f"~combined.blur_estimators.{name}" for name in ("cnn", "pmp", "gbb")), "combined.levels_dn=[0,15]",
+    *(f"~combined.blur_estimators.{name}" for name in ("cnn", "pmp", "gbb")), "combined.target_sigmas_dn=[0,15]",
     "combined.sizes_px=[11]", "denoised_blur.sizes_px=[11]", "denoised_blur.filters_px=[7]",
     "~combined.experiments.photon_linear", "psf.sizes_px=[11]", "psf.kinds=[defocus,linear_motion]",
 )  # fmt: skip
@@ -82,9 +82,9 @@ def test_every_cell_is_there(once):
     assert len(cells) == 3 * 2 * (2 + 1)  # experiments x raw, calibrated x (two levels, the noisy one smoothed as well)
     assert (cells[cells["experiment"] == "linear_dcsn"]["angles"] == 2).all()
     noise = store.read_table(folder / "noise.parquet", NOISE_CELLS)
-    assert set(noise["estimator"]) == {"cellwise", "pca"} and set(noise["size_px"]) == {0.0, 11.0}
+    assert set(noise["estimator"]) == {"cellwise", "pca"} and set(noise["kernel_size_px"]) == {0.0, 11.0}
     curves = store.read_table(folder / "curves.parquet", CURVES)
-    assert (curves.groupby(["experiment", "level_dn", "filter_px", "calibrated", "axis"]).size() == 8).all()
+    assert (curves.groupby(["experiment", "target_sigma_dn", "filter_px", "calibrated", "axis"]).size() == 8).all()
     arrays, said = store.read_arrays(folder / "example.npz"), store.read_json(folder / "example.json")
     by_name = {entry["experiment"]: entry for entry in said["experiments"]}
     assert by_name["photon_defocus"]["steps"] == ["scene", "photon", "optics", "frame"]
@@ -102,8 +102,8 @@ def test_the_supplement_smooths_every_patch_and_says_what_to_expect(once):
     cells = store.read_table(once / "data/denoised_blur/kitti/blur.parquet", BLUR_CELLS)
     assert set(cells["experiment"]) == {"linear_motion_dcsn"}
     smoothed = cells[cells["filter_px"] == 7]
-    assert (smoothed["smoothed_share"] == 1).all() and (smoothed["expected_amae_percent"] > 0).all()
-    plain = cells[(cells["filter_px"] == 0) & (cells["level_dn"] == 0)].set_index("calibrated")["amae_percent"]
+    assert (smoothed["smoothed_fraction"] == 1).all() and (smoothed["expected_amae_percent"] > 0).all()
+    plain = cells[(cells["filter_px"] == 0) & (cells["target_sigma_dn"] == 0)].set_index("calibrated")["amae_percent"]
     for row in smoothed.to_dict("records"):
         assert row["expected_amae_percent"] > plain[row["calibrated"]]
 
@@ -120,18 +120,18 @@ def test_a_name_that_is_not_configured_is_named(root, once):
 @pytest.mark.slow
 def test_noise_of_ten_dn_leaves_defocus_readable_on_recorded_frames(shared, tmp_path):
     """The paper gives up from 10 DN on; a network trained with noise does not, and its noise is read at its level."""
-    overrides = (*TINY, "combined.levels_dn=[0,10,25]", "~combined.experiments.linear_dcsn", "combined.frames=4",
+    overrides = (*TINY, "combined.target_sigmas_dn=[0,10,25]", "~combined.experiments.linear_dcsn", "combined.frames=4",
                  "combined.patches_per_frame=null", "combined.denoise.filter_px=null")  # fmt: skip
     config = settings(shared / "realdata/kitti", *overrides)
     before(config, tmp_path)
     combined.run.run(config, {"dataset": "kitti"}, tmp_path, tmp_path)
     cells = store.read_table(tmp_path / "data/combined/kitti/blur.parquet", BLUR_CELLS)
     assert (cells["filter_px"] == 0).all()
-    raw = cells[~cells["calibrated"]].set_index(["experiment", "level_dn"])["amae_percent"]
+    raw = cells[~cells["calibrated"]].set_index(["experiment", "target_sigma_dn"])["amae_percent"]
     assert raw["defocus_dcsn", 10] < 4 and raw["defocus_dcsn", 25] < 8
     assert raw["photon_defocus", 25] < 2  # noise that the lens has blurred helps rather than hurts
     noise = store.read_table(tmp_path / "data/combined/kitti/noise.parquet", NOISE_CELLS)
     own = noise[
-        (noise["estimator"] == "cellwise") & (noise["experiment"] == "defocus_dcsn") & (noise["level_dn"] == 25)
+        (noise["estimator"] == "cellwise") & (noise["experiment"] == "defocus_dcsn") & (noise["target_sigma_dn"] == 25)
     ]
     assert (abs(own["median_dn"] - 25) < 2).all()

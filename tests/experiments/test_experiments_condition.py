@@ -45,7 +45,7 @@ def test_the_reference_is_the_sharp_frame_without_noise():
 
 
 def test_a_slow_estimator_takes_its_part_and_always_the_reference():
-    part = Subset(sizes_px=[7], angles_deg=[90], levels_dn=[15], experiments=["linear_dcsn", "defocus_dcsn"])
+    part = Subset(sizes_px=[7], angles_deg=[90], target_sigmas_dn=[15], experiments=["linear_dcsn", "defocus_dcsn"])
     listed = [
         Condition(kernel, "dcsn", level, f"{kernel.kind.split('_')[0]}_dcsn")
         for kernel in KERNELS

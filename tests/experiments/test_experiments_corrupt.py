@@ -9,7 +9,7 @@ import pytest
 from data_makers import make_folder, make_kitti
 
 from pipeline import noise as noise_estimators
-from pipeline.camera import levels, mtf
+from pipeline.camera import corruption, mtf
 from pipeline.camera.settings import CameraSettings
 from pipeline.datasets import open_dataset
 from pipeline.datasets.folder import Folder
@@ -36,12 +36,12 @@ def frame(tmp_path):
     return Folder("folder", make_folder(tmp_path / "data", frames=1)).frames()[0]
 
 
-def conditions(frame, kernel, effect, levels_dn, camera, seed):
+def conditions(frame, kernel, noise_source, target_sigmas_dn, camera, seed):
     sharp = SharpFrame(frame, camera, seed)
-    return [(level, sharp.under(Condition(kernel, effect, level)).formation) for level in levels_dn]
+    return [(level, sharp.under(Condition(kernel, noise_source, level)).formation) for level in target_sigmas_dn]
 
 
-@pytest.mark.parametrize("effect", ["dcsn", "readout", "sensor", "photon", "combined"])
+@pytest.mark.parametrize("noise_source", ["dcsn", "readout", "sensor", "photon", "combined"])
 @pytest.mark.parametrize(
     "camera",
     [
@@ -52,17 +52,17 @@ def conditions(frame, kernel, effect, levels_dn, camera, seed):
     ],
     ids=["physical", "authors", "detector", "linear"],
 )
-def test_every_image_is_the_camera_models_own(frame, effect, camera):
+def test_every_image_is_the_camera_models_own(frame, noise_source, camera):
     """Bit for bit, though the optics are passed once and the noise is drawn once for all levels and kernels."""
     sharp = SharpFrame(frame, camera, 7)
     for kernel in (BLURS[0], BLURS[-1]):
         for level in LEVELS:
-            shown = sharp.under(Condition(kernel, effect, level))
-            generator = stream(7, "conditions", "folder", frame.name, effect)
+            shown = sharp.under(Condition(kernel, noise_source, level))
+            generator = stream(7, "conditions", "folder", frame.name, noise_source)
             psf = None if kernel.name == "sharp" else kernel.psf
-            expected = levels.corrupt(
+            expected = corruption.corrupt(
                 frame.image(),
-                effect,
+                noise_source,
                 sigma_dn=level,
                 generator=generator,
                 psf=psf,
@@ -97,7 +97,7 @@ def test_levels_of_a_frame_scale_one_draw_and_frames_draw_their_own(frame):
         sharp = SharpFrame(one, CameraSettings(), 1)
         sharp.image = np.full((64, 64), 0.5, np.float32)
         shown = {level: sharp.under(Condition(kernel, "dcsn", level)).formation for level in (0.0, 10.0, 20.0)}
-        assert shown[10.0].sigma_dn == pytest.approx(10.0, rel=1e-3)
+        assert shown[10.0].unclipped_sigma_dn == pytest.approx(10.0, rel=1e-3)
         return [255 * (shown[level].image - shown[0.0].image) for level in (10.0, 20.0)]
 
     small, large = noise(grey, BLURS[0])

@@ -21,7 +21,7 @@ from pipeline.config.compose import compose
 from pipeline.config.schema import Config, validate
 from pipeline.curves import precision
 from pipeline.datasets.frame import Box, Frame
-from pipeline.detection import pieces
+from pipeline.detection import checkpoint
 from pipeline.errors import InputError
 from pipeline.experiments import detect as sweep
 from pipeline.stages import curves, detect, detector, direction, index, measured, regression
@@ -37,13 +37,24 @@ def configured(folder: Path, workers: int = 1, name: str = "kitti", **options: o
     content["datasets"] = {
         name: {**yaml.safe_load((ROOT / f"conf/dataset/{name}.yaml").read_text()), "root": str(folder / name)}
     }
-    content["datasets"][name]["watch"] = "."
+    content["datasets"][name]["dvc_dependency"] = "."
     weights = str(folder / "tiny.onnx")
     given = {"labels": LABELS, "input_px": 128, "score_floor": 0.6, **options}
-    tiny = {"kind": "yolox", "weights": weights, "watch": weights, "get": "make it", "options": given}
+    tiny = {
+        "kind": "yolox",
+        "weights": weights,
+        "dvc_dependency": weights,
+        "fetch_command": "make it",
+        "options": given,
+    }
     content["detection"]["detectors"] = {"tiny": tiny}
     content["detection"]["datasets"] = [name]
-    content["detection"]["sweep"] |= {"levels_dn": LEVELS, "sizes_px": [3, 9], "angles_deg": [0, 90], "frames": None}
+    content["detection"]["sweep"] |= {
+        "target_sigmas_dn": LEVELS,
+        "sizes_px": [3, 9],
+        "angles_deg": [0, 90],
+        "frames": None,
+    }
     content["matrix"] |= {"datasets": [name], "detectors": ["tiny"], "detection_datasets": [name]}
     content["control"]["detector"] = "tiny"
     content["by_kind"]["detection"] = {"yolox": {"tiny": weights}}
@@ -85,10 +96,10 @@ def test_every_condition_of_every_frame_is_looked_at(once: Path) -> None:
     folder = once / "data/detect/kitti-tiny"
     looked = store.read_table(folder / "looked.parquet", sweep.LOOKED)
     assert len(looked) == 2 * KERNELS * len(LEVELS)
-    assert not looked.duplicated(["frame", "kernel", "level_dn"]).any()
+    assert not looked.duplicated(["frame", "kernel", "target_sigma_dn"]).any()
     found = store.read_table(folder / "detections.parquet", sweep.DETECTIONS)
     assert set(found["label"]) == {"car"} and len(found) == looked["detections"].sum() > 0
-    assert (found.groupby(["frame", "kernel", "level_dn"])["score"].diff().dropna() <= 0).all()  # best first
+    assert (found.groupby(["frame", "kernel", "target_sigma_dn"])["score"].diff().dropna() <= 0).all()  # best first
     objects = store.read_table(folder / "objects.parquet", sweep.OBJECTS)
     assert objects[~objects["ignore"]].groupby("label").size().to_dict() == {"car": 2, "person": 2}
     assert not (once / ".cache/detect").exists()  # the pieces are gone once the run is done
@@ -107,13 +118,13 @@ sys.path.insert(0, {tests!r})
 sys.path.insert(0, {here!r})
 from test_experiments_detect import configured, run
 from pipeline.experiments.detect import Sweep
-looked, left = Sweep.look, [4]
+looked, left = Sweep.detect, [4]
 def look(self, frame, kernel):
     if not left[0]:
         os.kill(os.getpid(), signal.SIGKILL)
     left[0] -= 1
     return looked(self, frame, kernel)
-Sweep.look = look
+Sweep.detect = look
 run(configured(Path({data!r})), Path({out!r}))
 """
 
@@ -132,25 +143,25 @@ def test_a_killed_run_goes_on_and_its_result_is_the_same_bytes(
     assert not (tmp_path / "data/detect").exists()
     kept[0].write_bytes(kept[0].read_bytes()[:100])  # and one piece was cut short
     fresh = []
-    looked = sweep.Sweep.look
-    monkeypatch.setattr(sweep.Sweep, "look", lambda *given: fresh.append(1) or looked(*given))
+    looked = sweep.Sweep.detect
+    monkeypatch.setattr(sweep.Sweep, "detect", lambda *given: fresh.append(1) or looked(*given))
     run(configured(data), tmp_path)
     assert len(fresh) == 2 * KERNELS - 3
     assert digests(tmp_path / "data/detect") == digests(once / "data/detect")
 
 
 def test_pieces_of_another_run_are_not_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    one = pieces.fingerprint("pipeline.experiments.detect", {"weights": "a", "levels": (0, 5)}, "compact")
-    assert one == pieces.fingerprint("pipeline.experiments.detect", {"levels": (0, 5), "weights": "a"}, "compact")
-    assert one != pieces.fingerprint("pipeline.experiments.detect", {"weights": "b", "levels": (0, 5)}, "compact")
-    assert one != pieces.fingerprint("pipeline.experiments.detect", {"weights": "a", "levels": (0, 5)}, "yolox")
+    one = checkpoint.fingerprint("pipeline.experiments.detect", {"weights": "a", "levels": (0, 5)}, "compact")
+    assert one == checkpoint.fingerprint("pipeline.experiments.detect", {"levels": (0, 5), "weights": "a"}, "compact")
+    assert one != checkpoint.fingerprint("pipeline.experiments.detect", {"weights": "b", "levels": (0, 5)}, "compact")
+    assert one != checkpoint.fingerprint("pipeline.experiments.detect", {"weights": "a", "levels": (0, 5)}, "yolox")
     names = frozenset({"x"})
-    made = [pieces.kept(tmp_path, "frame", depends, names, lambda n=n: {"x": np.array(n)})["x"].item()
+    made = [checkpoint.load_or_compute(tmp_path, "frame", depends, names, lambda n=n: {"x": np.array(n)})["x"].item()
             for n, depends in enumerate((b"sharp", b"other picture", b"sharp"))]  # fmt: skip
     assert made == [0, 1, 0]
     store.write_arrays(next(tmp_path.glob("frame-*")), y=np.zeros(1))  # a piece of another shape is made again
     again = [
-        pieces.kept(tmp_path, "frame", d, names, lambda: {"x": np.array(9)})["x"].item()
+        checkpoint.load_or_compute(tmp_path, "frame", d, names, lambda: {"x": np.array(9)})["x"].item()
         for d in (b"sharp", b"other picture")
     ]
     assert sorted(again)[-1] == 9 and len(set(again)) == 2

@@ -11,7 +11,7 @@ from data_makers import make_folder
 
 from pipeline.datasets.folder import Folder
 from pipeline.detection.classes import CLASS_MAPS
-from pipeline.detection.settings import JudgeSettings
+from pipeline.detection.settings import EvaluationSettings
 from pipeline.errors import InputError
 from pipeline.executor import run_map
 from pipeline.experiments import iopc
@@ -21,13 +21,15 @@ from pipeline.experiments.summarise import condition_medians
 from pipeline.experiments.tables import CONDITIONS
 
 MEASURE = MeasureSettings(mtf="spectral", sigma="cellwise", patch_px=192, tile_px=128, per_frame=3)
-JUDGE = JudgeSettings(rule="paper", overlap=0.5, lowest_px=25, least_visible=0.3, bootstrap_draws=50)
+JUDGE = EvaluationSettings(
+    rule="paper", iou_threshold=0.5, min_height_px=25, min_visible_fraction=0.3, bootstrap_draws=50
+)
 WORDS = CLASS_MAPS["sim"]
 BLURS = sweep_kernels("linear_motion", [0, 11], [0], "nominal", 1)
 
 
-def places(frame, measure=MEASURE, judge=JUDGE):
-    (item,) = iopc.on_objects([frame], WORDS, measure, judge)
+def places(frame, measure=MEASURE, criteria=JUDGE):
+    (item,) = iopc.on_objects([frame], WORDS, measure, criteria)
     return item.patches["mtf"], item.patches["sigma_dn"]
 
 
@@ -55,17 +57,17 @@ def test_places_overlap_objects_and_are_at_most_so_many(frames):
     every = places(frame, MEASURE.model_copy(update={"per_frame": None}))[1]
     assert {(tile.x_px, tile.y_px) for tile in over} <= {(tile.x_px, tile.y_px) for tile in every}
     # The car is 70 px high: then there is no object.
-    assert places(frame, judge=JUDGE.model_copy(update={"lowest_px": 100})) == ([], [])
+    assert places(frame, criteria=JUDGE.model_copy(update={"min_height_px": 100})) == ([], [])
 
 
 def test_medians_follow_the_noise_and_the_blur_put_in(table):
     found = condition_medians(table, 1, 50)
     assert len(found) == 4 and list(found.columns) == list(CONDITIONS.columns)
-    noisy = found[found["level_dn"] == 10]
-    assert np.abs(noisy["sigma_dn"] - noisy["true_sigma_dn"]).max() < 1.5
+    noisy = found[found["target_sigma_dn"] == 10]
+    assert np.abs(noisy["sigma_dn"] - noisy["clipped_sigma_dn"]).max() < 1.5
     sharp, blurred = (found[found["kernel"] == kernel.name]["true_mtf"].iloc[0] for kernel in BLURS)
     assert sharp == 1.0 and blurred == pytest.approx(0.5 + 0.5 * np.sinc(11 * 6 / 111), abs=0.01)
-    quiet = found[found["level_dn"] == 0].set_index("kernel")["mtf"]
+    quiet = found[found["target_sigma_dn"] == 0].set_index("kernel")["mtf"]
     assert quiet[BLURS[1].name] < quiet["sharp"] - 0.1
     assert ((found["sigma_low_dn"] <= found["sigma_dn"]) & (found["sigma_dn"] <= found["sigma_high_dn"])).all()
 

@@ -131,7 +131,7 @@ def project(root, opened, tmp_path_factory):
     config = SimpleNamespace(
         seed=1,
         camera=CameraSettings(),
-        datasets={"mine": DatasetSettings(kind="folder", root=str(root), watch=str(root))},
+        datasets={"mine": DatasetSettings(kind="folder", root=str(root), dvc_dependency=str(root))},
         blur=SimpleNamespace(patches_per_frame=1, bootstrap_draws=5, estimators=estimators),
         executor=SimpleNamespace(workers=1, backend="processes", address=None),
     )

@@ -89,7 +89,7 @@ def test_abstentions_are_counted_not_dropped(rows):
     clean = rows[(rows["noise_source"] == "dcsn") & (rows["target_sigma_dn"] == 0)]
     assert clean["abstained"].iloc[0] and clean["reason"].iloc[0]
     summary = noise.summarise(rows, 1, 50)
-    cell = summary[(summary["effect"] == "dcsn") & (summary["level_dn"] == 0)].iloc[0]
+    cell = summary[(summary["noise_source"] == "dcsn") & (summary["target_sigma_dn"] == 0)].iloc[0]
     assert cell["abstained"] == clean["abstained"].sum() >= 1
     assert cell["abstained"] + cell["count"] == 6
 
@@ -103,7 +103,7 @@ def test_metrics_are_nested_by_effect_and_level(rows):
 
 def test_the_library_call_writes_the_same_table_and_summary(frames, rows):
     result = noise.measure("pca", Registered(estimators.create, "pca"), frames, SOURCES, LEVELS, draws=20)
-    assert list(result.summary["level_dn"]) == [0, 10, 0, 10]  # in the order asked for
+    assert list(result.summary["target_sigma_dn"]) == [0, 10, 0, 10]  # in the order asked for
     named = measurements_of(result.estimates, "sigma_dn")
     open_tiles = named[(named["patch"] > 0) & (named["target_sigma_dn"] == 10)]
     assert (open_tiles["estimate"] - open_tiles["truth"]).abs().median() < 0.6

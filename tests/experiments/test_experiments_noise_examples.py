@@ -32,7 +32,7 @@ def test_a_strong_codec_removes_noise_and_abstentions_are_counted_by_reason(fram
     assert example.true_sigma_dn.min() < 2  # of the smooth patch; others keep noise of the codec itself
     row = measure(example, {"adaptive": noise.create("adaptive")}).iloc[0]
     assert row["answered"] < 4 and row["reasons"].startswith("compressed")
-    assert row["added_sigma_dn"] == 3.0
+    assert row["unclipped_sigma_dn"] == 3.0
 
 
 def test_a_photograph_is_compared_with_its_mean(tmp_path, frame):
@@ -40,7 +40,7 @@ def test_a_photograph_is_compared_with_its_mean(tmp_path, frame):
     noisy = np.clip(np.rint(mean + stream(1, "photograph").normal(0, 4, mean.shape)), 0, 255).astype(np.uint8)
     cv2.imwrite(str(tmp_path / "real.png"), noisy)
     example = photograph("photograph", tmp_path / "real.png", frame)
-    assert example.true_sigma_dn == pytest.approx(4, rel=0.1) and np.isnan(example.added_sigma_dn)
+    assert example.true_sigma_dn == pytest.approx(4, rel=0.1) and np.isnan(example.unclipped_sigma_dn)
     assert (patches(example.picture)[1] == noisy[:128, 128:256]).all()
 
 

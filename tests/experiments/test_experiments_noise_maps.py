@@ -37,8 +37,8 @@ def test_maps_hold_frame_truth_and_answer(tmp_path):
     frame, camera = Frame("made_up", "a", Path(path)), CameraSettings()
     arrays, said = noise_maps(frame, noise.create("cellwise"), ["readout", "dcsn", "photon"], 10.0, camera, 1)
     assert said["effects"] == ["photon", "dcsn"]
-    for effect in said["effects"]:
-        seen, added, found = (arrays[f"{effect}_{part}"] for part in ("seen", "added", "found"))
+    for noise_source in said["effects"]:
+        seen, added, found = (arrays[f"{noise_source}_{part}"] for part in ("seen", "added", "found"))
         assert seen.shape == (320, 448)
         assert seen.dtype == np.uint8
         assert added.shape == found.shape == (40, 56)

@@ -14,7 +14,9 @@ from pipeline.experiments import order_study
 from pipeline.store import write_image
 from pipeline.streams import stream
 
-JUDGE = SimpleNamespace(rule="paper", overlap=0.5, lowest_px=25.0, least_visible=0.3, bootstrap_draws=10)
+JUDGE = SimpleNamespace(
+    rule="paper", iou_threshold=0.5, min_height_px=25.0, min_visible_fraction=0.3, bootstrap_draws=10
+)
 
 
 @pytest.fixture
@@ -35,7 +37,7 @@ def test_order_study_covers_orders_lights_lengths_and_levels():
 def test_order_study_noise_behind_the_optics_keeps_its_level(frame):
     """The paper's order blurs its own noise away: of 15 DN behind 11 px of motion about 15 / sqrt(11) are left."""
     chosen = [one for one in order_study.conditions([11], [15]) if one.light == "encoded"]
-    found = [order_study.look(frame, chosen=chosen, camera=CameraSettings(), kind="compact", options="{}", seed=1)]
+    found = [order_study.measure(frame, chosen=chosen, camera=CameraSettings(), kind="compact", options="{}", seed=1)]
     scores = order_study.precisions([frame], found, chosen, CLASS_MAPS["sim"], JUDGE, 1)
     table = order_study.table(found, chosen, scores, 1).set_index("order")
     assert table.loc["detector", "clipped_sigma_dn"] == pytest.approx(15, rel=0.05)

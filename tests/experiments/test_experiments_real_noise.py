@@ -94,7 +94,7 @@ def test_the_stage_writes_that_it_has_not_run_without_data(tmp_path):
 def test_the_stage_measures_raw_frames_of_a_given_folder(tmp_path, raw):
     key = "real_noise.recordings.flea3"
     config = configuration(f"{key}.folder={raw}", f"{key}.light=light", f"{key}.dark=dark")
-    assert config.real_noise.recordings["flea3"].watch == str(raw)
+    assert config.real_noise.recordings["flea3"].dvc_dependency == str(raw)
     stage.run(config, {"recording": "flea3"}, tmp_path, tmp_path)
     folder = tmp_path / "data/real_noise/flea3"
     assert read_table(folder / "transfer.parquet", TRANSFER)["gain_dn_per_e"].mean() == pytest.approx(GAIN, rel=0.05)

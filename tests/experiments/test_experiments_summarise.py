@@ -59,7 +59,7 @@ def test_the_cameras_own_blur_is_divided_out(estimates):
     raw = summarise(estimates, 1, 20)
     relative = summarise(divided_by_sharp(estimates), 1, 20, calibrated=True)
     assert (relative["amae_percent"] < 1e-6).all() and relative["calibrated"].all()
-    motion_row = raw[raw.kind == "linear_motion"].iloc[0]
+    motion_row = raw[raw.blur_kind == "linear_motion"].iloc[0]
     truths = [mtf.sample(kernel.psf) for kernel in KERNELS[2:]]
     assert motion_row["amae_percent"] == pytest.approx(20 * np.mean(truths), rel=1e-6)
     assert motion_row["angles"] == 2 and motion_row["low_percent"] == pytest.approx(motion_row["high_percent"])
@@ -77,7 +77,7 @@ def test_abstentions_are_counted_and_left_out(estimates):
     some.loc[gone, ["estimate", "low", "high"]] = np.nan
     some.loc[gone, "abstained"] = True
     summary = summarise(divided_by_sharp(some), 1, 0)
-    row = summary[summary.kind == "defocus"].iloc[0]
+    row = summary[summary.blur_kind == "defocus"].iloc[0]
     total = estimates[["frame", "patch"]].drop_duplicates()
     assert row["abstained"] == 1 and row["count"] == len(total) - 1 and row["amae_percent"] < 1e-6
 

@@ -35,7 +35,7 @@ BANK = [
     *(Kernel(f"linear_motion_7_{angle}", "linear_motion", 7, angle, motion(7.0, angle)) for angle in (0, 90)),
 ]
 SPECTRAL = EstimatorSettings(kind="spectral")
-CALIBRATED = EstimatorSettings(kind="spectral", camera_samples=100)
+CALIBRATED = EstimatorSettings(kind="spectral", calibration_samples=100)
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def test_an_estimator_calibrated_to_the_camera_is_cross_fitted_and_not_divided_a
 
 
 def test_a_relative_mtf_is_not_divided_again(work):
-    generic = EstimatorSettings(kind="spectral", options={"answer": "added"})
+    generic = EstimatorSettings(kind="spectral", options={"output": "relative"})
     assert not measured(work, generic).summary["calibrated"].any()
 
 
@@ -124,7 +124,7 @@ def test_readmes_foreign_estimator_enters_table_one():
     printed = []
     exec(code, {"print": printed.append, "MyEstimator": Half})
     assert set(printed[0]["estimator"]) == {"mine"} and printed[0]["amae_percent"].notna().all()
-    assert set(printed[0]["kind"]) == {"sharp", "defocus", "linear_motion", "nonlinear_motion"}
+    assert set(printed[0]["blur_kind"]) == {"sharp", "defocus", "linear_motion", "nonlinear_motion"}
 
 
 def test_the_stage_writes_it(root, found, once, tmp_path):
@@ -139,7 +139,7 @@ def test_the_stage_writes_it(root, found, once, tmp_path):
     config = SimpleNamespace(
         seed=1,
         camera=CameraSettings(),
-        datasets={"mine": DatasetSettings(kind="folder", root=str(root), watch=str(root))},
+        datasets={"mine": DatasetSettings(kind="folder", root=str(root), dvc_dependency=str(root))},
         blur=SimpleNamespace(patches_per_frame=None, bootstrap_draws=5, estimators={"mine": SPECTRAL}),
         executor=SimpleNamespace(workers=1, backend="processes", address=None),
     )

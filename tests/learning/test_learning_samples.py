@@ -65,8 +65,8 @@ def test_intrinsic_blur_is_part_of_the_label():
 def test_shares_of_clean_samples(bank):
     chunks = [sampler(bank).chunk(number) for number in range(12)]
     clean = np.concatenate([chunk.sigma_dn for chunk in chunks]) == 0
-    assert clean.mean() == pytest.approx(RECIPE.clean_share + RECIPE.before_share, abs=0.15)
-    none = sampler(bank, replace(RECIPE, clean_share=1.0, before_share=0.0)).chunk(0)
+    assert clean.mean() == pytest.approx(RECIPE.clean_fraction + RECIPE.pre_blur_noise_fraction, abs=0.15)
+    none = sampler(bank, replace(RECIPE, clean_fraction=1.0, pre_blur_noise_fraction=0.0)).chunk(0)
     assert (none.sigma_dn == 0).all()
 
 

@@ -9,7 +9,7 @@ import torch
 from pydantic import ValidationError
 
 from pipeline.errors import InputError
-from pipeline.learning.feed import Feed
+from pipeline.learning.chunk_loader import ChunkLoader
 from pipeline.learning.initial import initialise
 from pipeline.learning.settings import Schedule
 from pipeline.learning.trainer import CHECKPOINT, train
@@ -36,12 +36,12 @@ def loss(model, batch):
     return error.square().mean(), {"error": float(error.detach().abs().mean())}
 
 
-def feed():
-    return Feed(lines, 1, uses=2, window=8, producers=0)
+def loader():
+    return ChunkLoader(lines, 1, replays=2, replay_window=8, producers=0)
 
 
 def run(schedule=SCHEDULE, seed=1, **options):
-    return train(network(seed), loss, feed(), schedule, **options)
+    return train(network(seed), loss, loader(), schedule, **options)
 
 
 def weights_of(trained):
@@ -76,13 +76,13 @@ def test_a_run_killed_between_checkpoints_ends_the_same(tmp_path):
 
     dying.calls = 0
     with pytest.raises(KeyboardInterrupt):
-        train(network(), dying, feed(), SCHEDULE, folder=tmp_path)
+        train(network(), dying, loader(), SCHEDULE, folder=tmp_path)
     assert torch.equal(weights_of(run(folder=tmp_path)), weights_of(run()))
 
 
 def test_a_finished_run_is_not_repeated(tmp_path):
     first = run(folder=tmp_path)
-    again = train(network(), None, feed(), SCHEDULE, folder=tmp_path)
+    again = train(network(), None, loader(), SCHEDULE, folder=tmp_path)
     assert torch.equal(weights_of(first), weights_of(again))
 
 
@@ -91,12 +91,12 @@ def test_the_best_validated_weights_are_kept():
     trained = run(validate=lambda model: {"score": next(scores)}, score="score")
     assert trained.best_step == 40
     assert [row["validation_score"] for row in trained.curve if "validation_score" in row] == [3.0, 1.0, 2.0]
-    stopped = run(replace(SCHEDULE, hold=0.0), stop_after=40)
+    stopped = run(replace(SCHEDULE, constant_lr_fraction=0.0), stop_after=40)
     assert torch.equal(weights_of(trained), weights_of(stopped))
 
 
 def test_length_may_change_while_the_rate_is_held(tmp_path):
-    held = replace(SCHEDULE, hold=0.5)
+    held = replace(SCHEDULE, constant_lr_fraction=0.5)
     run(replace(held, steps=200), folder=tmp_path, stop_after=30)
     assert torch.equal(weights_of(run(held, folder=tmp_path)), weights_of(run(held)))
     run(replace(held, steps=200), folder=tmp_path / "late", stop_after=40)
@@ -105,7 +105,7 @@ def test_length_may_change_while_the_rate_is_held(tmp_path):
 
 
 def test_length_may_change_where_the_rate_never_falls(tmp_path):
-    even = replace(SCHEDULE, hold=0.0, final_share=1.0)
+    even = replace(SCHEDULE, constant_lr_fraction=0.0, final_lr_ratio=1.0)
     run(replace(even, steps=200), folder=tmp_path, stop_after=40)
     assert torch.equal(
         weights_of(run(replace(even, steps=80), folder=tmp_path)), weights_of(run(replace(even, steps=80)))
@@ -119,7 +119,7 @@ def test_checkpoints_of_another_training_are_refused(tmp_path):
     with pytest.raises(InputError, match="another schedule"):
         run(replace(SCHEDULE, learning_rate=0.5), folder=tmp_path)
     with pytest.raises(InputError, match="another network"):
-        train(torch.nn.Linear(4, 1), loss, feed(), SCHEDULE, folder=tmp_path)
+        train(torch.nn.Linear(4, 1), loss, loader(), SCHEDULE, folder=tmp_path)
     path = tmp_path / CHECKPOINT
     path.write_bytes(path.read_bytes()[:-40])
     with pytest.raises(InputError, match="safetensors"):
@@ -127,14 +127,14 @@ def test_checkpoints_of_another_training_are_refused(tmp_path):
 
 
 def test_the_rate_warms_up_holds_and_falls():
-    schedule = Schedule(100, learning_rate=1.0, warm_up=10, hold=0.5, final_share=0.01)
+    schedule = Schedule(100, learning_rate=1.0, warm_up=10, constant_lr_fraction=0.5, final_lr_ratio=0.01)
     rates = [schedule.rate(step) for step in range(100)]
     assert rates[0] == pytest.approx(0.1) and rates[10:51] == [1.0] * 41
     assert all(a > b for a, b in itertools.pairwise(rates[50:])) and rates[-1] < 0.02
-    assert Schedule(100, final_share=1.0, warm_up=1).rate(70) == 2e-3
+    assert Schedule(100, final_lr_ratio=1.0, warm_up=1).rate(70) == 2e-3
 
 
-@pytest.mark.parametrize("wrong", [{"steps": 0}, {"hold": 1.0}, {"checkpoint_every": 15}])
+@pytest.mark.parametrize("wrong", [{"steps": 0}, {"constant_lr_fraction": 1.0}, {"checkpoint_every": 15}])
 def test_impossible_schedules_are_refused(wrong):
     with pytest.raises(ValidationError, match=next(iter(wrong))):
         replace(SCHEDULE, **wrong)

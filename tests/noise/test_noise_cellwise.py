@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline import noise
-from pipeline.camera.levels import corrupt
+from pipeline.camera.corruption import corrupt
 from pipeline.errors import InputError
 from pipeline.learning import weights
 from pipeline.learning.textures import power_law
@@ -39,13 +39,15 @@ def scene(name: str, size_px: int = 128) -> np.ndarray:
     return cv2.GaussianBlur(image, (0, 0), 0.6).astype(np.float32) / 255
 
 
-def noisy(effect: str, sigma_dn: float, count: int = 6) -> tuple[np.ndarray, np.ndarray]:
+def noisy(noise_source: str, sigma_dn: float, count: int = 6) -> tuple[np.ndarray, np.ndarray]:
     """Patches (N, 1, 128, 128) with a sensor's noise, and its sigma in each before clipping."""
     made = [
-        corrupt(scene(str(number)), effect, sigma_dn=sigma_dn, generator=stream(1, "cellwise", effect, number))
+        corrupt(
+            scene(str(number)), noise_source, sigma_dn=sigma_dn, generator=stream(1, "cellwise", noise_source, number)
+        )
         for number in range(count)
     ]
-    return np.stack([one.image for one in made])[:, None], np.array([one.sigma_dn for one in made])
+    return np.stack([one.image for one in made])[:, None], np.array([one.unclipped_sigma_dn for one in made])
 
 
 # --- statistics -----------------------------------------------------------------------------------------------------
@@ -99,10 +101,10 @@ def test_the_network_takes_any_number_of_cells(cells: tuple[int, int]) -> None:
 # --- what the released weights can do -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("effect", ["dcsn", "readout", "combined", "photon"])
+@pytest.mark.parametrize("noise_source", ["dcsn", "readout", "combined", "photon"])
 @pytest.mark.parametrize("sigma_dn", [5.0, 15.0, 25.0])
-def test_known_noise_comes_back(estimator: Cellwise, effect: str, sigma_dn: float) -> None:
-    patches, truth = noisy(effect, sigma_dn)
+def test_known_noise_comes_back(estimator: Cellwise, noise_source: str, sigma_dn: float) -> None:
+    patches, truth = noisy(noise_source, sigma_dn)
     found = estimator.estimate(patches)
     assert np.abs(np.median(found.sigma_dn - truth)) < 0.4
     assert np.abs(found.sigma_dn - truth).max() < 1.0 + 0.06 * sigma_dn
@@ -128,12 +130,12 @@ def test_fine_texture_is_not_noise(estimator: Cellwise) -> None:
     assert np.median(ours.sigma_dn) < 0.5
 
 
-@pytest.mark.parametrize("effect", ["dcsn", "readout"])
-def test_a_white_sky_tells_the_sensors_noise(estimator: Cellwise, effect: str) -> None:
+@pytest.mark.parametrize("noise_source", ["dcsn", "readout"])
+def test_a_white_sky_tells_the_sensors_noise(estimator: Cellwise, noise_source: str) -> None:
     """Half of the noise is cut away; what PCA reads there is not two thirds of it."""
     sky = np.ones((384, 384), np.float32)
     sky[-40:, :] = 0.4
-    shown = corrupt(sky, effect, sigma_dn=25.0, generator=stream(3, "sky", effect)).image
+    shown = corrupt(sky, noise_source, sigma_dn=25.0, generator=stream(3, "sky", noise_source)).image
     patches = np.stack([shown[y : y + 128, x : x + 128] for y in (0, 128) for x in (0, 128, 256)])[:, None]
     found = estimator.estimate(patches)
     assert not found.abstained.any()

@@ -11,8 +11,8 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.learning.bank import bank_file
-from pipeline.learning.conduct import Conduct
 from pipeline.learning.fitting import fingerprint
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.settings import Schedule
 from pipeline.noise import samples, training
 from pipeline.noise.settings import Recipe, SigmaTraining
@@ -46,7 +46,7 @@ def settings(kind: str = "cellwise", **changes: object) -> SigmaTraining:
         recipe=SMALL,
         images=4,
         validation_images=4,
-        window=4,
+        replay_window=4,
         validation_chunks=2,
     )
     return replace(chosen, **changes)
@@ -66,7 +66,7 @@ def test_a_chunk_is_a_function_of_its_name(cache: Path) -> None:
 @pytest.mark.parametrize("number", range(12))
 def test_the_label_is_the_noise_that_was_added(number: int) -> None:
     """On mid grey, where nothing clips: the deviation of patch and cells within what sampling allows."""
-    recipe = Recipe(clean_share=0.0, low_share=0.0, sigma_dn=(4.0, 16.0))
+    recipe = Recipe(clean_fraction=0.0, low_fraction=0.0, sigma_dn=(4.0, 16.0))
     clean = np.full((256, 256), 128, np.float32)
     noisy, sigma, cells = samples.noisy(clean, recipe, stream(3, "label", number))
     present = noisy.astype(float) - clean
@@ -77,7 +77,7 @@ def test_the_label_is_the_noise_that_was_added(number: int) -> None:
 def test_photon_noise_grows_with_the_square_root_of_light() -> None:
     clean = np.full((128, 128), 40, np.float32)
     clean[:, 64:] = 160
-    recipe = Recipe(clean_share=0.0, low_share=0.0, sigma_dn=(8.0, 9.0))
+    recipe = Recipe(clean_fraction=0.0, low_fraction=0.0, sigma_dn=(8.0, 9.0))
     ratios = []
     for number in range(40):
         _, _, cells = samples.noisy(clean, recipe, stream(3, "ratio", number))
@@ -89,7 +89,7 @@ def test_photon_noise_grows_with_the_square_root_of_light() -> None:
 
 def test_white_keeps_its_label_though_half_of_the_noise_is_cut() -> None:
     clean = np.full((128, 128), 255, np.float32)
-    recipe = Recipe(clean_share=0.0, low_share=0.0, sigma_dn=(20.0, 20.001))
+    recipe = Recipe(clean_fraction=0.0, low_fraction=0.0, sigma_dn=(20.0, 20.001))
     for number in range(12):
         noisy, sigma, _ = samples.noisy(clean, recipe, stream(3, "white", number))
         assert sigma == pytest.approx(20.0, rel=1e-3)
@@ -100,7 +100,7 @@ def test_white_keeps_its_label_though_half_of_the_noise_is_cut() -> None:
 
 def test_clean_samples_are_clean() -> None:
     clean = np.rint(stream(0, "clean").uniform(0, 255, (64, 64))).astype(np.float32)
-    noisy, sigma, cells = samples.noisy(clean, Recipe(clean_share=1.0), stream(0, "clean noise"))
+    noisy, sigma, cells = samples.noisy(clean, Recipe(clean_fraction=1.0), stream(0, "clean noise"))
     np.testing.assert_array_equal(noisy, clean)
     assert sigma == 0.0
     assert not cells.any()
@@ -110,9 +110,9 @@ def test_clean_samples_are_clean() -> None:
 def test_training_goes_on_to_the_bit(cache: Path, tmp_path: Path, kind: str) -> None:
     recipe = SMALL if kind == "cellwise" else replace(SMALL, size_px=16)
     chosen = settings(kind, recipe=recipe)
-    whole = training.train(chosen, Conduct(cache, tmp_path / "whole"))
-    training.train(chosen, Conduct(cache, tmp_path / "parts", stop_after=7))
-    parts = training.train(chosen, Conduct(cache, tmp_path / "parts"))
+    whole = training.train(chosen, RunOptions(cache, tmp_path / "whole"))
+    training.train(chosen, RunOptions(cache, tmp_path / "parts", stop_after=7))
+    parts = training.train(chosen, RunOptions(cache, tmp_path / "parts"))
     assert whole.curve == parts.curve
     for name, tensor in whole.model.state_dict().items():
         assert tensor.equal(parts.model.state_dict()[name]), name
@@ -120,9 +120,9 @@ def test_training_goes_on_to_the_bit(cache: Path, tmp_path: Path, kind: str) -> 
 
 def test_training_learns(cache: Path, tmp_path: Path) -> None:
     """Sixty steps halve the loss; fresh weights answer near Immerkaer's estimate, which is no bad start."""
-    schedule = Schedule(60, learning_rate=5e-3, warm_up=5, checkpoint_every=60, report_every=10, average_decay=0.9)
+    schedule = Schedule(60, learning_rate=5e-3, warm_up=5, checkpoint_every=60, report_every=10, ema_decay=0.9)
     chosen = settings(schedule=schedule, recipe=replace(SMALL, views=4))
-    trained = training.train(chosen, Conduct(cache, tmp_path))
+    trained = training.train(chosen, RunOptions(cache, tmp_path))
     losses = [row["loss"] for row in trained.curve]
     assert len(losses) == 6
     assert losses[-1] < 0.5 * losses[0], losses

@@ -67,8 +67,9 @@ def make_blur(
                 answer = truth * camera + BIAS[estimator] * (1 - truth) + generator.normal(scale=0.01, size=(2, 8))
                 answer = np.full((2, 8), np.nan) if refused else np.clip(answer, 0, 1)
                 common = {
-                    "dataset": dataset, "estimator": estimator, "kernel": kernel.name, "kind": kernel.kind,
-                    "size_px": float(kernel.size_px), "angle_deg": kernel.angle_deg, "effect": "", "level_dn": 0.0,
+                    "dataset": dataset, "estimator": estimator, "kernel": kernel.name, "blur_kind": kernel.kind,
+                    "kernel_size_px": float(kernel.size_px), "angle_deg": kernel.angle_deg, "noise_source": "",
+                    "target_sigma_dn": 0.0,
                     "frame": f"{dataset}-{number:04d}", "patch": patch, "abstained": refused,
                     "reason": "flat" if refused else "",
                 }  # fmt: skip
@@ -88,7 +89,8 @@ def make_blur(
                     shown = np.full((2, 8), np.nan) if refuse else answer
                     entries.append(
                         {
-                            "kernel": kernel.name, "kind": kernel.kind, "size_px": float(kernel.size_px), "mtf": shown,
+                            "kernel": kernel.name, "blur_kind": kernel.kind, "kernel_size_px": float(kernel.size_px),
+                            "mtf": shown,
                             "true_mtf": truth, "amae_percent": float(mtf.amae(shown, truth)), "abstained": refuse,
                             "reason": "no kernel found" if refuse else "",
                         }

@@ -33,7 +33,7 @@ def blur_cells(dataset: str, *, experiments: tuple[str, ...] = tuple(EXPERIMENTS
     """Cells of one estimator on one dataset; photon noise is never smoothed."""
     rows = []
     for name in experiments:
-        kind, effect = EXPERIMENTS[name]
+        kind, noise_source = EXPERIMENTS[name]
         for way in (False, True):
             for size in sizes:
                 for level in LEVELS:
@@ -43,12 +43,15 @@ def blur_cells(dataset: str, *, experiments: tuple[str, ...] = tuple(EXPERIMENTS
                         value = amae(size, level, filter_px, way)
                         rows.append(
                             {
-                                "dataset": dataset, "estimator": "spectral", "experiment": name, "effect": effect,
-                                "level_dn": level, "kind": kind, "size_px": size, "filter_px": filter_px,
+                                "dataset": dataset, "estimator": "spectral", "experiment": name,
+                                "noise_source": noise_source,
+                                "target_sigma_dn": level, "blur_kind": kind, "kernel_size_px": size,
+                                "filter_px": filter_px,
                                 "calibrated": way, "amae_percent": value, "low_percent": value - 0.5,
                                 "high_percent": value + 0.5, "patch_error_percent": value + 1, "coverage": 0.9,
                                 "angles": 1, "count": 9, "abstained": 1,
-                                "smoothed_share": float(filter_px > 0 and effect == "dcsn"), "frequencies_share": 0.8,
+                                "smoothed_fraction": float(filter_px > 0 and noise_source == "dcsn"),
+                                "frequencies_fraction": 0.8,
                                 "mae_h_percent": value + 0.2, "mae_v_percent": value - 0.2,
                                 "expected_amae_percent": 5.0 if filter_px else np.nan,
                             }
@@ -59,17 +62,18 @@ def blur_cells(dataset: str, *, experiments: tuple[str, ...] = tuple(EXPERIMENTS
 def noise_cells(dataset: str) -> pd.DataFrame:
     """Sensor noise is read at its level, photon noise behind a blur hardly at all."""
     rows = []
-    for name, (kind, effect) in EXPERIMENTS.items():
+    for name, (kind, noise_source) in EXPERIMENTS.items():
         for estimator in ("cellwise", "pca"):
             for size in (0.0, *SIZES):
                 for level in LEVELS:
-                    present = level if effect == "dcsn" or size == 0 else level / size
+                    present = level if noise_source == "dcsn" or size == 0 else level / size
                     rows.append(
                         {
-                            "dataset": dataset, "estimator": estimator, "experiment": name, "kind": kind,
-                            "size_px": size, "effect": effect, "level_dn": level, "median_dn": 0.95 * present,
+                            "dataset": dataset, "estimator": estimator, "experiment": name, "blur_kind": kind,
+                            "kernel_size_px": size, "noise_source": noise_source, "target_sigma_dn": level,
+                            "median_dn": 0.95 * present,
                             "minimum_dn": 0.9 * present, "maximum_dn": present, "low_dn": 0.93 * present,
-                            "high_dn": 0.97 * present, "true_median_dn": present, "added_median_dn": present,
+                            "high_dn": 0.97 * present, "clipped_median_dn": present, "unclipped_median_dn": present,
                             "patch_error_dn": 0.05 * present, "coverage": np.nan, "count": 8, "rejected": 0,
                             "abstained": 2 if estimator == "pca" else 0,
                         }
@@ -89,10 +93,10 @@ def curves(dataset: str) -> pd.DataFrame:
                             truth = 1 - frequency
                             rows.append(
                                 {
-                                    "dataset": dataset, "estimator": "spectral", "experiment": name, "kind": kind,
-                                    "size_px": 11.0, "angle_deg": 0.0 if kind == "defocus" else 45.0,
-                                    "level_dn": level, "filter_px": filter_px, "calibrated": way, "axis": axis,
-                                    "place": place, "frequency": frequency, "true_mtf": truth,
+                                    "dataset": dataset, "estimator": "spectral", "experiment": name, "blur_kind": kind,
+                                    "kernel_size_px": 11.0, "angle_deg": 0.0 if kind == "defocus" else 45.0,
+                                    "target_sigma_dn": level, "filter_px": filter_px, "calibrated": way, "axis": axis,
+                                    "frequency_index": place, "frequency": frequency, "true_mtf": truth,
                                     "median": truth + 0.01 * level + 0.1 * (filter_px > 0), "minimum": 0.0,
                                     "maximum": 1.0, "count": 9, "abstained": 1,
                                 }
@@ -103,13 +107,16 @@ def curves(dataset: str) -> pd.DataFrame:
 def make_combined(folder: Path, dataset: str) -> None:
     """All files of the stage `combined` for one dataset."""
     arrays, entries = {}, []
-    for name, (kind, effect) in EXPERIMENTS.items():
-        steps = ["scene", "optics", "dark", "frame"] if effect == "dcsn" else ["scene", "photon", "optics", "frame"]
+    for name, (kind, noise_source) in EXPERIMENTS.items():
+        steps = (
+            ["scene", "optics", "dark", "frame"] if noise_source == "dcsn" else ["scene", "photon", "optics", "frame"]
+        )
         arrays |= {f"step_{name}_{step}": picture(f"{name} {step}", (96, 96)) for step in steps}
         arrays |= {f"level_{name}_{place}": picture(f"{name} {place}", (96, 96)) for place in range(len(LEVELS))}
-        entries.append({"experiment": name, "kernel": f"{kind}_11", "kind": kind, "effect": effect, "angle_deg": 0.0,
-                        "steps": steps, "levels_dn": list(LEVELS)})  # fmt: skip
-    head = {"dataset": dataset, "frame": f"{dataset}-0000", "label": "car", "size_px": 11.0}
+        entries.append({"experiment": name, "kernel": f"{kind}_11", "blur_kind": kind, "noise_source": noise_source,
+            "angle_deg": 0.0,
+                        "steps": steps, "target_sigmas_dn": list(LEVELS)})  # fmt: skip
+    head = {"dataset": dataset, "frame": f"{dataset}-0000", "label": "car", "kernel_size_px": 11.0}
     store.write_table(folder / "blur.parquet", blur_cells(dataset), BLUR_CELLS)
     store.write_table(folder / "noise.parquet", noise_cells(dataset), NOISE_CELLS)
     store.write_table(folder / "curves.parquet", curves(dataset), CURVES)

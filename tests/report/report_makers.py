@@ -88,7 +88,7 @@ def make_psf(folder: Path, sizes: tuple[int, ...] = (3, 7, 11)) -> None:
                     spectrum = np.abs(np.fft.fft(turned, 111))[[3, 6, 8, 11, 16, 22, 27, 33]]
                     rows += [
                         {
-                            "kernel": name, "kind": kind, "size_px": size, "angle_deg": float(angle),
+                            "kernel": name, "blur_kind": kind, "kernel_size_px": size, "angle_deg": float(angle),
                             "source": "generated", "axis": axis, "frequency": frequency, "mtf": value,
                         }
                         for frequency, value in zip(FREQUENCY, spectrum, strict=True)
@@ -115,25 +115,26 @@ def make_corrupt(folder: Path, dataset: str, frames: int = 4) -> None:
     """Corruption truth and gallery of one dataset."""
     generator = stream(0, "corrupt", dataset)
     rows = []
-    for effect in EFFECTS:
+    for noise_source in EFFECTS:
         for level in LEVELS_DN:
             for number in range(frames):
                 rows.append(
                     {
-                        "dataset": dataset, "frame": f"{dataset}-{number:04d}", "effect": effect, "level_dn": level,
-                        "gain": 1.0, "sigma_dn": level, "shift_dn": 0.0, "clipped_fraction": 0.01,
-                        "sigma_clipped_dn": level * float(generator.uniform(0.92, 0.99)),
+                        "dataset": dataset, "frame": f"{dataset}-{number:04d}", "noise_source": noise_source,
+                        "target_sigma_dn": level,
+                        "noise_scale": 1.0, "unclipped_sigma_dn": level, "shift_dn": 0.0, "clipped_fraction": 0.01,
+                        "clipped_sigma_dn": level * float(generator.uniform(0.92, 0.99)),
                         "temperature_k": 300.0, "exposure_s": 0.1,
                     }
                 )  # fmt: skip
     store.write_table(folder / "corruption.parquet", pd.DataFrame(rows), tables.CORRUPTION)
     clean = picture(f"gallery-{dataset}", (96, 96)).astype(float)
     arrays, effects = {}, []
-    for effect in EFFECTS:
+    for noise_source in EFFECTS:
         for level in LEVELS_DN:
-            name = f"{effect}_{level:g}"
+            name = f"{noise_source}_{level:g}"
             arrays[name] = np.clip(clean + level * generator.normal(size=clean.shape), 0, 255).round().astype(np.uint8)
-            effects.append({"array": name, "effect": effect, "level_dn": level})
+            effects.append({"array": name, "noise_source": noise_source, "target_sigma_dn": level})
     chain, current = [], clean
     for step in ("Scene", "Photon", "Optics", "Dark current", "Readout", "Quantisation"):
         current = current if step in ("Scene", "Quantisation") else current + 3 * generator.normal(size=clean.shape)
@@ -147,16 +148,16 @@ def make_noise(folder: Path, dataset: str, estimator: str, patches: int = 12) ->
     """Estimates and summary of one noise estimator on one dataset."""
     generator = stream(0, "noise", dataset, estimator)
     estimates, summary = [], []
-    for effect in EFFECTS:
+    for noise_source in EFFECTS:
         for level in LEVELS_DN:
             true = level * 0.95
             values = SHARES[estimator] * true + 1.0 + generator.normal(scale=0.6, size=patches)
             values[:2] = np.nan if estimator in ("pca", "wavelet") else values[:2]
-            key = {"dataset": dataset, "estimator": estimator, "effect": effect, "level_dn": level}
+            key = {"dataset": dataset, "estimator": estimator, "noise_source": noise_source, "target_sigma_dn": level}
             estimates += [
                 {
-                    **key, "frame": f"{dataset}-0000", "patch": number, "true_sigma_dn": true, "sigma_dn": value,
-                    "added_sigma_dn": level, "saturated_share": 0.9 if number == 2 else 0.0,
+                    **key, "frame": f"{dataset}-0000", "patch": number, "clipped_sigma_dn": true, "sigma_dn": value,
+                    "unclipped_sigma_dn": level, "saturated_fraction": 0.9 if number == 2 else 0.0,
                     "low_dn": value - 1.5 if estimator == "cellwise" else np.nan,
                     "high_dn": value + 1.5 if estimator == "cellwise" else np.nan, "abstained": bool(np.isnan(value)),
                     "reason": "saturated" if np.isnan(value) else "",
@@ -167,9 +168,9 @@ def make_noise(folder: Path, dataset: str, estimator: str, patches: int = 12) ->
             summary.append(
                 {
                     **key, "median_dn": np.median(found), "minimum_dn": found.min(), "maximum_dn": found.max(),
-                    "low_dn": np.median(found) - 0.3, "high_dn": np.median(found) + 0.3, "true_median_dn": true,
+                    "low_dn": np.median(found) - 0.3, "high_dn": np.median(found) + 0.3, "clipped_median_dn": true,
                     "patch_error_dn": np.abs(found - true).mean(), "count": len(found), "rejected": 1,
-                    "added_median_dn": level, "added_error_dn": np.abs(found - level).mean(),
+                    "unclipped_median_dn": level, "unclipped_error_dn": np.abs(found - level).mean(),
                     "coverage": np.mean(np.abs(found - level) <= 1.5) if estimator == "cellwise" else np.nan,
                     "abstained": patches - len(found),
                 }

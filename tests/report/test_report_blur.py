@@ -20,7 +20,7 @@ from pipeline.errors import InputError
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves, sharp_errors
 from pipeline.report import ledger_sources
 from pipeline.report.build import build
-from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary
+from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, published_table
 from pipeline.report.ledger_items import ITEMS, rows_of
 from pipeline.report.sections import blur, blur_amae, kernel_gallery
 from pipeline.report.sections.kernel_gallery import Gallery
@@ -50,12 +50,12 @@ def summary(inputs: ReportInputs) -> pd.DataFrame:
 
 @pytest.fixture(scope="module")
 def paper() -> pd.DataFrame:
-    return pd.read_csv(REPO / "data/paper/blur_amae.csv")
+    return published_table(REPO / "data/paper/blur_amae.csv")
 
 
 @pytest.fixture(scope="module")
 def published(paper: pd.DataFrame) -> dict[tuple[str, str, str, float], float]:
-    return paper.set_index(["dataset", "estimator", "blur", "size_px"])["amae_percent"].to_dict()
+    return paper.set_index(["dataset", "estimator", "blur_kind", "kernel_size_px"])["amae_percent"].to_dict()
 
 
 def artists(figure: object, prefix: str) -> list:
@@ -97,7 +97,7 @@ def test_nominal_frequencies_are_the_bins_in_order() -> None:
 
 def test_the_figure_of_sharp_curves_shows_ours_theirs_and_the_star(inputs: ReportInputs) -> None:
     curves = sharp_curves(blur_estimates(inputs))
-    paper = pd.read_csv(REPO / "data/paper/uncorrupted_mtf.csv")
+    paper = published_table(REPO / "data/paper/uncorrupted_mtf.csv")
     star = (np.array([0.1, 0.5, 0.9]), np.array([0.98, 0.8, 0.4]))
     drawing = blur.uncorrupted(curves, ["sim", "kitti", "udacity"], paper, {"sim": star})
     lines = artists(drawing.figure, "series--pmp--median")
@@ -114,13 +114,13 @@ def test_the_figure_of_sharp_curves_shows_ours_theirs_and_the_star(inputs: Repor
 
 
 def test_the_figure_of_amae_draws_each_cell(summary: pd.DataFrame) -> None:
-    raw = summary[~summary["calibrated"] & (summary["kind"] != "sharp")]
-    drawing = blur_amae.curves(raw, ["sim", "kitti"], pd.read_csv(REPO / "data/paper/blur_amae.csv"))
+    raw = summary[~summary["calibrated"] & (summary["blur_kind"] != "sharp")]
+    drawing = blur_amae.curves(raw, ["sim", "kitti"], published_table(REPO / "data/paper/blur_amae.csv"))
     line = artists(drawing.figure, "series--gbb--amae_sim_defocus")[0]
-    cells = raw[(raw["dataset"] == "sim") & (raw["estimator"] == "gbb") & (raw["kind"] == "defocus")]
-    assert np.asarray(line.get_ydata()) == pytest.approx(cells.sort_values("size_px")["amae_percent"].to_numpy())
+    cells = raw[(raw["dataset"] == "sim") & (raw["estimator"] == "gbb") & (raw["blur_kind"] == "defocus")]
+    assert np.asarray(line.get_ydata()) == pytest.approx(cells.sort_values("kernel_size_px")["amae_percent"].to_numpy())
     assert len(artists(drawing.figure, "series--cnn--paper")) == 6 and not artists(drawing.figure, "series--cnn--amae")
-    assert drawing.values.set_index(["dataset", "kind", "size_px", "estimator"]).loc[
+    assert drawing.values.set_index(["dataset", "blur_kind", "kernel_size_px", "estimator"]).loc[
         ("sim", "defocus", 3.0, "pmp"), "paper_amae_percent"
     ] == pytest.approx(13.9)
     assert f"GBB {raw[raw['estimator'] == 'gbb']['amae_percent'].mean():.1f} %" in drawing.alt
@@ -133,10 +133,10 @@ def test_table_one_sets_the_papers_value_beside_each_cell(summary: pd.DataFrame,
     ]  # fmt: skip
     ran = next(row for row in table.rows if row["blur"] == "D 21")
     assert isinstance(ran["pmp"], Estimate) and ran["pmp"].reference == 6.7 and ran["pmp"].count == 7
-    own = summary[(summary["dataset"] == "sim") & ~summary["calibrated"] & (summary["size_px"] == 21)]
-    cell = own[(own["kind"] == "defocus") & (own["estimator"] == "pmp")].iloc[0]
+    own = summary[(summary["dataset"] == "sim") & ~summary["calibrated"] & (summary["kernel_size_px"] == 21)]
+    cell = own[(own["blur_kind"] == "defocus") & (own["estimator"] == "pmp")].iloc[0]
     assert ran["pmp"].value == cell["amae_percent"] and ran["pmp"].low == cell["low_percent"]
-    values = own[own["kind"] == "defocus"].set_index("estimator")["amae_percent"]
+    values = own[own["blur_kind"] == "defocus"].set_index("estimator")["amae_percent"]
     assert str(ran["best"]).lower() == values.idxmin()
     assert isinstance(ran["cnn"], Estimate) and math.isnan(ran["cnn"].value) and ran["cnn"].reference == 1.1
     skipped = next(row for row in table.rows if row["blur"] == "L 7")  # not among our sizes
@@ -167,11 +167,11 @@ def test_means_of_table_one_are_over_the_same_kernels(
     summary: pd.DataFrame, paper: pd.DataFrame, published: dict
 ) -> None:
     mean = blur_amae.table_one("sim", summary, paper, False, {}).rows[-1]
-    own = summary[(summary["dataset"] == "sim") & ~summary["calibrated"] & (summary["kind"] != "sharp")]
+    own = summary[(summary["dataset"] == "sim") & ~summary["calibrated"] & (summary["blur_kind"] != "sharp")]
     pmp = own[own["estimator"] == "pmp"]
     assert isinstance(mean["pmp"], Estimate)
     assert mean["pmp"].value == pytest.approx(pmp["amae_percent"].mean())
-    theirs = [published["sim", "pmp", row.kind, row.size_px] for row in pmp.itertuples()]
+    theirs = [published["sim", "pmp", row.blur_kind, row.kernel_size_px] for row in pmp.itertuples()]
     assert mean["pmp"].reference == pytest.approx(np.mean(theirs))
     assert isinstance(mean["cnn"], Estimate)
     assert mean["cnn"].reference == pytest.approx(np.mean([v for k, v in published.items() if k[:2] == ("sim", "cnn")]))
@@ -304,7 +304,7 @@ def test_the_ledger_compares_same_names_but_not_our_sim(inputs: ReportInputs, su
     assert {row.verdict for row in sim} == {"not comparable"} and all("rendered here" in row.why for row in sim)
     kitti = next(row for row in ran if row.quantity.startswith("KITTI, GBB, Defocus, 21 px"))
     own = summary[(summary["dataset"] == "kitti") & (summary["estimator"] == "gbb") & ~summary["calibrated"]]
-    cell = own[(own["kind"] == "defocus") & (own["size_px"] == 21)].iloc[0]
+    cell = own[(own["blur_kind"] == "defocus") & (own["kernel_size_px"] == 21)].iloc[0]
     assert kitti.ours == cell["amae_percent"] and kitti.verdict in ("match", "better", "close", "differs")
     assert any("frames than the paper's" in row.why for row in ran if row.verdict == "differs")
     cnn = next(row for row in rows if row.quantity.startswith("KITTI, CNN"))

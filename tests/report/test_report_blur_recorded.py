@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from blur_makers import add_blur
 from report_makers import ABSENT, REPO
@@ -25,6 +24,7 @@ from pipeline.report.inputs import (
     blur_estimates,
     blur_summary,
     published,
+    published_table,
     relative_to,
 )
 from pipeline.report.ledger_items import ITEMS, rows_of
@@ -99,7 +99,7 @@ def test_tables_hold_the_record_and_the_papers_own_values(
     assert isinstance(table, Table) and "Sim (authors’)" in table.caption and table.stage == ""
     row = next(row for row in table.rows if row["blur"] == "D 3")
     cell, absent = row["pmp"], row["cnn"]
-    summary = blur_summary(made).set_index(["dataset", "estimator", "kind", "size_px", "calibrated"])
+    summary = blur_summary(made).set_index(["dataset", "estimator", "blur_kind", "kernel_size_px", "calibrated"])
     kept = summary.loc[("sim_authors", "pmp", "defocus", 3.0, False)]
     assert isinstance(cell, Estimate) and cell.value == pytest.approx(kept["amae_percent"], rel=1e-6)
     assert cell.reference == 13.9  # the paper's Sim
@@ -114,7 +114,7 @@ def test_figures_show_the_papers_curves_of_its_own_sim(blocks: dict[str, Figure 
     assert isinstance(shown, Figure) and "Sim (authors’)" in shown.drawing.alt
     lines = shown.drawing.figure.findobj(lambda artist: str(artist.get_gid()).startswith("series--cnn--paper_sim"))
     assert len(lines) == 1
-    paper = pd.read_csv(REPO / "data/paper/uncorrupted_mtf.csv")
+    paper = published_table(REPO / "data/paper/uncorrupted_mtf.csv")
     own = paper[(paper["dataset"] == "sim") & (paper["estimator"] == "cnn") & (paper["statistic"] == "median")]
     assert np.asarray(lines[0].get_ydata()) == pytest.approx(own.sort_values("frequency")["mtf"].to_numpy())
     assert shown.stages == ()
@@ -151,7 +151,7 @@ def test_the_ledger_counts_recorded_numbers(inputs: ReportInputs, made: ReportIn
     for name, dataset in (("Sim", "sim_authors"), ("KITTI", "kitti")):
         row = next(one for one in rows if one.quantity == f"{name}, PMP, Defocus, 21 px")
         own = summary[(summary["dataset"] == dataset) & (summary["estimator"] == "pmp") & ~summary["calibrated"]]
-        cell = own[(own["kind"] == "defocus") & (own["size_px"] == 21)].iloc[0]
+        cell = own[(own["blur_kind"] == "defocus") & (own["kernel_size_px"] == 21)].iloc[0]
         assert row.ours == pytest.approx(cell["amae_percent"], rel=1e-6)
     curves = [row for row in rows_of(BY_NAME["uncorrupted_mtf"], inputs) if math.isfinite(row.ours)]
     assert len(curves) == 2 * 24
@@ -170,13 +170,13 @@ def test_own_runs_win_over_records_but_for_the_sim_rendered_here(inputs: ReportI
     assert rows["Sim, PMP, Defocus, 3 px"].ours < 50.0 and rows["Sim, PMP, Defocus, 3 px"].comparable
     assert rows["Sim, GBB, Defocus, 3 px"].ours == 50.0 and not rows["Sim, GBB, Defocus, 3 px"].comparable
     table = ledger_sources.blur_amae(ran)
-    assert table is not None and not table.duplicated(["dataset", "estimator", "blur", "size_px"]).any()
+    assert table is not None and not table.duplicated(["dataset", "estimator", "blur_kind", "kernel_size_px"]).any()
 
 
 def test_the_papers_numbers_stand_under_both_names() -> None:
     table = published(ReportInputs(paper=REPO / "data/paper"), "blur_amae.csv")
     assert table is not None and len(table) == 180
-    found = table.set_index(["dataset", "estimator", "blur", "size_px"])["amae_percent"]
+    found = table.set_index(["dataset", "estimator", "blur_kind", "kernel_size_px"])["amae_percent"]
     assert found["sim_authors", "pmp", "defocus", 3.0] == found["sim", "pmp", "defocus", 3.0] == 13.9
 
 
@@ -191,7 +191,7 @@ def test_a_relative_mtf_is_no_curve_of_sharp_frames(made: ReportInputs) -> None:
 def test_what_an_mtf_is_relative_to_follows_from_the_settings_not_from_names() -> None:
     estimators = parse(compose([], REPO / "conf"), "conf/").blur.estimators
     to = {name: relative_to(section.model_dump()) for name, section in estimators.items()}
-    assert to["fitted"] == CAMERA and to["typical"] == GENERIC_LENS
+    assert to["camera_calibrated"] == CAMERA and to["generic_lens"] == GENERIC_LENS
     assert {to[name] for name in ("spectral", "pmp", "gbb", "cnn")} == {"system"}
 
 

@@ -6,7 +6,6 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from combined_makers import LEVELS, add_combined, amae, blur_cells
 from report_makers import ABSENT, REPO
@@ -15,7 +14,7 @@ from pipeline import store
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.build import build
-from pipeline.report.inputs import ReportInputs
+from pipeline.report.inputs import ReportInputs, published_table
 from pipeline.report.inputs import combined_tables as read_tables
 from pipeline.report.ledger import NOT_RUN
 from pipeline.report.ledger_items import ITEMS, rows_of
@@ -68,7 +67,7 @@ def test_nothing_run_is_said_with_its_line(inputs: ReportInputs) -> None:
 
 def test_the_table_sets_the_papers_numbers_beside_raw_answers(inputs: ReportInputs) -> None:
     blur = read_tables(inputs)[0]
-    paper = pd.read_csv(REPO / "data/paper/photon_defocus_amae.csv")
+    paper = published_table(REPO / "data/paper/photon_defocus_amae.csv")
     table = combined_tables.error("udacity", "photon_defocus", blur, paper)
     rows = {(row["way"], row["size"]): row for row in table.rows}
     cell = rows["raw", "3"]["level_25"]
@@ -95,7 +94,7 @@ def test_the_overview_is_the_mean_over_sizes(inputs: ReportInputs) -> None:
 
 def test_the_supplements_table_has_the_papers_twelve_rows(inputs: ReportInputs) -> None:
     cells = blur_cells("udacity", experiments=("linear_dcsn",), filters=(7.0, 11.0), sizes=(3.0, 7.0, 11.0))
-    table = combined_tables.denoised("udacity", cells, pd.read_csv(REPO / "data/paper/improved_blur.csv"))
+    table = combined_tables.denoised("udacity", cells, published_table(REPO / "data/paper/improved_blur.csv"))
     beside = [row for row in table.rows if row["amae"].reference is not None]
     assert len(beside) == 12
     row = next(row for row in beside if (row["filter"], row["size"], row["level"]) == ("11", "7", "25"))
@@ -131,7 +130,7 @@ def test_sizes_are_told_apart_by_colour_and_marker(inputs: ReportInputs) -> None
     )
     blur, noise, _ = read_tables(inputs)
     raw = blur[~blur["calibrated"]]
-    drawing = combined.amae_figure(raw, ["sim"], pd.read_csv(REPO / "data/paper/photon_defocus_amae.csv"))
+    drawing = combined.amae_figure(raw, ["sim"], published_table(REPO / "data/paper/photon_defocus_amae.csv"))
     lines = [line for axes in drawing.figure.axes for line in axes.lines if len(line.get_xdata())]
     assert len(lines) == 4 * 2 + 2  # experiments x sizes, and the paper's two
     assert drawing.values is not None and len(drawing.values) == 2 * 4 * 2 * 3
@@ -151,5 +150,5 @@ def test_the_page_holds_the_chapter_with_its_figures(inputs: ReportInputs, tmp_p
 def test_a_broken_example_is_named(inputs: ReportInputs, tmp_path: Path) -> None:
     broken = add_combined(inputs, tmp_path, ("sim",))
     store.write_json(tmp_path / "combined/sim/example.json", ["nothing"])
-    with pytest.raises(InputError, match="example.json: expected an object with dataset, size_px, experiments"):
+    with pytest.raises(InputError, match="example.json: expected an object with dataset, kernel_size_px, experiments"):
         combined.section(broken)

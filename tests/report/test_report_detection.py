@@ -31,7 +31,10 @@ PUBLISHED = ("yolov7_direction_ap", "regression_coefficients", "fitted_ap_grid")
 DETECTORS = ("compact", "compact_two_stage")
 
 
-JUDGED = [f"detection.judge.{setting}" for setting in ("bootstrap_draws=60", "lowest_px=25", "least_visible=0.3")]
+JUDGED = [
+    f"detection.evaluation.{setting}"
+    for setting in ("bootstrap_draws=60", "min_height_px=25", "min_visible_fraction=0.3")
+]
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +92,7 @@ def test_figures_hold_every_point(blocks: dict[str, Figure | Table]) -> None:
     values = iopc.drawing.values
     assert values is not None and heat.drawing.values is not None
     noise = values[(values["quantity"] == "sigma_dn") & (values["detector"] == "compact")]
-    assert noise["at"].tolist() == list(LEVELS)
+    assert noise["quantity_value"].tolist() == list(LEVELS)
     assert len(heat.drawing.values) == 2 * len(SIZES) * len(LEVELS)
     assert "Compact, Car: 100 to" in iopc.drawing.alt
     assert iopc.stages == ("curves@sim-compact", "curves@sim-compact_two_stage")
@@ -100,7 +103,9 @@ def test_figures_hold_every_point(blocks: dict[str, Figure | Table]) -> None:
 def test_the_direction_table_has_a_row_for_each_noise_and_angle(blocks: dict[str, Figure | Table]) -> None:
     table = blocks["direction_sim_compact"]
     assert isinstance(table, Table)
-    assert [(row["level_dn"], row["angle_deg"]) for row in table.rows] == [(n, a) for n in LEVELS for a in (0.0, 90.0)]
+    assert [(row["target_sigma_dn"], row["angle_deg"]) for row in table.rows] == [
+        (n, a) for n in LEVELS for a in (0.0, 90.0)
+    ]
     assert {"car_7", "car_21"} <= set(table.rows[0])
     assert "direction_sim_car" in blocks and "direction_spread_sim" in blocks
 
@@ -158,7 +163,9 @@ def test_recorded_sweeps_are_a_state_of_the_overview_and_show_their_precision(in
     table = next(block for block in section.blocks if getattr(block, "name", "") == "recorded_kitti_yolox_ap")
     assert isinstance(table, Table) and f"{record.objects} objects" in table.caption
     clean = record.results.precision
-    clean = clean[(clean["label"] == "car") & (clean["size_px"] == 0) & (clean["level_dn"] == 0)]["ap_percent"].iloc[0]
+    clean = clean[(clean["label"] == "car") & (clean["kernel_size_px"] == 0) & (clean["target_sigma_dn"] == 0)][
+        "ap_percent"
+    ].iloc[0]
     first = table.rows[0]["clean"]
     assert isinstance(first, Estimate) and first.value == clean and first.low < clean < first.high
 

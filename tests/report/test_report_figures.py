@@ -71,7 +71,7 @@ def test_the_chain_reports_each_change() -> None:
 
 def test_the_gallery_crops_and_never_shrinks() -> None:
     picture_in = stream(0, "gallery").integers(0, 255, (300, 400)).astype(np.uint8)
-    drawing = formation.effects({"a": picture_in}, [{"array": "a", "effect": "photon", "level_dn": 0}])
+    drawing = formation.effects({"a": picture_in}, [{"array": "a", "noise_source": "photon", "target_sigma_dn": 0}])
     shown = np.asarray(drawing.figure.axes[0].images[0].get_array())
     side = formation.EFFECTS_PX
     top, left = (300 - side) // 2, (400 - side) // 2
@@ -82,12 +82,12 @@ def test_effects_measure_what_was_added_and_show_gaps() -> None:
     clean = np.full((32, 32), 0.5, np.float32)
     noisy = clean + stream(0, "effects").normal(scale=5 / 255, size=clean.shape).astype(np.float32)
     entries = [
-        {"array": "clean", "effect": "photon", "level_dn": 0},
-        {"array": "noisy", "effect": "photon", "level_dn": 5},
-        {"array": "clean", "effect": "dcsn", "level_dn": 0},
+        {"array": "clean", "noise_source": "photon", "target_sigma_dn": 0},
+        {"array": "noisy", "noise_source": "photon", "target_sigma_dn": 5},
+        {"array": "clean", "noise_source": "dcsn", "target_sigma_dn": 0},
     ]
     drawing = formation.effects({"clean": clean, "noisy": noisy}, entries)
-    added = drawing.values.set_index(["effect", "level_dn"])["added_std_dn"]
+    added = drawing.values.set_index(["noise_source", "target_sigma_dn"])["added_std_dn"]
     assert added["photon", 5.0] == pytest.approx(5.0, rel=0.1)
     assert any(text.get_text() == "not run" for axes in drawing.figure.axes for text in axes.texts)
 
@@ -119,7 +119,9 @@ def test_noise_figure_plots_the_medians_and_counts_abstentions(report_inputs: Re
     drawing = noise.curves(summary, ["sim", "kitti"])
     lines = artists(drawing.figure, "series--pca--median")
     assert len(lines) == 4  # one per effect; KITTI has none
-    own = summary[(summary["estimator"] == "pca") & (summary["effect"] == "photon")].sort_values("level_dn")
+    own = summary[(summary["estimator"] == "pca") & (summary["noise_source"] == "photon")].sort_values(
+        "target_sigma_dn"
+    )
     assert np.asarray(lines[0].get_ydata()) == pytest.approx(own["median_dn"].to_numpy())
     texts = [text.get_text() for axes in drawing.figure.axes for text in axes.texts]
     assert texts.count("PCA abstained 12 of 72") == 4 and texts.count("not run") == 4

@@ -119,12 +119,12 @@ def test_the_authors_frames_stand_for_the_papers_sim(inputs: ReportInputs) -> No
 
 def test_an_effect_is_the_cause_of_a_row_it_applies_to(inputs: ReportInputs) -> None:
     words = ledger_causes._effects(inputs)
-    row = {"dataset": "udacity", "estimator": "pmp", "blur": "linear_motion", "size_px": 3.0}
+    row = {"dataset": "udacity", "estimator": "pmp", "blur": "linear_motion", "kernel_size_px": 3.0}
     assert words(row, None) == (
         "kernels stored as JPEG, as theirs of these frames: +20.9 points (+15.0 to +25.0), measured on KITTI"
     )
     assert words(row | {"dataset": "kitti"}, None) == ""  # its kernels are stored without loss
-    assert words(row | {"size_px": 7.0}, None) == ""
+    assert words(row | {"kernel_size_px": 7.0}, None) == ""
 
 
 def test_factors_are_listed_whole_and_by_kernel(inputs: ReportInputs) -> None:
@@ -132,7 +132,7 @@ def test_factors_are_listed_whole_and_by_kernel(inputs: ReportInputs) -> None:
     assert list(blocks) == ["factors_kitti", "factors_by_kernel_kitti"]
     whole, each = blocks["factors_kitti"], blocks["factors_by_kernel_kitti"]
     assert isinstance(whole, Table) and isinstance(each, Table) and (len(whole.rows), len(each.rows)) == (2, 1)
-    assert whole.rows[0]["effect"] == Estimate(EFFECT, 15.0, 25.0, 5)
+    assert whole.rows[0]["noise_source"] == Estimate(EFFECT, 15.0, 25.0, 5)
 
 
 def test_nothing_recorded_is_no_section(tmp_path: Path) -> None:

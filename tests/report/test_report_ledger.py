@@ -16,7 +16,7 @@ from report_makers import ABSENT, REPO
 from pipeline import store
 from pipeline.errors import InputError
 from pipeline.report import ledger_sources
-from pipeline.report.inputs import ReportInputs
+from pipeline.report.inputs import ReportInputs, published_table
 from pipeline.report.ledger import (
     CONSISTENCY,
     DEFINITION,
@@ -109,7 +109,7 @@ def test_within_the_tolerance_of_both_means_that_the_intervals_overlap(
 
 
 def test_the_examples_of_a_flat_tolerance_are_judged_by_intervals(tmp_path: Path) -> None:
-    paper = pd.read_csv(PAPER / "blur_amae.csv")
+    paper = published_table(PAPER / "blur_amae.csv")
     ours = paper[paper["dataset"] == "kitti"].copy()
     wide, narrow = ours.index[:2]
     ours["low_percent"], ours["high_percent"] = ours["amae_percent"], ours["amae_percent"]
@@ -124,7 +124,7 @@ def test_the_examples_of_a_flat_tolerance_are_judged_by_intervals(tmp_path: Path
 
 
 def test_extremes_are_not_compared_and_medians_within_what_the_printed_range_implies(tmp_path: Path) -> None:
-    paper = pd.read_csv(PAPER / "uncorrupted_mtf.csv")
+    paper = published_table(PAPER / "uncorrupted_mtf.csv")
     ours = paper[paper["dataset"] == "kitti"].assign(low=lambda t: t["mtf"], high=lambda t: t["mtf"])
     ours.to_csv(tmp_path / "mtf.csv", index=False)
     rows = rows_of(
@@ -152,7 +152,7 @@ def test_every_file_of_published_numbers_is_followed_to_its_last_number() -> Non
     assert followed == {path.name for path in PAPER.glob("*.csv")}
     for item in ITEMS:
         if item.file:
-            table = pd.read_csv(PAPER / item.file)
+            table = published_table(PAPER / item.file)
             numbers = int(sum(np.isfinite(pd.to_numeric(table[value])).sum() for value in item.values))
             assert len(rows_of(item, NOTHING)) == numbers
             assert not table.duplicated(list(item.keys)).any()  # keys tell the numbers apart
@@ -170,9 +170,9 @@ def test_with_nothing_run_every_row_is_there_and_says_what_would_run_it() -> Non
 
 
 def test_a_results_table_with_the_same_keys_is_compared(tmp_path: Path) -> None:
-    published = pd.read_csv(PAPER / "blur_amae.csv")
+    published = published_table(PAPER / "blur_amae.csv")
     ours = published[published["dataset"] == "kitti"].copy()
-    ours["size_px"] = ours["size_px"].astype(float)  # 3.0 and 3 are the same key
+    ours["kernel_size_px"] = ours["kernel_size_px"].astype(float)  # 3.0 and 3 are the same key
     ours["amae_percent"] -= 5.0
     ours.to_parquet(tmp_path / "amae.parquet")
     inputs = dataclasses.replace(NOTHING, results={"blur_amae": tmp_path / "amae.parquet"})
@@ -186,7 +186,7 @@ def test_a_results_table_with_the_same_keys_is_compared(tmp_path: Path) -> None:
 
 
 def test_a_difference_without_a_cause_says_that_none_is_known(tmp_path: Path) -> None:
-    published = pd.read_csv(PAPER / "controller_response.csv").assign(value=-1.0)
+    published = published_table(PAPER / "controller_response.csv").assign(value=-1.0)
     published.to_csv(tmp_path / "response.csv", index=False)
     inputs = dataclasses.replace(NOTHING, results={"controller_response": tmp_path / "response.csv"})
     assert {entry.why for entry in rows_of(BY_NAME["controller_response"], inputs)} == {UNEXPLAINED}
@@ -195,7 +195,7 @@ def test_a_difference_without_a_cause_says_that_none_is_known(tmp_path: Path) ->
 def test_every_published_number_of_control_has_a_verdict_and_a_reason(tmp_path: Path) -> None:
     """Ours from the paper's own files, with the measured columns doubled: settings match, the rest has its cause."""
     for name in ("worked_examples", "controller_ap", "controller_response"):
-        table = pd.read_csv(PAPER / f"{name}.csv")
+        table = published_table(PAPER / f"{name}.csv")
         measured = [column for column in ("sigma_dn", "mtf_at_0.1", "detection_score") if column in table]
         table.assign(**{column: 2 * table[column] for column in measured}).to_csv(tmp_path / f"{name}.csv", index=False)
     results = {name: tmp_path / f"{name}.csv" for name in ("worked_examples", "controller_ap", "controller_response")}
@@ -236,7 +236,7 @@ def test_noise_levels_count_the_largest_miss(tmp_path: Path, report_inputs: Repo
     assert len(ran) == 4 and all(entry.ours == 0 for entry in ran)
     assert len(rows) == 12  # KITTI and Udacity are listed as well
     table = pd.read_parquet(report_inputs.corrupt["sim"] / "corruption.parquet")
-    table.loc[(table["effect"] == "photon") & (table["level_dn"] == 20), "sigma_dn"] = 19.0
+    table.loc[(table["noise_source"] == "photon") & (table["target_sigma_dn"] == 20), "unclipped_sigma_dn"] = 19.0
     table.to_parquet(tmp_path / "corruption.parquet")
     moved = dataclasses.replace(report_inputs, corrupt={"sim": tmp_path})
     photon = next(entry for entry in rows_of(BY_NAME["noise_levels"], moved) if entry.quantity == "Sim, Photon")

@@ -33,9 +33,9 @@ SMALL = [
     "psf.sizes_px=[7]",
     "psf.angles_deg=[0,90]",
     "blur.bootstrap_draws=5",
-    "blur.estimators.fitted.camera_samples=100",
+    "blur.estimators.camera_calibrated.calibration_samples=100",
 ]
-ESTIMATORS = ["spectral", "fitted"]
+ESTIMATORS = ["spectral", "camera_calibrated"]
 MAP = partial(run_map, workers=1)
 
 
@@ -53,7 +53,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def recorded(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("recorded")
     numbers = record(configured(root), "mine", ESTIMATORS, place / "mine-blur", "made up (CC0)", MAP)
-    assert set(numbers) == set(ESTIMATORS) and set(numbers["fitted"]) == {"calibrated"}
+    assert set(numbers) == set(ESTIMATORS) and set(numbers["camera_calibrated"]) == {"calibrated"}
     assert store.read_json(place / "mine-blur/metrics.json")["spectral"]["raw"] == numbers["spectral"]["raw"]
     return place
 
@@ -89,9 +89,9 @@ def test_everything_is_named_by_its_hash(root: Path, read: blur_records.BlurReco
     assert len(set(read.said["kernels"].values())) == 3
     networks = ("mtf_spectral.safetensors", "mtf_spectral_processed.safetensors")
     named = {name: hashlib.sha256((REPO / "data/weights" / name).read_bytes()).hexdigest() for name in networks}
-    assert read.said["weights"] == {"spectral": named, "fitted": named}
+    assert read.said["weights"] == {"spectral": named, "camera_calibrated": named}
     assert (read.said["source"], read.said["kind"], read.said["seed"]) == ("made up (CC0)", "folder", 1)
-    assert read.said["blur"]["estimators"]["fitted"]["camera_samples"] == 100
+    assert read.said["blur"]["estimators"]["camera_calibrated"]["calibration_samples"] == 100
     assert set(read.estimators) == set(ESTIMATORS) and read.patches == 2
 
 

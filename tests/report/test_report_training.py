@@ -39,7 +39,7 @@ def folder(tmp_path: Path) -> Path:
         tmp_path, "mtf_cnn", mtf_error_percent=[20.0, 9.0, 7.0, 6.0],
         validation_mtf_error_percent=[None, 10.0, None, 11.0], validation_mean_squared_error=[None, 0.02, None, 0.03],
     )  # fmt: skip
-    settings = {"fresh": 2, "uses": 3, "recipe": {"views": 16, "kernels_per_view": 2}}
+    settings = {"new_chunks_per_step": 2, "replays": 3, "recipe": {"views": 16, "kernels_per_view": 2}}
     save(tmp_path / "mtf_cnn.safetensors", (3, 4), step=200, settings=settings)
     write(tmp_path, "detector_compact", validation_ap=[0.1, 0.5, 0.8, 0.79], validation_loss=[3.0, 2.0, 1.0, 1.0])
     write(tmp_path, "sigma_cellwise", sigma_error_dn=[3.0, 1.0], validation_sigma_error_dn=[2.0, 0.5])

@@ -28,7 +28,7 @@ def table(kernels: Sequence[Kernel], source: str) -> pd.DataFrame:
 
     rows = []
     for kernel in kernels:
-        columns = {"kernel": kernel.name, "kind": kernel.kind, "size_px": kernel.size_px}
+        columns = {"kernel": kernel.name, "blur_kind": kernel.kind, "kernel_size_px": kernel.size_px}
         columns |= {"angle_deg": float(kernel.angle_deg), "source": source}
         for axis, values in zip("HV", mtf.sample(kernel.psf), strict=True):
             for frequency, value in zip(mtf.FREQUENCIES, values, strict=True):
@@ -61,6 +61,6 @@ def read(folder: Path) -> list[Kernel]:
         raise InputError(f"{folder}: kernels.npz and kernels.parquet name different kernels; run dvc repro psf_bank")
     results = []
     for row in rows.to_dict("records"):
-        name, size_px, angle_deg = str(row["kernel"]), float(row["size_px"]), float(row["angle_deg"])
-        results.append(Kernel(name, str(row["kind"]), size_px, angle_deg, arrays[name]))
+        name, size_px, angle_deg = str(row["kernel"]), float(row["kernel_size_px"]), float(row["angle_deg"])
+        results.append(Kernel(name, str(row["blur_kind"]), size_px, angle_deg, arrays[name]))
     return results

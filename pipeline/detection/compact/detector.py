@@ -37,8 +37,8 @@ class Compact:
         weights: file written by the stage `train_detector`; None for the released one.
         scale: network pixels per image pixel.
         score_floor: detections below this score are dropped, [0, 1].
-        overlap: intersection over union above which the weaker box of a class is dropped, [0, 1].
-        most: boxes kept per image at most.
+        iou_threshold: intersection over union above which the weaker box of a class is dropped, [0, 1].
+        max_detections: boxes kept per image at most.
 
     Raises:
         InputError: an option out of range, or a file that is missing, broken or of another network.
@@ -51,18 +51,18 @@ class Compact:
         weights: str | Path | None = None,
         scale: float = 1.0,
         score_floor: float = 0.01,
-        overlap: float = 0.5,
-        most: int = 300,
+        iou_threshold: float = 0.5,
+        max_detections: int = 300,
     ) -> None:
-        for name, value in (("score_floor", score_floor), ("overlap", overlap)):
+        for name, value in (("score_floor", score_floor), ("iou_threshold", iou_threshold)):
             if not 0.0 <= value <= 1.0:
                 raise InputError(f"{name}: expected a number in [0, 1], not {value!r}")
-        if most < 1:
-            raise InputError(f"most: expected at least 1, not {most!r}")
+        if max_detections < 1:
+            raise InputError(f"max_detections: expected at least 1, not {max_detections!r}")
         if not 0.05 <= scale <= 20:
             raise InputError(f"scale: expected a number in [0.05, 20], not {scale!r}")
         self.weights, self.scale = Path(weights or active(located(self.released_file))), scale
-        self.score_floor, self.overlap, self.most = score_floor, overlap, most
+        self.score_floor, self.iou_threshold, self.max_detections = score_floor, iou_threshold, max_detections
         self._model: Any = None
         self.released = False
         self._open()  # a wrong file is told at once
@@ -81,7 +81,7 @@ class Compact:
         height, width = (max(1, round(side * self.scale)) for side in image.shape)
         inner, placement = letterbox(image, width, height, FILL) if self.scale != 1 else (image, None)
         raw = candidates(network, filled(inner), self.score_floor)
-        return judged(raw, image.shape, self.overlap, self.most, placement)
+        return to_detections(raw, image.shape, self.iou_threshold, self.max_detections, placement)
 
     def _open(self) -> Any:
         if self._model is None:
@@ -109,16 +109,20 @@ def filled(image: NDArray[np.float32]) -> torch.Tensor:
     return torch.from_numpy(canvas)[None, None].contiguous(memory_format=torch.channels_last)
 
 
-def judged(
-    raw: tuple[torch.Tensor, ...], shape: tuple[int, ...], overlap: float, most: int, placement: Any = None
+def to_detections(
+    raw: tuple[torch.Tensor, ...],
+    shape: tuple[int, ...],
+    iou_threshold: float,
+    max_detections: int,
+    placement: Any = None,
 ) -> Detections:
     """Candidates as detections in an image: back in its pixels, clipped to it, the weaker of two alike dropped.
 
     Args:
         raw: boxes (M, 4), scores (M,) and class numbers (M,).
         shape: height and width of the image.
-        overlap: see `Compact`.
-        most: see `Compact`.
+        iou_threshold: see `Compact`.
+        max_detections: see `Compact`.
         placement: where the image lies on what the network saw; None where they are the same.
     """
     from pipeline.detection.nms import suppress
@@ -128,5 +132,5 @@ def judged(
     box = np.clip(box, 0.0, [shape[1], shape[0], shape[1], shape[0]])
     real = (box[:, 2] > box[:, 0]) & (box[:, 3] > box[:, 1])
     box, score, kind = box[real], score[real].astype(np.float64), kind[real]
-    kept = suppress(box, score, kind, overlap, most)
+    kept = suppress(box, score, kind, iou_threshold, max_detections)
     return Detections.of(box[kept], score[kept], np.asarray(LABELS, dtype=np.str_)[kind[kept]])

@@ -18,7 +18,7 @@ from pipeline.detection.compact.samples import CropMaker
 from pipeline.detection.settings import DetectorTraining
 from pipeline.detection.sim_frames import SimFrames, sim_frames
 from pipeline.learning import fitting
-from pipeline.learning.conduct import Conduct
+from pipeline.learning.run_options import RunOptions
 from pipeline.learning.trainer import Trained
 from pipeline.registry import Registry
 
@@ -60,21 +60,21 @@ def code(name: str) -> tuple[str, ...]:
 def measure(name: str, frames: SimFrames) -> Callable[[torch.nn.Module], dict[str, float]]:
     """A function that judges a model on whole frames: average precision of each class, and what the mean misses."""
     from pipeline.detection.average_precision import evaluate, mean_average_precision
-    from pipeline.detection.compact.detector import filled, judged
-    from pipeline.detection.matching import Truth
+    from pipeline.detection.compact.detector import filled, to_detections
+    from pipeline.detection.matching import GroundTruth
     from pipeline.scenes.labels import LABELS
 
     candidates = program(name).candidates
     truths = []
     for box, label, visible in zip(frames.boxes, frames.labels, frames.visible, strict=True):
         ignore = (box[:, 3] - box[:, 1] < LOWEST_PX) | (visible < LEAST_VISIBLE)
-        truths.append(Truth(box.astype(np.float64), label, ignore))
+        truths.append(GroundTruth(box.astype(np.float64), label, ignore))
 
     def measures(model: torch.nn.Module) -> dict[str, float]:
         entries = []
         for image in frames.images:
             raw = candidates(model, filled(image / np.float32(255)), 0.01)
-            entries.append(judged(raw, image.shape, overlap=0.5, most=300))
+            entries.append(to_detections(raw, image.shape, iou_threshold=0.5, max_detections=300))
         results = evaluate(entries, truths, LABELS)
         values = {f"ap_{label}_percent": 100 * result.average_precision for label, result in results.items()}
         mean = mean_average_precision(results.values())
@@ -84,13 +84,13 @@ def measure(name: str, frames: SimFrames) -> Callable[[torch.nn.Module], dict[st
     return measures
 
 
-def train(name: str, training: DetectorTraining, conduct: Conduct) -> Trained:
+def train(name: str, training: DetectorTraining, run_options: RunOptions) -> Trained:
     """Train a detector, or go on from where an interrupted run stopped.
 
     Args:
         name: ``"compact"`` or ``"compact_two_stage"``.
         training: all that the result depends on.
-        conduct: how it runs.
+        run_options: how it runs.
 
     Returns:
         the network that validated best, and its learning curve.
@@ -103,14 +103,14 @@ def train(name: str, training: DetectorTraining, conduct: Conduct) -> Trained:
     initialise(model, training.seed, f"detector {name}")
     model.set_prior()
     # All frames first, with all the workers there are; the producers then only read them.
-    sim_frames(**frame_source(training, conduct.cache), executor=conduct.executor)
-    held_back = sim_frames(**frame_source(training, conduct.cache, validation=True), executor=conduct.executor)
+    sim_frames(**frame_source(training, run_options.cache), executor=run_options.executor)
+    held_back = sim_frames(**frame_source(training, run_options.cache, validation=True), executor=run_options.executor)
     trained = fitting.fit(
         model.to(memory_format=torch.channels_last),
         program(name).loss,
-        CropMaker(training.recipe, training.seed, frame_source(training, conduct.cache)),
+        CropMaker(training.recipe, training.seed, frame_source(training, run_options.cache)),
         training,
-        conduct,
+        run_options,
         name=f"detector-{name}",
         code=code(name),
         validate=measure(name, held_back),

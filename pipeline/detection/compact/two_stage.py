@@ -107,13 +107,13 @@ def pooled(maps: list[torch.Tensor], regions: torch.Tensor) -> torch.Tensor:
 
 
 @torch.no_grad()
-def proposals(found: Found, most: int, overlap: float = 0.7) -> tuple[torch.Tensor, torch.Tensor]:
+def proposals(found: Found, max_detections: int, iou_threshold: float = 0.7) -> tuple[torch.Tensor, torch.Tensor]:
     """The best regions of each image, with little overlap among them.
 
     Args:
         found: what the first stage says.
-        most: R; where there are fewer, the weakest cells fill up.
-        overlap: limit on the intersection over union of two regions.
+        max_detections: R; where there are fewer, the weakest cells fill up.
+        iou_threshold: limit on the intersection over union of two regions.
 
     Returns:
         regions (N, R, 4), pixels, and their probability (N, R).
@@ -124,11 +124,11 @@ def proposals(found: Found, most: int, overlap: float = 0.7) -> tuple[torch.Tens
 
     chosen, scores = [], []
     for logit, box in zip(found.logit[..., 0], found.box, strict=True):
-        best = logit.topk(min(4 * most, len(logit))).indices
+        best = logit.topk(min(4 * max_detections, len(logit))).indices
         score, region = logit[best].sigmoid(), box[best]
         kind = np.zeros(len(best), np.int64)
-        kept = suppress(region.numpy(), score.numpy(), kind, overlap, most)
-        rest = np.setdiff1d(np.arange(len(best)), kept)[: most - len(kept)]
+        kept = suppress(region.numpy(), score.numpy(), kind, iou_threshold, max_detections)
+        rest = np.setdiff1d(np.arange(len(best)), kept)[: max_detections - len(kept)]
         order = torch.from_numpy(np.concatenate([kept, rest]))
         chosen.append(region[order])
         scores.append(score[order])

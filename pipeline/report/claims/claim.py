@@ -14,7 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.report import blur_records, detection_results, frame_records, ledger_sources
 from pipeline.report.display_names import counted, listing, word
-from pipeline.report.inputs import ReportInputs, any_table, combined_tables, denoised_cells, noise_tables, optional
+from pipeline.report.inputs import (
+    ReportInputs,
+    combined_tables,
+    denoised_cells,
+    noise_tables,
+    optional,
+    published_table,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,12 +93,12 @@ class Evidence:
         import pandas as pd
 
         ours = ledger_sources.blur_amae(self.inputs)
-        keys = ["dataset", "estimator", "blur", "size_px"]
-        paper = any_table(self.inputs.paper / "blur_amae.csv").rename(columns={"amae_percent": "paper"})
+        keys = ["dataset", "estimator", "blur_kind", "kernel_size_px"]
+        paper = published_table(self.inputs.paper / "blur_amae.csv").rename(columns={"amae_percent": "paper"})
         if ours is None:
             return pd.DataFrame({name: [] for name in [*keys, "amae_percent", "low", "high", "measured_on", "paper"]})
         ours = ours.rename(columns={"low_percent": "low", "high_percent": "high"})
-        return ours.merge(paper.astype({"size_px": float}), how="left", on=keys)
+        return ours.merge(paper.astype({"kernel_size_px": float}), how="left", on=keys)
 
     @cached_property
     def sharp(self) -> pd.DataFrame:
@@ -110,7 +117,9 @@ class Evidence:
         smoothed = (denoised_cells(self.inputs), frame_records.DENOISED_FILE)
         cells = pd.concat([self._with_records(*ran), self._with_records(*smoothed)], ignore_index=True)
         cells = cells[~cells["calibrated"].astype(bool)]
-        return cells.drop_duplicates(["dataset", "estimator", "experiment", "size_px", "level_dn", "filter_px"])
+        return cells.drop_duplicates(
+            ["dataset", "estimator", "experiment", "kernel_size_px", "target_sigma_dn", "filter_px"]
+        )
 
     @cached_property
     def curves(self) -> pd.DataFrame:

@@ -29,7 +29,7 @@ FREQUENCY = 0.3
 
 def _network_is_best(evidence: Evidence) -> Measurement | None:
     cells, pairs, paper = evidence.amae, [], []
-    for _, own in cells.groupby(["measured_on", "blur", "size_px"]):
+    for _, own in cells.groupby(["measured_on", "blur_kind", "kernel_size_px"]):
         ours = own.set_index("estimator")
         others = [name for name in DECONVOLUTION if name in ours.index]
         if NETWORK not in ours.index or not others:
@@ -52,10 +52,10 @@ def _size(first_px: float, then_px: float, estimators: tuple[str, ...], blur: st
 
     def measure(evidence: Evidence) -> Measurement | None:
         cells = evidence.amae
-        cells = cells[cells["estimator"].isin(estimators) & (cells["blur"] == blur)]
+        cells = cells[cells["estimator"].isin(estimators) & (cells["blur_kind"] == blur)]
         pairs, means = [], []
         for _, own in cells.groupby(["measured_on", "estimator"]):
-            at = own.set_index("size_px")
+            at = own.set_index("kernel_size_px")
             if not {first_px, then_px} <= set(at.index):
                 continue
             first, then = at.loc[first_px], at.loc[then_px]
@@ -75,15 +75,15 @@ def _size(first_px: float, then_px: float, estimators: tuple[str, ...], blur: st
 def _defocus_is_easiest(evidence: Evidence) -> Measurement | None:
     cells = evidence.amae[evidence.amae["estimator"] == NETWORK]
     pairs, on = [], []
-    for (dataset, _), own in cells.groupby(["measured_on", "size_px"]):
-        at = own.set_index("blur")
+    for (dataset, _), own in cells.groupby(["measured_on", "kernel_size_px"]):
+        at = own.set_index("blur_kind")
         if "defocus" not in at.index or len(at) < 2:
             continue
         motion = at.drop(index="defocus")
         disc = at.loc["defocus"]
         pairs.append((disc["high"] < motion["low"].min(), disc["low"] > motion["high"].min()))
         on.append(dataset)
-    means = cells.groupby("blur")["amae_percent"].mean()
+    means = cells.groupby("blur_kind")["amae_percent"].mean()
     text = f"Mean AMAE: {', '.join(f'{word(str(blur))} {mean:.1f} %' for blur, mean in means.items())}."
     return of_cells(pairs, "dataset-size pair", on, text)
 

@@ -19,7 +19,7 @@ from pipeline.report.claims.claim import (
 )
 from pipeline.report.control_results import OURS, policy_word, scenario_results
 from pipeline.report.display_names import word
-from pipeline.report.inputs import any_table, optional
+from pipeline.report.inputs import optional, published_table
 from pipeline.report.sections import order_study
 from pipeline.report.tables import records
 
@@ -42,7 +42,7 @@ def _sweeps(evidence: Evidence) -> Iterator[tuple[str, pd.DataFrame]]:
 
 def _falls(cause: str) -> Measure:
     """A claim that AP falls with the strongest noise or the longest blur, the other absent."""
-    other = {"level_dn": "size_px", "size_px": "level_dn"}[cause]
+    other = {"target_sigma_dn": "kernel_size_px", "kernel_size_px": "target_sigma_dn"}[cause]
 
     def measure(evidence: Evidence) -> Measurement | None:
         pairs, on, ends = [], [], []
@@ -66,8 +66,8 @@ def _falls(cause: str) -> Measure:
 def _both_cost_more(evidence: Evidence) -> Measurement | None:
     pairs, on = [], []
     for dataset, table in _sweeps(evidence):
-        cells = {(row["size_px"], row["angle_deg"], row["level_dn"]): row for row in records(table)}
-        size, level = table["size_px"].max(), table["level_dn"].max()
+        cells = {(row["kernel_size_px"], row["angle_deg"], row["target_sigma_dn"]): row for row in records(table)}
+        size, level = table["kernel_size_px"].max(), table["target_sigma_dn"].max()
         noisy = next(row for key, row in cells.items() if key[0] == 0 and key[2] == level)
         for (px, angle, dn), both in cells.items():
             if (px, dn) == (size, level) and (size, angle, 0.0) in cells:
@@ -96,25 +96,25 @@ def _not_monotonic(evidence: Evidence) -> Measurement | None:
 
 
 def _direction_matters(evidence: Evidence) -> Measurement | None:
-    paper = any_table(evidence.inputs.paper / "yolov7_direction_ap.csv")
-    quiet = paper[paper["sigma_dn"] == 0].groupby("size_px")["ap_percent"]
+    paper = published_table(evidence.inputs.paper / "yolov7_direction_ap.csv")
+    quiet = paper[paper["sigma_dn"] == 0].groupby("kernel_size_px")["ap_percent"]
     theirs = float((quiet.max() - quiet.min()).max())
     sweeps = [*evidence.detection, *(one.results for one in detection_results.recorded(evidence.inputs))]
     parts = [one.spread.assign(dataset=one.dataset) for one in sweeps if one.spread is not None]
-    rows = [row for part in parts for row in records(part[part["level_dn"] == 0])]
+    rows = [row for part in parts for row in records(part[part["target_sigma_dn"] == 0])]
     if not rows:
         return None
     best = max(rows, key=lambda row: row["spread_percent"])
     text = (
         f"Largest difference between directions, without noise: {best['spread_percent']:.0f} points ({best['label']}, "
-        f"{best['size_px']:g} px); in the paper's table {theirs:.0f} points."
+        f"{best['kernel_size_px']:g} px); in the paper's table {theirs:.0f} points."
     )
     value, low, high = (best[name] for name in ("spread_percent", "low_percent", "high_percent"))
     return of_number(value, low, high, 5.0, text, [best["dataset"]])
 
 
 def _regression(evidence: Evidence) -> Measurement | None:
-    published = any_table(evidence.inputs.paper / "regression_coefficients.csv")
+    published = published_table(evidence.inputs.paper / "regression_coefficients.csv")
     bound = float(published.loc[published["parameter"] == "r2", "value"].min())
     every = [(one.dataset, fit.get("r2")) for one in evidence.detection for fit in one.fits.values()]
     fits = [(dataset, float(r2)) for dataset, r2 in every if r2 is not None]  # none of fewer cells than terms
@@ -200,9 +200,9 @@ def _order(conclusion: Conclusion) -> Measure:
 
 
 CLAIMS = (
-    Claim("Fig. IOPC", "Average precision falls with noise.", _falls("level_dn"), DETECTORS,
+    Claim("Fig. IOPC", "Average precision falls with noise.", _falls("target_sigma_dn"), DETECTORS,
           "curves@<dataset>-<detector>"),
-    Claim("Fig. IOPC", "Average precision falls with blur.", _falls("size_px"), DETECTORS,
+    Claim("Fig. IOPC", "Average precision falls with blur.", _falls("kernel_size_px"), DETECTORS,
           "curves@<dataset>-<detector>"),
     Claim("Fig. IOPC", "Blur and noise together cost more than either alone.", _both_cost_more, DETECTORS,
           "curves@<dataset>-<detector>"),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.report.claims.claim import Claim, Evidence, Measure, Measurement, of_cells, of_number
 from pipeline.report.display_names import word
-from pipeline.report.inputs import any_table, existing
+from pipeline.report.inputs import any_table, existing, published_table
 from pipeline.report.ledger_sources import levels
 from pipeline.report.tables import Row, records
 
@@ -19,7 +19,7 @@ PREVENTED_PERCENT = 10.0
 NOISY_DN, FOLLOWS_DN = 10.0, 2.0
 PAPER_NOISE = ("cnn", "pca", "bf")
 REAL_FRACTION = 0.25
-CELL = ["dataset", "estimator", "size_px", "level_dn"]
+CELL = ["dataset", "estimator", "kernel_size_px", "target_sigma_dn"]
 FEW_SIZES = "The estimators other than Spectral ran on few sizes and levels; Sim is rendered here."
 
 
@@ -32,7 +32,7 @@ def _by_estimator(cells: pd.DataFrame) -> str:
     """Mean AMAE of each estimator with the least and the strongest noise."""
     words = []
     for name, own in cells.groupby("estimator"):
-        quiet, loud = (own[own["level_dn"] == end(own["level_dn"])] for end in (min, max))
+        quiet, loud = (own[own["target_sigma_dn"] == end(own["target_sigma_dn"])] for end in (min, max))
         words.append(f"{word(str(name))} {quiet['amae_percent'].mean():.1f} to {loud['amae_percent'].mean():.1f} %")
     return f"Mean AMAE from no noise to the strongest: {', '.join(words)}."
 
@@ -43,7 +43,7 @@ def _prevents(experiment: str) -> Measure:
     def measure(evidence: Evidence) -> Measurement | None:
         cells = _of_experiment(evidence, experiment)
         cells = cells[cells["filter_px"] == 0]
-        noisy = records(cells[cells["level_dn"] >= NOISY_DN])
+        noisy = records(cells[cells["target_sigma_dn"] >= NOISY_DN])
         pairs = [(row["low_percent"] > PREVENTED_PERCENT, row["high_percent"] < PREVENTED_PERCENT) for row in noisy]
         return of_cells(pairs, "cell", cells["dataset"], _by_estimator(cells) if pairs else "")
 
@@ -56,8 +56,8 @@ def _disturbs(evidence: Evidence) -> Measurement | None:
     cells = pd.concat([_of_experiment(evidence, name) for name in ("photon_linear", "photon_defocus")])
     cells = cells[cells["filter_px"] == 0]
     pairs = []
-    for _, own in cells.groupby(["experiment", "dataset", "estimator", "size_px"]):
-        at = own.set_index("level_dn").sort_index()
+    for _, own in cells.groupby(["experiment", "dataset", "estimator", "kernel_size_px"]):
+        at = own.set_index("target_sigma_dn").sort_index()
         if len(at) > 1:
             quiet, loud = at.iloc[0], at.iloc[-1]
             pairs.append((loud["low_percent"] > quiet["high_percent"], loud["high_percent"] < quiet["low_percent"]))
@@ -67,7 +67,7 @@ def _disturbs(evidence: Evidence) -> Measurement | None:
 def _defocus_under_photon_noise(evidence: Evidence) -> Measurement | None:
     cells = _of_experiment(evidence, "photon_defocus")
     cells = cells[cells["filter_px"] == 0]
-    bound = float(any_table(evidence.inputs.paper / "photon_defocus_amae.csv")["amae_percent"].max())
+    bound = float(published_table(evidence.inputs.paper / "photon_defocus_amae.csv")["amae_percent"].max())
     pairs = [(row["high_percent"] <= bound, row["low_percent"] > bound) for row in records(cells)]
     return of_cells(pairs, "cell", cells["dataset"], _by_estimator(cells) if pairs else "")
 
@@ -75,10 +75,10 @@ def _defocus_under_photon_noise(evidence: Evidence) -> Measurement | None:
 def _overestimates(evidence: Evidence) -> Measurement | None:
     curves = evidence.curves
     curves = curves[(curves["experiment"] == "photon_linear") & ~curves["calibrated"].astype(bool)]
-    curves = curves[(curves["axis"] == "HV") & (curves["filter_px"] == 0) & (curves["place"] == 4)]
+    curves = curves[(curves["axis"] == "HV") & (curves["filter_px"] == 0) & (curves["frequency_index"] == 4)]
     pairs, words, on = [], [], []
     for (dataset, name), own in curves.groupby(["dataset", "estimator"]):
-        at = own.sort_values("level_dn")
+        at = own.sort_values("target_sigma_dn")
         quiet, loud = at.iloc[0], at.iloc[-1]
         pairs.append((loud["minimum"] > quiet["maximum"], loud["maximum"] < quiet["minimum"]))
         words.append(f"{word(str(name))} on {word(str(dataset))} {quiet['median']:.2f} to {loud['median']:.2f}")
@@ -88,7 +88,7 @@ def _overestimates(evidence: Evidence) -> Measurement | None:
 
 def _smoothing(evidence: Evidence) -> Measurement | None:
     cells = evidence.combined
-    cells = cells[cells["experiment"].isin(["linear_dcsn", "defocus_dcsn"]) & (cells["level_dn"] >= NOISY_DN)]
+    cells = cells[cells["experiment"].isin(["linear_dcsn", "defocus_dcsn"]) & (cells["target_sigma_dn"] >= NOISY_DN)]
     plain = {(row["experiment"], *(row[name] for name in CELL)): row for row in records(cells) if row["filter_px"] == 0}
     pairs = []
     for row in records(cells[cells["filter_px"] > 0]):
@@ -104,9 +104,9 @@ def _follows(evidence: Evidence) -> Measurement | None:
     cells = cells[cells["estimator"].isin(PAPER_NOISE)]
     pairs = []
     for row in records(cells):
-        below, above = row["low_dn"] - row["added_median_dn"], row["high_dn"] - row["added_median_dn"]
+        below, above = row["low_dn"] - row["unclipped_median_dn"], row["high_dn"] - row["unclipped_median_dn"]
         pairs.append((below > -FOLLOWS_DN and above < FOLLOWS_DN, above < -FOLLOWS_DN or below > FOLLOWS_DN))
-    errors = (cells["median_dn"] - cells["added_median_dn"]).groupby(cells["estimator"]).agg(["min", "max"])
+    errors = (cells["median_dn"] - cells["unclipped_median_dn"]).groupby(cells["estimator"]).agg(["min", "max"])
     words = [f"{word(str(name))} {row['min']:+.1f} to {row['max']:+.1f} DN" for name, row in errors.iterrows()]
     return of_cells(pairs, "cell", cells["dataset"], f"Median less noise added: {', '.join(words)}.")
 

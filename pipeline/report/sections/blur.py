@@ -72,7 +72,7 @@ def uncorrupted(
             beside = theirs[theirs["dataset"] == dataset]
             lines(axes, beside, "estimator", looks, "at", "mtf", change=PAPER, zorder=2, part="paper", key=key)
         lines(axes, rows, "estimator", looks, "at", "median", band=("min", "max"), part="median", key=key)
-        first = rows[rows["place"] == 0].set_index("estimator")[["abstained", "count"]]
+        first = rows[rows["frequency_index"] == 0].set_index("estimator")[["abstained", "count"]]
         counts = {name: (int(first["abstained"][name]), int(first.loc[name].sum())) for name in first.index}
         abstentions(axes, {name: counts[name] for name in estimators if name in counts}, key, at_top=False)
 
@@ -80,12 +80,13 @@ def uncorrupted(
     if any(name in stars for name in datasets):
         legend.append(("Siemens star", STAR))
     return small_multiples(
-        curves.assign(at=FREQUENCIES[curves["place"].to_numpy(int)]),
+        curves.assign(at=FREQUENCIES[curves["frequency_index"].to_numpy(int)]),
         Facet("dataset", datasets), Facet("axis", "HV", lambda axis: DIRECTIONS["HV".index(axis)].capitalize()), panel,
         x="spatial frequency [fraction of Nyquist]", y="MTF", alt=_uncorrupted_alt(curves, estimators, stars),
         axes={"xlim": (0, 0.62), "ylim": (0, 1.03), "xticks": np.arange(0, 0.61, 0.1),
               "yticks": np.arange(0, 1.01, 0.25)},
-        legend=legend, values=curves.drop(columns="place").sort_values(["dataset", "estimator", "axis", "frequency"]),
+        legend=legend, values=curves.drop(columns="frequency_index").sort_values(["dataset", "estimator", "axis",
+            "frequency"]),
         series=style.switches(looks), panel_in=1.62, margin_in=0.62,
     )  # fmt: skip
 
@@ -95,7 +96,7 @@ def _uncorrupted_alt(
 ) -> str:
     if curves.empty:
         return "MTF of uncorrupted frames: not run."
-    last = curves[(curves["place"] == curves["place"].max()) & (curves["axis"] == "H")]
+    last = curves[(curves["frequency_index"] == curves["frequency_index"].max()) & (curves["axis"] == "H")]
     ends = {name: [f"{value:.2f}" for value in own.agg(["min", "max"])] for name, own in
             last.groupby("estimator")["median"]}  # fmt: skip
     counts = last["estimator"].value_counts()

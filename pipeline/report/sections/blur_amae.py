@@ -47,7 +47,7 @@ RELATIVE = {
 }
 MEAN = "Mean"
 NOT_COUNTED = "The paper has no estimator of this name, so the ledger does not count these rows."
-KEYS = ["dataset", "estimator", "kind", "size_px"]
+KEYS = ["dataset", "estimator", "blur_kind", "kernel_size_px"]
 
 
 def with_paper(summary: pd.DataFrame, paper: pd.DataFrame | None) -> pd.DataFrame:
@@ -60,8 +60,8 @@ def with_paper(summary: pd.DataFrame, paper: pd.DataFrame | None) -> pd.DataFram
     """
     if paper is None:
         return summary.assign(paper_percent=math.nan)
-    theirs = paper.rename(columns={"blur": "kind", "amae_percent": "paper_percent"}).assign(calibrated=False)
-    theirs = theirs[theirs["dataset"].isin(summary["dataset"])].astype({"size_px": float})
+    theirs = paper.rename(columns={"amae_percent": "paper_percent"}).assign(calibrated=False)
+    theirs = theirs[theirs["dataset"].isin(summary["dataset"])].astype({"kernel_size_px": float})
     return summary.merge(theirs[[*KEYS, "calibrated", "paper_percent"]], how="outer", on=[*KEYS, "calibrated"])
 
 
@@ -74,7 +74,7 @@ def without_unknown_lenses(summary: pd.DataFrame, errors: pd.DataFrame | None = 
     """
     import pandas as pd
 
-    blurred = summary[summary["kind"] != SHARP]
+    blurred = summary[summary["blur_kind"] != SHARP]
     return blurred if errors is None or errors.empty else pd.concat([errors, blurred], ignore_index=True)
 
 
@@ -97,24 +97,45 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame |
     """
     import pandas as pd
 
-    columns = ["dataset", "estimator", "kind", "size_px", "paper_amae_percent"]
+    columns = ["dataset", "estimator", "blur_kind", "kernel_size_px", "paper_amae_percent"]
     theirs = pd.DataFrame({name: [] for name in columns})
     if paper is not None:
-        theirs = paper.rename(columns={"blur": "kind", "amae_percent": "paper_amae_percent"})
+        theirs = paper.rename(columns={"amae_percent": "paper_amae_percent"})
         theirs = theirs[theirs["dataset"].isin(list(datasets))]
-    kinds = in_order([*summary["kind"], *theirs["kind"]], BLURS)
+    kinds = in_order([*summary["blur_kind"], *theirs["blur_kind"]], BLURS)
     estimators = in_order([*summary["estimator"], *theirs["estimator"]], ESTIMATORS)
     looks = style.series_looks(estimators, linestyle="-")  # dashes distinguish the paper's curves, not estimators
     top = float(np.nanmax([*summary["amae_percent"], *theirs["paper_amae_percent"], 10.0]))
 
     def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        beside = theirs[(theirs["dataset"] + " " + theirs["kind"]) == key]
-        lines(axes, beside, "estimator", looks, "size_px", "paper_amae_percent", change=PAPER, zorder=2, part="paper",
+        beside = theirs[(theirs["dataset"] + " " + theirs["blur_kind"]) == key]
+        lines(axes, beside, "estimator", looks, "kernel_size_px", "paper_amae_percent", change=PAPER, zorder=2,
+            part="paper",
               key=key)  # fmt: skip
         band = ("low_percent", "high_percent")
-        lines(axes, rows, "estimator", looks, "size_px", "amae_percent", band=band, alpha=0.16, part="amae", key=key)
+        lines(
+            axes,
+            rows,
+            "estimator",
+            looks,
+            "kernel_size_px",
+            "amae_percent",
+            band=band,
+            alpha=0.16,
+            part="amae",
+            key=key,
+        )
 
-    shown = ["dataset", "kind", "size_px", "estimator", "calibrated", "amae_percent", "low_percent", "high_percent"]
+    shown = [
+        "dataset",
+        "blur_kind",
+        "kernel_size_px",
+        "estimator",
+        "calibrated",
+        "amae_percent",
+        "low_percent",
+        "high_percent",
+    ]
     values = summary[[*shown, "count", "abstained"]].sort_values(shown[:4])
     means = summary.groupby("estimator")["amae_percent"].agg(["mean", "max"])
     words = [
@@ -126,11 +147,11 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame |
         f"datasets, kinds and sizes: {listing(words)}."
     )
     return small_multiples(
-        summary, Facet("dataset", datasets), Facet("kind", kinds), panel,
+        summary, Facet("dataset", datasets), Facet("blur_kind", kinds), panel,
         x="size of the blur [px]", y="AMAE [%]", alt=alt,
-        axes={"xticks": sorted({*summary["size_px"], *theirs["size_px"]}), "ylim": (0, 1.04 * top)},
+        axes={"xticks": sorted({*summary["kernel_size_px"], *theirs["kernel_size_px"]}), "ylim": (0, 1.04 * top)},
         legend=beside_the_paper(looks, list(summary["estimator"]), not theirs.empty),
-        values=values.merge(theirs, how="left", on=["dataset", "kind", "size_px", "estimator"]),
+        values=values.merge(theirs, how="left", on=["dataset", "blur_kind", "kernel_size_px", "estimator"]),
         series=style.switches(estimators), margin_in=0.62,
     )  # fmt: skip
 
@@ -157,7 +178,7 @@ def figures(
     """
     blocks: list[Block] = []
     for is_calibrated in (False, True):
-        own = summary[(summary["kind"] != SHARP) & (summary["calibrated"] == is_calibrated)]
+        own = summary[(summary["blur_kind"] != SHARP) & (summary["calibrated"] == is_calibrated)]
         if own.empty:
             continue
         how = ", each estimate divided by the camera's own for sharp frames" if is_calibrated else ""
@@ -177,9 +198,9 @@ def figures(
 
 def _blur(row: Row) -> str:
     """``"D 3"``, as the paper abbreviates."""
-    if row["kind"] in (MEAN, SHARP):
-        return MEAN if row["kind"] == MEAN else "None (sharp)"
-    return f"{SHORT.get(row['kind'], word(row['kind']))} {format_number(row['size_px'])}"
+    if row["blur_kind"] in (MEAN, SHARP):
+        return MEAN if row["blur_kind"] == MEAN else "None (sharp)"
+    return f"{SHORT.get(row['blur_kind'], word(row['blur_kind']))} {format_number(row['kernel_size_px'])}"
 
 
 def table_one(
@@ -201,13 +222,13 @@ def table_one(
         modes: see `ReportInputs`.
     """
     cells = with_paper(summary[summary["dataset"] == dataset], paper)
-    cells = ordered(cells[cells["calibrated"] == is_calibrated], kind=[SHARP, *BLURS], size_px=())
-    cells = cells[cells["kind"] != SHARP] if is_calibrated else cells
+    cells = ordered(cells[cells["calibrated"] == is_calibrated], blur_kind=[SHARP, *BLURS], kernel_size_px=())
+    cells = cells[cells["blur_kind"] != SHARP] if is_calibrated else cells
     estimators = in_order(cells["estimator"], ESTIMATORS)
-    rows = pivot(cells, ["kind", "size_px"], "estimator", amae)
-    blurred = [row for row in rows if row["kind"] != SHARP]
+    rows = pivot(cells, ["blur_kind", "kernel_size_px"], "estimator", amae)
+    blurred = [row for row in rows if row["blur_kind"] != SHARP]
     means = {name: mean_cell([row[name] for row in blurred if name in row], complete=False) for name in estimators}
-    rows.append({"kind": MEAN, **{name: cell for name, cell in means.items() if cell is not None}})
+    rows.append({"blur_kind": MEAN, **{name: cell for name, cell in means.items() if cell is not None}})
 
     def best(row: Row) -> str:
         values = {name: cell.value for name in estimators if isinstance(cell := row.get(name), Estimate)}
@@ -224,7 +245,7 @@ def table_one(
         "patches with an estimate, over all rotations. D: defocus, L: linear motion, N: non-linear motion, with "
         "their size. Mean: over D, L and N."
     ]
-    if (cells["kind"] == SHARP).any():
+    if (cells["blur_kind"] == SHARP).any():
         notes.append("None (sharp): against the MTF of lens and pixels, measured on the Siemens star.")
     if is_calibrated:
         notes.append("Calibrated: each estimate divided by the same camera's estimate for its own sharp frames.")
@@ -254,23 +275,25 @@ def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame | None) -> Table 
     """
     theirs: dict[tuple[Any, ...], dict[str, float]] = {}
     for row in [] if paper is None else records(paper):
-        theirs.setdefault((row["dataset"], row["blur"], row["size_px"]), {})[row["estimator"]] = row["amae_percent"]
+        theirs.setdefault((row["dataset"], row["blur_kind"], row["kernel_size_px"]), {})[row["estimator"]] = row[
+            "amae_percent"
+        ]
     ours = in_order(set(summary["estimator"]) - {name for cell in theirs.values() for name in cell}, ESTIMATORS)
-    blurred = summary[(summary["kind"] != SHARP) & summary["estimator"].isin(ours)]
-    blurred = ordered(blurred, dataset=DATASETS, kind=BLURS, size_px=())
+    blurred = summary[(summary["blur_kind"] != SHARP) & summary["estimator"].isin(ours)]
+    blurred = ordered(blurred, dataset=DATASETS, blur_kind=BLURS, kernel_size_px=())
     blurred = blurred.assign(column=blurred["estimator"] + np.where(blurred["calibrated"], "_calibrated", ""))
     rows: list[dict[str, Any]] = []
-    wide = pivot(blurred, ["dataset", "kind", "size_px"], "column", amae)
+    wide = pivot(blurred, ["dataset", "blur_kind", "kernel_size_px"], "column", amae)
     for dataset in in_order(blurred["dataset"], DATASETS):
         own = []
         for row in wide:
-            cells = theirs.get((row["dataset"], row["kind"], row["size_px"]))
+            cells = theirs.get((row["dataset"], row["blur_kind"], row["kernel_size_px"]))
             if row["dataset"] == dataset and cells:
                 best = min(cells, key=lambda name, cells=cells: (cells[name], name))  # type: ignore[misc]
                 own.append({**row, "cnn": cells.get("cnn"), "best": cells[best], "which": ESTIMATORS[best]})
         if own:
-            means = {name: mean_cell([row.get(name) for row in own]) for name in own[0] if name != "size_px"}
-            rows += [*own, {**means, "dataset": dataset, "kind": MEAN}]
+            means = {name: mean_cell([row.get(name) for row in own]) for name in own[0] if name != "kernel_size_px"}
+            rows += [*own, {**means, "dataset": dataset, "blur_kind": MEAN}]
     if not rows:
         return None
     columns = [named("dataset", "Dataset"), Column("blur", "Blur", "px", source=_blur)]
@@ -301,7 +324,7 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
     raw = ordered(raw, dataset=raw["dataset"].unique(), estimator=ESTIMATORS)
     rows = []
     for key, own in raw.groupby(["dataset", "estimator"], sort=False):
-        blurred = own[own["kind"] != SHARP]
+        blurred = own[own["blur_kind"] != SHARP]
         why = counts[key].to_dict() if key in counts else {}
         rows.append(
             dict(zip(("dataset", "estimator"), key, strict=True))

@@ -13,7 +13,7 @@ from pipeline.report import style
 from pipeline.report.display_names import ESTIMATORS, EXPERIMENTS, in_order, listing, word
 from pipeline.report.figures import PAPER, PAPER_DASH, Facet, add_legend, lines, ordinal_legend, small_multiples
 from pipeline.report.frame_records import COMBINED_FILES, DENOISED_FILE, records_with
-from pipeline.report.inputs import ReportInputs, denoised_cells, described, optional
+from pipeline.report.inputs import ReportInputs, denoised_cells, described, optional, paper_table
 from pipeline.report.inputs import combined_tables as read_tables
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import combined_tables
@@ -84,8 +84,9 @@ def order_figure(arrays: Mapping[str, np.ndarray], example: Mapping[str, Any]) -
         axes[down, 0].set_ylabel(word(experiment).replace(", ", ",\n"), fontsize=6.0)
     orders = [f"{word(name)}: {', '.join(STEPS[step] for step in steps)}" for steps, name in rows.items()]
     alt = (
-        f"A patch of {word(example['dataset'])} after each step of image formation, blur {example['size_px']:g} px, "
-        f"noise {max(example['experiments'][0]['levels_dn']):g} DN. {listing(orders)}."
+        f"A patch of {word(example['dataset'])} after each step of image formation, blur "
+        f"{example['kernel_size_px']:g} px, "
+        f"noise {max(example['experiments'][0]['target_sigmas_dn']):g} DN. {listing(orders)}."
     )
     return Drawing(figure, alt)
 
@@ -104,7 +105,7 @@ def example_figure(
     """
     entries: Sequence[Mapping[str, Any]] = example["experiments"]
     looks = {level: look | {"linewidth": 0.9, "markersize": 2.2} for level, look in
-             style.ordinal_looks(curves["level_dn"]).items()}  # fmt: skip
+             style.ordinal_looks(curves["target_sigma_dn"]).items()}  # fmt: skip
     mean = curves[curves["axis"] == "HV"]
     filters = sorted(set(mean["filter_px"]))[:2]
     theirs = None
@@ -115,7 +116,7 @@ def example_figure(
     widths = [1.0] * PICTURES + [1.55] * len(filters)
     panels = figure.subplots(len(entries), len(widths), squeeze=False, width_ratios=widths)
     for down, entry in enumerate(entries):
-        experiment, levels = entry["experiment"], list(entry["levels_dn"])
+        experiment, levels = entry["experiment"], list(entry["target_sigmas_dn"])
         for cell, number in enumerate(np.linspace(0, len(levels) - 1, PICTURES).round().astype(int)):
             panels[down, cell].imshow(arrays[f"level_{experiment}_{number}"], cmap="gray", vmin=0, vmax=255)
             style.bare(panels[down, cell])
@@ -123,8 +124,8 @@ def example_figure(
         panels[down, 0].set_ylabel(word(experiment), fontsize=6.0)
         for axes, filter_px in zip(panels[down, PICTURES:], filters, strict=True):
             rows = mean[(mean["experiment"] == experiment) & (mean["filter_px"] == filter_px)]
-            lines(axes, rows, "level_dn", looks, "frequency", "median")
-            truth = rows[rows["level_dn"] == rows["level_dn"].min()].sort_values("place")
+            lines(axes, rows, "target_sigma_dn", looks, "frequency", "median")
+            truth = rows[rows["target_sigma_dn"] == rows["target_sigma_dn"].min()].sort_values("frequency_index")
             if len(truth):
                 axes.plot(truth["frequency"], truth["true_mtf"], zorder=4, **TRUTH)
             if theirs is not None and experiment == "photon_linear" and filter_px == 0:
@@ -136,19 +137,23 @@ def example_figure(
             if down == len(entries) - 1:
                 axes.set_xlabel("frequency [fraction of Nyquist]", fontsize=6.0)
         panels[down, PICTURES].set_ylabel("MTF", labelpad=1)
-    legend = [*ordinal_legend(style.ordinal_looks(curves["level_dn"]), "DN", "no noise"), ("ground truth", TRUTH)]
+    legend = [
+        *ordinal_legend(style.ordinal_looks(curves["target_sigma_dn"]), "DN", "no noise"),
+        ("ground truth", TRUTH),
+    ]
     add_legend(figure, legend if theirs is None else [*legend, ("the paper's CNN, Udacity", THE_CNN)])
-    keys = ["experiment", "filter_px", "level_dn", "axis", "place"]
+    keys = ["experiment", "filter_px", "target_sigma_dn", "axis", "frequency_index"]
     values = curves[[*keys, "frequency", "true_mtf", "median", "minimum", "maximum", "count"]].sort_values(keys)
-    highest = mean[(mean["filter_px"] == 0) & (mean["level_dn"] == max(looks))]
+    highest = mean[(mean["filter_px"] == 0) & (mean["target_sigma_dn"] == max(looks))]
     error = (highest["median"] - highest["true_mtf"]).abs().groupby(highest["experiment"]).max()
     words = [f"{word(one['experiment'])} {error[one['experiment']]:.2f}" for one in entries
              if one["experiment"] in error.index]  # fmt: skip
     alt = (
-        f"A patch of {word(example['dataset'])} under a blur of {example['size_px']:g} px and growing noise, with its "
+        f"A patch of {word(example['dataset'])} under a blur of {example['kernel_size_px']:g} px and growing noise, "
+        f"with its "
         f"estimated MTF. Largest distance of the median from the ground truth at {max(looks):g} DN: {listing(words)}."
     )
-    return Drawing(figure, alt, values.drop(columns="place"))
+    return Drawing(figure, alt, values.drop(columns="frequency_index"))
 
 
 @style.styled
@@ -164,24 +169,28 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
     """
     own = cells[cells["dataset"] == dataset]
     estimators = in_order(own["estimator"], ESTIMATORS)
-    looks = style.ordinal_looks(own["size_px"])
-    highest = float(own["level_dn"].max())
+    looks = style.ordinal_looks(own["kernel_size_px"])
+    highest = float(own["target_sigma_dn"].max())
 
     def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         axes.plot([0, highest], [0, highest], color=style.MUTED, linewidth=0.6, zorder=1)
-        lines(axes, rows, "size_px", looks, "level_dn", "added_median_dn", change=PRESENT, zorder=2)
-        lines(axes, rows, "size_px", looks, "level_dn", "median_dn")
+        lines(axes, rows, "kernel_size_px", looks, "target_sigma_dn", "unclipped_median_dn", change=PRESENT, zorder=2)
+        lines(axes, rows, "kernel_size_px", looks, "target_sigma_dn", "median_dn")
 
     words = []
-    blurred = own[(own["level_dn"] == highest) & (own["size_px"] > 0)]
+    blurred = own[(own["target_sigma_dn"] == highest) & (own["kernel_size_px"] > 0)]
     for name in estimators:
         rows = blurred[blurred["estimator"] == name]
-        for effect in in_order(rows["effect"], ["dcsn", "photon"]):
-            median = rows.loc[rows["effect"] == effect, "median_dn"]
-            words.append(f"{word(name)} estimates {median.min():.1f} to {median.max():.1f} DN of {word(effect)} noise")
-    shown = ["estimator", "experiment", "size_px", "level_dn"]
-    values = own[[*shown, "median_dn", "low_dn", "high_dn", "added_median_dn", "true_median_dn", "count", "abstained"]]
-    top = 1.06 * float(np.nanmax([highest, *own["median_dn"], *own["added_median_dn"]]))
+        for noise_source in in_order(rows["noise_source"], ["dcsn", "photon"]):
+            median = rows.loc[rows["noise_source"] == noise_source, "median_dn"]
+            words.append(
+                f"{word(name)} estimates {median.min():.1f} to {median.max():.1f} DN of {word(noise_source)} noise"
+            )
+    shown = ["estimator", "experiment", "kernel_size_px", "target_sigma_dn"]
+    values = own[
+        [*shown, "median_dn", "low_dn", "high_dn", "unclipped_median_dn", "clipped_median_dn", "count", "abstained"]
+    ]
+    top = 1.06 * float(np.nanmax([highest, *own["median_dn"], *own["unclipped_median_dn"]]))
     return small_multiples(
         own, Facet("estimator", estimators), Facet("experiment", in_order(own["experiment"], EXPERIMENTS)), panel,
         x="noise level σ [DN]", y="estimated σ [DN]", axes={"xlim": (0, highest), "ylim": (0, top)},
@@ -203,24 +212,24 @@ def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFram
     """
     plain = cells[cells["filter_px"] == 0]
     experiments = in_order(plain["experiment"], EXPERIMENTS)
-    looks = style.ordinal_looks(plain["size_px"])
+    looks = style.ordinal_looks(plain["kernel_size_px"])
     theirs = paper if "photon_defocus" in experiments else None
 
     def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         band = ("low_percent", "high_percent")
-        lines(axes, rows, "size_px", looks, "level_dn", "amae_percent", band=band, alpha=0.12)
+        lines(axes, rows, "kernel_size_px", looks, "target_sigma_dn", "amae_percent", band=band, alpha=0.12)
         if theirs is not None and key.endswith(" photon_defocus"):
             change = PAPER | {"linewidth": 0.8}
-            lines(axes, theirs, "size_px", looks, "sigma_dn", "amae_percent", change=change, zorder=2)
+            lines(axes, theirs, "kernel_size_px", looks, "sigma_dn", "amae_percent", change=change, zorder=2)
 
-    levels = sorted(set(plain["level_dn"]))
-    means = plain.groupby(["experiment", "level_dn"])["amae_percent"].mean()
+    levels = sorted(set(plain["target_sigma_dn"]))
+    means = plain.groupby(["experiment", "target_sigma_dn"])["amae_percent"].mean()
     words = [f"{word(name)} {means[name, levels[0]]:.1f} to {means[name, levels[-1]]:.1f} %" for name in experiments]
     alt = (
         f"Error of the blur estimate over the noise level. Mean over datasets and sizes from {levels[0]:g} to "
         f"{levels[-1]:g} DN: {listing(words)}."
     )
-    shown = ["dataset", "experiment", "size_px", "level_dn"]
+    shown = ["dataset", "experiment", "kernel_size_px", "target_sigma_dn"]
     values = plain[[*shown, "estimator", "calibrated", "amae_percent", "low_percent", "high_percent", "count"]]
     top = float(np.nanmax([*plain["amae_percent"], *([] if theirs is None else theirs["amae_percent"]), 5.0]))
     legend = ordinal_legend(looks, "px", "no blur")
@@ -234,7 +243,7 @@ def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFram
 
 def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_order: bool) -> list[Block]:
     folder = inputs.combined[dataset]
-    example = described(folder, "example.json", ("dataset", "size_px", "experiments"))
+    example = described(folder, "example.json", ("dataset", "kernel_size_px", "experiments"))
     if example is None or not example["experiments"]:
         return []
     arrays, stages = optional(folder, "example.npz") or {}, (STAGE.format(dataset=dataset),)
@@ -249,11 +258,12 @@ def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_o
     own = curves[curves["estimator"].isin(estimator) & ~curves["calibrated"]]
     if len(own):
         caption = (
-            f"A blur of {example['size_px']:g} px under growing noise on {word(dataset)}. The middle of one patch, and "
+            f"A blur of {example['kernel_size_px']:g} px under growing noise on {word(dataset)}. The middle of one "
+            f"patch, and "
             f"the MTF that {word(estimator[0])} estimates (median over all patches, mean of horizontal and vertical), "
             "as recorded and smoothed before."
         )
-        drawing = example_figure(own, arrays, example, optional(inputs.paper, "photon_linear_motion_mtf.csv"))
+        drawing = example_figure(own, arrays, example, paper_table(inputs, "photon_linear_motion_mtf.csv"))
         blocks.append(Figure(f"combined_example_{dataset}", drawing, caption, stages))
     return blocks
 
@@ -269,7 +279,7 @@ def _figures(blur: pd.DataFrame, noise: pd.DataFrame, datasets: Sequence[str], i
         drawing = noise_figure(noise, dataset)
         blocks.append(Figure(f"combined_noise_{dataset}", drawing, caption, (STAGE.format(dataset=dataset),)))
     estimator = in_order(blur["estimator"], OURS_FIRST)[:1]
-    paper = optional(inputs.paper, "photon_defocus_amae.csv")
+    paper = paper_table(inputs, "photon_defocus_amae.csv")
     for is_calibrated in (False, True):
         own = blur[blur["estimator"].isin(estimator) & (blur["calibrated"] == is_calibrated)]
         if len(own):
@@ -298,12 +308,12 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
         blocks += _example(dataset, curves[curves["dataset"] == dataset], inputs, with_order=dataset == ran[0])
     if ran:
         blocks += [*_figures(blur, noise, ran, inputs), combined_tables.overview(blur)]
-    theirs = optional(inputs.paper, "photon_defocus_amae.csv")
+    theirs = paper_table(inputs, "photon_defocus_amae.csv")
     for dataset in ran:
         for experiment in in_order(blur.loc[blur["dataset"] == dataset, "experiment"], EXPERIMENTS):
             known = theirs if experiment == "photon_defocus" else None
             blocks.append(combined_tables.error(dataset, experiment, blur, known))
-    paper = optional(inputs.paper, "improved_blur.csv")
+    paper = paper_table(inputs, "improved_blur.csv")
     blocks += [combined_tables.denoised(dataset, cells, paper) for dataset in smoothed]
     if ran:
         blocks.append(combined_tables.abstentions(blur, noise))

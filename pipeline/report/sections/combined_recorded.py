@@ -18,7 +18,7 @@ from pipeline.report import style
 from pipeline.report.display_names import ESTIMATORS, EXPERIMENTS, in_order, listing, word
 from pipeline.report.figures import PAPER, Facet, lines, ordinal_legend, small_multiples
 from pipeline.report.frame_records import COMBINED_FILES, DENOISED_FILE, joined, records_with
-from pipeline.report.inputs import ReportInputs, optional
+from pipeline.report.inputs import ReportInputs, paper_table
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import combined, combined_tables
 from pipeline.report.sections.noise_recorded import sources
@@ -54,7 +54,7 @@ def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame | None
         dataset: name.
         paper: columns series, sigma_dn, frequency, mtf: the paper's photon noise with linear motion.
     """
-    looks: Mapping[float, style.Look] = style.ordinal_looks(curves["level_dn"])
+    looks: Mapping[float, style.Look] = style.ordinal_looks(curves["target_sigma_dn"])
     theirs = None
     if paper is not None:
         theirs = paper[paper["series"] == "cnn"]
@@ -63,20 +63,31 @@ def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame | None
     def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         if theirs is not None and key.endswith(" photon_linear"):
             lines(axes, theirs, "sigma_dn", looks, "at", "mtf", change=PAPER | {"linewidth": 0.7}, zorder=2)
-        lines(axes, rows, "level_dn", looks, "frequency", "median")
-        truth = rows[rows["level_dn"] == rows["level_dn"].min()].sort_values("place")
+        lines(axes, rows, "target_sigma_dn", looks, "frequency", "median")
+        truth = rows[rows["target_sigma_dn"] == rows["target_sigma_dn"].min()].sort_values("frequency_index")
         axes.plot(truth["frequency"], truth["true_mtf"], zorder=4, **combined.TRUTH)
 
-    highest = curves[curves["level_dn"] == curves["level_dn"].max()]
+    highest = curves[curves["target_sigma_dn"] == curves["target_sigma_dn"].max()]
     distance = (highest["median"] - highest["true_mtf"]).abs().groupby([highest["estimator"], highest["experiment"]])
     words = [f"{word(str(name))}, {word(str(experiment))} {value:.2f}"
              for (name, experiment), value in distance.max().items()]  # fmt: skip
     alt = (
-        f"Median MTF over patches of {word(dataset)} under a blur of {curves['size_px'].iloc[0]:g} px and growing "
+        f"Median MTF over patches of {word(dataset)} under a blur of {curves['kernel_size_px'].iloc[0]:g} px and "
+        f"growing "
         f"noise. Largest distance from the ground truth at the strongest noise: {listing(words)}."
     )
     legend = [*ordinal_legend(looks, "DN", "no noise"), ("ground truth", combined.TRUTH)]
-    shown = ["estimator", "experiment", "level_dn", "frequency", "true_mtf", "median", "minimum", "maximum", "count"]
+    shown = [
+        "estimator",
+        "experiment",
+        "target_sigma_dn",
+        "frequency",
+        "true_mtf",
+        "median",
+        "minimum",
+        "maximum",
+        "count",
+    ]
     return small_multiples(
         curves, Facet("estimator", in_order(curves["estimator"], ESTIMATORS)),
         Facet("experiment", in_order(curves["experiment"], EXPERIMENTS)), panel,
@@ -96,12 +107,13 @@ def _of_dataset(
     own = own[(own["filter_px"] == 0) & (own["experiment"] != "")]
     if len(own):
         caption = (
-            f"Recorded: a blur of {own['size_px'].iloc[0]:g} px under growing noise on {word(dataset)}. Median over "
+            f"Recorded: a blur of {own['kernel_size_px'].iloc[0]:g} px under growing noise on {word(dataset)}. Median "
+            f"over "
             "patches of the estimated MTF, mean of horizontal and vertical. Dashed: the paper's network."
         )
-        paper = optional(inputs.paper, "photon_linear_motion_mtf.csv")
+        paper = paper_table(inputs, "photon_linear_motion_mtf.csv")
         blocks.append(Figure(f"recorded_combined_curves_{dataset}", curves_figure(own, dataset, paper), caption))
-    theirs = optional(inputs.paper, "photon_defocus_amae.csv")
+    theirs = paper_table(inputs, "photon_defocus_amae.csv")
     for name in in_order(blur.loc[blur["dataset"] == dataset, "estimator"], ESTIMATORS):
         cells = blur[(blur["dataset"] == dataset) & (blur["estimator"] == name) & ~blur["calibrated"]]
         caption = (
@@ -136,6 +148,6 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
         for record in records:
             blocks += _of_dataset(record.dataset, blur, noise, curves, inputs)
         blocks.append(_recorded(combined_tables.abstentions(blur, noise)))
-    paper, cells = optional(inputs.paper, "improved_blur.csv"), joined(inputs, DENOISED_FILE)
+    paper, cells = paper_table(inputs, "improved_blur.csv"), joined(inputs, DENOISED_FILE)
     blocks += [_recorded(combined_tables.denoised(record.dataset, cells, paper)) for record in denoised]
     return Section("combined_recorded", TITLE, (TEXT,), blocks)

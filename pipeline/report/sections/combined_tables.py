@@ -36,17 +36,17 @@ def _way(row: Row) -> str:
     return f"{how}, smoothed {row['filter_px']:g} px" if row["filter_px"] else how
 
 
-def _level(level_dn: float) -> str:
-    return f"level_{level_dn:g}"
+def _level(target_sigma_dn: float) -> str:
+    return f"level_{target_sigma_dn:g}"
 
 
 def _level_columns(cells: pd.DataFrame) -> list[Column]:
-    return [Column(_level(level), f"{level:g} DN", "%", 1) for level in sorted(set(cells["level_dn"]))]
+    return [Column(_level(level), f"{level:g} DN", "%", 1) for level in sorted(set(cells["target_sigma_dn"]))]
 
 
 def _shown(cells: pd.DataFrame, *by: str) -> pd.DataFrame:
     """Raw and calibrated estimates, and raw ones with each disc that smoothed any patch (of the same group)."""
-    smoothed = (cells["smoothed_share"] > 0).groupby([cells[name] for name in (*by, "filter_px")]).transform("any")
+    smoothed = (cells["smoothed_fraction"] > 0).groupby([cells[name] for name in (*by, "filter_px")]).transform("any")
     return cells[(cells["filter_px"] == 0) | (~cells["calibrated"] & smoothed)]
 
 
@@ -61,22 +61,30 @@ def error(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFram
     """
     own = cells[(cells["dataset"] == dataset) & (cells["experiment"] == experiment)]
     levels = _level_columns(own)
-    own = ordered(_shown(own, "estimator"), estimator=OURS_FIRST, filter_px=(), calibrated=(), size_px=())
+    own = ordered(_shown(own, "estimator"), estimator=OURS_FIRST, filter_px=(), calibrated=(), kernel_size_px=())
     if paper is not None and len(own):
-        theirs = paper.rename(columns={"sigma_dn": "level_dn", "amae_percent": "paper_percent"})
-        theirs = theirs[["level_dn", "size_px", "paper_percent"]].astype(float)
+        theirs = paper.rename(columns={"sigma_dn": "target_sigma_dn", "amae_percent": "paper_percent"})
+        theirs = theirs[["target_sigma_dn", "kernel_size_px", "paper_percent"]].astype(float)
         theirs = theirs.assign(estimator=own["estimator"].iloc[0], filter_px=0.0, calibrated=False)
-        own = own.merge(theirs, how="left", on=[*WAY, "level_dn", "size_px"])
+        own = own.merge(theirs, how="left", on=[*WAY, "target_sigma_dn", "kernel_size_px"])
     rows: list[dict[str, Any]] = []
     for _, group in own.groupby(WAY, sort=False):
-        lines = pivot(group, [*WAY, "size_px"], "level_dn", amae, _level)
+        lines = pivot(group, [*WAY, "kernel_size_px"], "target_sigma_dn", amae, _level)
         complete = [column.name for column in levels if all(column.name in line for line in lines)]
         means = {name: mean_cell([line[name] for line in lines]) for name in complete}
-        rows += [*lines, {**lines[0], **dict.fromkeys(column.name for column in levels), **means, "size_px": None}]
+        rows += [
+            *lines,
+            {**lines[0], **dict.fromkeys(column.name for column in levels), **means, "kernel_size_px": None},
+        ]
     columns = [
         named("estimator", "Estimator"),
         Column("way", "Answer", source=_way),
-        Column("size", "Blur", "px", source=lambda row: "Mean" if row["size_px"] is None else _number(row["size_px"])),
+        Column(
+            "size",
+            "Blur",
+            "px",
+            source=lambda row: "Mean" if row["kernel_size_px"] is None else _number(row["kernel_size_px"]),
+        ),
         *levels,
     ]
     notes = [
@@ -108,9 +116,9 @@ def overview(cells: pd.DataFrame) -> Table:
     shown = ordered(
         shown, dataset=DATASETS, experiment=EXPERIMENTS, estimator=OURS_FIRST, filter_px=(), calibrated=()
     )  # fmt: skip
-    sizes = shown.groupby(index)["size_px"].unique()
-    means = shown.groupby([*index, "level_dn"], sort=False, as_index=False)[["amae_percent"]].mean()
-    rows = pivot(means, index, "level_dn", lambda row: float(row["amae_percent"]), _level)
+    sizes = shown.groupby(index)["kernel_size_px"].unique()
+    means = shown.groupby([*index, "target_sigma_dn"], sort=False, as_index=False)[["amae_percent"]].mean()
+    rows = pivot(means, index, "target_sigma_dn", lambda row: float(row["amae_percent"]), _level)
     columns = [
         named("dataset", "Dataset"),
         named("experiment", "Experiment"),
@@ -135,12 +143,12 @@ def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame | None) -> T
         cells: `pipeline.experiments.tables.BLUR_CELLS` of the stage `denoised_blur`.
         paper: columns d2_px, d1_px, sigma_dn, mae_h_percent, mae_v_percent, amae_percent, expected_amae_percent.
     """
-    own = cells[(cells["dataset"] == dataset) & (cells["level_dn"] > 0)]
-    own = own.sort_values(["estimator", "filter_px", "size_px", "level_dn", "calibrated"])
+    own = cells[(cells["dataset"] == dataset) & (cells["target_sigma_dn"] > 0)]
+    own = own.sort_values(["estimator", "filter_px", "kernel_size_px", "target_sigma_dn", "calibrated"])
     errors = ["mae_h_percent", "mae_v_percent", "amae_percent", "expected_amae_percent"]
     if paper is not None:
-        theirs = paper.rename(columns={"d2_px": "filter_px", "d1_px": "size_px", "sigma_dn": "level_dn"})
-        keys = ["filter_px", "size_px", "level_dn"]
+        theirs = paper.rename(columns={"d2_px": "filter_px", "d1_px": "kernel_size_px", "sigma_dn": "target_sigma_dn"})
+        keys = ["filter_px", "kernel_size_px", "target_sigma_dn"]
         theirs = theirs[[*keys, *errors]].astype(float).rename(columns={name: f"paper_{name}" for name in errors})
         own = own.merge(theirs.assign(calibrated=False), how="left", on=[*keys, "calibrated"])
     h, v, whole, expected = (estimate(name, "", "", "", f"paper_{name}") for name in errors)
@@ -155,13 +163,13 @@ def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame | None) -> T
             source=lambda row: word(str(row["estimator"])) + (", calibrated" if row["calibrated"] else ""),
         ),
         Column("filter", "d₂", "px", source=filter_text),
-        Column("size", "d₁", "px", source=lambda row: _number(row["size_px"])),
-        Column("level", "σ", "DN", source=lambda row: _number(row["level_dn"])),
+        Column("size", "d₁", "px", source=lambda row: _number(row["kernel_size_px"])),
+        Column("level", "σ", "DN", source=lambda row: _number(row["target_sigma_dn"])),
         Column("h", "MAE, horizontal", "%", 1, h),
         Column("v", "MAE, vertical", "%", 1, v),
         Column("amae", "AMAE", "%", 1, whole),
         Column("expected", "Expected", "%", 1, lambda row: expected(row) if row["filter_px"] else None),
-        Column("frequencies", "Frequencies answered", "%", 0, lambda row: 100 * row["frequencies_share"]),
+        Column("frequencies", "Frequencies answered", "%", 0, lambda row: 100 * row["frequencies_fraction"]),
     ]  # fmt: skip
     notes = [
         "d₁: linear motion; σ: dark-current noise after it; d₂: the smoothing disc, none for patches as they are. "
@@ -186,9 +194,9 @@ def abstentions(blur: pd.DataFrame, noise: pd.DataFrame) -> Table:
     rows: list[dict[str, Any]] = []
     keys = ["dataset", "experiment", "estimator", "filter_px"]
     for cells, error_name in ((blur[~blur["calibrated"]], "patch_error_percent"), (noise, "patch_error_dn")):
-        cells = cells if "filter_px" in cells else cells.assign(filter_px=0.0, smoothed_share=0.0)
+        cells = cells if "filter_px" in cells else cells.assign(filter_px=0.0, smoothed_fraction=0.0)
         for key, group in cells.groupby(keys, sort=False):
-            if key[3] == 0 or group["smoothed_share"].any():
+            if key[3] == 0 or group["smoothed_fraction"].any():
                 error_of: dict[str, Cell] = {error_name: weighted_mean(group, error_name)}
                 totals = {name: int(group[name].sum()) for name in ("count", "abstained")}
                 coverage = 100 * weighted_mean(group, "coverage")

@@ -11,7 +11,7 @@ from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.report import style
 from pipeline.report.display_names import listing
 from pipeline.report.figures import PAPER_DASH, add_legend
-from pipeline.report.inputs import ReportInputs, described, optional
+from pipeline.report.inputs import ReportInputs, described, optional, paper_table
 from pipeline.report.spec import Block, Figure
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Column, Estimate, Row, Table, estimate, format_number, records, table
@@ -224,12 +224,12 @@ def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
             )
             drawing = pictures(example, steps, arrays, about)
             parts.append(Figure(f"control_example_{name}", drawing, caption, (STAGE,)))
-    parts.append(step_table(steps, optional(inputs.paper, "worked_examples.csv")))
+    parts.append(step_table(steps, paper_table(inputs, "worked_examples.csv")))
     ours, precision = (
         optional(folder, "response.parquet", RESPONSE),
         optional(folder, "precision.parquet", CONTROLLER_AP),
     )
-    paper, theirs = (optional(inputs.paper, f"controller_{name}.csv") for name in ("response", "ap"))
+    paper, theirs = (paper_table(inputs, f"controller_{name}.csv") for name in ("response", "ap"))
     if paper is not None and theirs is not None:
         caption = (
             "Example 2 over time. Solid: the recovered law of the built-in controller, replayed from the scene "

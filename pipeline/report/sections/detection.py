@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pipeline.curves import by_settings
+from pipeline.curves import iso_exposure
 from pipeline.report import detection_results
 from pipeline.report.detection_results import Recorded, Results
 from pipeline.report.display_names import DATASETS, DETECTORS, counted, in_order, word
@@ -62,13 +62,13 @@ def corners(dataset: str, results: Sequence[Results]) -> Table:
     """AP of every detector and class at the corners of the sweep."""
     rows = []
     for one in results:
-        size, level = one.precision["size_px"].max(), one.precision["level_dn"].max()
+        size, level = one.precision["kernel_size_px"].max(), one.precision["target_sigma_dn"].max()
         for label in one.labels:
             own = one.precision[one.precision["label"] == label]
             row = {"detector": one.detector, "label": label, **own[["objects", "objects_ignored", "images"]].iloc[0]}
             places = {"clean": (0, 0), "noisy": (0, level), "blurred": (size, 0), "both": (size, level)}
             for name, (px, dn) in places.items():
-                cells = own[(own["size_px"] == px) & (own["level_dn"] == dn)]
+                cells = own[(own["kernel_size_px"] == px) & (own["target_sigma_dn"] == dn)]
                 if len(cells) == 1:
                     value, low, high = map(float, cells[["ap_percent", "low_percent", "high_percent"]].iloc[0])
                     row[name] = Estimate(value, low, high)
@@ -95,11 +95,15 @@ def corners(dataset: str, results: Sequence[Results]) -> Table:
     return table(f"detection_ap_{dataset}", caption, rows, columns, notes, f"curves@{dataset}-<detector>")
 
 
-def _of_mean(one: Results, label: str, size_px: float, level_dn: float) -> tuple[float, float]:
+def _of_mean(one: Results, label: str, size_px: float, target_sigma_dn: float) -> tuple[float, float]:
     """95 % interval of the AP's mean over directions; NaN where it was not measured."""
     rows = one.spread
     if rows is not None:
-        rows = rows[(rows["label"] == label) & (rows["size_px"] == size_px) & (rows["level_dn"] == level_dn)]
+        rows = rows[
+            (rows["label"] == label)
+            & (rows["kernel_size_px"] == size_px)
+            & (rows["target_sigma_dn"] == target_sigma_dn)
+        ]
     if rows is None or rows.empty:
         return math.nan, math.nan
     return float(rows["mean_low_percent"].iloc[0]), float(rows["mean_high_percent"].iloc[0])
@@ -114,29 +118,33 @@ def by_direction(one: Results) -> Table | None:
         mark = RISE if row["rises_with_size"] or row["rises_with_sigma"] else ""
         return format_number(row["ap_percent"], 1) + mark if math.isfinite(row["ap_percent"]) else None
 
-    own = one.directions.sort_values(["level_dn", "angle_deg"], kind="stable")
-    own = own.assign(place=[f"{label}_{size:g}" for label, size in zip(own["label"], own["size_px"], strict=True)])
+    own = one.directions.sort_values(["target_sigma_dn", "angle_deg"], kind="stable")
+    own = own.assign(
+        place=[f"{label}_{size:g}" for label, size in zip(own["label"], own["kernel_size_px"], strict=True)]
+    )
     labels = [label for label in one.labels if (own["label"] == label).any()]
-    columns = [Column("level_dn", "Noise", "DN"), Column("angle_deg", "Angle", "°")]
+    columns = [Column("target_sigma_dn", "Noise", "DN"), Column("angle_deg", "Angle", "°")]
     for label in labels:
-        columns += [Column(f"{label}_{px:g}", f"{word(label)} {px:g} px", "%") for px in sorted(set(own["size_px"]))]
+        columns += [
+            Column(f"{label}_{px:g}", f"{word(label)} {px:g} px", "%") for px in sorted(set(own["kernel_size_px"]))
+        ]
     notes = [f"{RISE.strip()}: better than with the next shorter blur, or at the next lower noise. 0°: horizontal."]
     caption = f"Average precision of {word(one.detector)} on {word(one.dataset)} by direction and length of the blur."
     name = f"{one.dataset}_{one.detector}"
-    rows = pivot(own, ["level_dn", "angle_deg"], "place", cell)
+    rows = pivot(own, ["target_sigma_dn", "angle_deg"], "place", cell)
     return table(f"direction_{name}", caption, rows, columns, notes, f"direction@{one.dataset}-{one.detector}")
 
 
 def spread(dataset: str, results: Sequence[Results]) -> Table | None:
     """Largest effect of the blur direction: best less worst angle, without noise."""
     cells = _joined(results, "spread")
-    cells = cells[cells["level_dn"] == 0] if len(cells) else cells
+    cells = cells[cells["target_sigma_dn"] == 0] if len(cells) else cells
     if cells.empty:
         return None
     columns = [
         named("detector", "Detector"),
         named("label", "Class"),
-        Column("size_px", "Length", "px"),
+        Column("kernel_size_px", "Length", "px"),
         Column("mean", "Mean over directions", "%", 1,
                estimate("mean_percent", "mean_low_percent", "mean_high_percent")),
         Column("spread", "Best less worst direction", "points", 1,
@@ -152,7 +160,7 @@ def coefficients(name: str, fitted: pd.DataFrame, caption: str, stage: str) -> T
 
     Args:
         name: of the table.
-        fitted: `pipeline.curves.by_settings.COEFFICIENTS` with a column ``fit``, its title.
+        fitted: `pipeline.curves.iso_exposure.COEFFICIENTS` with a column ``fit``, its title.
         caption: of the table.
         stage: that made it.
     """
@@ -304,7 +312,7 @@ def _recorded(records: Sequence[Recorded]) -> list[Block]:
 def _refit(inputs: ReportInputs) -> list[Block]:
     """The published grids fitted anew."""
     folder = None if inputs.detection is None else inputs.detection / "refit"
-    fitted = optional(folder, "coefficients.parquet", by_settings.COEFFICIENTS)
+    fitted = optional(folder, "coefficients.parquet", iso_exposure.COEFFICIENTS)
     numbers = optional(folder, "fits.json")
     if fitted is None or not numbers:
         return []

@@ -38,11 +38,11 @@ def iopc(curves: pd.DataFrame) -> Drawing:
 
     def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         for name, look in looks.items():
-            own = rows[rows["detector"] == name].sort_values("at")
+            own = rows[rows["detector"] == name].sort_values("quantity_value")
             ends = np.flatnonzero(~own["joined"].to_numpy(bool)) + 1  # where the curve is interrupted
             for part in filter(len, np.split(np.arange(len(own)), ends)):
                 lines(
-                    axes, own.iloc[part], "detector", {name: look}, "at", "ap_percent",
+                    axes, own.iloc[part], "detector", {name: look}, "quantity_value", "ap_percent",
                     band=("low_percent", "high_percent"), alpha=0.15, ring=["non_monotonic"], key=f"{key} {part[0]}",
                 )  # fmt: skip
 
@@ -52,7 +52,7 @@ def iopc(curves: pd.DataFrame) -> Drawing:
             own = curves[(curves["label"] == label) & (curves["detector"] == name)]
             parts = []
             for quantity, (_, noun, _) in QUANTITIES.items():
-                line = own[own["quantity"] == quantity].sort_values("at", ascending=quantity == "sigma_dn")
+                line = own[own["quantity"] == quantity].sort_values("quantity_value", ascending=quantity == "sigma_dn")
                 if len(line):
                     parts.append(
                         f"{line['ap_percent'].iloc[0]:.0f} to {line['ap_percent'].iloc[-1]:.0f} % under {noun}"
@@ -66,7 +66,7 @@ def iopc(curves: pd.DataFrame) -> Drawing:
         alt=f"Average precision over estimated noise and MTF. From the mildest to the strongest: {'; '.join(words)}.",
         legend=[*((word(name), look) for name, look in looks.items()),
                 ("better than its sharper or less noisy neighbour", RING)],
-        values=curves.sort_values(["label", "quantity", "detector", "at"]), series=style.switches(looks),
+        values=curves.sort_values(["label", "quantity", "detector", "quantity_value"]), series=style.switches(looks),
         panel_in=1.75, margin_in=0.5, share_x=False,
     )  # fmt: skip
 
@@ -136,12 +136,16 @@ def direction(cells: pd.DataFrame, label: str) -> Drawing:
 
     def panel(axes: Axes, own: pd.DataFrame, key: str) -> None:
         lines(
-            axes, own, "angle_deg", looks, "size_px", "ap_percent", band=("low_percent", "high_percent"), alpha=0.08,
+            axes, own, "angle_deg", looks, "kernel_size_px", "ap_percent", band=("low_percent", "high_percent"),
+                alpha=0.08,
             ring=["rises_with_size", "rises_with_sigma"],
         )  # fmt: skip
 
     words = []
-    quiet = rows[(rows["level_dn"] == rows["level_dn"].min()) & (rows["size_px"] == rows["size_px"].max())]
+    quiet = rows[
+        (rows["target_sigma_dn"] == rows["target_sigma_dn"].min())
+        & (rows["kernel_size_px"] == rows["kernel_size_px"].max())
+    ]
     for name, own in quiet.groupby("detector"):
         best, worst = own.loc[own["ap_percent"].idxmax()], own.loc[own["ap_percent"].idxmin()]
         words.append(
@@ -152,14 +156,15 @@ def direction(cells: pd.DataFrame, label: str) -> Drawing:
         f"Average precision of {label} over length and direction of the blur. With the longest blur and the least"
         f" noise: {'; '.join(words)}."
     )
-    levels = Facet("level_dn", sorted(set(rows["level_dn"])), lambda level: f"noise of {level:g} DN")
+    levels = Facet("target_sigma_dn", sorted(set(rows["target_sigma_dn"])), lambda level: f"noise of {level:g} DN")
     return small_multiples(
         rows, Facet("detector", in_order(rows["detector"], DETECTORS)), levels, panel,
         x="length of the blur [px]", y=f"{word(label).lower()} AP [%]", alt=alt,
-        axes={"ylim": (0, 103), "xticks": sorted(set(rows["size_px"]))},
+        axes={"ylim": (0, 103), "xticks": sorted(set(rows["kernel_size_px"]))},
         legend=[*((f"{angle:g}°", look) for angle, look in looks.items()),
                 ("better than with less blur or noise", RING)],
-        values=rows.sort_values(["detector", "level_dn", "angle_deg", "size_px"]), panel_in=1.55, margin_in=0.5,
+        values=rows.sort_values(["detector", "target_sigma_dn", "angle_deg", "kernel_size_px"]), panel_in=1.55,
+            margin_in=0.5,
     )  # fmt: skip
 
 
@@ -200,7 +205,7 @@ def regression(fitted: pd.DataFrame, titles: Mapping[str, str]) -> Drawing:
     """Two panels per fit: fitted AP over ISO and exposure time (dots: measured cells), and measured less fitted.
 
     Args:
-        fitted: `pipeline.curves.by_settings.FITTED` with a column ``fit``.
+        fitted: `pipeline.curves.iso_exposure.FITTED` with a column ``fit``.
         titles: fit -> its title, in the order shown.
     """
     known = fitted[fitted["ap_percent"].notna()]

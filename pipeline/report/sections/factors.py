@@ -66,7 +66,7 @@ def by_kernel(record: FrameRecord) -> Table:
 
 def _columns(blur: object) -> list[Column]:
     assert callable(blur)
-    effect = estimate("effect_percent", "low_percent", "high_percent", "patches")
+    noise_source = estimate("effect_percent", "low_percent", "high_percent", "patches")
     return [
         Column("factor", "Choice", source=lambda row: FACTORS[row["factor"]]),
         named("estimator", "Estimator"),
@@ -74,7 +74,7 @@ def _columns(blur: object) -> list[Column]:
         Column("blur", "Blur", source=blur),
         Column("first_percent", "AMAE from", "%", 1),
         Column("second_percent", "AMAE to", "%", 1),
-        Column("effect", "Effect", "points", 1, effect),
+        Column("noise_source", "Effect", "points", 1, noise_source),
     ]
 
 

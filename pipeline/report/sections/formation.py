@@ -87,39 +87,44 @@ def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any
 
     Args:
         arrays: name -> (H, W), uint8 or float in [0, 1].
-        entries: ``{"array", "effect", "level_dn"}``.
+        entries: ``{"array", "effect", "target_sigma_dn"}``.
 
     Raises:
         InputError: an entry names an absent array.
     """
     import pandas as pd
 
-    sources = in_order((str(entry["effect"]) for entry in entries), EFFECTS)
-    levels = sorted({float(entry["level_dn"]) for entry in entries})
-    crops = {(str(entry["effect"]), float(entry["level_dn"])): _crop(arrays, entry, EFFECTS_PX) for entry in entries}
+    sources = in_order((str(entry["noise_source"]) for entry in entries), EFFECTS)
+    levels = sorted({float(entry["target_sigma_dn"]) for entry in entries})
+    crops = {
+        (str(entry["noise_source"]), float(entry["target_sigma_dn"])): _crop(arrays, entry, EFFECTS_PX)
+        for entry in entries
+    }
     cell_in = style.sheet_cell_in(len(levels), margins_in=0.24)
     figure, axes = style.sheet(
         len(levels), [cell_in] * len(sources), left_in=0.22, bottom_in=0.16, row_gaps_in=[0.19] * (len(sources) - 1)
     )
     rows = []
-    for (across, level), (down, effect) in itertools.product(enumerate(levels), enumerate(sources)):
-        spot, picture = axes[down, across], crops.get((effect, level))
+    for (across, level), (down, noise_source) in itertools.product(enumerate(levels), enumerate(sources)):
+        spot, picture = axes[down, across], crops.get((noise_source, level))
         style.bare(spot)
         if down == 0:
             spot.set_title(f"σ = {level:g} DN", pad=3)
         if across == 0:
-            spot.set_ylabel(word(effect), fontweight="bold", color=style.INK)
+            spot.set_ylabel(word(noise_source), fontweight="bold", color=style.INK)
         if picture is None:
             spot.text(0.5, 0.5, "not run", ha="center", va="center", transform=spot.transAxes, color=style.MUTED)
             continue
         spot.imshow(picture, cmap="gray", vmin=0, vmax=255)
-        clean = crops.get((effect, 0.0))
+        clean = crops.get((noise_source, 0.0))
         added = float("nan") if clean is None or clean.shape != picture.shape else float((picture - clean).std())
         if level > 0 and np.isfinite(added):
             spot.set_xlabel(f"{added:.1f} DN added", fontsize=5.8, labelpad=1.5)
-        rows.append({"effect": effect, "level_dn": level, "mean_dn": picture.mean(), "added_std_dn": added})
+        rows.append(
+            {"noise_source": noise_source, "target_sigma_dn": level, "mean_dn": picture.mean(), "added_std_dn": added}
+        )
     alt = (
-        f"The same patch under {listing(word(effect) for effect in sources)} noise at "
+        f"The same patch under {listing(word(noise_source) for noise_source in sources)} noise at "
         f"{listing(f'{level:g}' for level in levels)} DN."
     )
     return Drawing(figure, alt, pd.DataFrame(rows))
@@ -181,19 +186,27 @@ def _galleries(dataset: str, inputs: ReportInputs) -> list[Block]:
 
 def _levels(dataset: str, corruption: pd.DataFrame, seed: int) -> Table:
     """Noise present after clipping at each target level; by how much the noise added misses the level."""
-    own = corruption.assign(dataset=dataset).sort_values("level_dn", kind="stable")
-    cells = robust_by(own, ["dataset", "effect", "level_dn"], "sigma_clipped_dn", seed, "report", "levels")
+    own = corruption.assign(dataset=dataset).sort_values("target_sigma_dn", kind="stable")
+    cells = robust_by(own, ["dataset", "noise_source", "target_sigma_dn"], "clipped_sigma_dn", seed, "report", "levels")
     rows = pivot(
-        cells, ["level_dn"], "effect", estimate("median", "low", "high", lambda row: int(row["count"]) or None)
+        cells,
+        ["target_sigma_dn"],
+        "noise_source",
+        estimate("median", "low", "high", lambda row: int(row["count"]) or None),
     )
-    missed = (own["sigma_dn"] / own["level_dn"].where(own["level_dn"] > 0) - 1.0).abs().groupby(own["level_dn"]).max()
+    missed = (
+        (own["sigma_dn"] / own["target_sigma_dn"].where(own["target_sigma_dn"] > 0) - 1.0)
+        .abs()
+        .groupby(own["target_sigma_dn"])
+        .max()
+    )
     columns = [
-        Column("level_dn", "Level", "DN"),
+        Column("target_sigma_dn", "Level", "DN"),
         Column(
             "off_percent", "Missed before clipping", "%", 2,
-            lambda row: 100.0 * float(missed[row["level_dn"]]) if row["level_dn"] > 0 else None,
+            lambda row: 100.0 * float(missed[row["target_sigma_dn"]]) if row["target_sigma_dn"] > 0 else None,
         ),
-        *(Column(effect, word(effect), "DN", 2) for effect in in_order(own["effect"], EFFECTS)),
+        *(Column(noise_source, word(noise_source), "DN", 2) for noise_source in in_order(own["noise_source"], EFFECTS)),
     ]  # fmt: skip
     notes = [
         "Standard deviation of the noise over a whole frame after clipping to 0..255 and rounding: median over frames "

@@ -141,8 +141,8 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
             raise InputError(
                 f"gallery of '{name}': other kernels than '{galleries[0].estimator}'; run the stage blur again for both"
             )
-    kinds = in_order((str(entry["kind"]) for entry in first.values()), BLURS)
-    sizes = sorted({float(entry["size_px"]) for entry in first.values()})
+    kinds = in_order((str(entry["blur_kind"]) for entry in first.values()), BLURS)
+    sizes = sorted({float(entry["kernel_size_px"]) for entry in first.values()})
     names = in_order([*entries, *(others or {})], ESTIMATORS)
     sheet = _Sheet(len(kinds), len(sizes), 2 + len(galleries))
     headings = ["corrupted", "true", *map(word, entries)]
@@ -151,7 +151,7 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
         middle = (sheet.left_in(across) + sheet.group_in / 2) / sheet.width_in
         sheet.figure.text(middle, 1 - 0.25 / sheet.height_in, word(kind), ha="center", fontsize=7.5, fontweight="bold")
     for kernel, entry in first.items():
-        across, down = kinds.index(str(entry["kind"])), sizes.index(float(entry["size_px"]))
+        across, down = kinds.index(str(entry["blur_kind"])), sizes.index(float(entry["kernel_size_px"]))
         truth = galleries[0].array("truth", kernel)
         widest = min(gallery.array("estimate", kernel).shape[0] for gallery in galleries)
         side_px = max(min(int(2 * sizes[down]) + 1, widest), 11, truth.shape[0])
@@ -187,7 +187,8 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
                 cell.set_title(heading, fontsize=5.8, fontweight="normal", pad=2.5)
         rows += [
             {
-                "kernel": kernel, "kind": entry["kind"], "size_px": sizes[down], "estimator": name, "axis": "HV"[axis],
+                "kernel": kernel, "blur_kind": entry["blur_kind"], "kernel_size_px": sizes[down], "estimator": name,
+                "axis": "HV"[axis],
                 "frequency": mtf.FREQUENCIES[number], "true_mtf": true_mtf[axis, number], "mtf": curve[axis, number],
             }
             for name, curve in curves.items() for axis, number in np.ndindex(*true_mtf.shape)
@@ -195,7 +196,8 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
     _legend(sheet.figure, names)
     values = pd.DataFrame(rows)
     order = {kind: number for number, kind in enumerate(kinds)}
-    values = values.sort_values(["kind", "size_px"], key=lambda one: one.map(order) if one.name == "kind" else one,
+    values = values.sort_values(["blur_kind", "kernel_size_px"],
+        key=lambda one: one.map(order) if one.name == "blur_kind" else one,
                                 kind="stable")  # fmt: skip
     alt = f"One patch under {counted(len(first), 'blur kernel')} with the kernels estimated in it: {_errors(entries)}."
     return Drawing(sheet.figure, alt, values, style.switches(names))

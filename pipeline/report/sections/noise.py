@@ -14,7 +14,7 @@ from pipeline.report import style
 from pipeline.report.display_names import DATASETS, EFFECTS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import Facet, abstentions, lines, small_multiples
 from pipeline.report.frame_records import NOISE_FILE, joined
-from pipeline.report.inputs import ReportInputs, described, members, noise_tables, optional
+from pipeline.report.inputs import ReportInputs, described, members, noise_tables, optional, paper_table
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Figure, Section, missing, overview
 from pipeline.report.style import Drawing
@@ -43,29 +43,38 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
         summary: `pipeline.tables.NOISE_SUMMARY`.
         datasets: rows of the figure; one without numbers is shown as not run.
     """
-    effects = in_order([*PAPER_EFFECTS, *summary["effect"]], EFFECTS)
+    effects = in_order([*PAPER_EFFECTS, *summary["noise_source"]], EFFECTS)
     looks = style.series_looks(in_order(summary["estimator"], ESTIMATORS))
     # The bands are shown up to 40 DN; a single outlier must not flatten every panel.
-    tops = [25.0, summary["level_dn"].max(), summary["median_dn"].max(), min(40.0, summary["maximum_dn"].max())]
+    tops = [25.0, summary["target_sigma_dn"].max(), summary["median_dn"].max(), min(40.0, summary["maximum_dn"].max())]
     top = 5.0 * np.ceil(float(np.nanmax(tops)) / 5.0)
-    right = max(25.0, summary["level_dn"].max())
+    right = max(25.0, summary["target_sigma_dn"].max())
 
     def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         axes.plot([0, top], [0, top], zorder=1, **DIAGONAL)
         if rows.empty:
             return
-        present = rows.groupby("level_dn")["true_median_dn"].median()
+        present = rows.groupby("target_sigma_dn")["clipped_median_dn"].median()
         axes.plot(present.index, present.to_numpy(), zorder=2, **PRESENT)
         band = ("minimum_dn", "maximum_dn")
-        lines(axes, rows, "estimator", looks, "level_dn", "median_dn", band=band, part="median", key=key)
+        lines(axes, rows, "estimator", looks, "target_sigma_dn", "median_dn", band=band, part="median", key=key)
         counts = rows.groupby("estimator")[["abstained", "count"]].sum().to_dict("index")
         pairs = {name: (int(one["abstained"]), int(one["abstained"] + one["count"])) for name, one in counts.items()}
         abstentions(axes, {name: pairs[name] for name in looks if name in pairs}, key)
 
-    columns = ["dataset", "effect", "estimator", "level_dn", "true_median_dn", "median_dn", "minimum_dn", "maximum_dn"]
-    columns += ["added_median_dn", "low_dn", "high_dn", "count", "rejected", "abstained"]
+    columns = [
+        "dataset",
+        "noise_source",
+        "estimator",
+        "target_sigma_dn",
+        "clipped_median_dn",
+        "median_dn",
+        "minimum_dn",
+        "maximum_dn",
+    ]
+    columns += ["unclipped_median_dn", "low_dn", "high_dn", "count", "rejected", "abstained"]
     return small_multiples(
-        summary, Facet("dataset", datasets), Facet("effect", effects), panel,
+        summary, Facet("dataset", datasets), Facet("noise_source", effects), panel,
         x="noise level σ [DN]", y="estimated σ [DN]", alt=_curves_alt(summary, list(looks)),
         axes={"xlim": (0, right), "ylim": (0, top + 3), "yticks": np.arange(0, top + 1, 5),
               "xticks": np.arange(0, right + 1, 5)},
@@ -79,13 +88,14 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
 def _curves_alt(summary: pd.DataFrame, estimators: Sequence[str]) -> str:
     if summary.empty:
         return "Noise estimation: not run."
-    highest = summary[summary["level_dn"] == summary["level_dn"].max()]
+    highest = summary[summary["target_sigma_dn"] == summary["target_sigma_dn"].max()]
     medians = highest.groupby("estimator")["median_dn"].agg(["min", "max"])
     words = [f"{word(name)} {medians['min'][name]:.1f} to {medians['max'][name]:.1f}" for name in estimators]
-    present = f"{highest['true_median_dn'].min():.1f} to {highest['true_median_dn'].max():.1f}"
+    present = f"{highest['clipped_median_dn'].min():.1f} to {highest['clipped_median_dn'].max():.1f}"
     return (
         f"Estimated noise over the target level, for {listing(word(name) for name in summary['dataset'].unique())}. "
-        f"At {highest['level_dn'].iloc[0]:g} DN, where {present} DN are present, the medians over the panels are "
+        f"At {highest['target_sigma_dn'].iloc[0]:g} DN, where {present} DN are present, the medians over the panels "
+        f"are "
         f"{listing(words)} DN; {int(summary['abstained'].sum()):,} estimates were abstained from."
     )
 
@@ -98,21 +108,21 @@ class NoiseMaps:
         estimator: its name.
         arrays: ``<effect>_seen`` (H, W) uint8, ``<effect>_added`` and ``<effect>_found`` (h, w) DN.
         effects: in the order shown.
-        level_dn: target standard deviation over the frame.
+        target_sigma_dn: target standard deviation over the frame.
     """
 
     estimator: str
     arrays: Mapping[str, np.ndarray]
     effects: Sequence[str]
-    level_dn: float
+    target_sigma_dn: float
 
-    def of(self, effect: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def of(self, noise_source: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Frame, noise added and noise estimated under one effect.
 
         Raises:
             InputError: an array is missing.
         """
-        names = [f"{effect}_{part}" for part in ("seen", "added", "found")]
+        names = [f"{noise_source}_{part}" for part in ("seen", "added", "found")]
         absent = [name for name in names if name not in self.arrays]
         if absent:
             raise InputError(f"noise maps by {self.estimator}: missing {', '.join(absent)}; run the stage noise again")
@@ -152,17 +162,17 @@ def maps(galleries: Sequence[NoiseMaps]) -> Drawing:
     figure = style.new_figure(style.TWO_COLUMNS_IN, len(effects) * (tall + 0.14) + 0.2)
     panels = figure.subplots(len(effects), columns, squeeze=False)
     rows: list[dict[str, Any]] = []
-    for down, effect in enumerate(effects):
-        frame, added, _ = galleries[0].of(effect)
+    for down, noise_source in enumerate(effects):
+        frame, added, _ = galleries[0].of(noise_source)
         known = added[np.isfinite(added)]
         top = float(np.percentile(known, TOP_PERCENTILE)) if known.size else 1.0
         _map_panel(panels[down, 0], frame, None, top)
-        panels[down, 0].set_ylabel(f"{word(effect)}, {galleries[0].level_dn:g} DN")
+        panels[down, 0].set_ylabel(f"{word(noise_source)}, {galleries[0].target_sigma_dn:g} DN")
         image = _map_panel(panels[down, 1], frame, added, top)
         for across, one in enumerate(galleries):
-            estimated = one.of(effect)[2]
+            estimated = one.of(noise_source)[2]
             _map_panel(panels[down, 2 + across], frame, estimated, top)
-            rows.append({"effect": effect, "estimator": one.estimator, **agreement(added, estimated)})
+            rows.append({"noise_source": noise_source, "estimator": one.estimator, **agreement(added, estimated)})
         figure.colorbar(image, ax=list(panels[down]), label="σ [DN]", fraction=0.03, pad=0.01)
     titles = ["Frame", "Noise added", *(f"Estimated by {word(one.estimator)}" for one in galleries)]
     for axes, title in zip(panels[0], titles, strict=True):
@@ -171,8 +181,9 @@ def maps(galleries: Sequence[NoiseMaps]) -> Drawing:
     for row in rows:
         pattern = f", correlation {row['correlation']:.2f}" if np.isfinite(row["correlation"]) else ""
         words.append(
-            f"{word(row['effect'])} by {word(row['estimator'])}: mean error {row['mean_error_dn']:.2f} DN about a "
-            f"median of {row['added_median_dn']:.1f} DN{pattern}"
+            f"{word(row['noise_source'])} by {word(row['estimator'])}: mean error {row['mean_error_dn']:.2f} DN about "
+            f"a "
+            f"median of {row['unclipped_median_dn']:.1f} DN{pattern}"
         )
     alt = f"Local noise over one frame, added and estimated cell by cell. {'; '.join(words)}."
     return Drawing(figure, alt, pd.DataFrame(rows))
@@ -182,14 +193,16 @@ def _maps(inputs: ReportInputs) -> list[Block]:
     """Local noise over a frame, of every dataset whose stage stored maps."""
     galleries: dict[str, list[tuple[NoiseMaps, str]]] = {}
     for folder in members(inputs.noise, inputs.noise_members):
-        about = described(folder, "maps.json", ("dataset", "estimator", "frame", "effects", "level_dn"))
+        about = described(folder, "maps.json", ("dataset", "estimator", "frame", "effects", "target_sigma_dn"))
         if about is not None:
-            one = NoiseMaps(about["estimator"], optional(folder, "maps.npz") or {}, about["effects"], about["level_dn"])
+            one = NoiseMaps(
+                about["estimator"], optional(folder, "maps.npz") or {}, about["effects"], about["target_sigma_dn"]
+            )
             galleries.setdefault(about["dataset"], []).append((one, about["frame"]))
     blocks: list[Block] = []
     for dataset in in_order(galleries, inputs.datasets):
         pairs = sorted(galleries[dataset], key=lambda pair: pair[0].estimator)
-        if len({(frame, tuple(one.effects), one.level_dn) for one, frame in pairs}) > 1:
+        if len({(frame, tuple(one.effects), one.target_sigma_dn) for one, frame in pairs}) > 1:
             raise InputError(f"noise maps of '{dataset}' show different frames; run the stage noise again for all")
         caption = (
             f"Local noise over a frame of {word(dataset)}. Added: root mean square over 40 px about each cell of 8 px, "
@@ -206,20 +219,20 @@ def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame | None)
     Args:
         dataset: name.
         summary: `pipeline.tables.NOISE_SUMMARY`.
-        reference: columns dataset, effect, level_dn, estimator, sigma_dn: by the authors' program.
+        reference: columns dataset, effect, target_sigma_dn, estimator, sigma_dn: by the authors' program.
     """
-    keys = ["dataset", "effect", "level_dn", "estimator"]
-    own = ordered(summary[summary["dataset"] == dataset], effect=EFFECTS, level_dn=())
+    keys = ["dataset", "noise_source", "target_sigma_dn", "estimator"]
+    own = ordered(summary[summary["dataset"] == dataset], noise_source=EFFECTS, target_sigma_dn=())
     own = own.assign(inliers=own["count"] - own["rejected"])
     if reference is not None:
         own = own.merge(reference.drop_duplicates(keys)[[*keys, "sigma_dn"]], how="left", on=keys)
-    levels = own.groupby(keys[1:3])[["added_median_dn", "true_median_dn"]].transform("median")
-    own = own.assign(added_dn=levels["added_median_dn"], present_dn=levels["true_median_dn"])
+    levels = own.groupby(keys[1:3])[["unclipped_median_dn", "clipped_median_dn"]].transform("median")
+    own = own.assign(added_dn=levels["unclipped_median_dn"], present_dn=levels["clipped_median_dn"])
     cell = estimate("median_dn", "low_dn", "high_dn", "inliers", "sigma_dn")
-    rows = pivot(own, ["effect", "level_dn", "added_dn", "present_dn"], "estimator", cell)
+    rows = pivot(own, ["noise_source", "target_sigma_dn", "added_dn", "present_dn"], "estimator", cell)
     columns = [
-        named("effect", "Effect"),
-        Column("level_dn", "Level", "DN"),
+        named("noise_source", "Effect"),
+        Column("target_sigma_dn", "Level", "DN"),
         Column("added_dn", "Added", "DN", 2),
         Column("present_dn", "Present", "DN", 2),
         *(Column(name, word(name), "DN", 2) for name in in_order(own["estimator"], ESTIMATORS)),
@@ -242,7 +255,7 @@ def single_patches(estimates: pd.DataFrame, seed: int) -> Table:
         estimates: `pipeline.tables.NOISE_ESTIMATES`.
         seed: root of the bootstrap's random streams.
     """
-    errors = ordered(patch_errors(estimates, seed), dataset=DATASETS, estimator=ESTIMATORS, effect=EFFECTS)
+    errors = ordered(patch_errors(estimates, seed), dataset=DATASETS, estimator=ESTIMATORS, noise_source=EFFECTS)
     has_interval = "coverage_percent" in errors
 
     def quantity(name: str, title: str, unit: str, decimals: int) -> Column:
@@ -256,7 +269,7 @@ def single_patches(estimates: pd.DataFrame, seed: int) -> Table:
     columns = [
         named("dataset", "Dataset"),
         named("estimator", "Estimator"),
-        named("effect", "Effect"),
+        named("noise_source", "Effect"),
         quantity("present_dn", "Error, noise present", "DN", 2),
         quantity("added_dn", "Error, noise added", "DN", 2),
         quantity("coverage_percent", "Interval holds the noise added", "%", 1),
@@ -287,20 +300,20 @@ def saturated(estimates: pd.DataFrame, seed: int) -> Table | None:
     cells = saturated_patches(estimates, seed)
     if cells.empty:
         return None
-    index = ["dataset", "effect", "patches", "added_dn", "present_dn"]
+    index = ["dataset", "noise_source", "patches", "added_dn", "present_dn"]
     rows = pivot(
-        ordered(cells, dataset=DATASETS, effect=EFFECTS), index, "estimator",
+        ordered(cells, dataset=DATASETS, noise_source=EFFECTS), index, "estimator",
         estimate("median_dn", "low_dn", "high_dn", "count"),
     )  # fmt: skip
     columns = [
         named("dataset", "Dataset"),
-        named("effect", "Effect"),
+        named("noise_source", "Effect"),
         Column("patches", "Patches"),
         Column("added_dn", "Added", "DN", 2),
         Column("present_dn", "Present", "DN", 2),
         *(Column(name, word(name), "DN", 2) for name in in_order(cells["estimator"], ESTIMATORS)),
     ]
-    level = float(cells["level_dn"].iloc[0])
+    level = float(cells["target_sigma_dn"].iloc[0])
     caption = f"Saturated patches at {level:g} DN: more than {100 * SATURATED:.0f} % black or white when sharp."
     notes = [
         "Medians over these patches with bootstrap 95 % interval; n: patches with an estimate. Clipping removes half "
@@ -353,7 +366,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
         stages = tuple(sorted(STAGE.format(dataset=dataset, estimator=estimator) for dataset, estimator in ran))
         datasets = in_order(summary["dataset"], inputs.datasets)
         blocks.append(Figure("noise", curves(summary, datasets), caption, stages))
-        reference = optional(inputs.paper, "noise_reference.csv")
+        reference = paper_table(inputs, "noise_reference.csv")
         blocks += [medians(name, summary, reference) for name in datasets]
         blocks += _maps(inputs)
         blocks.append(single_patches(estimates, inputs.seed))

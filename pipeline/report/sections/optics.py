@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 BANK_STAGE, STAR_STAGE = "psf_bank", "star"
 SOURCES = {"generated": "generated here", "paper": "the paper's own"}
 AXES = {"H": "horizontal", "V": "vertical"}
-KEYS = ["kind", "angle_deg", "size_px"]
+KEYS = ["blur_kind", "angle_deg", "kernel_size_px"]
 
 
 def _mtf(axes: Axes, rows: pd.DataFrame) -> None:
@@ -58,7 +58,7 @@ def kernel_sheet(bank: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: 
     if absent:
         raise InputError(f"kernels.npz: no array for kernel '{absent[0]}'; run dvc repro psf_bank")
     names = bank.drop_duplicates("kernel").set_index(KEYS)["kernel"]
-    kinds, sizes = in_order(bank["kind"], BLURS), sorted(set(bank["size_px"]))
+    kinds, sizes = in_order(bank["blur_kind"], BLURS), sorted(set(bank["kernel_size_px"]))
     columns = [(kind, angle) for kind in kinds for angle in sorted(set(names.xs(kind).index.get_level_values(0)))]
     cell_in = min(style.sheet_cell_in(len(columns), margins_in=0.48, gap_in=0.07), 1.0)
     figure, axes = style.sheet(
@@ -90,7 +90,7 @@ def kernel_sheet(bank: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: 
                 curve.set_xticklabels([])
             else:
                 curve.set_xlabel("f / Nyquist", fontsize=5.5, labelpad=1)
-    means = bank[bank["kind"] == kinds[0]].groupby("size_px")["mtf"].mean()
+    means = bank[bank["blur_kind"] == kinds[0]].groupby("kernel_size_px")["mtf"].mean()
     alt = (
         f"{counted(bank['kernel'].nunique(), 'blur kernel')} ({source}): "
         f"{listing(word(kind).lower() for kind in kinds)} "

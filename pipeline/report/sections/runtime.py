@@ -13,7 +13,7 @@ import pandas as pd
 
 from pipeline.errors import InputError
 from pipeline.report.display_names import ESTIMATORS, word
-from pipeline.report.inputs import ReportInputs, described, optional
+from pipeline.report.inputs import ReportInputs, described, paper_table
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import STAGE_ABSENT, NotRun, Run, Section
 from pipeline.report.tables import Column, Table, ordered, records, table
@@ -84,7 +84,7 @@ def patch_times(inputs: ReportInputs) -> pd.DataFrame:
 
 def _paper_ms(inputs: ReportInputs) -> dict[str, float]:
     """Published milliseconds per patch; the paper's blur network counts a batch of four."""
-    published = optional(inputs.paper, "runtime.csv")
+    published = paper_table(inputs, "runtime.csv")
     last = {str(row["estimator"]): row for row in ([] if published is None else records(published))}
     return {
         name: 1e3 * float(row["seconds"]) / (4 if str(row["unit"]).startswith("batch of 4") else 1)

@@ -34,7 +34,9 @@ def fingerprint(code: str, settings: Mapping[str, Any], kind: str) -> str:
     return closure.fingerprint(code, settings, chosen={"pipeline.detection": frozenset({kind})})
 
 
-def kept(folder: Path, name: str, depends: bytes, names: frozenset[str], make: Callable[[], Arrays]) -> Arrays:
+def load_or_compute(
+    folder: Path, name: str, depends: bytes, names: frozenset[str], make: Callable[[], Arrays]
+) -> Arrays:
     """A piece from its file, or made and written to it.
 
     Args:
@@ -57,7 +59,7 @@ def kept(folder: Path, name: str, depends: bytes, names: frozenset[str], make: C
     return arrays
 
 
-def forget(folder: Path) -> None:
+def clear(folder: Path) -> None:
     """Remove the pieces of a run that is done, and the folder above them if it is empty then."""
     shutil.rmtree(folder, ignore_errors=True)
     if folder.parent.is_dir() and not any(folder.parent.iterdir()):

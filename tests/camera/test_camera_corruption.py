@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.camera import levels, mtf, psf
+from pipeline.camera import corruption, mtf, psf
 from pipeline.camera.chain import PRESETS
 from pipeline.camera.sensor import Sensor
 from pipeline.camera.truth import local_sigma
@@ -26,29 +26,29 @@ def frame(name: str = "a") -> np.ndarray:
     return np.kron(small, np.ones((16, 16))).astype(np.uint8)
 
 
-@pytest.mark.parametrize("effect", EFFECTS)
+@pytest.mark.parametrize("noise_source", EFFECTS)
 @pytest.mark.parametrize("sigma_dn", [1.0, 5.0, 15.0])
-def test_levels_sigma_is_reached_where_nothing_clips(effect, sigma_dn):
-    made = levels.corrupt(frame(), effect, sigma_dn=sigma_dn, generator=stream(1, effect))
-    assert made.sigma_dn == pytest.approx(sigma_dn, rel=1e-4)
+def test_levels_sigma_is_reached_where_nothing_clips(noise_source, sigma_dn):
+    made = corruption.corrupt(frame(), noise_source, sigma_dn=sigma_dn, generator=stream(1, noise_source))
+    assert made.unclipped_sigma_dn == pytest.approx(sigma_dn, rel=1e-4)
     if made.clipped_fraction == 0.0:
         rounding = 1 / 12
-        assert np.sqrt(made.sigma_clipped_dn**2 - rounding) == pytest.approx(sigma_dn, rel=0.02)
+        assert np.sqrt(made.clipped_sigma_dn**2 - rounding) == pytest.approx(sigma_dn, rel=0.02)
     seen = made.image_8bit.astype(float) - frame()
     assert seen.std() == pytest.approx(np.hypot(sigma_dn, np.sqrt(1 / 12)), rel=0.02)
     assert abs(seen.mean()) < 4 * sigma_dn / np.sqrt(seen.size) + 0.02
 
 
-@pytest.mark.parametrize("effect", EFFECTS)
-@pytest.mark.parametrize("camera", levels.CAMERAS)
-def test_levels_zero_is_the_identity_bit_for_bit(effect, camera):
+@pytest.mark.parametrize("noise_source", EFFECTS)
+@pytest.mark.parametrize("camera", corruption.CAMERAS)
+def test_levels_zero_is_the_identity_bit_for_bit(noise_source, camera):
     eight = stream(2, "zero").integers(0, 256, (33, 47), dtype=np.uint8)
     real = stream(3, "zero").random((33, 47), dtype=np.float32)
     for image in (eight, real):
-        made = levels.corrupt(image, effect, sigma_dn=0.0, generator=stream(4, "zero"), camera=camera)
+        made = corruption.corrupt(image, noise_source, sigma_dn=0.0, generator=stream(4, "zero"), camera=camera)
         same = image.astype(np.float32) / np.float32(255) if image.dtype == np.uint8 else image
         assert made.image.dtype == np.float32 and np.array_equal(made.image, same)
-        assert made.sigma_dn == 0.0
+        assert made.unclipped_sigma_dn == 0.0
     assert np.array_equal(made.image, real)
 
 
@@ -56,14 +56,14 @@ def test_levels_zero_is_the_identity_bit_for_bit(effect, camera):
 @given(
     height=st.integers(8, 40),
     width=st.integers(8, 40),
-    effect=st.sampled_from(EFFECTS),
+    noise_source=st.sampled_from(EFFECTS),
     sigma_dn=st.floats(0.5, 60.0),
     blurred=st.booleans(),
 )
-def test_levels_any_frame_stays_on_the_8bit_grid(height, width, effect, sigma_dn, blurred):
+def test_levels_any_frame_stays_on_the_8bit_grid(height, width, noise_source, sigma_dn, blurred):
     image = stream(5, "any", height, width).integers(0, 256, (height, width), dtype=np.uint8)
     kernel = psf.create("defocus", 3) if blurred else None
-    made = levels.corrupt(image, effect, sigma_dn=sigma_dn, generator=stream(6, "any"), psf=kernel)
+    made = corruption.corrupt(image, noise_source, sigma_dn=sigma_dn, generator=stream(6, "any"), psf=kernel)
     assert made.image.shape == image.shape and made.image.dtype == np.float32
     assert made.image.min() >= 0 and made.image.max() <= 1
     np.testing.assert_array_equal(made.image, made.image_8bit.astype(np.float32) / np.float32(255))
@@ -71,34 +71,34 @@ def test_levels_any_frame_stays_on_the_8bit_grid(height, width, effect, sigma_dn
 
 
 def test_levels_of_one_stream_share_their_noise():
-    low, high = (levels.corrupt(frame(), "combined", sigma_dn=s, generator=stream(7, "x")) for s in (5.0, 10.0))
+    low, high = (corruption.corrupt(frame(), "combined", sigma_dn=s, generator=stream(7, "x")) for s in (5.0, 10.0))
     np.testing.assert_allclose(high.noise_dn, 2 * low.noise_dn, rtol=1e-4, atol=1e-4)
     assert (low.temperature_k, low.exposure_s) == (high.temperature_k, high.exposure_s)
 
 
 def test_levels_photon_noise_grows_with_the_root_of_light():
     halves = np.repeat(np.uint8([[40, 160]]), 200, 1).repeat(200, 0)
-    noise = levels.corrupt(halves, "photon", sigma_dn=8.0, generator=stream(8, "x")).noise_dn
+    noise = corruption.corrupt(halves, "photon", sigma_dn=8.0, generator=stream(8, "x")).noise_dn
     assert noise[:, 200:].std() / noise[:, :200].std() == pytest.approx(2.0, rel=0.02)
-    flat = levels.corrupt(halves, "readout", sigma_dn=8.0, generator=stream(8, "x")).noise_dn
+    flat = corruption.corrupt(halves, "readout", sigma_dn=8.0, generator=stream(8, "x")).noise_dn
     assert flat[:, 200:].std() / flat[:, :200].std() == pytest.approx(1.0, rel=0.02)
 
 
 def test_levels_reach_source_or_frame():
     kernel = psf.create("defocus", 7)
     made = {
-        reach: levels.corrupt(frame(), "combined", sigma_dn=8.0, generator=stream(9, "x"), psf=kernel, reach=reach)
+        reach: corruption.corrupt(frame(), "combined", sigma_dn=8.0, generator=stream(9, "x"), psf=kernel, reach=reach)
         for reach in ("source", "frame")
     }
-    assert made["frame"].sigma_dn == pytest.approx(8.0, rel=1e-3)
-    assert made["source"].sigma_dn < 8.0
-    sharp = levels.corrupt(frame(), "combined", sigma_dn=8.0, generator=stream(9, "x"))
-    assert made["source"].gain == pytest.approx(sharp.gain)
+    assert made["frame"].unclipped_sigma_dn == pytest.approx(8.0, rel=1e-3)
+    assert made["source"].unclipped_sigma_dn < 8.0
+    sharp = corruption.corrupt(frame(), "combined", sigma_dn=8.0, generator=stream(9, "x"))
+    assert made["source"].noise_scale == pytest.approx(sharp.noise_scale)
 
 
 def test_levels_hybrid_is_declared_and_near_the_exact():
     made = {
-        p: levels.corrupt(frame(), "photon", sigma_dn=10.0, generator=stream(10, "x"), poisson=p)
+        p: corruption.corrupt(frame(), "photon", sigma_dn=10.0, generator=stream(10, "x"), poisson=p)
         for p in ("exact", "hybrid")
     }
     assert {name: each.poisson for name, each in made.items()} == {"exact": "exact", "hybrid": "hybrid"}
@@ -109,37 +109,39 @@ def test_levels_hybrid_is_declared_and_near_the_exact():
 def test_levels_frames_do_not_depend_on_order_or_subset():
     frames = [(name, frame(name)) for name in "abcd"]
     options = {"sigma_dn": 10.0, "seed": 11, "dataset": "test"}
-    together = dict(levels.corrupt_frames(frames, "combined", **options))
-    backwards = dict(levels.corrupt_frames(frames[::-1], "combined", **options))
-    alone = dict(levels.corrupt_frames(frames[2:3], "combined", **options))
+    together = dict(corruption.corrupt_frames(frames, "combined", **options))
+    backwards = dict(corruption.corrupt_frames(frames[::-1], "combined", **options))
+    alone = dict(corruption.corrupt_frames(frames[2:3], "combined", **options))
     for name in together:
         np.testing.assert_array_equal(together[name].image, backwards[name].image)
     np.testing.assert_array_equal(alone["c"].image, together["c"].image)
     assert together["c"].key == (11, "corrupt", "test", "c", "combined", 10.0)
     assert (together["a"].noise_dn != together["b"].noise_dn).mean() > 0.99
-    again = levels.corrupt(frame("c"), "combined", sigma_dn=10.0, generator=stream(*together["c"].key))
+    again = corruption.corrupt(frame("c"), "combined", sigma_dn=10.0, generator=stream(*together["c"].key))
     np.testing.assert_array_equal(again.image, together["c"].image)
 
 
 @pytest.mark.parametrize("kind", ["defocus", "linear_motion", "gaussian"])
 @pytest.mark.parametrize("target", [0.08, 0.2, 0.45])
 def test_levels_mtf50_is_reached(kind, target):
-    size_px, kernel = levels.psf_for_mtf50(kind, target)
+    size_px, kernel = corruption.psf_for_mtf50(kind, target)
     assert np.min(mtf.mtf50(kernel)) == pytest.approx(target, rel=1e-3)
-    same, _ = levels.psf_for_mtf50(kind, target / 2, unit="cycles_per_px")
+    same, _ = corruption.psf_for_mtf50(kind, target / 2, unit="cycles_per_px")
     assert same == pytest.approx(size_px, rel=1e-3)
 
 
 def test_levels_mtf50_of_a_disc_follows_theory():
     # 2 J1(x) / x = 1/2 at x = 2.2151, x = pi d f
-    size_px, _ = levels.psf_for_mtf50("defocus", 0.05, unit="cycles_per_px")
+    size_px, _ = corruption.psf_for_mtf50("defocus", 0.05, unit="cycles_per_px")
     assert size_px == pytest.approx(2.2151 / (np.pi * 0.05), rel=0.01)
 
 
 def test_levels_corrupt_to_mtf50():
-    made = levels.corrupt_to_mtf50(frame(), "defocus", 0.2, generator=stream(12, "x"), effect="dcsn", sigma_dn=5.0)
+    made = corruption.corrupt_to_mtf50(
+        frame(), "defocus", 0.2, generator=stream(12, "x"), noise_source="dcsn", sigma_dn=5.0
+    )
     assert np.min(mtf.mtf50(made.psf)) == pytest.approx(0.2, rel=1e-3)
-    assert made.sigma_dn == pytest.approx(5.0, rel=1e-3)
+    assert made.unclipped_sigma_dn == pytest.approx(5.0, rel=1e-3)
 
 
 @dataclass
@@ -152,7 +154,7 @@ class Tile:
 def test_levels_local_sigma_is_what_is_really_there():
     image = GREY.copy()
     image[:, 128:256] = 255
-    made = levels.corrupt(image, "readout", sigma_dn=12.0, generator=stream(13, "x"))
+    made = corruption.corrupt(image, "readout", sigma_dn=12.0, generator=stream(13, "x"))
     rows = [(0, 0, 128), (128, 0, 128), (256, 128, 128)]
     before, after = (local_sigma(made, rows, when) for when in ("before", "after"))
     np.testing.assert_allclose(before, 12.0, rtol=0.03)
@@ -172,21 +174,21 @@ def test_levels_bad_input_is_refused_with_a_reason():
         ({"temperature_k": 0.0}, "kelvin"),
     ):
         with pytest.raises(InputError, match=message):
-            levels.corrupt(GREY, "dcsn", **{**good, **changes})
+            corruption.corrupt(GREY, "dcsn", **{**good, **changes})
     with pytest.raises(InputError, match="black frames"):
-        levels.corrupt(np.zeros((8, 8), np.uint8), "photon", **good)
+        corruption.corrupt(np.zeros((8, 8), np.uint8), "photon", **good)
     with pytest.raises(InputError, match="nonlinear_motion"):
-        levels.psf_for_mtf50("nonlinear_motion", 0.2)
+        corruption.psf_for_mtf50("nonlinear_motion", 0.2)
     with pytest.raises(InputError, match="further inside"):
-        levels.psf_for_mtf50("defocus", 1.2)
+        corruption.psf_for_mtf50("defocus", 1.2)
     with pytest.raises(InputError, match="tile at"):
-        local_sigma(levels.corrupt(GREY, "dcsn", **good), [(300, 0, 128)])
+        local_sigma(corruption.corrupt(GREY, "dcsn", **good), [(300, 0, 128)])
     with pytest.raises(InputError, match="when"):
-        local_sigma(levels.corrupt(GREY, "dcsn", **good), [], "during")  # type: ignore[arg-type]
+        local_sigma(corruption.corrupt(GREY, "dcsn", **good), [], "during")  # type: ignore[arg-type]
 
 
 def test_levels_conditions_can_be_fixed():
-    made = levels.corrupt(
+    made = corruption.corrupt(
         GREY, "combined", sigma_dn=5.0, generator=stream(15, "x"), temperature_k=310.0, exposure_s=0.25
     )
     assert (made.temperature_k, made.exposure_s) == (310.0, 0.25)
@@ -199,7 +201,7 @@ def test_levels_on_a_real_frame(shared):
 
     path = sorted((shared / "realdata/kitti/training/image_2").glob("*.png"))[0]
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-    made = levels.corrupt(image, "photon", sigma_dn=25.0, generator=stream(16, "x"))
-    assert made.sigma_dn == pytest.approx(25.0, rel=1e-3)
-    assert 20.0 < made.sigma_clipped_dn < 25.0  # clipping takes some away; the paper's program reaches 23 to 25
+    made = corruption.corrupt(image, "photon", sigma_dn=25.0, generator=stream(16, "x"))
+    assert made.unclipped_sigma_dn == pytest.approx(25.0, rel=1e-3)
+    assert 20.0 < made.clipped_sigma_dn < 25.0  # clipping takes some away; the paper's program reaches 23 to 25
     assert 0.0 < made.clipped_fraction < 0.2

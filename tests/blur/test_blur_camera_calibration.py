@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pipeline import blur
-from pipeline.blur import camera_fit
+from pipeline.blur import camera_calibration
 from pipeline.blur.base import BlurEstimate
-from pipeline.blur.camera_fit import Fit, Fitted
+from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
 from pipeline.camera import mtf
 from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus
@@ -58,14 +58,16 @@ def odds(values, factor, power):
 
 
 def test_an_estimator_that_is_right_stays_as_it_is(sharp, truth):
-    found = camera_fit.fit(Bent(truth, np.array), sharp, samples=SAMPLES)
+    found = camera_calibration.calibrate(Bent(truth, np.array), sharp, samples=SAMPLES)
     assert np.abs(found(truth) - truth).mean() < 0.003
     assert found.samples == SAMPLES and found.error_percent[0] < 0.2
 
 
 @pytest.mark.parametrize(("factor", "power"), [(0.5, 1.0), (1.0, 1.4), (2.0, 0.7)])
 def test_distortions_affine_in_logits_are_undone(sharp, truth, factor, power):
-    found = camera_fit.fit(Bent(truth, lambda values: odds(values, factor, power)), sharp, samples=SAMPLES)
+    found = camera_calibration.calibrate(
+        Bent(truth, lambda values: odds(values, factor, power)), sharp, samples=SAMPLES
+    )
     before, after = found.error_percent
     assert after < 0.25 * before
     unseen = mtf.sample(kernels.block(7, 3))
@@ -74,36 +76,37 @@ def test_distortions_affine_in_logits_are_undone(sharp, truth, factor, power):
 
 def test_mixed_frequencies_are_told_apart(sharp, truth):
     """An estimator that reads each frequency half from its neighbour."""
-    found = camera_fit.fit(
+    found = camera_calibration.calibrate(
         Bent(truth, lambda values: (values + np.roll(values, 1, axis=2)) / 2), sharp, samples=SAMPLES
     )
     assert found.error_percent[1] < 0.5 * found.error_percent[0]
 
 
 def test_intervals_hold_the_truth_they_were_fitted_to(sharp, truth):
-    found = camera_fit.fit(Bent(truth, np.array, spread=0.05), sharp, samples=SAMPLES)
-    answer = camera_fit.corrected(Bent(truth, np.array, spread=0.05).estimate(sharp[[0] * SAMPLES]), found)
+    found = camera_calibration.calibrate(Bent(truth, np.array, spread=0.05), sharp, samples=SAMPLES)
+    answer = camera_calibration.corrected(Bent(truth, np.array, spread=0.05).estimate(sharp[[0] * SAMPLES]), found)
     inside = (answer.low <= truth) & (truth <= answer.high)
     assert 0.93 < inside.mean() < 0.97
 
 
 def test_patches_that_cannot_be_measured_are_left_out_and_stay_abstained(sharp, truth):
-    found = camera_fit.fit(Bent(truth, np.array, unable=150), sharp, samples=SAMPLES)
+    found = camera_calibration.calibrate(Bent(truth, np.array, unable=150), sharp, samples=SAMPLES)
     assert found.samples == SAMPLES - 150
-    answer = Fitted(Bent(truth, np.array, unable=2), found).estimate(sharp)
+    answer = CalibratedEstimator(Bent(truth, np.array, unable=2), found).estimate(sharp)
     assert answer.abstained.tolist() == [True, True, False, False, False, False]
     assert np.isnan(answer.mtf[:2]).all() and np.isfinite(answer.mtf[2:]).all()
     with pytest.raises(InputError, match="only 50 of 500"):
-        camera_fit.fit(Bent(truth, np.array, unable=450), sharp, samples=SAMPLES)
+        camera_calibration.calibrate(Bent(truth, np.array, unable=450), sharp, samples=SAMPLES)
 
 
 def test_a_fit_is_repeatable_and_survives_its_file(sharp, truth, tmp_path):
     first, second = (
-        camera_fit.fit(Bent(truth, lambda values: odds(values, 0.6, 1.2)), sharp, samples=SAMPLES) for _ in range(2)
+        camera_calibration.calibrate(Bent(truth, lambda values: odds(values, 0.6, 1.2)), sharp, samples=SAMPLES)
+        for _ in range(2)
     )
     assert np.array_equal(first.matrix, second.matrix) and np.array_equal(first.offset, second.offset)
     first.save(tmp_path / "camera.json")
-    kept = Fit.load(tmp_path / "camera.json")
+    kept = Calibration.load(tmp_path / "camera.json")
     assert np.array_equal(kept(truth), first(truth))
     assert (kept.widening, kept.samples, kept.error_percent) == (first.widening, first.samples, first.error_percent)
 
@@ -114,9 +117,9 @@ def test_an_estimator_without_intervals_gets_none(sharp, truth):
             found = super().estimate(patches)
             return BlurEstimate(found.mtf, found.abstained, found.reason)
 
-    found = camera_fit.fit(Plain(truth, np.array), sharp, samples=SAMPLES)
+    found = camera_calibration.calibrate(Plain(truth, np.array), sharp, samples=SAMPLES)
     assert np.isnan(found.widening)
-    assert camera_fit.corrected(Plain(truth, np.array).estimate(sharp), found).low is None
+    assert camera_calibration.corrected(Plain(truth, np.array).estimate(sharp), found).low is None
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"matrix": [[1]], "offset": [0], "widening": null}'])
@@ -124,16 +127,16 @@ def test_a_foreign_file_is_refused(tmp_path, content):
     path = tmp_path / "camera.json"
     path.write_text(content)
     with pytest.raises(InputError, match="not the fit of a camera"):
-        Fit.load(path)
+        Calibration.load(path)
 
 
 def test_bad_patches_are_refused(sharp, truth):
     with pytest.raises(InputError, match="none given"):
-        camera_fit.fit(Bent(truth, np.array), sharp[:0])
+        camera_calibration.calibrate(Bent(truth, np.array), sharp[:0])
     with pytest.raises(InputError, match="at least 100"):
-        camera_fit.fit(Bent(truth, np.array), sharp, samples=20)
+        camera_calibration.calibrate(Bent(truth, np.array), sharp, samples=20)
     with pytest.raises(InputError, match="sharp_patches"):
-        camera_fit.fit(Bent(truth, np.array), sharp[:, :, :100])
+        camera_calibration.calibrate(Bent(truth, np.array), sharp[:, :, :100])
 
 
 def test_the_spectral_network_learns_a_camera_that_is_not_sharp_by_itself(sharp):
@@ -141,7 +144,7 @@ def test_the_spectral_network_learns_a_camera_that_is_not_sharp_by_itself(sharp)
     own = convolve(sharp, defocus(2.5))
     seen = _rounded(np.stack([_sharpened(one) for one in own[:, 0]])[:, None])
     network = blur.create("spectral")
-    fitted = Fitted(network, camera_fit.fit(network, seen[:4], samples=600))
+    fitted = CalibratedEstimator(network, camera_calibration.calibrate(network, seen[:4], samples=600))
     error = {"plain": [], "fitted": []}
     for psf in (defocus(3), motion(5, 0), motion(9, 90)):
         patches = _rounded(convolve(seen[4:], psf))

@@ -30,15 +30,15 @@ class ProducerDied(RuntimeError):
     """A process that made chunks has gone; its last words, if any, are in the message."""
 
 
-class Feed:
+class ChunkLoader:
     """Batches by step.
 
     Args:
         make: chunk number -> arrays of equal first length; picklable, a pure function of the number.
         seed: of the choice of repeated chunks.
-        fresh: F, fresh chunks in a batch.
-        uses: R, how often a chunk is used, on average.
-        window: W, chunks kept for repetition.
+        new_chunks_per_step: F, fresh chunks in a batch.
+        replays: R, how often a chunk is used, on average.
+        replay_window: W, chunks kept for repetition.
         producers: worker processes that make chunks ahead; 0 makes them here.
         ahead: chunks a producer may be ahead.
     """
@@ -48,13 +48,19 @@ class Feed:
         make: Maker,
         seed: int,
         *,
-        fresh: int = 1,
-        uses: int = 2,
-        window: int = 256,
+        new_chunks_per_step: int = 1,
+        replays: int = 2,
+        replay_window: int = 256,
         producers: int = 1,
         ahead: int = 16,
     ) -> None:
-        self.make, self.seed, self.fresh, self.uses, self.window = make, seed, fresh, uses, window
+        self.make, self.seed, self.new_chunks_per_step, self.replays, self.replay_window = (
+            make,
+            seed,
+            new_chunks_per_step,
+            replays,
+            replay_window,
+        )
         self.producers, self.ahead = producers, ahead
         self._kept: dict[int, Arrays] = {}
         self._next: int | None = None
@@ -70,13 +76,13 @@ class Feed:
 
     def numbers(self, step: int) -> list[int]:
         """The chunks of one step: fresh ones first."""
-        first = step * self.fresh
-        chosen = list(range(first, first + self.fresh))
+        first = step * self.new_chunks_per_step
+        chosen = list(range(first, first + self.new_chunks_per_step))
         generator = stream(self.seed, "repeated chunks", step)
-        repeats = self.fresh * (self.uses - 1)
-        oldest = max(first - self.window, 0)
+        repeats = self.new_chunks_per_step * (self.replays - 1)
+        oldest = max(first - self.replay_window, 0)
         # At the very beginning there is nothing before: the fresh ones are repeated.
-        span = (oldest, first) if first > 0 else (0, self.fresh)
+        span = (oldest, first) if first > 0 else (0, self.new_chunks_per_step)
         return chosen + [int(generator.integers(*span)) for _ in range(repeats)]
 
     def batch(self, step: int) -> Arrays:
@@ -86,14 +92,14 @@ class Feed:
             ProducerDied: a worker process ended or failed.
         """
         wanted = self.numbers(step)
-        first = step * self.fresh
+        first = step * self.new_chunks_per_step
         if self._next is None:
-            self._next = max(first - self.window, 0) if self.uses > 1 else first
+            self._next = max(first - self.replay_window, 0) if self.replays > 1 else first
             self._start(self._next)
-        while self._next < first + self.fresh:
+        while self._next < first + self.new_chunks_per_step:
             self._kept[self._next] = self._receive(self._next)
             self._next += 1
-        for old in [number for number in self._kept if number < first - self.window]:
+        for old in [number for number in self._kept if number < first - self.replay_window]:
             del self._kept[old]
         chunks = [self._kept[number] for number in wanted]
         return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}

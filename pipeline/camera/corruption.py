@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.camera import chain, draws
-from pipeline.camera.memory import blocks
+from pipeline.camera.blocks import blocks
 from pipeline.camera.sensor import Sensor
 from pipeline.camera.truth import LIGHTS, ORDERS, Boundary, Corrupted, Light, Order, through_optics
 from pipeline.errors import InputError, did_you_mean
@@ -25,7 +25,7 @@ Reach = Literal["source", "frame"]
 CAMERAS = ("physical", "authors", "authors_2022")
 
 
-def gain_to_reach(
+def noise_scale_to_reach(
     drawn: chain.Drawn,
     sigma_dn: float,
     sensor: Sensor,
@@ -72,7 +72,7 @@ def _deviation(maps: list[NDArray[np.float32]]) -> float:
 
 def corrupt(
     image: ArrayLike,
-    effect: str | Sequence[str],
+    noise_source: str | Sequence[str],
     *,
     sigma_dn: float,
     generator: np.random.Generator,
@@ -95,7 +95,7 @@ def corrupt(
 
     Args:
         image: (H, W) uint8, or float32 in [0, 1].
-        effect: ``photon``, ``dcsn``, ``readout``, ``combined`` or ``sensor`` (all but photon), or several.
+        noise_source: ``photon``, ``dcsn``, ``readout``, ``combined`` or ``sensor`` (all but photon), or several.
         sigma_dn: standard deviation of the noise over the frame before clipping, DN on the 0..255 scale.
         generator: where everything comes from (`pipeline.streams.stream`).
         sensor: the paper's if None.
@@ -134,12 +134,12 @@ def corrupt(
             f"camera '{camera}' follows the authors' program: camera.order is 'paper' and camera.light 'encoded' there,"
             f" got '{order}' and '{light}'; use camera.kind physical for others"
         )
-    name, effects = conditioned(effect, temperature_k, exposure_s)
+    name, effects = conditioned(noise_source, temperature_k, exposure_s)
     used = sensor or Sensor()
     scene = chain.as_image(image)
     signal_e = used.electrons(scene)
     if sigma_dn == 0.0 and psf is None and used.over_exposure == 1.0:
-        return chain.untouched(scene, signal_e, used, effect=name, key=key)
+        return chain.untouched(scene, signal_e, used, noise_source=name, key=key)
     if camera != "physical":
         from pipeline.camera import authors
 
@@ -154,21 +154,21 @@ def corrupt(
             psf=psf, boundary=boundary, poisson=poisson, reach=reach, order=order, key=key,
         )  # fmt: skip
     if sigma_dn == 0.0:
-        drawn, gain = chain.Drawn({}, float("nan"), float("nan")), 0.0
+        drawn, noise_scale = chain.Drawn({}, float("nan"), float("nan")), 0.0
     else:
         arriving = chain.arriving(signal_e, psf, boundary, order)
         drawn = chain.draw(arriving, effects, used, generator, poisson=poisson)
         blurred = psf if reach == "frame" and order == "paper" else None
-        gain = gain_to_reach(drawn, sigma_dn, used, psf=blurred, boundary=boundary)
+        noise_scale = noise_scale_to_reach(drawn, sigma_dn, used, psf=blurred, boundary=boundary)
     return chain.develop(
         signal_e,
         drawn,
         used,
-        gain=gain,
+        noise_scale=noise_scale,
         psf=psf,
         boundary=boundary,
-        effect=name,
-        level_dn=float(sigma_dn),
+        noise_source=name,
+        target_sigma_dn=float(sigma_dn),
         poisson=poisson,
         order=order,
         key=key,
@@ -176,7 +176,7 @@ def corrupt(
 
 
 def conditioned(
-    effect: str | Sequence[str], temperature_k: float | None = None, exposure_s: float | None = None
+    noise_source: str | Sequence[str], temperature_k: float | None = None, exposure_s: float | None = None
 ) -> tuple[str, chain.Effects]:
     """`chain.preset` with fixed conditions where given.
 
@@ -185,7 +185,7 @@ def conditioned(
     """
     from dataclasses import replace
 
-    name, effects = chain.preset(effect)
+    name, effects = chain.preset(noise_source)
     if temperature_k is not None:
         effects = replace(effects, temperature_k=(temperature_k, temperature_k))
     if exposure_s is not None:
@@ -195,7 +195,7 @@ def conditioned(
 
 def corrupt_frames(
     frames: Iterable[tuple[str, ArrayLike]],
-    effect: str | Sequence[str],
+    noise_source: str | Sequence[str],
     *,
     sigma_dn: float,
     seed: int,
@@ -208,7 +208,7 @@ def corrupt_frames(
 
     Args:
         frames: (name, image) pairs; images as for `corrupt`.
-        effect: see `corrupt`.
+        noise_source: see `corrupt`.
         sigma_dn: see `corrupt`.
         seed: the experiment's root seed.
         dataset: part of every stream's key.
@@ -217,11 +217,11 @@ def corrupt_frames(
     Yields:
         (name, frame and truth), one at a time.
     """
-    name = effect if isinstance(effect, str) else "+".join(effect)
+    name = noise_source if isinstance(noise_source, str) else "+".join(noise_source)
     for frame, image in frames:
         key: tuple[KeyPart, ...] = (int(seed), "corrupt", dataset, frame, name, float(sigma_dn))
         generator = stream(int(seed), "corrupt", *key[2:])
-        yield frame, corrupt(image, effect, sigma_dn=sigma_dn, generator=generator, key=key, **options)
+        yield frame, corrupt(image, noise_source, sigma_dn=sigma_dn, generator=generator, key=key, **options)
 
 
 def psf_for_mtf50(
@@ -279,7 +279,7 @@ def corrupt_to_mtf50(
     mtf50: float,
     *,
     generator: np.random.Generator,
-    effect: str | Sequence[str] = "photon",
+    noise_source: str | Sequence[str] = "photon",
     sigma_dn: float = 0.0,
     angle_deg: float = 0.0,
     unit: Literal["nyquist", "cycles_per_px"] = "nyquist",
@@ -293,7 +293,7 @@ def corrupt_to_mtf50(
         mtf50: frequency of half contrast.
         angle_deg: direction of motion.
         unit: of ``mtf50``.
-        effect: see `corrupt`.
+        noise_source: see `corrupt`.
         sigma_dn: see `corrupt`; 0 for blur alone.
         generator: where everything comes from.
         options: further arguments of `corrupt`.
@@ -302,4 +302,4 @@ def corrupt_to_mtf50(
         the frame and its truth; its ``psf`` is the kernel found.
     """
     _, kernel = psf_for_mtf50(kind, mtf50, angle_deg=angle_deg, unit=unit)
-    return corrupt(image, effect, sigma_dn=sigma_dn, generator=generator, psf=kernel, **options)
+    return corrupt(image, noise_source, sigma_dn=sigma_dn, generator=generator, psf=kernel, **options)

@@ -13,7 +13,7 @@ Row = Mapping[str, float]  # of a learning curve: step, and measures by name
 
 
 @dataclass(frozen=True)
-class Conduct:
+class RunOptions:
     """How a training runs; nothing here changes the weights it ends with.
 
     Attributes:
@@ -33,7 +33,7 @@ class Conduct:
     stop_after: int | None = None
 
     @classmethod
-    def reported(cls, name: str, steps: int, workers: int) -> Conduct:
+    def reporting(cls, name: str, steps: int, workers: int) -> RunOptions:
         """That of a stage: prints its progress and uses the processes there are.
 
         Args:

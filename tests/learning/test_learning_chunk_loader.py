@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.learning.feed import Feed, ProducerDied
+from pipeline.learning.chunk_loader import ChunkLoader, ProducerDied
 
 
 def numbered(number):
@@ -25,52 +25,54 @@ def failing(number):
 
 
 def test_every_chunk_is_used_about_as_often_as_said():
-    feed = Feed(numbered, 1, fresh=2, uses=3, window=20, producers=0)
-    used = np.concatenate([feed.numbers(step) for step in range(400)])
+    loader = ChunkLoader(numbered, 1, new_chunks_per_step=2, replays=3, replay_window=20, producers=0)
+    used = np.concatenate([loader.numbers(step) for step in range(400)])
     counts = np.bincount(used, minlength=800)[40:740]
     assert counts.min() >= 1 and counts.mean() == pytest.approx(3, abs=0.1)
     for step in (50, 399):
-        numbers = feed.numbers(step)
+        numbers = loader.numbers(step)
         assert numbers[:2] == [2 * step, 2 * step + 1]
         assert all(2 * step - 20 <= number < 2 * step for number in numbers[2:])
 
 
 def test_batches_hold_their_chunks_in_order():
-    feed = Feed(numbered, 1, uses=2, window=5, producers=0)
+    loader = ChunkLoader(numbered, 1, replays=2, replay_window=5, producers=0)
     for step in range(8):
-        batch = feed.batch(step)
+        batch = loader.batch(step)
         assert batch["x"].shape == (4, 3)
-        assert batch["y"].tolist() == np.repeat(feed.numbers(step), 2).tolist()
+        assert batch["y"].tolist() == np.repeat(loader.numbers(step), 2).tolist()
 
 
 @pytest.mark.parametrize("producers", [1, 2])
 def test_producers_change_nothing(producers):
-    here = Feed(numbered, 1, fresh=1, uses=2, window=6, producers=0)
-    with Feed(numbered, 1, fresh=1, uses=2, window=6, producers=producers, ahead=2) as there:
+    here = ChunkLoader(numbered, 1, new_chunks_per_step=1, replays=2, replay_window=6, producers=0)
+    with ChunkLoader(
+        numbered, 1, new_chunks_per_step=1, replays=2, replay_window=6, producers=producers, ahead=2
+    ) as there:
         for step in range(3, 9):
             one, two = here.batch(step), there.batch(step)
             assert all(np.array_equal(one[name], two[name]) for name in ("x", "y"))
 
 
 def test_beginning_later_sees_the_same():
-    first = Feed(numbered, 1, uses=3, window=4, producers=0)
+    first = ChunkLoader(numbered, 1, replays=3, replay_window=4, producers=0)
     whole = [first.batch(step)["y"].tolist() for step in range(12)]
-    later = Feed(numbered, 1, uses=3, window=4, producers=0)
+    later = ChunkLoader(numbered, 1, replays=3, replay_window=4, producers=0)
     assert [later.batch(step)["y"].tolist() for step in range(7, 12)] == whole[7:]
 
 
 def test_a_failing_producer_is_reported():
-    with Feed(failing, 1, uses=1, producers=1) as feed, pytest.raises(ProducerDied, match="no more"):
+    with ChunkLoader(failing, 1, replays=1, producers=1) as loader, pytest.raises(ProducerDied, match="no more"):
         for step in range(4):
-            feed.batch(step)
+            loader.batch(step)
 
 
 def test_producers_end_with_a_killed_trainer():
     code = (
         "import os, signal, time\n"
-        "from pipeline.learning.feed import Feed\n"
+        "from pipeline.learning.chunk_loader import ChunkLoader\n"
         "if __name__ == '__main__':\n"
-        "    feed = Feed(time.gmtime, 1, uses=1, producers=1, ahead=2)\n"
+        "    feed = ChunkLoader(time.gmtime, 1, replays=1, producers=1, ahead=2)\n"
         "    feed._start(0)\n"
         "    print(feed._workers[0][0].pid, flush=True)\n"
         "    time.sleep(1.0)\n"

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from pipeline.config.schema import validate
-from pipeline.curves import by_settings, evaluate
+from pipeline.curves import evaluate, iso_exposure
 from pipeline.curves.calibration import motion_mtf
 from pipeline.errors import InputError
 from pipeline.experiments.tables import CONDITIONS
@@ -30,37 +30,39 @@ def measured_grid() -> tuple[pd.DataFrame, np.ndarray]:
             mean = evaluate(TRUE, [max(level, 1) / 0.01], [max(size, 1)])[0]
             for angle in (0.0, 90.0) if size else (0.0,):
                 shift = 0.0 if not size else 1.5 if angle else -1.5
-                rows.append({"level_dn": level, "size_px": size, "angle_deg": angle, "ap_percent": mean + shift})
+                rows.append(
+                    {"target_sigma_dn": level, "kernel_size_px": size, "angle_deg": angle, "ap_percent": mean + shift}
+                )
     table = pd.DataFrame(rows)
     return table, table["ap_percent"].to_numpy()[:, None] + np.linspace(-2, 2, 50)[None]
 
 
 def test_a_known_regression_is_found_again_from_the_mean_over_directions() -> None:
     table, draws = measured_grid()
-    data = by_settings.cells(table, draws, SECTION)
+    data = iso_exposure.cells(table, draws, SECTION)
     assert len(data) == 24 and data["iso"].min() == 100 and data["exposure_ms"].min() == 1
-    coefficients, fitted, about = by_settings.tables("car", data, TERMS)
+    coefficients, fitted, about = iso_exposure.tables("car", data, TERMS)
     np.testing.assert_allclose(coefficients["value"], TRUE, rtol=1e-6)
     assert about["r2"] == pytest.approx(1.0) and about["cells"] == 24 and about["weighted"]
     cells = fitted[fitted["ap_percent"].notna()]
     assert len(cells) == 24 and np.abs(cells["residual"]).max() < 1e-6
     grid = fitted[fitted["ap_percent"].isna()]
-    assert len(grid) == by_settings.GRID_POINTS**2
+    assert len(grid) == iso_exposure.GRID_POINTS**2
     expected = evaluate(TRUE, grid["iso"], grid["exposure_ms"])
     np.testing.assert_allclose(grid["fitted_percent"], expected, atol=1e-6)
 
 
 def test_the_error_of_a_cell_is_its_bootstraps_and_never_none() -> None:
     table, draws = measured_grid()
-    data = by_settings.cells(table, draws * 0 + 50, SECTION)
+    data = iso_exposure.cells(table, draws * 0 + 50, SECTION)
     assert (data["error_percent"] == 2.0).all()
-    wide = by_settings.cells(table, 50 + 10 * (draws - draws.mean(axis=1, keepdims=True)), SECTION)
+    wide = iso_exposure.cells(table, 50 + 10 * (draws - draws.mean(axis=1, keepdims=True)), SECTION)
     assert wide["error_percent"].to_numpy() == pytest.approx(10 * np.linspace(-2, 2, 50).std(ddof=1))
 
 
 def test_the_term_that_matters_is_the_one_that_is_missed() -> None:
     table, draws = measured_grid()
-    coefficients, _, _ = by_settings.tables("car", by_settings.cells(table, draws, SECTION), TERMS)
+    coefficients, _, _ = iso_exposure.tables("car", iso_exposure.cells(table, draws, SECTION), TERMS)
     assert coefficients.loc[coefficients["f"].idxmax(), "term"] in ("c2", "c5")  # linear in ISO, and the level
     assert (coefficients["r2_without"] < 1).all()
 
@@ -68,35 +70,49 @@ def test_the_term_that_matters_is_the_one_that_is_missed() -> None:
 def test_cells_without_a_value_are_left_out_and_too_few_are_refused() -> None:
     table, draws = measured_grid()
     table["ap_percent"] = np.nan
-    data = by_settings.cells(table, draws, SECTION)
+    data = iso_exposure.cells(table, draws, SECTION)
     assert data.empty
     with pytest.raises(InputError):
-        by_settings.tables("car", data, TERMS)
+        iso_exposure.tables("car", data, TERMS)
 
 
 def conditions(gain: float, stretch: float, angles: tuple[float, ...] = (0.0, 45.0, 90.0, 135.0)) -> pd.DataFrame:
     rows = []
     for level in (0.0, 5.0, 25.0):
-        rows.append({"kind": "sharp", "size_px": 0.0, "angle_deg": 0.0, "level_dn": level, "sigma_dn": gain * level})
+        rows.append(
+            {
+                "blur_kind": "sharp",
+                "kernel_size_px": 0.0,
+                "angle_deg": 0.0,
+                "target_sigma_dn": level,
+                "sigma_dn": gain * level,
+            }
+        )
     for size in (3.0, 7.0, 15.0):
         for angle in angles:
             mtf = motion_mtf(stretch * size)
-            row = {"kind": "linear_motion", "size_px": size, "angle_deg": angle, "level_dn": 0.0, "mtf": mtf}
+            row = {
+                "blur_kind": "linear_motion",
+                "kernel_size_px": size,
+                "angle_deg": angle,
+                "target_sigma_dn": 0.0,
+                "mtf": mtf,
+            }
             rows.append({"sigma_dn": 0.0, **row})
-    table = pd.DataFrame(rows).assign(kernel="k", effect="dcsn")
+    table = pd.DataFrame(rows).assign(kernel="k", noise_source="dcsn")
     return CONDITIONS.conform(table.reindex(columns=list(CONDITIONS.columns)).fillna({"tiles": 0, "patches": 0,
         "tiles_abstained": 0, "patches_abstained": 0}))  # fmt: skip
 
 
 def test_calibration_finds_the_gain_and_the_speed() -> None:
-    found = by_settings.calibration(conditions(1.1, 1.2), SECTION)
+    found = iso_exposure.calibration(conditions(1.1, 1.2), SECTION)
     assert found["lambda1"] == pytest.approx(0.011) and found["lambda2"] == pytest.approx(1.2, rel=1e-3)
     assert found["lambda1_nominal"] == 0.01
 
 
 def test_calibration_says_why_it_has_none() -> None:
     """The formula is a mean over four rotations; two of them would give another length."""
-    assert "expected two lists" in by_settings.calibration(conditions(1.0, 1.0, (0.0, 90.0)), SECTION)["reason"]
+    assert "expected two lists" in iso_exposure.calibration(conditions(1.0, 1.0, (0.0, 90.0)), SECTION)["reason"]
 
 
 def test_the_stage_gives_the_papers_grids_and_coefficients_back(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def cells(rows: pd.DataFrame, draws: NDArray[np.float64], section: RegressionSet
 
     results = []
     numbered = rows.reset_index(drop=True)
-    groups: Any = numbered.groupby(["level_dn", "size_px"])
+    groups: Any = numbered.groupby(["target_sigma_dn", "kernel_size_px"])
     for (level, size), group in groups:
         mean = draws[group.index].mean(axis=0)
         mean = mean[np.isfinite(mean)]
@@ -166,10 +166,14 @@ def calibration(conditions: pd.DataFrame, section: RegressionSettings) -> dict[s
     Returns:
         numbers by name; ``reason`` where they could not be measured.
     """
-    noisy = conditions[(conditions["size_px"] == 0) & (conditions["level_dn"] > 0) & conditions["sigma_dn"].notna()]
-    blurred = conditions[(conditions["level_dn"] == 0) & (conditions["size_px"] > 0) & conditions["mtf"].notna()]
+    noisy = conditions[
+        (conditions["kernel_size_px"] == 0) & (conditions["target_sigma_dn"] > 0) & conditions["sigma_dn"].notna()
+    ]
+    blurred = conditions[
+        (conditions["target_sigma_dn"] == 0) & (conditions["kernel_size_px"] > 0) & conditions["mtf"].notna()
+    ]
     exposure, lengths = [], []
-    by_size: Any = blurred.groupby("size_px")
+    by_size: Any = blurred.groupby("kernel_size_px")
     for size, group in by_size:
         if set(group["angle_deg"]) != set(ANGLES_DEG):
             continue
@@ -180,10 +184,10 @@ def calibration(conditions: pd.DataFrame, section: RegressionSettings) -> dict[s
         exposure.append(float(size) / section.px_per_ms)
     nominal = Calibration(section.sigma_per_iso, section.px_per_ms)
     given = {"lambda1_nominal": nominal.lambda1, "lambda2_nominal": nominal.lambda2, "lengths_px": lengths}
-    given |= {"exposures_ms": exposure, "levels_dn": noisy["level_dn"].tolist()}
+    given |= {"exposures_ms": exposure, "target_sigmas_dn": noisy["target_sigma_dn"].tolist()}
     given["sigmas_dn"] = noisy["sigma_dn"].tolist()
     try:
-        result = calibrate(nominal.iso(noisy["level_dn"]), noisy["sigma_dn"], exposure, lengths)
+        result = calibrate(nominal.iso(noisy["target_sigma_dn"]), noisy["sigma_dn"], exposure, lengths)
     except InputError as error:
         return {**given, "reason": str(error)}
     return {

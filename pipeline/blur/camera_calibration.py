@@ -40,7 +40,7 @@ LEAST_SAMPLES = 100
 
 
 class CameraMap(Protocol):
-    """The calibration of an estimator to one camera: `Fit`, or what an estimator makes in place of it.
+    """The calibration of an estimator to one camera: `Calibration`, or what an estimator makes in place of it.
 
     Attributes:
         samples: how many blurred patches it was fitted on.
@@ -67,12 +67,12 @@ class CameraFittable(Protocol):
     """An estimator that has its own way of calibrating to a camera."""
 
     def fit_camera(self, sharp_patches: Any, *, samples: int, seed: int) -> CameraMap:
-        """See `fit`."""
+        """See `calibrate`."""
         ...
 
 
 @dataclass(frozen=True)
-class Fit:
+class Calibration:
     """The map of one camera and estimator.
 
     Attributes:
@@ -140,34 +140,35 @@ class Fit:
             return cls.from_content(json.loads(Path(path).read_text()))
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(
-                f"{path}: not the fit of a camera ({error}); make one with pipeline.blur.camera_fit.fit(...).save(path)"
+                f"{path}: not the fit of a camera ({error}); make one with "
+                f"pipeline.blur.camera_calibration.calibrate(...).save(path)"
             ) from None
 
 
-class Fitted:
+class CalibratedEstimator:
     """An estimator with a camera's fit behind it: a `pipeline.blur.base.BlurEstimator`.
 
     Args:
         inner: the estimator that was fitted.
-        fit: from `fit`.
+        calibrate: from `calibrate`.
     """
 
-    def __init__(self, inner: BlurEstimator, fit: CameraMap) -> None:
-        self.inner, self.fit = inner, fit
+    def __init__(self, inner: BlurEstimator, calibration: CameraMap) -> None:
+        self.inner, self.calibration = inner, calibration
 
     def estimate(self, patches: Any) -> BlurEstimate:
         """The MTF added to the camera's sharp frames, per patch; see `pipeline.blur.base.BlurEstimator`.
 
         A kernel that the estimator found is that of camera and blur together, so it is not passed on.
         """
-        return self.fit.answer(self.inner, patches)
+        return self.calibration.answer(self.inner, patches)
 
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same estimator, fitted anew to these sharp patches."""
-        return type(self)(self.inner, fit(self.inner, sharp_patches))
+        return type(self)(self.inner, calibrate(self.inner, sharp_patches))
 
 
-def corrected(found: BlurEstimate, camera: Fit) -> BlurEstimate:
+def corrected(found: BlurEstimate, camera: Calibration) -> BlurEstimate:
     """An estimator's answer with a camera's fit applied; intervals keep their width, widened."""
     mtf = camera(found.mtf)
     ends: dict[str, Any] = {"low": None, "high": None}
@@ -177,17 +178,20 @@ def corrected(found: BlurEstimate, camera: Fit) -> BlurEstimate:
     return replace(found, mtf=mtf, kernel=None, **ends)
 
 
-def fit(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> CameraMap:
-    """Calibrate an estimator to a camera: by its own `CameraFittable.fit_camera` if it has one, else `affine_fit`.
+def calibrate(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> CameraMap:
+    """Calibrate an estimator to a camera: by its own `CameraFittable.fit_camera` if it has one, else
+    `affine_calibration`.
 
-    Arguments and errors are those of `affine_fit`.
+    Arguments and errors are those of `affine_calibration`.
     """
     if isinstance(estimator, CameraFittable):
         return estimator.fit_camera(sharp_patches, samples=samples, seed=seed)
-    return affine_fit(estimator, sharp_patches, samples=samples, seed=seed)
+    return affine_calibration(estimator, sharp_patches, samples=samples, seed=seed)
 
 
-def affine_fit(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> Fit:
+def affine_calibration(
+    estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1
+) -> Calibration:
     """Fit the affine map of logits that brings an estimator's answers to the truth.
 
     Args:
@@ -228,7 +232,7 @@ def affine_fit(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = S
             "give patches with structure, from sharp frames"
         )
     matrix, offset = _affine(_logit(read[usable]), truth[usable], seed)
-    plain = Fit(matrix, offset, float("nan"), int(usable.sum()), (0.0, 0.0))
+    plain = Calibration(matrix, offset, float("nan"), int(usable.sum()), (0.0, 0.0))
     error = np.abs(plain(read[usable].reshape(-1, 2, FREQUENCIES)).reshape(-1, VALUES) - truth[usable])
     before = np.abs(read[usable] - truth[usable])
     percent = (100 * float(before.mean()), 100 * float(error.mean()))
