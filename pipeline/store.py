@@ -237,10 +237,15 @@ def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
     import numpy as np
 
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        archive = np.load(path, allow_pickle=False)
+        if isinstance(archive, np.ndarray):
+            raise ValueError("a single .npy array")
+        with archive:
             return {name: archive[name] for name in archive.files}
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; run the stage that makes it (dvc repro)") from None
+    except MemoryError:
+        raise InputError(f"{path}: not a readable .npz archive (it declares more than fits into memory)") from None
     except (zipfile.BadZipFile, zlib.error, ValueError, OSError, EOFError, KeyError, NotImplementedError) as error:
         raise InputError(f"{path}: not a readable .npz archive ({error}); delete it and run dvc repro") from None
 

@@ -55,11 +55,15 @@ def record_command(
     +estimator/blur@blur.estimators.gbb_exact=gbb_exact
     """
     from pipeline.cli.kept_results import keeping
+    from pipeline.cli.outputs import refuse_unwritable
     from pipeline.config.compose import compose, parse
+    from pipeline.config.references import check_references
     from pipeline.errors import InputError, did_you_mean
     from pipeline.report.recorded_blur import record
 
+    refuse_unwritable(out, "--to")
     config = parse(compose(overrides), "conf/")
+    check_references(config)
     chosen = list(dict.fromkeys(estimators)) or list(config.blur.estimators)
     for what, names, known in (
         ("dataset", [dataset], list(config.datasets)),

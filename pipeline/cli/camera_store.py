@@ -101,12 +101,13 @@ def load(name: str) -> StoredCamera:
     """
     path = path_of(name)
     if not path.is_file():
-        known = names()
+        known = [other for other in names() if other != name]
         hint = did_you_mean(name, known) if known else "none is stored"
         raise InputError(f"--camera {name}: not calibrated ({hint}); camera-monitor calibrate {name} SHARP_PICTURES")
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        camera = StoredCamera(**{**content, "size_px": tuple(content["size_px"])})
+        height_px, width_px = (int(side) for side in content["size_px"])
+        camera = StoredCamera(**{**content, "size_px": (height_px, width_px)})
         if camera.kind not in KINDS or (camera.sharp_mtf is None) == (camera.fit is None):
             raise ValueError("neither an MTF nor a fit")
         if camera.sharp_mtf is not None:

@@ -180,7 +180,10 @@ def _kernel(
             raise InputError("--size-px and --mtf50 need --blur KIND")
         return None
     if mtf50 is not None and size_px is None:
-        return psf_for_mtf50(blur, mtf50, angle_deg=angle_deg)[1]
+        try:
+            return psf_for_mtf50(blur, mtf50, angle_deg=angle_deg)[1]
+        except InputError as error:
+            raise InputError(f"--blur {blur} --mtf50 {mtf50:g}: {error}") from None
     if size_px is None or mtf50 is not None:
         raise InputError(f"--blur {blur} needs either --size-px or --mtf50")
     return create(blur, size_px, angle_deg, stream(seed, "psf", blur, float(size_px)))

@@ -11,6 +11,7 @@ import click
 if TYPE_CHECKING:
     import numpy as np
 
+LEAST_ISO = 100  # base ISO of the cameras
 HEADER = f"{'sigma DN':>8} {'white':>7} {'correlation':>11}  picture -> file"
 
 
@@ -39,6 +40,8 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
     from pipeline.errors import InputError
     from pipeline.streams import stream
 
+    if 0 < iso < LEAST_ISO:
+        raise InputError(f"--iso {iso:g}: expected 0 for no noise, or at least {LEAST_ISO}")
     camera = presets.named(preset).at_iso(iso)
     files = expand(paths)
     failed = 0

@@ -62,11 +62,15 @@ def record_command(
     +detector@detection.detectors.yolox=yolox detection.sweep.angles_deg=[0]
     """
     from pipeline.cli.kept_results import keeping
+    from pipeline.cli.outputs import refuse_unwritable
     from pipeline.config.compose import compose, parse
+    from pipeline.config.references import check_references
     from pipeline.errors import InputError, did_you_mean
     from pipeline.report.recorded import record
 
+    refuse_unwritable(out, "--to")
     config = parse(compose(overrides), "conf/")
+    check_references(config)
     for what, name, known in (
         ("dataset", dataset, config.datasets),
         ("detector", detector, config.detection.detectors),

@@ -48,14 +48,18 @@ class Settings:
     exposure: str | None = None
     iso: float | None = None
 
+    def __post_init__(self) -> None:
+        from pipeline.cli.shot_settings import seconds
+
+        if self.exposure is not None:
+            seconds(self.exposure, "--exposure")
+
     def of(self, path: Path) -> tuple[float, float] | None:
         """Exposure time in seconds and ISO of a file; None where they are neither given nor in its EXIF data."""
-        from pipeline.cli.advise import exif, settings
+        from pipeline.cli.shot_settings import shot_settings
 
-        found = exif(path) if self.exposure is None or self.iso is None else (None, None)
-        if (self.exposure is None and found[0] is None) or (self.iso is None and found[1] is None):
-            return None
-        return settings(path, self.exposure, self.iso)
+        exposure_s, iso = shot_settings(path, self.exposure, self.iso)
+        return None if exposure_s is None or iso is None else (exposure_s, iso)
 
 
 def find_surface(named: Path | None) -> tuple[Performance | None, str]:

@@ -6,9 +6,11 @@ no old picture lies beside a new table, and refuses to overwrite anything else.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import fcntl
 import io
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -126,6 +128,29 @@ def refuse_input(path: Path, option: str, inputs: Sequence[Path]) -> None:
     """
     if any(path.resolve() == file.resolve() for file in inputs):
         raise OutputError(f"{option} {path}: would overwrite an input; name another file")
+
+
+def refuse_unwritable(path: Path, option: str) -> None:
+    """Refuse a folder of results that cannot be made, before anything is computed.
+
+    Args:
+        path: the folder; what is missing of it is made and removed again.
+        option: that named it, for the message.
+
+    Raises:
+        OutputError: it cannot be made or written.
+    """
+    missing = [folder for folder in (path, *path.parents) if not folder.exists()]
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        raise OutputError(f"{option} {path}: cannot write there ({error.strerror}); name another folder") from None
+    finally:
+        for folder in missing:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
 
 
 def plain_text(text: str) -> str:

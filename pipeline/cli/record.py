@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli.numbers import FiniteRange
+from pipeline.cli.outputs import refuse_unwritable
 from pipeline.cli.record_frames import COMMANDS
 
 
@@ -41,6 +43,7 @@ def noise_command(
     from pipeline.noise.real_noise import ESTIMATORS
     from pipeline.report.recorded_noise import record
 
+    refuse_unwritable(out, "--to")
     folders: dict[str, Path] = {}
     for text in named_folders:
         name, equals, folder = text.partition("=")
@@ -72,7 +75,9 @@ def noise_command(
 @click.option(
     "--dark", required=True, type=click.Path(path_type=Path), help="folder of dark frames of three exposures or more"
 )
-@click.option("--white-dn", default=255.0, show_default=True, help="grey value of saturation")
+@click.option(
+    "--white-dn", default=255.0, show_default=True, type=FiniteRange(1, 65535), help="grey value of saturation"
+)
 @click.option("--source", required=True, help="where the frames come from: revision and licence, for the record")
 @click.option("--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced")
 @click.option(
@@ -90,6 +95,7 @@ def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: P
     from pipeline.noise.real_noise import ESTIMATORS
     from pipeline.report.recorded_sensor import record
 
+    refuse_unwritable(out, "--to")
     rows = record(light, dark, white_dn, ESTIMATORS, out, source, partial(run_map, workers=workers))
     click.echo(f"{'plane':5} {'gain DN/e':>9} {'error':>7} {'dark noise e':>12} {'saturation e':>12}")
     for row in rows.to_dict("records"):
@@ -117,6 +123,7 @@ def examples_command(real: Path, mean: Path, frames: tuple[Path, ...], source: s
     """
     from pipeline.report.recorded_examples import record
 
+    refuse_unwritable(out, "--to")
     for row in record(real, mean, frames, out, source).to_dict("records"):
         click.echo(
             f"{row['example']:32} {row['estimator']:9} {row['sigma_dn']:6.2f} ({row['low_dn']:.2f} to"

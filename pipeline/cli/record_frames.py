@@ -57,11 +57,15 @@ def request(
     """
     from pipeline.cli.estimator_files import weight_hashes
     from pipeline.cli.kept_results import keeping
+    from pipeline.cli.outputs import refuse_unwritable
     from pipeline.config.compose import compose, parse
+    from pipeline.config.references import check_references
     from pipeline.errors import InputError, did_you_mean
     from pipeline.report.recorded_frames import Request
 
+    refuse_unwritable(out, "--to")
     config = parse(compose(overrides), "conf/")
+    check_references(config)
     if dataset not in config.datasets:
         hint = did_you_mean(dataset, config.datasets)
         raise InputError(f"--dataset {dataset}: not in the configuration; {hint}")

@@ -10,7 +10,13 @@ import click
 @click.command("render")
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option(
-    "--number", "numbers", multiple=True, type=int, default=(0,), show_default=True, help="viewpoint; repeatable"
+    "--number",
+    "numbers",
+    multiple=True,
+    type=click.IntRange(0, 9999),
+    default=(0,),
+    show_default=True,
+    help="viewpoint; repeatable",
 )
 @click.option(
     "--moment", default=0, show_default=True, type=click.IntRange(0, 3), help="0..3, a tenth of a second apart"
@@ -22,11 +28,13 @@ def command(out: Path, numbers: tuple[int, ...], moment: int, samples: int, seed
     """Render frames with their boxes into the folder OUT."""
     from tqdm import tqdm
 
+    from pipeline.cli.outputs import refuse_unwritable
     from pipeline.executor import one_thread
     from pipeline.scenes.dataset import Viewpoint, render
     from pipeline.scenes.files import write
 
     one_thread()
+    refuse_unwritable(out, "OUT")
     for number in tqdm(numbers, delay=2, leave=False):
         write(render(Viewpoint(split, number), moment, seed, samples=samples), out)
     click.echo(f"written to {out}")

@@ -55,6 +55,8 @@ def open_source(source: str, rate: float, *, wait: bool, stop: threading.Event) 
     """
     from pipeline.datasets.video import SUFFIXES
 
+    if not source:
+        raise InputError("SOURCE is empty; expected a camera index, an address (rtsp://...), a video file or a folder")
     path = Path(source)
     if source.isdigit():
         return live(int(source), f"camera {source}", rate, stop)

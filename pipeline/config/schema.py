@@ -115,7 +115,22 @@ def validate(content: Mapping[str, Any], where: str = "params.yaml") -> Config:
     try:
         return Config.model_validate(dict(content))
     except ValidationError as error:
-        raise InputError("\n".join(f"{where}: {_line(problem)}" for problem in error.errors())) from None
+        raise InputError("\n".join(f"{where}: {line}" for line in _lines(error.errors()))) from None
+
+
+def _lines(problems: Sequence[Any]) -> list[str]:
+    """One line per problem; keys with the same wrong value, as those that follow ``seed``, share one."""
+    alike: dict[str, list[Any]] = {}
+    for problem in problems:
+        alike.setdefault(repr((problem["type"], problem["msg"], problem.get("input"))), []).append(problem)
+    lines = []
+    for members in alike.values():
+        if members[0]["type"] in ("missing", "extra_forbidden", "unexpected_keyword_argument"):
+            lines += [_line(problem) for problem in members]
+            continue
+        more = f"; the same in {len(members) - 1} more keys" if len(members) > 1 else ""
+        lines.append(f"{_line(members[0])}{more}")
+    return lines
 
 
 def _line(problem: Any) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.control.motion import motion_mtf
-from pipeline.curves.cells import Cells
+from pipeline.curves.cells import Cells, refuse_inconsistent
 from pipeline.curves.surface import Surface
 from pipeline.errors import InputError
 from pipeline.store import read_arrays, write_arrays
@@ -171,12 +171,16 @@ class Performance:
         return {f"{prefix}{name}": value for name, value in own.items()}
 
     @classmethod
-    def _from(cls, arrays: Mapping[str, NDArray[Any]], prefix: str, darker: Sequence[Performance] = ()) -> Performance:
+    def _from(
+        cls, arrays: Mapping[str, NDArray[Any]], prefix: str, darker: Sequence[Performance] = (), path: object = ""
+    ) -> Performance:
         cells = {name: arrays[f"{prefix}cells_{name}"] for name in Cells.__dataclass_fields__}
-        left_out = int(cells.pop("left_out"))
-        numbers = [arrays[f"{prefix}{name}"] for name in ("frequency_index", "longest_px", "level")]
-        surface = Surface(Cells(**cells, left_out=left_out))
         reference, calibration = (arrays[f"{prefix}{name}"] for name in ("reference", "calibration"))
+        numbers = [arrays[f"{prefix}{name}"] for name in ("frequency_index", "longest_px", "level")]
+        refuse_inconsistent(cells, path)
+        _refuse_no_surface(reference, calibration, numbers, path)
+        left_out = int(cells.pop("left_out"))
+        surface = Surface(Cells(**cells, left_out=left_out))
         index, longest, level = int(numbers[0]), float(numbers[1]), float(numbers[2])
         return cls(surface, reference, index, longest, level, darker, calibration)
 
@@ -190,12 +194,40 @@ class Performance:
         arrays = read_arrays(path)
         try:
             count = sum(name.startswith("darker") and name.endswith("_reference") for name in arrays)
-            return cls._from(arrays, "", [cls._from(arrays, f"darker{number}_") for number in range(count)])
+            darker = [cls._from(arrays, f"darker{number}_", path=path) for number in range(count)]
+            return cls._from(arrays, "", darker, path)
+        except (InputError, ValueError, np.linalg.LinAlgError) as error:
+            raise InputError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
         except KeyError as error:
             raise InputError(
                 f"{path}: array {error} is missing; expected a surface for control as the stage control_surface "
                 "writes it"
             ) from None
+
+
+def _refuse_no_surface(
+    reference: NDArray[Any], calibration: NDArray[Any], numbers: Sequence[NDArray[Any]], path: object
+) -> None:
+    """Refuse arrays, read from a file, that do not describe what a surface was measured with.
+
+    Raises:
+        InputError: names the file, the array and what was expected.
+    """
+    for name, values in (("reference", reference), ("calibration", calibration)):
+        if values.dtype.kind not in "iuf":
+            raise InputError(f"{path}: array '{name}' holds {values.dtype}, expected numbers")
+    rising = calibration.ndim == 2 and calibration.shape[0] == 2 and calibration.shape[1] > 0
+    rising = rising and bool((np.diff(calibration, axis=1) > 0).all() and (calibration > 0).all())
+    index, longest_px, level = (float(value) if value.shape == () else np.nan for value in numbers)
+    for name, good, expected in (
+        ("reference", reference.shape == (2, 8) and bool((reference > 0).all()), "(2, 8) numbers above 0"),
+        ("calibration", rising, "(2, K) rising numbers above 0"),
+        ("frequency_index", index in range(8), "a whole number in 0..7"),
+        ("longest_px", longest_px > 0 and np.isfinite(longest_px), "a number above 0"),
+        ("level", 0 < level < 1, "a number in (0, 1)"),
+    ):
+        if not good:
+            raise InputError(f"{path}: array '{name}': expected {expected}")
 
 
 def monotonic(table: Floats) -> Floats:

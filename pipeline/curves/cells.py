@@ -86,9 +86,9 @@ def refuse_inconsistent(arrays: Mapping[str, NDArray[Any]], path: object) -> Non
     for name in ("sigma_dn", "mtf", "ap_percent"):
         if not np.isfinite(arrays[name][full]).all():
             raise InputError(f"{path}: array '{name}' holds values that are not finite in full bins")
-    precision = arrays["ap_percent"][full]
-    if ((precision < 0) | (precision > 100)).any():
-        raise InputError(f"{path}: array 'ap_percent' holds values out of range, expected 0..100")
+    for name, values in (("ap_percent", arrays["ap_percent"][full]), ("draws", arrays["draws"][:, full])):
+        if ((values < 0) | (values > 100)).any():
+            raise InputError(f"{path}: array '{name}' holds values out of range, expected 0..100")
 
 
 def gather(

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import io
 import warnings
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -186,6 +187,8 @@ def _decode(path: str | Path, data: bytes) -> Picture:
                 if opened.format == "BMP" and len(data) < (size := int.from_bytes(data[2:6], "little")):
                     # Pillow does not miss the bytes that pad the last row
                     raise BadPicture(path, f"truncated: {len(data)} bytes, its header states {size}")
+                if opened.format == "PNG":
+                    _refuse_incomplete_png(path, data, opened)
                 return Picture(
                     _pixels(path, data, opened), opened.mode in _ALPHA_MODES or "transparency" in opened.info
                 )
@@ -196,6 +199,31 @@ def _decode(path: str | Path, data: bytes) -> Picture:
         except (OSError, SyntaxError, ValueError, EOFError) as error:
             defect = "truncated" if "truncated" in str(error).lower() else "cannot be decoded"
             raise BadPicture(path, f"{defect} ({error})") from None
+
+
+def _refuse_incomplete_png(path: str | Path, data: bytes, opened: Image.Image) -> None:
+    """Refuse what Pillow fills in silently: a missing palette, and rows whose compressed data end early.
+
+    Missing rows are black, so the data are counted only where the last row is.
+
+    Raises:
+        BadPicture: a palette or rows are missing.
+    """
+    if opened.mode == "P" and not (opened.palette and opened.palette.palette):
+        raise BadPicture(path, "its colour palette is missing")
+    if opened.info.get("interlace") or np.asarray(opened)[-1].any():
+        return
+    depth, channels = data[24], {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[data[25]]
+    expected = opened.height * (1 + (opened.width * depth * channels + 7) // 8)  # each row begins with its filter
+    content, start = zlib.decompressobj(), 8
+    count = 0
+    while start + 8 <= len(data):
+        length, name = int.from_bytes(data[start : start + 4]), data[start + 4 : start + 8]
+        if name == b"IDAT":
+            count += len(content.decompress(data[start + 8 : start + 8 + length]))
+        start += length + 12
+    if count < expected:
+        raise BadPicture(path, f"truncated: {count} bytes of pixels, its header states {expected}")
 
 
 def _pixels(path: str | Path, data: bytes, opened: Image.Image) -> np.ndarray:

@@ -106,6 +106,8 @@ class Sim(Dataset):
     def _box(self, row: Any, where: str) -> Box:
         try:
             label, corners, visible = str(row["label"]), row["box"], row.get("visible_fraction", 1.0)
+            if not isinstance(corners, list):
+                raise TypeError("corners")
             x1, y1, x2, y2 = numbers(corners, where)
             (fraction,) = numbers([visible], where)
         except (KeyError, TypeError, ValueError, AttributeError):

@@ -10,7 +10,8 @@ from click.testing import CliRunner
 from control_makers import performance
 from PIL import Image
 
-from pipeline.cli.advise import command, exif, seconds, settings
+from pipeline.cli.advise import command
+from pipeline.cli.shot_settings import exif, seconds, shot_settings
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -35,11 +36,15 @@ def test_advise_takes_settings_from_exif_and_options_win(tmp_path):
     tags.get_ifd(0x8769)[34855] = 400
     picture.save(tmp_path / "a.jpg", exif=tags)
     assert exif(tmp_path / "a.jpg") == (pytest.approx(0.008), 400.0)
-    assert settings(tmp_path / "a.jpg", None, None) == (pytest.approx(0.008), 400.0)
-    assert settings(tmp_path / "a.jpg", "2ms", None) == (pytest.approx(0.002), 400.0)
+    assert shot_settings(tmp_path / "a.jpg", None, None) == (pytest.approx(0.008), 400.0)
+    assert shot_settings(tmp_path / "a.jpg", "2ms", None) == (pytest.approx(0.002), 400.0)
     picture.save(tmp_path / "b.png")
-    with pytest.raises(InputError, match="--exposure"):
-        settings(tmp_path / "b.png", None, 100.0)
+    assert shot_settings(tmp_path / "b.png", None, 100.0) == (None, 100.0)
+    broken = Image.Exif()
+    broken.get_ifd(0x8769)[33434] = 0.0
+    broken.get_ifd(0x8769)[34855] = 0
+    picture.save(tmp_path / "c.jpg", exif=broken)
+    assert exif(tmp_path / "c.jpg") == (None, None)
 
 
 def test_advise_answers_in_json(tmp_path):

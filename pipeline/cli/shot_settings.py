@@ -1,0 +1,80 @@
+"""Exposure time and ISO that a picture was taken with: as given on the command line, else from its EXIF data."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+from pipeline.errors import InputError
+
+_TIME = re.compile(r"^(?P<number>[0-9.]+(?:/[0-9.]+)?)\s*(?P<unit>us|ms|s)$")
+_UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
+_EXIF_IFD, _EXPOSURE_TIME, _ISO = 0x8769, 33434, 34855
+
+
+def seconds(text: str, option: str) -> float:
+    """A time such as ``4ms``, ``250us`` or ``1/250s`` in seconds.
+
+    Args:
+        text: the time with its unit.
+        option: the command-line option that gave it, for the message.
+
+    Raises:
+        InputError: not such a time; names the option.
+    """
+    match = _TIME.match(text.strip())
+    try:
+        if match is None:
+            raise ValueError
+        number, _, divisor = match["number"].partition("/")
+        value = float(number) / (float(divisor) if divisor else 1.0) * _UNITS[match["unit"]]
+        if not (value > 0 and math.isfinite(value)):
+            raise ValueError
+    except (ValueError, ZeroDivisionError):
+        raise InputError(f"{option} {text}: expected a time with its unit, e.g. 4ms, 250us or 1/250s") from None
+    return value
+
+
+def shot_settings(path: Path, exposure: str | None, iso: float | None) -> tuple[float | None, float | None]:
+    """Exposure time and ISO of a picture; its file is opened only where one of them is not given.
+
+    Args:
+        path: the picture.
+        exposure: text such as ``4ms``, or None for that of the EXIF data.
+        iso: ISO, or None likewise.
+
+    Returns:
+        exposure time in seconds and ISO, each None where it is neither given nor in the file.
+
+    Raises:
+        InputError: the text is no time.
+    """
+    exposure_s = seconds(exposure, "--exposure") if exposure is not None else None
+    if exposure_s is None or iso is None:
+        stored = exif(path)
+        exposure_s = stored[0] if exposure_s is None else exposure_s
+        iso = stored[1] if iso is None else iso
+    return exposure_s, iso
+
+
+def exif(path: Path) -> tuple[float | None, float | None]:
+    """Exposure time in seconds and ISO from a picture's EXIF data, None where absent or not a number above 0."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            tags = picture.getexif().get_ifd(_EXIF_IFD)
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+        return None, None
+    iso = tags.get(_ISO)
+    return _positive(tags.get(_EXPOSURE_TIME)), _positive(iso[0] if isinstance(iso, (tuple, list)) and iso else iso)
+
+
+def _positive(value: object) -> float | None:
+    """The number, or None where it is none, not finite or not above 0."""
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    return number if math.isfinite(number) and number > 0 else None
