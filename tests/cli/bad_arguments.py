@@ -108,7 +108,7 @@ WORDS: list[tuple[list[str], str]] = [
     (["noise", "{good}", "--map", "{good}"], "{good}"),
     (["corrupt", "{good}"], "--out"),
     (["corrupt", "{good}", "--out", "{good}"], "{good}"),
-    (["corrupt", "{good}", "--out", "{absent}", "--effect", "phton"], "photon"),
+    (["corrupt", "{good}", "--out", "{absent}", "--noise-source", "phton"], "photon"),
     (["corrupt", "{good}", "--out", "{absent}", "--blur", "defocs", "--size-px", "5"], "defocus"),
     (["corrupt", "{good}", "--out", "{absent}", "--blur", "defocus"], "--size-px"),
     (["corrupt", "{good}", "--out", "{absent}", "--blur", "defocus", "--size-px", "5", "--mtf50", "0.3"], "--size-px"),
