@@ -56,9 +56,11 @@ class Performance:
         level: mean encoded level of the frames it was measured on, 0..1.
         calibration: (2, K) rising noise as the monitor estimates it and as it is, DN; None where they are the same.
         darker: surfaces of darker frames, in any order.
+        table: (3, N, M) tabulated answers as a file holds them; None tabulates the surface, which takes a third of a second.
 
     Raises:
-        InputError: a frequency index out of range, or a surface among ``darker`` that is not darker.
+        InputError: a frequency index out of range, a surface among ``darker`` that is not darker, or a table of
+            another shape.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class Performance:
         level: float = 0.5,
         darker: Sequence[Performance] = (),
         calibration: ArrayLike | None = None,
+        table: Floats | None = None,
     ) -> None:
         if not 0 <= frequency_index < 8:
             raise InputError(f"frequency_index is one of 0..7, got {frequency_index!r}")
@@ -87,9 +90,15 @@ class Performance:
         most = float(np.nanmax(surface.cells.sigma_dn))
         self._sigmas = np.append(np.arange(self.least_sigma_dn, most, SIGMA_STEP_DN), most)
         self._motions = np.append(np.arange(0.0, self.longest_px, MOTION_STEP_PX), self.longest_px)
-        mtf = motion_mtf(self._motions, self.reference, frequency_index)
-        answer = surface.query(self._sigmas[:, None], mtf[None])
-        self._table = np.stack([monotonic(part) for part in (answer.ap_percent, answer.low, answer.high)])
+        self._table = self._tabulated() if table is None else table
+        if self._table.shape != (3, len(self._sigmas), len(self._motions)):
+            raise InputError(f"surface: table of shape {self._table.shape} does not fit its knots; measure it again")
+
+    def _tabulated(self) -> Floats:
+        """(3, N, M) average precision and the ends of its interval over the tabulated noise and motion."""
+        mtf = motion_mtf(self._motions, self.reference, self.frequency_index)
+        answer = self.surface.query(self._sigmas[:, None], mtf[None])
+        return np.stack([monotonic(part) for part in (answer.ap_percent, answer.low, answer.high)])
 
     @property
     def most_sigma_dn(self) -> float:
@@ -167,7 +176,7 @@ class Performance:
     def _arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
         cells = {f"cells_{name}": np.asarray(value) for name, value in vars(self.surface.cells).items()}
         numbers = {name: np.asarray(getattr(self, name)) for name in ("frequency_index", "longest_px", "level")}
-        own = {"reference": self.reference, "calibration": self.calibration, **numbers, **cells}
+        own = {"reference": self.reference, "calibration": self.calibration, "table": self._table, **numbers, **cells}
         return {f"{prefix}{name}": value for name, value in own.items()}
 
     @classmethod
@@ -182,7 +191,8 @@ class Performance:
         left_out = int(cells.pop("left_out"))
         surface = Surface(Cells(**cells, left_out=left_out))
         index, longest, level = int(numbers[0]), float(numbers[1]), float(numbers[2])
-        return cls(surface, reference, index, longest, level, darker, calibration)
+        table = arrays.get(f"{prefix}table")
+        return cls(surface, reference, index, longest, level, darker, calibration, table)
 
     @classmethod
     def load(cls, path: str | Path) -> Performance:

@@ -75,8 +75,17 @@ def test_performance_with_darker_ones_is_saved_whole(tmp_path):
     np.testing.assert_array_equal(
         again.expected([5, 12], [1, 9], [0.3, 0.4]).ap_percent, known.expected([5, 12], [1, 9], [0.3, 0.4]).ap_percent
     )
+    np.testing.assert_array_equal(again._table, known._table)
+    with pytest.raises(InputError, match="table of shape"):
+        Performance(known.surface, known.reference, 0, 31.0, table=np.zeros((3, 2, 2)))
     with pytest.raises(InputError, match="darker"):
         Performance(known.surface, known.reference, 0, 31.0, 0.25, [performance()])
+
+
+def test_performance_of_a_file_is_not_tabulated_again(tmp_path, monkeypatch):
+    performance().save(tmp_path / "surface.npz")
+    monkeypatch.setattr(Performance, "_tabulated", lambda self: pytest.fail("tabulated again"))
+    assert float(Performance.load(tmp_path / "surface.npz").expected(5.0, 3.0).ap_percent) > 50.0
 
 
 def test_performance_estimates_of_noise_are_calibrated():
