@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -15,6 +17,8 @@ from pipeline.control.prediction import model_sigma_dn
 from pipeline.control.state import CameraState, Limits
 from pipeline.curves.cells import Cells
 from pipeline.curves.surface import Surface
+from pipeline.store import write_image
+from pipeline.streams import stream
 
 REFERENCE = np.tile(np.exp(-2.0 * CYCLES_PER_PX), (2, 1))
 SIGMAS, SIZES = np.arange(0.0, 41.0, 5.0), np.array([0.0, 3, 7, 11, 15, 21, 31])
@@ -93,3 +97,22 @@ class Scene:
             image, float(image.mean()), saturated, scalar(max(here.sigma_dn, 0.05)), seen_mtf(here.motion_px),
             truth=self.truth,
         )  # fmt: skip
+
+
+def make_views(root: Path, viewpoints: int = 2, moments: int = 2) -> Path:
+    """Rendered views below a folder: textured squares of 224 x 224 px, one box of each class."""
+    folder = root / "evaluation"
+    folder.mkdir(parents=True)
+    for number in range(viewpoints):
+        for moment in range(moments):
+            name = f"evaluation-{number:04d}-{moment}"
+            coarse = stream(1, "views", number).random((28, 28)) * 1.2
+            radiance = np.kron(coarse, np.ones((8, 8))).astype(np.float32)
+            write_image(folder / f"{name}.png", np.clip(0.4 * radiance, 0, 1) ** (1 / 2.2))
+            np.savez(folder / f"{name}.radiance.npz", radiance=radiance.astype(np.float16))
+            boxes = [
+                {"label": label, "box": [20 + 60 * k, 40, 70 + 60 * k, 120], "visible_fraction": 1.0, "pixels": 900}
+                for k, label in enumerate(("car", "person"))
+            ]
+            (folder / f"{name}.json").write_text(json.dumps({"boxes": boxes}), encoding="utf-8")
+    return root

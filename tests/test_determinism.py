@@ -7,16 +7,30 @@ from pathlib import Path
 
 import pytest
 import yaml
+from control_makers import make_views
 from data_makers import make_kitti
 
 from pipeline import store, tables
 from pipeline.camera.settings import CameraSettings
 from pipeline.config.compose import compose
 from pipeline.config.schema import validate
+from pipeline.control.loop import SimulatedScene
 from pipeline.datasets.frame import Frame
 from pipeline.experiments.condition import Condition
 from pipeline.experiments.corrupt import SharpFrame
-from pipeline.stages import corrupt, index, noise, psf_bank, render_sim, report, sensor, star
+from pipeline.stages import (
+    closed_loop,
+    control_surface,
+    corrupt,
+    detector,
+    index,
+    noise,
+    psf_bank,
+    render_sim,
+    report,
+    sensor,
+    star,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -124,3 +138,70 @@ def test_the_report_is_a_pure_function_of_its_inputs(data, once, tmp_path):
     page = (tmp_path / "first/reports/index.html").read_text()
     assert str(tmp_path) not in page
     assert "not run" in page
+
+
+def control(workers):
+    """The smoke profile's control with two small viewpoints, three policies and one scenario."""
+    content = yaml.safe_load(compose(["profile=smoke", f"executor.workers={workers}"], ROOT / "conf"))
+    section = content["control"]
+    names = ("fixed", "iopc_continuous", "oracle")
+    section["policies"] = {name: section["policies"][name] for name in names}
+    section |= {"optional": [], "film_policies": ["iopc_continuous"], "film_steps": 2}
+    section["scenarios"] = {"tunnel_in": {**section["scenarios"]["tunnel_in"], "steps": 3}}
+    content["matrix"]["scenarios"] = ["tunnel_in"]
+    content["detection"]["detectors"]["compact"]["weights"] = str(ROOT / "data/weights/detector_compact.safetensors")
+    section["surface"] |= {"target_sigmas_dn": [0, 20], "sizes_px": [0, 15], "moments": [0]}
+    section["surface"]["darker"] = {"target_levels": [0.25], "target_sigmas_dn": [0, 15], "sizes_px": [0, 15]}
+    return validate(content)
+
+
+def run_control(folder, workers, out):
+    """Surface, then the scenario, from the views of a folder into another; returns what was written."""
+    config = control(workers)
+    control_surface.run.run(config, {}, folder, out)
+    shutil.copytree(out / "data/control_surface", folder / "data/control_surface", dirs_exist_ok=True)
+    closed_loop.run.run(config, {"scenario": "tunnel_in"}, folder, out)
+    return digests(out)
+
+
+@pytest.fixture(scope="module")
+def controlled(tmp_path_factory):
+    """Views with a detector, and what one worker made of them."""
+    folder, out = tmp_path_factory.mktemp("control"), tmp_path_factory.mktemp("controlled")
+    make_views(folder / "data/sim")
+    detector.run.run(control(1), {"detector": "compact"}, folder, folder)
+    return folder, run_control(folder, 1, out)
+
+
+def test_control_gives_the_same_bytes_for_one_and_two_workers(controlled, tmp_path):
+    folder, before = controlled
+    shutil.rmtree(folder / ".cache")
+    assert {"data/control_surface/all.npz", "data/closed_loop/tunnel_in/pairs.parquet"} <= set(before)
+    assert run_control(folder, 2, tmp_path) == before
+
+
+def test_a_killed_closed_loop_goes_on_and_gives_the_same_bytes(controlled, tmp_path, monkeypatch):
+    folder, before = controlled
+    shutil.rmtree(folder / ".cache")
+    whole = SimulatedScene.detections
+    calls = []
+
+    def killed(self, *args, **kwargs):
+        calls.append(args)
+        if len(calls) > 5:
+            raise KeyboardInterrupt
+        return whole(self, *args, **kwargs)
+
+    monkeypatch.setattr(SimulatedScene, "detections", killed)
+    job = {"scenario": "tunnel_in"}
+    with pytest.raises(KeyboardInterrupt):
+        closed_loop.run.run(control(1), job, folder, tmp_path / "out")
+    assert not (tmp_path / "out/data").exists()
+    kept = {path: path.stat().st_mtime_ns for path in (folder / ".cache/closed_loop").rglob("*.npz")}
+    assert len(kept) >= 5
+    monkeypatch.undo()
+    closed_loop.run.run(control(1), job, folder, tmp_path / "out")
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    after = digests(tmp_path / "out")
+    assert after and after == {name: before[name] for name in after}
+    assert len(after) == sum("closed_loop" in name for name in before)

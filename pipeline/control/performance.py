@@ -56,7 +56,7 @@ class Performance:
         level: mean encoded level of the frames it was measured on, 0..1.
         calibration: (2, K) rising noise as the monitor estimates it and as it is, DN; None where they are the same.
         darker: surfaces of darker frames, in any order.
-        table: (3, N, M) tabulated answers as a file holds them; None tabulates the surface, which takes a third of a second.
+        table: (3, N, M) tabulated answers as a file holds them; None tabulates the surface (a third of a second).
 
     Raises:
         InputError: a frequency index out of range, a surface among ``darker`` that is not darker, or a table of

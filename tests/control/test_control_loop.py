@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
-from control_makers import CAMERA, performance
+from control_makers import CAMERA, make_views, performance
 
 from pipeline.camera.exposure import Camera
 from pipeline.control import evaluation
@@ -17,32 +15,12 @@ from pipeline.control.scoring import EvaluationCriteria
 from pipeline.control.state import CameraState
 from pipeline.control.views import folds, views, with_sun
 from pipeline.errors import InputError
-from pipeline.store import write_image
-from pipeline.streams import stream
-
-SIDE = 224
-LABELS = ("car", "person")
 
 
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory):
     """Two viewpoints of two moments each: textured squares, one box of each class."""
-    root = tmp_path_factory.mktemp("sim")
-    folder = root / "evaluation"
-    folder.mkdir()
-    for number in range(2):
-        for moment in range(2):
-            name = f"evaluation-{number:04d}-{moment}"
-            coarse = stream(1, "views", number).random((28, 28)) * 1.2
-            radiance = np.kron(coarse, np.ones((8, 8))).astype(np.float32)
-            write_image(folder / f"{name}.png", np.clip(0.4 * radiance, 0, 1) ** (1 / 2.2))
-            np.savez(folder / f"{name}.radiance.npz", radiance=radiance.astype(np.float16))
-            boxes = [
-                {"label": label, "box": [20 + 60 * k, 40, 70 + 60 * k, 120], "visible_fraction": 1.0, "pixels": 900}
-                for k, label in enumerate(LABELS)
-            ]
-            (folder / f"{name}.json").write_text(json.dumps({"boxes": boxes}), encoding="utf-8")
-    return views(root)
+    return views(make_views(tmp_path_factory.mktemp("sim")))
 
 
 def scenario(**changes):
