@@ -107,7 +107,7 @@ def transients(scenario: Scenario, table: pd.DataFrame) -> dict[str, float]:
         light, time, iso = (ordered[name].to_numpy() for name in ("light", "exposure_ms", "iso"))
         stops = np.log2(light * time * iso)
         for start, end in itertools.pairwise(edges):
-            if end - start < 2:
+            if end - start < 3 + scenario.delay_frames:  # too short to show new settings twice
                 continue
             frames = settling_frames(stops, start, end)
             settling.append(frames)
