@@ -30,6 +30,7 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.report.build import build
+    from pipeline.report.headline import headline
     from pipeline.report.inputs import SYSTEM, ReportInputs, mode_of, relative_to
     from pipeline.report.sections.runtime import COMMAND
 
@@ -88,6 +89,9 @@ def run(run: Run) -> None:
     )
     score = build(inputs, run.outputs / "reports")
     store.write_json(run.outputs / "reports/metrics/report.json", score.metrics)
+    metrics = run.inputs / "reports/metrics"
+    summary = headline(metrics, score.metrics, inputs.blur_members, inputs.noise_members)
+    store.write_json(run.outputs / "reports/headline.json", summary)
 
 
 def stage_names(params: Any) -> dict[str, str]:

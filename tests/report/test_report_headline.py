@@ -1,0 +1,63 @@
+"""The headline metrics: gathered from the metrics of stages, few enough for a diff, without leftovers."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pipeline.errors import InputError
+from pipeline.report.headline import headline
+
+ROOT = Path(__file__).resolve().parents[2]
+BLUR = {"calibrated": {"mean_amae_percent": 2.0, "defocus": {}}, "raw": {"mean_amae_percent": 5.0}}
+NOISE = {"photon": {"5": {"patch_error_dn": 1.0}, "10": {"patch_error_dn": 2.0}, "15": {"patch_error_dn": None}}}
+
+
+@pytest.fixture
+def metrics(tmp_path):
+    for name, content in {
+        "blur/sim-spectral": BLUR,
+        "blur/sim-renamed": BLUR,
+        "blur/sim-raw": {"raw": {"mean_amae_percent": 5.0}},
+        "noise/sim-pca": NOISE,
+        "curves/sim-compact": {"car": {"clean_ap_percent": 98.26234, "mean_ap_percent": 60.0, "bins": 34}},
+        "regression/sim-compact": {"car": {"r2": 0.9, "cells": 42}},
+        "closed_loop/ramp": {"fixed": {"ap_percent": 70.0}, "lamp": {"ap_percent": 99.0}},
+        "closed_loop/bias": {"fixed": {"ap_percent": 80.0}},
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / f"{name}.json").write_text(json.dumps(content))
+    return tmp_path
+
+
+def test_headline_takes_means_of_what_is_configured(metrics):
+    content = headline(metrics, {"match": 3, "printed": 9, "aside": 1}, {"sim-spectral", "sim-raw"}, {"sim-pca"})
+    assert content["blur_amae_percent"] == {"sim-raw": 5.0, "sim-spectral": 2.0}  # a leftover file does not count
+    assert content["noise_error_dn"] == {"sim-pca": 1.5}
+    assert content["ap_percent"] == {"sim-compact": {"car": 98.2623}}
+    assert content["regression_r2"] == {"sim-compact": {"car": 0.9}}
+    assert content["control_ap_percent"] == {"fixed": 75.0}  # the other policy drives in one scenario only
+    assert content["ledger"] == {"printed": 9, "match": 3}
+
+
+def test_headline_leaves_out_stages_that_did_not_run_and_refuses_damaged_files(metrics):
+    assert headline(metrics / "absent", {"match": 1}, (), ()) == {"ledger": {"match": 1}}
+    (metrics / "blur/sim-spectral.json").write_text("{")
+    with pytest.raises(InputError, match="sim-spectral"):
+        headline(metrics, {}, {"sim-spectral"}, ())
+
+
+def test_dvc_compares_the_headline_only_and_plots_what_exists():
+    graph = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))
+    declared = {
+        next(iter(path)) for stage in graph["stages"].values() for path in stage.get("do", stage).get("metrics", [])
+    }
+    assert declared == {"${root}reports/headline.json"}
+    plots = [plot if isinstance(plot, str) else next(iter(plot)) for plot in graph["plots"]]
+    assert plots and all((ROOT / path).is_file() for path in plots)
+    for plot in graph["plots"]:
+        if isinstance(plot, dict):
+            ((path, about),) = plot.items()
+            columns = (ROOT / path).read_text(encoding="utf-8").partition("\n")[0].split(",")
+            assert {about["x"], about["y"]} <= set(columns), path
