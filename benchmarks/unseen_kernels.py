@@ -27,6 +27,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -106,31 +107,27 @@ def indexed(config: Config, name: str, patches_per_frame: int | None) -> tuple[l
         return some, every
 
 
-def estimates(frames: Sequence[TestFrame], kernels: Sequence[Kernel], name: str, config: Config) -> pd.DataFrame:
+def estimates(
+    frames: Sequence[TestFrame], kernels: Sequence[Kernel], name: str, config: Config, **options: Any
+) -> pd.DataFrame:
     """One estimator under every kernel and on sharp frames (`pipeline.experiments.tables.MEASUREMENTS`)."""
-    method = Method(name, "mtf", Registered(blur.create, name, PEERS.get(name, {})))
+    method = Method(name, "mtf", Registered(blur.create, name, PEERS.get(name, {}) | options))
     camera = config.camera
     return run(frames, grid([sharp_kernel(), *kernels]), [method], camera=camera, seed=config.seed)
 
 
 def fitted(
-    measurements: pd.DataFrame, every: Sequence[TestFrame], seed: int, samples: int
+    frames: Sequence[TestFrame], every: Sequence[TestFrame], kernels: Sequence[Kernel], config: Config, samples: int
 ) -> tuple[pd.DataFrame, list[float]]:  # fmt: skip
-    """Spectral estimates calibrated to the other half's frames, and each calibration's error on its samples, %."""
+    """Spectral estimates calibrated to the other half's frames, and each calibration's held-out error, %."""
     fold_of = {item.frame.name: fold for item, fold in zip(every, calibrate.folds(len(every)), strict=True)}
-    changed, errors = measurements.copy(), []
-    folds = measurements["frame"].map(fold_of).to_numpy()
-    maps = calibrate.cross_fit(every, Registered(blur.create, "spectral"), samples=samples, seed=seed)
-    for fold, fit in enumerate(maps):
-        assert isinstance(fit, camera_calibration.Calibration)
-        changed.loc[folds == fold, "estimate"] = mapped(measurements[folds == fold], fit)
-        errors.append(round(fit.error_percent[1], 3))
-    return changed, errors
-
-
-def mapped(measurements: pd.DataFrame, fit: camera_calibration.Calibration) -> np.ndarray:
-    """Estimates corrected by a fit: rows go through a patch's directions and frequencies before the next."""
-    return fit(measurements["estimate"].to_numpy(float).reshape(-1, 2, len(mtf.FREQUENCIES))).ravel()
+    estimator = Registered(blur.create, "spectral")
+    maps = calibrate.cross_fit(every, estimator, samples=samples, seed=config.seed)
+    folded = [replace(item, fold=fold_of[item.frame.name]) for item in frames]
+    method = Method("spectral", "mtf", estimator)
+    method = replace(method, of_folds=tuple(calibrate.Calibrated(estimator, one) for one in maps))
+    table = run(folded, grid([sharp_kernel(), *kernels]), [method], camera=config.camera, seed=config.seed)
+    return table, [round(one.error_percent[1], 3) for one in maps]
 
 
 def outcome(table: pd.DataFrame, seed: int) -> dict[str, Any]:
@@ -154,12 +151,8 @@ def ways(read: pd.DataFrame, seed: int) -> dict[str, Any]:
     return {"raw": outcome(read, seed), "calibrated": outcome(calibrate.divided_by_sharp(read), seed)}
 
 
-def spectral_ways(read: pd.DataFrame, corrected: pd.DataFrame, seed: int) -> dict[str, Any]:
+def spectral_ways(read: pd.DataFrame, added: pd.DataFrame, corrected: pd.DataFrame, seed: int) -> dict[str, Any]:
     """The spectral estimator's answers read in every way of `WAYS`."""
-    typical = camera_calibration.Calibration.load(
-        spectral.RELEASED.with_name(spectral.RELEASED.stem + spectral.TYPICAL)
-    )
-    added = read.assign(estimate=mapped(read, typical))
     return {**ways(read, seed), "typical": outcome(added, seed), "fitted": outcome(corrected, seed)}
 
 
@@ -167,11 +160,12 @@ def measure(config: Config, name: str, kernels: Sequence[Kernel], arguments: arg
     """All estimators on one dataset."""
     work, every = indexed(config, name, arguments.patches)
     read = estimates(work, kernels, "spectral", config)
-    table, errors = fitted(read, every, config.seed, arguments.samples)
+    added = estimates(work, kernels, "spectral", config, answer="added")
+    table, errors = fitted(work, every, kernels, config, arguments.samples)
     found: dict[str, Any] = {
         "frames": len(work),
         "patches": sum(len(item.patches["mtf"]) for item in work),
-        "spectral": spectral_ways(read, table, config.seed),
+        "spectral": spectral_ways(read, added, table, config.seed),
     }
     found["spectral"]["fitted"]["error_on_fitting_samples_percent"] = errors
     if arguments.peers:
@@ -179,10 +173,10 @@ def measure(config: Config, name: str, kernels: Sequence[Kernel], arguments: arg
         few = [TestFrame(item.frame, {"mtf": item.patches["mtf"][:1]}) for item in evenly_spread(work, count)]
         chosen = [item.frame.name for item in few]
         own = {way: own_rows[own_rows["frame"].isin(chosen) & (own_rows["patch"] == 0)] for way, own_rows in
-               (("raw", read), ("fitted", table))}  # fmt: skip
+               (("raw", read), ("typical", added), ("fitted", table))}  # fmt: skip
         found["few"] = {
             "patches": count,
-            "spectral": spectral_ways(own["raw"], own["fitted"], config.seed),
+            "spectral": spectral_ways(own["raw"], own["typical"], own["fitted"], config.seed),
             **{peer: ways(estimates(few, kernels, peer, config), config.seed) for peer in PEERS},
         }
     return found

@@ -40,6 +40,8 @@ class BlurEstimate:
         reason: (N,) str: why, "" where not abstained.
         kernel: (N, k, k) blur kernels with unit sum (NaN where abstained), for estimators that have one.
         low, high: (N, 2, 8) 95 % interval of ``mtf``, for estimators that have one.
+        members: (N, E, 2, 8) MTFs by the E networks that an ensemble joins, ``mtf`` first; NaN where abstained. A
+            calibration to a camera weights them anew.
     """
 
     mtf: Floats
@@ -48,6 +50,7 @@ class BlurEstimate:
     kernel: Floats | None = None
     low: Floats | None = None
     high: Floats | None = None
+    members: Floats | None = None
 
     def __post_init__(self) -> None:
         count = len(self.mtf)
@@ -58,6 +61,10 @@ class BlurEstimate:
                 raise ValueError(f"BlurEstimate.{name}: shape {getattr(self, name).shape}, expected {shape}")
         if self.kernel is not None and (self.kernel.ndim != 3 or len(self.kernel) != count):
             raise ValueError(f"BlurEstimate.kernel: shape {self.kernel.shape}, expected ({count}, k, k)")
+        if self.members is not None and (self.members.shape[0] != count or self.members.shape[2:] != (2, FREQUENCIES)):
+            raise ValueError(
+                f"BlurEstimate.members: shape {self.members.shape}, expected ({count}, E, 2, {FREQUENCIES})"
+            )
         if not np.array_equal(np.isnan(self.mtf).all(axis=(1, 2)), self.abstained):
             raise ValueError("BlurEstimate.mtf: NaN exactly where abstained")
 
@@ -160,9 +167,13 @@ class Estimator(ABC):
             for name in ("mtf", "low", "high")
             if (value := getattr(result, name)) is not None
         }
-        return replace(result, **relative)
+        return replace(result, members=None, **relative)
 
     def calibrated(self, sharp_patches: Any) -> Self:
+        """The same estimator, calibrated to this camera: by division, unless a subclass knows better; see `divided`."""
+        return self.divided(sharp_patches)
+
+    def divided(self, sharp_patches: Any) -> Self:
         """The same estimator, its MTF divided by that of this camera's sharp frames, clipped to [0, 1].
 
         What an estimator reads from an uncorrupted frame is the lens, the sensor and its own bias. Dividing

@@ -116,11 +116,11 @@ class Fused(Estimator):
 
     def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
         """See `pipeline.blur.base.Estimator.measure`; relative MTFs where there is a calibration."""
-        total, total_scale, sigma_dn = self.spectral.predict(patches)
-        mtf, scale = np.asarray(total, np.float64), np.asarray(total_scale, np.float64)
+        networks = self.spectral.predict_members(patches)
+        mtf, scale = np.asarray(networks.mtf, np.float64), np.asarray(networks.scale, np.float64)
         if self.camera is not None:
-            mtf, scale = self.camera.spectral(mtf), scale * self.camera.spectral.widening
-        spectral = SpectralAnswer(mtf, scale, np.asarray(sigma_dn, np.float64))
+            mtf, scale = self.camera.spectral(networks.members), scale * self.camera.spectral.widening
+        spectral = SpectralAnswer(mtf, scale, np.asarray(networks.sigma_dn, np.float64))
         answer, width = mtf.copy(), self.spectral.interval * scale
         blurred = np.flatnonzero((reason == "") & (mtf.mean(axis=(1, 2)) < PAYS_BELOW))
         for members in self._groups(mtf[blurred], scale[blurred]):

@@ -168,7 +168,7 @@ def _from_scenes(
 
     from pipeline import blur
     from pipeline.blur.base import PATCH_PX, Estimator
-    from pipeline.blur.camera_calibration import Calibration, calibrate
+    from pipeline.blur.camera_calibration import CameraFittable, Calibration, calibrate
     from pipeline.cli.estimator_files import weight_hashes
     from pipeline.datasets.patches import cut, tiles
     from pipeline.errors import InputError
@@ -184,7 +184,8 @@ def _from_scenes(
         if not isinstance(camera, Calibration):
             raise InputError(f"--fit: the fit of the estimator {blur_name} cannot be stored; leave --fit out")
         return None, camera.content(), hashes
-    made = estimator.calibrated(patches)
-    if not isinstance(made, Estimator) or made.sharp_mtf is None:
+    if not isinstance(estimator, Estimator) or isinstance(estimator, CameraFittable):
         raise InputError(f"--blur {blur_name}: its calibration cannot be stored; choose spectral, pmp or gbb")
+    made = estimator.divided(patches)
+    assert made.sharp_mtf is not None
     return np.maximum(made.sharp_mtf, LEAST_MTF), None, hashes

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline import blur, noise
-from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate
-from pipeline.blur.camera_calibration import CalibratedEstimator, calibrate
+from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator
+from pipeline.blur.camera_calibration import CameraFittable, CalibratedEstimator, calibrate
 from pipeline.condition.summary import Summary, summarise
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
@@ -149,8 +149,9 @@ class ConditionMonitor:
 
         Args:
             sharp_frames: (H, W) frames in [0, 1], known to be sharp.
-            fitted: fit the estimator to the frames blurred on purpose (`pipeline.blur.camera_calibration`), which takes
-                some thousand estimates; otherwise divide by what it reads from them as they are.
+            fitted: fit the estimator to the frames blurred on purpose (`pipeline.blur.camera_calibration`), which takes some
+                thousand estimates; otherwise divide by what it reads from them as they are, which makes sharp frames
+                exactly 1, but errs more where there is blur. An estimator of several members is always fitted.
 
         Raises:
             InputError: none of their patches can be measured.
@@ -160,7 +161,13 @@ class ConditionMonitor:
         if not cuts:
             raise InputError(f"sharp frames: none is as large as a patch of {PATCH_PX} px; give whole frames")
         patches = np.concatenate(cuts)
-        if fitted:
+        if (
+            not fitted
+            and isinstance(self.blur_estimator, Estimator)
+            and not isinstance(self.blur_estimator, CameraFittable)
+        ):
+            self.blur_estimator = self.blur_estimator.divided(patches)
+        elif fitted:
             self.blur_estimator = CalibratedEstimator(self.blur_estimator, calibrate(self.blur_estimator, patches))
         else:
             self.blur_estimator = self.blur_estimator.calibrated(patches)

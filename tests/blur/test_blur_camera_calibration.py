@@ -10,6 +10,7 @@ from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
 from pipeline.camera import mtf
 from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus
+from pipeline.camera.psf.gaussian import gaussian
 from pipeline.camera.psf.linear_motion import create as motion
 from pipeline.errors import InputError
 from pipeline.learning import images, kernels
@@ -28,7 +29,8 @@ def sharp():
 @pytest.fixture(scope="module")
 def truth():
     """The MTFs that `fit` blurs by, in its order: (500, 2, 8)."""
-    return mtf.sample(np.concatenate([kernels.block(index, 1, "camera fit kernels") for index in range(2)]))
+    blocks = [kernels.block(index, 1, "camera fit kernels", distribution="with_optics") for index in range(2)]
+    return mtf.sample(np.concatenate(blocks))
 
 
 class Bent:
@@ -161,3 +163,61 @@ def _sharpened(image):
     from scipy.ndimage import convolve
 
     return convolve(image, np.array([[0, -0.05, 0], [-0.05, 1.2, -0.05], [0, -0.05, 0]]), mode="mirror")
+
+
+def test_a_map_that_does_not_carry_over_to_other_scenes_is_drawn_back(sharp, truth):
+    """An estimator that is right, but errs by another factor on every scene: what one scene teaches harms the next."""
+
+    class ByScene(Bent):
+        def estimate(self, patches):
+            place = np.arange(self.asked, self.asked + len(patches))
+            result = super().estimate(patches)
+            factor = np.where(place % 2, 4.0, 0.25)[:, None, None]
+            return BlurEstimate(odds(result.mtf, factor, 1.0), result.abstained, result.reason)
+
+    made = camera_calibration.calibrate(ByScene(truth, np.array), sharp[:2], samples=SAMPLES)
+    before, after = made.error_percent
+    assert after <= before
+    assert np.abs(made(truth) - truth).mean() < 0.05
+
+
+class Pair(Bent):
+    """An ensemble: the joint output is wrong by a constant factor, its second network is right."""
+
+    def estimate(self, patches):
+        place = np.arange(self.asked, self.asked + len(patches)) % len(self.truth)
+        result = super().estimate(patches)
+        members = np.stack([result.mtf, self.truth[place]], axis=1)
+        return BlurEstimate(result.mtf, result.abstained, result.reason, members=members)
+
+
+def test_the_networks_of_an_ensemble_are_weighted_anew(sharp, truth, tmp_path):
+    noisy = Pair(truth, lambda values: np.clip(values + 0.2 * np.sin(40 * values), 0.01, 0.99))
+    made = camera_calibration.calibrate(noisy, sharp, samples=SAMPLES)
+    before, after = made.error_percent
+    assert made.members == 2 and after < 0.35 * before
+    made.save(tmp_path / "camera.json")
+    noisy.asked = 0
+    answer = CalibratedEstimator(noisy, Calibration.load(tmp_path / "camera.json")).estimate(sharp[[0] * 100])
+    assert np.abs(answer.mtf - truth[:100]).mean() < 0.35 * np.abs(noisy.bend(truth[:100]) - truth[:100]).mean()
+    assert answer.members is None
+    with pytest.raises(InputError, match="ensemble of 2 networks"):
+        CalibratedEstimator(Bent(truth, np.array), made).estimate(sharp)
+
+
+def test_calibration_does_no_harm_under_halos_and_irises():
+    """Kernels of other draws, scenes of other draws: at most a tenth worse than without calibration."""
+    views = [images.view(images.picture(i, 9, "test optics"), stream(9, "test optics", i), 192) for i in range(8)]
+    lens = gaussian(0.5)
+    seen = _rounded(convolve(np.stack(views)[:, None].clip(0, 1), lens))
+    generator, estimator = stream(9, "test optics kernels"), blur.create("spectral")
+    calibrated = estimator.calibrated(seen[:5])
+    makers = (kernels._with_halo, lambda source: kernels._iris(source, source.uniform(4, 20)))
+    for make in makers:
+        psfs = [make(generator) for _ in range(8)]
+        pairs = [(_rounded(convolve(seen[5:], psf / psf.sum())), mtf.sample(psf / psf.sum())) for psf in psfs]
+        raw, relative = (
+            np.mean([np.abs(way.estimate(patches).mtf - known).mean() for patches, known in pairs])
+            for way in (estimator, calibrated)
+        )
+        assert relative <= 1.1 * raw
