@@ -27,7 +27,7 @@ class FusionRecipe:
         seed: root of the random streams.
     """
 
-    samples: Annotated[int, Field(ge=4, le=100_000)] = 480
+    samples: Annotated[int, Field(ge=4, le=100_000)] = 1440
     kernel_distribution: KernelDistribution = "with_optics"
     anisotropy: Fraction = 0.7
     intrinsic_px: tuple[NonNegative, NonNegative] = (0.0, 0.7)
