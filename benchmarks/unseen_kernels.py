@@ -160,7 +160,7 @@ def measure(config: Config, name: str, kernels: Sequence[Kernel], arguments: arg
     """All estimators on one dataset."""
     work, every = indexed(config, name, arguments.patches)
     read = estimates(work, kernels, "spectral", config)
-    added = estimates(work, kernels, "spectral", config, answer="added")
+    added = estimates(work, kernels, "spectral", config, output="relative")
     table, errors = fitted(work, every, kernels, config, arguments.samples)
     found: dict[str, Any] = {
         "frames": len(work),

@@ -1,9 +1,9 @@
 """Spectral estimator: the MTF of a patch, with an interval, from a small network on log power spectra.
 
 Both directions come from one pass (`spectral_features`, `spectral_net`); trained on procedural pictures only
-(`spectral_training`). Answers are *total* MTFs: lens, sensor and motion together. The blur that was added to a camera's
-own sharp frames is what `calibrated` gives, by a map of both networks' answers (`pipeline.blur.camera_calibration`); where
-there are none, ``answer="added"`` takes off a typical lens (`pipeline.blur.typical_camera`).
+(`spectral_training`). Estimates are *total* MTFs: lens, sensor and motion together. The MTF relative to a camera's
+sharp frames is what `calibrated` gives, by a map of both networks' estimates (`pipeline.blur.camera_calibration`);
+where there are none, ``output="relative"`` takes off a generic lens (`pipeline.blur.typical_camera`).
 
 Noise that a camera has processed (demosaiced, denoised, sharpened, coded) looks like texture, and the main network,
 which knows white noise only, takes it for sharpness. A second network of the same form was trained through random
@@ -155,8 +155,8 @@ class Spectral(Estimator):
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same estimator, calibrated to the camera of these sharp patches by a map of both networks' estimates.
 
-        Takes some seconds (`pipeline.blur.camera_calibration.affine_calibration`). Where the map carries over to the frames of the
-        camera that it was not fitted to, its errors are about two thirds of those by division (`divided`).
+        Takes some seconds (`pipeline.blur.camera_calibration.affine_calibration`); on recorded frames it was not fitted
+        to, its errors are about three quarters of those by division (`divided`).
 
         Args:
             sharp_patches: (N, 1, 192, 192) float in [0, 1] from frames known to be sharp; some tens, of different

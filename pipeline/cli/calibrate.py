@@ -168,7 +168,7 @@ def _from_scenes(
 
     from pipeline import blur
     from pipeline.blur.base import PATCH_PX, Estimator
-    from pipeline.blur.camera_calibration import CameraFittable, Calibration, calibrate
+    from pipeline.blur.camera_calibration import Calibration, CameraFittable, calibrate
     from pipeline.cli.estimator_files import weight_hashes
     from pipeline.datasets.patches import cut, tiles
     from pipeline.errors import InputError

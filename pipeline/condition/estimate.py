@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pipeline import blur, noise
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator
-from pipeline.blur.camera_calibration import CameraFittable, CalibratedEstimator, calibrate
+from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
 from pipeline.condition.summary import Summary, summarise
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
@@ -149,9 +149,9 @@ class ConditionMonitor:
 
         Args:
             sharp_frames: (H, W) frames in [0, 1], known to be sharp.
-            fitted: fit the estimator to the frames blurred on purpose (`pipeline.blur.camera_calibration`), which takes some
-                thousand estimates; otherwise divide by what it reads from them as they are, which makes sharp frames
-                exactly 1, but errs more where there is blur. An estimator of several members is always fitted.
+            fitted: calibrate by frames that are blurred synthetically (`pipeline.blur.camera_calibration`), which takes
+                some thousand estimates; otherwise divide by the estimates of the frames as they are, which makes sharp
+                frames exactly 1, but errs more where there is blur. An estimator of several members is always fitted.
 
         Raises:
             InputError: none of their patches can be measured.

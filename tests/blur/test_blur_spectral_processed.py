@@ -30,7 +30,17 @@ def test_frames_without_processed_noise_are_answered_by_the_main_network(scenes)
     both, main = (blur.create("spectral", processed=flag).predict(patches) for flag in (True, False))
     quiet = both[2] - main[2] < 1e-6
     assert quiet.mean() >= 0.5
-    assert np.array_equal(both[0][quiet], main[0][quiet]) and np.array_equal(both[1][quiet], main[1][quiet])
+    assert np.array_equal(both[0][quiet], main[0][quiet])
+
+
+def test_the_scale_holds_the_distance_of_the_networks(scenes):
+    patches = np.stack([scene[8:200, 8:200] for scene in scenes])[:, None].round(3).astype(np.float32)
+    both = blur.create("spectral").predict_members(patches)
+    main, scale, sigma_dn = blur.create("spectral", processed=False).predict(patches)
+    quiet = both.sigma_dn - sigma_dn < 1e-6
+    assert np.array_equal(both.members[:, 0], both.mtf) and quiet.any()
+    apart = scale + np.abs(main - both.members[:, 1])
+    assert np.allclose(both.scale[quiet], apart[quiet], atol=1e-6) and (both.scale >= apart - 1e-6).all()
 
 
 def test_noisy_and_quiet_shots_of_a_scene_agree_better_and_within_the_interval(scenes):
