@@ -184,96 +184,88 @@ def precisions(
     return scores
 
 
-def table(
-    found: Sequence[Sequence[Mapping[str, Any]]],
-    chosen: Sequence[Corruption],
-    scores: Sequence[Precision],
-    seed: int,
-) -> pd.DataFrame:
-    """Conditions side by side: schema `STUDY`.
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Measurements under every condition, and the tables of them.
 
-    Args:
-        found: what `measure` gave, one entry per frame.
-        chosen: the conditions.
+    Attributes:
+        measured: what `measure` gave, one entry per frame.
+        conditions: the conditions.
         scores: `precisions`.
         seed: of the bootstraps.
     """
-    import pandas as pd
 
-    rows = []
-    for number, (item, score) in enumerate(zip(chosen, scores, strict=True)):
-        parts = [each[number] for each in found]
-        low, high = _interval(score.draws)
-        row: dict[str, Any] = {
-            "order": item.order,
-            "light": item.light,
-            "motion_px": item.motion_px,
-            "target_sigma_dn": item.sigma_dn,
-            "clipped_sigma_dn": float(np.mean([part["clipped_sigma_dn"] for part in parts])),
-            "ap_percent": score.ap_percent,
-            "ap_low_percent": low,
-            "ap_high_percent": high,
-            "frames": len(parts),
-        }
-        for name, value, lower, upper, silent in (
-            ("sigma_dn", "estimated_sigma_dn", "sigma_low_dn", "sigma_high_dn", "noise_abstained"),
-            ("amae_percent", "amae_percent", "amae_low_percent", "amae_high_percent", "blur_abstained"),
-        ):
-            values = np.array([part[name] for part in parts])
-            good = values[np.isfinite(values)]
-            row[value] = float(np.median(good)) if len(good) else float("nan")
-            row[lower], row[upper] = bootstrap_interval(good, stream(seed, "order study", name), draws=200)
-            row[silent] = int(len(values) - len(good))
-        rows.append(row)
-    return STUDY.conform(pd.DataFrame(rows))
+    measured: Sequence[Sequence[Mapping[str, Any]]]
+    conditions: Sequence[Corruption]
+    scores: Sequence[Precision]
+    seed: int
 
+    def table(self) -> pd.DataFrame:
+        """Conditions side by side: schema `STUDY`."""
+        import pandas as pd
 
-def effects(
-    found: Sequence[Sequence[Mapping[str, Any]]],
-    chosen: Sequence[Corruption],
-    scores: Sequence[Precision],
-    seed: int,
-) -> pd.DataFrame:
-    """What noise and motion change under each order and light, paired: schema `EFFECTS`.
+        rows = []
+        for number, (item, score) in enumerate(zip(self.conditions, self.scores, strict=True)):
+            parts = [each[number] for each in self.measured]
+            low, high = _interval(score.draws)
+            row: dict[str, Any] = {
+                "order": item.order,
+                "light": item.light,
+                "motion_px": item.motion_px,
+                "target_sigma_dn": item.sigma_dn,
+                "clipped_sigma_dn": float(np.mean([part["clipped_sigma_dn"] for part in parts])),
+                "ap_percent": score.ap_percent,
+                "ap_low_percent": low,
+                "ap_high_percent": high,
+                "frames": len(parts),
+            }
+            for name, value, lower, upper, silent in (
+                ("sigma_dn", "estimated_sigma_dn", "sigma_low_dn", "sigma_high_dn", "noise_abstained"),
+                ("amae_percent", "amae_percent", "amae_low_percent", "amae_high_percent", "blur_abstained"),
+            ):
+                values = np.array([part[name] for part in parts])
+                good = values[np.isfinite(values)]
+                row[value] = float(np.median(good)) if len(good) else float("nan")
+                row[lower], row[upper] = bootstrap_interval(good, stream(self.seed, "order study", name), draws=200)
+                row[silent] = int(len(values) - len(good))
+            rows.append(row)
+        return STUDY.conform(pd.DataFrame(rows))
 
-    Args:
-        found: what `measure` gave, one entry per frame.
-        chosen: the conditions.
-        scores: `precisions`.
-        seed: of the bootstrap.
+    def effects(self) -> pd.DataFrame:
+        """What noise and motion change under each order and light, paired: schema `EFFECTS`.
 
-    Returns:
-        one row for each order, light, cause and measure; no rows for a cause with one level only.
-    """
-    import pandas as pd
+        Returns:
+            one row for each order, light, cause and measure; no rows for a cause with one level only.
+        """
+        import pandas as pd
 
-    amae = np.array([[part["amae_percent"] for part in each] for each in found])
-    draws = np.stack([score.draws for score in scores])
-    values = np.array([score.ap_percent for score in scores])
-    rows = []
-    for order, light in dict.fromkeys((item.order, item.light) for item in chosen):
-        mine = {
-            (item.motion_px, item.sigma_dn): n
-            for n, item in enumerate(chosen)
-            if (item.order, item.light) == (order, light)
-        }
-        motions, sigmas = (sorted({key[axis] for key in mine}) for axis in (0, 1))
-        moving = [motion for motion in motions if motion > motions[0]] or motions
-        for cause, before, after in (
-            ("noise", [mine[m, sigmas[0]] for m in moving], [mine[m, sigmas[-1]] for m in moving]),
-            ("motion", [mine[motions[0], sigmas[0]]], [mine[motions[-1], sigmas[0]]]),
-        ):
-            if before == after:
-                continue
-            head = {"order": order, "light": light, "cause": cause}
-            first, last = (np.nanmean(amae[:, chosen_ones], axis=1) for chosen_ones in (before, after))
-            change = (last - first)[np.isfinite(last - first)]
-            generator = stream(seed, "order study", "effects")
-            resampled = change[generator.integers(0, len(change), (EFFECT_DRAWS, len(change)))].mean(axis=1)
-            rows.append(_effect(head, "amae_percent", np.nanmean(first), np.nanmean(last), resampled))
-            difference = draws[after].mean(axis=0) - draws[before].mean(axis=0)
-            rows.append(_effect(head, "ap_percent", values[before].mean(), values[after].mean(), difference))
-    return EFFECTS.conform(pd.DataFrame(rows, columns=list(EFFECTS.columns)))
+        amae = np.array([[part["amae_percent"] for part in each] for each in self.measured])
+        draws = np.stack([score.draws for score in self.scores])
+        values = np.array([score.ap_percent for score in self.scores])
+        rows = []
+        for order, light in dict.fromkeys((item.order, item.light) for item in self.conditions):
+            mine = {
+                (item.motion_px, item.sigma_dn): n
+                for n, item in enumerate(self.conditions)
+                if (item.order, item.light) == (order, light)
+            }
+            motions, sigmas = (sorted({key[axis] for key in mine}) for axis in (0, 1))
+            moving = [motion for motion in motions if motion > motions[0]] or motions
+            for cause, before, after in (
+                ("noise", [mine[m, sigmas[0]] for m in moving], [mine[m, sigmas[-1]] for m in moving]),
+                ("motion", [mine[motions[0], sigmas[0]]], [mine[motions[-1], sigmas[0]]]),
+            ):
+                if before == after:
+                    continue
+                head = {"order": order, "light": light, "cause": cause}
+                first, last = (np.nanmean(amae[:, chosen_ones], axis=1) for chosen_ones in (before, after))
+                change = (last - first)[np.isfinite(last - first)]
+                generator = stream(self.seed, "order study", "effects")
+                resampled = change[generator.integers(0, len(change), (EFFECT_DRAWS, len(change)))].mean(axis=1)
+                rows.append(_effect(head, "amae_percent", np.nanmean(first), np.nanmean(last), resampled))
+                difference = draws[after].mean(axis=0) - draws[before].mean(axis=0)
+                rows.append(_effect(head, "ap_percent", values[before].mean(), values[after].mean(), difference))
+        return EFFECTS.conform(pd.DataFrame(rows, columns=list(EFFECTS.columns)))
 
 
 def _effect(

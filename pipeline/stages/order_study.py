@@ -34,11 +34,10 @@ def run(run: Run) -> None:
     result = run.map(measure, frames, "order study")
     words = class_map(source.kind)
     scores = order_study.precisions(frames, result, chosen, words, params.detection.evaluation, params.seed)
-    table = order_study.table(result, chosen, scores, params.seed)
-    effects = order_study.effects(result, chosen, scores, params.seed)
+    study = order_study.Study(result, chosen, scores, params.seed)
     with store.replacing_folder(run.outputs / "data/order_study") as out:
-        store.write_table(out / "study.parquet", table, order_study.STUDY)
-        store.write_table(out / "effects.parquet", effects, order_study.EFFECTS)
+        store.write_table(out / "study.parquet", study.table(), order_study.STUDY)
+        store.write_table(out / "effects.parquet", study.effects(), order_study.EFFECTS)
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ def test_order_study_noise_behind_the_optics_keeps_its_level(frame):
     chosen = [one for one in order_study.conditions([11], [15]) if one.light == "encoded"]
     found = [order_study.measure(frame, chosen=chosen, camera=CameraSettings(), kind="compact", options="{}", seed=1)]
     scores = order_study.precisions([frame], found, chosen, CLASS_MAPS["sim"], JUDGE, 1)
-    table = order_study.table(found, chosen, scores, 1).set_index("order")
+    table = order_study.Study(found, chosen, scores, 1).table().set_index("order")
     assert table.loc["detector", "clipped_sigma_dn"] == pytest.approx(15, rel=0.05)
     assert table.loc["paper", "clipped_sigma_dn"] == pytest.approx(15 / np.sqrt(11), rel=0.1)
     assert (table["frames"] == 1).all() and table["ap_percent"].between(0, 100).all()
@@ -56,7 +56,7 @@ def _made(amae_of, ap_of, frames=6):
 
 def test_effects_are_paired_so_that_differences_between_frames_do_not_widen_them():
     found, chosen, scores = _made(lambda one: one.sigma_dn / 5, lambda one: 90 - one.motion_px - one.sigma_dn)
-    table = order_study.effects(found, chosen, scores, 1).set_index(["order", "light", "cause", "measure"])
+    table = order_study.Study(found, chosen, scores, 1).effects().set_index(["order", "light", "cause", "measure"])
     assert len(table) == 16
     noise = table.loc[("detector", "linear", "noise", "amae_percent")]
     assert (noise["change"], noise["low"], noise["high"]) == pytest.approx((2.0, 2.0, 2.0))
@@ -69,4 +69,4 @@ def test_effects_of_one_noise_level_are_not_stated():
     chosen = order_study.conditions([0, 11], [15])
     found = [[{"amae_percent": 3.0} for _ in chosen]] * 2
     scores = [order_study.Precision(50.0, np.full(5, 50.0)) for _ in chosen]
-    assert set(order_study.effects(found, chosen, scores, 1)["cause"]) == {"motion"}
+    assert set(order_study.Study(found, chosen, scores, 1).effects()["cause"]) == {"motion"}
