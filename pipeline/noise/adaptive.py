@@ -7,20 +7,21 @@ Two networks answer:
 
 and the answer is a mean of their ln(1 + sigma) with weight w of the second:
 
-    w = 1                  where the picture shows the traces of a codec, where `cellwise` sees a noise-free surface
+    w = 1                  where the picture shows the traces of a codec: `cellwise` takes what a codec has removed for
+                           a noise-free surface, and what it left for less than it is
     w = ramp of r          of the correlation r of adjacent pixels, 0.24 to 0.38
     w = disagreement       where the intervals of the two do not meet and the second is sure
     w = 0                  where the second network is not sure at all, and nothing points to processing
 
-Where the second network is unsure, which happens on fine texture, principal components of every second pixel (`pca`,
-``stride=2``) join it: v = d^4 / (d^4 + 0.6^4) of its answer, d the half-width of its interval of ln(1 + sigma). Where d
-is too wide to be of use the patch is abstained from: as ``"compressed"`` behind a codec, which removes weak noise and
-leaves its own, else as ``"uncertain"``. Quantised transform blocks (`pipeline.noise.block_quantisation`) show a codec
-where steps at block edges do not, behind a deblocking filter above all. Such a patch is abstained from where d is wide,
-whichever network answers: a codec that has removed the noise leaves a surface that `cellwise` is sure to be noise-free.
+Traces of a codec are steps at block edges, vanished fine detail (`compressed`) and quantised transform blocks
+(`pipeline.noise.block_quantisation`). Where the interval of ln(1 + sigma) is too wide to be of use the patch is
+abstained from: as ``"compressed"`` behind a codec, which removes weak noise and leaves its own, else as
+``"uncertain"``. An interval that ends below 1.5 DN is of use however wide it is relative to the answer, unless detail
+that a codec quantises anew from shot to shot may flicker unseen. Where the interval reaches zero the noise is not
+detected, and the answer moves towards zero by as much as the interval would reach below it.
 
 `NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. A patch that is
-plainly white skips the second network, so that such frames cost little more than `cellwise`.
+plainly white and not coded skips the second network, so that such frames cost little more than `cellwise`.
 
 The constants were chosen on the development pictures of two sets of real camera noise (CC and PolyU), on frames with
 white noise, and on such frames behind JPEG and video codecs.
@@ -35,12 +36,11 @@ from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.noise.base import Measured
-from pipeline.noise.block_quantisation import block_quantisation
+from pipeline.noise.block_quantisation import at_corner, present
 from pipeline.noise.cell_mapper import CellMapper
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
 from pipeline.noise.correlated import Correlated, Prediction
-from pipeline.noise.correlated_features import GRID_START, LEAST_PX, whiteness
-from pipeline.noise.pca import PrincipalComponents
+from pipeline.noise.correlated_features import GRID_START, LEAST_PX, QUANTISED_START, whiteness
 
 COMPRESSED, UNCERTAIN = "compressed", "uncertain"
 
@@ -55,17 +55,13 @@ DISAGREEMENT_WIDTH = 0.15  # of ln(1 + sigma), over which disagreeing intervals 
 MIN_REACH = 0.05  # of the interval of cellwise, for that comparison
 PLAINLY_WHITE = 0.1  # lag-1 correlation of flat windows below which ...
 PLAIN_SIGMA_DN = 1.0  # ... noise that certainly exceeds this is white
-PCA_FACTOR = 1.1  # principal components of every second pixel read correlated noise low by this factor
-PCA_REACH = 0.6  # half-width of the interval at which they count half
-PCA_MIN_PX = 64
 LEAST_WEIGHT = 0.02  # of the second network, from which it takes part in the answer
 WIDEST_REACH = 0.9
 """Half-width of the interval of ln(1 + sigma) beyond which there is no answer: a factor of 2.5 either way."""
 
 WIDEST_COMPRESSED_REACH = 0.45  # the same behind a codec: a factor of 1.6
-WIDEST_QUANTISED_REACH = 0.6
-"""The same where only quantised transform blocks show a codec, and the second network takes part in the answer."""
-
+WEAK_DN = 1.5  # where the interval ends below, noise is certainly weak
+SMOOTH = 0.9  # fraction of vanished coefficients of quantised blocks above which no detail is left to flicker
 VANISHED_COEFFICIENTS = 0.85  # of high-frequency DCT coefficients: a codec has removed them
 GRID_STEP = 0.12  # ln of the step at block edges over that elsewhere
 
@@ -98,7 +94,6 @@ class Adaptive(CellMapper):
         self.white = Cellwise(cellwise_weights)
         self.correlated = Correlated(correlated_weights)
         self.released = self.white.released and self.correlated.released
-        self.principal = PrincipalComponents(stride=2)
         self.widest_reach, self.widest_compressed_reach = widest_reach, widest_compressed_reach
 
     def measure_cells(
@@ -112,10 +107,11 @@ class Adaptive(CellMapper):
         asked = np.flatnonzero(~self._plainly_white(stack, white.low_dn))
         if len(asked):
             answer = self.correlated.predict(stack[asked])
-            traces = compressed(answer.statistics)
-            weight = weights(sigma[asked], high[asked], answer, traces)
-            level, reach = self._joined(stack[asked], answer), answer.reach
-            sigma[asked] = _between(sigma[asked], level, weight)
+            quantised = present(answer.statistics[:, QUANTISED_START:], stack[0].size)
+            coded = compressed(answer.statistics) | quantised
+            weight = weights(sigma[asked], high[asked], answer, coded)
+            level, reach = np.log1p(answer.sigma_dn), answer.reach
+            sigma[asked] = _between(sigma[asked], np.maximum(level - np.maximum(reach - level, 0), 0), weight)
             low[asked] = _between(low[asked], np.maximum(level - reach, 0.0), weight)
             high[asked] = _between(high[asked], level + reach, weight)
             white_sigma[asked] = _between(white_sigma[asked], np.log1p(answer.white_sigma_dn), weight)
@@ -123,45 +119,24 @@ class Adaptive(CellMapper):
             scale = sigma[asked] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
             adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
             cells[asked] = np.where(weight[:, None, None] >= 0.5, adapted, cells[asked])
-            quantised = self._quantised(stack[asked], reach)
-            alone = weight <= LEAST_WEIGHT  # the first network answers alone
-            widest = np.where(traces, self.widest_compressed_reach, self.widest_reach)
-            widest = np.where(quantised & ~traces, np.minimum(WIDEST_QUANTISED_REACH, self.widest_reach), widest)
-            widest = np.where(alone, np.where(quantised, self.widest_compressed_reach, np.inf), widest)
-            unsure = (reach > widest) & (reason[asked] == "")
-            coded = traces | quantised
+            widest = np.where(coded, self.widest_compressed_reach, self.widest_reach)
+            weak = (high[asked] < WEAK_DN) & (~quantised | (answer.statistics[:, -1] > SMOOTH))
+            unsure = (reach > widest) & ~weak & (weight > LEAST_WEIGHT) & (reason[asked] == "")
             reason[asked[unsure & coded]] = COMPRESSED
             reason[asked[unsure & ~coded]] = UNCERTAIN
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
 
     def _plainly_white(self, stack: NDArray[np.floating], low_dn: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Patches whose noise is certainly there and white, for which the second network need not run."""
+        """Patches whose noise is certainly there, white and not coded, for which the second network need not run."""
         plain = low_dn > PLAIN_SIGMA_DN
         for index in np.flatnonzero(plain):
-            plain[index] = whiteness(np.rint(stack[index] * np.float32(FULL_SCALE_DN))) < PLAINLY_WHITE
+            pixels = np.rint(stack[index] * np.float32(FULL_SCALE_DN)).astype(np.float32)
+            plain[index] = whiteness(pixels) < PLAINLY_WHITE and not at_corner(pixels)
         return plain
-
-    def _quantised(self, stack: NDArray[np.floating], reach: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Patches with traces of quantised transform blocks, among those where that can decide on an abstention."""
-        quantised = np.zeros(len(stack), dtype=bool)
-        for index in np.flatnonzero(reach > self.widest_compressed_reach):
-            pixels = np.rint(stack[index] * np.float32(FULL_SCALE_DN))
-            quantised[index] = block_quantisation(pixels.astype(np.float32)).present
-        return quantised
-
-    def _joined(self, stack: NDArray[np.floating], answer: Prediction) -> NDArray[np.float64]:
-        """ln(1 + sigma) of the second network, with principal components where it is unsure."""
-        level = np.log1p(answer.sigma_dn)
-        if min(stack.shape[1:]) < PCA_MIN_PX:
-            return level
-        share = answer.reach**4 / (answer.reach**4 + PCA_REACH**4)
-        reason = np.full(len(stack), "", dtype=object)
-        principal = np.log1p(PCA_FACTOR * np.nan_to_num(self.principal.measure(stack, reason).sigma_dn))
-        return (1 - share) * level + share * principal
 
 
 def weights(
-    white_dn: NDArray[np.float64], white_high_dn: NDArray[np.float64], answer: Prediction, traces: NDArray[np.bool_]
+    white_dn: NDArray[np.float64], white_high_dn: NDArray[np.float64], answer: Prediction, coded: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
     """Weight of the network for correlated noise; see the module.
 
@@ -169,7 +144,7 @@ def weights(
         white_dn: (N,) sigma of `cellwise`, DN.
         white_high_dn: (N,) upper end of its interval, DN.
         answer: of the other network, for the same patches.
-        traces: (N,) whether they show the traces of a codec.
+        coded: (N,) whether they show the traces of a codec.
 
     Returns:
         (N,) in [0, 1].
@@ -180,7 +155,7 @@ def weights(
     sure = np.clip((UNSURE_ABOVE - answer.reach) / (UNSURE_ABOVE - SURE_BELOW), 0, 1)
     ramp = np.clip((answer.correlation - WHITE_BELOW) / (CORRELATED_ABOVE - WHITE_BELOW), 0, 1)
     lost = (answer.reach > UNSURE_ABOVE) & (answer.correlation < CLEARLY_CORRELATED)
-    return np.where(traces, 1.0, np.where(lost, 0.0, np.maximum(ramp, apart * sure)))
+    return np.where(coded, 1.0, np.where(lost, 0.0, np.maximum(ramp, apart * sure)))
 
 
 def compressed(statistics: NDArray[np.float32]) -> NDArray[np.bool_]:

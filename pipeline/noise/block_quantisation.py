@@ -43,7 +43,7 @@ class BlockQuantisation:
         excess_4: of vanished coefficients on the best grid of 4 x 4 px blocks.
         excess_8: likewise of 8 x 8 px.
         vanished_4, vanished_8: fraction of vanished coefficients on those grids.
-        present: whether one excess is larger than chance gives.
+        present: whether one excess is larger than chance gives (`present`).
     """
 
     excess_4: float
@@ -51,6 +51,11 @@ class BlockQuantisation:
     vanished_4: float
     vanished_8: float
     present: bool
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """Excesses and fractions, 4 px before 8 px."""
+        return self.excess_4, self.excess_8, self.vanished_4, self.vanished_8
 
 
 def block_quantisation(patch_dn: Float) -> BlockQuantisation:
@@ -67,11 +72,36 @@ def block_quantisation(patch_dn: Float) -> BlockQuantisation:
     corners = {(top + down, left + right) for down in (0, 4) for right in (0, 4)} | {(0, 0)}
     on_8, corner = max((_vanished_8(picture, y, x), (y, x)) for y, x in sorted(corners))
     off_8 = _vanished_8(picture, (corner[0] + 2) % 8, (corner[1] + 2) % 8)
-    area = picture.size / 128**2
-    excesses = [np.log(on / off) for on, off in ((on_4, off_4), (on_8, off_8))]
-    limits = [LEAST_EXCESS + STANDARD_ERRORS * np.sqrt(2 * (1 - on) / (on * INDEPENDENT * area)) for on in (on_4, on_8)]
-    present = any(excess > limit for excess, limit in zip(excesses, limits, strict=True))
-    return BlockQuantisation(float(excesses[0]), float(excesses[1]), on_4, on_8, present)
+    excess_4, excess_8 = float(np.log(on_4 / off_4)), float(np.log(on_8 / off_8))
+    numbers = np.array([[excess_4, excess_8, on_4, on_8]])
+    return BlockQuantisation(excess_4, excess_8, on_4, on_8, bool(present(numbers, picture.size)[0]))
+
+
+def at_corner(patch_dn: Float) -> bool:
+    """Whether blocks are quantised on a grid that begins at the patch's upper left corner; faster than searching it.
+
+    Args:
+        patch_dn: as for `block_quantisation`.
+    """
+    picture = np.ascontiguousarray(patch_dn, dtype=np.float32)
+    on, off = ((_vanished_4(picture, start, start), _vanished_8(picture, start, start)) for start in (0, 2))
+    numbers = np.array([[np.log(on[0] / off[0]), np.log(on[1] / off[1]), *on]])
+    return bool(present(numbers, picture.size)[0])
+
+
+def present(numbers: NDArray[np.floating], pixels: int) -> NDArray[np.bool_]:
+    """Whether one excess of a patch is larger than chance gives.
+
+    Args:
+        numbers: (N, 4) as `BlockQuantisation.numbers`.
+        pixels: of a patch.
+
+    Returns:
+        (N,).
+    """
+    excess, vanished = numbers[:, :2], np.maximum(numbers[:, 2:], 1e-6)
+    deviation = np.sqrt(2 * (1 - vanished) / (vanished * INDEPENDENT * pixels / 128**2))
+    return np.asarray((excess > LEAST_EXCESS + STANDARD_ERRORS * deviation).any(axis=1))
 
 
 @lru_cache(maxsize=2)
@@ -93,9 +123,11 @@ def _fraction(windows: Float, side: int) -> float:
 
 def _phases_of_4(picture: Float) -> NDArray[np.float64]:
     """(4, 4) fraction of vanished coefficients of 4 x 4 blocks by the grid's first row and column."""
-    views = sliding_window_view(picture, (4, 4))
-    rows = [[_fraction(views[y::4, x::4].reshape(-1, 16), 4) for x in range(4)] for y in range(4)]
-    return np.array(rows)
+    return np.array([[_vanished_4(picture, y, x) for x in range(4)] for y in range(4)])
+
+
+def _vanished_4(picture: Float, top: int, left: int) -> float:
+    return _fraction(sliding_window_view(picture, (4, 4))[top::4, left::4].reshape(-1, 16), 4)
 
 
 def _vanished_8(picture: Float, top: int, left: int) -> float:

@@ -67,10 +67,9 @@ def chunk(tiles: NDArray[np.uint8], recipe: CameraSamplesRecipe, seed: int, purp
 def _samples(tile: NDArray[np.uint8], recipe: CameraSamplesRecipe, generator: np.random.Generator) -> Chunk:
     """Shots of one scene through one camera."""
     camera = cameras.draw(generator, recipe.cameras)
-    side = int(np.ceil((PATCH_PX + 2 * MARGIN_PX) / min(camera.scaling, 1.0) / 2)) * 2
-    view = scene(tile, recipe, generator, min(side, LARGEST_PX))
+    view = scene(tile, recipe, generator, side_px(camera.scaling))
     rgb = cameras.coloured(view, generator, linear=camera.demosaicing is not None)
-    shots = np.stack([_cut(grey(camera.shoot(rgb, generator))) for _ in range(SHOTS)])
+    shots = np.stack([middle(grey(camera.shoot(rgb, generator))) for _ in range(SHOTS)])
     truth = temporal_noise.measure(shots)
     added = np.zeros(SHOTS, np.float32)
     if generator.random() < recipe.added_fraction:
@@ -103,7 +102,12 @@ def scene(
     return np.clip(gaussian(image, float(generator.uniform(*recipe.lens_px))) / np.float32(255), 0, 1)
 
 
-def _cut(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def side_px(scaling: float) -> int:
+    """Side of a scene of which enough is left behind a camera that scales its pictures; pixels, even."""
+    return min(int(np.ceil((PATCH_PX + 2 * MARGIN_PX) / min(scaling, 1.0) / 2)) * 2, LARGEST_PX)
+
+
+def middle(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The middle of a picture, 128 x 128 px."""
     top, left = ((side - PATCH_PX) // 2 for side in picture.shape)
     return picture[top : top + PATCH_PX, left : left + PATCH_PX]

@@ -9,6 +9,7 @@ white (Chen et al. 2015), spread where it is correlated. Wider spacing sees nois
     per band of brightness (5): noise of its flattest tenth of windows relative to the patch's, and how common it is
     compression: step over the 8 x 8 px grid and vanished DCT coefficients
     fractions of black and of white pixels
+    quantised transform blocks of 4 and 8 px: excess and fraction of vanished coefficients (`block_quantisation`)
 
 A saturated pixel has lost its noise, so windows with more than one are left out while enough others remain.
 """
@@ -23,6 +24,7 @@ from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from pipeline.noise.base import WHITE_DN
+from pipeline.noise.block_quantisation import block_quantisation
 
 Float = NDArray[np.float32]
 
@@ -39,11 +41,12 @@ LEAST_PX = 48
 CELL_PX = 8
 POWER_FLOOR_DN2 = 0.02
 
-COUNT = len(SPACINGS_PX) * len(FLATTEST) * len(RANKS) + len(FLATTEST) * len(LAGS) + 2 * BANDS + 9 + 2
+COUNT = len(SPACINGS_PX) * len(FLATTEST) * len(RANKS) + len(FLATTEST) * len(LAGS) + 2 * BANDS + 9 + 2 + 4
 REFERENCE = (SPACINGS_PX.index(2) * len(FLATTEST) + 2) * len(RANKS) + 1
 """Index of the statistic that answers are relative to: the second-least eigenvalue, spacing 2, flattest 60 %."""
 LAG_START = len(SPACINGS_PX) * len(FLATTEST) * len(RANKS)
-GRID_START = COUNT - 11
+GRID_START = COUNT - 15
+QUANTISED_START = COUNT - 4
 
 
 def statistics(patch_dn: Float) -> Float:
@@ -75,7 +78,7 @@ def statistics(patch_dn: Float) -> Float:
     values = np.maximum(np.linalg.eigvalsh(covariances)[..., 1:], 0)[..., RANKS]  # the mean has no variance
     parts = [0.5 * np.log(values + POWER_FLOOR_DN2).ravel(), _lags(covariances[0]), bands, compression(picture)]
     clipped = [(picture <= 1).mean(), (picture >= WHITE_DN - 1).mean()]
-    return np.concatenate([*parts, clipped]).astype(np.float32)
+    return np.concatenate([*parts, clipped, block_quantisation(picture).numbers]).astype(np.float32)
 
 
 def whiteness(patch_dn: Float) -> float:

@@ -1,8 +1,15 @@
-"""Training the network for correlated noise: samples through random cameras, and white noise beside them.
+"""Training the network for correlated noise: samples through random cameras, and simpler ones beside them.
 
-Every `WHITE_EVERY`-th chunk holds white sensor noise on clean views (`samples`, without its noise that a blur has
-smoothed, which it labels as none); all others hold shots of random cameras (`camera_samples`). Statistics are made
-where samples are made, so that a step costs a few milliseconds and each sample can serve often.
+Chunks take turns by kind (`KINDS`):
+
+    camera       shots of random cameras (`camera_samples`)
+    recorded     likewise, but of cameras that add white noise and a codec only
+    noise-free   pictures that look like the mean of many shots (`noise_free_samples`)
+    white        white sensor noise on clean views (`samples`, without its noise that a blur has smoothed, which it
+                 labels as none)
+
+Every second member of the network learns from camera samples and white noise only (`correlated_net`). Statistics are
+made where samples are made, so that a step costs a few milliseconds and each sample can serve often.
 """
 
 from __future__ import annotations
@@ -18,7 +25,7 @@ from pipeline.learning import fitting
 from pipeline.learning.picture_maker import PictureMaker
 from pipeline.learning.run_options import RunOptions
 from pipeline.learning.trainer import Trained
-from pipeline.noise import camera_samples, samples
+from pipeline.noise import camera_samples, noise_free_samples, samples
 from pipeline.noise.correlated_features import CELL_PX
 from pipeline.noise.settings import CorrelatedTraining, Recipe
 
@@ -26,26 +33,45 @@ if TYPE_CHECKING:
     import torch
 
 COVERAGE = 0.95
-WHITE_EVERY = 4
+CAMERA, RECORDED, NOISE_FREE, WHITE = "camera noise", "recorded noise", "noise-free pictures", "white noise"
+KINDS = (CAMERA, CAMERA, RECORDED, CAMERA, NOISE_FREE, CAMERA, WHITE, CAMERA)
+STANDARDISING_ROUNDS = 2  # of all kinds, whose statistics set the standardisation
 NOISE_FREE_DN = 0.3  # validation reports what is read from samples with less noise
 CODE = __name__
 
 
 class Maker(PictureMaker[CorrelatedTraining]):
-    """Makes chunks of camera samples and, every `WHITE_EVERY`-th, of white noise."""
+    """Makes chunks of samples; chunk i is of the kind ``KINDS[i % 8]`` and numbered within it."""
 
     def __call__(self, number: int) -> dict[str, np.ndarray]:
         """Chunk `number`: see `correlated_net.loss` for the arrays."""
-        if number % WHITE_EVERY == WHITE_EVERY - 1:
-            return white_arrays(self.tiles, self.settings, f"{self.part} white noise", number)
-        return camera_arrays(self.tiles, self.settings, f"{self.part} camera noise", number)
+        round_, turn = divmod(number, len(KINDS))
+        kind = KINDS[turn]
+        index = round_ * KINDS.count(kind) + KINDS[:turn].count(kind)
+        return arrays(kind, self.tiles, self.settings, self.part, index)
 
 
-def camera_arrays(tiles: np.ndarray, settings: CorrelatedTraining, purpose: str, number: int) -> dict[str, np.ndarray]:
-    """A chunk of camera samples as arrays."""
-    made = camera_samples.chunk(tiles, settings.recipe, settings.seed, purpose, number)
+def arrays(kind: str, tiles: np.ndarray, settings: CorrelatedTraining, part: str, index: int) -> dict[str, np.ndarray]:
+    """A chunk of one kind as arrays.
+
+    Args:
+        kind: one of `KINDS`.
+        tiles: (M, T, T) bank of pictures.
+        settings: of the training.
+        part: ``"training"`` or ``"validation"``.
+        index: number of the chunk within its kind.
+    """
+    draw = tiles, settings.seed, f"{part} {kind}", index
+    if kind == WHITE:
+        return _white(*draw, noise_free_fraction=settings.white_noise_free_fraction)
+    if kind == NOISE_FREE:
+        made = noise_free_samples.chunk(draw[0], settings.noise_free, *draw[1:])
+    else:
+        recipe = settings.recipe if kind == CAMERA else settings.recorded
+        made = camera_samples.chunk(draw[0], recipe, *draw[1:])
     return {
         **_seen(made.patches_dn),
+        "for_all": np.full(len(made.sigma_dn), kind == CAMERA, np.float32),
         "sigma_dn": made.sigma_dn,
         "white_sigma_dn": made.white_sigma_dn,
         "correlation": made.correlation,
@@ -53,12 +79,14 @@ def camera_arrays(tiles: np.ndarray, settings: CorrelatedTraining, purpose: str,
     }
 
 
-def white_arrays(tiles: np.ndarray, settings: CorrelatedTraining, purpose: str, number: int) -> dict[str, np.ndarray]:
-    """A chunk of white noise on clean views as arrays."""
-    recipe = replace(Recipe(), blurred_noise_fraction=0.0, clean_fraction=settings.white_noise_free_fraction)
-    made = samples.chunk(tiles, recipe, settings.seed, purpose, number)
+def _white(
+    tiles: np.ndarray, seed: int, purpose: str, index: int, *, noise_free_fraction: float
+) -> dict[str, np.ndarray]:
+    recipe = replace(Recipe(), blurred_noise_fraction=0.0, clean_fraction=noise_free_fraction)
+    made = samples.chunk(tiles, recipe, seed, purpose, index)
     return {
         **_seen(made.patches_dn),
+        "for_all": np.ones(len(made.sigma_dn), np.float32),
         "sigma_dn": made.sigma_dn,
         "white_sigma_dn": made.sigma_dn,
         "correlation": np.zeros_like(made.sigma_dn),
@@ -82,7 +110,7 @@ def measures(data: Mapping[str, torch.Tensor]) -> Callable[[torch.nn.Module], di
     """Measures on held-out samples.
 
     ``score_dn``, which selects weights, is the mean of |s - s'| / (1 + s' / 10); ``interval`` is the factor k for which
-    t +- k b holds ln(1 + sigma) in 95 % of the patches.
+    t +- k b holds ln(1 + sigma) in 95 % of the patches with noise.
     """
     import torch
 
@@ -102,7 +130,7 @@ def measures(data: Mapping[str, torch.Tensor]) -> Callable[[torch.nn.Module], di
             "noise_free_sigma_dn": float(sigma[~noisy].mean()),
             "white_sigma_error_dn": float((white * sigma - data["white_sigma_dn"]).abs().mean()),
             "correlation_error": float((correlation - data["correlation"])[noisy].abs().mean()),
-            "interval": float(torch.quantile(miss, COVERAGE)),
+            "interval": float(torch.quantile(miss[noisy], COVERAGE)),
         }
 
     return measure
@@ -128,7 +156,7 @@ def train(settings: CorrelatedTraining, run_options: RunOptions) -> Trained:
     make = Maker(settings, run_options.cache)
     model = CorrelatedNet(settings.members)
     initialise(model, settings.seed, "correlated noise network")
-    first = [torch.from_numpy(make(number)["statistics"]) for number in range(4 * WHITE_EVERY)]
+    first = [torch.from_numpy(make(number)["statistics"]) for number in range(STANDARDISING_ROUNDS * len(KINDS))]
     model.standardise(torch.cat(first))
     held = fitting.held_out(Maker(settings, run_options.cache, validation=True), settings.validation_chunks)
     return fitting.fit(

@@ -87,11 +87,15 @@ class CorrelatedTraining(PictureTraining):
 
     Attributes:
         recipe: of the camera samples.
+        recorded: of the samples of cameras that add white noise and a codec only.
+        noise_free: of the samples that look like the mean of many shots, one per scene.
         members: perceptrons that are averaged.
         white_noise_free_fraction: of the samples with white noise: those without any, as a renderer makes them.
     """
 
     recipe: CameraSamplesRecipe = field(default_factory=CameraSamplesRecipe)
+    recorded: CameraSamplesRecipe = field(default_factory=CameraSamplesRecipe)
+    noise_free: CameraSamplesRecipe = field(default_factory=CameraSamplesRecipe)
     members: Annotated[int, Field(ge=1, le=16)] = 4
     white_noise_free_fraction: Fraction = 0.35
     replays: Count = 8

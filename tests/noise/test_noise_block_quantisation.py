@@ -5,7 +5,7 @@ import pytest
 from skimage import data
 
 from pipeline.camera.processing.codec import Codec, store
-from pipeline.noise.block_quantisation import block_quantisation
+from pipeline.noise.block_quantisation import at_corner, block_quantisation, present
 from pipeline.streams import stream
 
 
@@ -49,3 +49,15 @@ def test_the_grid_may_begin_anywhere(corner):
 def test_flat_patches_have_no_grid():
     trace = block_quantisation(np.full((64, 64), 90, np.float32))
     assert not trace.present and abs(trace.excess_4) < 0.001 and abs(trace.excess_8) < 0.001
+
+
+def test_the_quick_look_sees_a_grid_that_begins_at_the_corner_only():
+    frame, plain = coded("jpeg", 80, 10), picture(10).astype(np.float32)
+    assert at_corner(frame[128:, 128:]) and not at_corner(plain[128:, 128:])
+    assert not at_corner(frame[131:, 129:])  # the search does
+    assert block_quantisation(frame[131:, 129:]).present
+
+
+def test_traces_are_judged_from_their_numbers():
+    traces = [block_quantisation(frame[:128, :128]) for frame in (coded("jpeg", 80, 5), picture(5).astype(np.float32))]
+    assert present(np.array([trace.numbers for trace in traces]), 128 * 128).tolist() == [True, False]

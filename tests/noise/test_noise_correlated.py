@@ -9,9 +9,9 @@ import torch
 
 from pipeline import noise
 from pipeline.errors import InputError
-from pipeline.noise import camera_samples, correlated_features
+from pipeline.noise import camera_samples, correlated_features, correlated_training, noise_free_samples
 from pipeline.noise.correlated import Correlated
-from pipeline.noise.correlated_net import CURVE_LEVELS_DN, CorrelatedNet, cell_map
+from pipeline.noise.correlated_net import CURVE_LEVELS_DN, CorrelatedNet, cell_map, loss
 from pipeline.noise.settings import CameraSamplesRecipe
 from pipeline.streams import stream
 
@@ -85,6 +85,50 @@ def test_samples_are_labelled_with_what_their_shots_show():
     assert made.sigma_dn[0] == pytest.approx(np.sqrt(shots.var(axis=0, ddof=1).mean()), abs=0.02)
     assert np.sqrt((made.map_dn**2).mean(axis=(1, 2))) == pytest.approx(made.sigma_dn, rel=1e-3)
     assert (made.white_sigma_dn <= made.sigma_dn + 1e-5).all()
+
+
+def test_pictures_as_the_mean_of_many_shots_have_no_noise_and_are_denoised():
+    from pipeline.learning import images
+
+    tiles = np.stack([images.picture(index, 1, size_px=384) for index in range(2)])
+    recipe = CameraSamplesRecipe(scenes=6)
+    made = noise_free_samples.chunk(tiles, recipe, 1, "test", 0)
+    again = noise_free_samples.chunk(tiles, recipe, 1, "test", 0)
+    assert np.array_equal(made.patches_dn, again.patches_dn) and made.patches_dn.shape == (6, 128, 128)
+    assert not made.sigma_dn.any() and not made.map_dn.any() and made.map_dn.shape == (6, 16, 16)
+    assert (made.patches_dn.std(axis=(1, 2)) > 1).any()
+
+
+def test_chunks_take_turns_by_kind_and_are_numbered_within_it(monkeypatch):
+    asked = []
+    monkeypatch.setattr(correlated_training, "arrays", lambda kind, *rest: asked.append((kind, rest[-1])) or {})
+    make = correlated_training.Maker(None, None, _tiles=np.zeros((1, 8, 8), np.uint8))
+    for number in range(2 * len(correlated_training.KINDS)):
+        make(number)
+    for kind in set(correlated_training.KINDS):
+        assert [index for name, index in asked if name == kind] == list(
+            range(2 * correlated_training.KINDS.count(kind))
+        )
+
+
+def test_every_second_member_is_spared_the_samples_that_are_not_for_all():
+    net = CorrelatedNet(members=2)
+    statistics = torch.from_numpy(np.stack([correlated_features.statistics(flat(level)) for level in (2, 9)]))
+    cells = torch.full((2, 16, 16), 5.0)
+    batch = {
+        "statistics": statistics,
+        "sigma_dn": torch.tensor([2.0, 9.0]),
+        "white_sigma_dn": torch.tensor([2.0, 9.0]),
+        "correlation": torch.zeros(2),
+        "map_dn": cells,
+        "brightness_dn": cells,
+        "for_all": torch.zeros(2),
+    }
+    loss(net, batch)[0].backward()
+    first, second = (net.members[index][0].weight.grad for index in (0, 1))
+    assert first.abs().sum() > 0
+    curve_only = net.members[1][-1].weight.grad[:4]  # what answers sigma, its scale, white part and correlation
+    assert second is not None and not curve_only.any()
 
 
 def test_the_released_network_reads_smoothed_noise_that_cellwise_does_not_see():
