@@ -16,7 +16,7 @@ and the answer is a mean of their ln(1 + sigma) with weight w of the second:
 Traces of a codec are steps at block edges, vanished fine detail (`compressed`) and quantised transform blocks
 (`pipeline.noise.block_quantisation`). Where the interval of ln(1 + sigma) is too wide to be of use the patch is
 abstained from: as ``"compressed"`` behind a codec, which removes weak noise and leaves its own, else as
-``"uncertain"``. An interval that ends below 1.5 DN is of use however wide it is relative to the answer, unless detail
+``"uncertain"``. An interval that ends below 2.5 DN is of use however wide it is relative to the answer, unless detail
 that a codec quantises anew from shot to shot may flicker unseen. Where the interval reaches zero the noise is not
 detected, and the answer moves towards zero by as much as the interval would reach below it.
 
@@ -29,6 +29,7 @@ white noise, and on such frames behind JPEG and video codecs.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -56,11 +57,15 @@ MIN_REACH = 0.05  # of the interval of cellwise, for that comparison
 PLAINLY_WHITE = 0.1  # lag-1 correlation of flat windows below which ...
 PLAIN_SIGMA_DN = 1.0  # ... noise that certainly exceeds this is white
 LEAST_WEIGHT = 0.02  # of the second network, from which it takes part in the answer
-WIDEST_REACH = 0.9
-"""Half-width of the interval of ln(1 + sigma) beyond which there is no answer: a factor of 2.5 either way."""
+REAL_CAMERAS = 1.5
+"""How much wider the second network's intervals must be on real cameras than on the simulated ones that set them."""
 
-WIDEST_COMPRESSED_REACH = 0.45  # the same behind a codec: a factor of 1.6
-WEAK_DN = 1.5  # where the interval ends below, noise is certainly weak
+WIDEST_REACH = 1.1
+"""Half-width of the interval of ln(1 + sigma) beyond which there is no answer: a factor of 3 either way."""
+
+WIDEST_COMPRESSED_REACH = 0.47  # the same behind a strong codec: a factor of 1.6
+WIDEST_QUANTISED_REACH = 0.65  # the same where only quantised transform blocks show a codec
+WEAK_DN = 2.5  # where the interval ends below, noise is certainly weak
 SMOOTH = 0.9  # fraction of vanished coefficients of quantised blocks above which no detail is left to flicker
 VANISHED_COEFFICIENTS = 0.85  # of high-frequency DCT coefficients: a codec has removed them
 GRID_STEP = 0.12  # ln of the step at block edges over that elsewhere
@@ -72,7 +77,7 @@ class Adaptive(CellMapper):
     Args:
         cellwise_weights, correlated_weights: weight files of the two networks; None for the released ones.
         widest_reach, widest_compressed_reach: half-width of the interval of ln(1 + sigma) beyond which a patch is
-            abstained from, without and with the traces of a codec.
+            abstained from, without and with the traces of a strong codec.
         saturated_fraction: of saturated pixels, (0, 1], from which a patch is refused.
 
     Raises:
@@ -107,8 +112,10 @@ class Adaptive(CellMapper):
         asked = np.flatnonzero(~self._plainly_white(stack, white.low_dn))
         if len(asked):
             answer = self.correlated.predict(stack[asked])
+            answer = replace(answer, reach=REAL_CAMERAS * answer.reach)
             quantised = present(answer.statistics[:, QUANTISED_START:], stack[0].size)
-            coded = compressed(answer.statistics) | quantised
+            traces = compressed(answer.statistics)
+            coded = traces | quantised
             weight = weights(sigma[asked], high[asked], answer, coded)
             level, reach = np.log1p(answer.sigma_dn), answer.reach
             sigma[asked] = _between(sigma[asked], np.maximum(level - np.maximum(reach - level, 0), 0), weight)
@@ -119,7 +126,8 @@ class Adaptive(CellMapper):
             scale = sigma[asked] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
             adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
             cells[asked] = np.where(weight[:, None, None] >= 0.5, adapted, cells[asked])
-            widest = np.where(coded, self.widest_compressed_reach, self.widest_reach)
+            widest = np.where(quantised, min(WIDEST_QUANTISED_REACH, self.widest_reach), self.widest_reach)
+            widest = np.where(traces, self.widest_compressed_reach, widest)
             weak = (high[asked] < WEAK_DN) & (~quantised | (answer.statistics[:, -1] > SMOOTH))
             unsure = (reach > widest) & ~weak & (weight > LEAST_WEIGHT) & (reason[asked] == "")
             reason[asked[unsure & coded]] = COMPRESSED

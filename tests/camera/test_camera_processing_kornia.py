@@ -49,9 +49,7 @@ def test_luma_and_chroma_and_back():
     peer = array(kornia.color.rgb_to_ycbcr(tensor(rgb)))
     back = array(kornia.color.ycbcr_to_rgb(tensor(peer)))
     assert np.abs(np.stack([luma, chroma_blue, chroma_red], axis=-1) - peer).max() < 2e-3
-    assert (
-        np.abs(colour.to_rgb(colour.to_luma_chroma(rgb)) - back).max() < 5e-3
-    )
+    assert np.abs(colour.to_rgb(colour.to_luma_chroma(rgb)) - back).max() < 5e-3
 
 
 def test_gaussian():
