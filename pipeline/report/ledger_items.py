@@ -14,6 +14,8 @@ from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pipeline.errors import InputError
 from pipeline.report import ledger_causes, ledger_sources
 from pipeline.report.display_names import word
@@ -294,7 +296,9 @@ def rows_of(item: Item, inputs: ReportInputs) -> list[LedgerRow]:
         InputError: the published file is absent, or ours lacks a key.
     """
     paper = _long(item, _published(item, inputs), "paper")
-    paper = paper[paper["paper"].astype(float).map(math.isfinite)]
+    paper = paper[np.isfinite(paper["paper"].to_numpy(float))]
+    if paper.empty:
+        return []
     ours = _ours(item, inputs)
     merged = paper.merge(ours, how="left", on=["key", "column"], suffixes=("_of_paper", ""))
     merged["decimals"] = merged.groupby("column")["paper"].transform(lambda column: max(map(_decimals, column)))

@@ -119,7 +119,7 @@ def test_the_authors_frames_stand_for_the_papers_sim(inputs: ReportInputs) -> No
 
 def test_an_effect_is_the_cause_of_a_row_it_applies_to(inputs: ReportInputs) -> None:
     words = ledger_causes._effects(inputs)
-    row = {"dataset": "udacity", "estimator": "pmp", "blur": "linear_motion", "kernel_size_px": 3.0}
+    row = {"dataset": "udacity", "estimator": "pmp", "blur_kind": "linear_motion", "kernel_size_px": 3.0}
     assert words(row, None) == (
         "kernels stored as JPEG, as theirs of these frames: +20.9 points (+15.0 to +25.0), measured on KITTI"
     )
@@ -138,3 +138,7 @@ def test_factors_are_listed_whole_and_by_kernel(inputs: ReportInputs) -> None:
 def test_nothing_recorded_is_no_section(tmp_path: Path) -> None:
     nothing = ReportInputs(paper=REPO / "data/paper", recorded=tmp_path)
     assert noise_recorded.section(nothing) is combined_recorded.section(nothing) is factors.section(nothing) is None
+
+
+def test_an_item_without_datasets_has_no_rows() -> None:
+    assert rows_of(BY_NAME["noise_levels"], ReportInputs(paper=REPO / "data/paper")) == []
