@@ -26,6 +26,7 @@ FREQUENCIES = len(BINS)
 
 FLAT_DN = 1.0  # standard deviation, on the 0..255 scale, under which a patch shows no structure
 SHARP_FLOOR = 0.05  # below this the camera's own MTF is noise and is not divided by (the paper's epsilon)
+SYSTEM, CAMERA, GENERIC_LENS = "system", "camera", "generic lens"  # what an MTF is relative to
 
 Floats = NDArray[np.float32] | NDArray[np.float64]
 
@@ -128,14 +129,26 @@ def unusable(patches: NDArray[np.float32]) -> NDArray[np.str_]:
     return np.select([is_saturated(pixels) & ~flat, flat], [SATURATED, "flat"], default="")
 
 
+def mtf_relative_to(estimator: Any) -> str:
+    """What an estimator's MTF is relative to: `SYSTEM`, `CAMERA` or `GENERIC_LENS`.
+
+    Args:
+        estimator: one with ``estimate(patches)``; `SYSTEM` if it has no attribute ``relative_to``.
+    """
+    return str(getattr(estimator, "relative_to", SYSTEM))
+
+
 class Estimator(ABC):
-    """Shared conduct of the estimators: check the input, abstain, calibrate. Subclasses measure.
+    """Shared parts of the estimators: check the input, abstain, calibrate. Subclasses measure.
 
     Attributes:
-        sharp_mtf: (2, 8) this camera's own MTF that answers are divided by, or None.
+        sharp_mtf: (2, 8) this camera's own MTF that estimates are divided by, or None.
+        relative_to: what the MTF is relative to: `SYSTEM` (lens, sensor and blur together), `CAMERA` (its sharp
+            frames) or `GENERIC_LENS`.
     """
 
     sharp_mtf: NDArray[np.float64] | None = None
+    relative_to: str = SYSTEM
 
     @abstractmethod
     def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
@@ -195,6 +208,7 @@ class Estimator(ABC):
                 "give patches with structure, from sharp frames"
             )
         made = copy.copy(self)
+        made.relative_to = CAMERA
         made.sharp_mtf = np.empty((2, FREQUENCIES))
         for index in np.ndindex(2, FREQUENCIES):
             values = kept[(slice(None), *index)]

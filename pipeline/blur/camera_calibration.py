@@ -34,7 +34,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur.base import FREQUENCIES, BlurEstimate, BlurEstimator, as_patches
+from pipeline.blur.base import CAMERA, FREQUENCIES, BlurEstimate, BlurEstimator, as_patches
 from pipeline.errors import InputError
 
 VALUES = 2 * FREQUENCIES
@@ -167,12 +167,14 @@ class Calibration:
 
 
 class CalibratedEstimator:
-    """An estimator with a camera's fit behind it: a `pipeline.blur.base.BlurEstimator`.
+    """An estimator calibrated to a camera: a `pipeline.blur.base.BlurEstimator`.
 
     Args:
-        inner: the estimator that was fitted.
-        calibrate: from `calibrate`.
+        inner: the estimator that was calibrated.
+        calibration: from `calibrate`.
     """
+
+    relative_to = CAMERA
 
     def __init__(self, inner: BlurEstimator, calibration: CameraMap) -> None:
         self.inner, self.calibration = inner, calibration

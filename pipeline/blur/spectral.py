@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur.base import BlurEstimate, Estimator
+from pipeline.blur.base import GENERIC_LENS, BlurEstimate, Estimator
 from pipeline.blur.camera_calibration import Calibration, affine_calibration, corrected
 from pipeline.errors import InputError
 from pipeline.project_files import located
@@ -131,6 +131,8 @@ class Spectral(Estimator):
         network, path = SpectralNet(), Path(weights or active(RELEASED))
         header = into(network, path, ARCHITECTURE)
         self.released = bool(header["released"])
+        if output == "relative":
+            self.relative_to = GENERIC_LENS
         self.typical = Calibration.load(path.with_name(path.stem + TYPICAL)) if output == "relative" else None
         self.interval = float(header.get("interval", INTERVAL))
         self.network = network.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]

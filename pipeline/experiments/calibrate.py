@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.blur.base import SHARP_FLOOR
+from pipeline.blur.base import CAMERA, SHARP_FLOOR
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraMap, calibrate
 from pipeline.blur.denoise import EPSILON, divided, divided_end
 from pipeline.camera import mtf
@@ -72,7 +72,7 @@ def divided_by_sharp(measurements: pd.DataFrame) -> pd.DataFrame:
             "blur estimates cannot be calibrated: a dataset has no estimate for its sharp frames; "
             f"measure with the kernel '{SHARP}' as well"
         )
-    changed = measurements.copy()
+    changed = measurements.assign(relative_to=CAMERA)
     for name in ("estimate", "low", "high"):
         values = measurements[name].to_numpy(float)
         changed[name] = np.clip(values / np.maximum(divisor, SHARP_FLOOR), 0.0, 1.0)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from pipeline.blur.base import BlurEstimate
+    from pipeline.blur.base import BlurEstimate, mtf_relative_to
     from pipeline.datasets.frame import Frame
 
 Executor = Callable[[Callable[[Any], Any], Sequence[Any], str], list[Any]]
@@ -213,7 +213,7 @@ def measure_frame(
         view = views[condition.noisy]
         for method in active:
             estimator = estimators[method.name]
-            about = {**_about(item.frame, condition), "estimator": method.name}
+            about = {**_about(item.frame, condition), **_about_method(method, estimator)}
             if method.quantity == "sigma_dn":
                 rows.add(about, _noise_columns(view, view.estimate(estimator, "sigma_dn"), saturated["sigma_dn"]))
                 continue
@@ -325,6 +325,14 @@ def _about(frame: Frame, condition: Condition) -> dict[str, Any]:
         "noise_source": condition.noise_source,
         "target_sigma_dn": float(condition.target_sigma_dn),
         "filter_px": 0.0,
+    }
+
+
+def _about_method(method: Method, estimator: Any) -> dict[str, Any]:
+    """Columns that all rows of a method share."""
+    return {
+        "estimator": method.name,
+        "relative_to": mtf_relative_to(estimator) if method.quantity == "mtf" else "",
     }
 
 

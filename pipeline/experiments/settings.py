@@ -31,11 +31,6 @@ class EstimatorSettings(Settings):
     calibration_samples: Annotated[int, Field(ge=100, le=100_000)] | None = None
     """Blurred sharp patches that a blur estimator is fitted to each dataset's camera on; null leaves it as it is."""
 
-    @property
-    def answers_added(self) -> bool:
-        """Whether a blur estimator estimates the relative MTF, to sharp frames of this camera or of a typical one."""
-        return self.calibration_samples is not None or self.options.get("output") == "relative"
-
 
 class NoiseSettings(Settings):
     """The evaluation of noise estimators (the noise figure)."""

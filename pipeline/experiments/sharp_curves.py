@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.blur.base import SYSTEM
 from pipeline.camera import mtf
 from pipeline.experiments.intervals import bootstrap_stream, frame_interval, robust_median
 from pipeline.statistics import inliers
@@ -108,6 +109,7 @@ def sharp_errors(
                 "estimator": estimator,
                 "blur_kind": SHARP,
                 "kernel_size_px": 0.0,
+                "relative_to": SYSTEM,
                 "calibrated": False,
                 "amae_percent": float(error(values)),
                 "low_percent": low,

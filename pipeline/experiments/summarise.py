@@ -150,6 +150,7 @@ def mtf_cells(
         rows.append(
             {
                 **cell,
+                "relative_to": str(group["relative_to"].iloc[0]),
                 "calibrated": calibrated,
                 "amae_percent": float(_amae(curves, truths, skip_missing)),
                 "low_percent": low,

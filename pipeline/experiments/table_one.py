@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline import blur
+from pipeline.blur.base import CAMERA, SYSTEM
 from pipeline.blur.camera_calibration import CameraMap
 from pipeline.camera.settings import CameraSettings
 from pipeline.experiments.calibrate import Calibrated, cross_fit, divided_by_sharp, folds
@@ -41,19 +42,15 @@ class Candidate:
         estimator: see `pipeline.experiments.run.Method`.
         calibration_samples: synthetically blurred sharp patches that it is calibrated to the camera on; None leaves it
             as it is.
-        relative: whether its MTF is relative already: to this camera's sharp frames, or to a generic lens.
     """
 
     estimator: Any
     calibration_samples: int | None = None
-    relative: bool = False
 
     @classmethod
     def configured(cls, section: EstimatorSettings) -> Candidate:
         """From a section of ``blur.estimators``."""
-        return cls(
-            Registered(blur.create, section.kind, section.options), section.calibration_samples, section.answers_added
-        )
+        return cls(Registered(blur.create, section.kind, section.options), section.calibration_samples)
 
 
 @dataclass(frozen=True)
@@ -125,8 +122,8 @@ def measure(
         exact = run(chosen, conditions, [method], camera=camera, seed=seed, executor=executor, label=label(name))
         measurements = rounded(exact)
         estimates.append(written(measurements, "mtf", BLUR_ESTIMATES))
-        variants = {name in calibrations: measurements}
-        if not (candidate.relative or name in calibrations):  # a relative MTF is not divided again
+        variants = {bool((measurements["relative_to"] == CAMERA).all()): measurements}
+        if (measurements["relative_to"] == SYSTEM).all():  # a relative MTF is not divided again
             variants[True] = divided_by_sharp(measurements)
         for calibrated, table in variants.items():
             parts.append(summarise(table, seed, draws, calibrated=calibrated))

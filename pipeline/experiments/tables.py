@@ -28,6 +28,7 @@ MEASUREMENTS = Schema(
         "x_px": "int64",
         "y_px": "int64",
         "saturated_fraction": "float64",  # of the patch's pixels, black or white in the sharp frame
+        "relative_to": "string",  # what the MTF is relative to (`pipeline.blur.base.mtf_relative_to`); "" for sigma
         "quantity": "string",  # "mtf" or "sigma_dn"
         "axis": "string",  # "H" or "V"; "" for sigma
         "frequency": "float64",  # NaN for sigma
@@ -62,6 +63,7 @@ BLUR_ESTIMATES = Schema(
         "target_sigma_dn": "float64",
         "frame": "string",
         "patch": "int64",
+        "relative_to": "string",  # what the MTF is relative to: "system", "camera" or "generic lens"
         "axis": "string",  # "H" or "V"
         "frequency": "float64",
         "true_mtf": "float64",
@@ -83,7 +85,8 @@ BLUR_SUMMARY = Schema(
         "target_sigma_dn": "float64",
         "blur_kind": "string",
         "kernel_size_px": "float64",
-        "calibrated": "bool",
+        "relative_to": "string",  # what the MTF is relative to: "system", "camera" or "generic lens"
+        "calibrated": "bool",  # relative to the camera: divided by the MTF of its sharp frames, or calibrated to it
         "amae_percent": "float64",
         "low_percent": "float64",  # 95 % interval of the AMAE over frames (`pipeline.experiments.intervals`)
         "high_percent": "float64",

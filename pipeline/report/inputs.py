@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import tables
+from pipeline.blur.base import SYSTEM
 from pipeline.errors import InputError
 from pipeline.report.display_names import DATASETS, PAPER_NAMES, in_order, listing, word
 from pipeline.store import Schema, read_arrays, read_json, read_table
@@ -22,9 +23,6 @@ PUBLISHED_COLUMNS = {
     "level_dn": "target_sigma_dn",
 }
 """Columns of the files of published numbers -> as our tables call them."""
-
-SYSTEM, CAMERA, GENERIC_LENS = "system", "camera", "generic lens"
-"""What an MTF is relative to: nothing (the whole system's), this camera's sharp frames, or a generic lens."""
 
 EXACT = "exact"
 """Mode of PMP and GBB that gives what the original programs give."""
@@ -85,8 +83,6 @@ class ReportInputs:
         code_version: of the package.
         profile: name of the profile that ran.
         runs: stage -> the command that reproduces it, where that is not ``dvc repro <stage>``.
-        relative: blur estimator -> what its MTF is relative to (`CAMERA`, `GENERIC_LENS`), see `relative_to`; `SYSTEM`
-            for those not named.
         modes: blur estimator -> its mode where that is not the exact one, see `mode_of`.
         seed: root of the bootstrap's random streams.
     """
@@ -124,7 +120,6 @@ class ReportInputs:
     code_version: str = ""
     profile: str = "default"
     runs: Mapping[str, str] = field(default_factory=dict)
-    relative: Mapping[str, str] = field(default_factory=dict)
     modes: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
 
@@ -152,11 +147,15 @@ class ReportInputs:
         return in_order([*self.index, *self.corrupt, *self.absent], DATASETS)
 
 
-def relative_to(settings: Mapping[str, Any]) -> str:
-    """What the MTF of a blur estimator is relative to, by its settings (`EstimatorSettings`)."""
-    if settings.get("calibration_samples") is not None:
-        return CAMERA
-    return GENERIC_LENS if settings.get("options", {}).get("output") == "relative" else SYSTEM
+def relative_mtf(table: pd.DataFrame) -> dict[str, str]:
+    """Estimators whose MTF, before any division, is not that of the system -> what it is relative to.
+
+    Args:
+        table: `pipeline.experiments.tables.BLUR_SUMMARY` or `BLUR_ESTIMATES`.
+    """
+    ordered = table.sort_values("calibrated", kind="stable") if "calibrated" in table else table
+    first = ordered.groupby("estimator", sort=False)["relative_to"].first()
+    return {str(name): str(to) for name, to in first.items() if to != SYSTEM}
 
 
 def mode_of(settings: Mapping[str, Any]) -> str:

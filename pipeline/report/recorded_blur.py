@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import blur, store
+from pipeline.blur.base import SYSTEM
 from pipeline.blur.spectral import TYPICAL
 from pipeline.camera import kernel_bank
 from pipeline.camera.paper_kernels import PaperKernel
@@ -119,10 +120,7 @@ def record(
     ]
     metrics = {name: table_one_metrics(one.summary) for name, one in zip(estimators, measured, strict=True)}
     # A relative MTF of sharp frames is no curve of theirs: with no other estimator there are no rows.
-    parts = [
-        one.estimates.iloc[: 0 if section.estimators[name].answers_added else None]
-        for name, one in zip(estimators, measured, strict=True)
-    ]
+    parts = [one.estimates[one.estimates["relative_to"] == SYSTEM] for one in measured]
     summary = pd.concat([one.summary for one in measured], ignore_index=True)
     sharp = sharp_curves(pd.concat(parts, ignore_index=True), config.seed)
     kept: dict[str, Any] = {}

@@ -31,13 +31,12 @@ def run(run: Run) -> None:
     from pipeline import store
     from pipeline.report.build import build
     from pipeline.report.headline import headline
-    from pipeline.report.inputs import SYSTEM, ReportInputs, mode_of, relative_to
+    from pipeline.report.inputs import ReportInputs, mode_of
     from pipeline.report.sections.runtime import COMMAND
 
     params = run.params
     data = run.inputs / "data"
     listed = list(params.datasets)
-    relative = {name: relative_to(section.model_dump()) for name, section in params.blur.estimators.items()}
     modes = {name: mode_of(section.model_dump()) for name, section in params.blur.estimators.items()}
     absent = {name: line for name, line in params.report.not_run.items() if name not in listed}
     inputs = ReportInputs(
@@ -83,7 +82,6 @@ def run(run: Run) -> None:
         code_version=version("camera-condition-pipeline"),
         profile=params.profile,
         runs={"runtime": COMMAND},
-        relative={name: to for name, to in relative.items() if to != SYSTEM},
         modes={name: mode for name, mode in modes.items() if mode},
         seed=params.seed,
     )

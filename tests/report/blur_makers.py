@@ -71,7 +71,7 @@ def make_blur(
                     "kernel_size_px": float(kernel.size_px), "angle_deg": kernel.angle_deg, "noise_source": "",
                     "target_sigma_dn": 0.0,
                     "frame": f"{dataset}-{number:04d}", "patch": patch, "abstained": refused,
-                    "reason": "flat" if refused else "",
+                    "reason": "flat" if refused else "", "relative_to": "system",
                 }  # fmt: skip
                 for axis, place in np.ndindex(2, 8):
                     has_interval = estimator == "spectral"

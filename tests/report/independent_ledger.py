@@ -56,7 +56,7 @@ def recomputed(row: dict[str, str], root: Path) -> dict[str, float | str]:
     if row["item"] == "blur_amae":
         kernel = {"blur": BLURS[parts[2]], "size_px": float(parts[3].removesuffix(" px"))}
         paper = only(rows_of(root / "data/paper/blur_amae.csv"), dataset=dataset, estimator=estimator, **kernel)
-        kernel["blur_kind"] = kernel.pop("blur")
+        kernel = {"blur_kind": kernel["blur"], "kernel_size_px": kernel["size_px"]}
         ours = only(rows_of(folder / "summary.csv"), estimator=estimator, calibrated="False", **kernel)
         numbers = [float(ours[name]) for name in ("amae_percent", "low_percent", "high_percent")]
         return _judged(float(paper["amae_percent"]), *numbers, error=0.05, lower_is_better=True)

@@ -4,28 +4,28 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from blur_makers import add_blur
 from report_makers import ABSENT, REPO
 
 from pipeline import store
-from pipeline.config.compose import compose, parse
+from pipeline.blur.base import CAMERA, GENERIC_LENS
 from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.experiments.tables import BLUR_SUMMARY
-from pipeline.report import ledger_sources
+from pipeline.report import blur_records, ledger_sources
 from pipeline.report.build import build
 from pipeline.report.inputs import (
-    CAMERA,
-    GENERIC_LENS,
     ReportInputs,
     blur_estimates,
     blur_summary,
     published,
     published_table,
-    relative_to,
+    relative_mtf,
 )
 from pipeline.report.ledger_items import ITEMS, rows_of
 from pipeline.report.sections import blur, blur_recorded, detection
@@ -180,19 +180,25 @@ def test_the_papers_numbers_stand_under_both_names() -> None:
     assert found["sim_authors", "pmp", "defocus", 3.0] == found["sim", "pmp", "defocus", 3.0] == 13.9
 
 
-def test_a_relative_mtf_is_no_curve_of_sharp_frames(made: ReportInputs) -> None:
+def test_a_relative_mtf_is_no_curve_of_sharp_frames(made: ReportInputs, tmp_path: Path) -> None:
     """Estimators whose MTF is relative to sharp frames or to a generic lens are left out of their figure."""
-    for relative, left in (({}, set(ESTIMATORS)), ({"pmp": CAMERA}, {"spectral"})):
-        shown = blur.section(dataclasses.replace(made, relative=relative)).blocks
+    for relative, left in (("", set(ESTIMATORS)), ("pmp", {"spectral"})):
+        folder = tmp_path / f"relative {relative}"
+        shutil.copytree(made.blur, folder)
+        for path in folder.glob(f"*-{relative}/estimates.parquet"):
+            pd.read_parquet(path).assign(relative_to=CAMERA).to_parquet(path)
+        shown = blur.section(dataclasses.replace(made, blur=folder)).blocks
         figure = next(block for block in shown if getattr(block, "name", "") == "uncorrupted_mtf")
         assert isinstance(figure, Figure) and set(figure.drawing.values["estimator"]) == left
 
 
-def test_what_an_mtf_is_relative_to_follows_from_the_settings_not_from_names() -> None:
-    estimators = parse(compose([], REPO / "conf"), "conf/").blur.estimators
-    to = {name: relative_to(section.model_dump()) for name, section in estimators.items()}
-    assert to["camera_calibrated"] == CAMERA and to["generic_lens"] == GENERIC_LENS
-    assert {to[name] for name in ("spectral", "pmp", "gbb", "cnn")} == {"system"}
+def test_what_an_mtf_is_relative_to_is_a_column_of_the_records_not_a_rule_of_names() -> None:
+    for one in blur_records.read(ReportInputs(paper=REPO / "data/paper", recorded=REPO / "reports/recorded")):
+        assert relative_mtf(one.summary) == {
+            "camera_calibrated": CAMERA, "fused": CAMERA, "generic_lens": GENERIC_LENS
+        }  # fmt: skip
+        divided = one.summary[one.summary["calibrated"]]
+        assert set(divided["relative_to"]) == {CAMERA} and len(divided) > 0
 
 
 @pytest.mark.slow

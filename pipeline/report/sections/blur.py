@@ -7,12 +7,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.blur.base import SYSTEM
 from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves, sharp_errors
 from pipeline.report import blur_records, style
 from pipeline.report.display_names import ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import PAPER, Facet, abstentions, beside_the_paper, lines, small_multiples
-from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, described, mode_note, published
+from pipeline.report.inputs import (
+    ReportInputs,
+    blur_estimates,
+    blur_summary,
+    described,
+    mode_note,
+    published,
+    relative_mtf,
+)
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.ledger_sources import lenses, star_curve
 from pipeline.report.sections import blur_amae, kernel_gallery
@@ -135,11 +144,11 @@ def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInp
 
 
 def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block]:
-    paper = published(inputs, "blur_amae.csv")
-    blocks: list[Block] = blur_amae.figures(summary, datasets, paper, _stages, inputs.relative, modes=inputs.modes)
+    paper, relative = published(inputs, "blur_amae.csv"), relative_mtf(summary)
+    blocks: list[Block] = blur_amae.figures(summary, datasets, paper, _stages, relative, modes=inputs.modes)
     if not blocks:
         return [NotRun("Table I: AMAE of blur estimators", "stage absent", inputs.line(ANY_STAGE))]
-    settings = inputs.relative, inputs.modes
+    settings = relative, inputs.modes
     for dataset in datasets:
         for is_calibrated in (False, True):
             if ((summary["dataset"] == dataset) & (summary["calibrated"] == is_calibrated)).any():
@@ -194,9 +203,9 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     datasets = in_order(summary["dataset"], inputs.datasets)
     runs = _runs(summary, inputs)
     # A relative MTF of sharp frames is no curve of theirs.
-    system = set(summary.loc[~summary["calibrated"], "estimator"]) - set(inputs.relative)
-    blocks: list[Block] = [_uncorrupted(estimates[estimates["estimator"].isin(system)], datasets, inputs)]
-    errors = sharp_errors(estimates[estimates["estimator"].isin(system)], lenses(inputs), inputs.seed)
+    absolute = estimates[estimates["relative_to"] == SYSTEM]
+    blocks: list[Block] = [_uncorrupted(absolute, datasets, inputs)]
+    errors = sharp_errors(absolute, lenses(inputs), inputs.seed)
     blocks += _table_one(blur_amae.without_unknown_lenses(summary, errors), datasets, inputs)
     blocks += [blur_amae.abstentions(summary, estimates), *kernel_gallery.blocks(estimates, datasets, inputs)]
     return Section("blur", TITLE, (TEXT,), [*blocks, *missing(TITLE, runs)], runs)

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.blur.base import CAMERA, GENERIC_LENS
 from pipeline.experiments.condition import SHARP
 from pipeline.grouped_statistics import weighted_mean
 from pipeline.report import style
 from pipeline.report.display_names import BLURS, DATASETS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import PAPER, Facet, beside_the_paper, lines, small_multiples
-from pipeline.report.inputs import CAMERA, GENERIC_LENS, mode_note
+from pipeline.report.inputs import mode_note
 from pipeline.report.spec import Block, Figure
 from pipeline.report.style import Drawing
 from pipeline.report.tables import (
@@ -172,7 +173,7 @@ def figures(
         datasets: in their order.
         paper: the paper's Table I.
         stages: (rows shown) -> stages that made them.
-        relative: estimator -> what its MTF is relative to (`pipeline.report.inputs.relative_to`).
+        relative: estimator -> what its MTF is relative to (`pipeline.report.inputs.relative_mtf`).
         prefix: before names and captions, e.g. ``"recorded"``.
         modes: see `ReportInputs`.
     """

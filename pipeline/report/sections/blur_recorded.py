@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from pipeline.report import blur_records
 from pipeline.report.blur_records import BlurRecord
 from pipeline.report.display_names import ESTIMATORS, counted, in_order, listing, word
-from pipeline.report.inputs import SYSTEM, ReportInputs, mode_note, mode_of, published, relative_to
+from pipeline.report.inputs import ReportInputs, mode_note, mode_of, published, relative_mtf
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import blur, blur_amae
 from pipeline.report.spec import Block, Figure, Section
@@ -71,7 +71,6 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
         return None
     datasets = [one.dataset for one in recordings]
     settings = {name: own for one in recordings for name, own in one.said["blur"]["estimators"].items()}
-    relative = {name: to for name, own in settings.items() if (to := relative_to(own)) != SYSTEM}
     modes = {name: mode for name, own in settings.items() if (mode := mode_of(own))}
     sources = [
         {
@@ -107,6 +106,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     summary = pd.concat([one.summary for one in recordings], ignore_index=True)
     theirs = published(inputs, "blur_amae.csv")
     paper = beside_exact(theirs, recordings)
+    relative = relative_mtf(summary)
     blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), relative, "recorded", modes)
     for one in recordings:
         for is_calibrated in (False, True):

@@ -195,7 +195,7 @@ def _levels(dataset: str, corruption: pd.DataFrame, seed: int) -> Table:
         estimate("median", "low", "high", lambda row: int(row["count"]) or None),
     )
     missed = (
-        (own["sigma_dn"] / own["target_sigma_dn"].where(own["target_sigma_dn"] > 0) - 1.0)
+        (own["unclipped_sigma_dn"] / own["target_sigma_dn"].where(own["target_sigma_dn"] > 0) - 1.0)
         .abs()
         .groupby(own["target_sigma_dn"])
         .max()

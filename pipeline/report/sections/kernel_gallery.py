@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.blur.base import GENERIC_LENS
 from pipeline.camera import mtf
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.display_names import BLURS, ESTIMATORS, counted, in_order, listing, word
-from pipeline.report.inputs import GENERIC_LENS, ReportInputs, described, members, mode_note, optional
+from pipeline.report.inputs import ReportInputs, described, members, mode_note, optional, relative_mtf
 from pipeline.report.sections.blur_amae import STAGE
 from pipeline.report.spec import Block, Figure, NotRun
 from pipeline.report.style import Drawing
@@ -283,7 +284,7 @@ def blocks(estimates: pd.DataFrame, datasets: Sequence[str], inputs: ReportInput
             continue
         names = [gallery.estimator for gallery, _ in pairs]
         # Relative to a generic lens, a network's MTF is nearly that of the system, and curves are many.
-        hidden = {*names, *(name for name, to in inputs.relative.items() if to == GENERIC_LENS)}
+        hidden = {*names, *(name for name, to in relative_mtf(estimates).items() if to == GENERIC_LENS)}
         drawing = draw([gallery for gallery, _ in pairs], _other_curves(estimates, pairs[0][1], hidden))
         caption = (
             f"Kernels estimated in one patch of {word(dataset)}. Corrupted: the middle of the blurred patch. True and "
