@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
-from pipeline.camera.mtf import BINS
+from pipeline.camera.mtf import BINS, CAMERA, SYSTEM
 from pipeline.camera.saturation import SATURATED, is_saturated
 from pipeline.errors import InputError
 from pipeline.statistics import inliers
@@ -26,7 +26,6 @@ FREQUENCIES = len(BINS)
 
 FLAT_DN = 1.0  # standard deviation, on the 0..255 scale, under which a patch shows no structure
 SHARP_FLOOR = 0.05  # below this the camera's own MTF is noise and is not divided by (the paper's epsilon)
-SYSTEM, CAMERA, GENERIC_LENS = "system", "camera", "generic lens"  # what an MTF is relative to
 
 Floats = NDArray[np.float32] | NDArray[np.float64]
 
@@ -127,15 +126,6 @@ def unusable(patches: NDArray[np.float32]) -> NDArray[np.str_]:
     pixels = patches.reshape(len(patches), -1)
     flat = pixels.std(axis=1, dtype=np.float64) * FULL_SCALE_DN < FLAT_DN
     return np.select([is_saturated(pixels) & ~flat, flat], [SATURATED, "flat"], default="")
-
-
-def mtf_relative_to(estimator: Any) -> str:
-    """What an estimator's MTF is relative to: `SYSTEM`, `CAMERA` or `GENERIC_LENS`.
-
-    Args:
-        estimator: one with ``estimate(patches)``; `SYSTEM` if it has no attribute ``relative_to``.
-    """
-    return str(getattr(estimator, "relative_to", SYSTEM))
 
 
 class Estimator(ABC):

@@ -34,7 +34,8 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur.base import CAMERA, FREQUENCIES, BlurEstimate, BlurEstimator, as_patches
+from pipeline.blur.base import FREQUENCIES, BlurEstimate, BlurEstimator, as_patches
+from pipeline.camera.mtf import CAMERA
 from pipeline.errors import InputError
 
 VALUES = 2 * FREQUENCIES

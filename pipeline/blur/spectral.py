@@ -35,8 +35,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur.base import GENERIC_LENS, BlurEstimate, Estimator
+from pipeline.blur.base import BlurEstimate, Estimator
 from pipeline.blur.camera_calibration import Calibration, affine_calibration, corrected
+from pipeline.camera.mtf import GENERIC_LENS
 from pipeline.errors import InputError
 from pipeline.project_files import located
 from pipeline.weight_files import active

@@ -20,6 +20,8 @@ BINS = np.array([3, 6, 8, 11, 16, 22, 27, 33])
 FREQUENCIES = BINS * 2 / TRANSFORM_POINTS
 """The paper's eight frequencies (0.05 ... 0.6 in its figures), fractions of Nyquist."""
 DIRECTIONS = ("horizontal", "vertical")
+SYSTEM, CAMERA, GENERIC_LENS = "system", "camera", "generic lens"
+"""What an MTF is relative to: nothing (lens, sensor and blur together), a camera's sharp frames, or a generic lens."""
 
 
 def sample(psf: Any) -> np.ndarray:

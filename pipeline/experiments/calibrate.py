@@ -19,10 +19,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.blur.base import CAMERA, SHARP_FLOOR
+from pipeline.blur.base import SHARP_FLOOR
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraMap, calibrate
 from pipeline.blur.denoise import EPSILON, divided, divided_end
 from pipeline.camera import mtf
+from pipeline.camera.mtf import CAMERA
 from pipeline.camera.psf.defocus import create as disc
 from pipeline.errors import InputError
 from pipeline.experiments.condition import SHARP

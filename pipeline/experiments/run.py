@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from pipeline.blur.base import BlurEstimate, mtf_relative_to
+    from pipeline.blur.base import BlurEstimate
     from pipeline.datasets.frame import Frame
 
 Executor = Callable[[Callable[[Any], Any], Sequence[Any], str], list[Any]]
@@ -332,7 +332,7 @@ def _about_method(method: Method, estimator: Any) -> dict[str, Any]:
     """Columns that all rows of a method share."""
     return {
         "estimator": method.name,
-        "relative_to": mtf_relative_to(estimator) if method.quantity == "mtf" else "",
+        "relative_to": str(getattr(estimator, "relative_to", mtf.SYSTEM)) if method.quantity == "mtf" else "",
     }
 
 

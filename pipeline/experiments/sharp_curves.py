@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.blur.base import SYSTEM
 from pipeline.camera import mtf
+from pipeline.camera.mtf import SYSTEM
 from pipeline.experiments.intervals import bootstrap_stream, frame_interval, robust_median
 from pipeline.statistics import inliers
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline import blur
-from pipeline.blur.base import CAMERA, SYSTEM
 from pipeline.blur.camera_calibration import CameraMap
+from pipeline.camera.mtf import CAMERA, SYSTEM
 from pipeline.camera.settings import CameraSettings
 from pipeline.experiments.calibrate import Calibrated, cross_fit, divided_by_sharp, folds
 from pipeline.experiments.condition import grid, sharp_kernel

@@ -28,7 +28,7 @@ MEASUREMENTS = Schema(
         "x_px": "int64",
         "y_px": "int64",
         "saturated_fraction": "float64",  # of the patch's pixels, black or white in the sharp frame
-        "relative_to": "string",  # what the MTF is relative to (`pipeline.blur.base.mtf_relative_to`); "" for sigma
+        "relative_to": "string",  # what the MTF is relative to (`pipeline.camera.mtf`); "" for sigma
         "quantity": "string",  # "mtf" or "sigma_dn"
         "axis": "string",  # "H" or "V"; "" for sigma
         "frequency": "float64",  # NaN for sigma

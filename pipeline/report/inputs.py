@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import tables
-from pipeline.blur.base import SYSTEM
+from pipeline.camera.mtf import SYSTEM
 from pipeline.errors import InputError
 from pipeline.report.display_names import DATASETS, PAPER_NAMES, in_order, listing, word
 from pipeline.store import Schema, read_arrays, read_json, read_table

@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import blur, store
-from pipeline.blur.base import SYSTEM
 from pipeline.blur.spectral import TYPICAL
 from pipeline.camera import kernel_bank
+from pipeline.camera.mtf import SYSTEM
 from pipeline.camera.paper_kernels import PaperKernel
 from pipeline.camera.psf import stored
 from pipeline.datasets.index import index

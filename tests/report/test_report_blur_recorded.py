@@ -14,7 +14,7 @@ from blur_makers import add_blur
 from report_makers import ABSENT, REPO
 
 from pipeline import store
-from pipeline.blur.base import CAMERA, GENERIC_LENS
+from pipeline.camera.mtf import CAMERA, GENERIC_LENS
 from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.experiments.tables import BLUR_SUMMARY
 from pipeline.report import blur_records, ledger_sources

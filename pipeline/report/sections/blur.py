@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.blur.base import SYSTEM
-from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
+from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES, SYSTEM
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves, sharp_errors
 from pipeline.report import blur_records, style
 from pipeline.report.display_names import ESTIMATORS, in_order, listing, word

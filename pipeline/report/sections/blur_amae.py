@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.blur.base import CAMERA, GENERIC_LENS
+from pipeline.camera.mtf import CAMERA, GENERIC_LENS
 from pipeline.experiments.condition import SHARP
 from pipeline.grouped_statistics import weighted_mean
 from pipeline.report import style

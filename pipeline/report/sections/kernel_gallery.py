@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.blur.base import GENERIC_LENS
 from pipeline.camera import mtf
+from pipeline.camera.mtf import GENERIC_LENS
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.display_names import BLURS, ESTIMATORS, counted, in_order, listing, word
