@@ -8,7 +8,9 @@ A short exposure tells little about the speed: lengths near the resolution of th
 distinguished from no motion, and strong noise disturbs the estimate of blur. The speed may change between frames by a
 quarter of itself and 100 px/s (standard deviation). An estimate more than three standard deviations from the prediction
 is a sudden change: the filter starts anew from it. Lines of 27 to 48 px all look like 22.6 to 22.9 px to the monitor:
-such an estimate bounds the length from below, and half as much more is assumed, with as large an error.
+such an estimate bounds the length from below, and half as much more is assumed, with as large an error. A length at the
+resolution bounds it from above: a known speed is kept as far as it agrees with that, so that a row of short exposures,
+which all show no motion, is not taken for a standing image.
 """
 
 from __future__ import annotations
@@ -70,6 +72,8 @@ class SpeedFilter:
         error = (length_error_px(length_px, sigma_dn) / exposure_s) ** 2
         prior = self.variance + (DRIFT_PX_S + DRIFT_FRACTION * self.value_px_s) ** 2
         sudden = (measured - self.value_px_s) ** 2 > SUDDEN_SIGMAS**2 * (prior + error)
+        if length_px <= RESOLUTION_PX and not math.isnan(self.value_px_s):
+            measured, sudden = min(self.value_px_s, RESOLUTION_PX / exposure_s), False
         if math.isnan(self.value_px_s) or sudden:
             self.value_px_s, self.variance = measured, error
             return measured

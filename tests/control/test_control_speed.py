@@ -78,3 +78,15 @@ def test_speed_of_unresolved_lines_is_bounded_from_below_and_corrected_by_the_ne
     assert filtered.value_px_s == pytest.approx(1.5 * 22.6 / 0.020)
     filtered.update(6.0, 0.005, 4.0)
     assert filtered.value_px_s == pytest.approx(1200.0, rel=0.08)
+
+
+def test_speed_is_kept_through_short_exposures_and_given_up_where_a_long_one_shows_no_motion():
+    filtered = SpeedFilter()
+    filtered.update(4.0, 0.010, 2.0)
+    before = filtered.value_px_s
+    for _ in range(20):
+        filtered.update(0.0, 0.002, 3.0)  # 0.8 px: below the resolution
+    assert filtered.value_px_s == pytest.approx(before, rel=0.01)
+    for _ in range(20):
+        filtered.update(0.0, 0.030, 2.0)
+    assert filtered.value_px_s * 0.030 < 1.1 * RESOLUTION_PX
