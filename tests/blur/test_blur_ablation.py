@@ -11,7 +11,7 @@ from pipeline.blur import ablation
 from pipeline.learning.run_options import RunOptions
 from pipeline.learning.settings import Recipe, Schedule, Training
 
-RELEASED = Training(schedule=Schedule(24000, hold=0.6, checkpoint_every=500, report_every=100))
+RELEASED = Training(schedule=Schedule(24000, constant_lr_fraction=0.6, checkpoint_every=500, report_every=100))
 TINY = Training(
     schedule=Schedule(4, warm_up=1, checkpoint_every=2, report_every=2),
     recipe=Recipe(views=2),

@@ -106,7 +106,7 @@ def test_corrupt_writes_the_picture_and_its_truth(tmp_path):
     done = call("corrupt", source, "--out", tmp_path / "out", *options)
     assert done.exit_code == 0, done.output
     truth = json.loads((tmp_path / "out/a.json").read_text())
-    assert abs(truth["sigma_dn"] - 8) < 0.16
+    assert abs(truth["unclipped_sigma_dn"] - 8) < 0.16
     assert np.allclose(truth["mtf50"], 0.3, atol=0.02)
     assert abs(np.sum(truth["kernel"]) - 1) < 1e-5
     first = (tmp_path / "out/a.png").read_bytes()

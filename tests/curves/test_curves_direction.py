@@ -27,7 +27,7 @@ def test_the_papers_table() -> None:
     assert table.rises_with_size[:, 0, 3].all() and table.rises_with_size[:, 2, 4].all()
     by_hand = 0
     for _, group in rows.groupby(["sigma_dn", "angle_deg"]):
-        by_hand += int((np.diff(group.sort_values("kernel_size_px").ap_percent) > 0).sum())
+        by_hand += int((np.diff(group.sort_values("size_px").ap_percent) > 0).sum())
     assert table.rises_with_size.sum() == by_hand
     # Long horizontal motion is the worst direction at every noise, by 14 points and more without noise.
     assert (table.worst_angle_deg[:, 4] == 0).all()

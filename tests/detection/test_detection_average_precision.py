@@ -174,7 +174,7 @@ def test_coco_rule_breaks_ties_as_peers_do(package: str) -> None:
 
 @pytest.mark.shared
 @pytest.mark.parametrize(
-    ("detector", "percent", "true_positives", "false_positives"),
+    ("detector", "percent", "right", "wrong"),
     [("faster-RCNN", "32.44", 12, 11), ("YOLOv4", "10.42", 5, 3)],
 )
 def test_published_detections_give_the_published_digits(
