@@ -87,10 +87,10 @@ def measure(kernels: list[psf.Kernel], scenes: list[np.ndarray], size: int, repe
                 seconds = []
                 for _ in range(1 if key[1] == "exact" else repeats):
                     start = time.thread_time()
-                    found = estimator.estimate(patch[None, None])
+                    estimate = estimator.estimate(patch[None, None])
                     seconds.append(time.thread_time() - start)
                 taken[key].append(min(seconds))
-                answers[key].append(found.mtf[0])
+                answers[key].append(estimate.mtf[0])
         for key, found_mtf in answers.items():
             amae[key].append(robust_amae(np.stack(found_mtf), mtf.sample(kernel.psf)))
         print(kernel.name, {"/".join(key): round(values[-1], 2) for key, values in amae.items()}, flush=True)

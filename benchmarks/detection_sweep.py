@@ -75,17 +75,17 @@ def detect(work: tuple[Any, Any], *, sweep: Sweep) -> int:
 
 def growth(sweep: Sweep, shown: list[Frame], blurs: list[Any]) -> dict[str, Any]:
     """Wall time of whole runs: over conditions, and over workers."""
-    found: dict[str, Any] = {"conditions": {}, "workers": {}}
+    results: dict[str, Any] = {"conditions": {}, "workers": {}}
     for count in (1, len(blurs) // 2, len(blurs)):
         start = time.perf_counter()
         run_map(partial(detect, sweep=sweep), [(frame, kernel) for frame in shown for kernel in blurs[:count]])
-        found["conditions"][str(count * len(sweep.target_sigmas_dn))] = time.perf_counter() - start
+        results["conditions"][str(count * len(sweep.target_sigmas_dn))] = time.perf_counter() - start
     for workers in (1, 2):
         start = time.perf_counter()
         work = [(frame, kernel) for frame in shown for kernel in blurs]
         run_map(partial(detect, sweep=sweep), work, workers=workers)
-        found["workers"][str(workers)] = time.perf_counter() - start
-    return found
+        results["workers"][str(workers)] = time.perf_counter() - start
+    return results
 
 
 def main() -> None:
@@ -113,8 +113,8 @@ def main() -> None:
         "detectors": {},
         "absent": [],
     }
-    with tempfile.TemporaryDirectory() as place:
-        shown = frames(Path(place), arguments.frames)
+    with tempfile.TemporaryDirectory() as position:
+        shown = frames(Path(position), arguments.frames)
         conditions = grid([blurs[-1]], [section.noise_source], levels)
         words, sharp = class_map("sim"), shown[0].image()
 

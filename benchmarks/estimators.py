@@ -157,11 +157,11 @@ def frames_per_second(task: str, kind: str, options: dict[str, Any], frames: int
     workers = [context.Process(target=_worker, args=arguments) for _ in range(PROCESSES)]
     for worker in workers:
         worker.start()
-    found = [queue.get(timeout=600) for _ in workers]
+    results = [queue.get(timeout=600) for _ in workers]
     for worker in workers:
         worker.join()
-    took = max(end for _, end, _ in found) - min(start for start, _, _ in found)
-    seconds = float(np.mean([worked for _, _, worked in found]))
+    took = max(end for _, end, _ in results) - min(start for start, _, _ in results)
+    seconds = float(np.mean([worked for _, _, worked in results]))
     return {
         "clock_fps": round(PROCESSES * frames / took, 2),
         "processor_fps": round(PROCESSES / seconds, 2),

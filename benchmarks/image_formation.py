@@ -96,7 +96,7 @@ def equal_physics(image: np.ndarray, psf: np.ndarray) -> dict[str, dict[str, Any
         electrons += torch.empty_like(electrons).normal_(0, read_e, generator=torch_draws)
         return eight_bit(electrons.div_(full_e))
 
-    found: dict[str, dict[str, Any]] = {
+    results: dict[str, dict[str, Any]] = {
         "ours, exact Poisson": {"call": lambda: ours("exact")},
         "ours, hybrid": {"call": lambda: ours("hybrid"), "physics": "normal approximation from 64 electrons"},
         "numpy: cv2.filter2D, SFC64 Poisson and normal": {"call": plain_numpy},
@@ -105,8 +105,8 @@ def equal_physics(image: np.ndarray, psf: np.ndarray) -> dict[str, dict[str, Any
     try:
         from deepinv.physics import Blur, BlurFFT, PoissonGaussianNoise
     except (ImportError, RuntimeError) as error:
-        found["deepinv"] = {"status": f"absent: {error}"}
-        return found
+        results["deepinv"] = {"status": f"absent: {error}"}
+        return results
     rng = torch.Generator().manual_seed(1)
     noise = PoissonGaussianNoise(gain=1 / full_e, sigma=read_e / full_e, rng=rng)
     plain = Blur(filter=filter_, padding="reflect", noise_model=noise)
@@ -117,8 +117,8 @@ def equal_physics(image: np.ndarray, psf: np.ndarray) -> dict[str, dict[str, Any
         ("deepinv Blur(reflect, use_fft) + PoissonGaussianNoise", fourier, ""),
         ("deepinv BlurFFT + PoissonGaussianNoise", circular, "circular border"),
     ):
-        found[name] = {"call": lambda physics=physics: eight_bit(physics(tensor)), "physics": note}
-    return found
+        results[name] = {"call": lambda physics=physics: eight_bit(physics(tensor)), "physics": note}
+    return results
 
 
 def check(image: np.ndarray, psf: np.ndarray, call: Call) -> dict[str, Any]:

@@ -62,8 +62,8 @@ def timed(implementations: dict[str, Estimate], batch: np.ndarray, repeats: int)
             if turn:  # the first turn warms up
                 times[name].append((time.perf_counter() - start) * 1e3 / len(batch))
     return {
-        name: {"least_ms": round(min(found), 5), "median_ms": round(float(np.median(found)), 5)}
-        for name, found in times.items()
+        name: {"least_ms": round(min(item), 5), "median_ms": round(float(np.median(item)), 5)}
+        for name, item in times.items()
     }
 
 
@@ -71,7 +71,7 @@ def peers() -> dict[str, tuple[str, Estimate]]:
     """Installed peers: name -> (our estimator of the same method, function of a batch giving sigma in DN)."""
     from skimage.restoration import estimate_sigma
 
-    found: dict[str, tuple[str, Estimate]] = {
+    results: dict[str, tuple[str, Estimate]] = {
         "scikit-image estimate_sigma": (
             "wavelet",
             lambda batch: np.array([255 * estimate_sigma(patch[0]) for patch in batch]),
@@ -82,14 +82,14 @@ def peers() -> dict[str, tuple[str, Estimate]]:
         from deepinv.models import PatchCovarianceNoiseEstimator
     except ImportError as error:
         print(f"deepinv: not run ({error})")
-        return found
+        return results
     torch.set_num_threads(1)
     network = PatchCovarianceNoiseEstimator()
-    found["deepinv PatchCovarianceNoiseEstimator"] = (
+    results["deepinv PatchCovarianceNoiseEstimator"] = (
         "pca",
         lambda batch: 255 * network(torch.from_numpy(batch)).numpy(),
     )
-    return found
+    return results
 
 
 def main() -> None:

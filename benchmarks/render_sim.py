@@ -67,9 +67,9 @@ def measure(number: int, samples: list[int], width_px: int, height_px: int) -> d
     for count in samples:
         taken, times = timed(lambda count=count: picture(count))  # type: ignore[misc]
         record[f"render_{count}x{count}"] = times
-        found, times = timed(lambda taken=taken: labels.boxes(world, pose, taken))  # type: ignore[misc]
+        result, times = timed(lambda taken=taken: labels.boxes(world, pose, taken))  # type: ignore[misc]
         record["label"] = times
-        record["boxes"] = len(found)
+        record["boxes"] = len(result)
     return record
 
 

@@ -162,24 +162,24 @@ def measure(config: Config, name: str, kernels: Sequence[Kernel], arguments: arg
     read = estimates(work, kernels, "spectral", config)
     added = estimates(work, kernels, "spectral", config, output="relative")
     table, errors = fitted(work, every, kernels, config, arguments.samples)
-    found: dict[str, Any] = {
+    results: dict[str, Any] = {
         "frames": len(work),
         "patches": sum(len(item.patches["mtf"]) for item in work),
         "spectral": spectral_ways(read, added, table, config.seed),
     }
-    found["spectral"]["fitted"]["error_on_fitting_samples_percent"] = errors
+    results["spectral"]["fitted"]["error_on_fitting_samples_percent"] = errors
     if arguments.peers:
         count = min(arguments.peers, len(work))
         few = [TestFrame(item.frame, {"mtf": item.patches["mtf"][:1]}) for item in evenly_spread(work, count)]
         chosen = [item.frame.name for item in few]
-        own = {way: own_rows[own_rows["frame"].isin(chosen) & (own_rows["patch"] == 0)] for way, own_rows in
+        known = {way: own_rows[own_rows["frame"].isin(chosen) & (own_rows["patch"] == 0)] for way, own_rows in
                (("raw", read), ("typical", added), ("fitted", table))}  # fmt: skip
-        found["few"] = {
+        results["few"] = {
             "patches": count,
-            "spectral": spectral_ways(own["raw"], own["typical"], own["fitted"], config.seed),
+            "spectral": spectral_ways(known["raw"], known["typical"], known["fitted"], config.seed),
             **{peer: ways(estimates(few, kernels, peer, config), config.seed) for peer in PEERS},
         }
-    return found
+    return results
 
 
 def described(kernels: Sequence[Kernel]) -> list[dict[str, Any]]:
@@ -226,8 +226,8 @@ def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
             style.bare(axis)
             axis.set_title(f"{kernel.size_px:g} px", fontsize=5.2, fontweight="normal", pad=2)
             if position in begins:
-                place = axis.get_position().x0
-                figure.text(place, 1 - 0.3 / height_in, kernel.kind, fontweight="bold", fontsize=6.5)
+                location = axis.get_position().x0
+                figure.text(location, 1 - 0.3 / height_in, kernel.kind, fontweight="bold", fontsize=6.5)
         looks = {
             way: style.series_look(way, look) | {"linestyle": "none"}
             for way, look in zip(WAYS, (3, 5, 0, 1), strict=True)
@@ -237,8 +237,8 @@ def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
         for row, name in enumerate(names, start=1):
             for other in axes[row, 1:]:
                 other.remove()
-            axis, place = axes[row, 0], axes[row, 0].get_position()
-            axis.set_position((place.x0, place.y0, axes[0, -1].get_position().x1 - place.x0, place.height))
+            axis, location = axes[row, 0], axes[row, 0].get_position()
+            axis.set_position((location.x0, location.y0, axes[0, -1].get_position().x1 - location.x0, location.height))
             for offset, way in zip((-0.27, -0.09, 0.09, 0.27), WAYS, strict=True):
                 values = [amae[name, way][kernel.name] for kernel in ordered]
                 axis.plot(np.arange(columns) + offset, values, **looks[way])
@@ -279,8 +279,8 @@ def main() -> None:
         results[name] = measure(config, name, kernels, arguments)
         for group in (results[name], results[name].get("few", {})):
             for estimator in ("spectral", *PEERS):
-                for way, found in group.get(estimator, {}).items():
-                    print(f"{name:10s}{estimator:10s}{way:12s}{found['mean_amae_percent']:6.2f} %", flush=True)
+                for way, item in group.get(estimator, {}).items():
+                    print(f"{name:10s}{estimator:10s}{way:12s}{item['mean_amae_percent']:6.2f} %", flush=True)
         print(f"{name:10s}{time.perf_counter() - start:.0f} s", flush=True)
     record = {
         "source": SOURCE,

@@ -19,7 +19,7 @@ def names() -> list[tuple[str, str, float, float]]:
 
 def sweep_tables(scenes: int = FRAMES) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """One car a frame; it is found in the first frames, the fewer the longer, steeper and noisier the blur."""
-    found, looked, objects, medians = [], [], [], []
+    results, looked, objects, medians = [], [], [], []
     for number in range(FRAMES):
         frame, box = f"f{number:02d}", {"x1": 10.0, "y1": 10.0, "x2": 60.0, "y2": 50.0}
         objects.append({"frame": frame, "label": "car", **box, "ignore": False, "visible_fraction": 1.0})
@@ -27,7 +27,7 @@ def sweep_tables(scenes: int = FRAMES) -> tuple[pd.DataFrame, pd.DataFrame, pd.D
         objects.append({"frame": frame, "label": "car", **low, "ignore": False, "visible_fraction": np.nan})
     for kernel, kind, size, angle in names():
         for level in LEVELS:
-            place = {
+            position = {
                 "kernel": kernel,
                 "blur_kind": kind,
                 "kernel_size_px": size,
@@ -40,17 +40,17 @@ def sweep_tables(scenes: int = FRAMES) -> tuple[pd.DataFrame, pd.DataFrame, pd.D
                 frame, hit = f"f{number:02d}", number < count
                 scene = f"s{number * scenes // FRAMES}"
                 looked.append(
-                    {"frame": frame, "scene": scene, **place, "target_sigma_dn": level, "detections": int(hit)}
+                    {"frame": frame, "scene": scene, **position, "target_sigma_dn": level, "detections": int(hit)}
                 )
                 if hit:
                     box = {"x1": 10.0, "y1": 10.0, "x2": 60.0, "y2": 50.0}
-                    found.append(
+                    results.append(
                         {"frame": frame, "kernel": kernel, "target_sigma_dn": level, "label": "car", "score": 0.9} | box
                     )
-            row = dict.fromkeys(CONDITIONS.columns, 0.0) | place | {"target_sigma_dn": level, "sigma_dn": level}
+            row = dict.fromkeys(CONDITIONS.columns, 0.0) | position | {"target_sigma_dn": level, "sigma_dn": level}
             medians.append(row | {"mtf": 1.0 - size / 30.0 + (0.01 if angle else -0.01) * (size > 0)})
     return (
-        DETECTIONS.conform(pd.DataFrame(found)),
+        DETECTIONS.conform(pd.DataFrame(results)),
         LOOKED.conform(pd.DataFrame(looked)),
         OBJECTS.conform(pd.DataFrame(objects)),
         CONDITIONS.conform(pd.DataFrame(medians)),

@@ -79,8 +79,8 @@ def test_the_pupils_shape_is_seen_out_of_focus(optics: ModuleType) -> None:
     clear = light(optics, f_number=2.8, defocus_px=18.0)
     mirror = light(optics, f_number=2.8, defocus_px=18.0, obstruction=0.5)
     # but for the spot in the very middle, where all rays round the hole meet in phase (Poisson's)
-    place = np.arange(len(clear)) - len(clear) // 2
-    hole = (np.hypot(place[:, None], place) < 3.5) & (np.hypot(place[:, None], place) > 1.5)
+    position = np.arange(len(clear)) - len(clear) // 2
+    hole = (np.hypot(position[:, None], position) < 3.5) & (np.hypot(position[:, None], position) > 1.5)
     assert mirror[hole].mean() < 0.25 * clear[hole].mean()
     square = centred(light(optics, f_number=2.8, defocus_px=18.0, blades=4, iris_deg=45))
     rows, columns = np.nonzero(square > 0.3 * np.median(square[square > 0.1 * square.max()]))
@@ -100,8 +100,8 @@ def test_aberrations_cost_contrast_and_coma_throws_light_to_its_side(optics: Mod
     tails = []
     for direction in (0.0, 180.0):
         profile = centred(light(optics, f_number=2.0, coma=0.8, coma_deg=direction)).sum(axis=0)
-        place = np.arange(len(profile)) - (profile * np.arange(len(profile))).sum() / profile.sum()
-        tails.append((profile * place**3).sum())
+        position = np.arange(len(profile)) - (profile * np.arange(len(profile))).sum() / profile.sum()
+        tails.append((profile * position**3).sum())
     assert tails[0] == pytest.approx(-tails[1], rel=0.01) and abs(tails[0]) > 1
 
 

@@ -140,7 +140,7 @@ def _plots(content: dict[str, Any]) -> list[Any]:
     if len(rows) < 2:
         return []
     thresholds = content["thresholds"]
-    index = {row["picture"]: place for place, row in enumerate(rows)}
+    index = {row["picture"]: item for item, row in enumerate(rows)}
     marks = [index[alarm["picture"]] for alarm in content["trend_alarms"] if alarm["picture"] in index]
     top = float(FREQUENCIES[-1])
     halves = [

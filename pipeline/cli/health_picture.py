@@ -56,8 +56,8 @@ def _map(
 def _noise(axes: Axes, image: NDArray[np.float32], found: Condition) -> None:
     sigma = found.sigma_dn
     known = np.isfinite(sigma.value)
-    told = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else "nothing can be said"
-    _over(axes, image, f"Noise: {told}")
+    reported = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else "nothing can be said"
+    _over(axes, image, f"Noise: {reported}")
     cells = found.noise.map_dn
     seen = cells[np.isfinite(cells)]
     top = max(LEAST_TOP_DN, float(np.percentile(seen, 99)) if seen.size else 0.0)
@@ -67,8 +67,8 @@ def _noise(axes: Axes, image: NDArray[np.float32], found: Condition) -> None:
 def _blur(axes: Axes, image: NDArray[np.float32], found: Condition) -> None:
     rows, columns = found.blur.grid
     halves = half_contrast(found.blur.map_mtf)
-    told = int((~np.isnan(halves).any(axis=-1)).sum()) if rows else 0
-    _over(axes, image, f"Blur: {told} of {rows * columns} patches tell; frequency of half contrast, H | V")
+    reported = int((~np.isnan(halves).any(axis=-1)).sum()) if rows else 0
+    _over(axes, image, f"Blur: {reported} of {rows * columns} patches tell; frequency of half contrast, H | V")
     if not rows:
         return
     halves = np.minimum(halves, SHARPEST)
@@ -85,11 +85,11 @@ def _blur(axes: Axes, image: NDArray[np.float32], found: Condition) -> None:
 
 
 def _curves(axes: Axes, found: Condition) -> None:
-    for place, way in enumerate(("horizontal", "vertical")):
-        look = style.series_look("HV"[place], place)
-        low, high = found.mtf.low[place], found.mtf.high[place]
+    for index, way in enumerate(("horizontal", "vertical")):
+        look = style.series_look("HV"[index], index)
+        low, high = found.mtf.low[index], found.mtf.high[index]
         axes.fill_between(FREQUENCIES, low, high, color=look["color"], alpha=0.15, linewidth=0)
-        axes.plot(FREQUENCIES, found.mtf.value[place], label=way, **look)
+        axes.plot(FREQUENCIES, found.mtf.value[index], label=way, **look)
     axes.axhline(0.5, color=style.MUTED, linewidth=0.5)
     axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xlabel="frequency [Nyquist]", title="MTF of the frame, 95 % interval")
     axes.legend(loc="lower left")

@@ -64,9 +64,9 @@ def scene(number: int) -> tuple[NDArray[np.uint8], list[tuple[int, int, int, int
     coarse = generator.normal(150, 18, (HEIGHT_PX // 16, WIDTH_PX // 16))
     image = np.kron(coarse, np.ones((16, 16))) + generator.normal(0, 2, (HEIGHT_PX, WIDTH_PX))
     boxes = []
-    for place in range(CARS):
+    for index in range(CARS):
         width, height = (int(side) for side in generator.integers(40, 110, 2))
-        left = place * WIDTH_PX // CARS + int(generator.integers(5, WIDTH_PX // CARS - width - 5))
+        left = index * WIDTH_PX // CARS + int(generator.integers(5, WIDTH_PX // CARS - width - 5))
         top = int(generator.integers(20, HEIGHT_PX - height - 20))
         image[top : top + height, left : left + width] = 30 + generator.normal(0, 4, (height, width))
         boxes.append((left, top, left + width, top + height))

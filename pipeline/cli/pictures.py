@@ -21,18 +21,18 @@ def expand(paths: Sequence[Path]) -> list[Path]:
     """
     from pipeline.datasets.pictures import SUFFIXES
 
-    found: list[Path] = []
+    results: list[Path] = []
     for path in paths:
         if path.is_dir():
             known = SUFFIXES | VIDEOS
-            found += sorted(file for file in path.iterdir() if file.suffix.lower() in known and file.name[0] != ".")
+            results += sorted(file for file in path.iterdir() if file.suffix.lower() in known and file.name[0] != ".")
         elif path.is_file():
-            found.append(path)
+            results.append(path)
         else:
             raise InputError(f"{path}: no such file or folder")
-    if not found:
+    if not results:
         raise InputError(f"no pictures in {', '.join(map(str, paths))}; expected {' '.join(sorted(SUFFIXES | VIDEOS))}")
-    return found
+    return results
 
 
 def read(path: Path, every: int = 1) -> Iterator[tuple[str, np.ndarray]]:

@@ -45,15 +45,15 @@ def get_weights(name: str, folder: Path, sha256: str | None) -> None:
             bar.total = total
             bar.update(there - bar.n)
 
-        found = weights.get(entry, folder, sha256, show)
-    what = "downloaded" if found.downloaded else "already there"
-    click.echo(f"{found.path}: {what}, SHA-256 {found.sha256}")
-    if found.trust == "first use":
+        result = weights.get(entry, folder, sha256, show)
+    label = "downloaded" if result.downloaded else "already there"
+    click.echo(f"{result.path}: {label}, SHA-256 {result.sha256}")
+    if result.trust == "first use":
         click.echo(
             f"no hash is published for {entry.file}: this one is trusted at first use and recorded in"
             f" {folder / weights.LOCK}; compare it with another copy, or give --sha256"
         )
     else:
-        click.echo(f"equals the {found.trust} hash")
+        click.echo(f"equals the {result.trust} hash")
     if entry.note:
         click.echo(entry.note)

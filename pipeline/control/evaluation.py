@@ -71,9 +71,9 @@ def steps_table(
 
 def score(records: Sequence[StepRecord], criteria: EvaluationCriteria, seed: int) -> Score:
     """Average precision over all views of all records; equal seeds resample the same viewpoints."""
-    found = [Detections.of(**arrays) for record in records for arrays in record.detections]
+    results = [Detections.of(**arrays) for record in records for arrays in record.detections]
     seen = [view for record in records for view in record.views]
-    return average_precision(found, seen, criteria, stream(seed, "closed loop score"))
+    return average_precision(results, seen, criteria, stream(seed, "closed loop score"))
 
 
 def settling_frames(stops: NDArray[np.float64], start: int, end: int) -> float:
@@ -147,21 +147,21 @@ def summary(
     rows, pairs = [], []
     for name, table in tables.items():
         lost = (table["saturated_fraction"] > LOST_SATURATED) | (table["mean_level"] < LOST_MEAN)
-        own = scores[name]
-        regret = paired(scores[ceiling], own) if ceiling in scores else (float("nan"),) * 3
+        selected = scores[name]
+        regret = paired(scores[ceiling], selected) if ceiling in scores else (float("nan"),) * 3
         rows.append(
             {
                 "scenario": scenario.name,
                 "policy": name,
-                "ap_percent": own.ap_percent,
-                "low_percent": own.low_percent,
-                "high_percent": own.high_percent,
+                "ap_percent": selected.ap_percent,
+                "low_percent": selected.low_percent,
+                "high_percent": selected.high_percent,
                 **dict(zip(("regret_percent", "regret_low_percent", "regret_high_percent"), regret, strict=True)),
                 **transients(scenario, table),
                 "frames_lost_percent": 100.0 * float(lost.mean()),
                 "abstained_percent": 100.0 * float((table["action"] == Action.ABSTAINED.value).mean()),
                 "refused_percent": 100.0 * float((table["action"] == Action.REFUSED.value).mean()),
-                "objects": own.objects,
+                "objects": selected.objects,
                 "frames": sum(len(record.views) for record in records[name]),
                 "motion_in_poor_light": scenario.motion_in_poor_light,
             }
@@ -169,7 +169,11 @@ def summary(
         for other in tables:
             if other != name:
                 difference = dict(
-                    zip(("difference_percent", "low_percent", "high_percent"), paired(own, scores[other]), strict=True)
+                    zip(
+                        ("difference_percent", "low_percent", "high_percent"),
+                        paired(selected, scores[other]),
+                        strict=True,
+                    )
                 )
                 pairs.append({"scenario": scenario.name, "policy": name, "other": other, **difference})
     empty = pd.DataFrame(pairs, columns=list(PAIRS.columns))

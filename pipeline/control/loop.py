@@ -136,11 +136,11 @@ class SimulatedScene:
     def at_step(self, step: int) -> list[View]:
         """The views of a step: every viewpoint at the moment ``step mod 4``."""
         names = dict.fromkeys(view.viewpoint for view in self.views)
-        found = []
+        results = []
         for name in names:
             moments = [view for view in self.views if view.viewpoint == name]
-            found.append(moments[step % min(MOMENTS, len(moments))])
-        return found
+            results.append(moments[step % min(MOMENTS, len(moments))])
+        return results
 
     def expose(self, view: View, step: int, state: CameraState) -> Exposed:
         """The frame of a view at some settings."""
@@ -168,9 +168,13 @@ class SimulatedScene:
 
         def make() -> Arrays:
             image = (frame or self.expose(view, step, state)).image
-            found = opened(self.rig.detector, self.rig.detector_options).detect([image])[0]
-            found = found.where(np.argsort(-found.score, kind="stable")[: self.rig.max_detections])
-            return {"boxes": found.boxes.reshape(-1, 4), "score": found.score, "label": found.label.astype(np.str_)}
+            selected = opened(self.rig.detector, self.rig.detector_options).detect([image])[0]
+            selected = selected.where(np.argsort(-selected.score, kind="stable")[: self.rig.max_detections])
+            return {
+                "boxes": selected.boxes.reshape(-1, 4),
+                "score": selected.score,
+                "label": selected.label.astype(np.str_),
+            }
 
         return self.cache.get("detections", self.key(view, step, state), make)
 

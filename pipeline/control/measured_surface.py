@@ -185,16 +185,16 @@ def measure(
             light=shared.light / gain, motion=Motion(size / design.exposure_s),
         )  # fmt: skip
         truth[number] = frame.sigma_dn
-        found = detector.detect([frame.image])[0]
-        found = found.where(np.argsort(-found.score, kind="stable")[:max_detections])
-        parts.append((np.full(len(found), number), found.boxes, found.score, found.label))
+        selected = detector.detect([frame.image])[0]
+        selected = selected.where(np.argsort(-selected.score, kind="stable")[:max_detections])
+        parts.append((np.full(len(selected), number), selected.boxes, selected.score, selected.label))
         if estimate:
             condition = monitor().frame(frame.image)
             sigma[number] = float(condition.sigma_dn.value)
             mtf[number] = condition.mtf.value
-    place, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))
+    position, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))
     return {
-        "condition": place,
+        "condition": position,
         "boxes": boxes.reshape(-1, 4),
         "score": score,
         "label": label.astype(np.str_),
@@ -240,17 +240,17 @@ def performance(
     mtf = motion_mtf(np.asarray(design.sizes_px), reference, FREQUENCY_INDEX)
     rows, draws = [], []
     answered = np.isfinite(sigma).sum(axis=0)
-    asked = sum(bool(np.isfinite(part["mtf"]).any() or np.isfinite(part["sigma"]).any()) for _, part in measured)
+    requested = sum(bool(np.isfinite(part["mtf"]).any() or np.isfinite(part["sigma"]).any()) for _, part in measured)
     medians = np.array([np.nanmedian(sigma[:, n]) if answered[n] else truth[n] for n in range(levels * sizes)])
     grid = _rising(truth.reshape(levels, sizes))
     estimated = _rising(np.median(medians.reshape(levels, sizes), axis=1))
     calibration = np.stack([estimated, _rising(np.median(grid, axis=1))])
     for number in range(levels * sizes):
-        found = [
+        results = [
             Detections.of(*(part[name][part["condition"] == number] for name in ("boxes", "score", "label")))
             for _, part in measured
         ]
-        score = average_precision(found, [view for view, _ in measured], criteria, stream(seed, "control surface"))
+        score = average_precision(results, [view for view, _ in measured], criteria, stream(seed, "control surface"))
         draws.append(score.draws)
         rows.append(
             {
@@ -266,7 +266,7 @@ def performance(
                 "high_percent": score.high_percent,
                 "objects": score.objects,
                 "estimates": int(answered[number]),
-                "estimates_abstained": int(asked - answered[number]),
+                "estimates_abstained": int(requested - answered[number]),
             }
         )
     table = KNOTS.conform(pd.DataFrame(rows))

@@ -176,8 +176,8 @@ class Performance:
     def _arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
         cells = {f"cells_{name}": np.asarray(value) for name, value in vars(self.surface.cells).items()}
         numbers = {name: np.asarray(getattr(self, name)) for name in ("frequency_index", "longest_px", "level")}
-        own = {"reference": self.reference, "calibration": self.calibration, "table": self._table, **numbers, **cells}
-        return {f"{prefix}{name}": value for name, value in own.items()}
+        known = {"reference": self.reference, "calibration": self.calibration, "table": self._table, **numbers, **cells}
+        return {f"{prefix}{name}": value for name, value in known.items()}
 
     @classmethod
     def _from(

@@ -95,9 +95,9 @@ class Scenario:
     @property
     def disturbances(self) -> list[int]:
         """Steps from which settling is measured: the start, and the ends of steep changes of light or speed."""
-        found = [0]
+        results = [0]
         for knots, ratio in ((self.light, 2.0), (self.speed_px_s, 1.5)):
             for (before, old), (after, new) in itertools.pairwise(knots):
                 if after - before <= 1.0 and max(old, new) > ratio * min(old, new):
-                    found.append(int(after))
-        return sorted(set(found))
+                    results.append(int(after))
+        return sorted(set(results))

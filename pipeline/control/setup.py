@@ -154,14 +154,14 @@ def drives(chosen: dict[str, tuple[str, dict[str, Any]]], folds: list[list[View]
     Raises:
         InputError: a fold without views.
     """
-    found = []
+    results = []
     for name, (kind, options) in chosen.items():
         for number, views in enumerate(folds):
             if not views:
                 raise InputError("control.viewpoints: a fold is empty; use more viewpoints or fewer folds")
             which = f"fold{number}" if kind == "oracle" else f"without_fold{number}"
-            found.append(Drive(name, kind, options, number, surfaces / f"{which}.npz", tuple(views)))
-    return found
+            results.append(Drive(name, kind, options, number, surfaces / f"{which}.npz", tuple(views)))
+    return results
 
 
 def film(records: list[StepRecord]) -> dict[str, NDArray[np.uint8]]:

@@ -60,7 +60,7 @@ def views(root: Path, split: str = "evaluation") -> list[View]:
     Raises:
         InputError: no frame, or a frame without radiance.
     """
-    found = []
+    results = []
     for frame in Sim("sim", root, split=split, moments="all").frames():
         match = _NAME.match(frame.name)
         path = frame.path.with_name(f"{frame.name}.radiance.npz")
@@ -68,10 +68,10 @@ def views(root: Path, split: str = "evaluation") -> list[View]:
             continue
         if not path.is_file():
             raise InputError(f"{path}: no such file; control needs linear radiance: render with scenes.radiance=true")
-        found.append(View(frame.name, match["viewpoint"], int(match["moment"]), path, frame.boxes))
-    if not found:
+        results.append(View(frame.name, match["viewpoint"], int(match["moment"]), path, frame.boxes))
+    if not results:
         raise InputError(f"{root / split}: no rendered frame; run the stage render_sim")
-    return sorted(found, key=lambda view: (view.viewpoint, view.moment))
+    return sorted(results, key=lambda view: (view.viewpoint, view.moment))
 
 
 def folds(found: list[View], viewpoints: int, count: int = 2) -> list[list[View]]:

@@ -121,7 +121,7 @@ def measure(
 ) -> list[dict[str, Any]]:
     """One view at every setting: detections and estimates; in the window's view its picture too (``cut``)."""
     radiance = view.radiance()
-    found = []
+    results = []
     for shot in chosen:
         at = replace(camera, noise_gain="linear", sensor=replace(camera.sensor, full_well_e=shot.full_well_e))
         encoded = min(shot.brightness, 0.95) ** (1.0 / camera.gamma)
@@ -132,7 +132,7 @@ def measure(
         )  # fmt: skip
         detected = opened(kind, options).detect([frame.image])[0]
         sigma, mtf = estimates(monitor().frame(frame.image))
-        found.append(
+        results.append(
             {
                 "boxes": detected.boxes,
                 "score": detected.score,
@@ -147,7 +147,7 @@ def measure(
                 else example_pictures.cut(frame.image, detected, window),
             }
         )
-    return found
+    return results
 
 
 def pictures(
@@ -191,7 +191,7 @@ def tables(
     sharp = np.nanmedian([parts[0]["mtf"] for _, parts in seen], axis=0)
     rows, pools = [], {}
     for number, shot in enumerate(chosen):
-        parts = [found[number] for _, found in seen]
+        parts = [results[number] for _, results in seen]
         detected = [Detections.of(part["boxes"], part["score"], part["label"]) for part in parts]
         pools[shot.name] = detected
         score = average_precision(detected, views, criteria, stream(seed, "examples"))
@@ -221,8 +221,8 @@ def tables(
     for controller, names in (
         ("camera_default", built_in), ("fixed_parameters", ["2/initial"]), ("proposed", ["2/final"])
     ):  # fmt: skip
-        found = [one for name in names for one in pools[name]]
-        score = average_precision(found, views * len(names), cars, stream(seed, "controllers"))
+        results = [one for name in names for one in pools[name]]
+        score = average_precision(results, views * len(names), cars, stream(seed, "controllers"))
         values = {"low_percent": score.low_percent, "high_percent": score.high_percent}
         precision.append({"controller": controller, "car_ap_percent": score.ap_percent, **values})
     return (

@@ -53,11 +53,11 @@ def beside(refitted: pd.DataFrame, printed: pd.DataFrame, grid: pd.DataFrame) ->
                 "restore data/paper/regression_coefficients.csv from git"
             )
     numbers: Any = printed.set_index("parameter")
-    own = refitted.set_index("term")
+    selected = refitted.set_index("term")
     values = numbers.loc[list(TERMS), "value"].to_numpy(float)
     reproduced = evaluate(values, grid["iso"], grid["exposure_ms"])
-    shared = [term for term in TERMS if term in own.index]
-    miss = (own.loc[shared, "value"] - numbers.loc[shared, "value"]).abs() / numbers.loc[shared, "std_dev"]
+    shared = [term for term in TERMS if term in selected.index]
+    miss = (selected.loc[shared, "value"] - numbers.loc[shared, "value"]).abs() / numbers.loc[shared, "std_dev"]
     return {
         "reproduced": reproduced.tolist(),
         "largest_miss_of_grid": float(np.abs(reproduced - grid["ap_percent"]).max()),
@@ -89,11 +89,11 @@ def ledger_tables(
         detector, _, kind = label.partition(" ")
         scale = math.sqrt(numbers["printed_chi2"] / numbers["chi2"])
         for row in coefficients[coefficients["label"] == label].to_dict("records"):
-            own = {"parameter": row["term"], "value": row["value"], "std_dev": row["std_dev"] * scale}
-            parameters.append({"detector": detector, "object": kind, **own})
+            known = {"parameter": row["term"], "value": row["value"], "std_dev": row["std_dev"] * scale}
+            parameters.append({"detector": detector, "object": kind, **known})
         for name in ("chi2", "r2"):
-            own = {"parameter": name, "value": numbers[name], "std_dev": float("nan")}
-            parameters.append({"detector": detector, "object": kind, **own})
+            known = {"parameter": name, "value": numbers[name], "std_dev": float("nan")}
+            parameters.append({"detector": detector, "object": kind, **known})
         cells = fitted[(fitted["label"] == label) & fitted["ap_percent"].notna()]
         columns = {"detector": detector, "object": kind, "iso": cells["iso"], "exposure_ms": cells["exposure_ms"]}
         grid.append(pd.DataFrame({**columns, "ap_percent": numbers["reproduced"]}))

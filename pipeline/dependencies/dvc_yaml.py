@@ -196,14 +196,14 @@ def expected(group: Group, params: Mapping[str, Any], outs: frozenset[str], root
         outs: outputs of all stages, as written in ``dvc.yaml``; a file among them with ``${root}`` gets it too.
         root: folder that holds the package.
     """
-    own = {_filled(_plain(line), item) for line in _outs(group.body) for item in group.items}
+    selected = {_filled(_plain(line), item) for line in _outs(group.body) for item in group.items}
     given = [line for line in group.body.get("deps", []) if not _MANAGED.match(line)]
     by_hand = {_filled(line, item).removeprefix(params["root"]) for line in given for item in group.items}
     lines = []
     for path in _folders(files_of(group, params, root), root):
         if path.startswith(f"{PACKAGE}/"):
             lines.append(path)
-        elif group.is_stage and path not in own and path not in by_hand:
+        elif group.is_stage and path not in selected and path not in by_hand:
             rooted = f"{_ROOTED}{path}"
             lines.append(rooted if rooted in outs else path)
     stage = f"{group.module.replace('.', '/')}.py"

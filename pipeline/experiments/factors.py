@@ -338,8 +338,8 @@ def _columns_of(table: pd.DataFrame, around: Mapping[str, str]) -> list[_Column]
         ordered = group.sort_values(["frame", "patch", "angle_deg", "axis", "frequency"])
         rotations = ordered["angle_deg"].nunique()
         estimates = {
-            str(frame): own["estimate"].to_numpy(float).reshape(-1, rotations, 2, len(mtf.FREQUENCIES))
-            for frame, own in ordered.groupby("frame", sort=False)
+            str(frame): row["estimate"].to_numpy(float).reshape(-1, rotations, 2, len(mtf.FREQUENCIES))
+            for frame, row in ordered.groupby("frame", sort=False)
         }
         truth = ordered["truth"].to_numpy(float)[: rotations * points].reshape(rotations, 2, len(mtf.FREQUENCIES))
         refused = int(ordered["abstained"].sum()) // points
@@ -394,13 +394,13 @@ class _Columns:
                 *((kind, 0.0) for kind in sorted({kind for kind, _ in blurs})),
             ]
             for kind, size in [*groups, *blurs] if pairs else []:
-                own = [pair for pair in pairs if kind in (ALL, pair[0][0]) and size in (0.0, pair[0][1])]
-                first = np.mean([self.errors[number] for _, number, _ in own], axis=0)
-                second = np.mean([self.errors[number] for _, _, number in own], axis=0)
+                selected = [pair for pair in pairs if kind in (ALL, pair[0][0]) and size in (0.0, pair[0][1])]
+                first = np.mean([self.errors[number] for _, number, _ in selected], axis=0)
+                second = np.mean([self.errors[number] for _, _, number in selected], axis=0)
                 low, high = bias_corrected((second - first)[1:], float((second - first)[0]))
                 numbers = {"first_percent": first[0], "second_percent": second[0]}
                 numbers |= {"effect_percent": second[0] - first[0], "low_percent": low, "high_percent": high}
-                column = self.columns[own[0][1]]
+                column = self.columns[selected[0][1]]
                 names = {"dataset": column.dataset, "estimator": estimator, "factor": factor}
                 ends = dict(zip(("first", "second"), SETTINGS[factor], strict=True))
                 patches = sum(len(values) for values in column.estimates.values())

@@ -109,29 +109,29 @@ class Adaptive(CellMapper):
         assert white.low_dn is not None and white.high_dn is not None
         sigma, low, high = white.sigma_dn.copy(), white.low_dn.copy(), white.high_dn.copy()
         white_sigma, correlation = sigma.copy(), np.zeros(len(sigma))
-        asked = np.flatnonzero(~self._plainly_white(stack, white.low_dn))
-        if len(asked):
-            answer = self.correlated.predict(stack[asked])
+        requested = np.flatnonzero(~self._plainly_white(stack, white.low_dn))
+        if len(requested):
+            answer = self.correlated.predict(stack[requested])
             answer = replace(answer, reach=REAL_CAMERAS * answer.reach)
             quantised = present(answer.statistics[:, QUANTISED_START:], stack[0].size)
             traces = compressed(answer.statistics)
             coded = traces | quantised
-            weight = weights(sigma[asked], high[asked], answer, coded)
+            weight = weights(sigma[requested], high[requested], answer, coded)
             level, reach = np.log1p(answer.sigma_dn), answer.reach
-            sigma[asked] = _between(sigma[asked], np.maximum(level - np.maximum(reach - level, 0), 0), weight)
-            low[asked] = _between(low[asked], np.maximum(level - reach, 0.0), weight)
-            high[asked] = _between(high[asked], level + reach, weight)
-            white_sigma[asked] = _between(white_sigma[asked], np.log1p(answer.white_sigma_dn), weight)
-            correlation[asked] = answer.correlation
-            scale = sigma[asked] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
+            sigma[requested] = _between(sigma[requested], np.maximum(level - np.maximum(reach - level, 0), 0), weight)
+            low[requested] = _between(low[requested], np.maximum(level - reach, 0.0), weight)
+            high[requested] = _between(high[requested], level + reach, weight)
+            white_sigma[requested] = _between(white_sigma[requested], np.log1p(answer.white_sigma_dn), weight)
+            correlation[requested] = answer.correlation
+            scale = sigma[requested] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
             adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
-            cells[asked] = np.where(weight[:, None, None] >= 0.5, adapted, cells[asked])
+            cells[requested] = np.where(weight[:, None, None] >= 0.5, adapted, cells[requested])
             widest = np.where(quantised, min(WIDEST_QUANTISED_REACH, self.widest_reach), self.widest_reach)
             widest = np.where(traces, self.widest_compressed_reach, widest)
-            weak = (high[asked] < WEAK_DN) & (~quantised | (answer.statistics[:, -1] > SMOOTH))
-            unsure = (reach > widest) & ~weak & (weight > LEAST_WEIGHT) & (reason[asked] == "")
-            reason[asked[unsure & coded]] = COMPRESSED
-            reason[asked[unsure & ~coded]] = UNCERTAIN
+            weak = (high[requested] < WEAK_DN) & (~quantised | (answer.statistics[:, -1] > SMOOTH))
+            unsure = (reach > widest) & ~weak & (weight > LEAST_WEIGHT) & (reason[requested] == "")
+            reason[requested[unsure & coded]] = COMPRESSED
+            reason[requested[unsure & ~coded]] = UNCERTAIN
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
 
     def _plainly_white(self, stack: NDArray[np.floating], low_dn: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -97,6 +97,8 @@ class Cellwise(CellMapper):
             for first in range(0, count, self.batch):
                 part = slice(first, first + self.batch)
                 pixels = np.rint(stack[part, : height * CELL_PX, : width * CELL_PX] * np.float32(FULL_SCALE_DN))
-                found = self.network(*features(torch.from_numpy(pixels.astype(np.float32, copy=False)).to(self.device)))
-                sigma[part], scale[part], maps[part] = (value.cpu().numpy() for value in found)
+                result = self.network(
+                    *features(torch.from_numpy(pixels.astype(np.float32, copy=False)).to(self.device))
+                )
+                sigma[part], scale[part], maps[part] = (value.cpu().numpy() for value in result)
         return sigma, scale, maps

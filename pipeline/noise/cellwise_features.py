@@ -71,8 +71,8 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     logs = log_power(torch.cat(powers, 1))
     room = (torch.cat([255 - mean, 255 - lowest, mean, highest], 1) + 0.5).log() * 0.5 - 1
     levels = torch.cat([mean, lowest, highest], 1) / 128 - 1
-    found = torch.cat([logs, room, levels, equal * 2 - 1, white * 2, black * 2, (base + 0.5).log()], 1)
-    return found, base[:, 0]
+    result = torch.cat([logs, room, levels, equal * 2 - 1, white * 2, black * 2, (base + 0.5).log()], 1)
+    return result, base[:, 0]
 
 
 def log_power(power_dn2: torch.Tensor) -> torch.Tensor:

@@ -76,9 +76,9 @@ class CellwiseNet(nn.Module):
         seen = functional.relu(self.near(functional.relu(self.enter(statistics))))
         cells = seen.flatten(2)
         shares = torch.softmax(self.attention(seen).flatten(2), dim=2)
-        own = (base_dn + BASE_OFFSET_DN).flatten(1)
+        selected = (base_dn + BASE_OFFSET_DN).flatten(1)
         light = statistics[:, MEAN].flatten(1) + 1
-        traces = self._traces(shares[:, :TRACED], light, own)
+        traces = self._traces(shares[:, :TRACED], light, selected)
         first = shares[:, 0]
         shares = torch.cat([shares, torch.full_like(shares[:, :1], 1 / shares.shape[2])], dim=1)
         spectra = log_power(shares @ power(statistics.flatten(2)).mT)
@@ -86,10 +86,10 @@ class CellwiseNet(nn.Module):
         joined = functional.relu(self.join(seen) + self.context(summary)[:, :, None, None])
         mixed = functional.relu(self.mix(joined))
         level, photons = self.patch(summary).unbind(1)
-        carried = self._carried(first, light, own, torch.sigmoid(photons)).log()
+        carried = self._carried(first, light, selected, torch.sigmoid(photons)).log()
         carried = carried + level.clamp(*PATCH_CORRECTION)[:, None]
         gate, correction = self.cell(mixed).flatten(2).unbind(1)
-        blend = torch.lerp(carried, own.log(), torch.sigmoid(gate)) + correction.clamp(*CELL_CORRECTION)
+        blend = torch.lerp(carried, selected.log(), torch.sigmoid(gate)) + correction.clamp(*CELL_CORRECTION)
         map_dn = blend.exp().view_as(base_dn)
         sigma_dn = (map_dn.square().mean((1, 2)) + 1e-8).sqrt()
         far = mixed.flatten(2)

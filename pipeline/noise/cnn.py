@@ -82,6 +82,6 @@ class PixelCnn(Estimator):
 
         with torch.inference_mode():
             image = torch.from_numpy(np.ascontiguousarray(stack[:, None], dtype=np.float32)).to(self.device)
-            found = self.network(image).clamp(0, 1)
-            maps: NDArray[np.float32] = found.cpu().numpy() * np.float32(FULL_SCALE_DN)
+            result = self.network(image).clamp(0, 1)
+            maps: NDArray[np.float32] = result.cpu().numpy() * np.float32(FULL_SCALE_DN)
         return maps

@@ -68,10 +68,10 @@ def statistics(patch_dn: Float) -> Float:
         ends = [max(int(fraction * count), 1) for fraction in FLATTEST]
         order = np.argpartition(variance, [end - 1 for end in ends[:-1]])
         total, begin = np.zeros((SIDE**2, SIDE**2)), 0
-        for place, end in enumerate(ends):
+        for number, end in enumerate(ends):
             part = windows[order[begin:end]]
             total = total + part.T @ part
-            covariances[index, place], begin = total / end, end
+            covariances[index, number], begin = total / end, end
         if spacing == 2:
             bands = _bands(variance / SIDE**2, means)
     assert bands is not None
@@ -115,11 +115,11 @@ def _windows(picture: Float, spacing: int, step: int) -> tuple[Float, Float]:
 @lru_cache(maxsize=1)
 def _lag_pairs() -> tuple[tuple[NDArray[Any], NDArray[Any]], ...]:
     """For each lag: the indices of the window's pixels that are that far apart."""
-    place = np.arange(SIDE**2).reshape(SIDE, SIDE)
+    position = np.arange(SIDE**2).reshape(SIDE, SIDE)
     pairs = []
     for down, right in LAGS:
-        first = place[: SIDE - down, : SIDE - right]
-        pairs.append((first.ravel(), place[down:, right:].ravel()))
+        first = position[: SIDE - down, : SIDE - right]
+        pairs.append((first.ravel(), position[down:, right:].ravel()))
     return tuple(pairs)
 
 
@@ -154,8 +154,8 @@ def _flattest(variance: Float) -> float:
 
 @lru_cache(maxsize=1)
 def _dct_matrix() -> Float:
-    place = np.arange(CELL_PX)
-    matrix = np.cos(np.pi * (2 * place[None] + 1) * place[:, None] / (2 * CELL_PX)) * np.sqrt(2 / CELL_PX)
+    position = np.arange(CELL_PX)
+    matrix = np.cos(np.pi * (2 * position[None] + 1) * position[:, None] / (2 * CELL_PX)) * np.sqrt(2 / CELL_PX)
     matrix[0] /= np.sqrt(2)
     return matrix.astype(np.float32)
 

@@ -100,9 +100,9 @@ def cell_map(sigma: torch.Tensor, curve: torch.Tensor, brightness_dn: torch.Tens
         (N, h, w) DN whose root mean square is sigma.
     """
     first, last, count = CURVE_LEVELS_DN[0], CURVE_LEVELS_DN[-1], len(CURVE_LEVELS_DN)
-    place = ((brightness_dn - first) / (last - first) * (count - 1)).clamp(0, count - 1)
-    below = place.floor().clamp(max=count - 2)
-    flat, index = place.flatten(1) - below.flatten(1), below.flatten(1).long()
+    position = ((brightness_dn - first) / (last - first) * (count - 1)).clamp(0, count - 1)
+    below = position.floor().clamp(max=count - 2)
+    flat, index = position.flatten(1) - below.flatten(1), below.flatten(1).long()
     lower, upper = curve.gather(1, index), curve.gather(1, index + 1)
     relative = torch.lerp(lower, upper, flat).exp()
     level = sigma[:, None] / relative.square().mean(1, keepdim=True).sqrt()

@@ -59,7 +59,7 @@ def pasted(
                 (square.y_px, square.x_px), frame_shape, (rows, columns), cells.shape, strict=True
             )
         )
-        told = np.isfinite(cells)
-        total[y : y + height, x : x + width] += np.where(told, cells, 0.0)
-        count[y : y + height, x : x + width] += told
+        reported = np.isfinite(cells)
+        total[y : y + height, x : x + width] += np.where(reported, cells, 0.0)
+        count[y : y + height, x : x + width] += reported
     return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)

@@ -84,18 +84,18 @@ def validation(settings: SigmaTraining, cache: Path) -> Callable[[torch.nn.Modul
         with torch.no_grad():
             sigma, scale = program.answers(model, data)
         error = (sigma - truth).abs()
-        found = {"score_dn": float((error / (1 + truth / 10)).mean()), "sigma_error_dn": float(error.mean())}
+        results = {"score_dn": float((error / (1 + truth / 10)).mean()), "sigma_error_dn": float(error.mean())}
         clean = truth == 0
         if clean.any():
-            found["clean_sigma_dn"] = float(sigma[clean].mean())
+            results["clean_sigma_dn"] = float(sigma[clean].mean())
         for low, high in pairwise(SPREAD_LEVELS_DN):
             inside = (truth > low) & (truth <= high)
             if inside.any():
-                found[f"sigma_error_to_{high:g}_dn"] = float(error[inside].mean())
+                results[f"sigma_error_to_{high:g}_dn"] = float(error[inside].mean())
         if scale is not None:
             miss = (torch.log1p(sigma) - torch.log1p(truth)).abs() / scale
-            found["interval"] = float(torch.quantile(miss, COVERAGE))
-        return found
+            results["interval"] = float(torch.quantile(miss, COVERAGE))
+        return results
 
     return measure
 

@@ -74,7 +74,7 @@ def flatten(content: Any, prefix: str = "") -> dict[str, Any]:
     if isinstance(content, Mapping) and content:
         items = [(str(key), value) for key, value in content.items()]
     elif isinstance(content, list) and content:
-        items = [(str(place), value) for place, value in enumerate(content)]
+        items = [(str(index), value) for index, value in enumerate(content)]
     else:
         return {prefix: content}
     leaves: dict[str, Any] = {}
@@ -185,15 +185,15 @@ def check(metrics_dir: str | Path, baselines_dir: str | Path, tolerances: str | 
         InputError: a folder or the tolerance file is absent or malformed.
     """
     allowed = read_tolerances(tolerances)
-    found, stored = read_metrics(metrics_dir), read_metrics(baselines_dir)
+    result, stored = read_metrics(metrics_dir), read_metrics(baselines_dir)
     failures = []
-    for metric in sorted(found.keys() | stored.keys()):
-        if metric not in found:
+    for metric in sorted(result.keys() | stored.keys()):
+        if metric not in result:
             failures.append(Failure(metric, stored[metric], None, "missing in this run"))
         elif metric not in stored:
-            failures.append(Failure(metric, None, found[metric], "new: no baseline yet"))
+            failures.append(Failure(metric, None, result[metric], "new: no baseline yet"))
         else:
-            failure = _compare(metric, stored[metric], found[metric], allowance_for(metric, allowed))
+            failure = _compare(metric, stored[metric], result[metric], allowance_for(metric, allowed))
             failures += [failure] if failure else []
     return failures
 
@@ -207,8 +207,8 @@ def update(metrics_dir: str | Path, baselines_dir: str | Path) -> int:
     Raises:
         InputError: there are no metrics, or one is null or not finite, which no later run could meet.
     """
-    found = read_metrics(metrics_dir)
-    for metric, value in found.items():
+    result = read_metrics(metrics_dir)
+    for metric, value in result.items():
         if value is None or (_is_number(value) and not math.isfinite(value)):
             raise InputError(f"{metric} is null or not finite; mend the stage that writes it before storing a baseline")
     source, target = Path(metrics_dir), Path(baselines_dir)
@@ -219,7 +219,7 @@ def update(metrics_dir: str | Path, baselines_dir: str | Path) -> int:
             (folder / name).write_text(text, encoding="utf-8")
         for path in sorted(source.rglob("*.json")):
             write_json(folder / path.relative_to(source), read_json(path))
-    return len(found)
+    return len(result)
 
 
 def to_table(failures: list[Failure]) -> Table:
@@ -251,7 +251,7 @@ def _aligned(table: Table) -> str:
     """The table in columns for a terminal."""
     lines = [[column.heading for column in table.columns]]
     lines += [[str(row.get(column.name) or "") for column in table.columns] for row in table.rows]
-    widths = [max(len(line[place]) for line in lines) for place in range(len(table.columns))]
+    widths = [max(len(line[index]) for line in lines) for index in range(len(table.columns))]
     rows = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
     return "\n".join([rows[0], "  ".join("-" * width for width in widths), *rows[1:]])
 

@@ -107,13 +107,13 @@ def read(folder: Path | None) -> list[LearningCurve]:
     Raises:
         InputError: a table lacks its ``step`` or any measure on held-out samples, or a weight file is broken.
     """
-    place = existing(folder)
-    if place is None:
+    location = existing(folder)
+    if location is None:
         return []
-    names = [path.stem for path in sorted(place.glob("*.csv"))]
+    names = [path.stem for path in sorted(location.glob("*.csv"))]
     tasks = in_order((name.partition("_")[0] for name in names), TASKS)
     names.sort(key=lambda name: (tasks.index(name.partition("_")[0]), name))
-    return [_one(place / f"{name}.csv") for name in names]
+    return [_one(location / f"{name}.csv") for name in names]
 
 
 def _one(path: Path) -> LearningCurve:

@@ -174,9 +174,9 @@ class Score:
         """What the headline leaves out: measurements not compared, and rows of the other kinds."""
         counts = self.experiments
         others = [
-            f"{own[MATCH]:,} of {_compared(own):,} of kind {kind} ({KINDS[kind]})"
-            for kind, own in self.kinds.items()
-            if kind != EXPERIMENT and _compared(own)
+            f"{group[MATCH]:,} of {_compared(group):,} of kind {kind} ({KINDS[kind]})"
+            for kind, group in self.kinds.items()
+            if kind != EXPERIMENT and _compared(group)
         ]
         return (
             f"The ledger has {self.total:,} rows, {self.printed:,} of them numbers that the paper prints. Of its "
@@ -195,7 +195,7 @@ def score(rows: Iterable[LedgerRow]) -> Score:
     pairs = Counter((row.kind, row.verdict) for row in rows)
     present = {kind for kind, _ in pairs}
     kinds = {kind: {verdict: pairs[kind, verdict] for verdict in VERDICTS} for kind in KINDS if kind in present}
-    counts = {verdict: sum(own[verdict] for own in kinds.values()) for verdict in VERDICTS}
+    counts = {verdict: sum(group[verdict] for group in kinds.values()) for verdict in VERDICTS}
     return Score(counts, kinds, sum(row.printed for row in rows))
 
 

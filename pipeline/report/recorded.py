@@ -155,9 +155,9 @@ def _measure(
     conditions = condition_medians(estimates, config.seed, criteria.bootstrap_draws)
     classes, options = tuple(words.classes), detect.options_of(section)
     one = detect.Sweep(section.kind, options, classes, shape.noise_source, levels, camera, config.seed)
-    found = run_map(partial(_look, one), work, label=f"{detector} on {dataset}")
+    result = run_map(partial(_look, one), work, label=f"{detector} on {dataset}")
     scenes = {frame.name: scene_of(config.datasets[dataset].kind, frame.name) for frame in frames}
-    detections, looked = detect.tables(work, found, one, scenes)
+    detections, looked = detect.tables(work, result, one, scenes)
     table, draws = precision.average_precision(
         detections, looked, detect.objects(frames, words), conditions, classes, criteria, config.seed
     )

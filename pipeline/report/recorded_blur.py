@@ -90,16 +90,16 @@ def record(
     bank = kernel_bank.configured(config.psf, config.camera.kind, config.seed)
     weights = {name: _weights(section.estimators[name]) for name in estimators}
     frames, all_patches = _frames(config, dataset, run_map)
-    said = _provenance(config, dataset, source, frames, bank, weights)
+    metadata = _provenance(config, dataset, source, frames, bank, weights)
     chosen = [
         replace(item, patches={"mtf": evenly_spread(item.patches["mtf"], patches_per_frame)})
         for item in evenly_spread(frames, frame_count)
     ]
-    said[blur_records.SUBSETS] = {
+    metadata[blur_records.SUBSETS] = {
         name: {"frames": len(chosen), "patches": sum(len(item.patches["mtf"]) for item in chosen)}
         for name in estimators
     }
-    earlier = blur_records.others(out, said) if join else None
+    earlier = blur_records.others(out, metadata) if join else None
 
     def labelled(function: Callable[[Any], Any], items: Sequence[Any], label: str = "") -> list[Any]:
         return list(run_map(function, items, label=label))
@@ -128,15 +128,15 @@ def record(
         summary = pd.concat([earlier.summary, summary], ignore_index=True)
         sharp = pd.concat([earlier.sharp, sharp], ignore_index=True)
         kept = earlier.metrics
-        said["weights"] |= earlier.said["weights"]
-        said[blur_records.SUBSETS] |= earlier.said.get(blur_records.SUBSETS, {})
-        said["blur"]["estimators"] |= earlier.said["blur"]["estimators"]
+        metadata["weights"] |= earlier.said["weights"]
+        metadata[blur_records.SUBSETS] |= earlier.said.get(blur_records.SUBSETS, {})
+        metadata["blur"]["estimators"] |= earlier.said["blur"]["estimators"]
     with store.replacing_folder(out) as folder:
         write_csv(folder / SUMMARY_FILE, summary)
         write_csv(folder / SHARP_FILE, sharp)
         write_csv(folder / PATCHES_FILE, _patches(frames))
         store.write_json(folder / METRICS_FILE, kept | metrics)
-        store.write_json(folder / PROVENANCE_FILE, said)
+        store.write_json(folder / PROVENANCE_FILE, metadata)
     return metrics
 
 

@@ -56,6 +56,6 @@ def field(
     np.multiply(where, np.float32(side), out=folded[:count])
     folded[:count] += np.float32(0.5)
     across, down = cv2.split(folded.reshape(rows, _ROW, 2))
-    found = np.asarray(cv2.remap(values, across, down, cv2.INTER_LINEAR)).reshape(-1)[:count]
+    selected = np.asarray(cv2.remap(values, across, down, cv2.INTER_LINEAR)).reshape(-1)[:count]
     coarse = footprint_m * np.float32(side / (6.0 * size_m))
-    return np.asarray(found / (1.0 + coarse * coarse), np.float32)
+    return np.asarray(selected / (1.0 + coarse * coarse), np.float32)

@@ -82,7 +82,7 @@ def boxes(world: World, pose: Pose, picture: Picture, labels: Sequence[str] = LA
     seen = picture.things.ravel()
     width = picture.things.shape[1]
     counts = np.bincount(seen[seen >= 0], minlength=len(world.placed))
-    found: list[SimBox] = []
+    results: list[SimBox] = []
     for index, one in enumerate(world.placed):
         label = one.thing.label
         if label is None or label not in labels or counts[index] == 0:
@@ -94,7 +94,7 @@ def boxes(world: World, pose: Pose, picture: Picture, labels: Sequence[str] = LA
         low, high = at[front].min(axis=0), at[front].max(axis=0)
         visible = counts[index] / per_pixel**2
         whole = _area_alone(one, pose, low, high)
-        found.append(
+        results.append(
             SimBox(
                 label=label,
                 name=one.name,
@@ -109,7 +109,7 @@ def boxes(world: World, pose: Pose, picture: Picture, labels: Sequence[str] = LA
                 distance_m=float(ahead[front].min()),
             )
         )
-    return found
+    return results
 
 
 def _area_alone(one: Placed, pose: Pose, low: NDArray[np.float64], high: NDArray[np.float64]) -> float:

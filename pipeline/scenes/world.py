@@ -144,10 +144,10 @@ class World:
             origin: (K, 3) float32, or (3,) for all.
             direction: (K, 3) float32 unit vectors.
         """
-        found = self._scene.run(_many(origin, len(direction)), np.ascontiguousarray(direction), output=1)
-        thing = found["geomID"]
-        face = self._start[thing] + found["primID"]
-        return Hits(thing, face, found["u"], found["v"], found["tfar"], found["Ng"])
+        result = self._scene.run(_many(origin, len(direction)), np.ascontiguousarray(direction), output=1)
+        thing = result["geomID"]
+        face = self._start[thing] + result["primID"]
+        return Hits(thing, face, result["u"], result["v"], result["tfar"], result["Ng"])
 
     def occluded(self, origin: Array, direction: Array, reach_m: float | None = None) -> NDArray[np.bool_]:
         """Whether anything lies along rays.
@@ -160,10 +160,10 @@ class World:
         count = len(origin)
         origin, direction = np.ascontiguousarray(origin), _many(direction, count)
         if reach_m is None:
-            found = self._scene.run(origin, direction, query="OCCLUDED")
+            result = self._scene.run(origin, direction, query="OCCLUDED")
         else:
-            found = self._scene.run(origin, direction, np.full(count, reach_m, np.float32), query="OCCLUDED")
-        return np.asarray(found >= 0)
+            result = self._scene.run(origin, direction, np.full(count, reach_m, np.float32), query="OCCLUDED")
+        return np.asarray(result >= 0)
 
 
 def _many(vector: Array, count: int) -> Array:

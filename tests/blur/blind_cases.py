@@ -57,10 +57,10 @@ def check_vector(shared: Path, name: str, tolerance: float) -> np.ndarray:
     """The exact kernel of a reference patch, which must be the stored one."""
     stored = np.load(shared / "vectors/blind" / name)
     patches = (stored["patch"] / 255).astype(np.float32)[None, None]
-    found = blur.create(name[:3], mode="exact", kernel_size=int(stored["kernel_size"])).estimate(patches)
-    assert found.reason[0] == ""
-    assert np.abs(found.kernel[0] - stored["kernel"]).max() < tolerance
-    return found.kernel[0]
+    estimate = blur.create(name[:3], mode="exact", kernel_size=int(stored["kernel_size"])).estimate(patches)
+    assert estimate.reason[0] == ""
+    assert np.abs(estimate.kernel[0] - stored["kernel"]).max() < tolerance
+    return estimate.kernel[0]
 
 
 def check_the_authors_picture(kernel: np.ndarray, picture: Path) -> None:

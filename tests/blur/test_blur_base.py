@@ -14,9 +14,9 @@ class Brightness(Estimator):
     """Answers the mean of a patch as its MTF: easy to predict."""
 
     def measure(self, patches, reason):
-        found = np.ones((len(patches), 2, FREQUENCIES)) * patches.mean(axis=(1, 2, 3), dtype=float)[:, None, None]
-        found[reason != ""] = np.nan
-        return BlurEstimate(found, reason != "", reason, low=found * 0.5, high=found * 1.5)
+        result = np.ones((len(patches), 2, FREQUENCIES)) * patches.mean(axis=(1, 2, 3), dtype=float)[:, None, None]
+        result[reason != ""] = np.nan
+        return BlurEstimate(result, reason != "", reason, low=result * 0.5, high=result * 1.5)
 
 
 @pytest.fixture
@@ -42,11 +42,11 @@ def test_no_patches_is_no_answers(patches):
 def test_flat_and_saturated_patches_abstain_with_a_reason(patches):
     patches[0] = 0.5
     patches[1, :, :120] = 1.0
-    found = Brightness().estimate(patches)
-    assert found.reason.tolist() == ["flat", "saturated", ""]
-    assert found.abstained.tolist() == [True, True, False]
-    assert np.isnan(found.mtf[:2]).all()
-    assert np.isfinite(found.mtf[2]).all()
+    estimate = Brightness().estimate(patches)
+    assert estimate.reason.tolist() == ["flat", "saturated", ""]
+    assert estimate.abstained.tolist() == [True, True, False]
+    assert np.isnan(estimate.mtf[:2]).all()
+    assert np.isfinite(estimate.mtf[2]).all()
 
 
 def test_a_black_frame_is_flat_rather_than_saturated():
@@ -77,8 +77,8 @@ def test_calibration_does_not_divide_by_next_to_nothing(patches):
     dark[:, :, ::2] += 0.04
     factor = Brightness().calibrated(dark)
     assert factor.sharp_mtf.max() < SHARP_FLOOR
-    found = factor.estimate(dark)
-    assert found.mtf == pytest.approx(np.full((1, 2, 8), dark.mean() / SHARP_FLOOR), rel=1e-5)
+    estimate = factor.estimate(dark)
+    assert estimate.mtf == pytest.approx(np.full((1, 2, 8), dark.mean() / SHARP_FLOOR), rel=1e-5)
 
 
 def test_calibration_needs_a_patch_that_can_be_measured(patches):

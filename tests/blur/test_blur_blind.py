@@ -29,9 +29,9 @@ def test_the_exact_kernel_and_the_authors_picture_are_reproduced(shared, estimat
 @both
 @pytest.mark.parametrize("name", sorted(KERNELS))
 def test_fast_mode_recovers_a_known_blur(estimator, name):
-    found = blur.create(estimator, kernel_size=25).estimate(blurred_scene(KERNELS[name]))
-    assert not found.abstained.any()
-    assert np.median(mtf.amae(found.mtf, mtf.sample(KERNELS[name]))) < AMAE_BELOW[estimator][name]
+    estimate = blur.create(estimator, kernel_size=25).estimate(blurred_scene(KERNELS[name]))
+    assert not estimate.abstained.any()
+    assert np.median(mtf.amae(estimate.mtf, mtf.sample(KERNELS[name]))) < AMAE_BELOW[estimator][name]
 
 
 @pytest.mark.slow
@@ -42,16 +42,16 @@ def test_fast_mode_is_no_less_accurate_than_exact_mode(estimator, name):
     truth = mtf.sample(KERNELS[name])
     error = {}
     for mode in ("exact", "fast"):
-        found = blur.create(estimator, mode=mode).estimate(patches)
-        error[mode] = np.median(mtf.amae(found.mtf, truth))
+        estimate = blur.create(estimator, mode=mode).estimate(patches)
+        error[mode] = np.median(mtf.amae(estimate.mtf, truth))
     assert error["fast"] < error["exact"] + 0.6
 
 
 @both
 @pytest.mark.parametrize("mode", ["exact", "fast"])
 def test_kernels_are_non_negative_centred_and_of_unit_sum(estimator, mode):
-    found = blur.create(estimator, mode=mode, kernel_size=25).estimate(blurred_scene(KERNELS["diagonal"])[:1])
-    (kernel,) = found.kernel
+    estimate = blur.create(estimator, mode=mode, kernel_size=25).estimate(blurred_scene(KERNELS["diagonal"])[:1])
+    (kernel,) = estimate.kernel
     assert kernel.shape == (25, 25)
     assert kernel.dtype == (np.float64 if mode == "exact" else np.float32)
     assert kernel.min() >= 0
@@ -59,7 +59,7 @@ def test_kernels_are_non_negative_centred_and_of_unit_sum(estimator, mode):
     centre = np.arange(25) - 12
     assert abs(kernel.sum(axis=0) @ centre) < 0.75
     assert abs(kernel.sum(axis=1) @ centre) < 0.75
-    assert found.mtf[0] == pytest.approx(mtf.sample(kernel))
+    assert estimate.mtf[0] == pytest.approx(mtf.sample(kernel))
 
 
 @both
@@ -68,11 +68,11 @@ def test_patches_without_structure_abstain_and_keep_their_place(estimator):
     patches[0] = 0.4
     patches[2] = np.linspace(0.2, 0.8, 192, dtype=np.float32)  # a slope, as of a sky
     patches[3] = 1.0
-    found = blur.create(estimator, kernel_size=25).estimate(patches)
-    assert found.reason.tolist() == ["flat", "", "no edges", "flat"]
-    assert found.abstained.tolist() == [True, False, True, True]
-    assert np.isnan(found.kernel[found.abstained]).all()
-    assert np.isfinite(found.kernel[~found.abstained]).all()
+    estimate = blur.create(estimator, kernel_size=25).estimate(patches)
+    assert estimate.reason.tolist() == ["flat", "", "no edges", "flat"]
+    assert estimate.abstained.tolist() == [True, False, True, True]
+    assert np.isnan(estimate.kernel[estimate.abstained]).all()
+    assert np.isfinite(estimate.kernel[~estimate.abstained]).all()
 
 
 @both
@@ -88,8 +88,8 @@ def test_a_patch_does_not_depend_on_its_company_or_on_workers(estimator):
 @both
 def test_calibration_answers_one_for_the_sharp_frames_themselves(estimator):
     sharp = blurred_scene(np.ones((1, 1)))
-    found = blur.create(estimator, kernel_size=25).calibrated(sharp).estimate(sharp)
-    assert np.median(found.mtf) > 0.97
+    estimate = blur.create(estimator, kernel_size=25).calibrated(sharp).estimate(sharp)
+    assert np.median(estimate.mtf) > 0.97
 
 
 @both

@@ -22,8 +22,8 @@ SAMPLES = 500
 @pytest.fixture(scope="module")
 def sharp():
     """Sharp procedural patches: (6, 1, 192, 192)."""
-    found = [images.picture(index, 5, "test image", 192) for index in range(6)]
-    return np.stack(found)[:, None].astype(np.float32) / 255
+    results = [images.picture(index, 5, "test image", 192) for index in range(6)]
+    return np.stack(results)[:, None].astype(np.float32) / 255
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +41,10 @@ class Bent:
 
     def estimate(self, patches):
         count = len(patches)
-        place = np.arange(self.asked, self.asked + count)
-        read = self.bend(self.truth[place % len(self.truth)])
+        position = np.arange(self.asked, self.asked + count)
+        read = self.bend(self.truth[position % len(self.truth)])
         read = np.clip(read + self.spread * stream(0, "error", self.asked).standard_normal(read.shape), 0.001, 0.999)
-        abstained = place < self.unable
+        abstained = position < self.unable
         read[abstained] = np.nan
         self.asked += count
         half = np.where(np.isnan(read), np.nan, 0.02)
@@ -60,41 +60,41 @@ def odds(values, factor, power):
 
 
 def test_an_estimator_that_is_right_stays_as_it_is(sharp, truth):
-    found = camera_calibration.calibrate(Bent(truth, np.array), sharp, samples=SAMPLES)
-    assert np.abs(found(truth) - truth).mean() < 0.003
-    assert found.samples == SAMPLES and found.error_percent[0] < 0.2
+    result = camera_calibration.calibrate(Bent(truth, np.array), sharp, samples=SAMPLES)
+    assert np.abs(result(truth) - truth).mean() < 0.003
+    assert result.samples == SAMPLES and result.error_percent[0] < 0.2
 
 
 @pytest.mark.parametrize(("factor", "power"), [(0.5, 1.0), (1.0, 1.4), (2.0, 0.7)])
 def test_distortions_affine_in_logits_are_undone(sharp, truth, factor, power):
-    found = camera_calibration.calibrate(
+    result = camera_calibration.calibrate(
         Bent(truth, lambda values: odds(values, factor, power)), sharp, samples=SAMPLES
     )
-    before, after = found.error_percent
+    before, after = result.error_percent
     assert after < 0.25 * before
     unseen = mtf.sample(kernels.block(7, 3))
-    assert np.abs(found(odds(unseen, factor, power)) - unseen).mean() < 0.02
+    assert np.abs(result(odds(unseen, factor, power)) - unseen).mean() < 0.02
 
 
 def test_mixed_frequencies_are_told_apart(sharp, truth):
     """An estimator that reads each frequency half from its neighbour."""
-    found = camera_calibration.calibrate(
+    result = camera_calibration.calibrate(
         Bent(truth, lambda values: (values + np.roll(values, 1, axis=2)) / 2), sharp, samples=SAMPLES
     )
-    assert found.error_percent[1] < 0.5 * found.error_percent[0]
+    assert result.error_percent[1] < 0.5 * result.error_percent[0]
 
 
 def test_intervals_hold_the_truth_they_were_fitted_to(sharp, truth):
-    found = camera_calibration.calibrate(Bent(truth, np.array, spread=0.05), sharp, samples=SAMPLES)
-    answer = camera_calibration.corrected(Bent(truth, np.array, spread=0.05).estimate(sharp[[0] * SAMPLES]), found)
+    result = camera_calibration.calibrate(Bent(truth, np.array, spread=0.05), sharp, samples=SAMPLES)
+    answer = camera_calibration.corrected(Bent(truth, np.array, spread=0.05).estimate(sharp[[0] * SAMPLES]), result)
     inside = (answer.low <= truth) & (truth <= answer.high)
     assert 0.93 < inside.mean() < 0.97
 
 
 def test_patches_that_cannot_be_measured_are_left_out_and_stay_abstained(sharp, truth):
-    found = camera_calibration.calibrate(Bent(truth, np.array, unable=150), sharp, samples=SAMPLES)
-    assert found.samples == SAMPLES - 150
-    answer = CalibratedEstimator(Bent(truth, np.array, unable=2), found).estimate(sharp)
+    result = camera_calibration.calibrate(Bent(truth, np.array, unable=150), sharp, samples=SAMPLES)
+    assert result.samples == SAMPLES - 150
+    answer = CalibratedEstimator(Bent(truth, np.array, unable=2), result).estimate(sharp)
     assert answer.abstained.tolist() == [True, True, False, False, False, False]
     assert np.isnan(answer.mtf[:2]).all() and np.isfinite(answer.mtf[2:]).all()
     with pytest.raises(InputError, match="only 50 of 500"):
@@ -116,12 +116,12 @@ def test_a_fit_is_repeatable_and_survives_its_file(sharp, truth, tmp_path):
 def test_an_estimator_without_intervals_gets_none(sharp, truth):
     class Plain(Bent):
         def estimate(self, patches):
-            found = super().estimate(patches)
-            return BlurEstimate(found.mtf, found.abstained, found.reason)
+            result = super().estimate(patches)
+            return BlurEstimate(result.mtf, result.abstained, result.reason)
 
-    found = camera_calibration.calibrate(Plain(truth, np.array), sharp, samples=SAMPLES)
-    assert np.isnan(found.widening)
-    assert camera_calibration.corrected(Plain(truth, np.array).estimate(sharp), found).low is None
+    result = camera_calibration.calibrate(Plain(truth, np.array), sharp, samples=SAMPLES)
+    assert np.isnan(result.widening)
+    assert camera_calibration.corrected(Plain(truth, np.array).estimate(sharp), result).low is None
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"matrix": [[1]], "offset": [0], "widening": null}'])
@@ -143,8 +143,8 @@ def test_bad_patches_are_refused(sharp, truth):
 
 def test_the_spectral_network_learns_a_camera_that_is_not_sharp_by_itself(sharp):
     """Blur added to pictures that are blurred and sharpened already, on scenes it was not fitted to."""
-    own = convolve(sharp, defocus(2.5))
-    seen = _rounded(np.stack([_sharpened(one) for one in own[:, 0]])[:, None])
+    selected = convolve(sharp, defocus(2.5))
+    seen = _rounded(np.stack([_sharpened(one) for one in selected[:, 0]])[:, None])
     network = blur.create("spectral")
     fitted = CalibratedEstimator(network, camera_calibration.calibrate(network, seen[:4], samples=600))
     error = {"plain": [], "fitted": []}
@@ -170,9 +170,9 @@ def test_a_map_that_does_not_carry_over_to_other_scenes_is_drawn_back(sharp, tru
 
     class ByScene(Bent):
         def estimate(self, patches):
-            place = np.arange(self.asked, self.asked + len(patches))
+            position = np.arange(self.asked, self.asked + len(patches))
             result = super().estimate(patches)
-            factor = np.where(place % 2, 4.0, 0.25)[:, None, None]
+            factor = np.where(position % 2, 4.0, 0.25)[:, None, None]
             return BlurEstimate(odds(result.mtf, factor, 1.0), result.abstained, result.reason)
 
     made = camera_calibration.calibrate(ByScene(truth, np.array), sharp[:2], samples=SAMPLES)
@@ -185,9 +185,9 @@ class Pair(Bent):
     """An ensemble: the joint output is wrong by a constant factor, its second network is right."""
 
     def estimate(self, patches):
-        place = np.arange(self.asked, self.asked + len(patches)) % len(self.truth)
+        position = np.arange(self.asked, self.asked + len(patches)) % len(self.truth)
         result = super().estimate(patches)
-        members = np.stack([result.mtf, self.truth[place]], axis=1)
+        members = np.stack([result.mtf, self.truth[position]], axis=1)
         return BlurEstimate(result.mtf, result.abstained, result.reason, members=members)
 
 

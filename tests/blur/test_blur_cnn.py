@@ -102,9 +102,9 @@ def test_features_of_frames_are_averaged(estimator, patches):
     with torch.no_grad():
         vector = estimator.network.features(torch.from_numpy(patches[:, 0])).mean(0, keepdim=True)
         expected = estimator.network.dense(vector)[0].numpy()
-    found = estimator.estimate_sequences(sequence).mtf[0, 0]
-    assert np.allclose(found, expected, atol=1e-5)
-    assert np.allclose(found, estimator.estimate_sequences(sequence[:, ::-1].copy()).mtf[0, 0], atol=1e-5)
+    selected = estimator.estimate_sequences(sequence).mtf[0, 0]
+    assert np.allclose(selected, expected, atol=1e-5)
+    assert np.allclose(selected, estimator.estimate_sequences(sequence[:, ::-1].copy()).mtf[0, 0], atol=1e-5)
 
 
 def test_sequences_are_calibrated_as_single_frames(estimator, patches):
@@ -116,9 +116,9 @@ def test_sequences_are_calibrated_as_single_frames(estimator, patches):
 def test_a_flat_frame_makes_its_sequence_abstain(estimator, patches):
     sequence = np.stack([patches, patches])
     sequence[1, 2] = 0.5
-    found = estimator.estimate_sequences(sequence)
-    assert found.abstained.tolist() == [False, True] and found.reason.tolist() == ["", "flat"]
-    assert np.isnan(found.mtf[1]).all() and found.low is None
+    estimate = estimator.estimate_sequences(sequence)
+    assert estimate.abstained.tolist() == [False, True] and estimate.reason.tolist() == ["", "flat"]
+    assert np.isnan(estimate.mtf[1]).all() and estimate.low is None
 
 
 def test_wrong_input_is_refused(path, patches):

@@ -45,9 +45,9 @@ def test_fast_lengths_are_the_next_products_of_small_primes(least):
                 length //= prime
         return length in (1, 11, 13)
 
-    found = boundary.fast_length(least)
-    assert is_fast(found)
-    assert not any(is_fast(length) for length in range(least, found))
+    result = boundary.fast_length(least)
+    assert is_fast(result)
+    assert not any(is_fast(length) for length in range(least, result))
 
 
 def test_laplace_solutions_are_harmonic_and_reproduce_planes():
@@ -171,8 +171,8 @@ def test_the_kernel_update_recovers_the_kernel_that_blurred(size, pad):
     sharp = np.zeros((2, 90, 90))
     sharp[:, 20:70, 20:70] = stream(5, "gradients").normal(size=(2, 50, 50))
     blurred = np.stack([signal.fftconvolve(one, kernel, mode="same") for one in sharp])
-    found = kernel_update.solve(sharp, blurred, size, ridge=1e-9, pad=pad, steps=300)
-    assert found == pytest.approx(kernel, abs=1e-6)
+    result = kernel_update.solve(sharp, blurred, size, ridge=1e-9, pad=pad, steps=300)
+    assert result == pytest.approx(kernel, abs=1e-6)
 
 
 def test_both_operators_of_the_kernel_update_agree(monkeypatch):
@@ -284,9 +284,9 @@ def test_total_variation_denoising_removes_noise_and_keeps_steps():
     clean = np.full((64, 64), 0.3)
     clean[:, 32:] = 0.7
     noisy = clean + stream(8, "noise").normal(0, 0.02, clean.shape)
-    found = total_variation.denoise(noisy, steps=60)
-    assert np.abs(found - clean).mean() < 0.4 * np.abs(noisy - clean).mean()
-    assert found[:, 40:].mean() - found[:, :24].mean() > 0.38
+    result = total_variation.denoise(noisy, steps=60)
+    assert np.abs(result - clean).mean() < 0.4 * np.abs(noisy - clean).mean()
+    assert result[:, 40:].mean() - result[:, :24].mean() > 0.38
 
 
 def objective(image, noisy, weight):
@@ -310,8 +310,8 @@ def test_the_latent_image_of_an_unblurred_one_is_itself():
     image[10:30, 12:40] = 0.2
     delta = np.zeros((7, 7))
     delta[3, 3] = 1
-    found = minimal_pixels.latent_image(image, delta, 0.0, 1e-4, 4, False, minimal_pixels.Schedule())
-    assert found == pytest.approx(image, abs=0.01)
+    result = minimal_pixels.latent_image(image, delta, 0.0, 1e-4, 4, False, minimal_pixels.Schedule())
+    assert result == pytest.approx(image, abs=0.01)
 
 
 def test_the_latent_image_is_sharper_than_the_blurred_one():
@@ -319,8 +319,8 @@ def test_the_latent_image_is_sharper_than_the_blurred_one():
     image[30:60, 30:60] = 0
     kernel = np.full((5, 5), 0.04)
     blurred = ndimage.convolve(image, kernel, mode="wrap")
-    found = minimal_pixels.latent_image(blurred, kernel, 0.01, 4e-3, 4, True, minimal_pixels.Schedule())
-    assert np.abs(found - image).mean() < 0.3 * np.abs(blurred - image).mean()
+    result = minimal_pixels.latent_image(blurred, kernel, 0.01, 4e-3, 4, True, minimal_pixels.Schedule())
+    assert np.abs(result - image).mean() < 0.3 * np.abs(blurred - image).mean()
 
 
 def test_the_periodic_problem_is_solved_as_a_dense_system():
@@ -352,6 +352,6 @@ def test_a_skeleton_has_steps_where_the_blurred_image_has_ramps(periodic_domain)
     square = np.zeros((7, 7))
     square[3] = kernel
     blurred = ndimage.convolve(image, kernel, mode="nearest")
-    found = graph.skeleton(blurred, square, graph.Solver(periodic=periodic_domain, steps=12))
-    assert np.diff(found[32])[29] > 0.3
-    assert np.abs(found - image).mean() < 0.3 * np.abs(blurred - image).mean()
+    result = graph.skeleton(blurred, square, graph.Solver(periodic=periodic_domain, steps=12))
+    assert np.diff(result[32])[29] > 0.3
+    assert np.abs(result - image).mean() < 0.3 * np.abs(blurred - image).mean()

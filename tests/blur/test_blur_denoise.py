@@ -45,28 +45,28 @@ def make(truth, filter_px=7.0, sigma=20.0):
 
 def test_the_known_blur_is_divided_out(patches):
     truth = mtf.sample(motion(7.0, 30.0))
-    found = make(truth).estimate(patches)
+    estimate = make(truth).estimate(patches)
     usable = truth * mtf.sample(defocus(7.0)) > EPSILON
     assert usable.sum() >= 8
-    assert np.allclose(found.mtf[:, usable], truth[usable], atol=1e-6)
-    assert np.isnan(found.mtf[:, ~usable]).all()
-    assert np.allclose(found.low[:, usable], 0.9 * truth[usable], atol=1e-6)
-    assert np.isnan(found.high[:, ~usable]).all()
-    assert not found.abstained.any() and found.kernel is None
+    assert np.allclose(estimate.mtf[:, usable], truth[usable], atol=1e-6)
+    assert np.isnan(estimate.mtf[:, ~usable]).all()
+    assert np.allclose(estimate.low[:, usable], 0.9 * truth[usable], atol=1e-6)
+    assert np.isnan(estimate.high[:, ~usable]).all()
+    assert not estimate.abstained.any() and estimate.kernel is None
 
 
 def test_patches_without_noise_are_left_alone(patches):
     truth = mtf.sample(motion(7.0, 30.0))
-    found = make(truth, sigma=9.9).estimate(patches)
-    assert np.allclose(found.mtf, truth)
+    estimate = make(truth, sigma=9.9).estimate(patches)
+    assert np.allclose(estimate.mtf, truth)
     mixed = Denoised(Oracle(truth, mtf.sample(defocus(7.0))), lambda batch: np.array([0.0, 20.0, np.nan]))
     answer = mixed.estimate(patches).mtf
     assert np.allclose(answer[[0, 2]], truth) and np.isnan(answer[1]).any()
 
 
 def test_nothing_left_is_an_abstention(patches):
-    found = make(np.full((2, 8), 0.04)).estimate(patches)
-    assert found.abstained.all() and (found.reason == "noise").all()
+    estimate = make(np.full((2, 8), 0.04)).estimate(patches)
+    assert estimate.abstained.all() and (estimate.reason == "noise").all()
     flat = make(np.ones((2, 8))).estimate(np.full((1, 1, 192, 192), 0.5, np.float32))
     assert flat.reason.tolist() == ["flat"]
 
@@ -74,11 +74,11 @@ def test_nothing_left_is_an_abstention(patches):
 @given(st.lists(st.floats(0, 1), min_size=16, max_size=16), st.lists(st.floats(0, 1), min_size=16, max_size=16))
 def test_a_quotient_exists_exactly_where_its_conditions_hold(one, two):
     combined, known = np.array(one).reshape(2, 8), np.array(two).reshape(2, 8)
-    found = divided(combined, known)
+    result = divided(combined, known)
     allowed = (combined <= known) & (known > EPSILON) & (combined > EPSILON)
-    assert np.array_equal(~np.isnan(found), allowed)
-    assert np.allclose(found[allowed] * known[allowed], combined[allowed])
-    assert (found[allowed] <= 1).all() and (found[allowed] > EPSILON).all()
+    assert np.array_equal(~np.isnan(result), allowed)
+    assert np.allclose(result[allowed] * known[allowed], combined[allowed])
+    assert (result[allowed] <= 1).all() and (result[allowed] > EPSILON).all()
 
 
 def test_the_expected_error_is_the_papers():
@@ -88,8 +88,8 @@ def test_the_expected_error_is_the_papers():
                  if row["dataset"] == "udacity" and row["estimator"] == "cnn"}  # fmt: skip
     with (PAPER / "improved_blur.csv").open() as file:
         for row in csv.DictReader(file):
-            found = expected_amae(table["linear_motion", row["d1_px"]], table["defocus", row["d2_px"]])
-            assert float(found) == pytest.approx(float(row["expected_amae_percent"]), abs=0.06)
+            result = expected_amae(table["linear_motion", row["d1_px"]], table["defocus", row["d2_px"]])
+            assert float(result) == pytest.approx(float(row["expected_amae_percent"]), abs=0.06)
 
 
 def test_calibration_reaches_the_inner_estimator(patches):

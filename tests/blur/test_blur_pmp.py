@@ -31,7 +31,7 @@ def test_exact_kernels_of_size_31_are_the_original_programs(shared, case):
 def test_the_authors_stored_mtf_is_that_of_their_picture(shared):
     folder = shared / "vectors/blind"
     picture = cv2.imread(str(folder / "pmp_1478020193690486111_car_1_0.jpg"), cv2.IMREAD_GRAYSCALE)
-    found = mtf.sample(picture)
+    result = mtf.sample(picture)
     for row, direction in enumerate("HV"):
         stored = np.load(folder / f"1478020193690486111_car_1_0_MTF-{direction}.npz")["arr_0"].ravel()
-        assert found[row] == pytest.approx(stored, abs=1e-9)
+        assert result[row] == pytest.approx(stored, abs=1e-9)

@@ -45,8 +45,8 @@ def untrained(tmp_path_factory):
 @pytest.fixture(scope="module")
 def pictures():
     """Sharp procedural patches: (8, 1, 192, 192)."""
-    found = [images.picture(index, 5, "test image", 192) for index in range(8)]
-    return np.stack(found)[:, None].astype(np.float32) / 255
+    results = [images.picture(index, 5, "test image", 192) for index in range(8)]
+    return np.stack(results)[:, None].astype(np.float32) / 255
 
 
 def test_features_have_their_shapes():
@@ -85,11 +85,11 @@ def test_blur_shifts_the_axis_profiles_by_twice_its_log_mtf():
     change = (features(blurred)[1] - features(image)[1]).mean(0)
     frequencies = np.arange(97) / 96
     for profile, axis in ((0, 0), (1, 1)):
-        found = change[profile * 97 : (profile + 1) * 97].numpy()
+        result = change[profile * 97 : (profile + 1) * 97].numpy()
         expected = 0.25 * 2 * np.log(mtf.curve(kernel, frequencies)[axis])
         usable = (np.abs(expected) < 0.8) & (frequencies > 0.04)
         assert usable.sum() > 25
-        assert np.abs(found - expected)[usable].max() < 0.06
+        assert np.abs(result - expected)[usable].max() < 0.06
 
 
 def test_mirrored_maps_are_those_of_the_mirror_image(pictures):
@@ -123,13 +123,13 @@ def test_the_interface_keeps_the_contract(untrained, pictures):
     estimator = blur.create("spectral", weights=str(untrained))
     patches = np.concatenate([pictures[:3], np.full((1, 1, 192, 192), 0.5, np.float32), np.ones((1, 1, 192, 192))])
     patches[4, 0, :40] = np.linspace(0, 1, 40)[:, None]
-    found = estimator.estimate(patches.astype(np.float32))
-    assert found.abstained.tolist() == [False, False, False, True, True]
-    assert found.reason.tolist() == ["", "", "", "flat", "saturated"]
-    kept = ~found.abstained
-    assert ((found.low <= found.mtf) & (found.mtf <= found.high))[kept].all() and found.kernel is None
-    assert np.isnan(found.low[~kept]).all() and np.isnan(found.high[~kept]).all()
-    assert (found.mtf[kept] >= 0).all() and (found.mtf[kept] <= 1).all()
+    estimate = estimator.estimate(patches.astype(np.float32))
+    assert estimate.abstained.tolist() == [False, False, False, True, True]
+    assert estimate.reason.tolist() == ["", "", "", "flat", "saturated"]
+    kept = ~estimate.abstained
+    assert ((estimate.low <= estimate.mtf) & (estimate.mtf <= estimate.high))[kept].all() and estimate.kernel is None
+    assert np.isnan(estimate.low[~kept]).all() and np.isnan(estimate.high[~kept]).all()
+    assert (estimate.mtf[kept] >= 0).all() and (estimate.mtf[kept] <= 1).all()
 
 
 def test_single_and_batched_answers_agree(untrained, pictures):
@@ -195,9 +195,9 @@ def test_released_weights_read_known_blurs(pictures):
     estimator = Spectral()
     for diameter in (4.4, 9.7, 17.6):
         kernel = defocus(diameter)
-        found = estimator.estimate(np.rint(convolve(pictures, kernel) * 255) / 255)
-        assert not found.abstained.any()
-        assert mtf.amae(np.median(found.mtf, axis=0), mtf.sample(kernel)) < 3.0
+        estimate = estimator.estimate(np.rint(convolve(pictures, kernel) * 255) / 255)
+        assert not estimate.abstained.any()
+        assert mtf.amae(np.median(estimate.mtf, axis=0), mtf.sample(kernel)) < 3.0
 
 
 @released
@@ -217,8 +217,8 @@ def test_released_intervals_cover(tmp_path):
     chunks = samples.Samples(tiles, kernels.block(0, 9, "test kernels"), Recipe(), 9)
     made = [chunks.chunk(number) for number in range(4)]
     patches = np.concatenate([one.patches_dn for one in made])[:, None].astype(np.float32) / 255
-    found = Spectral().estimate(patches)
-    truth = np.concatenate([one.mtf for one in made])[~found.abstained]
-    inside = (found.low[~found.abstained] <= truth) & (truth <= found.high[~found.abstained])
+    estimate = Spectral().estimate(patches)
+    truth = np.concatenate([one.mtf for one in made])[~estimate.abstained]
+    inside = (estimate.low[~estimate.abstained] <= truth) & (truth <= estimate.high[~estimate.abstained])
     assert 0.88 < inside.mean() < 0.99
-    assert np.abs(found.mtf[~found.abstained] - truth).mean() < 0.08
+    assert np.abs(estimate.mtf[~estimate.abstained] - truth).mean() < 0.08

@@ -54,9 +54,9 @@ def test_a_lens_has_the_mtf_of_its_gaussian(tiles):
     window = np.outer(np.hanning(192), np.hanning(192))
     power = [np.abs(np.fft.fft2((one - one.mean((1, 2), keepdims=True)) * window)[:, 0, :]) for one in (sharp, seen)]
     places = np.array([10, 20, 40])
-    found = np.median(power[1][:, places] / power[0][:, places], axis=0)
+    result = np.median(power[1][:, places] / power[0][:, places], axis=0)
     expected = np.exp(-2 * np.pi**2 * spread**2 * (places / 192) ** 2) * np.sinc(places / 192)
-    assert found == pytest.approx(expected, rel=0.02)
+    assert result == pytest.approx(expected, rel=0.02)
 
 
 @released
@@ -67,9 +67,9 @@ def test_added_is_nearer_to_the_kernel_than_total_for_a_camera_with_a_lens(tiles
     sharp = typical_camera.sharp_patches(tiles, 12, (0.5, 0.5), 4)
     seen = (np.rint(convolve(sharp, kernel) * 255) / 255).astype(np.float32)
     for answer in spectral.OUTPUTS:
-        found = blur.create("spectral", output=answer).estimate(seen)
-        errors[answer] = np.abs(np.nanmedian(found.mtf, axis=0) - truth).mean()
-        assert (found.low <= found.mtf).all() and (found.mtf <= found.high).all()
+        estimate = blur.create("spectral", output=answer).estimate(seen)
+        errors[answer] = np.abs(np.nanmedian(estimate.mtf, axis=0) - truth).mean()
+        assert (estimate.low <= estimate.mtf).all() and (estimate.mtf <= estimate.high).all()
     assert errors["relative"] < 0.7 * errors["system"]
 
 
@@ -95,12 +95,12 @@ def test_an_unknown_answer_or_an_absent_map_is_an_error_that_names_it(tmp_path):
 def test_the_stage_writes_a_map_that_depends_on_its_settings_alone(tmp_path):
     small = "{images: 4, patches: 8, samples: 120}"
     written = []
-    for place, more in (("one", ["executor.workers=1"]), ("two", ["executor.workers=2"]), ("other", ["seed=8"])):
+    for index, more in (("one", ["executor.workers=1"]), ("two", ["executor.workers=2"]), ("other", ["seed=8"])):
         config = parse(compose([f"train.typical_camera={small}", *more], ROOT / "conf"), "conf/")
-        outputs = tmp_path / place
+        outputs = tmp_path / index
         stage.run(config, {}, ROOT, outputs)
         written.append((outputs / "data/weights" / MAP.name).read_bytes())
-        found = store.read_json(outputs / "reports/metrics/train/typical_camera.json")
-        assert 100 <= found["samples"] <= 120
-        assert found["error_after_percent"] < found["error_before_percent"]
+        content = store.read_json(outputs / "reports/metrics/train/typical_camera.json")
+        assert 100 <= content["samples"] <= 120
+        assert content["error_after_percent"] < content["error_before_percent"]
     assert written[0] == written[1] != written[2]

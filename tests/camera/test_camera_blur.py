@@ -51,8 +51,8 @@ def test_a_point_of_light_becomes_the_psf_the_right_way_round() -> None:
     image = np.zeros((101, 101), np.float32)
     image[50, 50] = 1
     half = len(psf) // 2
-    found = blur(image, psf)[50 - half : 51 + half, 50 - half : 51 + half]
-    assert np.abs(found - psf).max() < 1e-6
+    selected = blur(image, psf)[50 - half : 51 + half, 50 - half : 51 + half]
+    assert np.abs(selected - psf).max() < 1e-6
 
 
 @pytest.mark.parametrize("boundary", ["reflect", "zero"])

@@ -66,11 +66,11 @@ def test_chain_combined_noise_adds_in_squares_and_quantisation_adds_a_twelfth():
 
 @pytest.mark.parametrize("noise_source", ["combined", "sensor"])
 def test_chain_draws_conditions_in_the_papers_ranges(noise_source):
-    found = [
+    results = [
         chain.draw(GREY[:2, :2] * 20_000, chain.PRESETS[noise_source], Sensor(), stream(5, "chain", n))
         for n in range(60)
     ]
-    temperatures, times = np.array([[f.temperature_k, f.exposure_s] for f in found]).T
+    temperatures, times = np.array([[f.temperature_k, f.exposure_s] for f in results]).T
     assert 300 <= temperatures.min() < 305 and 325 < temperatures.max() <= 330
     assert 0.002 <= times.min() < 0.1 and 0.9 < times.max() <= 1.0
 

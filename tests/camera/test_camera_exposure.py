@@ -58,8 +58,8 @@ def test_exposure_variance_grows_with_the_mean_by_the_system_gain():
     levels = np.array([0.1, 0.3, 0.5, 0.7, 0.85])
     frames = [camera.expose(flat(x), 0.002, 4.0, noise_generator(1, "transfer", float(x))).image for x in levels]
     means, variances = np.array([(255 * f.mean(dtype=float), (255.0 * f).var(dtype=float)) for f in frames]).T
-    found = np.polyfit(means, variances, 1)[0]
-    assert found == pytest.approx(4 * 255 / 14_000, rel=0.02)
+    selected = np.polyfit(means, variances, 1)[0]
+    assert selected == pytest.approx(4 * 255 / 14_000, rel=0.02)
 
 
 def test_exposure_gain_for_time_follows_the_root_for_shot_noise_and_the_factor_for_read_noise():

@@ -30,23 +30,23 @@ def section(**changes):
 @pytest.fixture
 def pictures(tmp_path):
     """A folder in the paper's layout: discs of 3 and 5, horizontal lines of 3 in two rotations."""
-    for place, shape in (
+    for index, shape in (
         ("defocusBlur/3/3.png", np.ones((3, 3))),
         ("defocusBlur/5/5.png", np.ones((5, 5))),
         ("motionBlur/linear/0.0+3_0/3.png", np.eye(3)[[1]] + np.zeros((3, 3)) + np.roll(np.eye(3), 1, 1)),
         ("motionBlur/linear/0.0+3_90/3.png", np.ones((3, 1)) * np.array([0, 1, 0])),
     ):
-        (tmp_path / place).parent.mkdir(parents=True)
-        store.write_image(tmp_path / place, (shape / shape.max() * 255).astype(np.uint8))
+        (tmp_path / index).parent.mkdir(parents=True)
+        store.write_image(tmp_path / index, (shape / shape.max() * 255).astype(np.uint8))
     return tmp_path
 
 
 def test_a_generated_bank_is_that_of_the_section():
-    found = kernel_bank.configured(section(), "physical", 3)
-    assert [kernel.name for kernel in found] == [
+    result = kernel_bank.configured(section(), "physical", 3)
+    assert [kernel.name for kernel in result] == [
         "defocus_3", "defocus_7", "linear_motion_3_0", "linear_motion_3_90", "linear_motion_7_0", "linear_motion_7_90"
     ]  # fmt: skip
-    for one, other in zip(found, bank(["defocus", "linear_motion"], [3, 7], [0, 90], 3), strict=True):
+    for one, other in zip(result, bank(["defocus", "linear_motion"], [3, 7], [0, 90], 3), strict=True):
         assert one == other and np.array_equal(one.psf, other.psf)
 
 
@@ -60,11 +60,11 @@ def test_random_motions_follow_the_seed_and_discs_the_camera():
 
 
 def test_of_the_papers_pictures_those_of_the_kinds_and_sizes_are_read(pictures):
-    asked = section(source="paper", folder=str(pictures), sizes_px=[3])
-    found = kernel_bank.configured(asked, "physical", 1)
-    assert [kernel.name for kernel in found] == ["defocus_3", "linear_motion_3_0", "linear_motion_3_90"]
-    assert found[0].psf == pytest.approx(np.full((3, 3), 1 / 9))
-    assert found[2].psf == pytest.approx(np.array([[0, 1, 0]] * 3) / 3)
+    requested = section(source="paper", folder=str(pictures), sizes_px=[3])
+    result = kernel_bank.configured(requested, "physical", 1)
+    assert [kernel.name for kernel in result] == ["defocus_3", "linear_motion_3_0", "linear_motion_3_90"]
+    assert result[0].psf == pytest.approx(np.full((3, 3), 1 / 9))
+    assert result[2].psf == pytest.approx(np.array([[0, 1, 0]] * 3) / 3)
 
 
 def test_a_folder_without_kernels_is_named(pictures):
@@ -80,7 +80,7 @@ def test_the_stage_writes_what_was_chosen(pictures, tmp_path, source):
     psf = section(source=source, folder=str(pictures), sizes_px=[3])
     params = SimpleNamespace(psf=psf, seed=1, camera=SimpleNamespace(kind="physical"), executor=None)
     stage.run(params, {}, tmp_path, tmp_path / "out")
-    found = stored.read(Path(tmp_path / "out/data/psf"))
-    for one, other in zip(found, kernel_bank.configured(psf, "physical", 1), strict=True):
+    result = stored.read(Path(tmp_path / "out/data/psf"))
+    for one, other in zip(result, kernel_bank.configured(psf, "physical", 1), strict=True):
         assert one.name == other.name and np.array_equal(one.psf, other.psf.astype(np.float32))
     assert store.read_json(tmp_path / "out/reports/metrics/psf.json")["kernels"] == 3

@@ -25,36 +25,36 @@ def test_photon_transfer_offset_is_the_read_noise():
 
 
 def test_moments_meet_their_closed_forms():
-    found = moments(SENSOR, 1)
+    result = moments(SENSOR, 1)
     pixels = 512 * 512
     for name, (temperature_k, exposure_s) in {"330k_100ms": (330.0, 0.1), "300k_2ms": (300.0, 0.002)}.items():
         mean = SENSOR.dark_electrons(temperature_k, exposure_s)
-        assert abs(found[f"dark_mean_{name}_e"] - mean) < 3 * np.sqrt(mean / pixels)
+        assert abs(result[f"dark_mean_{name}_e"] - mean) < 3 * np.sqrt(mean / pixels)
     for name, temperature_k in {"293k": 293.15, "330k": 330.0}.items():
         sigma = SENSOR.reset_sigma_e(temperature_k)
-        assert abs(found[f"ktc_std_{name}_e"] - sigma) < 3 * sigma / np.sqrt(2 * pixels)
-    assert abs(found["photon_std_mid_grey_e"] - 100) < 3 * 100 / np.sqrt(2 * pixels)
+        assert abs(result[f"ktc_std_{name}_e"] - sigma) < 3 * sigma / np.sqrt(2 * pixels)
+    assert abs(result["photon_std_mid_grey_e"] - 100) < 3 * 100 / np.sqrt(2 * pixels)
 
 
 def test_steps_start_sharp_and_end_at_the_frame():
     image = picture("a").astype(np.float32) / np.float32(255)
     psf = create("defocus", 7)
     shown = corrupt(image, "combined", sigma_dn=10, generator=stream(1, "steps"), psf=psf)
-    found = steps(shown)
-    assert [step.name for step in found] == ["input", "photon", "optics", "dark", "readout", "quantised"]
-    assert np.allclose(found[0].image, image, atol=1e-6)
-    assert np.array_equal(found[-1].image, shown.image)
-    assert np.abs(found[-2].image - found[-1].image).max() < 1.01 / 255  # whole electrons and rounding
+    result = steps(shown)
+    assert [step.name for step in result] == ["input", "photon", "optics", "dark", "readout", "quantised"]
+    assert np.allclose(result[0].image, image, atol=1e-6)
+    assert np.array_equal(result[-1].image, shown.image)
+    assert np.abs(result[-2].image - result[-1].image).max() < 1.01 / 255  # whole electrons and rounding
 
 
 def test_steps_that_were_off_are_left_out():
     image = picture("a").astype(np.float32) / np.float32(255)
-    found = steps(corrupt(image, "photon", sigma_dn=10, generator=stream(1, "steps")))
-    assert [step.name for step in found] == ["input", "photon", "quantised"]
+    result = steps(corrupt(image, "photon", sigma_dn=10, generator=stream(1, "steps")))
+    assert [step.name for step in result] == ["input", "photon", "quantised"]
 
 
 def test_steps_of_the_authors_program_show_its_noise_in_one_piece():
     image = picture("a").astype(np.float32) / np.float32(255)
-    found = steps(corrupt(image, "dcsn", sigma_dn=10, generator=stream(1, "steps"), camera="authors"))
-    assert [step.name for step in found] == ["input", "total", "quantised"]
-    assert np.abs(found[1].image - found[2].image).max() < 1.5 / 255
+    result = steps(corrupt(image, "dcsn", sigma_dn=10, generator=stream(1, "steps"), camera="authors"))
+    assert [step.name for step in result] == ["input", "total", "quantised"]
+    assert np.abs(result[1].image - result[2].image).max() < 1.5 / 255

@@ -74,9 +74,9 @@ def test_mtf50_of_a_gaussian() -> None:
 
 
 def test_mtf50_is_infinite_without_blur_and_takes_the_first_crossing() -> None:
-    found = mtf.mtf50(create("linear_motion", 15))
-    assert mtf.curve(create("linear_motion", 15), found[:1])[0, 0] == pytest.approx(0.5, abs=1e-8)
-    assert found[0] < 0.09 and np.isinf(found[1])
+    result = mtf.mtf50(create("linear_motion", 15))
+    assert mtf.curve(create("linear_motion", 15), result[:1])[0, 0] == pytest.approx(0.5, abs=1e-8)
+    assert result[0] < 0.09 and np.isinf(result[1])
 
 
 @given(arrays(np.float64, (3, 2, 8), elements=st.floats(0, 1)), arrays(np.float64, (2, 8), elements=st.floats(0, 1)))

@@ -114,9 +114,9 @@ def test_straight_motion_has_its_direction_and_length(length_px: float, angle_de
     # where edges coincide (equal weights on L pixels have a variance of (L^2 - 1) / 12).
     assert values[1] == pytest.approx(length_px**2 / 12, abs=0.18)
     assert values[0] == pytest.approx(1 / 12, abs=0.12)
-    found = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
+    result = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
     drawn_off = np.degrees(0.04 / (values[1] - values[0]))  # pixels turn the axes of short lines by their own moments
-    assert abs((found - angle_deg + 90) % 180 - 90) < max(0.6, drawn_off)
+    assert abs((result - angle_deg + 90) % 180 - 90) < max(0.6, drawn_off)
 
 
 def test_rotation_is_counter_clockwise() -> None:
@@ -204,9 +204,9 @@ def test_bank_does_not_depend_on_what_else_is_in_it(match: str) -> None:
 
 
 def test_bank_draws_one_motion_for_all_rotations() -> None:
-    found = {k.angle_deg: k.psf for k in bank(["nonlinear_motion"], [15], seed=2)}
-    assert np.allclose(found[90], np.rot90(found[0]), atol=1e-7)
-    assert np.allclose(found[135], np.rot90(found[45]), atol=1e-7)
+    results = {k.angle_deg: k.psf for k in bank(["nonlinear_motion"], [15], seed=2)}
+    assert np.allclose(results[90], np.rot90(results[0]), atol=1e-7)
+    assert np.allclose(results[135], np.rot90(results[45]), atol=1e-7)
 
 
 @pytest.mark.shared

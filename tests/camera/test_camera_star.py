@@ -27,8 +27,8 @@ def test_a_perfect_star_has_full_contrast(points: np.ndarray) -> None:
 @pytest.mark.parametrize(("kind", "size_px"), [("defocus", 3), ("defocus", 7), ("gaussian", 4)])
 def test_a_known_blur_is_measured(points: np.ndarray, kind: str, size_px: float) -> None:
     psf = create(kind, size_px)
-    found = star.measure_mtf(blur(points, psf), CENTRE, PERIODS, amplitude=AMPLITUDE)
-    assert np.abs(found - mtf.sample(psf)).max() < 0.005
+    result = star.measure_mtf(blur(points, psf), CENTRE, PERIODS, amplitude=AMPLITUDE)
+    assert np.abs(result - mtf.sample(psf)).max() < 0.005
 
 
 @pytest.mark.parametrize(("size_px", "angle_deg"), [(7, 0), (9, 30), (15, 45)])
@@ -38,8 +38,8 @@ def test_a_known_motion_is_measured(size_px: float, angle_deg: float) -> None:
     psf = create("linear_motion", size_px, angle_deg)
     image = blur(star.synthesise(HEIGHT, WIDTH, periods, amplitude=AMPLITUDE), psf)
     for row, direction in enumerate(mtf.DIRECTIONS):
-        found = star.measure(image, CENTRE, periods, frequencies, amplitude=AMPLITUDE, direction=direction)
-        assert np.abs(found - mtf.curve(psf, 2 * frequencies)[row]).max() < 0.005
+        result = star.measure(image, CENTRE, periods, frequencies, amplitude=AMPLITUDE, direction=direction)
+        assert np.abs(result - mtf.curve(psf, 2 * frequencies)[row]).max() < 0.005
 
 
 def test_the_aperture_of_a_square_pixel_is_measured() -> None:
@@ -47,8 +47,8 @@ def test_the_aperture_of_a_square_pixel_is_measured() -> None:
     # Mean of six points per pixel: sin(6 x) / (6 sin x) with x = pi f / 6, close to sinc(f).
     x = np.pi * mtf.FREQUENCIES / 2 / 6
     expected = np.sin(6 * x) / (6 * np.sin(x))
-    found = star.measure_mtf(image, CENTRE, PERIODS, amplitude=AMPLITUDE)
-    assert np.abs(found - expected).max() < 0.005
+    result = star.measure_mtf(image, CENTRE, PERIODS, amplitude=AMPLITUDE)
+    assert np.abs(result - expected).max() < 0.005
 
 
 def test_a_fine_blur_before_sampling_is_measured() -> None:
@@ -60,31 +60,31 @@ def test_a_fine_blur_before_sampling_is_measured() -> None:
     x = np.pi * frequencies / 4
     expected = mtf.curve(psf, 2 * frequencies / 4) * np.sin(4 * x) / (4 * np.sin(x))
     for row, direction in enumerate(mtf.DIRECTIONS):
-        found = star.measure(image, (239.5, 239.5), 40, frequencies, amplitude=AMPLITUDE, direction=direction)
-        assert np.abs(found - expected[row]).max() < 0.005
+        result = star.measure(image, (239.5, 239.5), 40, frequencies, amplitude=AMPLITUDE, direction=direction)
+        assert np.abs(result - expected[row]).max() < 0.005
 
 
 def test_all_round_is_the_mean_over_directions(points: np.ndarray) -> None:
     psf = create("linear_motion", 5)
     frequencies = mtf.FREQUENCIES[:6] / 2
-    found = star.measure(blur(points, psf), CENTRE, PERIODS, frequencies, amplitude=AMPLITUDE)
+    result = star.measure(blur(points, psf), CENTRE, PERIODS, frequencies, amplitude=AMPLITUDE)
     x = np.pi * frequencies[:, None] * np.cos(np.linspace(0, 2 * np.pi, 18, endpoint=False) + 1e-6)
     expected = np.abs(np.sin(5 * x) / (5 * np.sin(x))).mean(axis=1)
-    assert np.abs(found - expected).max() < 0.01
+    assert np.abs(result - expected).max() < 0.01
 
 
 def test_a_wrong_centre_and_a_shift_cost_little(points: np.ndarray) -> None:
     psf = create("defocus", 5)
     image = np.roll(blur(points, psf), (1, -1), axis=(0, 1))
-    found = star.measure_mtf(image, CENTRE, PERIODS, amplitude=AMPLITUDE)
-    assert np.abs(found - mtf.sample(psf)).max() < 0.01
+    result = star.measure_mtf(image, CENTRE, PERIODS, amplitude=AMPLITUDE)
+    assert np.abs(result - mtf.sample(psf)).max() < 0.01
 
 
 def test_noise_averages_out(points: np.ndarray) -> None:
     psf = create("defocus", 5)
     noise = streams.stream(0, "noise").normal(0, 5 / 255, points.shape)
-    found = star.measure_mtf(blur(points, psf) + noise, CENTRE, PERIODS, amplitude=AMPLITUDE)
-    assert np.abs(found - mtf.sample(psf)).max() < 0.06
+    result = star.measure_mtf(blur(points, psf) + noise, CENTRE, PERIODS, amplitude=AMPLITUDE)
+    assert np.abs(result - mtf.sample(psf)).max() < 0.06
 
 
 @pytest.mark.parametrize(

@@ -52,8 +52,8 @@ def test_advise_answers_in_json(tmp_path):
     coarse = stream(1, "advise").random((28, 28))
     picture = np.kron(coarse, np.ones((8, 8))) * 200 + 5 * stream(2, "advise").standard_normal((224, 224))
     Image.fromarray(np.clip(picture, 0, 255).astype(np.uint8)).save(tmp_path / "frame.png")
-    asked = ["--exposure", "4ms", "--iso", "400", "--speed", "760", "--surface", str(tmp_path / "surface.npz")]
-    done = CliRunner().invoke(command, [str(tmp_path / "frame.png"), *asked])
+    requested = ["--exposure", "4ms", "--iso", "400", "--speed", "760", "--surface", str(tmp_path / "surface.npz")]
+    done = CliRunner().invoke(command, [str(tmp_path / "frame.png"), *requested])
     assert done.exit_code == 0, done.output
     row = json.loads(done.stdout.strip().splitlines()[-1])
     assert row["motion_px"] == pytest.approx(3.04) and row["exposure_ms"] == 4.0 and row["iso"] == 400.0

@@ -50,9 +50,9 @@ def test_noise_and_blur_are_told_in_numbers_pictures_and_files(tmp_path):
     for way in ("horizontal", "vertical"):
         assert float(blurred[f"mtf50_{way}"]) < 0.2 < float(noisy[f"mtf50_{way}"])
     assert noisy["picture"] in done.output
-    told = json.loads((tmp_path / "out/health.json").read_text())
-    assert np.shape(told["pictures"][0]["mtf"]) == (2, 8)
-    assert len(told["frequencies_of_nyquist"]) == 8
+    content = json.loads((tmp_path / "out/health.json").read_text())
+    assert np.shape(content["pictures"][0]["mtf"]) == (2, 8)
+    assert len(content["frequencies_of_nyquist"]) == 8
     for name in ("a", "b"):
         drawn = cv2.imread(str(tmp_path / f"out/{name}.png.health.png"))
         assert min(drawn.shape[:2]) > 400

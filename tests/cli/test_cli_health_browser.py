@@ -45,9 +45,9 @@ def test_the_page_fits_phones_and_desktops(tmp_path, width_px):
         (tmp_path / "page.html").as_uri(),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, timeout=240)
-    found = re.search(r'data-probe="([^"]*)"', done.stdout)
-    assert found, done.stderr[-2000:]
-    probe = json.loads(found.group(1).replace("&quot;", '"'))
+    match = re.search(r'data-probe="([^"]*)"', done.stdout)
+    assert match, done.stderr[-2000:]
+    probe = json.loads(match.group(1).replace("&quot;", '"'))
     assert probe["content"] <= probe["width"] == width_px
     assert probe["pictures"] == 12 + 6 and probe["requests"] == 0
     assert probe["smallest"] >= 11.5

@@ -172,10 +172,10 @@ def test_corrupt_goes_on_past_a_bad_file_and_reports_what_it_reached(tmp_path):
     assert done.exit_code == 2
     assert "set aside" in done.output and "a.png" in done.output
     line = next(text for text in done.output.splitlines() if text.endswith("-> b.png"))
-    asked, reached, clipped = (float(word) for word in line.split()[:3])
+    requested, reached, clipped = (float(word) for word in line.split()[:3])
     truth = json.loads((tmp_path / "out/b.json").read_text())
     assert (
-        asked == 8
+        requested == 8
         and abs(reached - truth["unclipped_sigma_dn"]) < 0.006
         and abs(clipped - truth["clipped_sigma_dn"]) < 0.006
     )

@@ -32,44 +32,44 @@ def seen(image, sigma_dn, psf=None):
 @pytest.mark.parametrize("sigma_dn", [4.0, 15.0])
 def test_noise_and_blur_are_found_together(monitor, sigma_dn):
     psf = create("defocus", 9)
-    found = monitor.frame(seen(frame(), sigma_dn, psf))
-    assert abs(float(found.sigma_dn.value) - sigma_dn) < 0.1 * sigma_dn
-    assert found.sigma_dn.low < sigma_dn < found.sigma_dn.high
-    assert mtf.amae(found.mtf.value, mtf.sample(psf)) < 12
+    result = monitor.frame(seen(frame(), sigma_dn, psf))
+    assert abs(float(result.sigma_dn.value) - sigma_dn) < 0.1 * sigma_dn
+    assert result.sigma_dn.low < sigma_dn < result.sigma_dn.high
+    assert mtf.amae(result.mtf.value, mtf.sample(psf)) < 12
     sharp = monitor.frame(seen(frame(), sigma_dn))
-    assert (sharp.mtf.value[:, 3:] > found.mtf.value[:, 3:] + 0.2).all()
-    assert not any(found.abstained.values())
-    assert found.milliseconds > 0
+    assert (sharp.mtf.value[:, 3:] > result.mtf.value[:, 3:] + 0.2).all()
+    assert not any(result.abstained.values())
+    assert result.milliseconds > 0
 
 
 def test_motion_is_told_by_direction(monitor):
-    found = monitor.frame(seen(frame(), 1.0, create("linear_motion", 15, 0.0)))
-    assert (found.mtf.value[1, 2:] > found.mtf.value[0, 2:] + 0.2).all()
+    result = monitor.frame(seen(frame(), 1.0, create("linear_motion", 15, 0.0)))
+    assert (result.mtf.value[1, 2:] > result.mtf.value[0, 2:] + 0.2).all()
 
 
 def test_maps_lie_where_things_are(monitor):
     image = frame()
     noisy = seen(image, 12.0)
     noisy[:, :288] = image[:, :288]
-    found = monitor.frame(noisy)
-    assert found.noise.map_dn.shape == (50, 72)
-    left, right = found.noise.map_dn[:, :16], found.noise.map_dn[:, -16:]
+    result = monitor.frame(noisy)
+    assert result.noise.map_dn.shape == (50, 72)
+    left, right = result.noise.map_dn[:, :16], result.noise.map_dn[:, -16:]
     assert np.nanmedian(left) < 2
     assert abs(np.nanmedian(right) - 12) < 2
-    assert np.isfinite(found.noise.map_dn).all()
-    assert found.blur.map_mtf.shape == (3, 3, 2, 8)
-    assert np.array_equal(found.blur.map_mtf[0, 1], found.blur.estimate.mtf[1], equal_nan=True)
-    assert found.blur.patches[1].y_px == 0
+    assert np.isfinite(result.noise.map_dn).all()
+    assert result.blur.map_mtf.shape == (3, 3, 2, 8)
+    assert np.array_equal(result.blur.map_mtf[0, 1], result.blur.estimate.mtf[1], equal_nan=True)
+    assert result.blur.patches[1].y_px == 0
 
 
 def test_a_part_that_tells_nothing_is_counted_and_not_a_zero(monitor):
     image = frame()
     image[:192, :192] = 1.0
-    found = monitor.frame(image)
-    assert found.blur.estimate.abstained[0]
-    assert sum(found.reasons["blur"].values()) == 1
-    assert np.isnan(found.blur.map_mtf[0, 0]).all()
-    assert np.isfinite(found.mtf.value).all()
+    result = monitor.frame(image)
+    assert result.blur.estimate.abstained[0]
+    assert sum(result.reasons["blur"].values()) == 1
+    assert np.isnan(result.blur.map_mtf[0, 0]).all()
+    assert np.isfinite(result.mtf.value).all()
     nothing = monitor.frame(np.ones((400, 576), np.float32))
     assert nothing.abstained == {"blur": True, "noise": True}
     assert np.isnan(nothing.mtf.value).all()
@@ -78,25 +78,25 @@ def test_a_part_that_tells_nothing_is_counted_and_not_a_zero(monitor):
 
 
 def test_a_frame_smaller_than_a_patch_still_tells_its_noise(monitor):
-    found = monitor.frame(seen(frame(), 8.0)[:120, :150])
-    assert found.blur.grid == (0, 0)
-    assert found.abstained == {"blur": True, "noise": False}
-    assert abs(float(found.sigma_dn.value) - 8) < 1.5
+    result = monitor.frame(seen(frame(), 8.0)[:120, :150])
+    assert result.blur.grid == (0, 0)
+    assert result.abstained == {"blur": True, "noise": False}
+    assert abs(float(result.sigma_dn.value) - 8) < 1.5
 
 
 def test_patches_are_answered_as_single_estimators_do(monitor):
     noisy = seen(frame(), 6.0)
     stack = np.stack([noisy[:192, x : x + 192] for x in (0, 150, 300)])[:, None]
-    found = monitor.patches(stack)
-    assert np.array_equal(found.blur.estimate.mtf, monitor.blur_estimator.estimate(stack).mtf)
-    assert np.array_equal(found.noise.estimate.sigma_dn, monitor.noise_estimator.estimate(stack).sigma_dn)
-    assert found.blur.grid == found.noise.grid == (1, 3)
+    result = monitor.patches(stack)
+    assert np.array_equal(result.blur.estimate.mtf, monitor.blur_estimator.estimate(stack).mtf)
+    assert np.array_equal(result.noise.estimate.sigma_dn, monitor.noise_estimator.estimate(stack).sigma_dn)
+    assert result.blur.grid == result.noise.grid == (1, 3)
 
 
 def test_the_cameras_own_blur_can_be_divided_out():
     monitor = ConditionMonitor()
-    own = create("gaussian", 1.6)
-    sharp = [seen(frame(name), 0.0, own) for name in "abc"]
+    selected = create("gaussian", 1.6)
+    sharp = [seen(frame(name), 0.0, selected) for name in "abc"]
     monitor.calibrate(sharp)
     assert (monitor.frame(sharp[0]).mtf.value > 0.8).all()
     monitor = ConditionMonitor()
@@ -108,9 +108,9 @@ def test_the_cameras_own_blur_can_be_divided_out():
 
 
 def test_any_two_estimators_of_the_registries_serve():
-    found = ConditionMonitor("spectral", "pca").frame(seen(frame(), 10.0))
-    assert abs(float(found.sigma_dn.value) - 10) < 2
-    assert found.noise.map_dn.shape == found.noise.grid == (4, 5)
+    result = ConditionMonitor("spectral", "pca").frame(seen(frame(), 10.0))
+    assert abs(float(result.sigma_dn.value) - 10) < 2
+    assert result.noise.map_dn.shape == result.noise.grid == (4, 5)
     with pytest.raises(InputError, match="did you mean 'cellwise'"):
         ConditionMonitor(noise_name="cellwize")
 

@@ -10,20 +10,20 @@ from pipeline.streams import stream
 
 def test_outliers_are_left_out_and_abstentions_counted():
     values = np.concatenate([stream(0, "summary").normal(10.0, 0.5, 95), np.full(5, 200.0), np.full(7, np.nan)])
-    found = summarise(values)
-    assert abs(float(found.value) - 10.0) < 0.2
-    assert found.greatest < 15
-    assert (int(found.count), int(found.abstained)) == (100, 7)
-    assert int(found.rejected) >= 5
-    assert found.low <= found.value <= found.high
+    summary = summarise(values)
+    assert abs(float(summary.value) - 10.0) < 0.2
+    assert summary.greatest < 15
+    assert (int(summary.count), int(summary.abstained)) == (100, 7)
+    assert int(summary.rejected) >= 5
+    assert summary.low <= summary.value <= summary.high
 
 
 def test_predictive_intervals_stay_as_wide_however_many_patches():
     widths = []
     for count in (10, 1000):
         values = stream(0, "summary width").normal(5.0, 0.1, count)
-        found = summarise(values, values - 1.0, values + 1.0)
-        widths.append(float(found.high - found.low))
+        summary = summarise(values, values - 1.0, values + 1.0)
+        widths.append(float(summary.high - summary.low))
         bootstrap = summarise(values)
         assert bootstrap.high - bootstrap.low < 0.2
     assert widths == pytest.approx([2.0, 2.0], abs=0.1)
@@ -33,18 +33,18 @@ def test_each_frequency_is_summarised_on_its_own():
     values = np.tile(np.linspace(1, 0.1, 8), (20, 2, 1))
     values[:, 1] *= 0.5
     values[:3] = np.nan
-    found = summarise(values)
-    assert found.value.shape == (2, 8)
-    assert np.allclose(found.value, values[-1])
-    assert (found.abstained == 3).all()
+    summary = summarise(values)
+    assert summary.value.shape == (2, 8)
+    assert np.allclose(summary.value, values[-1])
+    assert (summary.abstained == 3).all()
 
 
 def test_nothing_known_is_nan_not_zero():
     for values in (np.empty((0, 2, 8)), np.full((4, 2, 8), np.nan)):
-        found = summarise(values)
-        assert np.isnan(found.value).all()
-        assert np.isnan(found.low).all()
-        assert (found.count == 0).all()
+        summary = summarise(values)
+        assert np.isnan(summary.value).all()
+        assert np.isnan(summary.low).all()
+        assert (summary.count == 0).all()
 
 
 @pytest.mark.parametrize("sigma_px", [0.8, 1.2, 2.0, 4.0])
@@ -55,7 +55,7 @@ def test_half_contrast_of_a_gaussian(sigma_px):
 
 def test_half_contrast_beyond_the_frequencies_and_where_nothing_is_known():
     curves = np.stack([np.full(8, 0.9), np.full(8, np.nan), np.full(8, 0.5)])
-    found = half_contrast(curves)
-    assert np.isinf(found[0])
-    assert np.isnan(found[1])
-    assert found[2] == pytest.approx(mtf.FREQUENCIES[0])
+    result = half_contrast(curves)
+    assert np.isinf(result[0])
+    assert np.isnan(result[1])
+    assert result[2] == pytest.approx(mtf.FREQUENCIES[0])

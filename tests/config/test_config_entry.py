@@ -70,8 +70,8 @@ def test_a_multirun_writes_below_its_own_folder_only(tmp_path):
         capture_output=True, text=True, cwd=ROOT,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    found = [(tmp_path / str(job) / "reports/metrics/sensor.json").read_bytes() for job in (0, 1)]
-    assert found[0] != found[1]
+    results = [(tmp_path / str(job) / "reports/metrics/sensor.json").read_bytes() for job in (0, 1)]
+    assert results[0] != results[1]
     assert before == (ROOT / "reports/metrics/sensor.json").read_bytes()
 
 

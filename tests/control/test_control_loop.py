@@ -106,8 +106,8 @@ def test_loop_oracle_and_summary(seen):
     records = {name: run(make_policy(name, {}, CAMERA, performance()), rig(), drive, seen) for name in names}
     criteria = EvaluationCriteria(bootstrap_draws=20)
     tables = {
-        name: evaluation.steps_table(drive, name, 0, found, criteria, performance().reference, 1)
-        for name, found in records.items()
+        name: evaluation.steps_table(drive, name, 0, item, criteria, performance().reference, 1)
+        for name, item in records.items()
     }
     summary, pairs = evaluation.summary(drive, tables, records, criteria, 1)
     rows = summary.set_index("policy")

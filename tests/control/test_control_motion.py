@@ -15,11 +15,11 @@ from pipeline.errors import InputError
 @pytest.mark.parametrize("length", [0.0, 3.0, 7.0, 12.25, 21.0, 31.0])
 @pytest.mark.parametrize("direction", [0.0, 90.0])
 def test_motion_length_is_recovered(length, direction):
-    found = motion_length(seen_mtf(length, direction), REFERENCE)
-    assert found.value_px == pytest.approx(length, abs=0.13)
-    assert found.low_px <= found.value_px <= found.high_px
+    result = motion_length(seen_mtf(length, direction), REFERENCE)
+    assert result.value_px == pytest.approx(length, abs=0.13)
+    assert result.low_px <= result.value_px <= result.high_px
     if length:
-        assert found.direction_deg == pytest.approx(direction, abs=5)
+        assert result.direction_deg == pytest.approx(direction, abs=5)
 
 
 @pytest.mark.parametrize("length", [7.0, 12.2, 21.0])

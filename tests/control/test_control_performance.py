@@ -13,9 +13,9 @@ from pipeline.errors import InputError
 def test_performance_equals_the_measured_points_and_is_refused_outside():
     known = performance()
     sigma = np.array([1.0, 6.0, 21.0, 41.0])
-    found = known.expected(sigma[:, None], SIZES[None])
-    np.testing.assert_allclose(found.ap_percent, formula_ap(sigma[:, None], SIZES[None]), atol=1.0)
-    assert (found.low <= found.ap_percent + 1e-9).all() and (found.high >= found.ap_percent - 1e-9).all()
+    result = known.expected(sigma[:, None], SIZES[None])
+    np.testing.assert_allclose(result.ap_percent, formula_ap(sigma[:, None], SIZES[None]), atol=1.0)
+    assert (result.low <= result.ap_percent + 1e-9).all() and (result.high >= result.ap_percent - 1e-9).all()
     assert np.isnan(known.expected([42.0, 5.0], [3.0, 32.0]).ap_percent).all()
     assert known.expected(0.0, 3.0).ap_percent == known.expected(1.0, 3.0).ap_percent  # less noise than was measured
     assert known.excess(20.0, 10.0) == 0 and known.excess(82.0, 10.0) == pytest.approx(1.0)

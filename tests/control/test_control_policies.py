@@ -117,11 +117,11 @@ def test_policies_find_the_best_split_of_the_surface(name, light, speed):
     scene = Scene(light, speed)
     states, _ = drive(make(name), scene, CameraState.of(8, 100), frames=30)
     here = scene.truth(states[-1])
-    found = float(SURFACE.expected(here.sigma_dn, here.motion_px).ap_percent)
+    result = float(SURFACE.expected(here.sigma_dn, here.motion_px).ap_percent)
     total, limits = states[-1].total_exposure_s, CAMERA.limits
     others = [scene.truth(limits.at_time(total, time)) for time in np.geomspace(50e-6, 33e-3, 60)]
     best = np.nanmax([float(SURFACE.expected(one.sigma_dn, one.motion_px).ap_percent) for one in others])
-    assert found > best - 3.2
+    assert result > best - 3.2
 
 
 def test_policies_after_a_step_of_light_the_continuous_one_settles_within_five_frames():

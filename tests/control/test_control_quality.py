@@ -29,8 +29,8 @@ def test_quality_noise_at_five_dn_is_five():
 
 @pytest.mark.parametrize("level", [0.0, 1.0])
 def test_quality_of_black_and_white_frames_is_defined(level):
-    found = quality(np.full((123, 207), level, np.float32))  # sides that ten does not divide
-    assert np.isfinite(found).all() and found.gradient == 0.0 and found.noise_dn == pytest.approx(0.0, abs=4)
+    result = quality(np.full((123, 207), level, np.float32))  # sides that ten does not divide
+    assert np.isfinite(result).all() and result.gradient == 0.0 and result.noise_dn == pytest.approx(0.0, abs=4)
 
 
 def test_quality_prefers_a_well_exposed_scene():

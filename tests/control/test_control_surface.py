@@ -50,14 +50,14 @@ def measured(score_falls=True):
 
 
 def test_surface_through_measured_knots():
-    found, table = surface.performance(measured(), DESIGN, EvaluationCriteria(bootstrap_draws=10), 0, 1)
+    result, table = surface.performance(measured(), DESIGN, EvaluationCriteria(bootstrap_draws=10), 0, 1)
     assert len(table) == 9 and table["estimates_abstained"].sum() == 1
     for row in table.itertuples():
-        answer = float(found.expected(row.true_sigma_dn, row.motion_px).ap_percent)
+        answer = float(result.expected(row.true_sigma_dn, row.motion_px).ap_percent)
         assert answer == pytest.approx(row.ap_percent, abs=4)
     # the monitor's estimates, one of which is far off, calibrate its answers
-    np.testing.assert_allclose(found.true_sigma_dn([1.0, 10.0, 20.0]), [1.0, 10.0, 20.0], atol=0.3)
-    assert float(found.expected(1.0, 0.0).ap_percent) > float(found.expected(15.0, 14.0).ap_percent)
+    np.testing.assert_allclose(result.true_sigma_dn([1.0, 10.0, 20.0]), [1.0, 10.0, 20.0], atol=0.3)
+    assert float(result.expected(1.0, 0.0).ap_percent) > float(result.expected(15.0, 14.0).ap_percent)
 
 
 def test_surface_refuses_impossible_designs():

@@ -46,16 +46,16 @@ def test_constants_are_recovered_with_their_deviation() -> None:
     """400 calibrations of six noisy measurements each: centred, and as scattered as they say."""
     generator = stream(1, "calibration")
     iso, exposure = np.array([100.0, 200, 400, 800, 1600, 3200]), np.array([1.0, 2, 4, 8, 16])
-    found = [
+    results = [
         calibrate(
             iso, 0.012 * iso + generator.normal(0, 0.5, 6), exposure, 0.76 * exposure + generator.normal(0, 0.3, 5)
         )
         for _ in range(400)
     ]
-    first, second = np.array([one.lambda1 for one in found]), np.array([one.lambda2 for one in found])
+    first, second = np.array([one.lambda1 for one in results]), np.array([one.lambda2 for one in results])
     assert first.mean() == pytest.approx(0.012, rel=0.005) and second.mean() == pytest.approx(0.76, rel=0.005)
-    assert np.sqrt(np.mean([one.std_dev1**2 for one in found])) == pytest.approx(first.std(), rel=0.12)
-    assert np.sqrt(np.mean([one.std_dev2**2 for one in found])) == pytest.approx(second.std(), rel=0.12)
+    assert np.sqrt(np.mean([one.std_dev1**2 for one in results])) == pytest.approx(first.std(), rel=0.12)
+    assert np.sqrt(np.mean([one.std_dev2**2 for one in results])) == pytest.approx(second.std(), rel=0.12)
     assert math.isnan(PAPER.std_dev1)
 
 

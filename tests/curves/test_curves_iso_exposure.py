@@ -105,9 +105,9 @@ def conditions(gain: float, stretch: float, angles: tuple[float, ...] = (0.0, 45
 
 
 def test_calibration_finds_the_gain_and_the_speed() -> None:
-    found = iso_exposure.calibration(conditions(1.1, 1.2), SECTION)
-    assert found["lambda1"] == pytest.approx(0.011) and found["lambda2"] == pytest.approx(1.2, rel=1e-3)
-    assert found["lambda1_nominal"] == 0.01
+    result = iso_exposure.calibration(conditions(1.1, 1.2), SECTION)
+    assert result["lambda1"] == pytest.approx(0.011) and result["lambda2"] == pytest.approx(1.2, rel=1e-3)
+    assert result["lambda1_nominal"] == 0.01
 
 
 def test_calibration_says_why_it_has_none() -> None:
@@ -122,9 +122,9 @@ def test_the_stage_gives_the_papers_grids_and_coefficients_back(tmp_path: Path) 
     refit.run.run(config, {}, ROOT, tmp_path)
     numbers = yaml.safe_load((tmp_path / "reports/metrics/refit.json").read_text())
     assert set(numbers) == {"yolov4 car", "faster_rcnn pedestrian"}
-    for found in numbers.values():
-        assert found["cells"] == 42 and found["largest_miss_of_grid"] < 0.07
-        assert found["r2"] > 0.9999 and found["largest_miss_in_std_devs"] < 1
+    for item in numbers.values():
+        assert item["cells"] == 42 and item["largest_miss_of_grid"] < 0.07
+        assert item["r2"] > 0.9999 and item["largest_miss_in_std_devs"] < 1
     ours = pd.read_csv(tmp_path / "data/refit/regression_coefficients.csv").set_index(["detector", "parameter"])
     printed = pd.read_csv(ROOT / "data/paper/regression_coefficients.csv").set_index(["detector", "parameter"])
     terms = [(detector, term) for detector in ("yolov4", "faster_rcnn") for term in TERMS]

@@ -40,8 +40,8 @@ def test_curves_follow_one_axis() -> None:
 def test_answers_lie_between_neighbours(value: float, seed: int) -> None:
     precision = stream(seed, "isolated").uniform(0, 100, 6)
     curve = isolated(gather(NOISE, np.ones(6), precision, stream(seed, "boot")), "sigma_dn")
-    found = curve.query(value)[0]  # the outermost bins reach from -2.5 to 27.5
-    assert found == pytest.approx(np.interp(value, NOISE, precision), abs=1e-9)
+    selected = curve.query(value)[0]  # the outermost bins reach from -2.5 to 27.5
+    assert selected == pytest.approx(np.interp(value, NOISE, precision), abs=1e-9)
 
 
 def test_gaps_and_outsides_are_refused() -> None:

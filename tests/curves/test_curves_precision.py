@@ -135,7 +135,7 @@ def test_direction_is_told_apart_and_rises_are_marked(judged: tuple[pd.DataFrame
 def test_metrics_name_the_clean_value_and_the_surface(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:
     table, draws = judged
     cars = table[table["label"] == "car"]
-    found = precision.metrics(table, {"car": precision.surface(cars, draws["car"], SECTION, 1)})
-    assert found["car"]["clean_ap_percent"] == 100.0 and found["car"]["bins"] == 15
-    assert "person" not in found  # a class without an object has nothing to watch
+    result = precision.metrics(table, {"car": precision.surface(cars, draws["car"], SECTION, 1)})
+    assert result["car"]["clean_ap_percent"] == 100.0 and result["car"]["bins"] == 15
+    assert "person" not in result  # a class without an object has nothing to watch
     assert precision.metrics(table, {})["car"]["bins"] == 0

@@ -19,11 +19,11 @@ def test_a_missing_parameter_is_named(parameter: str) -> None:
     grid = read_published(PAPER / "fitted_ap_grid.csv", published.GRID_COLUMNS)
     printed = read_published(PAPER / "regression_coefficients.csv", published.COEFFICIENT_COLUMNS)
     rows = grid[(grid["detector"] == "yolov4") & (grid["object"] == "car")]
-    own = printed[(printed["detector"] == "yolov4") & (printed["object"] == "car")]
+    selected = printed[(printed["detector"] == "yolov4") & (printed["object"] == "car")]
     terms = ["c1", "c2", "c3", "c4", "c5", "c6", "c7", "c8"]
     coefficients, *_ = iso_exposure.tables("yolov4 car", rows, terms)
-    assert published.beside(coefficients, own, rows)["printed_r2"] > 0.9
+    assert published.beside(coefficients, selected, rows)["printed_r2"] > 0.9
     with pytest.raises(InputError, match=f"0 rows for {parameter}"):
-        published.beside(coefficients, own[own["parameter"] != parameter], rows)
+        published.beside(coefficients, selected[selected["parameter"] != parameter], rows)
     with pytest.raises(InputError, match=f"2 rows for {parameter}"):
-        published.beside(coefficients, pd.concat([own, own[own["parameter"] == parameter]]), rows)
+        published.beside(coefficients, pd.concat([selected, selected[selected["parameter"] == parameter]]), rows)

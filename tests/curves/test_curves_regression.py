@@ -44,10 +44,10 @@ def test_published_coefficients_give_the_published_grid(detector: str) -> None:
 def test_the_published_grid_gives_the_published_coefficients(detector: str) -> None:
     """The grid is printed to 0.1 points, so its fit is not exact: measured, at most 0.12 published deviations off."""
     numbers, grid = published(detector)
-    found = fit(grid.iso, grid.exposure_ms, grid.ap_percent)
-    assert found.r2 > 0.9999
-    assert (np.abs(found.value - numbers.value) / numbers.std_dev).max() < 0.2
-    assert np.abs(found.residual).max() < 0.06
+    estimate = fit(grid.iso, grid.exposure_ms, grid.ap_percent)
+    assert estimate.r2 > 0.9999
+    assert (np.abs(estimate.value - numbers.value) / numbers.std_dev).max() < 0.2
+    assert np.abs(estimate.residual).max() < 0.06
 
 
 @pytest.mark.parametrize(("detector", "chi2", "r2"), PUBLISHED)
@@ -59,12 +59,12 @@ def test_the_published_deviations_follow_from_the_published_chi2(detector: str, 
     scale = np.linalg.norm(rows, axis=0)
     noise -= rows / scale @ np.linalg.lstsq(rows / scale, noise, rcond=None)[0]  # leaves the coefficients as they are
     data = evaluate(numbers.value, grid.iso, grid.exposure_ms) + noise * np.sqrt(chi2 / (noise @ noise))
-    found = fit(grid.iso, grid.exposure_ms, data)
-    assert found.degrees == 34
-    assert found.chi2 == pytest.approx(chi2, rel=1e-9)
-    np.testing.assert_allclose(found.value, numbers.value, rtol=1e-6)
-    np.testing.assert_allclose(found.std_dev, numbers.std_dev, rtol=2e-4)
-    assert found.r2 == pytest.approx(r2, abs=3e-4)
+    estimate = fit(grid.iso, grid.exposure_ms, data)
+    assert estimate.degrees == 34
+    assert estimate.chi2 == pytest.approx(chi2, rel=1e-9)
+    np.testing.assert_allclose(estimate.value, numbers.value, rtol=1e-6)
+    np.testing.assert_allclose(estimate.std_dev, numbers.std_dev, rtol=2e-4)
+    assert estimate.r2 == pytest.approx(r2, abs=3e-4)
 
 
 def test_equals_another_solver_with_and_without_errors() -> None:
@@ -82,9 +82,9 @@ def test_equals_another_solver_with_and_without_errors() -> None:
         value, covariance = curve_fit(
             model, None, data, np.ones(8), sigma=given_errors, absolute_sigma=given_errors is not None, xtol=1e-14
         )
-        found = fit(iso, exposure, data, given_errors)
-        np.testing.assert_allclose(found.value, value, rtol=1e-4)
-        np.testing.assert_allclose(found.std_dev, np.sqrt(np.diag(covariance)), rtol=1e-4)
+        estimate = fit(iso, exposure, data, given_errors)
+        np.testing.assert_allclose(estimate.value, value, rtol=1e-4)
+        np.testing.assert_allclose(estimate.std_dev, np.sqrt(np.diag(covariance)), rtol=1e-4)
 
 
 @given(st.lists(st.floats(-1, 1), min_size=8, max_size=8))
@@ -93,9 +93,9 @@ def test_recovers_any_surface_of_its_kind(shares: list[float]) -> None:
     iso, exposure = settings()
     largest = np.abs(design(iso, exposure)).max(axis=0)
     truth = 30 * np.array(shares) / largest
-    found = fit(iso, exposure, evaluate(truth, iso, exposure))
-    np.testing.assert_allclose(found.value * largest, truth * largest, atol=1e-8)
-    precision, deviation = found.predict(iso, exposure)
+    estimate = fit(iso, exposure, evaluate(truth, iso, exposure))
+    np.testing.assert_allclose(estimate.value * largest, truth * largest, atol=1e-8)
+    precision, deviation = estimate.predict(iso, exposure)
     np.testing.assert_allclose(precision, evaluate(truth, iso, exposure), atol=1e-8)
     assert np.isfinite(deviation).all()
 
@@ -106,11 +106,11 @@ def test_deviations_are_those_of_repeated_measurements() -> None:
     generator = stream(3, "regression")
     clean, errors = evaluate(truth, iso, exposure), np.full(len(iso), 0.7)
     fits = [fit(iso, exposure, clean + generator.normal(0, 0.7, len(iso)), errors) for _ in range(400)]
-    pulls = np.array([(found.value - truth) / found.std_dev for found in fits])
+    pulls = np.array([(item.value - truth) / item.std_dev for item in fits])
     assert np.abs(pulls.mean(axis=0)).max() < 0.2
     assert np.abs(pulls.std(axis=0) - 1).max() < 0.12
-    assert np.mean([found.chi2 for found in fits]) == pytest.approx(34, rel=0.05)
-    predictions = np.array([found.predict(300.0, 5.0)[0] for found in fits])
+    assert np.mean([item.chi2 for item in fits]) == pytest.approx(34, rel=0.05)
+    predictions = np.array([item.predict(300.0, 5.0)[0] for item in fits])
     assert predictions.std() == pytest.approx(float(fits[0].predict(300.0, 5.0)[1]), rel=0.15)
 
 
@@ -134,20 +134,20 @@ def test_a_term_that_matters_is_missed_most() -> None:
 
 def test_prediction_does_not_extrapolate() -> None:
     iso, exposure = settings()
-    found = fit(iso, exposure, evaluate([0, 0, -1, 0, 30, 0, 0, 0], iso, exposure))
-    assert found.predict([[100.0], [2500.0]], [1.0, 21.0])[0].shape == (2, 2)
+    estimate = fit(iso, exposure, evaluate([0, 0, -1, 0, 30, 0, 0, 0], iso, exposure))
+    assert estimate.predict([[100.0], [2500.0]], [1.0, 21.0])[0].shape == (2, 2)
     with pytest.raises(InputError, match="iso: 3000 is outside of 100 .. 2500"):
-        found.predict(3000.0, 5.0)
+        estimate.predict(3000.0, 5.0)
     with pytest.raises(InputError, match="exposure_ms: 0.5 is outside of 1 .. 21"):
-        found.predict(100.0, 0.5)
+        estimate.predict(100.0, 0.5)
     with pytest.raises(InputError, match="exposure_ms: nan"):
-        found.predict(100.0, float("nan"))
+        estimate.predict(100.0, float("nan"))
 
 
 def test_as_many_values_as_terms_leave_no_deviation() -> None:
     iso, exposure = (values[[0, 8, 15, 20, 26, 33, 40, 37]] for values in settings())
-    found = fit(iso, exposure, np.arange(8.0))
-    assert found.degrees == 0 and np.isnan(found.std_dev).all() and np.isnan(found.adjusted_r2)
+    estimate = fit(iso, exposure, np.arange(8.0))
+    assert estimate.degrees == 0 and np.isnan(estimate.std_dev).all() and np.isnan(estimate.adjusted_r2)
 
 
 def test_bad_input_is_named() -> None:

@@ -157,9 +157,9 @@ def test_the_interval_covers_the_truth() -> None:
         precision = plane(SIGMA, MTF) + generator.normal(0, 2.0, len(SIGMA))
         draws = precision[:, None] + generator.normal(0, 2.0, (len(SIGMA), 300))
         surface = build(SIGMA, MTF, precision, generator, ap_draws=draws)
-        for place in ((5.0, 0.6), (12.0, 0.75), (21.0, 0.93)):
-            _, low, high = surface.at(*place)
-            covered.append(low <= plane(*place) <= high)
+        for index in ((5.0, 0.6), (12.0, 0.75), (21.0, 0.93)):
+            _, low, high = surface.at(*index)
+            covered.append(low <= plane(*index) <= high)
     assert 0.89 < np.mean(covered) <= 0.99
 
 
@@ -246,8 +246,8 @@ def test_a_damaged_archive_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "surface.npz"
     build(sigma, mtf, plane(sigma, mtf), stream(4, "boot"), draws=50).save(path)
     whole = path.read_bytes()
-    for place in range(0, len(whole), max(1, len(whole) // 60)):
-        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
+    for index in range(0, len(whole), max(1, len(whole) // 60)):
+        path.write_bytes(whole[:index] + bytes([whole[index] ^ 0xFF]) + whole[index + 1 :])
         try:
             Surface.load(path)  # a bit that nothing reads may be spoilt
         except InputError as error:

@@ -40,23 +40,23 @@ def test_power_of_a_wave_lies_in_its_ring():
 
 def test_ramp_and_steps():
     ramp = np.tile(np.arange(100) * 2.0, (60, 1)) / 255  # 2 DN a pixel to the right, none downwards
-    found = measure(ramp)
-    assert found.gradient_mean_dn == pytest.approx(2, rel=1e-4)
-    assert found.gradient_median_dn == found.gradient_p99_dn == pytest.approx(2, rel=1e-4)
-    assert (found.flat_fraction, found.strong_fraction) == (0, 0)
-    assert found.mean_dn == pytest.approx(99, rel=1e-5)
-    assert found.std_dn == pytest.approx(2 * math.sqrt((100**2 - 1) / 12), rel=1e-5)
-    assert found.dark_fraction == pytest.approx(0.02)
+    result = measure(ramp)
+    assert result.gradient_mean_dn == pytest.approx(2, rel=1e-4)
+    assert result.gradient_median_dn == result.gradient_p99_dn == pytest.approx(2, rel=1e-4)
+    assert (result.flat_fraction, result.strong_fraction) == (0, 0)
+    assert result.mean_dn == pytest.approx(99, rel=1e-5)
+    assert result.std_dn == pytest.approx(2 * math.sqrt((100**2 - 1) / 12), rel=1e-5)
+    assert result.dark_fraction == pytest.approx(0.02)
     checks = np.indices((50, 50)).sum(0) % 2 * 1.0  # both differences are 255 DN everywhere
-    found = measure(checks)
-    assert found.gradient_mean_dn == pytest.approx(255 * math.sqrt(2), rel=1e-5)
-    assert (found.strong_fraction, found.dark_fraction, found.saturated_fraction) == (1, 0.5, 0.5)
+    result = measure(checks)
+    assert result.gradient_mean_dn == pytest.approx(255 * math.sqrt(2), rel=1e-5)
+    assert (result.strong_fraction, result.dark_fraction, result.saturated_fraction) == (1, 0.5, 0.5)
 
 
 def test_flat_frame_has_no_slope():
-    found = measure(np.full((64, 64), 0.5, np.float32))
-    assert math.isnan(found.spectrum_slope)
-    assert (found.flat_fraction, found.std_dn, found.gradient_p99_dn) == (1, 0, 0)
+    result = measure(np.full((64, 64), 0.5, np.float32))
+    assert math.isnan(result.spectrum_slope)
+    assert (result.flat_fraction, result.std_dn, result.gradient_p99_dn) == (1, 0, 0)
 
 
 # mean over ten frames of each set as measured when the renderer was calibrated; other frames of the same sets here

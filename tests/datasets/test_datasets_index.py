@@ -21,9 +21,9 @@ from pipeline.tables import FRAMES, PATCHES, QUARANTINE
 
 
 def test_clean_dataset(tmp_path):
-    found = scan(datasets.open_dataset("sim", "sim", make_sim(tmp_path)))
-    assert [f.name for f in found.usable] == ["evaluation-0000-3", "evaluation-0001-3"]
-    assert (found.quarantined, found.notes) == ([], {})
+    scanned = scan(datasets.open_dataset("sim", "sim", make_sim(tmp_path)))
+    assert [f.name for f in scanned.usable] == ["evaluation-0000-3", "evaluation-0001-3"]
+    assert (scanned.quarantined, scanned.notes) == ([], {})
 
 
 def broken_kitti(tmp_path):
@@ -52,8 +52,8 @@ def broken_kitti(tmp_path):
 def test_every_case_is_handled_and_counted(tmp_path):
     root = broken_kitti(tmp_path)
     dataset = datasets.open_dataset("kitti", "kitti", root)
-    found = scan(dataset, max_rejected_fraction=0.35)
-    reasons = {row.file: row.reason for row in found.quarantined}
+    scanned = scan(dataset, max_rejected_fraction=0.35)
+    reasons = {row.file: row.reason for row in scanned.quarantined}
     expected = {
         "training/image_2/000000.png": "truncated",
         "training/image_2/000001.png": "empty file",
@@ -67,9 +67,9 @@ def test_every_case_is_handled_and_counted(tmp_path):
     for file, reason in expected.items():
         assert reasons[file].startswith(reason), (file, reasons[file])
     assert str(root) not in " ".join(reasons.values())
-    assert len(found.usable) == 13
+    assert len(scanned.usable) == 13
     grey = {"000007", "000008"}  # written in one channel
-    assert found.notes == {
+    assert scanned.notes == {
         COLOUR: 13 - len(grey),
         DEEP: 1,
         ODD_SIZE: 1,
@@ -78,7 +78,7 @@ def test_every_case_is_handled_and_counted(tmp_path):
         UNKNOWN: 1,
         PREVIOUS: 3,  # two that were broken, and one that is smaller than the odd-sized frame
     }
-    without = {f.name for f in found.usable if not f.previous}
+    without = {f.name for f in scanned.usable if not f.previous}
     assert without == {"000008", "000011", "000012"}
 
 
@@ -96,19 +96,19 @@ def test_too_many_bad_frames_stop_the_run(tmp_path):
 
 def test_index_tables(tmp_path):
     dataset = datasets.open_dataset("kitti", "kitti", make_kitti(tmp_path))
-    found = index(dataset)
-    assert found.frames.equals(FRAMES.conform(found.frames))
-    assert found.patches.equals(PATCHES.conform(found.patches))
-    assert found.quarantine.equals(QUARANTINE.conform(found.quarantine))
-    assert list(found.frames["frame"]) == ["000000", "000001", "000002"]
-    row = found.frames.iloc[0]
+    indexed = index(dataset)
+    assert indexed.frames.equals(FRAMES.conform(indexed.frames))
+    assert indexed.patches.equals(PATCHES.conform(indexed.patches))
+    assert indexed.quarantine.equals(QUARANTINE.conform(indexed.quarantine))
+    assert list(indexed.frames["frame"]) == ["000000", "000001", "000002"]
+    row = indexed.frames.iloc[0]
     assert (row["objects"], row["objects_ignored"], row["previous_frames"], row["split"]) == (2, 2, 3, "training")
-    assert row["mean_dn"] == pytest.approx(found.usable[0].image().mean() * 255, rel=1e-6)
-    counts = found.patches.groupby("purpose").size()
+    assert row["mean_dn"] == pytest.approx(indexed.usable[0].image().mean() * 255, rel=1e-6)
+    counts = indexed.patches.groupby("purpose").size()
     assert counts["noise"] == 3 * len(tiles((320, 448)))
     assert counts["blur"] == sum(len(object_patches((320, 448), f.boxes)) for f in dataset.frames())
-    assert set(found.patches.loc[found.patches["purpose"] == "blur", "label"]) == {"Car", "Pedestrian"}
-    for (_, _), group in found.patches.groupby(["frame", "purpose"]):
+    assert set(indexed.patches.loc[indexed.patches["purpose"] == "blur", "label"]) == {"Car", "Pedestrian"}
+    for (_, _), group in indexed.patches.groupby(["frame", "purpose"]):
         assert list(group["patch"]) == list(range(len(group)))
 
 
@@ -124,16 +124,16 @@ def test_index_of_unlabelled_frames_takes_the_whole_frame(tmp_path):
 
 def test_index_options(tmp_path):
     dataset = datasets.open_dataset("sim", "sim", make_sim(tmp_path, viewpoints=1))
-    found = index(dataset, patch_px=96, tile_px=64, tile_policy="cover", patches_from="frame")
-    assert set(found.patches["size_px"]) == {96, 64}
-    counts = found.patches.groupby("purpose").size()
+    indexed = index(dataset, patch_px=96, tile_px=64, tile_policy="cover", patches_from="frame")
+    assert set(indexed.patches["size_px"]) == {96, 64}
+    counts = indexed.patches.groupby("purpose").size()
     assert (counts["noise"], counts["blur"]) == (7 * 5, 4 * 3)
 
 
 def test_index_without_bad_frames_has_an_empty_quarantine_of_the_right_shape(tmp_path):
-    found = index(datasets.open_dataset("udacity", "u", make_udacity(tmp_path)))
-    assert list(found.quarantine.columns) == list(QUARANTINE.columns)
-    assert found.quarantine.empty
+    indexed = index(datasets.open_dataset("udacity", "u", make_udacity(tmp_path)))
+    assert list(indexed.quarantine.columns) == list(QUARANTINE.columns)
+    assert indexed.quarantine.empty
 
 
 @pytest.mark.slow
@@ -159,16 +159,16 @@ def test_index_of_a_subset_has_the_same_rows(tmp_path):
 
 def test_usable_frames_come_back_from_the_table(tmp_path):
     dataset = datasets.open_dataset("kitti", "kitti", broken_kitti(tmp_path))
-    found = index(dataset, max_rejected_fraction=0.4)
-    assert usable_frames(dataset, found.frames) == found.usable
+    indexed = index(dataset, max_rejected_fraction=0.4)
+    assert usable_frames(dataset, indexed.frames) == indexed.usable
     with pytest.raises(InputError, match="no frame '000019' any more"):
         (dataset.root / "training" / "image_2" / "000019.png").unlink()
-        usable_frames(dataset, found.frames)
+        usable_frames(dataset, indexed.frames)
 
 
 def test_indexed_patches(tmp_path):
-    found = index(datasets.open_dataset("sim", "sim", make_sim(tmp_path / "sim")))
-    write_table(tmp_path / "patches.parquet", found.patches, PATCHES)
+    indexed = index(datasets.open_dataset("sim", "sim", make_sim(tmp_path / "sim")))
+    write_table(tmp_path / "patches.parquet", indexed.patches, PATCHES)
     noise = indexed_patches(tmp_path, "noise")
     assert list(noise) == ["evaluation-0000-3", "evaluation-0001-3"]
     assert noise["evaluation-0000-3"] == tiles((320, 448))

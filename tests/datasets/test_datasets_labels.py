@@ -44,8 +44,8 @@ def test_labels_round_trip(tmp_path_factory, found):
 )
 def test_rows_of_plain_labels(tmp_path, line, expected):
     (tmp_path / "a.txt").write_text(line)
-    (found,) = read_box_labels(tmp_path / "a.txt")
-    assert found == expected
+    (result,) = read_box_labels(tmp_path / "a.txt")
+    assert result == expected
 
 
 @pytest.mark.parametrize(
@@ -142,25 +142,25 @@ def summary(found):
 
 def test_kitti_classes():
     kitti = ["Car", "Van", "Truck", "Tram", "Pedestrian", "Person_sitting", "Cyclist", "Misc", "DontCare", "Spaceship"]
-    found = [Box(label, x, 0, x + 1, 1) for x, label in enumerate(kitti)]
-    found.append(Box("Car", 20, 0, 21, 1, ignore=True))
-    assert summary(KITTI.truth(found, "car")) == [
+    results = [Box(label, x, 0, x + 1, 1) for x, label in enumerate(kitti)]
+    results.append(Box("Car", 20, 0, 21, 1, ignore=True))
+    assert summary(KITTI.truth(results, "car")) == [
         ("car", 0, False),
         *[("car", x, True) for x in (1, 2, 3, 7, 8, 9)],
         ("car", 20, True),
     ]
-    assert summary(KITTI.truth(found, "person")) == [
+    assert summary(KITTI.truth(results, "person")) == [
         ("person", 4, False),
         *[("person", x, True) for x in (5, 6, 7, 8, 9)],
     ]
-    assert KITTI.coco_words(found) == ("car", "person")
+    assert KITTI.coco_words(results) == ("car", "person")
 
 
 def test_udacity_and_plain_classes():
-    found = [Box(label, x, 0, x + 1, 1) for x, label in enumerate(["car", "pedestrian", "biker", "trafficlight"])]
-    assert summary(UDACITY.truth(found, "person")) == [("person", 1, False), ("person", 2, True)]
-    assert summary(UDACITY.truth(found, "car")) == [("car", 0, False)]
-    assert UDACITY.coco_words(found) == ("car", "person", "traffic light")
+    results = [Box(label, x, 0, x + 1, 1) for x, label in enumerate(["car", "pedestrian", "biker", "trafficlight"])]
+    assert summary(UDACITY.truth(results, "person")) == [("person", 1, False), ("person", 2, True)]
+    assert summary(UDACITY.truth(results, "car")) == [("car", 0, False)]
+    assert UDACITY.coco_words(results) == ("car", "person", "traffic light")
     plain = [Box(label, x, 0, x + 1, 1) for x, label in enumerate(["car", "person", "pedestrian", "DontCare"])]
     assert summary(PLAIN.truth(plain, "person")) == [("person", 1, False), ("person", 2, False), ("person", 3, True)]
     assert class_map("sim") is PLAIN

@@ -44,10 +44,10 @@ def inside(shape, patches):
     ],
 )
 def test_tile_counts_of_the_paper(shape, policy, columns, rows):
-    found = tiles(shape, 128, policy)
-    assert len(found) == columns * rows
-    assert len({p.x_px for p in found}) == columns
-    assert len({p.y_px for p in found}) == rows
+    result = tiles(shape, 128, policy)
+    assert len(result) == columns * rows
+    assert len({p.x_px for p in result}) == columns
+    assert len({p.y_px for p in result}) == rows
 
 
 def test_last_row_of_udacity_overlaps():
@@ -65,9 +65,9 @@ def test_orders():
 def test_tiles_of_any_frame(height, width, size_px):
     shape = (height, width)
     complete, cover, authors = (tiles(shape, size_px, policy) for policy in ("complete", "cover", "authors"))
-    for found in (complete, cover, authors):
-        assert inside(shape, found)
-        assert len(set(found)) == len(found)
+    for item in (complete, cover, authors):
+        assert inside(shape, item)
+        assert len(set(item)) == len(item)
     assert len(complete) == (height // size_px) * (width // size_px)
     assert set(complete) <= set(cover)
     assert covered(shape, complete).sum() == len(complete) * size_px**2  # they do not overlap
@@ -95,17 +95,17 @@ def framed_boxes(draw):
 @given(framed_boxes())
 def test_object_patches_stay_inside_and_meet_their_objects(case):
     shape, boxes = case
-    found = object_patches(shape, boxes)
-    assert inside(shape, found)
-    assert {p.label for p in found} <= {"car"}
+    result = object_patches(shape, boxes)
+    assert inside(shape, result)
+    assert {p.label for p in result} <= {"car"}
     wanted = [b.clipped(shape[1], shape[0]) for b in boxes if not b.ignore]
     every = object_patches(shape, boxes, same_iou=1.01)  # nothing is taken for the same patch
     mask = covered(shape, every)
     for box in filter(None, wanted):
         assert mask[int(box.y1) : int(np.ceil(box.y2)), int(box.x1) : int(np.ceil(box.x2))].all()
-    assert bool(found) == any(box is not None for box in wanted)
-    for number, one in enumerate(found):  # no two are the same by the rule
-        for other in found[:number]:
+    assert bool(result) == any(box is not None for box in wanted)
+    for number, one in enumerate(result):  # no two are the same by the rule
+        for other in result[:number]:
             dx, dy = abs(one.x_px - other.x_px), abs(one.y_px - other.y_px)
             overlap = max(0, 192 - dx) * max(0, 192 - dy)
             assert overlap / (2 * 192**2 - overlap) < 0.7

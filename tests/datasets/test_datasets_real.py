@@ -68,12 +68,12 @@ def test_kitti_last_previous_frame_is_the_nearest(kitti):
 
 
 def test_kitti_index(kitti):
-    found = index(kitti)
-    assert len(found.frames) == 16
-    assert found.quarantine.empty
-    assert found.notes == {CLIPPED: 9, COLOUR: 16}
-    assert (found.patches["purpose"] == "noise").sum() == 16 * 9 * 2
-    assert set(found.patches.query("purpose == 'blur'")["label"]) <= kitti.classes - {"DontCare", "Misc"}
+    indexed = index(kitti)
+    assert len(indexed.frames) == 16
+    assert indexed.quarantine.empty
+    assert indexed.notes == {CLIPPED: 9, COLOUR: 16}
+    assert (indexed.patches["purpose"] == "noise").sum() == 16 * 9 * 2
+    assert set(indexed.patches.query("purpose == 'blur'")["label"]) <= kitti.classes - {"DontCare", "Misc"}
 
 
 def test_udacity_label_formats_agree(shared):
@@ -92,17 +92,17 @@ def test_udacity_boxes_equal_the_simplified_labels(shared):
 
 
 def test_udacity_index_has_the_papers_tiles(shared):
-    found = index(udacity(shared, "autti"))
-    assert (found.patches["purpose"] == "noise").sum() == 5 * 135
+    indexed = index(udacity(shared, "autti"))
+    assert (indexed.patches["purpose"] == "noise").sum() == 5 * 135
     assert len(tiles((1200, 1920), policy="authors")) == 150
 
 
 def test_authors_sim_is_a_folder(shared):
     dataset = datasets.open_dataset("folder", "sim_authors", shared / "realdata" / "sim_authors")
-    found = scan(dataset)
-    assert [len(f.boxes) for f in found.usable] == [1, 2, 2, 2, 2]
-    assert (found.quarantined, found.notes) == ([], {})
-    assert {box.label for f in found.usable for box in f.boxes} == {"car"}
+    scanned = scan(dataset)
+    assert [len(f.boxes) for f in scanned.usable] == [1, 2, 2, 2, 2]
+    assert (scanned.quarantined, scanned.notes) == ([], {})
+    assert {box.label for f in scanned.usable for box in f.boxes} == {"car"}
 
 
 def test_authors_grey_conversion_on_real_frames(shared):

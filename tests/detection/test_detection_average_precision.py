@@ -53,8 +53,8 @@ def scenes(draw: st.DrawFn, ignored: bool = True) -> Case:
             for _ in range(numbers.integers(0, 4)):
                 dx, dy, dw, dh = numbers.integers(-8, 9, 4)
                 score = round(float(numbers.random()), 2)
-                said = label if numbers.random() < 0.9 else "car"
-                claims.append((said, score, x + dx, y + dy, x + dx + max(3, w + dw), y + dy + max(3, h + dh)))
+                metadata = label if numbers.random() < 0.9 else "car"
+                claims.append((metadata, score, x + dx, y + dy, x + dx + max(3, w + dw), y + dy + max(3, h + dh)))
         for _ in range(draw(st.integers(0, 3))):
             x, y = numbers.integers(0, 90, 2)
             claims.append(("car", round(float(numbers.random()), 2), x, y, x + 12, y + 9))

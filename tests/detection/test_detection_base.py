@@ -40,9 +40,9 @@ def test_detections_check_their_parts() -> None:
 
 
 def test_detections_are_chosen_by_score_and_label() -> None:
-    found = Detections.of([[0, 0, 1, 1], [2, 2, 3, 3], [4, 4, 5, 5]], [0.9, 0.5, 0.2], ["car", "person", "car"])
-    assert list(found.above(0.5).score) == [0.9, 0.5]
-    assert list(found.called("car").score) == [0.9, 0.2]
+    result = Detections.of([[0, 0, 1, 1], [2, 2, 3, 3], [4, 4, 5, 5]], [0.9, 0.5, 0.2], ["car", "person", "car"])
+    assert list(result.above(0.5).score) == [0.9, 0.5]
+    assert list(result.called("car").score) == [0.9, 0.2]
 
 
 @pytest.mark.parametrize(
@@ -89,11 +89,11 @@ def greedy(boxes: np.ndarray, score: np.ndarray, kind: np.ndarray, iou_threshold
 
 @given(count=st.integers(0, 60), key=st.integers(0, 10_000), iou_threshold=st.floats(0.05, 0.95))
 def test_suppression_is_greedy_within_classes(count: int, key: int, iou_threshold: float) -> None:
-    found = random_detections(count, key)
+    result = random_detections(count, key)
     kind = stream(6, "kind", key).integers(0, 3, count)
-    expected = greedy(found.boxes, found.score, kind, iou_threshold)
-    assert suppress(found.boxes, found.score, kind, iou_threshold).tolist() == expected
-    assert suppress(found.boxes, found.score, kind, iou_threshold, max_detections=3).tolist() == expected[:3]
+    expected = greedy(result.boxes, result.score, kind, iou_threshold)
+    assert suppress(result.boxes, result.score, kind, iou_threshold).tolist() == expected
+    assert suppress(result.boxes, result.score, kind, iou_threshold, max_detections=3).tolist() == expected[:3]
 
 
 @given(
@@ -115,12 +115,12 @@ def test_letterbox_takes_boxes_back(width: int, height: int, canvas: tuple[int, 
 
 
 def test_text_files_come_back(tmp_path: Path) -> None:
-    found = random_detections(9, 1)
-    write_detections(tmp_path / "a.txt", found)
+    result = random_detections(9, 1)
+    write_detections(tmp_path / "a.txt", result)
     back = read_detections(tmp_path / "a.txt")
-    np.testing.assert_array_equal(back.boxes, found.boxes)
-    np.testing.assert_array_equal(back.score, found.score)
-    assert list(back.label) == list(found.label)
+    np.testing.assert_array_equal(back.boxes, result.boxes)
+    np.testing.assert_array_equal(back.score, result.score)
+    assert list(back.label) == list(result.label)
     write_detections(tmp_path / "empty.txt", Detections.none())
     assert len(read_detections(tmp_path / "empty.txt")) == 0
 

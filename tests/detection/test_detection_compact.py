@@ -122,10 +122,10 @@ def test_regions_are_read_where_they_are() -> None:
 def test_proposals_are_the_best_and_apart() -> None:
     model = two_stage.TwoStage()
     initialise(model, 1, "test")
-    found = model.eval()(torch.rand(2, 1, 96, 128, generator=torch.Generator().manual_seed(1)))
-    regions, score = two_stage.proposals(found, 12)
+    result = model.eval()(torch.rand(2, 1, 96, 128, generator=torch.Generator().manual_seed(1)))
+    regions, score = two_stage.proposals(result, 12)
     assert regions.shape == (2, 12, 4)
-    assert float(score[0, 0]) == pytest.approx(float(found.logit[0].detach().sigmoid().max()))
+    assert float(score[0, 0]) == pytest.approx(float(result.logit[0].detach().sigmoid().max()))
     from pipeline.detection.compact.boxes import overlap
 
     kept = overlap(regions[0], regions[0])[:4, :4] - torch.eye(4)
@@ -179,13 +179,13 @@ def test_a_frame_is_rendered_once_and_is_the_same_again(tmp_path: Path) -> None:
 def test_detections_are_inside_sorted_and_apart(tmp_path: Path, name: str) -> None:
     detector = detection.create(name, weights=weight_file(tmp_path, name), score_floor=0.0, max_detections=20)
     image = np.random.default_rng(0).random((75, 101)).astype(np.float32)
-    found = detector.detect([image])[0]
-    assert 1 <= len(found) <= 20
-    assert (np.diff(found.score) <= 0).all()
-    assert (found.boxes >= 0).all()
-    assert (found.boxes <= [101, 75, 101, 75]).all()
+    selected = detector.detect([image])[0]
+    assert 1 <= len(selected) <= 20
+    assert (np.diff(selected.score) <= 0).all()
+    assert (selected.boxes >= 0).all()
+    assert (selected.boxes <= [101, 75, 101, 75]).all()
     again = pickle.loads(pickle.dumps(detector)).detect([image])[0]
-    assert np.array_equal(found.boxes, again.boxes)
+    assert np.array_equal(selected.boxes, again.boxes)
     assert len(detection.create(name, weights=weight_file(tmp_path, name), score_floor=1.0).detect([image])[0]) == 0
 
 
@@ -195,9 +195,9 @@ def test_scale_sees_a_larger_picture_and_answers_in_its_own_pixels(tmp_path: Pat
     path = weight_file(tmp_path, "compact")
     image = np.random.default_rng(0).random((64, 96)).astype(np.float32)
     large = cv2.resize(image, (192, 128), interpolation=cv2.INTER_LINEAR)
-    found = Compact(path, scale=2.0, score_floor=0.0, max_detections=5).detect([image])[0]
+    selected = Compact(path, scale=2.0, score_floor=0.0, max_detections=5).detect([image])[0]
     expected = Compact(path, score_floor=0.0, max_detections=5).detect([large])[0]
-    assert found.boxes == pytest.approx(expected.boxes / 2, abs=1e-3)
+    assert selected.boxes == pytest.approx(expected.boxes / 2, abs=1e-3)
 
 
 def test_bad_files_and_options_are_refused(tmp_path: Path) -> None:

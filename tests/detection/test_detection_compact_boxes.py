@@ -57,14 +57,14 @@ def test_a_cell_spells_a_box_around_its_centre() -> None:
 def assigned(truth: list[list[float]], kind: list[int], good: int = 0):
     """Cells that all say 'a box of two strides around me, class 0 with probability 1/2', on a 96 x 64 grid."""
     centres, strides = boxes.cells(64, 96, (8, 16, 32))
-    found = boxes.spelled(torch.zeros(1, len(centres), 4), centres, strides)
+    result = boxes.spelled(torch.zeros(1, len(centres), 4), centres, strides)
     probability = torch.full((1, len(centres), 2), 0.5)
-    return assign(probability, found, centres, strides, torch.tensor([truth]), torch.tensor([kind])), found, centres
+    return assign(probability, result, centres, strides, torch.tensor([truth]), torch.tensor([kind])), result, centres
 
 
 def test_the_cell_with_the_best_box_is_wished_its_overlap() -> None:
-    goal, found, _ = assigned([[8.0, 8.0, 24.0, 24.0]], [1])
-    over = boxes.overlap(torch.tensor([[8.0, 8.0, 24.0, 24.0]]), found[0])[0]
+    goal, result, _ = assigned([[8.0, 8.0, 24.0, 24.0]], [1])
+    over = boxes.overlap(torch.tensor([[8.0, 8.0, 24.0, 24.0]]), result[0])[0]
     best = int(goal.probability[0, :, 1].argmax())
     assert float(over[best]) == float(over[goal.taken[0]].max())
     assert float(goal.probability[0, best, 1]) == pytest.approx(float(over[best]), abs=1e-5)
@@ -80,8 +80,8 @@ def test_an_object_without_a_cell_inside_is_taken_by_its_neighbours() -> None:
 
 def test_a_cell_claimed_twice_goes_to_the_better_overlap() -> None:
     small, large = [8.0, 8.0, 24.0, 24.0], [0.0, 0.0, 96.0, 64.0]
-    goal, found, _ = assigned([small, large], [0, 1])
-    over = boxes.overlap(torch.tensor([small, large]), found[0])
+    goal, result, _ = assigned([small, large], [0, 1])
+    over = boxes.overlap(torch.tensor([small, large]), result[0])
     for cell in torch.nonzero(goal.taken[0]).ravel().tolist():
         owner = 0 if goal.box[0, cell].tolist() == small else 1
         claimed = float(over[owner, cell])

@@ -61,18 +61,18 @@ def network(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_boxes_are_divided_by_the_scale(network: Path) -> None:
     """400 px become 800: the corner (100, 200) lies at (200, 400), its box is 40 x 80 px there, 20 x 40 here."""
     image = bright(400, 600, (100, 200, 104, 204), 0.9)
-    found = detection.create("faster_rcnn", weights=network).detect([image])[0]
-    assert list(found.label) == ["car", "person"]
-    np.testing.assert_allclose(found.score, [0.9, 0.3], atol=0.01)
-    np.testing.assert_allclose(found.boxes[0], [100, 200, 120, 240], atol=1.0)  # bilinear smears the corner
-    np.testing.assert_allclose(found.boxes[0, 2:] - found.boxes[0, :2], [20, 40], atol=1e-4)
+    selected = detection.create("faster_rcnn", weights=network).detect([image])[0]
+    assert list(selected.label) == ["car", "person"]
+    np.testing.assert_allclose(selected.score, [0.9, 0.3], atol=0.01)
+    np.testing.assert_allclose(selected.boxes[0], [100, 200, 120, 240], atol=1.0)  # bilinear smears the corner
+    np.testing.assert_allclose(selected.boxes[0, 2:] - selected.boxes[0, :2], [20, 40], atol=1e-4)
 
 
 def test_paper_mode_keeps_scores_from_one_half_and_cuts_corners(network: Path) -> None:
     image = bright(375, 500, (101, 203, 105, 207), 0.9)
-    found = detection.create("faster_rcnn", weights=network, mode="paper").detect([image])[0]
-    assert list(found.label) == ["car"]
-    np.testing.assert_array_equal(found.boxes, np.trunc(found.boxes))
+    selected = detection.create("faster_rcnn", weights=network, mode="paper").detect([image])[0]
+    assert list(selected.label) == ["car"]
+    np.testing.assert_array_equal(selected.boxes, np.trunc(selected.boxes))
     weak = detection.create("faster_rcnn", weights=network, mode="paper").detect([image * np.float32(0.5)])[0]
     assert len(weak) == 0
 

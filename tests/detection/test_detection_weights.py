@@ -107,9 +107,9 @@ def names(folder: Path) -> list[str]:
 
 def test_downloads_verifies_and_leaves_nothing_else(server: Server, tmp_path: Path) -> None:
     seen: list[tuple[int, int | None]] = []
-    found = weights.get(entry(server), tmp_path / "new", progress=lambda *state: seen.append(state))
-    assert (found.trust, found.downloaded, found.sha256) == ("published", True, SHA256)
-    assert found.path.read_bytes() == BYTES
+    result = weights.get(entry(server), tmp_path / "new", progress=lambda *state: seen.append(state))
+    assert (result.trust, result.downloaded, result.sha256) == ("published", True, SHA256)
+    assert result.path.read_bytes() == BYTES
     assert names(tmp_path / "new") == ["net.onnx"]
     assert seen[-1] == (len(BYTES), len(BYTES))
     again = weights.get(entry(server), tmp_path / "new")

@@ -45,10 +45,12 @@ def network(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_bright_cell_is_a_box_back_in_the_image(network: Path) -> None:
     """832 x 416 px: half the size on the canvas, 104 px down; 16 px of the image are one cell."""
-    found = detection.create("yolov4", weights=network, **EVERY).detect([bright(416, 832, (160, 80, 176, 96), 0.8)])[0]
-    assert list(found.label) == ["car"]
-    np.testing.assert_allclose(found.boxes, [[160, 80, 176, 96]], atol=1e-4)
-    np.testing.assert_allclose(found.score, [0.8], atol=1e-5)
+    selected = detection.create("yolov4", weights=network, **EVERY).detect([bright(416, 832, (160, 80, 176, 96), 0.8)])[
+        0
+    ]
+    assert list(selected.label) == ["car"]
+    np.testing.assert_allclose(selected.boxes, [[160, 80, 176, 96]], atol=1e-4)
+    np.testing.assert_allclose(selected.score, [0.8], atol=1e-5)
 
 
 def test_the_margin_is_128_and_a_box_wholly_in_it_is_none(network: Path) -> None:
@@ -76,9 +78,9 @@ def test_paper_mode_cuts_corners_and_clips_to_the_last_pixel(network: Path) -> N
 def test_paper_mode_keeps_scores_above_one_half(network: Path) -> None:
     image = np.zeros((416, 416), np.float32)
     image[80:88, 80:88], image[160:168, 160:168] = 126 / 255, 130 / 255
-    found = detection.create("yolov4", weights=network, mode="paper").detect([image])[0]
-    np.testing.assert_allclose(found.boxes, [[160, 160, 168, 168]], atol=1)  # cut, so 159.99 is 159
-    np.testing.assert_allclose(found.score, [130 / 255], atol=1e-5)
+    selected = detection.create("yolov4", weights=network, mode="paper").detect([image])[0]
+    np.testing.assert_allclose(selected.boxes, [[160, 160, 168, 168]], atol=1)  # cut, so 159.99 is 159
+    np.testing.assert_allclose(selected.score, [130 / 255], atol=1e-5)
     assert len(detection.create("yolov4", weights=network).detect([image])[0]) == 2
 
 

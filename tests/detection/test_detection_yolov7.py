@@ -41,10 +41,10 @@ def tiny_yolov7(path: Path, form: Form, size: tuple[int, int] = (640, 640), open
         nodes.append(node("Reshape", [f"c{stride}", f"s{stride}"], [f"m{stride}"]))
         nodes.append(node("Transpose", [f"m{stride}"], [f"map{stride}"], perm=[0, 1, 3, 4, 2]))
         y, x = np.mgrid[:rows, :columns]
-        place = np.zeros((3, rows, columns, COLUMNS), np.float32)
-        place[..., 0], place[..., 1] = (x + 0.5) * stride, (y + 0.5) * stride
-        place[..., 2:4] = stride
-        places.append(place.reshape(-1, COLUMNS))
+        position = np.zeros((3, rows, columns, COLUMNS), np.float32)
+        position[..., 0], position[..., 1] = (x + 0.5) * stride, (y + 0.5) * stride
+        position[..., 2:4] = stride
+        places.append(position.reshape(-1, COLUMNS))
         if form in ("maps", "grid_and_maps"):
             outputs[f"map{stride}"] = ((1, 3, rows, columns, COLUMNS), 1)
     if not raw:
@@ -93,19 +93,19 @@ def _suppressed(nodes: list[Any], constants: dict[str, np.ndarray]) -> tuple[lis
 def test_a_bright_cell_is_a_box_back_in_the_image(tmp_path: Path, form: Form) -> None:
     """1280 x 720 px: half the size on the canvas of 640 x 640, 140 px down; 16 px of the image are one cell."""
     detector = detection.create("yolov7", weights=tiny_yolov7(tmp_path / "t.onnx", form), score_floor=0.6)
-    found = detector.detect([bright(720, 1280, (160, 88, 176, 104), 0.8)])[0]
-    assert list(found.label) == ["car"]
-    np.testing.assert_allclose(found.boxes, [[160, 88, 176, 104]], atol=1e-3)
-    np.testing.assert_allclose(found.score, [0.8], atol=1e-5)
+    selected = detector.detect([bright(720, 1280, (160, 88, 176, 104), 0.8)])[0]
+    assert list(selected.label) == ["car"]
+    np.testing.assert_allclose(selected.boxes, [[160, 88, 176, 104]], atol=1e-3)
+    np.testing.assert_allclose(selected.score, [0.8], atol=1e-5)
 
 
 def test_raw_maps_are_decoded(tmp_path: Path) -> None:
     """Logits: a mean grey of 0.8 is a score of sigmoid(0.8)."""
     detector = detection.create("yolov7", weights=tiny_yolov7(tmp_path / "t.onnx", "maps"), score_floor=0.68)
-    found = detector.detect([bright(720, 1280, (160, 88, 176, 104), 0.8)])[0]
-    np.testing.assert_allclose(found.boxes, [[160, 88, 176, 104]], atol=1e-3)
-    np.testing.assert_allclose(found.score, [1 / (1 + np.exp(-0.8))], atol=1e-5)
-    assert list(found.label) == ["car"]
+    selected = detector.detect([bright(720, 1280, (160, 88, 176, 104), 0.8)])[0]
+    np.testing.assert_allclose(selected.boxes, [[160, 88, 176, 104]], atol=1e-3)
+    np.testing.assert_allclose(selected.score, [1 / (1 + np.exp(-0.8))], atol=1e-5)
+    assert list(selected.label) == ["car"]
 
 
 def test_decoding_equals_the_published_formula() -> None:
@@ -145,8 +145,8 @@ def test_an_oblong_and_an_open_input(tmp_path: Path) -> None:
     oblong = tiny_yolov7(tmp_path / "oblong.onnx", "grid", (96, 160))
     unfixed = tiny_yolov7(tmp_path / "open.onnx", "grid", (96, 160), open_size=True)
     for options in ({"weights": oblong}, {"weights": unfixed, "input_px": [160, 96]}):
-        found = detection.create("yolov7", score_floor=0.5, **options).detect([image])[0]
-        np.testing.assert_allclose(found.boxes, [[152, 88, 160, 96]], atol=1e-3)
+        selected = detection.create("yolov7", score_floor=0.5, **options).detect([image])[0]
+        np.testing.assert_allclose(selected.boxes, [[152, 88, 160, 96]], atol=1e-3)
     with pytest.raises(InputError, match="give input_px"):
         detection.create("yolov7", weights=unfixed)
     with pytest.raises(InputError, match="fixed to 160 x 96 px"):

@@ -25,10 +25,10 @@ def test_one_bright_cell_is_one_box(tmp_path: Path) -> None:
     detector = detection.create("yolox", weights=tiny_yolox(tmp_path / "t.onnx"), labels=LABELS, score_floor=0.5)
     image = np.zeros((64, 64), np.float32)
     image[16:24, 40:48] = 0.8
-    found = detector.detect([image])[0]
-    assert list(found.label) == ["car"]
-    np.testing.assert_allclose(found.boxes, [[40, 16, 48, 24]], atol=1e-5)
-    np.testing.assert_allclose(found.score, [0.8], atol=1e-5)
+    selected = detector.detect([image])[0]
+    assert list(selected.label) == ["car"]
+    np.testing.assert_allclose(selected.boxes, [[40, 16, 48, 24]], atol=1e-5)
+    np.testing.assert_allclose(selected.score, [0.8], atol=1e-5)
 
 
 def test_boxes_come_back_from_a_scaled_and_padded_canvas(tmp_path: Path) -> None:
@@ -36,8 +36,8 @@ def test_boxes_come_back_from_a_scaled_and_padded_canvas(tmp_path: Path) -> None
     detector = detection.create("yolox", weights=tiny_yolox(tmp_path / "t.onnx"), labels=LABELS, score_floor=0.6)
     image = np.zeros((20, 32), np.float32)
     image[7:13, 11:17] = 1.0
-    found = detector.detect([image])[0]
-    np.testing.assert_allclose(found.boxes, [[12, 8, 16, 12]], atol=1e-5)
+    selected = detector.detect([image])[0]
+    np.testing.assert_allclose(selected.boxes, [[12, 8, 16, 12]], atol=1e-5)
 
 
 def test_the_margin_is_filled_with_114(tmp_path: Path) -> None:
@@ -65,17 +65,17 @@ def test_many_images_keep_their_order_and_nothing_is_nothing(tmp_path: Path) -> 
     detector = detection.create("yolox", weights=tiny_yolox(tmp_path / "t.onnx"), labels=LABELS, score_floor=0.5)
     batch = np.zeros((3, 1, 64, 64), np.float32)
     batch[1, 0, :8, :8] = 1.0
-    assert [len(found) for found in detector.detect([batch, batch[1, 0]])] == [0, 1, 0, 1]
+    assert [len(item) for item in detector.detect([batch, batch[1, 0]])] == [0, 1, 0, 1]
     assert detector.detect([]) == []
 
 
 def test_the_number_of_boxes_is_limited_best_first(tmp_path: Path) -> None:
     path = tiny_yolox(tmp_path / "t.onnx")
     image = stream(1, "image").random((64, 64)).astype(np.float32)
-    found = detection.create("yolox", weights=path, labels=LABELS, max_detections=5).detect([image])[0]
+    selected = detection.create("yolox", weights=path, labels=LABELS, max_detections=5).detect([image])[0]
     every = detection.create("yolox", weights=path, labels=LABELS).detect([image])[0]
-    assert len(found) == 5 < len(every)
-    np.testing.assert_array_equal(found.score, every.score[:5])
+    assert len(selected) == 5 < len(every)
+    np.testing.assert_array_equal(selected.score, every.score[:5])
     assert np.all(np.diff(every.score) <= 0)
 
 
@@ -156,7 +156,7 @@ def nano(shared: Path) -> Path:
 def test_equals_another_runtime_and_a_plain_decoder(nano: Path, kitti: list[Frame]) -> None:
     """The network in OpenCV, decoded cell by cell in plain Python."""
     image = kitti[0].image()
-    found = detection.create("yolox", weights=nano, score_floor=0.3).detect([image])[0]
+    selected = detection.create("yolox", weights=nano, score_floor=0.3).detect([image])[0]
     scale = 416 / image.shape[1]
     canvas = np.full((416, 416), 114, np.float32)
     inner = cv2.resize(image * 255, (416, round(image.shape[0] * scale)))
@@ -175,12 +175,12 @@ def test_equals_another_runtime_and_a_plain_decoder(nano: Path, kitti: list[Fram
                     w, h = np.exp(row[2]) * stride, np.exp(row[3]) * stride
                     box = np.array([cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2]) / scale
                     expected.append((float(row[4] * row[5 + kind]), coco.NAMES[kind], box))
-    assert len(found) > 0
-    for box, score, label in zip(found.boxes, found.score, found.label, strict=True):
+    assert len(selected) > 0
+    for box, score, label in zip(selected.boxes, selected.score, selected.label, strict=True):
         same = [entry for entry in expected if entry[1] == label and abs(entry[0] - score) < 1e-3]
         limits = [image.shape[1], image.shape[0]] * 2
         assert any(np.abs(np.clip(entry[2], 0, limits) - box).max() < 0.1 for entry in same)
-    assert max(entry[0] for entry in expected) == pytest.approx(found.score[0], abs=1e-3)
+    assert max(entry[0] for entry in expected) == pytest.approx(selected.score[0], abs=1e-3)
 
 
 @pytest.mark.shared

@@ -31,9 +31,9 @@ SAMPLES = 100
 def prepared(place, frames, workers=1):
     """Configuration, and the folder that the stage reads."""
     root = make_folder(place / "frames", frames)
-    found = index(datasets.open_dataset("folder", "mine", root))
-    store.write_table(place / "data/index/mine/frames.parquet", found.frames, tables.FRAMES)
-    store.write_table(place / "data/index/mine/patches.parquet", found.patches, tables.PATCHES)
+    indexed = index(datasets.open_dataset("folder", "mine", root))
+    store.write_table(place / "data/index/mine/frames.parquet", indexed.frames, tables.FRAMES)
+    store.write_table(place / "data/index/mine/patches.parquet", indexed.patches, tables.PATCHES)
     stored.write(place / "data/psf", BANK, "generated")
     estimators = {"camera_calibrated": EstimatorSettings(kind="spectral", calibration_samples=SAMPLES)}
     config = SimpleNamespace(
@@ -69,11 +69,11 @@ def test_no_frame_is_judged_by_a_fit_to_itself(ran):
     others = {0: every[2:], 1: every[:2]}  # of three frames two are the first half
     estimates = store.read_table(folder / "estimates.parquet", BLUR_ESTIMATES)
     for half, kept in others.items():
-        own = calibrate.fit_frames(kept, estimator=Registered(blur.create, "spectral"), samples=SAMPLES, seed=1)
-        found = Calibration.load(folder / f"camera-{half}.json")
-        assert np.array_equal(own.matrix, found.matrix) and found.samples <= SAMPLES
+        selected = calibrate.fit_frames(kept, estimator=Registered(blur.create, "spectral"), samples=SAMPLES, seed=1)
+        content = Calibration.load(folder / f"camera-{half}.json")
+        assert np.array_equal(selected.matrix, content.matrix) and content.samples <= SAMPLES
         held_out = [item for item in some if item.frame.name not in {other.frame.name for other in kept}]
-        method = Method("camera_calibrated", "mtf", CalibratedEstimator(blur.create("spectral"), found))
+        method = Method("camera_calibrated", "mtf", CalibratedEstimator(blur.create("spectral"), content))
         rows = run(held_out, grid(BANK), [method])
         names = [item.frame.name for item in held_out]
         stored_rows = estimates[estimates["frame"].isin(names) & (estimates["kernel"] == "defocus_7")]

@@ -85,8 +85,8 @@ def test_every_cell_is_there(once):
     assert set(noise["estimator"]) == {"cellwise", "pca"} and set(noise["kernel_size_px"]) == {0.0, 11.0}
     curves = store.read_table(folder / "curves.parquet", CURVES)
     assert (curves.groupby(["experiment", "target_sigma_dn", "filter_px", "calibrated", "axis"]).size() == 8).all()
-    arrays, said = store.read_arrays(folder / "example.npz"), store.read_json(folder / "example.json")
-    by_name = {entry["experiment"]: entry for entry in said["experiments"]}
+    arrays, content = store.read_arrays(folder / "example.npz"), store.read_json(folder / "example.json")
+    by_name = {entry["experiment"]: entry for entry in content["experiments"]}
     assert by_name["photon_defocus"]["steps"] == ["scene", "photon", "optics", "frame"]
     assert by_name["defocus_dcsn"]["steps"] == ["scene", "optics", "dark", "frame"]
     assert (arrays["step_defocus_dcsn_scene"] == arrays["step_photon_defocus_scene"]).all()
@@ -131,7 +131,7 @@ def test_noise_of_ten_dn_leaves_defocus_readable_on_recorded_frames(shared, tmp_
     assert raw["defocus_dcsn", 10] < 4 and raw["defocus_dcsn", 25] < 8
     assert raw["photon_defocus", 25] < 2  # noise that the lens has blurred helps rather than hurts
     noise = store.read_table(tmp_path / "data/combined/kitti/noise.parquet", NOISE_CELLS)
-    own = noise[
+    selected = noise[
         (noise["estimator"] == "cellwise") & (noise["experiment"] == "defocus_dcsn") & (noise["target_sigma_dn"] == 25)
     ]
-    assert (abs(own["median_dn"] - 25) < 2).all()
+    assert (abs(selected["median_dn"] - 25) < 2).all()

@@ -97,9 +97,9 @@ def test_every_condition_of_every_frame_is_looked_at(once: Path) -> None:
     looked = store.read_table(folder / "looked.parquet", sweep.LOOKED)
     assert len(looked) == 2 * KERNELS * len(LEVELS)
     assert not looked.duplicated(["frame", "kernel", "target_sigma_dn"]).any()
-    found = store.read_table(folder / "detections.parquet", sweep.DETECTIONS)
-    assert set(found["label"]) == {"car"} and len(found) == looked["detections"].sum() > 0
-    assert (found.groupby(["frame", "kernel", "target_sigma_dn"])["score"].diff().dropna() <= 0).all()  # best first
+    table = store.read_table(folder / "detections.parquet", sweep.DETECTIONS)
+    assert set(table["label"]) == {"car"} and len(table) == looked["detections"].sum() > 0
+    assert (table.groupby(["frame", "kernel", "target_sigma_dn"])["score"].diff().dropna() <= 0).all()  # best first
     objects = store.read_table(folder / "objects.parquet", sweep.OBJECTS)
     assert objects[~objects["ignore"]].groupby("label").size().to_dict() == {"car": 2, "person": 2}
     assert not (once / ".cache/detect").exists()  # the pieces are gone once the run is done

@@ -15,8 +15,8 @@ def test_the_robust_median_is_that_of_the_statistics_module():
     values = generator.standard_t(2, (40, 2, 3))
     values[generator.random(values.shape) < 0.1] = np.nan
     medians = robust_median(values)
-    for place in np.ndindex(2, 3):
-        assert medians[place] == robust(values[(slice(None), *place)], stream(1, "b"), 1).median
+    for index in np.ndindex(2, 3):
+        assert medians[index] == robust(values[(slice(None), *index)], stream(1, "b"), 1).median
     assert np.isnan(robust_median(np.full((3, 2), np.nan))).all()
 
 

@@ -51,9 +51,9 @@ def test_places_overlap_objects_and_are_at_most_so_many(frames):
     frame = frames[0]  # a car at (40, 130) .. (170, 200), and an ignored traffic light
     patches, over = places(frame)
     assert 0 < len(patches) <= 3 and 0 < len(over) <= 3
-    for place in (*patches, *over):
-        assert place.x_px < 170 and place.x_px + place.size_px > 40
-        assert place.y_px < 200 and place.y_px + place.size_px > 130
+    for index in (*patches, *over):
+        assert index.x_px < 170 and index.x_px + index.size_px > 40
+        assert index.y_px < 200 and index.y_px + index.size_px > 130
     every = places(frame, MEASURE.model_copy(update={"per_frame": None}))[1]
     assert {(tile.x_px, tile.y_px) for tile in over} <= {(tile.x_px, tile.y_px) for tile in every}
     # The car is 70 px high: then there is no object.
@@ -61,15 +61,15 @@ def test_places_overlap_objects_and_are_at_most_so_many(frames):
 
 
 def test_medians_follow_the_noise_and_the_blur_put_in(table):
-    found = condition_medians(table, 1, 50)
-    assert len(found) == 4 and list(found.columns) == list(CONDITIONS.columns)
-    noisy = found[found["target_sigma_dn"] == 10]
+    result = condition_medians(table, 1, 50)
+    assert len(result) == 4 and list(result.columns) == list(CONDITIONS.columns)
+    noisy = result[result["target_sigma_dn"] == 10]
     assert np.abs(noisy["sigma_dn"] - noisy["clipped_sigma_dn"]).max() < 1.5
-    sharp, blurred = (found[found["kernel"] == kernel.name]["true_mtf"].iloc[0] for kernel in BLURS)
+    sharp, blurred = (result[result["kernel"] == kernel.name]["true_mtf"].iloc[0] for kernel in BLURS)
     assert sharp == 1.0 and blurred == pytest.approx(0.5 + 0.5 * np.sinc(11 * 6 / 111), abs=0.01)
-    quiet = found[found["target_sigma_dn"] == 0].set_index("kernel")["mtf"]
+    quiet = result[result["target_sigma_dn"] == 0].set_index("kernel")["mtf"]
     assert quiet[BLURS[1].name] < quiet["sharp"] - 0.1
-    assert ((found["sigma_low_dn"] <= found["sigma_dn"]) & (found["sigma_dn"] <= found["sigma_high_dn"])).all()
+    assert ((result["sigma_low_dn"] <= result["sigma_dn"]) & (result["sigma_dn"] <= result["sigma_high_dn"])).all()
 
 
 def test_workers_change_nothing(frames, table):
@@ -86,6 +86,6 @@ def test_frames_without_objects_give_no_row_and_none_at_all_are_refused(frames, 
 
 def test_an_abstention_is_counted_and_no_number(table):
     silent = table.assign(estimate=np.nan, abstained=True)
-    found = condition_medians(silent, 1, 50)
-    assert found["sigma_dn"].isna().all() and found["mtf"].isna().all()
-    assert (found["tiles_abstained"] == found["tiles"]).all() and (found["tiles"] > 0).all()
+    result = condition_medians(silent, 1, 50)
+    assert result["sigma_dn"].isna().all() and result["mtf"].isna().all()
+    assert (result["tiles_abstained"] == result["tiles"]).all() and (result["tiles"] > 0).all()

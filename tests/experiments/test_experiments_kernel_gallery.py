@@ -55,37 +55,37 @@ def shown(opened, pmp):
 
 
 def test_every_kernel_at_rotation_0_is_shown_with_what_was_found(shown):
-    _, patches, (arrays, said) = shown
-    assert [entry["kernel"] for entry in said["kernels"]] == ["defocus_7", "linear_motion_7_0"]
-    names = [entry["kernel"] for entry in said["kernels"]]
+    _, patches, (arrays, metadata) = shown
+    assert [entry["kernel"] for entry in metadata["kernels"]] == ["defocus_7", "linear_motion_7_0"]
+    names = [entry["kernel"] for entry in metadata["kernels"]]
     assert set(arrays) == {f"{part}_{name}" for part in ("patch", "estimate", "truth") for name in names}
-    assert (said["patch"], said["label"]) == (0, patches[0].label)
-    for entry in said["kernels"]:
-        found, truth = (arrays[f"{part}_{entry['kernel']}"] for part in ("estimate", "truth"))
+    assert (metadata["patch"], metadata["label"]) == (0, patches[0].label)
+    for entry in metadata["kernels"]:
+        result, truth = (arrays[f"{part}_{entry['kernel']}"] for part in ("estimate", "truth"))
         assert arrays[f"patch_{entry['kernel']}"].dtype == np.uint8
-        assert found.shape == (15, 15) and found.sum() == pytest.approx(1, abs=1e-4)
-        assert entry["mtf"] == pytest.approx(mtf.sample(found), abs=1e-5)
+        assert result.shape == (15, 15) and result.sum() == pytest.approx(1, abs=1e-4)
+        assert entry["mtf"] == pytest.approx(mtf.sample(result), abs=1e-5)
         assert entry["true_mtf"] == pytest.approx(mtf.sample(truth), abs=1e-5)
         assert entry["amae_percent"] == pytest.approx(float(mtf.amae(entry["mtf"], entry["true_mtf"])))
         assert not entry["abstained"]
 
 
 def test_the_kernel_shown_is_the_one_behind_the_table(shown, pmp):
-    frame, patches, (_, said) = shown
+    frame, patches, (_, metadata) = shown
     rows = run([TestFrame(frame, {"mtf": patches[:1]})], grid(BANK[:1]), [Method("pmp", "mtf", pmp)])
-    assert np.array(said["kernels"][0]["mtf"]).ravel() == pytest.approx(rows["estimate"].to_numpy())
+    assert np.array(metadata["kernels"][0]["mtf"]).ravel() == pytest.approx(rows["estimate"].to_numpy())
 
 
 def test_work_is_handed_to_the_given_map(opened, shown, pmp):
-    frame, patches, (arrays, said) = shown
-    asked = []
+    frame, patches, (arrays, metadata) = shown
+    requested = []
 
     def backwards(function, kernels, label):
-        asked.append(len(kernels))
+        requested.append(len(kernels))
         return [function(kernel) for kernel in reversed(kernels)][::-1]
 
     again, same = gallery(frame, patches, BANK, pmp, CameraSettings(), 1, backwards)
-    assert asked == [1] and same == said
+    assert requested == [1] and same == metadata
     assert all(np.array_equal(arrays[name], again[name]) for name in arrays)
 
 
@@ -110,8 +110,8 @@ def test_abstentions_are_kept_with_their_reason(shown, pmp, tmp_path):
     frame, patches, _ = shown
     store.write_image(tmp_path / "flat.png", np.full((320, 448), 128, np.uint8))
     flat = type(frame)(**{**vars(frame), "path": tmp_path / "flat.png"})
-    arrays, said = gallery(flat, patches, BANK[:1], pmp, CameraSettings(), 1)
-    (entry,) = said["kernels"]
+    arrays, metadata = gallery(flat, patches, BANK[:1], pmp, CameraSettings(), 1)
+    (entry,) = metadata["kernels"]
     assert entry["abstained"] and entry["reason"] == "flat" and np.isnan(entry["amae_percent"])
     assert np.isnan(arrays["estimate_defocus_7"]).all() and (arrays["patch_defocus_7"] == 128).all()
 
@@ -120,9 +120,9 @@ def test_abstentions_are_kept_with_their_reason(shown, pmp, tmp_path):
 def project(root, opened, tmp_path_factory):
     """A configuration of two estimators, and a folder with the index and the bank that the stage reads."""
     folder = tmp_path_factory.mktemp("project")
-    found = index(opened)
-    store.write_table(folder / "data/index/mine/frames.parquet", found.frames, tables.FRAMES)
-    store.write_table(folder / "data/index/mine/patches.parquet", found.patches, tables.PATCHES)
+    indexed = index(opened)
+    store.write_table(folder / "data/index/mine/frames.parquet", indexed.frames, tables.FRAMES)
+    store.write_table(folder / "data/index/mine/patches.parquet", indexed.patches, tables.PATCHES)
     stored.write(folder / "data/psf", BANK, "generated")
     estimators = {
         "pmp": EstimatorSettings(kind="pmp", options={"mode": "fast", "kernel_size": 15}),
@@ -140,8 +140,8 @@ def project(root, opened, tmp_path_factory):
 
 def test_the_stage_writes_tables_gallery_and_metrics_the_same_each_time(project, tmp_path):
     config, inputs = project
-    for place in ("a", "b"):
-        stage.run(config, {"dataset": "mine", "estimator": "pmp"}, inputs, tmp_path / place)
+    for item in ("a", "b"):
+        stage.run(config, {"dataset": "mine", "estimator": "pmp"}, inputs, tmp_path / item)
     files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
     names = ["estimates.parquet", "gallery.json", "gallery.npz", "summary.parquet"]
     assert [str(path) for path in files] == [
@@ -151,13 +151,13 @@ def test_the_stage_writes_tables_gallery_and_metrics_the_same_each_time(project,
     folder = tmp_path / "a/data/blur/mine-pmp"
     estimates = store.read_table(folder / "estimates.parquet", BLUR_ESTIMATES)
     summary = store.read_table(folder / "summary.parquet", BLUR_SUMMARY)
-    said = store.read_json(folder / "gallery.json")
+    content = store.read_json(folder / "gallery.json")
     assert set(estimates["kernel"]) == {"sharp", *(kernel.name for kernel in BANK)}
     assert set(estimates["estimator"]) == {"pmp"} and len(estimates) == 4 * 16
     assert summary.groupby("calibrated").size().to_dict() == {False: 3, True: 3}
-    assert (said["dataset"], said["estimator"]) == ("mine", "pmp")
+    assert (content["dataset"], content["estimator"]) == ("mine", "pmp")
     one = estimates[(estimates["kernel"] == "defocus_7")]
-    assert np.ravel(said["kernels"][0]["mtf"]) == pytest.approx(one["mtf"].to_numpy(), abs=1e-5)
+    assert np.ravel(content["kernels"][0]["mtf"]) == pytest.approx(one["mtf"].to_numpy(), abs=1e-5)
     metrics = store.read_json(tmp_path / "a/reports/metrics/blur/mine-pmp.json")
     assert metrics["raw"]["defocus"]["7"]["count"] == 1
 

@@ -17,10 +17,10 @@ def test_local_truth_follows_the_noise_of_each_place():
     draw = stream(0, "local truth").standard_normal((200, 300)).astype(np.float32)
     draw[:, :150] *= 4
     draw[:, 150:] *= 12
-    found = local_truth(draw)
-    assert found.shape == (25, 38)
-    assert np.allclose(found[:, :15], 4, rtol=0.12)
-    assert np.allclose(found[:, 23:], 12, rtol=0.12)
+    result = local_truth(draw)
+    assert result.shape == (25, 38)
+    assert np.allclose(result[:, :15], 4, rtol=0.12)
+    assert np.allclose(result[:, 23:], 12, rtol=0.12)
 
 
 def test_local_truth_is_zero_beside_strong_noise():
@@ -35,14 +35,14 @@ def test_maps_hold_frame_truth_and_answer(tmp_path):
     path = tmp_path / "a.png"
     cv2.imwrite(str(path), cv2.GaussianBlur(picture("a"), (0, 0), 1))
     frame, camera = Frame("made_up", "a", Path(path)), CameraSettings()
-    arrays, said = noise_maps(frame, noise.create("cellwise"), ["readout", "dcsn", "photon"], 10.0, camera, 1)
-    assert said["effects"] == ["photon", "dcsn"]
-    for noise_source in said["effects"]:
-        seen, added, found = (arrays[f"{noise_source}_{part}"] for part in ("seen", "added", "found"))
+    arrays, metadata = noise_maps(frame, noise.create("cellwise"), ["readout", "dcsn", "photon"], 10.0, camera, 1)
+    assert metadata["effects"] == ["photon", "dcsn"]
+    for noise_source in metadata["effects"]:
+        seen, added, result = (arrays[f"{noise_source}_{part}"] for part in ("seen", "added", "found"))
         assert seen.shape == (320, 448)
         assert seen.dtype == np.uint8
-        assert added.shape == found.shape == (40, 56)
-        assert abs(np.median(found) - np.median(added)) < 1.5
+        assert added.shape == result.shape == (40, 56)
+        assert abs(np.median(result) - np.median(added)) < 1.5
     light = cv2.resize(arrays["dcsn_seen"].astype(float), (56, 40), interpolation=cv2.INTER_AREA)
     assert np.corrcoef(light.ravel(), arrays["photon_added"].ravel())[0, 1] > 0.7
     assert abs(np.corrcoef(light.ravel(), arrays["dcsn_added"].ravel())[0, 1]) < 0.2

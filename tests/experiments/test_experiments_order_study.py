@@ -37,9 +37,9 @@ def test_order_study_covers_orders_lights_lengths_and_levels():
 def test_order_study_noise_behind_the_optics_keeps_its_level(frame):
     """The paper's order blurs its own noise away: of 15 DN behind 11 px of motion about 15 / sqrt(11) are left."""
     chosen = [one for one in order_study.conditions([11], [15]) if one.light == "encoded"]
-    found = [order_study.measure(frame, chosen=chosen, camera=CameraSettings(), kind="compact", options="{}", seed=1)]
-    scores = order_study.precisions([frame], found, chosen, CLASS_MAPS["sim"], JUDGE, 1)
-    table = order_study.Study(found, chosen, scores, 1).table().set_index("order")
+    results = [order_study.measure(frame, chosen=chosen, camera=CameraSettings(), kind="compact", options="{}", seed=1)]
+    scores = order_study.precisions([frame], results, chosen, CLASS_MAPS["sim"], JUDGE, 1)
+    table = order_study.Study(results, chosen, scores, 1).table().set_index("order")
     assert table.loc["detector", "clipped_sigma_dn"] == pytest.approx(15, rel=0.05)
     assert table.loc["paper", "clipped_sigma_dn"] == pytest.approx(15 / np.sqrt(11), rel=0.1)
     assert (table["frames"] == 1).all() and table["ap_percent"].between(0, 100).all()
@@ -49,14 +49,14 @@ def _made(amae_of, ap_of, frames=6):
     """Estimates and scores from formulas of (order, motion, sigma), frames with offsets of their own."""
     chosen = order_study.conditions([0, 11, 21], [5, 15])
     offset = np.linspace(-4, 4, frames)
-    found = [[{"amae_percent": amae_of(one) + shift} for one in chosen] for shift in offset]
+    results = [[{"amae_percent": amae_of(one) + shift} for one in chosen] for shift in offset]
     draws = np.linspace(-20, 20, 50)
-    return found, chosen, [order_study.Precision(ap_of(one), ap_of(one) + draws) for one in chosen]
+    return results, chosen, [order_study.Precision(ap_of(one), ap_of(one) + draws) for one in chosen]
 
 
 def test_effects_are_paired_so_that_differences_between_frames_do_not_widen_them():
-    found, chosen, scores = _made(lambda one: one.sigma_dn / 5, lambda one: 90 - one.motion_px - one.sigma_dn)
-    table = order_study.Study(found, chosen, scores, 1).effects().set_index(["order", "light", "cause", "measure"])
+    result, chosen, scores = _made(lambda one: one.sigma_dn / 5, lambda one: 90 - one.motion_px - one.sigma_dn)
+    table = order_study.Study(result, chosen, scores, 1).effects().set_index(["order", "light", "cause", "measure"])
     assert len(table) == 16
     noise = table.loc[("detector", "linear", "noise", "amae_percent")]
     assert (noise["change"], noise["low"], noise["high"]) == pytest.approx((2.0, 2.0, 2.0))
@@ -67,6 +67,6 @@ def test_effects_are_paired_so_that_differences_between_frames_do_not_widen_them
 
 def test_effects_of_one_noise_level_are_not_stated():
     chosen = order_study.conditions([0, 11], [15])
-    found = [[{"amae_percent": 3.0} for _ in chosen]] * 2
+    result = [[{"amae_percent": 3.0} for _ in chosen]] * 2
     scores = [order_study.Precision(50.0, np.full(5, 50.0)) for _ in chosen]
-    assert set(order_study.Study(found, chosen, scores, 1).effects()["cause"]) == {"motion"}
+    assert set(order_study.Study(result, chosen, scores, 1).effects()["cause"]) == {"motion"}

@@ -61,12 +61,12 @@ def test_constants_are_those_of_the_simulated_sensor(sensor):
 def test_noise_of_raw_frames_is_measured_against_photon_transfer(raw, sensor):
     table = measure_raw(raw_frames(raw / "light"), sensor.fits, WHITE_DN, KINDS, EXECUTOR)
     REAL_NOISE_PATCHES.conform(table)
-    own = table[table["estimator"] == "pca"]
-    assert set(own["picture"]) == {"scene_100ms_1", "scene_200ms_1"}  # the third is brighter than the check allows
-    assert len(own) == 2 * len(PLANES)
-    mean_dn = (own["true_sigma_dn"] ** 2 - GAIN**2 * DARK_E**2) / GAIN
+    selected = table[table["estimator"] == "pca"]
+    assert set(selected["picture"]) == {"scene_100ms_1", "scene_200ms_1"}  # the third is brighter than the check allows
+    assert len(selected) == 2 * len(PLANES)
+    mean_dn = (selected["true_sigma_dn"] ** 2 - GAIN**2 * DARK_E**2) / GAIN
     assert (mean_dn < BRIGHTEST_DN * 1.1).all()
-    assert (own["sigma_dn"] - own["true_sigma_dn"]).abs().mean() < 0.15
+    assert (selected["sigma_dn"] - selected["true_sigma_dn"]).abs().mean() < 0.15
     assert real_noise_metrics(summarise(table, draws=20))["pca"]["true_mae_dn"] < 0.15
 
 

@@ -94,7 +94,7 @@ def test_bootstrap_intervals_hold_the_value_and_are_repeatable(estimates):
 def test_metrics_are_nested_and_leave_the_sharp_frame_out(estimates):
     summary = pd.concat([summarise(estimates, 1, 0),
                          summarise(divided_by_sharp(estimates), 1, 0, calibrated=True)])  # fmt: skip
-    found = table_one_metrics(summary)
-    assert set(found) == {"raw", "calibrated"} and "sharp" not in found["raw"]
-    cells = [found["raw"][kind]["7"]["amae_percent"] for kind in ("defocus", "linear_motion")]
-    assert found["raw"]["mean_amae_percent"] == pytest.approx(np.mean(cells))
+    result = table_one_metrics(summary)
+    assert set(result) == {"raw", "calibrated"} and "sharp" not in result["raw"]
+    cells = [result["raw"][kind]["7"]["amae_percent"] for kind in ("defocus", "linear_motion")]
+    assert result["raw"]["mean_amae_percent"] == pytest.approx(np.mean(cells))

@@ -38,12 +38,12 @@ def test_paths_have_the_size_that_was_asked_for():
     """A straight path of size s has the MTF of a line of length s - 1 spread over a pixel, along itself."""
     generator = stream(1, "test")
     path = np.linspace(0, 1, kernels.POINTS) + 0j
-    found = []
+    results = []
     for _ in range(20):
         kernel = kernels._along(generator, path, np.ones(kernels.POINTS), 15.0)
-        found.append(mtf.sample(kernel)[0, :3])
+        results.append(mtf.sample(kernel)[0, :3])
     expected = mtf.line(14, mtf.FREQUENCIES[:3])
-    assert np.abs(np.median(found, axis=0) - expected).max() < 0.03
+    assert np.abs(np.median(results, axis=0) - expected).max() < 0.03
 
 
 def test_strengths_cover_the_range_from_sharp_to_21_px():

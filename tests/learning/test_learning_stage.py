@@ -39,10 +39,10 @@ def quick_images(monkeypatch, tmp_path):
 
 
 def test_it_writes_the_same_bytes_each_time(tmp_path, quick_images, monkeypatch):
-    for place in ("a", "b", "b"):  # the last finds the training finished
-        (tmp_path / place).mkdir(exist_ok=True)
-        monkeypatch.chdir(tmp_path / place)
-        stage.run(configuration(), {"network": "spectral"}, Path(), tmp_path / place)
+    for index in ("a", "b", "b"):  # the last finds the training finished
+        (tmp_path / index).mkdir(exist_ok=True)
+        monkeypatch.chdir(tmp_path / index)
+        stage.run(configuration(), {"network": "spectral"}, Path(), tmp_path / index)
     names = ["data/weights/mtf_spectral.safetensors", "data/weights/mtf_spectral.csv"]
     for name in [*names, "reports/metrics/train/mtf_spectral.json"]:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()

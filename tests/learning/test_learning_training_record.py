@@ -37,7 +37,7 @@ def test_curve_and_measures_lie_where_the_graph_expects_them(tmp_path):
     training_record.write(tmp_path, "mtf_mine", CURVE, CURVE[1])
     table = pd.read_csv(tmp_path / "data/weights/mtf_mine.csv")
     assert table.columns.tolist() == ["step", "error_percent", "loss", "validation_error_percent"]
-    found = json.loads((tmp_path / "reports/metrics/train/mtf_mine.json").read_text(encoding="utf-8"))
-    assert found == CURVE[1]
+    content = json.loads((tmp_path / "reports/metrics/train/mtf_mine.json").read_text(encoding="utf-8"))
+    assert content == CURVE[1]
     training_record.write_measures(tmp_path / "one.json", {"loss": 1.23456789})
     assert json.loads((tmp_path / "one.json").read_text(encoding="utf-8")) == {"loss": 1.23457}

@@ -58,9 +58,9 @@ def test_every_filter_answers_white_noise_with_its_deviation(sigma: float, level
     draw = stream(0, "white noise", sigma)
     image = np.rint(level + sigma * draw.standard_normal((1, 256, 256))).clip(0, 255).astype(np.float32)
     statistics, base = features(torch.from_numpy(image))
-    found = power(statistics)[0].mean((1, 2)).sqrt()
+    result = power(statistics)[0].mean((1, 2)).sqrt()
     averages = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, *range(15, POWERS)]  # but for extremes and the mean modulus
-    np.testing.assert_allclose(found[averages], np.hypot(sigma, 1 / 12**0.5), rtol=0.07)
+    np.testing.assert_allclose(result[averages], np.hypot(sigma, 1 / 12**0.5), rtol=0.07)
     assert float(base.mean()) == pytest.approx(sigma, rel=0.08)
 
 
@@ -90,11 +90,11 @@ def test_the_network_takes_any_number_of_cells(cells: tuple[int, int]) -> None:
     network = CellwiseNet().eval()
     image = 10 * torch.randn(2, cells[0] * CELL_PX, cells[1] * CELL_PX, generator=torch.Generator().manual_seed(0)) + 99
     with torch.no_grad():
-        sigma, scale, found = network(*features(image.round()))
-    assert found.shape == (2, *cells)
-    assert (found > 0).all()
+        sigma, scale, result = network(*features(image.round()))
+    assert result.shape == (2, *cells)
+    assert (result > 0).all()
     assert (scale > 0).all()
-    least, most = found.flatten(1).amin(1), found.flatten(1).amax(1)
+    least, most = result.flatten(1).amin(1), result.flatten(1).amax(1)
     assert ((sigma >= least * 0.999) & (sigma <= most * 1.001)).all()  # a mean of the cells
 
 
@@ -105,19 +105,19 @@ def test_the_network_takes_any_number_of_cells(cells: tuple[int, int]) -> None:
 @pytest.mark.parametrize("sigma_dn", [5.0, 15.0, 25.0])
 def test_known_noise_comes_back(estimator: Cellwise, noise_source: str, sigma_dn: float) -> None:
     patches, truth = noisy(noise_source, sigma_dn)
-    found = estimator.estimate(patches)
-    assert np.abs(np.median(found.sigma_dn - truth)) < 0.4
-    assert np.abs(found.sigma_dn - truth).max() < 1.0 + 0.06 * sigma_dn
-    assert (found.low_dn <= found.sigma_dn).all()
-    assert (found.sigma_dn <= found.high_dn).all()
-    assert np.mean((found.low_dn <= truth) & (truth <= found.high_dn)) >= 4 / 6
+    estimate = estimator.estimate(patches)
+    assert np.abs(np.median(estimate.sigma_dn - truth)) < 0.4
+    assert np.abs(estimate.sigma_dn - truth).max() < 1.0 + 0.06 * sigma_dn
+    assert (estimate.low_dn <= estimate.sigma_dn).all()
+    assert (estimate.sigma_dn <= estimate.high_dn).all()
+    assert np.mean((estimate.low_dn <= truth) & (truth <= estimate.high_dn)) >= 4 / 6
 
 
 def test_no_noise_reads_as_none(estimator: Cellwise) -> None:
     patches = np.stack([scene(str(number)) for number in range(6)])[:, None]
-    found = estimator.estimate(np.rint(patches * 255).astype(np.float32) / 255)
-    assert found.sigma_dn.max() < 0.3
-    assert (found.low_dn < 0.3).all()
+    estimate = estimator.estimate(np.rint(patches * 255).astype(np.float32) / 255)
+    assert estimate.sigma_dn.max() < 0.3
+    assert (estimate.low_dn < 0.3).all()
 
 
 def test_fine_texture_is_not_noise(estimator: Cellwise) -> None:
@@ -137,9 +137,9 @@ def test_a_white_sky_tells_the_sensors_noise(estimator: Cellwise, noise_source: 
     sky[-40:, :] = 0.4
     shown = corrupt(sky, noise_source, sigma_dn=25.0, generator=stream(3, "sky", noise_source)).image
     patches = np.stack([shown[y : y + 128, x : x + 128] for y in (0, 128) for x in (0, 128, 256)])[:, None]
-    found = estimator.estimate(patches)
-    assert not found.abstained.any()
-    assert np.abs(found.sigma_dn - 25.0).max() < 2.0
+    estimate = estimator.estimate(patches)
+    assert not estimate.abstained.any()
+    assert np.abs(estimate.sigma_dn - 25.0).max() < 2.0
     classical = noise.create("pca", saturated_fraction=1.0).estimate(patches)
     assert classical.sigma_dn.max() < 18.0
 
@@ -152,33 +152,33 @@ def test_noise_before_a_blur_does_not_count(estimator: Cellwise) -> None:
         corrupt(scene(str(n), 192), "photon", sigma_dn=25.0, psf=kernel, generator=stream(4, "before", n)).image
         for n in range(4)
     ]
-    found = estimator.estimate(np.stack([image[32:160, 32:160] for image in blurred])[:, None])
-    assert np.median(found.sigma_dn) < 0.5
+    estimate = estimator.estimate(np.stack([image[32:160, 32:160] for image in blurred])[:, None])
+    assert np.median(estimate.sigma_dn) < 0.5
     both = [
         corrupt(scene(str(n), 192), "dcsn", sigma_dn=10.0, psf=kernel, generator=stream(4, "after", n)).image
         for n in range(4)
     ]
-    found = estimator.estimate(np.stack([image[32:160, 32:160] for image in both])[:, None])
-    assert np.median(found.sigma_dn) == pytest.approx(10.0, abs=0.5)
+    estimate = estimator.estimate(np.stack([image[32:160, 32:160] for image in both])[:, None])
+    assert np.median(estimate.sigma_dn) == pytest.approx(10.0, abs=0.5)
 
 
 def test_the_map_shows_where_photon_noise_is_strong(estimator: Cellwise) -> None:
     steps = np.repeat(np.array([0.1, 0.3, 0.5, 0.7], np.float32), 96)
     image = np.broadcast_to(steps, (250, 384)).copy()
     truth = corrupt(image, "photon", sigma_dn=12.0, generator=stream(5, "steps"))
-    found = estimator.map(truth.image)
-    assert found.shape == (32, 48)
+    result = estimator.map(truth.image)
+    assert result.shape == (32, 48)
     expected = 12.0 * np.sqrt(steps[::8] / steps.mean())
     inside = [column for column in range(48) if column % 12 not in (0, 11)]
-    np.testing.assert_allclose(np.median(found, axis=0)[inside], expected[inside], rtol=0.15)
+    np.testing.assert_allclose(np.median(result, axis=0)[inside], expected[inside], rtol=0.15)
 
 
 def test_the_map_has_holes_where_nothing_can_be_said(estimator: Cellwise) -> None:
     image = np.ones((128, 512), np.float32)
     image[:, 384:] = corrupt(scene("right"), "dcsn", sigma_dn=8.0, generator=stream(6, "right")).image
-    found = estimator.map(image)
-    assert np.isnan(found[:, :32]).all()
-    assert np.isfinite(found[:, 48:]).all()
+    result = estimator.map(image)
+    assert np.isnan(result[:, :32]).all()
+    assert np.isfinite(result[:, 48:]).all()
 
 
 # --- conduct --------------------------------------------------------------------------------------------------------
@@ -186,9 +186,9 @@ def test_the_map_has_holes_where_nothing_can_be_said(estimator: Cellwise) -> Non
 
 def test_abstains_from_flat_and_saturated(estimator: Cellwise) -> None:
     patches = np.stack([np.full((128, 128), level, np.float32) for level in (0.5, 1.0, 0.0)])[:, None]
-    found = estimator.estimate(patches)
-    assert list(found.reason) == ["flat", "saturated", "saturated"]
-    assert np.isnan(found.sigma_dn).all()
+    estimate = estimator.estimate(patches)
+    assert list(estimate.reason) == ["flat", "saturated", "saturated"]
+    assert np.isnan(estimate.sigma_dn).all()
 
 
 def test_patches_are_judged_alone_and_in_any_form(estimator: Cellwise) -> None:

@@ -46,10 +46,10 @@ def test_a_block_adds_to_its_input_without_rectifying_the_sum() -> None:
 
 
 def test_loss_is_the_papers() -> None:
-    found = torch.tensor([[[0.1, 0.2], [0.3, 0.4]]])
+    result = torch.tensor([[[0.1, 0.2], [0.3, 0.4]]])
     pixels = 0.1**2 + 0 + 0.1**2 + 0.2**2
     expected = 0.25 * pixels + 0.75 * (0.25 - 0.2) ** 2
-    assert float(loss(found, torch.tensor([0.2]))) == pytest.approx(expected, rel=1e-5)
+    assert float(loss(result, torch.tensor([0.2]))) == pytest.approx(expected, rel=1e-5)
 
 
 def test_sees_only_its_surroundings() -> None:
@@ -68,10 +68,10 @@ def test_estimate_is_the_median_of_the_map(constant: Path) -> None:
     patches = stream(1, "cnn").uniform(0.2, 0.8, (3, 1, 32, 32)).astype(np.float32)
     patches[2] = 1.0
     estimator = noise.create("cnn", weights=constant, batch=2)
-    found = estimator.estimate(patches)
-    np.testing.assert_allclose(found.sigma_dn[:2], 7.5, rtol=1e-5)
-    assert list(found.reason) == ["", "", "saturated"]
-    assert np.isnan(found.low_dn).all()
+    estimate = estimator.estimate(patches)
+    np.testing.assert_allclose(estimate.sigma_dn[:2], 7.5, rtol=1e-5)
+    assert list(estimate.reason) == ["", "", "saturated"]
+    assert np.isnan(estimate.low_dn).all()
     np.testing.assert_allclose(estimator.map(patches[0, 0]), 7.5, rtol=1e-5)
     published = noise.create("cnn", weights=constant, quantise_like_paper=True).estimate(patches)
     np.testing.assert_array_equal(published.sigma_dn, 7.0)
@@ -93,14 +93,14 @@ def test_learns_the_noise_of_a_few_patches() -> None:
         loss(network(image), truth).backward()
         optimiser.step()
     with torch.no_grad():
-        found = 255 * network(image).flatten(1).median(1).values
-    assert found[[0, 2]].max() < 10 < found[[1, 3]].min()
+        result = 255 * network(image).flatten(1).median(1).values
+    assert result[[0, 2]].max() < 10 < result[[1, 3]].min()
 
 
 def test_absent_weights_are_told_in_one_line(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"absent; train it with .*train_sigma.*cellwise") as told:
+    with pytest.raises(InputError, match=r"absent; train it with .*train_sigma.*cellwise") as reported:
         noise.create("cnn", weights=tmp_path / "none.safetensors")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(reported.value)
 
 
 def test_foreign_weights_are_refused(tmp_path: Path) -> None:

@@ -100,13 +100,13 @@ def test_pictures_as_the_mean_of_many_shots_have_no_noise_and_are_denoised():
 
 
 def test_chunks_take_turns_by_kind_and_are_numbered_within_it(monkeypatch):
-    asked = []
-    monkeypatch.setattr(correlated_training, "arrays", lambda kind, *rest: asked.append((kind, rest[-1])) or {})
+    requested = []
+    monkeypatch.setattr(correlated_training, "arrays", lambda kind, *rest: requested.append((kind, rest[-1])) or {})
     make = correlated_training.Maker(None, None, _tiles=np.zeros((1, 8, 8), np.uint8))
     for number in range(2 * len(correlated_training.KINDS)):
         make(number)
     for kind in set(correlated_training.KINDS):
-        assert [index for name, index in asked if name == kind] == list(
+        assert [index for name, index in requested if name == kind] == list(
             range(2 * correlated_training.KINDS.count(kind))
         )
 

@@ -51,11 +51,13 @@ def test_equals_the_published_algorithm(sigma_dn: float, rule: str, whole: bool)
 def test_the_rules_part_where_there_is_only_noise() -> None:
     """Without texture Chen's rule may keep all 64 eigenvalues; the paper's never does."""
     noisy = 128 + stream(3, "only noise").normal(0, 3.0, (24, 128, 128))
-    found = {rule: noise.create("pca", rule=rule).estimate(noisy[:, None] / 255).sigma_dn for rule in ("chen", "paper")}
+    results = {
+        rule: noise.create("pca", rule=rule).estimate(noisy[:, None] / 255).sigma_dn for rule in ("chen", "paper")
+    }
     for start, rule in enumerate(("chen", "paper")):
-        np.testing.assert_allclose(found[rule], [direct(patch, start) for patch in noisy], atol=1e-6)
-    assert np.any(found["chen"] > found["paper"])
-    assert np.all(found["chen"] >= found["paper"])
+        np.testing.assert_allclose(results[rule], [direct(patch, start) for patch in noisy], atol=1e-6)
+    assert np.any(results["chen"] > results["paper"])
+    assert np.all(results["chen"] >= results["paper"])
 
 
 def test_float32_pictures_made_from_8_bit_are_as_good_as_float64() -> None:

@@ -34,10 +34,10 @@ def write_pair(folder, name, iso=1600, shots=12):
 
 def test_truth_and_estimates_of_a_simulated_camera(tmp_path):
     truth = {name: write_pair(tmp_path, name) for name in ("a", "b")}
-    found = real_noise.pairs(tmp_path)
-    assert [pair.name for pair in found] == ["a", "b"]
+    result = real_noise.pairs(tmp_path)
+    assert [pair.name for pair in result] == ["a", "b"]
     kinds = {name: real_noise.ESTIMATORS[name] for name in ("pca", "pca_stride_2")}
-    table = pd.concat([real_noise.measure(pair, real_noise.estimators(kinds)) for pair in found], ignore_index=True)
+    table = pd.concat([real_noise.measure(pair, real_noise.estimators(kinds)) for pair in result], ignore_index=True)
     assert list(table.columns) == list(real_noise.COLUMNS) and len(table) == 2 * 2 * 4
     for name, noise in truth.items():
         rows = table[table["picture"] == name]

@@ -130,8 +130,8 @@ def test_training_learns(cache: Path, tmp_path: Path) -> None:
     training.save(path, trained, chosen)
     from pipeline import noise
 
-    found = noise.create("cellwise", weights=path).estimate(np.full((1, 1, 64, 64), 0.5, np.float32))
-    assert found.reason[0] == "flat"
+    estimate = noise.create("cellwise", weights=path).estimate(np.full((1, 1, 64, 64), 0.5, np.float32))
+    assert estimate.reason[0] == "flat"
 
 
 def test_the_interval_factor_holds_95_percent_of_the_held_out(cache: Path) -> None:

@@ -39,7 +39,7 @@ def problems(folder, top=Path()):
     """Differences of all records of a folder, one line each."""
     params = yaml.safe_load((top / "params.yaml").read_text(encoding="utf-8"))
     groups = dvc_yaml.groups(yaml.safe_load((top / "dvc.yaml").read_text(encoding="utf-8")), params)
-    found = set()
+    results = set()
     for path in sorted(Path(folder).glob("*.json")):
         record = json.loads(path.read_text(encoding="utf-8"))
         module, *words = record["stage"]
@@ -47,7 +47,7 @@ def problems(folder, top=Path()):
         members = [(g, item) for g in groups for item, of in zip(g.items, g.jobs(), strict=False)
                    if g.module == module and of == job]  # fmt: skip
         if not members:
-            found.add(f"{module} {job}: no stage of dvc.yaml")
+            results.add(f"{module} {job}: no stage of dvc.yaml")
             continue
         group, item = members[0]
         paths = declared(group, item, params)
@@ -60,12 +60,12 @@ def problems(folder, top=Path()):
 
         for file in record["executed"]:
             if file.startswith("pipeline/") and file.endswith(".py") and not inside(file):
-                found.add(f"{group.name}: executes {file}, which is not in deps")
+                results.add(f"{group.name}: executes {file}, which is not in deps")
         for file in record["opened"]:
             compiled = file.endswith((".pyc", ".py")) or "__pycache__" in file or "/.writing-" in file
             if not compiled and not file.startswith(free) and not inside(file) and Path(top, file).is_file():
-                found.add(f"{group.name}: opens {file}, which is not in deps or outs")
-    return sorted(found)
+                results.add(f"{group.name}: opens {file}, which is not in deps or outs")
+    return sorted(results)
 
 
 if __name__ == "__main__":

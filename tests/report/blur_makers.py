@@ -73,13 +73,13 @@ def make_blur(
                     "frame": f"{dataset}-{number:04d}", "patch": patch, "abstained": refused,
                     "reason": "flat" if refused else "", "relative_to": "system",
                 }  # fmt: skip
-                for axis, place in np.ndindex(2, 8):
+                for axis, index in np.ndindex(2, 8):
                     has_interval = estimator == "spectral"
-                    value = answer[axis, place]
+                    value = answer[axis, index]
                     rows.append(
                         {
-                            **common, "axis": "HV"[axis], "frequency": mtf.FREQUENCIES[place],
-                            "true_mtf": truth[axis, place], "mtf": value,
+                            **common, "axis": "HV"[axis], "frequency": mtf.FREQUENCIES[index],
+                            "true_mtf": truth[axis, index], "mtf": value,
                             "low": value - 0.1 if has_interval else np.nan,
                             "high": value + 0.1 if has_interval else np.nan,
                         }
@@ -102,13 +102,13 @@ def make_blur(
     rows = measurements_of(estimates, "mtf")
     parts = [summarise(rows, 1, 5), summarise(divided_by_sharp(rows), 1, 5, calibrated=True)]
     summary = pd.concat(parts, ignore_index=True)
-    place = folder / f"{dataset}-{estimator}"
-    store.write_table(place / "estimates.parquet", estimates, BLUR_ESTIMATES)
-    store.write_table(place / "summary.parquet", summary, BLUR_SUMMARY)
+    index = folder / f"{dataset}-{estimator}"
+    store.write_table(index / "estimates.parquet", estimates, BLUR_ESTIMATES)
+    store.write_table(index / "summary.parquet", summary, BLUR_SUMMARY)
     if estimator in WITH_KERNEL:
         head = {"dataset": dataset, "estimator": estimator, "frame": f"{dataset}-0000", "patch": 0, "label": "car"}
-        store.write_arrays(place / "gallery.npz", **arrays)
-        store.write_json(place / "gallery.json", {**head, "kernels": entries})
+        store.write_arrays(index / "gallery.npz", **arrays)
+        store.write_json(index / "gallery.json", {**head, "kernels": entries})
 
 
 def blurred(image: np.ndarray, psf: np.ndarray) -> np.ndarray:

@@ -90,14 +90,14 @@ def curves(dataset: str) -> pd.DataFrame:
             for level in LEVELS:
                 for filter_px in (0.0, 7.0):
                     for axis in ("H", "V", "HV"):
-                        for place, frequency in enumerate(mtf.FREQUENCIES):
+                        for index, frequency in enumerate(mtf.FREQUENCIES):
                             truth = 1 - frequency
                             rows.append(
                                 {
                                     "dataset": dataset, "estimator": "spectral", "experiment": name, "blur_kind": kind,
                                     "kernel_size_px": 11.0, "angle_deg": 0.0 if kind == "defocus" else 45.0,
                                     "target_sigma_dn": level, "filter_px": filter_px, "calibrated": way, "axis": axis,
-                                    "frequency_index": place, "frequency": frequency, "true_mtf": truth,
+                                    "frequency_index": index, "frequency": frequency, "true_mtf": truth,
                                     "median": truth + 0.01 * level + 0.1 * (filter_px > 0), "minimum": 0.0,
                                     "maximum": 1.0, "count": 9, "abstained": 1,
                                 }
@@ -113,7 +113,7 @@ def make_combined(folder: Path, dataset: str) -> None:
             ["scene", "optics", "dark", "frame"] if noise_source == "dcsn" else ["scene", "photon", "optics", "frame"]
         )
         arrays |= {f"step_{name}_{step}": picture(f"{name} {step}", (96, 96)) for step in steps}
-        arrays |= {f"level_{name}_{place}": picture(f"{name} {place}", (96, 96)) for place in range(len(LEVELS))}
+        arrays |= {f"level_{name}_{index}": picture(f"{name} {index}", (96, 96)) for index in range(len(LEVELS))}
         entries.append({"experiment": name, "kernel": f"{kind}_11", "blur_kind": kind, "noise_source": noise_source,
             "angle_deg": 0.0,
                         "steps": steps, "target_sigmas_dn": list(LEVELS)})  # fmt: skip

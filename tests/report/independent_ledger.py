@@ -23,9 +23,9 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 def only(rows: list[dict[str, str]], **chosen: object) -> dict[str, str]:
     """The one row with these values; numbers are compared as numbers."""
-    found = [row for row in rows if all(_equal(row[name], value) for name, value in chosen.items())]
-    assert len(found) == 1, (chosen, len(found))
-    return found[0]
+    results = [row for row in rows if all(_equal(row[name], value) for name, value in chosen.items())]
+    assert len(results) == 1, (chosen, len(results))
+    return results[0]
 
 
 def _equal(text: str, value: object) -> bool:

@@ -164,20 +164,21 @@ def make_noise(folder: Path, dataset: str, estimator: str, patches: int = 12) ->
                 }
                 for number, value in enumerate(values)
             ]  # fmt: skip
-            found = values[np.isfinite(values)]
+            selected = values[np.isfinite(values)]
             summary.append(
                 {
-                    **key, "median_dn": np.median(found), "minimum_dn": found.min(), "maximum_dn": found.max(),
-                    "low_dn": np.median(found) - 0.3, "high_dn": np.median(found) + 0.3, "clipped_median_dn": true,
-                    "patch_error_dn": np.abs(found - true).mean(), "count": len(found), "rejected": 1,
-                    "unclipped_median_dn": level, "unclipped_error_dn": np.abs(found - level).mean(),
-                    "coverage": np.mean(np.abs(found - level) <= 1.5) if estimator == "cellwise" else np.nan,
-                    "abstained": patches - len(found),
+                    **key, "median_dn": np.median(selected), "minimum_dn": selected.min(), "maximum_dn": selected.max(),
+                    "low_dn": np.median(selected) - 0.3, "high_dn": np.median(selected) + 0.3,
+                    "clipped_median_dn": true,
+                    "patch_error_dn": np.abs(selected - true).mean(), "count": len(selected), "rejected": 1,
+                    "unclipped_median_dn": level, "unclipped_error_dn": np.abs(selected - level).mean(),
+                    "coverage": np.mean(np.abs(selected - level) <= 1.5) if estimator == "cellwise" else np.nan,
+                    "abstained": patches - len(selected),
                 }
             )  # fmt: skip
-    place = folder / f"{dataset}-{estimator}"
-    store.write_table(place / "estimates.parquet", pd.DataFrame(estimates), tables.NOISE_ESTIMATES)
-    store.write_table(place / "summary.parquet", pd.DataFrame(summary), tables.NOISE_SUMMARY)
+    position = folder / f"{dataset}-{estimator}"
+    store.write_table(position / "estimates.parquet", pd.DataFrame(estimates), tables.NOISE_ESTIMATES)
+    store.write_table(position / "summary.parquet", pd.DataFrame(summary), tables.NOISE_SUMMARY)
 
 
 def make_star(folder: Path) -> None:

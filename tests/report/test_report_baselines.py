@@ -35,17 +35,17 @@ def tolerances(folder: Path, text: str = "") -> Path:
 
 def changed(key: str, value: Any) -> dict[str, Any]:
     content = json.loads(json.dumps(STORED))
-    place = content
+    position = content
     *parents, last = key.split(".")
     for parent in parents:
-        place = place[parent]
-    place[last] = value
+        position = position[parent]
+    position[last] = value
     return content
 
 
 def failures(tmp_path: Path, content: Any, text: str = "") -> list[baselines.Failure]:
-    stored, found = write(tmp_path / "stored", STORED), write(tmp_path / "found", content)
-    return check(found, stored, tolerances(tmp_path, text))
+    stored, result = write(tmp_path / "stored", STORED), write(tmp_path / "found", content)
+    return check(result, stored, tolerances(tmp_path, text))
 
 
 def test_equal_metrics_hold(tmp_path: Path) -> None:
@@ -66,16 +66,16 @@ def test_equal_metrics_hold(tmp_path: Path) -> None:
     ],
 )
 def test_any_change_fails_without_a_tolerance(tmp_path: Path, key: str, value: Any, why: str) -> None:
-    found = failures(tmp_path, changed(key, value))
-    assert [item.metric for item in found] == [f"noise/sim-pca.json:{key}"]
-    assert why in found[0].why
+    result = failures(tmp_path, changed(key, value))
+    assert [item.metric for item in result] == [f"noise/sim-pca.json:{key}"]
+    assert why in result[0].why
 
 
 def test_missing_and_new_numbers_and_files_fail(tmp_path: Path) -> None:
     content = changed("photon.10", {"median_dn": 10.0})
     del content["name"]
-    found = {item.metric.partition(":")[2]: item.why for item in failures(tmp_path, content)}
-    assert found == {"name": "missing in this run", "photon.10.median_dn": "new: no baseline yet"}
+    results = {item.metric.partition(":")[2]: item.why for item in failures(tmp_path, content)}
+    assert results == {"name": "missing in this run", "photon.10.median_dn": "new: no baseline yet"}
     write(tmp_path / "found", {"a": 1}, "extra.json")
     again = check(tmp_path / "found", tmp_path / "stored", tmp_path / "tolerances.yaml")
     assert "extra.json:a" in [item.metric for item in again]
@@ -85,8 +85,8 @@ def test_missing_and_new_numbers_and_files_fail(tmp_path: Path) -> None:
 
 
 def test_a_nan_in_the_baseline_fails_too(tmp_path: Path) -> None:
-    stored, found = write(tmp_path / "s", {"a": math.nan}), write(tmp_path / "f", {"a": math.nan})
-    assert [item.why for item in check(found, stored, tolerances(tmp_path))] == ["found is null or not finite"]
+    stored, result = write(tmp_path / "s", {"a": math.nan}), write(tmp_path / "f", {"a": math.nan})
+    assert [item.why for item in check(result, stored, tolerances(tmp_path))] == ["found is null or not finite"]
 
 
 def test_a_list_that_lost_an_item_or_became_empty_fails(tmp_path: Path) -> None:
@@ -149,20 +149,20 @@ def test_empty_folders_never_pass(tmp_path: Path) -> None:
 
 
 def test_update_replaces_what_is_stored_and_keeps_tolerances(tmp_path: Path) -> None:
-    stored, found = write(tmp_path / "stored", {"old": 1}, "old.json"), write(tmp_path / "found", STORED)
+    stored, result = write(tmp_path / "stored", {"old": 1}, "old.json"), write(tmp_path / "found", STORED)
     (stored / "tolerances.yaml").write_text("default: {abs: 1}\n")
-    assert update(found, stored) == len(flatten(STORED))
+    assert update(result, stored) == len(flatten(STORED))
     assert not (stored / "old.json").exists()
-    assert check(found, stored, stored / "tolerances.yaml") == []
+    assert check(result, stored, stored / "tolerances.yaml") == []
     write(tmp_path / "found", {"a": None}, "bad.json")
     with pytest.raises(InputError, match=r"bad\.json:a is null"):
-        update(found, stored)
+        update(result, stored)
 
 
 def test_the_command_line_tells_by_its_exit_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    stored, found = write(tmp_path / "b/smoke", STORED), write(tmp_path / "m", STORED)
+    stored, result = write(tmp_path / "b/smoke", STORED), write(tmp_path / "m", STORED)
     tolerances(tmp_path / "b")  # in the folder above, for all profiles
-    line = ["--metrics", str(found), "--baselines", str(stored)]
+    line = ["--metrics", str(result), "--baselines", str(stored)]
     assert main(line) == 0
     assert f"({len(flatten(STORED))} numbers)" in capsys.readouterr().out
     write(tmp_path / "m", changed("photon.5.median_dn", 6.0))

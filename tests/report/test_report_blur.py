@@ -102,8 +102,8 @@ def test_the_figure_of_sharp_curves_shows_ours_theirs_and_the_star(inputs: Repor
     drawing = blur.uncorrupted(curves, ["sim", "kitti", "udacity"], paper, {"sim": star})
     lines = artists(drawing.figure, "series--pmp--median")
     assert len(lines) == 4  # two datasets, two directions
-    own = curves[(curves["dataset"] == "sim") & (curves["estimator"] == "pmp") & (curves["axis"] == "H")]
-    assert np.asarray(lines[0].get_ydata()) == pytest.approx(own["median"].to_numpy())
+    selected = curves[(curves["dataset"] == "sim") & (curves["estimator"] == "pmp") & (curves["axis"] == "H")]
+    assert np.asarray(lines[0].get_ydata()) == pytest.approx(selected["median"].to_numpy())
     assert np.asarray(lines[0].get_xdata()) == pytest.approx(mtf.FREQUENCIES)
     assert len(artists(drawing.figure, "series--cnn--paper")) == 3  # horizontal only, Udacity too
     texts = [text.get_text() for axes in drawing.figure.axes for text in axes.texts]
@@ -133,10 +133,10 @@ def test_table_one_sets_the_papers_value_beside_each_cell(summary: pd.DataFrame,
     ]  # fmt: skip
     ran = next(row for row in table.rows if row["blur"] == "D 21")
     assert isinstance(ran["pmp"], Estimate) and ran["pmp"].reference == 6.7 and ran["pmp"].count == 7
-    own = summary[(summary["dataset"] == "sim") & ~summary["calibrated"] & (summary["kernel_size_px"] == 21)]
-    cell = own[(own["blur_kind"] == "defocus") & (own["estimator"] == "pmp")].iloc[0]
+    selected = summary[(summary["dataset"] == "sim") & ~summary["calibrated"] & (summary["kernel_size_px"] == 21)]
+    cell = selected[(selected["blur_kind"] == "defocus") & (selected["estimator"] == "pmp")].iloc[0]
     assert ran["pmp"].value == cell["amae_percent"] and ran["pmp"].low == cell["low_percent"]
-    values = own[own["blur_kind"] == "defocus"].set_index("estimator")["amae_percent"]
+    values = selected[selected["blur_kind"] == "defocus"].set_index("estimator")["amae_percent"]
     assert str(ran["best"]).lower() == values.idxmin()
     assert isinstance(ran["cnn"], Estimate) and math.isnan(ran["cnn"].value) and ran["cnn"].reference == 1.1
     skipped = next(row for row in table.rows if row["blur"] == "L 7")  # not among our sizes
@@ -151,8 +151,8 @@ def test_sharp_frames_are_evaluated_against_their_lens(
     assert set(errors["dataset"]) == {"sim"} == set(lens)  # the lens of a photograph is not known
     curves = sharp_curves(estimates, draws=0)
     for row in errors.itertuples():
-        own = curves[(curves["dataset"] == "sim") & (curves["estimator"] == row.estimator)]
-        both = [own.loc[own["axis"] == axis, "median"].to_numpy() - lens["sim"] for axis in "HV"]
+        selected = curves[(curves["dataset"] == "sim") & (curves["estimator"] == row.estimator)]
+        both = [selected.loc[selected["axis"] == axis, "median"].to_numpy() - lens["sim"] for axis in "HV"]
         assert row.amae_percent == pytest.approx(100 * np.abs(both).mean())
         assert row.low_percent <= row.amae_percent <= row.high_percent
         assert row.count + row.abstained == 8
@@ -167,8 +167,8 @@ def test_means_of_table_one_are_over_the_same_kernels(
     summary: pd.DataFrame, paper: pd.DataFrame, published: dict
 ) -> None:
     mean = blur_amae.table_one("sim", summary, paper, False, {}).rows[-1]
-    own = summary[(summary["dataset"] == "sim") & ~summary["calibrated"] & (summary["blur_kind"] != "sharp")]
-    pmp = own[own["estimator"] == "pmp"]
+    selected = summary[(summary["dataset"] == "sim") & ~summary["calibrated"] & (summary["blur_kind"] != "sharp")]
+    pmp = selected[selected["estimator"] == "pmp"]
     assert isinstance(mean["pmp"], Estimate)
     assert mean["pmp"].value == pytest.approx(pmp["amae_percent"].mean())
     theirs = [published["sim", "pmp", row.blur_kind, row.kernel_size_px] for row in pmp.itertuples()]
@@ -183,8 +183,8 @@ def test_calibrated_answers_stand_in_a_table_of_their_own(summary: pd.DataFrame,
     cells = [cell for row in table.rows for cell in row.values() if isinstance(cell, Estimate)]
     assert all(cell.reference is None for cell in cells)  # the paper calibrates nothing
     raw = blur_amae.table_one("kitti", summary, paper, False, {}).rows[-1]["spectral"]
-    own = table.rows[-1]["spectral"]
-    assert isinstance(raw, Estimate) and isinstance(own, Estimate) and own.value < 0.5 * raw.value
+    selected = table.rows[-1]["spectral"]
+    assert isinstance(raw, Estimate) and isinstance(selected, Estimate) and selected.value < 0.5 * raw.value
 
 
 def test_ours_stands_beside_the_papers_best_of_three(summary: pd.DataFrame, paper: pd.DataFrame) -> None:
@@ -214,8 +214,8 @@ def galleries(inputs: ReportInputs, dataset: str = "sim") -> list[Gallery]:
     made = []
     for name in ("pmp", "gbb"):
         folder = inputs.blur / f"{dataset}-{name}"
-        said = store.read_json(folder / "gallery.json")
-        made.append(Gallery(name, store.read_arrays(folder / "gallery.npz"), said["kernels"]))
+        content = store.read_json(folder / "gallery.json")
+        made.append(Gallery(name, store.read_arrays(folder / "gallery.npz"), content["kernels"]))
     return made
 
 
@@ -232,8 +232,8 @@ def test_the_gallery_shows_truth_and_estimates_at_one_scale(inputs: ReportInputs
     assert "GBB mean AMAE" in drawing.alt and "1 abstained" in drawing.alt
     assert set(drawing.values["estimator"]) == {"pmp", "gbb", "spectral"}
     small = next(e for e in shown[0].kernels if e["kernel"] == "defocus_3")
-    found = drawing.values[(drawing.values["kernel"] == "defocus_3") & (drawing.values["estimator"] == "pmp")]
-    assert found["mtf"].to_numpy() == pytest.approx(np.ravel(small["mtf"]))
+    selected = drawing.values[(drawing.values["kernel"] == "defocus_3") & (drawing.values["estimator"] == "pmp")]
+    assert selected["mtf"].to_numpy() == pytest.approx(np.ravel(small["mtf"]))
     wide = [axes.get_xlim() for axes in drawing.figure.axes if axes.images and axes.get_title() in ("true", "PMP")]
     assert set(wide) == {(-5.5, 5.5)}
 
@@ -275,8 +275,8 @@ def test_without_results_the_section_names_the_stage() -> None:
 
 
 def test_members_that_did_not_run_and_absent_galleries_are_noted(inputs: ReportInputs) -> None:
-    asked = frozenset({"sim-spectral", "sim-cnn"})
-    sim = dataclasses.replace(inputs, blur_members=asked, index={"sim": inputs.index["sim"]})
+    requested = frozenset({"sim-spectral", "sim-cnn"})
+    sim = dataclasses.replace(inputs, blur_members=requested, index={"sim": inputs.index["sim"]})
     lines = {block.line for block in blur.section(sim).blocks if isinstance(block, NotRun)}
     assert {"dvc repro blur@sim-cnn", "dvc repro blur@sim-pmp"} <= lines
 
@@ -286,8 +286,8 @@ def test_galleries_of_different_patches_are_refused(inputs: ReportInputs, tmp_pa
 
     for name in ("pmp", "gbb"):
         shutil.copytree(inputs.blur / f"sim-{name}", tmp_path / f"sim-{name}")
-    said = store.read_json(tmp_path / "sim-gbb/gallery.json")
-    store.write_json(tmp_path / "sim-gbb/gallery.json", {**said, "frame": "another"})
+    content = store.read_json(tmp_path / "sim-gbb/gallery.json")
+    store.write_json(tmp_path / "sim-gbb/gallery.json", {**content, "frame": "another"})
     with pytest.raises(InputError, match="show different patches"):
         blur.section(dataclasses.replace(inputs, blur=tmp_path, blur_members=None))
     store.write_json(tmp_path / "sim-gbb/gallery.json", {"kernels": []})
@@ -303,8 +303,8 @@ def test_the_ledger_compares_same_names_but_not_our_sim(inputs: ReportInputs, su
     sim = [row for row in ran if row.quantity.startswith("Sim")]
     assert {row.verdict for row in sim} == {"not comparable"} and all("rendered here" in row.why for row in sim)
     kitti = next(row for row in ran if row.quantity.startswith("KITTI, GBB, Defocus, 21 px"))
-    own = summary[(summary["dataset"] == "kitti") & (summary["estimator"] == "gbb") & ~summary["calibrated"]]
-    cell = own[(own["blur_kind"] == "defocus") & (own["kernel_size_px"] == 21)].iloc[0]
+    selected = summary[(summary["dataset"] == "kitti") & (summary["estimator"] == "gbb") & ~summary["calibrated"]]
+    cell = selected[(selected["blur_kind"] == "defocus") & (selected["kernel_size_px"] == 21)].iloc[0]
     assert kitti.ours == cell["amae_percent"] and kitti.verdict in ("match", "better", "close", "differs")
     assert any("frames than the paper's" in row.why for row in ran if row.verdict == "differs")
     cnn = next(row for row in rows if row.quantity.startswith("KITTI, CNN"))

@@ -104,10 +104,10 @@ def test_the_supplements_table_has_the_papers_twelve_rows(inputs: ReportInputs) 
 
 def test_the_ledger_takes_udacity_raw_and_spectral(inputs: ReportInputs) -> None:
     rows = {name: rows_of(BY_NAME[name], inputs) for name in PUBLISHED}
-    found = [row for row in rows["photon_defocus_amae"] if row.verdict != NOT_RUN]
-    assert len(found) == 6  # two sizes and three levels of the paper's five and six
+    results = [row for row in rows["photon_defocus_amae"] if row.verdict != NOT_RUN]
+    assert len(results) == 6  # two sizes and three levels of the paper's five and six
     wanted = sorted(amae(size, level, 0, False) for size in (3, 11) for level in LEVELS)
-    assert sorted(row.ours for row in found) == pytest.approx(wanted)
+    assert sorted(row.ours for row in results) == pytest.approx(wanted)
     truth = [row for row in rows["photon_linear_motion_mtf"] if row.quantity.startswith("Ground truth")]
     assert len(truth) == 8 and all(row.verdict != NOT_RUN for row in truth)
     improved = [row for row in rows["improved_blur"] if row.verdict != NOT_RUN]

@@ -46,9 +46,9 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     detections, looked, objects, medians = sweep_tables()
     for number, name in enumerate(DETECTORS):
         out = root / "data/detect" / f"sim-{name}"
-        found = detections[detections["frame"] < ("f99", "f08")[number]]
+        selected = detections[detections["frame"] < ("f99", "f08")[number]]
         for file, table, schema in (
-            ("detections", found, DETECTIONS), ("looked", looked, LOOKED), ("objects", objects, OBJECTS),
+            ("detections", selected, DETECTIONS), ("looked", looked, LOOKED), ("objects", objects, OBJECTS),
         ):  # fmt: skip
             store.write_table(out / f"{file}.parquet", table, schema)
         store.write_json(out / "about.json", {"classes": ["car", "person"]})
@@ -70,8 +70,8 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
 
 @pytest.fixture(scope="module")
 def blocks(inputs: ReportInputs) -> dict[str, Figure | Table]:
-    found = detection.section(inputs, [row for name in PUBLISHED for row in rows_of(BY_NAME[name], inputs)])
-    return {block.name: block for block in found.blocks if not isinstance(block, NotRun)}
+    result = detection.section(inputs, [row for name in PUBLISHED for row in rows_of(BY_NAME[name], inputs)])
+    return {block.name: block for block in result.blocks if not isinstance(block, NotRun)}
 
 
 def test_corners_of_the_sweep_with_intervals_and_counts(blocks: dict[str, Figure | Table]) -> None:
@@ -129,8 +129,8 @@ def test_the_ledger_matches_the_published_regression(inputs: ReportInputs) -> No
     grid = rows_of(BY_NAME["fitted_ap_grid"], inputs)
     assert len(grid) == 84 and all(row.verdict == MATCH for row in grid)
     numbers = rows_of(BY_NAME["regression_coefficients"], inputs)
-    told = {"match": 32, "not comparable": 4}
-    assert {verdict: sum(row.verdict == verdict for row in numbers) for verdict in told} == told
+    results = {"match": 32, "not comparable": 4}
+    assert {verdict: sum(row.verdict == verdict for row in numbers) for verdict in results} == results
 
 
 def test_another_detector_is_not_set_against_the_papers(inputs: ReportInputs) -> None:
@@ -141,11 +141,11 @@ def test_another_detector_is_not_set_against_the_papers(inputs: ReportInputs) ->
 
 
 def test_what_did_not_run_says_how(inputs: ReportInputs) -> None:
-    found = detection.section(inputs)
-    notes = {(block.title, block.why): block.line for block in found.blocks if isinstance(block, NotRun)}
+    result = detection.section(inputs)
+    notes = {(block.title, block.why): block.line for block in result.blocks if isinstance(block, NotRun)}
     assert notes["Detection by YOLOv4", "weights absent"].startswith("camera-monitor weights get yolov4")
     assert notes["Detection on KITTI", "data absent"] == ABSENT["kitti"]
-    ran = {(run.experiment, run.dataset) for run in found.runs if run.ran}
+    ran = {(run.experiment, run.dataset) for run in result.runs if run.ran}
     assert ("Detection by Compact", "sim") in ran
     nothing = dataclasses.replace(inputs, detection=None, recorded=None)
     bare = detection.section(nothing)
@@ -155,8 +155,8 @@ def test_what_did_not_run_says_how(inputs: ReportInputs) -> None:
 
 def test_recorded_sweeps_are_a_state_of_the_overview_and_show_their_precision(inputs: ReportInputs) -> None:
     (record,) = detection_results.recorded(inputs)
-    asked = dataclasses.replace(inputs, detectors_absent={"yolox": "get yolox", "yolov4": "get yolov4"})
-    section = detection.section(asked)
+    requested = dataclasses.replace(inputs, detectors_absent={"yolox": "get yolox", "yolov4": "get yolov4"})
+    section = detection.section(requested)
     states = {(run.experiment, run.dataset): run.state for run in section.runs}
     assert states["Detection by YOLOX", "kitti"] == "recorded"
     assert states["Detection by YOLOX", "sim"] == states["Detection by YOLOv4", ""] == "absent"
@@ -183,10 +183,10 @@ def test_the_page_is_built_twice_with_the_same_bytes(inputs: ReportInputs, tmp_p
 
 def test_figures_drawn_twice_are_the_same_bytes(inputs: ReportInputs, tmp_path: Path) -> None:
     written = []
-    for place in ("a", "b"):
+    for index in ("a", "b"):
         shown = [b for b in detection.section(inputs).blocks if isinstance(b, Figure)]
         names = [block.name for block in shown]
         assert "regression_sim" in names and "iopc_heat_sim" in names
-        paths = [style.save(block.drawing.figure, tmp_path / place / block.name) for block in shown]
+        paths = [style.save(block.drawing.figure, tmp_path / index / block.name) for block in shown]
         written.append([path.read_bytes() for each in paths for path in each])
     assert written[0] == written[1]

@@ -119,10 +119,10 @@ def test_noise_figure_plots_the_medians_and_counts_abstentions(report_inputs: Re
     drawing = noise.curves(summary, ["sim", "kitti"])
     lines = artists(drawing.figure, "series--pca--median")
     assert len(lines) == 4  # one per effect; KITTI has none
-    own = summary[(summary["estimator"] == "pca") & (summary["noise_source"] == "photon")].sort_values(
+    selected = summary[(summary["estimator"] == "pca") & (summary["noise_source"] == "photon")].sort_values(
         "target_sigma_dn"
     )
-    assert np.asarray(lines[0].get_ydata()) == pytest.approx(own["median_dn"].to_numpy())
+    assert np.asarray(lines[0].get_ydata()) == pytest.approx(selected["median_dn"].to_numpy())
     texts = [text.get_text() for axes in drawing.figure.axes for text in axes.texts]
     assert texts.count("PCA abstained 12 of 72") == 4 and texts.count("not run") == 4
     assert "96 estimates" not in drawing.alt and f"{int(summary['abstained'].sum())} estimates" in drawing.alt

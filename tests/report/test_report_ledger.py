@@ -262,10 +262,10 @@ def test_the_star_is_interpolated_at_the_papers_frequencies(tmp_path: Path) -> N
     store.write_json(
         tmp_path / "star.json", {"frequency": frequency, "measured": 1 - frequency, "formula": 1 - frequency}
     )
-    found = ledger_sources.sharp_mtf(dataclasses.replace(NOTHING, star=tmp_path))
-    assert found is not None
-    assert found["mtf"].to_numpy() == pytest.approx(1 - found["frequency"].to_numpy())
-    assert found["frequency"].max() == 0.5  # 0.6 lies beyond what was measured
+    result = ledger_sources.sharp_mtf(dataclasses.replace(NOTHING, star=tmp_path))
+    assert result is not None
+    assert result["mtf"].to_numpy() == pytest.approx(1 - result["frequency"].to_numpy())
+    assert result["frequency"].max() == 0.5  # 0.6 lies beyond what was measured
     store.write_json(tmp_path / "star.json", {"frequency": [0.1], "measured": [1, 2]})
     with pytest.raises(InputError, match="equally long"):
         ledger_sources.star_curve(dataclasses.replace(NOTHING, star=tmp_path))

@@ -29,8 +29,14 @@ def add_maps(folder: Path, dataset: str, off_dn: float = 0.0, frame: str = "a") 
         arrays[f"{noise_source}_found"] = arrays[f"{noise_source}_added"] + off_dn
     arrays["dcsn_found"][:2] = np.nan
     store.write_arrays(folder / "maps.npz", **arrays)
-    said = {"dataset": dataset, "frame": frame, "target_sigma_dn": 15.0, "cell_px": 8, "effects": ["photon", "dcsn"]}
-    store.write_json(folder / "maps.json", {**said, "estimator": folder.name.removeprefix(f"{dataset}-")})
+    metadata = {
+        "dataset": dataset,
+        "frame": frame,
+        "target_sigma_dn": 15.0,
+        "cell_px": 8,
+        "effects": ["photon", "dcsn"],
+    }
+    store.write_json(folder / "maps.json", {**metadata, "estimator": folder.name.removeprefix(f"{dataset}-")})
 
 
 @pytest.fixture(scope="module")
@@ -80,12 +86,12 @@ def test_patches_are_judged_against_both_truths(inputs: ReportInputs) -> None:
     table = rows(noise.single_patches(estimates, 0))
     assert len(table) == 2 * 4
     ours = next(row for row in table if row["estimator"] == "Cell-wise" and row["noise_source"] == "DCSN")
-    own = estimates[(estimates["estimator"] == "cellwise") & (estimates["noise_source"] == "dcsn")]
+    selected = estimates[(estimates["estimator"] == "cellwise") & (estimates["noise_source"] == "dcsn")]
     present, added, held = ours["present_dn"], ours["added_dn"], ours["coverage_percent"]
     assert isinstance(present, Estimate) and isinstance(added, Estimate) and isinstance(held, Estimate)
-    assert present.value == pytest.approx((own["sigma_dn"] - own["clipped_sigma_dn"]).abs().mean())
-    assert added.value == pytest.approx((own["sigma_dn"] - own["unclipped_sigma_dn"]).abs().mean())
-    noisy = own[own["target_sigma_dn"] > 0]
+    assert present.value == pytest.approx((selected["sigma_dn"] - selected["clipped_sigma_dn"]).abs().mean())
+    assert added.value == pytest.approx((selected["sigma_dn"] - selected["unclipped_sigma_dn"]).abs().mean())
+    noisy = selected[selected["target_sigma_dn"] > 0]
     inside = (noisy["low_dn"] <= noisy["unclipped_sigma_dn"]) & (noisy["unclipped_sigma_dn"] <= noisy["high_dn"])
     assert held.value == pytest.approx(100 * inside.mean()) and held.count == len(noisy)
     assert 50 < held.value < 100
@@ -97,11 +103,13 @@ def test_patches_are_judged_against_both_truths(inputs: ReportInputs) -> None:
 
 def test_the_interval_is_over_frames_not_over_patches(inputs: ReportInputs) -> None:
     _, estimates = noise_tables(inputs)
-    own = estimates[estimates["estimator"] == "cellwise"].copy()
-    own["sigma_dn"] = own["unclipped_sigma_dn"] + np.where(own["patch"] % 2 == 0, 1.0, 3.0)
-    one = rows(noise.single_patches(own, 0))[0]["added_dn"]
+    selected = estimates[estimates["estimator"] == "cellwise"].copy()
+    selected["sigma_dn"] = selected["unclipped_sigma_dn"] + np.where(selected["patch"] % 2 == 0, 1.0, 3.0)
+    one = rows(noise.single_patches(selected, 0))[0]["added_dn"]
     assert isinstance(one, Estimate) and not one.has_interval  # a single frame says nothing of others
-    copies = [own.assign(frame=f"sim-{number}", sigma_dn=own["unclipped_sigma_dn"] + number) for number in range(8)]
+    copies = [
+        selected.assign(frame=f"sim-{number}", sigma_dn=selected["unclipped_sigma_dn"] + number) for number in range(8)
+    ]
     many = rows(noise.single_patches(pd.concat(copies, ignore_index=True), 0))[0]["added_dn"]
     assert isinstance(many, Estimate)
     assert many.value == pytest.approx(3.5)
@@ -112,16 +120,16 @@ def test_saturated_patches_have_rows_of_their_own_at_the_highest_level(inputs: R
     _, estimates = noise_tables(inputs)
     table = noise.saturated(estimates, 0)
     assert table is not None and "25 DN" in table.caption
-    found = rows(table)
-    assert [row["noise_source"] for row in found] == ["Photon", "DCSN", "Readout", "Combined"]
-    assert all(row["patches"] == 1 and row["added_dn"] == 25 for row in found)
+    result = rows(table)
+    assert [row["noise_source"] for row in result] == ["Photon", "DCSN", "Readout", "Combined"]
+    assert all(row["patches"] == 1 and row["added_dn"] == 25 for row in result)
     chosen = estimates[
         (estimates["saturated_fraction"] > 0.8)
         & (estimates["target_sigma_dn"] == 25)
         & (estimates["noise_source"] == "dcsn")
         & (estimates["estimator"] == "cellwise")
     ]
-    cell = found[1]["cellwise"]
+    cell = result[1]["cellwise"]
     assert isinstance(cell, Estimate) and cell.value == pytest.approx(chosen["sigma_dn"].iloc[0])
     assert noise.saturated(estimates.assign(saturated_fraction=0.5), 0) is None
 

@@ -51,11 +51,11 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def recorded(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("recorded")
-    numbers = record(configured(root), "mine", ESTIMATORS, place / "mine-blur", "made up (CC0)", MAP)
+    position = tmp_path_factory.mktemp("recorded")
+    numbers = record(configured(root), "mine", ESTIMATORS, position / "mine-blur", "made up (CC0)", MAP)
     assert set(numbers) == set(ESTIMATORS) and set(numbers["camera_calibrated"]) == {"calibrated"}
-    assert store.read_json(place / "mine-blur/metrics.json")["spectral"]["raw"] == numbers["spectral"]["raw"]
-    return place
+    assert store.read_json(position / "mine-blur/metrics.json")["spectral"]["raw"] == numbers["spectral"]["raw"]
+    return position
 
 
 @pytest.fixture(scope="module")
@@ -66,15 +66,15 @@ def read(recorded: Path) -> blur_records.BlurRecord:
 
 def test_the_numbers_are_those_of_the_stages(root: Path, read: blur_records.BlurRecord, tmp_path: Path) -> None:
     config = configured(root)
-    found = index(open_section("mine", config.datasets["mine"]))
-    store.write_table(tmp_path / "data/index/mine/frames.parquet", found.frames, tables.FRAMES)
-    store.write_table(tmp_path / "data/index/mine/patches.parquet", found.patches, tables.PATCHES)
+    indexed = index(open_section("mine", config.datasets["mine"]))
+    store.write_table(tmp_path / "data/index/mine/frames.parquet", indexed.frames, tables.FRAMES)
+    store.write_table(tmp_path / "data/index/mine/patches.parquet", indexed.patches, tables.PATCHES)
     stored.write(tmp_path / "data/psf", kernel_bank.configured(config.psf, "physical", config.seed), "generated")
     for name in ESTIMATORS:
         stage.run(config, {"dataset": "mine", "estimator": name}, tmp_path, tmp_path)
-        own = store.read_table(tmp_path / f"data/blur/mine-{name}/summary.parquet", BLUR_SUMMARY)
+        table = store.read_table(tmp_path / f"data/blur/mine-{name}/summary.parquet", BLUR_SUMMARY)
         kept = read.summary[read.summary["estimator"] == name].reset_index(drop=True)
-        pd.testing.assert_frame_equal(kept, own, rtol=1e-5)
+        pd.testing.assert_frame_equal(kept, table, rtol=1e-5)
     estimates = store.read_table(tmp_path / "data/blur/mine-spectral/estimates.parquet", BLUR_ESTIMATES)
     sharp = estimates[(estimates["kernel"] == "sharp") & (estimates["axis"] == "V")]
     median = sharp.groupby("frequency")["mtf"].median()  # two patches: none is an outlier
@@ -102,16 +102,19 @@ def test_earlier_moments_and_the_papers_kernels_are_named_too(tmp_path: Path) ->
     store.write_image(disc, np.full((7, 7), 255, np.uint8))
     config = configured(root, "psf=paper", f"psf.folder={tmp_path / 'kernels'}", "psf.kinds=[defocus]", kind="kitti")
     record(config, "mine", ["spectral"], tmp_path / "out", "made up", MAP)
-    said = store.read_json(tmp_path / "out/provenance.json")
-    assert said["kernels"] == {"defocus_7": hashlib.sha256(disc.read_bytes()).hexdigest()}
-    assert set(said["previous"]) == {"000000_01.png", "000001_01.png"} and set(said["frames"]) == {"000000", "000001"}
-    assert said["psf"]["source"] == "paper" and "folder" not in said["psf"]
+    content = store.read_json(tmp_path / "out/provenance.json")
+    assert content["kernels"] == {"defocus_7": hashlib.sha256(disc.read_bytes()).hexdigest()}
+    assert set(content["previous"]) == {"000000_01.png", "000001_01.png"} and set(content["frames"]) == {
+        "000000",
+        "000001",
+    }
+    assert content["psf"]["source"] == "paper" and "folder" not in content["psf"]
 
 
 def test_no_place_of_the_machine_and_no_picture_is_kept(root: Path, recorded: Path, tmp_path: Path) -> None:
     weights = REPO / "data/weights/mtf_spectral.safetensors"
-    own = configured(root, f"+blur.estimators.spectral.options.weights={weights}")
-    record(own, "mine", ["spectral"], tmp_path / "out", "made up", MAP)
+    selected = configured(root, f"+blur.estimators.spectral.options.weights={weights}")
+    record(selected, "mine", ["spectral"], tmp_path / "out", "made up", MAP)
     assert store.read_json(tmp_path / "out/provenance.json")["blur"]["estimators"]["spectral"]["options"] == {
         "weights": weights.name
     }
@@ -171,8 +174,8 @@ def test_an_estimator_joins_those_recorded(root: Path, recorded: Path, tmp_path:
     for name in ("metrics.json", "provenance.json"):
         assert store.read_json(out / name) == store.read_json(together / name)
     for name in ("summary.csv", "sharp.csv", "patches.csv"):
-        own, both = (sorted((place / name).read_text().splitlines()) for place in (out, together))
-        assert own == both
+        selected, both = (sorted((item / name).read_text().splitlines()) for item in (out, together))
+        assert selected == both
 
 
 def test_only_what_was_measured_alike_can_join(root: Path, recorded: Path, tmp_path: Path) -> None:

@@ -22,11 +22,11 @@ INPUTS = ReportInputs(paper=REPO / "data/paper", runtime=RECORD)
 
 
 def test_the_committed_record_holds_every_estimator() -> None:
-    found = {(time.task, time.estimator) for time in patch_times(INPUTS).itertuples()}
-    timed = {name for task, name in found if task == "blur"}
+    results = {(time.task, time.estimator) for time in patch_times(INPUTS).itertuples()}
+    timed = {name for task, name in results if task == "blur"}
     registered = set(blur.REGISTRY.names())
     assert registered - {"fused"} <= timed <= registered  # that one costs what its members do
-    assert {name for task, name in found if task == "noise"} == set(noise.REGISTRY.names())
+    assert {name for task, name in results if task == "noise"} == set(noise.REGISTRY.names())
     for time in patch_times(INPUTS).itertuples():
         assert 0 < time.batched_ms < 1.5 * time.one_ms
 

@@ -58,8 +58,8 @@ def test_curves_are_read_by_what_their_columns_say(folder: Path) -> None:
 
 
 def test_the_section_shows_budget_size_and_error_beside_the_papers(folder: Path) -> None:
-    found = training.section(dataclasses.replace(NOTHING, weights=folder))
-    figure, table = found.blocks[:2]
+    result = training.section(dataclasses.replace(NOTHING, weights=folder))
+    figure, table = result.blocks[:2]
     assert isinstance(figure, Figure) and isinstance(table, Table)
     assert figure.stages == ("train_mtf@cnn", "train_sigma@cellwise", "train_detector@compact")
     assert "MTF error 10 %" in figure.drawing.alt
@@ -67,7 +67,7 @@ def test_the_section_shows_budget_size_and_error_beside_the_papers(folder: Path)
     assert row["samples"] == 400 * 192 and row["released"] == 200 and row["training"] == 9.0
     assert row["squared"] == Estimate(0.02, reference=0.0083)
     assert row["parameters"] == Estimate(17, reference=6_757_384)
-    missing = [block for block in found.blocks if isinstance(block, NotRun)]
+    missing = [block for block in result.blocks if isinstance(block, NotRun)]
     assert [block.line for block in missing] == ["dvc repro train_mtf@spectral"]
 
 
@@ -93,8 +93,8 @@ def test_released_networks_have_curves_that_end_where_their_weights_say() -> Non
 
 
 def test_nothing_trained_is_said_and_a_foreign_table_is_refused(tmp_path: Path) -> None:
-    found = training.section(NOTHING)
-    assert all(isinstance(block, NotRun) for block in found.blocks) and len(found.blocks) == 3
+    result = training.section(NOTHING)
+    assert all(isinstance(block, NotRun) for block in result.blocks) and len(result.blocks) == 3
     (tmp_path / "mtf_cnn.csv").write_text("epoch,loss\n1,2\n")
     with pytest.raises(InputError, match=r"mtf_cnn\.csv: expected a column 'step'"):
         read(tmp_path)

@@ -27,14 +27,14 @@ def labelled(*placed: Placed, samples: int = 3):
 
 
 def test_a_plate_in_the_open_is_where_projection_says():
-    (found,) = labelled(Placed(PLATE, "car-0", 0.0, (10.0, 0.0, 0.0)))
-    assert (found.label, found.name, found.kind) == ("car", "car-0", "plate")
-    assert [found.x1, found.y1, found.x2, found.y2] == pytest.approx([50, 45, 70, 55], abs=0.34)
-    assert found.amodal == pytest.approx((50, 45, 70, 55), abs=0.02)
-    assert found.visible_fraction == pytest.approx(1.0, abs=0.01)
-    assert found.pixels == pytest.approx(200, rel=0.02)
-    assert found.distance_m == pytest.approx(10.0, abs=1e-3)
-    assert found.height_px == pytest.approx(10, abs=0.34)
+    (result,) = labelled(Placed(PLATE, "car-0", 0.0, (10.0, 0.0, 0.0)))
+    assert (result.label, result.name, result.kind) == ("car", "car-0", "plate")
+    assert [result.x1, result.y1, result.x2, result.y2] == pytest.approx([50, 45, 70, 55], abs=0.34)
+    assert result.amodal == pytest.approx((50, 45, 70, 55), abs=0.02)
+    assert result.visible_fraction == pytest.approx(1.0, abs=0.01)
+    assert result.pixels == pytest.approx(200, rel=0.02)
+    assert result.distance_m == pytest.approx(10.0, abs=1e-3)
+    assert result.height_px == pytest.approx(10, abs=0.34)
 
 
 def test_half_hidden_means_half_visible():
@@ -55,8 +55,8 @@ def test_cut_off_by_the_frame_counts_as_hidden():
 def test_unlabelled_unseen_and_behind_are_left_out():
     behind = Placed(PLATE, "car-1", 0.0, (-10.0, 0.0, 0.0))
     covered = Placed(PLATE, "car-2", 0.0, (10.0, -3.0, 0.0))
-    found = labelled(covered, behind, Placed(SCREEN, "screen", 0.0, (5.0, 0.0, 0.0)))
-    assert found == []
+    result = labelled(covered, behind, Placed(SCREEN, "screen", 0.0, (5.0, 0.0, 0.0)))
+    assert result == []
 
 
 def test_boxes_do_not_depend_on_the_number_of_samples_by_more_than_one():
@@ -67,7 +67,7 @@ def test_boxes_do_not_depend_on_the_number_of_samples_by_more_than_one():
 
 
 def test_rows_are_rounded_and_plain():
-    (found,) = labelled(Placed(PLATE, "car-0", 0.0, (10.0, 0.0, 0.0)))
-    row = found.row()
+    (result,) = labelled(Placed(PLATE, "car-0", 0.0, (10.0, 0.0, 0.0)))
+    row = result.row()
     assert row["label"] == "car" and len(row["box"]) == 4 and len(row["amodal"]) == 4
     assert all(isinstance(value, float) for value in row["box"])

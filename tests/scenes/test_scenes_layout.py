@@ -69,9 +69,9 @@ def test_site_keeps_gaps():
 
 def test_footprint_follows_the_mesh():
     mesh = box([-1, -0.5, 0], [3, 0.5, 1], "brick")
-    found = footprint_of(mesh, 10.0, 5.0, np.pi / 2)
-    assert (found.x_m, found.y_m) == pytest.approx((10.0, 6.0), abs=1e-6)
-    assert (found.half_length_m, found.half_width_m) == pytest.approx((2.0, 0.5), abs=1e-6)
+    result = footprint_of(mesh, 10.0, 5.0, np.pi / 2)
+    assert (result.x_m, result.y_m) == pytest.approx((10.0, 6.0), abs=1e-6)
+    assert (result.half_length_m, result.half_width_m) == pytest.approx((2.0, 0.5), abs=1e-6)
 
 
 @pytest.mark.parametrize("track", [

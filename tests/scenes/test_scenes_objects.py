@@ -381,8 +381,8 @@ def test_a_stripe_covers_what_a_box_filter_sees(distance, half, footprint):
 
 @given(st.floats(0.01, 0.5), st.floats(0.1, 0.9), st.floats(1e-4, 5))
 def test_gratings_keep_their_mean_at_any_distance(period, part, footprint):
-    place = np.linspace(0, 20 * period, 8000, endpoint=False)
-    seen = brush.grating(place, period, part, np.full(8000, footprint))
+    position = np.linspace(0, 20 * period, 8000, endpoint=False)
+    seen = brush.grating(position, period, part, np.full(8000, footprint))
     assert seen.mean() == pytest.approx(part, abs=1e-3)
     assert seen.min() >= -1e-6
     assert seen.max() <= 1 + 1e-6

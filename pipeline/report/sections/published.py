@@ -26,9 +26,9 @@ def beside_ours(
     runs: list[Run] = []
     for name in names:
         item = items[name]
-        own = [row for row in ledger if row.item == name]
-        done = [row for row in own if row.verdict != NOT_RUN]
-        missing = [row for row in own if row.verdict == NOT_RUN]
+        selected = [row for row in ledger if row.item == name]
+        done = [row for row in selected if row.verdict != NOT_RUN]
+        missing = [row for row in selected if row.verdict == NOT_RUN]
         why, line = STAGE_ABSENT, inputs.line(str(item.stage).replace("{", "<").replace("}", ">"))
         if missing and missing[0].why:  # of all, the first stands for the item
             why, line = missing[0].why, missing[0].line or line
@@ -36,6 +36,6 @@ def beside_ours(
             blocks.append(to_table(done, f"published_{name}", f"{item.title}: the paper's numbers beside ours."))
         if missing:
             blocks.append(NotRun(f"{item.title} ({counted(len(missing), 'published number')})", why, line))
-        partly = f"{len(done):,} of {len(own):,} numbers" if done and missing else ""
+        partly = f"{len(done):,} of {len(selected):,} numbers" if done and missing else ""
         runs.append(Run(item.title, "", bool(done), partly or ("" if done else why), line))
     return blocks, runs

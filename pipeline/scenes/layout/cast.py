@@ -81,11 +81,11 @@ def drive(key: Key, name: str, site: Site, draw: Draw, gap_m: float = 0.9) -> Ac
         draw: draws a track; a speed of 0 parks it.
         gap_m: distance to keep.
     """
-    place = key.stream(name, "place")
-    kind = str(place.choice(CAR_KINDS, p=_CAR_SHARES))
+    generator = key.stream(name, "place")
+    kind = str(generator.choice(CAR_KINDS, p=_CAR_SHARES))
     still = car.make(kind, key.stream(name))
     for _ in range(_TRIES):
-        track = draw(place)
+        track = draw(generator)
         stance = track.at(0.0)
         if site.claim(footprint_of(still.mesh, stance.x_m, stance.y_m, stance.yaw_rad), gap_m):
             if track.speed_mps == 0.0:
@@ -96,10 +96,10 @@ def drive(key: Key, name: str, site: Site, draw: Draw, gap_m: float = 0.9) -> Ac
 
 def walk(key: Key, name: str, site: Site, draw: Draw, gap_m: float = 0.35) -> Actor | None:
     """A person on the first free track; walks where the track has a speed, else stands."""
-    place = key.stream(name, "place")
-    begin = float(place.uniform(0.0, 2 * np.pi))
+    generator = key.stream(name, "place")
+    begin = float(generator.uniform(0.0, 2 * np.pi))
     for _ in range(_TRIES):
-        track = draw(place)
+        track = draw(generator)
         stance = track.at(0.0)
         if site.claim(Footprint(stance.x_m, stance.y_m, 0.0, _PERSON_RADIUS_M, _PERSON_RADIUS_M), gap_m):
             return Actor(name, track, lambda way: person.make(key.stream(name), begin, way))
@@ -108,9 +108,9 @@ def walk(key: Key, name: str, site: Site, draw: Draw, gap_m: float = 0.35) -> Ac
 
 def cycle(key: Key, name: str, site: Site, draw: Draw, gap_m: float = 0.5) -> list[Actor]:
     """A bicycle on the first free track: with a rider if it moves, else on its stand; nothing if none is free."""
-    place = key.stream(name, "place")
+    generator = key.stream(name, "place")
     for _ in range(_TRIES):
-        track = draw(place)
+        track = draw(generator)
         stance = track.at(0.0)
         if not site.claim(Footprint(stance.x_m, stance.y_m, stance.yaw_rad, 0.95, 0.35), gap_m):
             continue

@@ -96,14 +96,14 @@ def _vehicles(key: Key, site: Site) -> list[Actor]:
         x, y = _sector(draw, 6.0, 17.0)
         return Straight(Stance(x, y, 0.0, float(draw.uniform(0, 2 * np.pi))))
 
-    found: list[Actor | None] = []
+    results: list[Actor | None] = []
     for number in range(int(counts.integers(*_CARS, endpoint=True))):
-        found.append(cast.drive(key, f"car-{number}", site, anywhere, gap_m=0.8))
+        results.append(cast.drive(key, f"car-{number}", site, anywhere, gap_m=0.8))
     for number in range(int(counts.integers(*_RIDERS, endpoint=True))):
-        found += cast.cycle(key, f"bicycle-ridden-{number}", site, riding)
+        results += cast.cycle(key, f"bicycle-ridden-{number}", site, riding)
     for number in range(int(counts.integers(*_BIKES, endpoint=True))):
-        found += cast.cycle(key, f"bicycle-{number}", site, stood)
-    return [actor for actor in found if actor is not None]
+        results += cast.cycle(key, f"bicycle-{number}", site, stood)
+    return [actor for actor in results if actor is not None]
 
 
 def _people(key: Key, site: Site) -> list[Actor]:
@@ -114,11 +114,11 @@ def _people(key: Key, site: Site) -> list[Actor]:
         speed = float(draw.uniform(0.8, 1.5)) if draw.random() < 0.7 else 0.0
         return Straight(Stance(x, y, 0.0, float(draw.uniform(0, 2 * np.pi))), speed)
 
-    found = [
+    results = [
         cast.walk(key, f"person-{number}", site, strolling)
         for number in range(int(counts.integers(*_PEOPLE, endpoint=True)))
     ]
-    return [actor for actor in found if actor is not None]
+    return [actor for actor in results if actor is not None]
 
 
 def _houses(key: Key, site: Site) -> list[Actor]:
@@ -127,12 +127,12 @@ def _houses(key: Key, site: Site) -> list[Actor]:
     for number in range(_HOUSES):
         name = f"house-{number}"
         thing = house.make(key.stream(name))
-        place = key.stream(name, "place")
+        generator = key.stream(name, "place")
         for _ in range(6):
-            angle = -0.95 + 1.9 * (number % 9 + 0.5) / 9 + place.normal(0, 0.05)
-            distance = place.uniform(24, 36) if number < 9 else place.uniform(40, 58)
+            angle = -0.95 + 1.9 * (number % 9 + 0.5) / 9 + generator.normal(0, 0.05)
+            distance = generator.uniform(24, 36) if number < 9 else generator.uniform(40, 58)
             x, y = float(distance * np.cos(angle)), float(distance * np.sin(angle))
-            yaw = float(angle + np.pi + place.normal(0, 0.4))
+            yaw = float(angle + np.pi + generator.normal(0, 0.4))
             if site.claim(footprint_of(thing.mesh, x, y, yaw), 0.4):
                 actors.append(fixed(name, thing, Stance(x, y, 0.0, yaw)))
                 break

@@ -77,12 +77,12 @@ def make(
 def _wheels(body: CarBody, travel_m: float, steer_rad: float) -> list[Mesh]:
     radius = body.type.wheel_m
     roll = travel_m / radius
-    found = []
+    results = []
     for x, steer in zip(body.axles_m, (steer_rad, 0.0), strict=True):
         for side in (1, -1):
-            place = (x, side * (body.width_m / 2 - HALF_WIDTH_M - 0.012), radius)
-            found.append(wheel(radius, roll, left=side > 0).turned(rotation(steer, "z"), place))
-    return found
+            positions = (x, side * (body.width_m / 2 - HALF_WIDTH_M - 0.012), radius)
+            results.append(wheel(radius, roll, left=side > 0).turned(rotation(steer, "z"), positions))
+    return results
 
 
 def _mirrors(body: CarBody) -> Mesh:
@@ -96,13 +96,13 @@ def _mirrors(body: CarBody) -> Mesh:
 
 
 def _handles(body: CarBody, material: str) -> Mesh:
-    found = []
+    results = []
     for along in (body.type.pillars[0] - 0.033, body.type.side_glass[1] - 0.085):
         z = float(body.belt_m(along)) - 0.095
-        found.append(
+        results.append(
             ellipsoid((float(body.x(along)), body.width_m / 2 * 0.986 + 0.008, z), (0.10, 0.022, 0.017), material, 8, 5)
         )
-    return both_sides(join(found))
+    return both_sides(join(results))
 
 
 def _lower(body: CarBody) -> Mesh:

@@ -44,19 +44,19 @@ class Cabin:
         body = self.body
         belt = float(body.belt_m(0.5))
         head_m = min(body.roof_m - 0.26, belt + 0.36)
-        found = []
+        results = []
         for row, along in enumerate(body.type.seats):
             x = float(body.x(along))
             places = (-_DRIVER_Y_M, _DRIVER_Y_M)
             for y in places:
-                found.append(((x, y, belt - 0.13), (0.10, 0.25, 0.30), self.seat))
-                found.append(((x - 0.03, y, belt + 0.245 + 0.02 * row), (0.05, 0.135, 0.085), self.seat * 0.9))
+                results.append(((x, y, belt - 0.13), (0.10, 0.25, 0.30), self.seat))
+                results.append(((x - 0.03, y, belt + 0.245 + 0.02 * row), (0.05, 0.135, 0.085), self.seat * 0.9))
         if self.driver:
             x = float(body.x(body.type.seats[0])) + 0.13
-            found.append(((x, _DRIVER_Y_M, belt - 0.06), (0.15, 0.23, 0.27), self.coat))
-            found.append(((x + 0.02, _DRIVER_Y_M, head_m), (0.10, 0.08, 0.125), self.skin))
-            found.append(((x - 0.015, _DRIVER_Y_M, head_m + 0.045), (0.10, 0.088, 0.10), 0.03))
-        return found
+            results.append(((x, _DRIVER_Y_M, belt - 0.06), (0.15, 0.23, 0.27), self.coat))
+            results.append(((x + 0.02, _DRIVER_Y_M, head_m), (0.10, 0.08, 0.125), self.skin))
+            results.append(((x - 0.015, _DRIVER_Y_M, head_m + 0.045), (0.10, 0.088, 0.10), 0.03))
+        return results
 
     def look(self, local: Array, view: Array) -> Array:
         """Albedo (K,) that stands for what is seen from points on the glass along unit directions, both (K, 3)."""

@@ -49,8 +49,8 @@ def blades(
     smooth = _unit(0.5 * normal + 0.65 * outward)
     tilt = 0.25 * across
     normals = np.concatenate([_unit(smooth - tilt), _unit(smooth + tilt)])
-    place = generator.uniform(0, _TILE_M, (count, 2))
-    offset = np.concatenate([np.repeat(place[:, None], 3, axis=1)] * 2)
+    location = generator.uniform(0, _TILE_M, (count, 2))
+    offset = np.concatenate([np.repeat(location[:, None], 3, axis=1)] * 2)
     flat = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, width]]), np.array([[-1.0, 0.0], [0.0, -width], [1.0, 0.0]])
     shape = np.concatenate([np.repeat(part[None], count, axis=0) for part in flat])
     position = corners.astype(np.float32)

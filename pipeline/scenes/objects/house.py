@@ -145,9 +145,9 @@ def _block(
         (-np.pi / 2, (0, -w / 2, 0), d),
     )
     parts = []
-    for number, (yaw, place, length) in enumerate(sides):
+    for number, (yaw, index, length) in enumerate(sides):
         faces = _side(block, style, generator, length, number == front, number % 2 == 1, front < 0, covered)
-        parts.append(join(faces).placed(yaw, place))
+        parts.append(join(faces).placed(yaw, index))
     make_roof = roof.hip if block.hipped else roof.gable
     parts += make_roof(w, d, block.eaves_m, block.rise_m, block.cover)
     parts.append(box((-d / 2 - 0.05, -w / 2 - 0.05, -0.4), (d / 2 + 0.05, w / 2 + 0.05, block.plinth_m), "stone"))
@@ -271,8 +271,8 @@ def _wing(main: Block, style: _Style, generator: np.random.Generator) -> tuple[l
     # its ridge runs along y; turned by a quarter its +y gable looks to +x
     built = join(_block(block, style, generator, front=-1)).placed(-np.pi / 2)
     y = side * (main.width_m / 2 - wide / 2 - 0.02)
-    place = (main.depth_m / 2 + out - depth / 2, y, 0)
-    return [built.placed(0.0, place)], (y - wide / 2 - 0.1, y + wide / 2 + 0.1)
+    positions = (main.depth_m / 2 + out - depth / 2, y, 0)
+    return [built.placed(0.0, positions)], (y - wide / 2 - 0.1, y + wide / 2 + 0.1)
 
 
 def _chimneys(block: Block, generator: np.random.Generator, sideways: bool) -> list[Mesh]:

@@ -77,13 +77,13 @@ class Texture:
         depth = np.clip(depth, 0.0, len(self.levels) - 1.001)
         whole = depth.astype(np.int32)
         part = (depth - whole).astype(np.float32)[:, None]
-        found = np.empty((len(uv), 3), np.float32)
+        result = np.empty((len(uv), 3), np.float32)
         for level in np.unique(whole):
             chosen = np.flatnonzero(whole == level)
             fine = self._bilinear(int(level), uv[chosen])
             coarse = self._bilinear(int(level) + 1, uv[chosen])
-            found[chosen] = fine + (coarse - fine) * part[chosen]
-        return found[:, 0], found[:, 1:]
+            result[chosen] = fine + (coarse - fine) * part[chosen]
+        return result[:, 0], result[:, 1:]
 
     def _bilinear(self, level: int, uv: Array) -> Array:
         """(K, 3) values of one level; texel centres lie at half integers."""
