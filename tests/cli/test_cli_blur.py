@@ -32,7 +32,7 @@ def test_a_record_is_written_and_its_mean_said(pictures: Path, tmp_path: Path) -
     means = [line for line in done.stdout.splitlines() if "mean AMAE" in line]
     assert len(means) == 1 and means[0].startswith("spectral: mean AMAE calibrated ") and ", raw " in means[0]
     assert f"written to {out}" in done.stdout
-    assert "kind,size_px" in (out / "summary.csv").read_text()
+    assert "blur_kind,kernel_size_px" in (out / "summary.csv").read_text()
 
 
 @pytest.mark.parametrize(
