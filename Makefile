@@ -20,7 +20,7 @@ $(READY): requirements.lock pyproject.toml
 
 repro: $(READY) ## regenerate every table and figure, then say where the report is
 	@$(BIN)/python -m pipeline.config
-	@$(BIN)/dvc repro
+	@$(BIN)/python -m pipeline.dvc repro
 	@echo "report: reports/index.html"
 
 test: $(READY) ## run the whole test suite
