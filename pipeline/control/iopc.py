@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -211,7 +212,7 @@ class IopcPolicy(Policy):
         model = self.camera.formation
         sigma_dn = self._noise.value * float(model_sigma_dn(model, mean, state.gain, state.exposure_s))
         at = predict(model, sigma_dn, self.speed_px_s * state.exposure_s, mean, state, states)
-        expected = self.performance.expected(at.sigma_dn, at.motion_px, at.level).ap_percent
+        expected = self.performance.ap_percent(at.sigma_dn, at.motion_px, at.level)
         value = expected
         if self.margin:
             value = expected + self.margin * after_fall(self.performance, model, at, states)
@@ -268,6 +269,7 @@ class IopcPolicy(Policy):
             self._speed.update(moving.value_px, state.exposure_s, sigma_dn)
 
 
+@lru_cache(maxsize=8)
 def exposure_times(limits: Limits, per_stop: int) -> list[float]:
     """Exposure times from the shortest to the longest that a camera accepts, s."""
     stops = math.log2(limits.exposure_max_s / limits.exposure_min_s)

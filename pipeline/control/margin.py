@@ -43,4 +43,4 @@ def after_fall(
     linear = at.level**camera.gamma
     ratio = model_sigma_dn(camera, linear / fall, gains, times) / model_sigma_dn(camera, linear, gains, times)
     level = np.maximum((linear / fall) ** (1.0 / camera.gamma), performance.darkest_level)
-    return np.nan_to_num(performance.expected(at.sigma_dn * ratio, at.motion_px, level).ap_percent)
+    return np.nan_to_num(performance.ap_percent(at.sigma_dn * ratio, at.motion_px, level))

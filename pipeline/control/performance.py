@@ -119,35 +119,43 @@ class Performance:
             level: (...) mean encoded level of the frame, linear in its logarithm between the measured levels and
                 refused beyond them (20 % of slack); None, or a surface without darker ones: the level is not regarded.
         """
+        return Expected(*self._answers(sigma_dn, motion_px, level, len(Expected._fields)))
+
+    def ap_percent(self, sigma_dn: ArrayLike, motion_px: ArrayLike, level: ArrayLike | None = None) -> Floats:
+        """The average precision of `expected` without its interval, in a third of the time."""
+        return self._answers(sigma_dn, motion_px, level, 1)[0]
+
+    def _answers(self, sigma_dn: ArrayLike, motion_px: ArrayLike, level: ArrayLike | None, count: int) -> list[Floats]:
+        """The first so many of the values of `expected`."""
         if level is None or not self.darker:
-            return self._at_level(sigma_dn, motion_px)
-        parts = [other._at_level(sigma_dn, motion_px) for other in (self, *self.darker)]
+            return self._at_level(sigma_dn, motion_px, count)
+        parts = [other._at_level(sigma_dn, motion_px, count) for other in (self, *self.darker)]
         stops = -np.log2([self.level, *(other.level for other in self.darker)])
         shape = np.broadcast_shapes(np.shape(sigma_dn), np.shape(motion_px), np.shape(level))
         wanted = np.broadcast_to(-np.log2(np.maximum(np.asarray(level, dtype=float), 1e-6)), shape)
         inside = (wanted >= stops[0] - LEVEL_SLACK_STOPS) & (wanted <= stops[-1] + LEVEL_SLACK_STOPS)
         index, share = _position(np.clip(wanted, stops[0], stops[-1]), stops)
         mixed = []
-        for name in Expected._fields:
-            values = np.stack([np.broadcast_to(getattr(part, name), inside.shape) for part in parts])
+        for number in range(count):
+            values = np.stack([np.broadcast_to(part[number], inside.shape) for part in parts])
             before = np.take_along_axis(values, index[None], 0)[0]
             after = np.take_along_axis(values, index[None] + 1, 0)[0]
             between = np.where(share < 1 - _EDGE, before * (1 - share), 0.0) + _next(after, share)
             mixed.append(np.where(inside, between, np.nan))
-        return Expected(*mixed)
+        return mixed
 
-    def _at_level(self, sigma_dn: ArrayLike, motion_px: ArrayLike) -> Expected:
+    def _at_level(self, sigma_dn: ArrayLike, motion_px: ArrayLike, count: int) -> list[Floats]:
         sigma, motion = np.broadcast_arrays(np.asarray(sigma_dn, float), np.asarray(motion_px, float))
         noise = np.maximum(sigma, self.least_sigma_dn)
         inside = (noise <= self._sigmas[-1] + _EDGE) & (motion >= 0.0) & (motion <= self.longest_px + _EDGE)
         row, down = _position(np.where(inside, noise, self._sigmas[0]), self._sigmas)
         column, right = _position(np.where(inside, motion, 0.0), self._motions)
         parts = []
-        for table in self._table:
+        for table in self._table[:count]:
             upper = table[row, column] * (1 - right) + _next(table[row, column + 1], right)
             lower = table[row + 1, column] * (1 - right) + _next(table[row + 1, column + 1], right)
             parts.append(np.where(inside, np.where(down > _EDGE, upper * (1 - down) + lower * down, upper), np.nan))
-        return Expected(*parts)
+        return parts
 
     def true_sigma_dn(self, estimated_dn: ArrayLike) -> Floats:
         """Noise that a monitor's estimate stands for: linear between the knots, in proportion beyond them.

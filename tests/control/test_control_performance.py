@@ -82,6 +82,18 @@ def test_performance_with_darker_ones_is_saved_whole(tmp_path):
         Performance(known.surface, known.reference, 0, 31.0, 0.25, [performance()])
 
 
+def test_performance_without_interval_is_the_same():
+    sigma, motion, level = (
+        np.array([0.5, 7.0, 39.0, 60.0]),
+        np.array([0.0, 8.0, 30.0, 3.0]),
+        np.array([0.5, 0.3, 0.4, 0.5]),
+    )
+    for known in (performance(), darker_performance(4.0)):
+        for at in (None, level):
+            expected = known.expected(sigma, motion, at).ap_percent
+            np.testing.assert_array_equal(known.ap_percent(sigma, motion, at), expected)
+
+
 def test_performance_of_a_file_is_not_tabulated_again(tmp_path, monkeypatch):
     performance().save(tmp_path / "surface.npz")
     monkeypatch.setattr(Performance, "_tabulated", lambda self: pytest.fail("tabulated again"))
