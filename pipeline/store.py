@@ -180,7 +180,8 @@ def read_table(path: str | Path, schema: Schema) -> pd.DataFrame:
     except FileNotFoundError:
         raise InputError(f"{path}: no such table; run the stage that makes it (dvc repro)") from None
     except (pa.ArrowInvalid, OSError) as error:
-        raise InputError(f"{path}: not a Parquet table ({error}); delete it and run dvc repro") from None
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path}: not a Parquet table ({reason}); delete it and run dvc repro") from None
     return schema.conform(table, str(path))
 
 

@@ -14,6 +14,7 @@ from hypothesis import settings  # noqa: E402
 import pipeline  # noqa: E402, F401  pins the numerical libraries, before anything loads them
 
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=40)
+settings.register_profile("fuzz", derandomize=False, deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"

@@ -60,12 +60,17 @@ def shot_settings(path: Path, exposure: str | None, iso: float | None) -> tuple[
 
 def exif(path: Path) -> tuple[float | None, float | None]:
     """Exposure time in seconds and ISO from a picture's EXIF data, None where absent or not a number above 0."""
+    import warnings
+
     from PIL import Image
 
+    from pipeline.datasets.pictures import DECODER_ERRORS
+
     try:
-        with Image.open(path) as picture:
+        with warnings.catch_warnings(), Image.open(path) as picture:
+            warnings.simplefilter("ignore")  # Pillow's remarks on metadata
             tags = picture.getexif().get_ifd(_EXIF_IFD)
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+    except (*DECODER_ERRORS, Image.DecompressionBombError):
         return None, None
     iso = tags.get(_ISO)
     return _positive(tags.get(_EXPOSURE_TIME)), _positive(iso[0] if isinstance(iso, (tuple, list)) and iso else iso)

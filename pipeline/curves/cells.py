@@ -82,6 +82,8 @@ def refuse_inconsistent(arrays: Mapping[str, NDArray[Any]], path: object) -> Non
     for name in ("sigma_bins_dn", "mtf_bins"):
         if min(len(rows), len(columns)) < 2 or not (np.diff(arrays[name]) > 0).all():
             raise InputError(f"{path}: {name}: expected at least two rising bin centres")
+    if not 0 <= float(arrays["left_out"]) < np.inf:
+        raise InputError(f"{path}: array 'left_out' is {arrays['left_out']}, expected a count")
     full = arrays["count"] > 0
     for name in ("sigma_dn", "mtf", "ap_percent"):
         if not np.isfinite(arrays[name][full]).all():

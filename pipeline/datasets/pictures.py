@@ -21,6 +21,7 @@ conversion from RGB: the red and blue weights change places and the result is ro
 from __future__ import annotations
 
 import io
+import struct
 import warnings
 import zlib
 from dataclasses import dataclass
@@ -38,6 +39,12 @@ SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp",
 CHANNEL_ORDERS = ("rgb", "authors")
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk with its checksum
 SMALLEST_PX = 16  # below this neither side holds enough pixels for any filter in this package
+
+DECODER_ERRORS = (
+    OSError, SyntaxError, ValueError, EOFError, TypeError, AttributeError, LookupError, ArithmeticError, MemoryError,
+    RuntimeError, struct.error, zlib.error,
+)  # fmt: skip
+"""What Pillow raises for a damaged file, whose tags it takes as they are."""
 
 _ALPHA_MODES = {"LA", "RGBA", "PA", "La", "RGBa"}
 _PAGED_FORMATS = {"TIFF", "GIF", "PNG", "WEBP"}  # not MPO: a telephone's JPEG with a small second picture
@@ -128,14 +135,14 @@ def read_grey8(path: str | Path, *, channel_order: str = "rgb", smallest_px: int
 
 def picture_size(path: str | Path) -> tuple[int, int] | None:
     """Width and height in pixels from the header alone, or None where it cannot be read. Costs no decoding."""
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             with Image.open(path) as opened:
                 return int(opened.width), int(opened.height)
-        except (UnidentifiedImageError, OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+        except (*DECODER_ERRORS, Image.DecompressionBombError):
             return None
 
 
@@ -196,7 +203,7 @@ def _decode(path: str | Path, data: bytes) -> Picture:
             raise BadPicture(path, "not a picture, or its header is broken") from None
         except Image.DecompressionBombError as error:
             raise BadPicture(path, f"too large ({error})") from None
-        except (OSError, SyntaxError, ValueError, EOFError) as error:
+        except DECODER_ERRORS as error:
             defect = "truncated" if "truncated" in str(error).lower() else "cannot be decoded"
             raise BadPicture(path, f"{defect} ({error})") from None
 
