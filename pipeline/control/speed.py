@@ -32,8 +32,7 @@ def length_error_px(length_px: float, sigma_dn: float) -> float:
         length_px: estimated.
         sigma_dn: estimated noise of the frame.
     """
-    relative = RELATIVE_ERROR if length_px < LONGEST_RESOLVED_PX else BEYOND
-    return RESOLUTION_PX + relative * length_px + (sigma_dn / DISTURBING_NOISE_DN) ** 2
+    return RESOLUTION_PX + RELATIVE_ERROR * length_px + (sigma_dn / DISTURBING_NOISE_DN) ** 2
 
 
 def resolved_px(length_px: float) -> float:
@@ -71,10 +70,13 @@ class SpeedFilter:
         measured = resolved_px(length_px) / exposure_s
         error = (length_error_px(length_px, sigma_dn) / exposure_s) ** 2
         prior = self.variance + (DRIFT_PX_S + DRIFT_FRACTION * self.value_px_s) ** 2
+        known = not math.isnan(self.value_px_s)
         sudden = (measured - self.value_px_s) ** 2 > SUDDEN_SIGMAS**2 * (prior + error)
-        if length_px <= RESOLUTION_PX and not math.isnan(self.value_px_s):
+        if length_px >= LONGEST_RESOLVED_PX:
+            error += (BEYOND * length_px / exposure_s) ** 2
+        if length_px <= RESOLUTION_PX and known:
             measured, sudden = min(self.value_px_s, RESOLUTION_PX / exposure_s), False
-        if math.isnan(self.value_px_s) or sudden:
+        if sudden or not known:
             self.value_px_s, self.variance = measured, error
             return measured
         weight = prior / (prior + error)

@@ -71,6 +71,17 @@ def test_speed_follows_a_sudden_change_at_once():
     assert filtered.value_px_s == pytest.approx(750.0, rel=0.01)
 
 
+def test_speed_follows_a_sudden_change_that_the_monitor_no_longer_resolves():
+    """From 100 to 1500 px/s: the line of 30 px looks like 22.6 px; the next, shorter exposure is near the speed."""
+    filtered = SpeedFilter()
+    for _ in range(6):
+        filtered.update(2.8, 0.020, 2.0)
+    filtered.update(22.6, 0.020, 2.0)
+    assert filtered.value_px_s == pytest.approx(1.5 * 22.6 / 0.020)
+    filtered.update(6.0, 0.004, 4.0)
+    assert filtered.value_px_s == pytest.approx(1500.0, rel=0.05)
+
+
 def test_speed_of_unresolved_lines_is_bounded_from_below_and_corrected_by_the_next_frame():
     """Lines of 30 and of 50 px both look like 22.6 px; a shorter exposure then resolves the speed."""
     filtered = SpeedFilter()
