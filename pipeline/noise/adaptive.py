@@ -60,6 +60,11 @@ LEAST_WEIGHT = 0.02  # of the second network, from which it takes part in the an
 REAL_CAMERAS = 1.5
 """How much wider the second network's intervals must be on real cameras than on the simulated ones that set them."""
 
+COARSE_PART = 0.04
+"""Of ln(1 + sigma), added where noise is as correlated as behind a camera's processing: its coarsest part, which real
+cameras have more of than the simulated ones, is taken for the picture."""
+
+PROCESSED = (0.4, 0.5)  # correlation of adjacent pixels over which it sets in
 WIDEST_REACH = 1.1
 """Half-width of the interval of ln(1 + sigma) beyond which there is no answer: a factor of 3 either way."""
 
@@ -117,7 +122,8 @@ class Adaptive(CellMapper):
             traces = compressed(answer.statistics)
             coded = traces | quantised
             weight = weights(sigma[requested], high[requested], answer, coded)
-            level, reach = np.log1p(answer.sigma_dn), answer.reach
+            processed = np.interp(answer.correlation, PROCESSED, (0.0, 1.0))
+            level, reach = np.log1p(answer.sigma_dn) + COARSE_PART * processed, answer.reach
             sigma[requested] = _between(sigma[requested], np.maximum(level - np.maximum(reach - level, 0), 0), weight)
             low[requested] = _between(low[requested], np.maximum(level - reach, 0.0), weight)
             high[requested] = _between(high[requested], level + reach, weight)
