@@ -46,7 +46,7 @@ def stream(seed: int, purpose: str, *parts: KeyPart) -> np.random.Generator:
     Args:
         seed: the experiment's root seed.
         purpose: what the numbers are for, e.g. ``"photon"``.
-        parts: dataset, frame, effect, level ... whatever tells this draw from all others.
+        parts: dataset, frame, noise source, level ... whatever distinguishes this draw from all others.
 
     Returns:
         an independent ``numpy.random.Generator`` (Philox), the same for the same key on every machine.

@@ -70,7 +70,7 @@ class CameraMap(Protocol):
     def error_percent(self) -> tuple[float, float]: ...
 
     def answer(self, estimator: Any, patches: Any) -> BlurEstimate:
-        """The MTF added to the camera's sharp frames, by an estimator of the kind it was fitted to."""
+        """The MTF added to the camera's sharp frames, by an estimator of the kind it was calibrated for."""
         ...
 
     def save(self, path: str | Path) -> None:
@@ -162,7 +162,7 @@ class Calibration:
             return cls.from_content(json.loads(Path(path).read_text()))
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(
-                f"{path}: not the fit of a camera ({error}); make one with "
+                f"{path}: not the calibration of a camera ({error}); make one with "
                 f"pipeline.blur.camera_calibration.calibrate(...).save(path)"
             ) from None
 
@@ -303,7 +303,7 @@ def _groups(patch: NDArray[np.int_], count: int) -> NDArray[np.int_]:
 def _held_out(
     read: NDArray[np.float64], truth: NDArray[np.float64], groups: NDArray[np.int_], seed: int
 ) -> NDArray[np.float64]:
-    """(N, 16) logits of every sample by the map that was fitted to the other groups."""
+    """(N, 16) logits of every sample by the map calibrated on the other groups."""
     result = np.empty_like(truth)
     for group in np.unique(groups):
         out = groups == group

@@ -23,7 +23,7 @@ SMALLEST_KERNEL, LARGEST_KERNEL = 7, 63  # pixels; larger ones leave too little 
 
 
 def lacks_edges(patch: NDArray[np.float32]) -> bool:
-    """Whether a (h, w) patch has slopes only, such as a shaded sky: its kernel would be an invention.
+    """Whether a (h, w) patch has slopes only, such as a shaded sky: its kernel is not identifiable.
 
     The 99.5 % quantile of the gradient magnitude, after a Gaussian of 1 px against noise, is under 1.5 DN per pixel;
     patches on objects stay above 5 even under 21 px of defocus.
@@ -55,7 +55,7 @@ class KernelEstimator(Estimator):
 
     Args:
         mode: "exact" (float64, reproduces the original program) or "fast" (float32, a cheaper schedule).
-        kernel_size: side of the kernel, odd, pixels. The paper's text says 31; its programs use 25.
+        kernel_size: side of the kernel, odd, pixels. 31 in the paper's text; its programs use 25.
         workers: processes that share the patches.
 
     Raises:

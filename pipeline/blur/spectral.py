@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 RELEASED = located("data/weights/mtf_spectral.safetensors")
 TYPICAL = "_typical.json"
-"""Behind the stem of a weight file: its fit to cameras at large, for answers of kind "added"."""
+"""Behind the stem of a weight file: its calibration to a generic camera, for the relative MTF."""
 RELEASED_PROCESSED = located("data/weights/mtf_spectral_processed.safetensors")
 RELEASED_BESIDE = {"processed_weights": RELEASED_PROCESSED}
 """Option -> the weights beside `RELEASED` that an answer needs; for records of what was measured with what."""
@@ -94,8 +94,8 @@ class Spectral(Estimator):
         weights: file of `pipeline.learning.weights`; None for the released one.
         processed_weights: of the network for processed pictures; None for the released one.
         processed: whether that network takes part.
-        output: ``"system"``, the MTF of lens, sensor and motion together, or ``"relative"``, that of what was added to
-            a typical camera's sharp frames; the latter's map lies beside the weights (``STEM_typical.json``).
+        output: ``"system"``, the MTF of lens, sensor and motion together, or ``"relative"``, that of the blur added to
+            a generic lens's sharp frames; the latter's map lies beside the weights (``STEM_typical.json``).
         mirrored: average the answers for the patch and its mirror image (whose spectrum is known already): the network
             runs twice, for hundredths of a percent in the AMAE.
         batch: patches computed together.

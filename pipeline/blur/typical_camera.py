@@ -1,4 +1,4 @@
-"""Blur added to the frames of a camera of which nothing is known: an estimator fitted to cameras at large.
+"""Blur relative to a generic lens, for a camera of which nothing is known: an estimator calibrated to a generic camera.
 
 A network that answers the *total* MTF counts a lens's own blur among what it sees. With sharp frames of the camera this
 is taken out (`Estimator.calibrated`, `pipeline.blur.camera_calibration`). Without any, the best guess is a typical
@@ -6,8 +6,8 @@ lens: sharp procedural pictures are seen through lenses of any usual quality,
 
     S = I * G_a,    a ~ U(intrinsic_px),    G_a a Gaussian of standard deviation a, integrated over pixels,
 
-and the estimator is fitted to them as to one camera (`camera_calibration.calibrate`): it learns the blur that was added
-to S when a
+and the estimator is calibrated to them as to one camera (`camera_calibration.calibrate`): it learns the blur that was
+added to S when a
 is not known. Frames of a better lens than most, or a rendering, which has none, then read too sharp; there the total
 MTF is the right answer.
 

@@ -2,7 +2,7 @@
 
 Noise is scaled as in the paper (Wischow et al. 2023, Sec. III): the frame's own noise map ``n`` is multiplied by
 ``g = sigma / std(n)``, the deviation taken over the whole frame. Here ``n`` is taken before the 8-bit range cuts it, so
-that where nothing clips the level is met exactly, and where something does the truth says by how much (`truth`).
+that where nothing clips the level is met exactly, and where something does the truth holds by how much (`truth`).
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def corrupt(
         the frame and its truth.
 
     Raises:
-        InputError: wrong image, effect, level, kernel, camera, order, light or conditions.
+        InputError: wrong image, noise source, level, kernel, camera, order, light or conditions.
     """
     if not 0.0 <= sigma_dn < float("inf"):
         raise InputError(f"sigma_dn is a level of at least 0 DN, got {sigma_dn!r}")
@@ -181,7 +181,7 @@ def conditioned(
     """`chain.preset` with fixed conditions where given.
 
     Raises:
-        InputError: unknown effect.
+        InputError: unknown noise source.
     """
     from dataclasses import replace
 

@@ -35,11 +35,11 @@ class Corrupted:
 
     Attributes:
         image: (H, W) float32 in [0, 1] on the 8-bit grid.
-        noise_source: name of the effect, or several joined by ``+``; empty for none.
+        noise_source: its name, or several joined by ``+``; empty for none.
         target_sigma_dn: sigma asked for, DN; NaN where the noise has its natural size.
         noise_scale: factor on the sensor's own noise that reaches it; 1 is natural, 0 no noise.
         sensor: the sensor.
-        temperature_k, exposure_s: conditions used, drawn where the effect says so.
+        temperature_k, exposure_s: conditions used, drawn where the noise source has a range.
         signal_e: (H, W) mean electrons before any effect.
         noise_e: noise of each source as it was added, ``noise_scale`` included, e-: ``photon`` (before or after the
             optics, see ``order``), ``dark`` and ``readout`` (after).

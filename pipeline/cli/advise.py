@@ -35,7 +35,7 @@ def command(
 
     Prints one JSON object per frame: estimated noise and motion blur, the average precision expected at the present
     settings with its 95 % interval, the best settings inside the limits, and the reason. Where the estimators
-    abstain or nothing was measured, the action says so.
+    abstain or nothing was measured, the action states it.
     """
     from pipeline.camera.exposure import Camera
     from pipeline.camera.sensor import named

@@ -144,7 +144,8 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
         try:
             monitor.blur_estimator = CalibratedEstimator(monitor.blur_estimator, Calibration.from_content(camera.fit))
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{path_of(camera.name)}: not the fit of a camera ({error}); calibrate it anew") from None
+            path = path_of(camera.name)
+            raise InputError(f"{path}: not the calibration of a camera ({error}); calibrate it anew") from None
         return
     if not isinstance(monitor.blur_estimator, Estimator):
         raise InputError(f"--camera {camera.name}: the estimator {monitor.blur_name} cannot be divided by an MTF")

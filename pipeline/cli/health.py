@@ -57,7 +57,7 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 )  # fmt: skip
 @click.option(
     "--added", is_flag=True,
-    help="without --sharp: tell the blur beyond that of a typical lens, and not the lens's too (estimator spectral)",
+    help="without --sharp: MTF relative to a generic lens instead of the system's (estimator spectral)",
 )  # fmt: skip
 @click.option("--camera", "camera_name", help="blur relative to this camera, as camera-monitor calibrate stored it")
 @click.option("--json", "as_json", is_flag=True, help="print the whole run as one JSON object instead of the table")
@@ -97,7 +97,7 @@ def command(
     average precision where a surface was measured, and advice where exposure time and ISO are known too.
 
     Hold the camera upright; --sharp removes what its lens does anyway; --fit also corrects the estimator's error on
-    this camera's pictures. Without sharp pictures, --added removes a typical lens.
+    this camera's pictures. Without sharp pictures, --added gives the MTF relative to a generic lens.
 
     Frames that are black, dark, over-exposed, obstructed or frozen are flagged, in brackets after their name. Where
     noise or blur of a video or folder grows over time, a trend alarm is raised: less than one false alarm an hour at
@@ -130,7 +130,7 @@ def command(
     if fitted and not sharp:
         raise InputError("--fit needs pictures of the same camera that are known to be sharp; give them by --sharp")
     if added and (sharp or blur_name != "spectral"):
-        raise InputError("--added is for the estimator spectral without --sharp, which tells the same more exactly")
+        raise InputError("--added is for the estimator spectral without --sharp, which measures the same more exactly")
     if camera_name is not None and (sharp or added):
         raise InputError("--camera NAME is instead of --sharp and --added")
     if maps and out is None:

@@ -36,8 +36,8 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
 
     Returns:
         `COLUMNS` (``alarms`` and ``drawn`` empty), the MTF (2, 8) with its interval, and the reasons of abstentions.
-        MTF50 is a fraction of Nyquist; its status tells a value that is ``measured`` from one ``above_range`` (contrast
-        stays above half up to the last frequency; the number is infinite) and one that is ``unknown`` (NaN).
+        MTF50 is a fraction of Nyquist; its status distinguishes a value that is ``measured`` from one ``above_range``
+        (contrast stays above half up to the last frequency; the number is infinite) and one that is ``unknown`` (NaN).
     """
     from pipeline.blur.base import PATCH_PX
     from pipeline.condition.summary import half_contrast

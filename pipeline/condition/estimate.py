@@ -2,7 +2,7 @@
 
 A camera monitor and a controller ask the same question of every frame: how much contrast is left, how much noise was
 added, where, and how sure is that. Any two estimators of the registries answer it together here; an abstention is
-counted and has its reason, and a frame that tells nothing has NaN, never a zero.
+counted and has its reason, and a frame without any estimate has NaN, never a zero.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class NoiseState:
         estimate: their N answers.
         grid: (rows, columns) of the patches.
         summary: over the patches: arrays of shape ().
-        map_dn: (h, w) sigma over the frame, DN, NaN where unknown: of every 8 x 8 px cell where the estimator tells,
+        map_dn: (h, w) sigma over the frame, DN, NaN where unknown: of every 8 x 8 px cell where the estimator gives it,
             else the patches' answers as (rows, columns).
         milliseconds: time on the clock.
     """
@@ -231,7 +231,7 @@ class ConditionMonitor:
 
 
 def _checked(image: NDArray[np.floating]) -> NDArray[np.float32]:
-    """A frame as float32, or an error that says what is wrong."""
+    """A frame as float32, or an error with the cause."""
     if getattr(image, "ndim", None) != 2 or not np.issubdtype(image.dtype, np.floating):
         given = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}".strip()
         raise InputError(f"frame: got {given}; expected (H, W) floats in [0, 1], grey (divide 8-bit frames by 255)")

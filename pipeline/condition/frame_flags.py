@@ -148,7 +148,8 @@ def obstructed_fraction(target_sigmas_dn: NDArray[np.floating]) -> float:
         target_sigmas_dn: (H, W) grey levels, DN.
 
     Returns:
-        0..1; 0 where nothing in the frame has structure, because nothing tells an obstruction from darkness then.
+        0..1; 0 where nothing in the frame has structure, because an obstruction cannot be distinguished from darkness
+        then.
     """
     import cv2
 

@@ -2,7 +2,7 @@
 
 The rule is the paper's (`pipeline.statistics`): a value further than 3.5 median absolute deviations from the median,
 about 5 % of them, is left out. Where the patches carry predictive intervals, the interval of the summary is the same
-median of their ends: neighbouring patches err together, so that their number makes nothing surer. Without intervals
+median of their ends: neighbouring patches err together, and correlated errors do not average out. Without intervals
 it is a bootstrap interval of the median, which knows of the spread between patches only.
 """
 

@@ -69,7 +69,7 @@ class Run:
 
     Attributes:
         params: the declared part of the configuration (`Params`); all else in it is refused.
-        job: what tells this stage of a matrix from its siblings, e.g. ``{"dataset": "sim"}``.
+        job: what distinguishes this stage of a matrix from its siblings, e.g. ``{"dataset": "sim"}``.
         inputs: folder that outputs of earlier stages are relative to: the project, or the root of the profile.
         outputs: folder that output paths are relative to (the same under DVC, Hydra's folder in a sweep).
         released: whether weights trained by this run are the released ones: under DVC, with the profile default.

@@ -4,7 +4,7 @@ A frame exposed for t shows a line of length L = v t, so its estimate of the spe
 
     R = (r / t) ** 2,    r = 1.25 px + 0.08 L + 1 px (sigma / 12 DN) ** 2
 
-A short exposure tells little about the speed: lengths near the resolution of the estimator, about a pixel, are not
+A short exposure constrains the speed little: lengths near the resolution of the estimator, about a pixel, are not
 distinguished from no motion, and strong noise disturbs the estimate of blur. The speed may change between frames by a
 quarter of itself and 100 px/s (standard deviation). An estimate more than three standard deviations from the prediction
 is a sudden change: the filter starts anew from it. Lines of 27 to 48 px all look like 22.6 to 22.9 px to the monitor:

@@ -36,7 +36,7 @@ class Cells:
         sigma_dn: (S, M) mean noise of the tuples.
         mtf: (S, M) mean MTF of the tuples.
         ap_percent: (S, M) mean average precision.
-        draws: (B, S, M) bootstrap of the same; NaN where nothing says how uncertain a bin is.
+        draws: (B, S, M) bootstrap of the same; NaN where the uncertainty of a bin is unknown.
         left_out: tuples that had a NaN, or lay more than half a bin beyond the outermost bins.
     """
 
@@ -111,7 +111,7 @@ def gather(
         ap_percent: (n,) average precision, 0..100.
         generator: of the bootstrap.
         ap_draws: (n, B) each tuple's average precision on resampled frames, the same frames for all tuples; see also
-            `draws_of_intervals`. None resamples the tuples of a bin, which says nothing where there is only one.
+            `draws_of_intervals`. None resamples the tuples of a bin, which has no spread where there is only one.
         draws: resamples if ``ap_draws`` is None.
         sigma_bins_dn: centres, rising.
         mtf_bins: centres, rising.

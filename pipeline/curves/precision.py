@@ -312,7 +312,7 @@ def _detections(rows: pd.DataFrame) -> Detections:
 
 
 def _without_gaps(draws: Floats) -> Floats:
-    """Draws in which every condition has a value: a resample without any object says nothing."""
+    """Draws in which every condition has a value: a resample without any object has none."""
     whole = np.isfinite(draws).all(axis=0)
     return draws[:, whole] if whole.any() else draws
 

@@ -32,7 +32,7 @@ _LEAST_AREA = 1e-6
 
 @dataclass(frozen=True)
 class Answer:
-    """What the surface says; refused queries are NaN with a reason.
+    """Values of the surface; refused queries are NaN with a reason.
 
     Attributes:
         ap_percent: (...) average precision.

@@ -45,7 +45,7 @@ def open_dataset(kind: str, name: str, root: str | Path | None = None, **options
         the dataset; nothing is decoded yet.
 
     Raises:
-        DataAbsent: (an InputError) the folder or a part of it is not there; says where to get it.
+        DataAbsent: (an InputError) the folder or a part of it is not there; with where to get it.
         InputError: unknown kind or option.
     """
     import inspect

@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 
 
 class DataAbsent(InputError):
-    """The dataset's folder is not there; the message says where to get the data and which setting names the folder."""
+    """The dataset's folder is not there; the message names where to get the data and which setting names the folder."""
 
 
 class Dataset(ABC):
@@ -65,7 +65,7 @@ class Dataset(ABC):
     def frames(self) -> list[Frame]:
         """The frames, sorted by name.
 
-        Frames with a `Frame.defect` are among them; `pipeline.datasets.quarantine.scan` tells them apart.
+        Frames with a `Frame.defect` are among them; `pipeline.datasets.quarantine.scan` separates them.
 
         Raises:
             InputError: no frame at all, two of the same name, or a whitelist that names one that is not there.

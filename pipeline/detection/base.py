@@ -106,7 +106,7 @@ def each_image(images: Images) -> Iterable[NDArray[np.float32]]:
         (H, W) float32 in [0, 1].
 
     Raises:
-        InputError: says which image is wrong, and how.
+        InputError: with the image that is wrong, and the cause.
     """
     if isinstance(images, np.ndarray) and images.ndim == 2:
         raise InputError("images: expected a sequence; for one picture use [picture]")

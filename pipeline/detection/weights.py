@@ -76,7 +76,7 @@ def get(entry: Published, folder: str | Path, sha256: str | None = None, progres
 
     Raises:
         InputError: the given hash contradicts the published or recorded one, the file (there before or downloaded) has
-            another hash, the download was interrupted, or no source can be reached; says what to do by hand.
+            another hash, the download was interrupted, or no source can be reached; with what to do by hand.
     """
     folder = Path(folder)
     target = folder / entry.file
@@ -117,7 +117,7 @@ def by_hand(entry: Published, folder: str | Path) -> str:
 
 
 def _expected(entry: Published, folder: Path, given: str | None) -> tuple[str | None, Trust]:
-    """The hash a file must have, and who says so."""
+    """The hash a file must have, and its source."""
     recorded = _lock(folder).get(entry.file, {}).get("sha256")
     known: list[tuple[Trust, str]] = []
     if entry.sha256 is not None:

@@ -100,7 +100,8 @@ def example(
 
     Returns:
         ``step_<experiment>_<step>`` and ``level_<experiment>_<number>`` (h, w) uint8; and ``{"dataset", "frame",
-        "label", "size_px", "experiments": [{"experiment", "kernel", "kind", "effect", "angle_deg", "steps",
+        "label", "kernel_size_px", "experiments": [{"experiment", "kernel", "blur_kind", "noise_source", "angle_deg",
+        "steps",
         "target_sigmas_dn"}]}``. Experiments whose kernel the bank lacks are left out.
     """
     sharp = SharpFrame(frame, camera, seed, paired=False)

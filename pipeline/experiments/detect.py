@@ -135,7 +135,7 @@ def class_map(kind: str) -> ClassMap:
     if kind not in words:
         hint = did_you_mean(kind, words)
         raise InputError(
-            f"no class map says what the labels of datasets of kind '{kind}' mean to a detector; {hint} (they are in"
+            f"no class map defines what the labels of datasets of kind '{kind}' mean to a detector; {hint} (they are in"
             " pipeline/detection/classes.py)"
         )
     return words[kind]

@@ -1,4 +1,4 @@
-"""Pictures of one frame along the image-formation chain and under every noise effect and level."""
+"""Pictures of one frame along the image-formation chain and under every noise source and level."""
 
 from __future__ import annotations
 

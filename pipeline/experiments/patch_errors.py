@@ -27,15 +27,15 @@ UNIFORM_BELOW = 0.1
 
 
 def patch_errors(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
-    """Mean absolute error per dataset, estimator and effect, with a bootstrap 95 % interval over frames.
+    """Mean absolute error per dataset, estimator and noise source, with a bootstrap 95 % interval over frames.
 
     Args:
         estimates: `pipeline.tables.NOISE_ESTIMATES`.
         seed: root of the random streams.
 
     Returns:
-        dataset, estimator, effect, abstained_percent, width_dn (median width of the intervals; NaN without), and for
-        each quantity (present_dn, added_dn: errors; coverage_percent, clean_percent: intervals that hold the noise
+        dataset, estimator, noise_source, abstained_percent, width_dn (median width of the intervals; NaN without), and
+        for each quantity (present_dn, added_dn: errors; coverage_percent, clean_percent: intervals that hold the noise
         added, of patches with and without added noise) its value, ``<quantity>_low``, ``_high`` and ``_count``.
     """
     import pandas as pd
@@ -77,7 +77,7 @@ def saturated_patches(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
         seed: root of the random streams.
 
     Returns:
-        dataset, effect, target_sigma_dn, patches, added_dn, present_dn (medians over the patches), estimator,
+        dataset, noise_source, target_sigma_dn, patches, added_dn, present_dn (medians over the patches), estimator,
         median_dn,
         low_dn, high_dn (bootstrap 95 % interval) and count (patches with an estimate); empty without such patches.
     """

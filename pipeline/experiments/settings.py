@@ -29,7 +29,8 @@ class EstimatorSettings(Settings):
     per_frame: Count | None = None
     """Patches or tiles of a frame that a slow one is run on, where that is fewer than all are."""
     calibration_samples: Annotated[int, Field(ge=100, le=100_000)] | None = None
-    """Blurred sharp patches that a blur estimator is fitted to each dataset's camera on; null leaves it as it is."""
+    """Blurred sharp patches that a blur estimator is calibrated to each dataset's camera on; null leaves it as it
+    is."""
 
 
 class NoiseSettings(Settings):

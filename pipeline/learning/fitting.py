@@ -127,7 +127,7 @@ def save(
         released: whether these weights are for use, as those of the profile default are; others are announced
             wherever they are loaded (`pipeline.learning.weights.into`).
         tensors: in place of the network's weights as they are.
-        details: what else its header says, or says in another way.
+        details: further entries of its header, or replacements.
     """
     header = {
         "settings": asdict(settings),

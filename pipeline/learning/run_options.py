@@ -1,4 +1,4 @@
-"""How a training runs: where it keeps what it made, with how many processes, what it says on the way."""
+"""How a training runs: where it keeps what it made, with how many processes, what it reports on the way."""
 
 from __future__ import annotations
 

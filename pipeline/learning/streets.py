@@ -142,7 +142,7 @@ class _Street:
         self.image[mask > 127] = grey
 
     def pole(self) -> None:
-        """A post, often with a round sign that says a number."""
+        """A post, often with a round sign with a number."""
         import cv2
 
         x, width, lean = self.some(0, self.size), self.some(2, 24), self.generator.normal(0, 8)

@@ -87,7 +87,7 @@ def tensors_sha256(tensors: Mapping[str, torch.Tensor]) -> str:
 
 
 def details(path: str | Path) -> dict[str, Any]:
-    """What the header of a weight file says: ``architecture`` and whatever was saved beside it.
+    """The header of a weight file: ``architecture`` and whatever was saved beside it.
 
     Raises:
         InputError: no such file, not a weight file of this package, or cut short.
@@ -194,7 +194,7 @@ def _read(path: str | Path, tensors: bool) -> tuple[dict[str, Any], dict[str, to
     except (SafetensorError, OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a readable safetensors file ({error}); restore or train it anew") from None
     if not isinstance(header, dict) or "architecture" not in header:
-        raise InputError(f"{path}: says nothing of its architecture; expected a file written by pipeline.learning")
+        raise InputError(f"{path}: holds no architecture; expected a file written by pipeline.learning")
     if "settings" in header:
         header["settings"] = _with_current_names(header.get("settings"))
     return header, content

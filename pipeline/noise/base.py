@@ -102,7 +102,7 @@ def as_stack(patches: NDArray[np.floating] | torch.Tensor, least_px: int) -> NDA
         (N, H, W) float32 or float64 in [0, 1], not copied where that is possible.
 
     Raises:
-        InputError: says what is wrong, with the index of the first offending patch.
+        InputError: with the cause and the index of the first offending patch.
     """
     if hasattr(patches, "detach"):
         patches = patches.detach().cpu().numpy()

@@ -1,7 +1,7 @@
 """Cell-wise estimator: the sensor's noise of a patch with a 95 % interval, and a map of it, from a small network.
 
 Fixed statistics of every 8 x 8 px cell (`cellwise_features`) go through a small network (`cellwise_net`), trained on
-procedural pictures only (`training`). What it says, and how it differs from the classical estimators:
+procedural pictures only (`training`). Its output, and how it differs from the classical estimators:
 
 * sigma is that of the noise *before* the 8-bit range cut it. In a white sky half of the noise is gone; the other half
   tells. Only a patch with nearly no pixel left inside the range is abstained from as saturated.
@@ -66,7 +66,7 @@ class Cellwise(CellMapper):
         header = into(network, path, ARCHITECTURE)
         self.released = bool(header["released"])
         if not isinstance(header.get("interval"), float):
-            raise InputError(f"{path}: says nothing of its interval; train it anew (dvc repro train_sigma_cellwise)")
+            raise InputError(f"{path}: holds no interval; train it anew (dvc repro train_sigma_cellwise)")
         self.interval: float = header["interval"]
         self.network = network.eval().to(device)
         self.batch, self.device = batch, device

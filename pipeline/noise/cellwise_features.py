@@ -2,8 +2,8 @@
 
 A learned filter bank finds its way to noise slowly; the answers of known high-pass filters hold it already. All
 filters have unit norm, so on white noise each answer has the noise's own standard deviation; how the answers *differ*
-tells texture from noise. Noise has the same power at every frequency and scale, texture falls off with frequency, and
-an image that was blurred, interpolated or compressed has next to none at the finest.
+distinguishes texture from noise. Noise has the same power at every frequency and scale, texture falls off with
+frequency, and an image that was blurred, interpolated or compressed has next to none at the finest.
 
 Per cell: mean square of six 3 x 3 filters, of three of them also on the image halved and quartered (averaged 2 x 2,
 scaled so that white noise keeps its size), least and greatest power of its quarters, power in bands of the cell's 8 x 8

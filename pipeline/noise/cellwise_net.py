@@ -8,7 +8,7 @@
 
 base is Immerkaer's estimate in a cell; w are attention weights, which find the cells that show the noise best. A
 sensor's variance is affine in its signal I: f is the photons' share, with which what smooth dark cells show is carried
-over to bright and textured ones. The gate g says how far a cell's own estimate is trusted; s (of the patch) and c (of
+over to bright and textured ones. The gate g is the weight of a cell's own estimate; s (of the patch) and c (of
 the cell) are corrections. All of these, and b, come from the network.
 
 Each cell sees its neighbours (two 3 x 3 layers) and a summary of the whole patch: attention heads average the cells'

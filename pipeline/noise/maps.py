@@ -47,7 +47,7 @@ def pasted(
         frame_shape: (H, W).
 
     Returns:
-        (ceil(H / 8), ceil(W / 8)) DN; NaN where no patch tells.
+        (ceil(H / 8), ceil(W / 8)) DN; NaN where no patch has an estimate.
     """
     rows, columns = (-(-length // CELL_PX) for length in frame_shape)
     total, count = np.zeros((rows, columns)), np.zeros((rows, columns))

@@ -6,7 +6,7 @@
 I is a clean 8-bit image; n is the noise of the charge, photons p and dark current d, which the full well cuts; m is
 that of readout r, which comes after. All are normal (the counts behind them are large). **The label is the deviation
 before anything cuts the noise**: that of the sensor, locally, which photon noise makes larger where it is bright. In a
-white sky half of the noise is cut away and the sensor's sigma is what the other half says it is.
+white sky half of the noise is cut away and the sensor's sigma follows from the other half.
 
 What the networks must not take for noise is in I: fine texture with the falling spectrum of natural surfaces,
 everywhere or by material; noise that a lens or a motion has blurred; what interpolation and compression leave.

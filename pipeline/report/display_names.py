@@ -29,8 +29,8 @@ ESTIMATORS = {
     "pmp_exact": "PMP, exact",
     "gbb_exact": "GBB, exact",
     "spectral": "Spectral",
-    "generic_lens": "Spectral, typical lens",
-    "camera_calibrated": "Spectral, fitted",
+    "generic_lens": "Spectral, generic lens",
+    "camera_calibrated": "Spectral, camera-calibrated",
     "fused": "Fused, fitted",
     "ground_truth": "Ground truth",
 }

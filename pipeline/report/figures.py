@@ -11,7 +11,8 @@ bar and the note on panels without data. `lines` draws one line per series, with
             lines(axes, rows, "estimator", looks, "target_sigma_dn", "median_dn", band=("low_dn", "high_dn"), key=key)
 
         return small_multiples(
-            summary, Facet("dataset", datasets), Facet("effect", in_order(summary["effect"], EFFECTS)), panel,
+            summary, Facet("dataset", datasets), Facet("noise_source", in_order(summary["noise_source"], EFFECTS)),
+            panel,
             x="noise level σ [DN]", y="estimated σ [DN]", legend=[(word(name), look) for name, look in looks.items()],
             alt="...", values=summary, series=style.switches(looks),
         )

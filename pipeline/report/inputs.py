@@ -42,7 +42,7 @@ class ReportInputs:
         psf: folder with ``kernels.parquet`` and ``kernels.npz`` (kernel name -> (k, k)).
         corrupt: dataset -> folder with ``corruption.parquet``, ``gallery.npz`` (named (H, W) arrays, uint8 or float
             in [0, 1]) and ``gallery.json``: ``{"chain": [{"array", "title", "caption"}], "effects": [{"array",
-            "effect", "target_sigma_dn"}], "frame": name}``, both lists in the order shown.
+            "noise_source", "target_sigma_dn"}], "frame": name}``, both lists in the order shown.
         noise: folder whose sub-folders hold ``summary.parquet`` and ``estimates.parquet``; one per dataset
             and estimator.
         noise_members: names of those sub-folders that belong to this run; None takes all.
@@ -76,7 +76,7 @@ class ReportInputs:
         unseen: record of blurs of other kinds than were trained on (``benchmarks/results/unseen_kernels.json``).
         weights: folder of released networks, each with its learning curve (`pipeline.report.learning_curves`).
         ablation: folder of measures of short trainings with one thing changed; `ablations`: which of them, in order.
-        absent: dataset without data -> the line that would run it.
+        absent: dataset without data -> the command that runs it.
         lock: ``dvc.lock``, for the hashes of what went in.
         stages: names of the stages that this version has; None if unknown.
         aliases: stages as tables name them, e.g. ``"noise@sim-pca"`` -> as ``dvc.yaml`` does.

@@ -1,7 +1,7 @@
 """Learning curves of the released networks: what each training left beside its weights.
 
 A curve is a CSV with the column ``step``, measures on the training samples, and measures on held-out samples whose
-names begin with ``validation_``. The header of the weight file beside it tells the network's size and its settings.
+names begin with ``validation_``. The header of the weight file beside it holds the network's size and its settings.
 """
 
 from __future__ import annotations

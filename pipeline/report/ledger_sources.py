@@ -59,7 +59,7 @@ def formation(inputs: ReportInputs) -> pd.DataFrame | None:
 
 
 def levels(inputs: ReportInputs) -> pd.DataFrame | None:
-    """Largest deviation of the noise added from its target level: dataset, effect, miss_percent.
+    """Largest deviation of the noise added from its target level: dataset, noise_source, miss_percent.
 
     The standard deviation is taken over a frame before the 8-bit range clips it; level 0 must be exact.
     """
@@ -111,7 +111,7 @@ def sizes(inputs: ReportInputs) -> pd.DataFrame | None:
 
 
 def noise_medians(inputs: ReportInputs) -> pd.DataFrame | None:
-    """Robust medians of every noise estimator: dataset, effect, target_sigma_dn, estimator, sigma_dn and its
+    """Robust medians of every noise estimator: dataset, noise_source, target_sigma_dn, estimator, sigma_dn and its
     interval.
     """
     summary, recorded = noise_tables(inputs)[0], frame_records.joined(inputs, frame_records.NOISE_FILE)
@@ -272,7 +272,7 @@ def _of_udacity(ran: pd.DataFrame, inputs: ReportInputs, file: str) -> pd.DataFr
 
 
 def photon_defocus(inputs: ReportInputs) -> pd.DataFrame | None:
-    """AMAE of defocus in the presence of photon noise: sigma_dn, size_px, amae_percent and its interval."""
+    """AMAE of defocus in the presence of photon noise: sigma_dn, kernel_size_px, amae_percent and its interval."""
     cells = _of_udacity(combined_tables(inputs)[0], inputs, frame_records.COMBINED_FILES[0])
     own = cells[(cells["experiment"] == "photon_defocus") & (cells["filter_px"] == 0)]
     return own.rename(columns={"target_sigma_dn": "sigma_dn"}) if len(own) else None

@@ -91,7 +91,7 @@ def _matrix(runs: Sequence[Run]) -> dict[str, Any]:
 
 
 def _not_run(runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """What did not run, by the line that would run it: the cause and the experiments."""
+    """What did not run, by the command that runs it: the cause and the experiments."""
     lines: dict[tuple[str, str], list[str]] = {}
     for run in runs:
         if run.state == "absent":

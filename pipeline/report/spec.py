@@ -102,7 +102,7 @@ class Section:
         title: heading.
         text: paragraphs before the blocks.
         blocks: figures, tables and notes of absence, in order.
-        runs: what the overview says about it.
+        runs: its entries in the overview.
         findings: sentences of the verdict, built from the section's numbers.
     """
 

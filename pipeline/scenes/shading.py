@@ -110,7 +110,7 @@ def _sun(
     thin = points.thin
     received = np.maximum(cosine, 0.0)
     received[thin] = np.where(cosine < 0, -cosine * _TRANSMITTED, cosine)[thin] * 0.8 + 0.12
-    # a face turned away from the sun is dark whatever its smooth normal says
+    # a face turned away from the sun is dark whatever its smooth normal is
     reachable = (received > 0) & ((dot(points.geometric, towards) > 0) | thin)
     rows = np.flatnonzero(reachable)
     visible = np.zeros(len(cosine), np.float32)

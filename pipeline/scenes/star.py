@@ -1,7 +1,7 @@
 """Targets whose transfer function is known: a sinusoidal Siemens star and a slanted edge.
 
 They go through the same rays, samples, lens and pixels as every frame of the dataset, with a linear tone curve, so
-what is measured on them is the dataset's own MTF; `lens.true_mtf` says what it must be.
+what is measured on them is the dataset's own MTF; `lens.true_mtf` is what it must be.
 """
 
 from __future__ import annotations

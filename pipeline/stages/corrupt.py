@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @stage("corrupt", reads=["seed", "camera", "corruption", "datasets.{dataset}"], job=["dataset"])
 def run(run: Run) -> None:
-    """Corrupt every frame by every effect and level; keep the truth, and pictures of one frame."""
+    """Corrupt every frame by every noise source and level; keep the truth, and pictures of one frame."""
     import pandas as pd
 
     from pipeline import store, tables

@@ -88,7 +88,7 @@ def run(run: Run) -> None:
     score = build(inputs, run.outputs / "reports")
     store.write_json(run.outputs / "reports/metrics/report.json", score.metrics)
     metrics = run.inputs / "reports/metrics"
-    summary = headline(metrics, score.metrics, inputs.blur_members, inputs.noise_members)
+    summary = headline(metrics, score.metrics, inputs.blur_members or (), inputs.noise_members or ())
     store.write_json(run.outputs / "reports/headline.json", summary)
 
 

@@ -1,4 +1,6 @@
-"""Stage `typical_camera`: fits the spectral blur estimator to cameras at large; a map beside its released weights."""
+"""Stage `typical_camera`: calibrates the spectral blur estimator to a generic camera; a map beside its released
+weights.
+"""
 
 from __future__ import annotations
 

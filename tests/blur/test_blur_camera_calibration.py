@@ -128,7 +128,7 @@ def test_an_estimator_without_intervals_gets_none(sharp, truth):
 def test_a_foreign_file_is_refused(tmp_path, content):
     path = tmp_path / "camera.json"
     path.write_text(content)
-    with pytest.raises(InputError, match="not the fit of a camera"):
+    with pytest.raises(InputError, match="not the calibration of a camera"):
         Calibration.load(path)
 
 

@@ -53,7 +53,7 @@ def test_foreign_files(path, tmp_path):
     with pytest.raises(InputError, match="not a readable safetensors file"):
         weights.load(path, "net-1")
     save_file({"x": torch.zeros(2)}, tmp_path / "other.safetensors")
-    with pytest.raises(InputError, match="says nothing of its architecture"):
+    with pytest.raises(InputError, match="holds no architecture"):
         weights.load(tmp_path / "other.safetensors", "net-1")
     with pytest.raises(InputError, match="no such weight file"):
         weights.load(tmp_path / "none.safetensors", "net-1")

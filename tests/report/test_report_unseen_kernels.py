@@ -21,7 +21,7 @@ def content() -> dict:
 def test_the_committed_record_is_shown_number_by_number(content: dict) -> None:
     table = blur_amae.unseen_kernels(content)
     photos = [row for row in table.rows if row["dataset"] == "Photos"]
-    ways = {"raw": "", "typical": ", typical lens", "calibrated": ", calibrated", "fitted": ", fitted"}
+    ways = {"raw": "", "typical": ", generic lens", "calibrated": ", calibrated", "fitted": ", camera-calibrated"}
     assert [row["estimator"] for row in photos[:4]] == [f"Spectral{suffix}" for suffix in ways.values()]
     for row, way in zip(photos, ways, strict=False):
         result = content["results"]["photos"]["spectral"][way]

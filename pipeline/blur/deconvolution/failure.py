@@ -1,7 +1,7 @@
-"""How a deconvolution says that a patch has no kernel to find."""
+"""How a deconvolution reports that the kernel of a patch is not identifiable."""
 
 from __future__ import annotations
 
 
 class NoKernel(Exception):
-    """The patch gives no kernel; the message says why, and becomes the reason of an abstention."""
+    """The patch gives no kernel; the message is the cause, and becomes the reason of an abstention."""

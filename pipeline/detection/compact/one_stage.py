@@ -1,4 +1,4 @@
-"""One stage: every cell of three grids says which class it sees and where the object ends.
+"""One stage: every cell of three grids estimates which class it sees and where the object ends.
 
 Separate branches for class and box on each level of the pyramid; no anchors (FCOS, Tian et al. 2019), no centre-ness:
 probabilities are trained towards the overlap of the box (task-aligned, Feng et al. 2021)::

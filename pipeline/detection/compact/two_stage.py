@@ -111,7 +111,7 @@ def proposals(found: Found, max_detections: int, iou_threshold: float = 0.7) -> 
     """The best regions of each image, with little overlap among them.
 
     Args:
-        found: what the first stage says.
+        found: output of the first stage.
         max_detections: R; where there are fewer, the weakest cells fill up.
         iou_threshold: limit on the intersection over union of two regions.
 

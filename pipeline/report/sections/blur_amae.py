@@ -361,7 +361,7 @@ def unseen_kernels(content: Mapping[str, Any]) -> Table:
         content: ``kernels`` and ``results`` (dataset -> patches, estimator -> way -> AMAE, and ``few`` patches).
     """
     groups = ("out of focus", "aberrated", "shaken")
-    ways = {"raw": "", "typical": ", typical lens", "calibrated": ", calibrated", "fitted": ", fitted"}
+    ways = {"raw": "", "typical": ", generic lens", "calibrated": ", calibrated", "fitted": ", camera-calibrated"}
     rows = []
     for dataset in in_order(content["results"], DATASETS):
         for part in (content["results"][dataset], content["results"][dataset].get("few", {})):

@@ -22,7 +22,7 @@ TEXT = (
     "The paper's sentences, in our words, beside our measurements. The verdict follows from intervals: a claim about "
     "many cells is supported, or contradicted, where nine cells of ten are, and contradicted too where half are and "
     "none supports; it is not decided where fewer than half of them are either. A verdict is about our pictures, "
-    "estimators and detectors: the last column says why it might not be about the paper's.",
+    "estimators and detectors: the last column gives the reason why it might not be about the paper's.",
 )
 
 

@@ -87,7 +87,7 @@ def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any
 
     Args:
         arrays: name -> (H, W), uint8 or float in [0, 1].
-        entries: ``{"array", "effect", "target_sigma_dn"}``.
+        entries: ``{"array", "noise_source", "target_sigma_dn"}``.
 
     Raises:
         InputError: an entry names an absent array.

@@ -106,7 +106,7 @@ class NoiseMaps:
 
     Attributes:
         estimator: its name.
-        arrays: ``<effect>_seen`` (H, W) uint8, ``<effect>_added`` and ``<effect>_found`` (h, w) DN.
+        arrays: ``<noise_source>_seen`` (H, W) uint8, ``<noise_source>_added`` and ``<noise_source>_found`` (h, w) DN.
         effects: in the order shown.
         target_sigma_dn: target standard deviation over the frame.
     """
@@ -117,7 +117,7 @@ class NoiseMaps:
     target_sigma_dn: float
 
     def of(self, noise_source: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Frame, noise added and noise estimated under one effect.
+        """Frame, noise added and noise estimated under one noise source.
 
         Raises:
             InputError: an array is missing.
@@ -214,12 +214,12 @@ def _maps(inputs: ReportInputs) -> list[Block]:
 
 
 def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame | None) -> Table:
-    """Median estimates of one dataset: a row for each effect and level, a column for each estimator.
+    """Median estimates of one dataset: a row for each noise source and level, a column for each estimator.
 
     Args:
         dataset: name.
         summary: `pipeline.tables.NOISE_SUMMARY`.
-        reference: columns dataset, effect, target_sigma_dn, estimator, sigma_dn: by the authors' program.
+        reference: columns dataset, noise_source, target_sigma_dn, estimator, sigma_dn: by the authors' program.
     """
     keys = ["dataset", "noise_source", "target_sigma_dn", "estimator"]
     own = ordered(summary[summary["dataset"] == dataset], noise_source=EFFECTS, target_sigma_dn=())

@@ -75,7 +75,7 @@ class Site:
         return not any(grown.overlaps(other) for other in self.claimed)
 
     def claim(self, wanted: Footprint, gap_m: float = 0.0) -> bool:
-        """Take a footprint if it is free; says whether it was."""
+        """Take a footprint if it is free; returns whether it was."""
         if not self.free(wanted, gap_m):
             return False
         self.claimed.append(wanted)

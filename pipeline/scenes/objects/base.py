@@ -22,7 +22,7 @@ class Surface:
         local: (K, 3) object coordinates, metres.
         normal: (K, 3) smooth normals in object coordinates.
         uv: (K, 2) texture coordinates, metres.
-        albedo: (K,) what the material's texture says, in (0, 1).
+        albedo: (K,) of the material's texture, in (0, 1).
         footprint_m: (K,) size of a pixel sample on the surface, metres, to fade what is finer.
         view: (K, 3) unit direction from the camera to the point, in object coordinates (turned with the object,
             like `normal`), for painters that look through glass; None where the caller does not know it.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Material:
-    """How light meets a surface where no painter says otherwise.
+    """How light meets a surface where no painter changes it.
 
     The diffuse albedo of a hit is ``texture sample * tint`` (tint from `SceneObject.tint`, 1 if absent), or
     ``albedo * tint`` where there is no texture; a painter's answer replaces both.
