@@ -56,15 +56,14 @@ SECTIONS = (
 
 
 def _origins(sections: list[Section], inputs: ReportInputs) -> list[Provenance]:
-    """The origin of each figure, which between them name every stage shown."""
+    """The origin of every stage that a figure shows, in the order of the figures."""
     stages = provenance.read_lock(inputs.lock)
-    return [
-        provenance.origin(block.name, stage, stages, inputs)
-        for section in sections
-        for block in section.blocks
-        if isinstance(block, Figure)
-        for stage in block.stages
-    ]
+    items: dict[str, list[str]] = {}
+    figures = (block for section in sections for block in section.blocks if isinstance(block, Figure))
+    for figure in figures:
+        for stage in figure.stages:
+            items.setdefault(stage, []).append(figure.name)
+    return [provenance.origin(names, stage, stages, inputs) for stage, names in items.items()]
 
 
 def build(inputs: ReportInputs, out_dir: str | Path) -> Score:

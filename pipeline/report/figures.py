@@ -120,9 +120,7 @@ def small_multiples(
         grid[row, 0].set_ylabel(f"{down.label(upper)}\n{y}")
     add_legend(figure, legend)
     if bar and mappable is not None:
-        colours = figure.colorbar(mappable, ax=grid, shrink=0.9, pad=0.01)
-        colours.set_label(bar)
-        colours.outline.set_visible(False)
+        style.colour_bar(figure, mappable, grid, bar, shrink=0.9, pad=0.01)
     return Drawing(figure, alt, values, series)
 
 

@@ -133,6 +133,10 @@ class ReportInputs:
             return NO_STAGE
         return f"dvc repro {stage}"
 
+    def of_control(self, stage: str) -> Path | None:
+        """The folder of a stage of control."""
+        return None if self.control is None else self.control / stage
+
     def in_graph(self, stage: str) -> str:
         """The name of a stage in ``dvc.yaml``, which has one group for each registry name of an estimator."""
         if stage in self.aliases or self.stages is None:

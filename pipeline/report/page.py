@@ -6,13 +6,11 @@ the bytes follow from the inputs. It reads without JavaScript; with it, tables s
 
 from __future__ import annotations
 
-import html
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pipeline.report import style, templates
+from pipeline.report import style, svg, templates
 from pipeline.report.display_names import DATASETS, in_order, listing, word
 from pipeline.report.ledger import VERDICTS, LedgerRow, score, summary_table, to_table
 from pipeline.report.ledger_items import ITEMS, PICTURES_ONLY, TITLES
@@ -36,27 +34,6 @@ def themed(colours: str) -> str:
     for colour, variable in _COLOURS.items():
         colours = colours.replace(colour, variable)
     return colours
-
-
-def inline_svg(svg: str, name: str, alt: str) -> str:
-    """An SVG file as an element of the page: ids made unique, neutral colours themed, described for all readers.
-
-    Args:
-        svg: content of a file written by `pipeline.report.style.save`.
-        name: of the figure; prefixes every id, so that figures on one page do not share any.
-        alt: description.
-    """
-    body = svg[svg.index("<svg") :]
-    body = re.sub(r"\s*<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
-    # Two equal pictures in one figure share an id, which nothing refers to.
-    body = re.sub(r'(<image\b[^>]*?) id="[^"]*"', r"\1", body)
-    body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', body)
-    body = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', body)
-    body = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", body)
-    head, rest = themed(body).split(">", 1)
-    head = re.sub(r'\s(?:width|height|version)="[^"]*"', "", head)
-    label = html.escape(alt, quote=True)
-    return f'{head} role="img" aria-label="{label}"><title>{label}</title>{rest}'
 
 
 def _ledger_parts(rows: Sequence[LedgerRow]) -> list[dict[str, Any]]:
@@ -124,6 +101,8 @@ def render(
         HTML.
     """
     runs = [run for section in sections for run in section.runs]
+    figures = [block for section in sections for block in section.blocks if isinstance(block, Figure)]
+    shared, drawn = svg.inline(svgs, {figure.name: figure.drawing.alt for figure in figures})
     return (
         templates.environment()
         .get_template("page.html.j2")
@@ -141,7 +120,8 @@ def render(
             code_version=code_version,
             css=templates.text("style.css"),
             script=templates.text("script.js"),
-            svg=lambda figure: inline_svg(svgs[figure.name], figure.name, figure.drawing.alt),
+            shared=themed(shared),
+            svg=lambda figure: themed(drawn[figure.name]),
             table=to_html,
             is_figure=lambda block: isinstance(block, Figure),
             is_missing=lambda block: isinstance(block, NotRun),

@@ -16,17 +16,17 @@ SHOWN_HASH = 10  # letters of a hash that are shown
 
 @dataclass(frozen=True)
 class Provenance:
-    """The origin of one figure or table.
+    """The origin of the figures of one stage.
 
     Attributes:
-        item: name of the figure or table.
+        items: names of the figures.
         stage: of DVC.
         line: command that makes it again.
         inputs: path -> hash of what the stage read; empty where ``dvc.lock`` does not hold the stage.
         parameters: of the stage, as one line of JSON each.
     """
 
-    item: str
+    items: Sequence[str]
     stage: str
     line: str
     inputs: Mapping[str, str]
@@ -64,11 +64,11 @@ def shown_path(path: str) -> str:
     return path
 
 
-def origin(item: str, stage: str, stages: Mapping[str, Any], inputs: ReportInputs) -> Provenance:
-    """The origin of one item.
+def origin(items: Sequence[str], stage: str, stages: Mapping[str, Any], inputs: ReportInputs) -> Provenance:
+    """The origin of the figures of one stage.
 
     Args:
-        item: name of the figure or table.
+        items: names of the figures.
         stage: of DVC, e.g. ``"noise@sim-pca"``.
         stages: from `read_lock`.
         inputs: of the report.
@@ -85,4 +85,4 @@ def origin(item: str, stage: str, stages: Mapping[str, Any], inputs: ReportInput
         parameters += [
             f"{key} = {json.dumps(value, sort_keys=True, ensure_ascii=False)}" for key, value in sorted(values.items())
         ]
-    return Provenance(item, stage, inputs.line(stage), dict(sorted(hashes.items())), parameters)
+    return Provenance(tuple(items), stage, inputs.line(stage), dict(sorted(hashes.items())), parameters)

@@ -8,6 +8,7 @@ as outlines with the font that comes with matplotlib, so a figure does not depen
 from __future__ import annotations
 
 import functools
+import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 
 from pipeline.report.display_names import word
+from pipeline.report.svg import compact
 from pipeline.store import replacing, write_text
 
 if TYPE_CHECKING:
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 
 ONE_COLUMN_IN = 3.46
 TWO_COLUMNS_IN = 7.16
-PNG_DPI = 200
+PNG_DPI = 150
 
 # Neutral colours; the page replaces them by its own, which follow light or dark.
 INK, MUTED, GRID, PAPER = "#1b1f24", "#6b7280", "#d9dde3", "#ffffff"
@@ -236,6 +238,33 @@ def bare(axes: Axes) -> None:
         spine.set_linewidth(0.4)
 
 
+def picture(axes: Axes, image: np.ndarray, lowest: float = 0.0, highest: float = 255.0, **more: Any) -> None:
+    """A grey picture, pixel for pixel, with nothing beside it.
+
+    Args:
+        axes: to draw into.
+        image: (H, W).
+        lowest: value drawn in black.
+        highest: value drawn in white.
+        more: for matplotlib's ``imshow``.
+    """
+    axes.imshow(image, cmap="gray", vmin=lowest, vmax=highest, **more)
+    bare(axes)
+
+
+def middle(image: np.ndarray, height_px: int, width_px: int) -> np.ndarray:
+    """The middle of a picture, at most so large. Shrinking it instead would average the noise away."""
+    top, left = (max(0, (side - part) // 2) for side, part in zip(image.shape, (height_px, width_px), strict=True))
+    return image[top : top + height_px, left : left + width_px]
+
+
+def colour_bar(figure: Figure, mappable: Any, axes: Any, label: str, **where: Any) -> None:
+    """A colour bar without a frame, beside ``axes``."""
+    bar = figure.colorbar(mappable, ax=axes, **where)
+    bar.set_label(label)
+    bar.outline.set_visible(False)  # type: ignore[operator]
+
+
 def shrunk(image: np.ndarray, side_px: int) -> tuple[np.ndarray, float]:
     """A picture with its longest side at most so long, and the scale used (area averages, no aliasing)."""
     import cv2
@@ -243,6 +272,17 @@ def shrunk(image: np.ndarray, side_px: int) -> tuple[np.ndarray, float]:
     scale = min(1.0, side_px / max(image.shape))
     size = (max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale)))
     return (image if scale == 1.0 else cv2.resize(image, size, interpolation=cv2.INTER_AREA)), scale
+
+
+def _save_png(figure: Figure, path: Path) -> None:
+    """A PNG with a palette of 256 colours, which plots do not exceed by more than the eye sees."""
+    from PIL import Image
+
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=PNG_DPI)
+    picture = Image.open(drawn).convert("RGB")
+    picture = picture.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    picture.save(path, "PNG", optimize=True, dpi=(PNG_DPI, PNG_DPI))
 
 
 @styled
@@ -259,11 +299,12 @@ def save(figure: Figure, stem: str | Path, values: pd.DataFrame | None = None) -
     """
     stem = Path(stem)
     svg, png, csv = (stem.with_name(f"{stem.name}.{suffix}") for suffix in ("svg", "png", "csv"))
-    with replacing(svg) as temporary:
-        # No date and no version: a new matplotlib that draws the same gives the same file.
-        figure.savefig(temporary, format="svg", metadata={"Date": None, "Creator": None})
+    drawn = io.StringIO()
+    # No date and no version: a new matplotlib that draws the same gives the same file.
+    figure.savefig(drawn, format="svg", metadata={"Date": None, "Creator": None})
+    write_text(svg, compact(drawn.getvalue()))
     with replacing(png) as temporary:
-        figure.savefig(temporary, format="png", dpi=PNG_DPI, metadata={"Software": None})
+        _save_png(figure, temporary)
     written = [svg, png]
     if values is not None:
         write_text(csv, values.to_csv(index=False, float_format="%.6g", lineterminator="\n"))

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -168,6 +168,17 @@ def table(
         cells = {column.name: column.cell(row) for column in columns}
         rows.append({key: cell for key, cell in cells.items() if cell is not None})
     return Table(name, caption, columns, rows, tuple(notes), stage, reference_word)
+
+
+def as_recorded(shown: Table, *notes: str) -> Table:
+    """The same table of numbers that were measured earlier on pictures that are not kept, and that no stage makes.
+
+    Args:
+        shown: a table of a section.
+        notes: that follow its own.
+    """
+    caption, footnotes = f"{shown.caption.rstrip('.')} (recorded).", (*shown.footnotes, *notes)
+    return replace(shown, name=f"recorded_{shown.name}", caption=caption, footnotes=footnotes, stage="")
 
 
 def named(name: str, title: str, source: str = "") -> Column:

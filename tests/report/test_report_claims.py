@@ -60,6 +60,7 @@ def test_with_nothing_run_every_claim_names_its_command() -> None:
     assert len(pairs) >= 25
     assert {measured.verdict for _, measured in pairs} == {NOT_MEASURED}
     assert all(measured.text.startswith("Not run: dvc repro ") for _, measured in pairs)
+    assert set(claims.MEASURES) == {claim.measure.func.__name__[1:] for claim, _ in pairs[:-4]}
     assert len({claim.sentence for claim, _ in pairs}) == len(pairs)
     assert all(claim.reservation and claim.source for claim, _ in pairs)
 
@@ -74,7 +75,7 @@ def test_the_network_is_best_where_its_whole_interval_is_lower(tmp_path: Path) -
     table = pd.DataFrame(cells, columns=["kernel_size_px", "estimator", "amae_percent", "low", "high"])
     evidence = Evidence(NOTHING)
     evidence.amae = table.assign(measured_on="kitti", dataset="kitti", blur_kind="defocus", paper=1.0)
-    measured = of_blur.CLAIMS[0].measure(evidence)
+    measured = of_blur.MEASURES["network_is_best"](evidence)
     assert measured is not None and measured.verdict == PARTLY and measured.on == "KITTI"
     assert measured.text.startswith("1 for, 1 against, of 3 cells")
 

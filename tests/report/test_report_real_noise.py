@@ -12,7 +12,7 @@ from pipeline import store
 from pipeline.experiments.real_noise_tables import REAL_NOISE_PATCHES, REAL_NOISE_SUMMARY
 from pipeline.report import real_noise_records
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.sections import real_noise, real_noise_examples
+from pipeline.report.sections import real_noise
 from pipeline.report.spec import Figure
 from pipeline.report.tables import Estimate, Table
 
@@ -52,12 +52,12 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
 def test_examples_show_both_answers_and_the_reason_to_abstain(inputs: ReportInputs) -> None:
     made = real_noise_records.examples(inputs)
     assert made is not None and [crop.shape for crop in made.crops] == [(128, 128)] * 3
-    drawing = real_noise_examples.crops(made)
+    drawing = real_noise.crops(made)
     now = made.table[made.table["estimator"] == "adaptive"]
     assert "compressed" in drawing.alt and all(f"{sigma:.2f} DN" in drawing.alt for sigma in now["true_sigma_dn"])
     row = {"patches": 4, "answered": 1, "sigma_dn": 1.0, "low_dn": 0.5, "high_dn": 2.0, "reasons": "compressed: 3"}
-    assert real_noise_examples.answer(row) == "abstained in 3 of 4 (compressed)"
-    assert real_noise_examples.answer(row | {"answered": 4, "reasons": ""}) == "1.00 DN (0.50 to 2.00)"
+    assert real_noise.answer(row) == "abstained in 3 of 4 (compressed)"
+    assert real_noise.answer(row | {"answered": 4, "reasons": ""}) == "1.00 DN (0.50 to 2.00)"
 
 
 def test_a_stage_that_has_run_takes_the_place_of_the_record(inputs: ReportInputs, tmp_path: Path) -> None:

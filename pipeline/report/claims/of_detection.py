@@ -10,9 +10,7 @@ from pipeline.report.claims.claim import (
     CONTRADICTED,
     SUPPORTED,
     UNDECIDED,
-    Claim,
     Evidence,
-    Measure,
     Measurement,
     of_cells,
     of_number,
@@ -28,9 +26,7 @@ if TYPE_CHECKING:
 
     from pipeline.report.sections.order_study import Conclusion
 
-DETECTORS = "Detectors trained on Sim and evaluated on Sim, not the paper's YOLOv4 and Faster R-CNN."
 BUILT_IN = ("prosilica", "mean_intensity")
-ONE_VIEW = "Rendered views, the compact detector; the paper's three numbers are of three drives."
 
 
 def _sweeps(evidence: Evidence) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -40,27 +36,25 @@ def _sweeps(evidence: Evidence) -> Iterator[tuple[str, pd.DataFrame]]:
             yield one.dataset, one.precision[one.precision["label"] == label]
 
 
-def _falls(cause: str) -> Measure:
-    """A claim that AP falls with the strongest noise or the longest blur, the other absent."""
-    other = {"target_sigma_dn": "kernel_size_px", "kernel_size_px": "target_sigma_dn"}[cause]
-
-    def measure(evidence: Evidence) -> Measurement | None:
-        pairs, on, ends = [], [], []
-        for dataset, table in _sweeps(evidence):
-            own = table[table[other] == 0]
-            clean, worst = own[own[cause] == 0].iloc[0], own[own[cause] == own[cause].max()]
-            pairs += [
-                (row["high_percent"] < clean["low_percent"], row["low_percent"] > clean["high_percent"])
-                for row in records(worst)
-            ]
-            on.append(dataset)
-            ends.append((clean["ap_percent"], worst["ap_percent"].mean()))
-        if not pairs:
-            return None
-        before, after = (sum(end[number] for end in ends) / len(ends) for number in (0, 1))
-        return of_cells(pairs, "condition", on, f"Mean AP {before:.0f} to {after:.0f} %.")
-
-    return measure
+def _falls(evidence: Evidence, *, cause: str) -> Measurement | None:
+    """That AP falls with the strongest noise or the longest blur, the other absent."""
+    column, other = {"noise": ("target_sigma_dn", "kernel_size_px"), "blur": ("kernel_size_px", "target_sigma_dn")}[
+        cause
+    ]
+    pairs, on, ends = [], [], []
+    for dataset, table in _sweeps(evidence):
+        own = table[table[other] == 0]
+        clean, worst = own[own[column] == 0].iloc[0], own[own[column] == own[column].max()]
+        pairs += [
+            (row["high_percent"] < clean["low_percent"], row["low_percent"] > clean["high_percent"])
+            for row in records(worst)
+        ]
+        on.append(dataset)
+        ends.append((clean["ap_percent"], worst["ap_percent"].mean()))
+    if not pairs:
+        return None
+    before, after = (sum(end[number] for end in ends) / len(ends) for number in (0, 1))
+    return of_cells(pairs, "condition", on, f"Mean AP {before:.0f} to {after:.0f} %.")
 
 
 def _both_cost_more(evidence: Evidence) -> Measurement | None:
@@ -182,51 +176,27 @@ def _trade(evidence: Evidence) -> Measurement | None:
     return Measurement(text, SUPPORTED if after > before else CONTRADICTED, after, on=word("sim"))
 
 
-def _order(conclusion: Conclusion) -> Measure:
+def order(evidence: Evidence, *, conclusion: Conclusion) -> Measurement | None:
     """A conclusion of the order study, under the detector's order and in linear light."""
     setting = (order_study.DETECTOR, order_study.LINEAR)
-
-    def measure(evidence: Evidence) -> Measurement | None:
-        conditions, effects = (evidence.table(f"order_study/{name}.parquet") for name in ("study", "effects"))
-        if conditions is None or effects is None:
-            return None
-        study = order_study.Study(conditions, effects)
-        verdicts = {True: SUPPORTED, False: CONTRADICTED, None: UNDECIDED}
-        text = f"{study.evidence(conclusion, setting)}; in the paper's order and light "
-        text += study.evidence(conclusion, (order_study.PAPER, order_study.ENCODED))
-        return Measurement(f"{text}.", verdicts[study.holds(conclusion, setting)], on=word("sim"))
-
-    return measure
+    conditions, effects = (evidence.table(f"order_study/{name}.parquet") for name in ("study", "effects"))
+    if conditions is None or effects is None:
+        return None
+    study = order_study.Study(conditions, effects)
+    verdicts = {True: SUPPORTED, False: CONTRADICTED, None: UNDECIDED}
+    text = f"{study.evidence(conclusion, setting)}; in the paper's order and light "
+    text += study.evidence(conclusion, (order_study.PAPER, order_study.ENCODED))
+    return Measurement(f"{text}.", verdicts[study.holds(conclusion, setting)], on=word("sim"))
 
 
-CLAIMS = (
-    Claim("Fig. IOPC", "Average precision falls with noise.", _falls("target_sigma_dn"), DETECTORS,
-          "curves@<dataset>-<detector>"),
-    Claim("Fig. IOPC", "Average precision falls with blur.", _falls("kernel_size_px"), DETECTORS,
-          "curves@<dataset>-<detector>"),
-    Claim("Fig. IOPC", "Blur and noise together cost more than either alone.", _both_cost_more, DETECTORS,
-          "curves@<dataset>-<detector>"),
-    Claim("Fig. IOPC", "The curves are not monotonic.", _not_monotonic,
-          f"With few objects a rise is likely chance: only certain ones count. {DETECTORS}",
-          "curves@<dataset>-<detector>"),
-    Claim("Supplement", "The direction of blur matters, by up to 16 points (more than 5 counts).", _direction_matters,
-          "The best less the worst of four directions exceeds 0 by chance already; the largest of many is shown.",
-          "direction@<dataset>-<detector>"),
-    Claim("Supplement", "Eight terms in ISO and exposure time explain the average precision.", _regression,
-          f"As many terms as cells would explain anything; residuals are in the regression's figure. {DETECTORS}",
-          "regression@<dataset>-<detector>"),
-    Claim("Supplement", "The printed coefficients give the printed grid (within 0.1 points).", _grid,
-          "The paper's own numbers evaluated again: consistency, no evidence.", "refit"),
-    Claim("Example 1", "Trading noise for blur doubles the detector's score (0.25 to 0.50).", _trade,
-          f"One view and one car. {ONE_VIEW}", "worked_examples"),
-    Claim("Example 2", "The framework detects more than built-in control and fixed settings (61, 26 and 48 %).",
-          _framework_wins, ONE_VIEW, "worked_examples"),
-    Claim("implied", "It does so wherever motion and noise have to be traded.", _framework_wins_elsewhere,
-          "The paper tests one robot. Scenarios rendered here, a detector trained on the same kind of scenes.",
-          "closed_loop@<scenario>"),
-    *(
-        Claim("order study", f"{one.claim}.", _order(one),
-              "Verdict of the detector's order in linear light, which the paper does not have.", "order_study")
-        for one in order_study.CONCLUSIONS
-    ),
-)  # fmt: skip
+MEASURES = {
+    "falls": _falls,
+    "both_cost_more": _both_cost_more,
+    "not_monotonic": _not_monotonic,
+    "direction_matters": _direction_matters,
+    "regression": _regression,
+    "grid": _grid,
+    "trade": _trade,
+    "framework_wins": _framework_wins,
+    "framework_wins_elsewhere": _framework_wins_elsewhere,
+}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pipeline.report.claims.claim import Claim, Evidence, Measure, Measurement, of_cells, of_number
+from pipeline.report.claims.claim import Evidence, Measurement, of_cells, of_number
 from pipeline.report.display_names import word
 from pipeline.report.inputs import any_table, existing, published_table
 from pipeline.report.ledger_sources import levels
@@ -20,7 +20,6 @@ NOISY_DN, FOLLOWS_DN = 10.0, 2.0
 PAPER_NOISE = ("cnn", "pca", "bf")
 REAL_FRACTION = 0.25
 CELL = ["dataset", "estimator", "kernel_size_px", "target_sigma_dn"]
-FEW_SIZES = "The estimators other than Spectral ran on few sizes and levels; Sim is rendered here."
 
 
 def _of_experiment(evidence: Evidence, experiment: str) -> pd.DataFrame:
@@ -37,17 +36,13 @@ def _by_estimator(cells: pd.DataFrame) -> str:
     return f"Mean AMAE from no noise to the strongest: {', '.join(words)}."
 
 
-def _prevents(experiment: str) -> Measure:
-    """A claim that noise of 10 DN and more prevents the estimation of a blur."""
-
-    def measure(evidence: Evidence) -> Measurement | None:
-        cells = _of_experiment(evidence, experiment)
-        cells = cells[cells["filter_px"] == 0]
-        noisy = records(cells[cells["target_sigma_dn"] >= NOISY_DN])
-        pairs = [(row["low_percent"] > PREVENTED_PERCENT, row["high_percent"] < PREVENTED_PERCENT) for row in noisy]
-        return of_cells(pairs, "cell", cells["dataset"], _by_estimator(cells) if pairs else "")
-
-    return measure
+def _prevents(evidence: Evidence, *, experiment: str) -> Measurement | None:
+    """That noise of 10 DN and more prevents the estimation of a blur."""
+    cells = _of_experiment(evidence, experiment)
+    cells = cells[cells["filter_px"] == 0]
+    noisy = records(cells[cells["target_sigma_dn"] >= NOISY_DN])
+    pairs = [(row["low_percent"] > PREVENTED_PERCENT, row["high_percent"] < PREVENTED_PERCENT) for row in noisy]
+    return of_cells(pairs, "cell", cells["dataset"], _by_estimator(cells) if pairs else "")
 
 
 def _disturbs(evidence: Evidence) -> Measurement | None:
@@ -136,25 +131,13 @@ def _levels(evidence: Evidence) -> Measurement | None:
     return of_number(worst, worst, worst, 2.0, text, misses["dataset"], above=False)
 
 
-CLAIMS = (
-    Claim("Sec. III", "Noise of every source can be brought to a wanted level.", _levels,
-          "Before the 8-bit range clips it; behind that, less noise is present.", "corrupt@<dataset>"),
-    Claim("Fig. noise estimation", "PCA, B+F and the network follow the noise from 0 to 25 DN (within 2 DN counts).",
-          _follows, "The paper prints this as a picture; the bound is ours. White noise on clean pictures only.",
-          "noise@<dataset>-<estimator>"),
-    Claim("implied", "What follows added white noise also measures the noise of a real camera.", _real_cameras,
-          "The paper does not test it. Processed photographs, not raw frames.", "noise@<dataset>-<estimator>"),
-    Claim("Sec. V", "Noise of 10 DN and more behind defocus prevents blur estimation (an AMAE over 10 % counts).",
-          _prevents("defocus_dcsn"), f"The bound is ours. {FEW_SIZES}", "combined@<dataset>"),
-    Claim("Sec. V", "Noise of 10 DN and more behind linear motion prevents blur estimation (an AMAE over 10 % counts).",
-          _prevents("linear_dcsn"), f"The bound is ours. {FEW_SIZES}", "combined@<dataset>"),
-    Claim("Sec. V", "Avoid photon noise: it disturbs the estimation of a blur.", _disturbs,
-          "In the paper's order, where the blur softens photon noise; see the order study for a camera's order. "
-          f"{FEW_SIZES}", "combined@<dataset>"),
-    Claim("Fig. defocus", "Defocus stays measurable in photon noise up to 25 DN (AMAE at most 5.6 %).",
-          _defocus_under_photon_noise, "In the paper's order; on Udacity in the paper.", "combined@<dataset>"),
-    Claim("Fig. linear motion", "Under photon noise the MTF of linear motion is estimated too high (0.19 to 0.4 and "
-          "more at 0.3 of Nyquist).", _overestimates, "One kernel, in the paper's order.", "combined@<dataset>"),
-    Claim("Supplement", "Smoothing noisy patches by a known disc improves blur estimation.", _smoothing,
-          "The paper's network never saw noise; Spectral did, and has nothing to gain.", "denoised_blur@<dataset>"),
-)  # fmt: skip
+MEASURES = {
+    "levels": _levels,
+    "follows": _follows,
+    "real_cameras": _real_cameras,
+    "prevents": _prevents,
+    "disturbs": _disturbs,
+    "defocus_under_photon_noise": _defocus_under_photon_noise,
+    "overestimates": _overestimates,
+    "smoothing": _smoothing,
+}

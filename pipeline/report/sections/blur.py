@@ -24,8 +24,8 @@ from pipeline.report.inputs import (
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.ledger_sources import lenses, star_curve
 from pipeline.report.sections import blur_amae, kernel_gallery
-from pipeline.report.sections.blur_amae import ANY_STAGE, STAGE
-from pipeline.report.spec import Block, Figure, NotRun, Run, Section, missing, overview, single
+from pipeline.report.sections.blur_amae import ANY_STAGE, PAGE, STAGE
+from pipeline.report.spec import Block, NotRun, Run, Section, missing, overview, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, records
 
@@ -34,12 +34,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TITLE = "Blur estimation"
-TEXT = (
-    "Frames are blurred by known kernels, and each estimator estimates the modulation transfer function (MTF) of "
-    "patches on objects. The average mean absolute error (AMAE) is the distance between the median of its estimates "
-    "and the kernel's own MTF, averaged over eight frequencies, horizontal and vertical, and over rotations."
-)
-PARTS = "MTF of uncorrupted frames, Table I (AMAE of blur estimators), AMAE over the size of the blur, kernel gallery"
 STAR: style.Look = {"color": style.INK, "linewidth": 1.0}
 
 
@@ -131,15 +125,9 @@ def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInp
         return NotRun("MTF of uncorrupted frames", "stage absent", inputs.line(ANY_STAGE))
     star = star_curve(inputs)
     stars = {"sim": (star["frequency"], star["measured"])} if star is not None and "sim" in datasets else {}
-    caption = (
-        "Uncorrupted datasets. Median (line) and range of the inliers (band) of the MTF over patches of sharp frames. "
-        "Dashed: the paper's medians, which it publishes for the horizontal direction; its Sim is another renderer's."
-    )
-    if stars:
-        caption += " Black: the MTF of Sim, measured on its Siemens star."
-    caption = f"{caption} {mode_note(inputs.modes, curves['estimator'])}".strip()
+    after = " ".join(filter(None, [PAGE.text("star") if stars else "", mode_note(inputs.modes, curves["estimator"])]))
     drawing = uncorrupted(curves, datasets, published(inputs, "uncorrupted_mtf.csv"), stars)
-    return Figure("uncorrupted_mtf", drawing, caption, _stages(curves) + (("star",) if stars else ()))
+    return PAGE.figure("uncorrupted_mtf", drawing, _stages(curves) + (("star",) if stars else ()), after=after)
 
 
 def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block]:
@@ -194,10 +182,10 @@ def _runs(summary: pd.DataFrame, inputs: ReportInputs) -> list[Run]:
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Blur estimation on every dataset."""
-    summary = blur_summary(inputs)
+    summary, introduction = blur_summary(inputs), PAGE.text("introduction")
     if summary.empty:
         run = single(TITLE, ANY_STAGE, False, inputs)
-        return Section("blur", TITLE, (TEXT,), [NotRun(PARTS, run.why, run.line)], [run])
+        return Section("blur", TITLE, (introduction,), [NotRun(PAGE.text("parts"), run.why, run.line)], [run])
     estimates = blur_estimates(inputs)
     datasets = in_order(summary["dataset"], inputs.datasets)
     runs = _runs(summary, inputs)
@@ -207,4 +195,4 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     errors = sharp_errors(absolute, lenses(inputs), inputs.seed)
     blocks += _table_one(blur_amae.without_unknown_lenses(summary, errors), datasets, inputs)
     blocks += [blur_amae.abstentions(summary, estimates), *kernel_gallery.blocks(estimates, datasets, inputs)]
-    return Section("blur", TITLE, (TEXT,), [*blocks, *missing(TITLE, runs)], runs)
+    return Section("blur", TITLE, (introduction,), [*blocks, *missing(TITLE, runs)], runs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,42 +13,25 @@ from pipeline.camera.mtf import CAMERA, GENERIC_LENS
 from pipeline.experiments.condition import SHARP
 from pipeline.grouped_statistics import weighted_mean
 from pipeline.report import style
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, DATASETS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import PAPER, Facet, beside_the_paper, lines, small_multiples
 from pipeline.report.inputs import mode_note
-from pipeline.report.spec import Block, Figure
+from pipeline.report.spec import Block
 from pipeline.report.style import Drawing
-from pipeline.report.tables import (
-    Column,
-    Estimate,
-    Row,
-    Table,
-    amae,
-    format_number,
-    mean_cell,
-    named,
-    ordered,
-    pivot,
-    records,
-    table,
-)
+from pipeline.report.tables import Estimate, Row, Table, amae, format_number, mean_cell, ordered, pivot, records
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
 STAGE = "blur@{dataset}-{estimator}"
-ANY_STAGE = STAGE.format(dataset="<dataset>", estimator="<estimator>")
+ANY_STAGE = "blur@<dataset>-<estimator>"
 SHORT = {"defocus": "D", "linear_motion": "L", "nonlinear_motion": "N"}
-RELATIVE = {
-    CAMERA: "{name}: calibrated to the camera on its sharp frames, blurred synthetically, instead of divided. Frames "
-    "are in two halves, each evaluated with the calibration on the other. Sharp frames have a relative MTF a little "
-    "under 1.",
-    GENERIC_LENS: "{name}: MTF relative to a generic lens, for cameras without sharp reference frames. For lenses "
-    "sharper than the generic one it underestimates blur.",
-}
+RELATIVE = {CAMERA: "relative_to_camera", GENERIC_LENS: "relative_to_generic_lens"}
+PAGE = Descriptions("blur")
 MEAN = "Mean"
-NOT_COUNTED = "The paper has no estimator of this name, so the ledger does not count these rows."
+OTHER_FRAMES = "Frames differ from the paper's; on Sim they are of another renderer."
 KEYS = ["dataset", "estimator", "blur_kind", "kernel_size_px"]
 
 
@@ -82,9 +66,7 @@ def without_unknown_lenses(summary: pd.DataFrame, errors: pd.DataFrame | None = 
 def _notes(relative: Mapping[str, str], estimators: Sequence[str], is_calibrated: bool) -> list[str]:
     """What the MTF of the estimators shown is relative to, where that is not the system."""
     shown = {name: relative[name] for name in estimators if name in relative}
-    return [
-        RELATIVE[to].format(name=word(name)) for name, to in shown.items() if is_calibrated == (to == CAMERA)
-    ]  # fmt: skip
+    return [PAGE.text(RELATIVE[to], name=name) for name, to in shown.items() if is_calibrated == (to == CAMERA)]
 
 
 @style.styled
@@ -182,18 +164,20 @@ def figures(
         own = summary[(summary["blur_kind"] != SHARP) & (summary["calibrated"] == is_calibrated)]
         if own.empty:
             continue
-        how = ", each estimate divided by the camera's own for sharp frames" if is_calibrated else ""
-        caption = [
-            f"AMAE over the size of the blur{how}. Line: of the median over patches; band: 95 % interval, frames "
-            "resampled. "
-            f"Dashed: the paper's Table I{', which is not calibrated' if is_calibrated else ''}.",
+        notes = [
             *_notes(relative, in_order(own["estimator"], ESTIMATORS), is_calibrated),
             mode_note(modes or {}, own["estimator"]),
         ]
-        words = " ".join(filter(None, caption))
-        text = f"{prefix.capitalize()}: {words}" if prefix else words
-        name = "_".join(part for part in (prefix, "blur_amae", "calibrated" if is_calibrated else "") if part)
-        blocks.append(Figure(name, curves(own, datasets, paper), text, stages(own)))
+        figure = PAGE.figure(
+            "blur_amae", curves(own, datasets, paper), stages(own), after=" ".join(filter(None, notes)),
+            name="blur_amae_calibrated" if is_calibrated else "",
+            division=", each estimate divided by the camera's own for sharp frames" if is_calibrated else "",
+            not_calibrated=", which is not calibrated" if is_calibrated else "",
+        )  # fmt: skip
+        if prefix:
+            caption = f"{prefix.capitalize()}: {figure.caption}"
+            figure = replace(figure, name=f"{prefix}_{figure.name}", caption=caption)
+        blocks.append(figure)
     return blocks
 
 
@@ -236,40 +220,25 @@ def table_one(
         values = {name: value for name, value in values.items() if math.isfinite(value)}
         return word(min(values, key=lambda name: values[name])) if len(values) > 1 else ""
 
-    columns = [
-        Column("blur", "Blur", "px", source=_blur),
-        *(Column(name, word(name), "%", 1) for name in estimators),
-        Column("best", "Best of ours", source=best),
-    ]
-    notes = [
-        "AMAE of the robust median over patches, averaged over rotations, with 95 % interval (frames resampled); n: "
-        "patches with an estimate, over all rotations. D: defocus, L: linear motion, N: non-linear motion, with "
-        "their size. Mean: over D, L and N."
-    ]
-    if (cells["blur_kind"] == SHARP).any():
-        notes.append("None (sharp): against the MTF of lens and pixels, measured on the Siemens star.")
-    if is_calibrated:
-        notes.append("Calibrated: each estimate divided by the same camera's estimate for its own sharp frames.")
-    notes += [*_notes(relative, estimators, is_calibrated), *filter(None, [mode_note(modes or {}, estimators)])]
+    also = ["sharp"] if (cells["blur_kind"] == SHARP).any() else []
+    also += ["calibrated"] if is_calibrated else []
+    notes = [*_notes(relative, estimators, is_calibrated), *filter(None, [mode_note(modes or {}, estimators)])]
     if cells["paper_percent"].notna().any():
-        beside = (
-            "Its Sim frames are the authors', ours are rendered here: set beside each other, not compared."
-            if dataset == "sim"
-            else "A mean of the paper's is taken over the kernels that ran here."
-        )
-        notes.append(f"Paper: Table I; an en dash where we did not run the estimator. {beside}")
-    suffix, how = ("_calibrated", ", calibrated") if is_calibrated else ("", "")
-    caption = f"Table I on {word(dataset)}: error of the MTF{how}."
-    stage = STAGE.format(dataset=dataset, estimator="<estimator>")
-    return table(f"blur_amae_{dataset}{suffix}", caption, rows, columns, notes, stage)
+        notes.append(PAGE.text("paper_sim" if dataset == "sim" else "paper"))
+    return PAGE.table(
+        "table_one", rows, cells={"blur": _blur, "best": best}, across={name: word(name) for name in estimators},
+        also=also, notes=notes, dataset=dataset, suffix="_calibrated" if is_calibrated else "",
+        how=", calibrated" if is_calibrated else "",
+    )  # fmt: skip
 
 
-def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame | None) -> Table | None:
+def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame | None, frames: str = OTHER_FRAMES) -> Table | None:
     """Estimators of this project beside the paper's CNN and the best of its three, per dataset and blur.
 
     Args:
         summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
         paper: the paper's Table I.
+        frames: how ours differ from the paper's, a sentence.
 
     Returns:
         None where no dataset of the paper ran.
@@ -297,15 +266,13 @@ def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame | None) -> Table 
             rows += [*own, {**means, "dataset": dataset, "blur_kind": MEAN}]
     if not rows:
         return None
-    columns = [named("dataset", "Dataset"), Column("blur", "Blur", "px", source=_blur)]
-    for name in ours:
-        ways = (Column(name, word(name), "%", 1), Column(f"{name}_calibrated", f"{word(name)}, calibrated", "%", 1))
-        columns += [column for column in ways if any(row.get(column.name) is not None for row in rows)]
-    columns += [Column("cnn", "Paper, CNN", "%", 1), Column("best", "Paper, best of three", "%", 1)]
-    columns.append(Column("which", "which is"))
-    notes = [f"{NOT_COUNTED} Frames differ from the paper's; on Sim they are of another renderer."]
-    caption = "Estimators the paper does not have, beside its CNN and the best of its three: AMAE."
-    return table("blur_beside_the_best", caption, rows, columns, notes, ANY_STAGE)
+    across = {key: title for name in ours for key, title in _columns(name).items()}
+    across = {key: title for key, title in across.items() if any(row.get(key) is not None for row in rows)}
+    return PAGE.table("blur_beside_the_best", rows, cells={"blur": _blur}, across=across, frames=frames)
+
+
+def _columns(estimator: str) -> dict[str, str]:
+    return {estimator: word(estimator), f"{estimator}_calibrated": f"{word(estimator)}, calibrated"}
 
 
 def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
@@ -337,21 +304,7 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
                 "reasons": ", ".join(f"{reason}: {count:,}" for reason, count in why.items()),
             }
         )
-    columns = [
-        named("dataset", "Dataset"),
-        named("estimator", "Estimator"),
-        Column("asked", "Patches"),
-        Column("abstained", "Abstained"),
-        Column("patch_error_percent", "Error of a single patch", "%", 1),
-        Column("coverage_percent", "Ground truths within the 95 % interval", "%", 0),
-        Column("reasons", "Reasons of abstention", wide=True),
-    ]
-    notes = [
-        "Over all kernels and rotations, sharp frames included. An abstention is neither a zero nor a "
-        "dropped row: it is counted here. Error of a single patch: mean |estimate − ground truth|, no median over "
-        "patches, uncalibrated but for an estimator calibrated to its camera. An en dash: no interval."
-    ]
-    return table("blur_abstentions", "Abstentions and single-patch errors.", rows, columns, notes, ANY_STAGE)
+    return PAGE.table("blur_abstentions", rows)
 
 
 def unseen_kernels(content: Mapping[str, Any]) -> Table:
@@ -374,20 +327,4 @@ def unseen_kernels(content: Mapping[str, Any]) -> Table:
                         head = {"dataset": dataset, "estimator": name, "patches": part["patches"]}
                         means = {group: float(result["mean_of_group_percent"][group]) for group in groups}
                         rows.append({**head, **means, "mean": float(result["mean_amae_percent"])})
-    columns: list[Column] = [
-        named("dataset", "Dataset"),
-        Column("estimator", "Estimator"),
-        Column("patches", "Patches"),
-        *(Column(group, group.capitalize(), "%", 1) for group in groups),
-        Column("mean", "Mean", "%", 1),
-    ]
-    notes = [
-        f"{len(content['kernels'])} kernels rendered by wave optics, of 3 to 22 px: irises of five and seven blades, "
-        "mirror lenses and cat's eyes out of focus; coma, spherical aberration, astigmatism, diffraction; lenses "
-        "shaken by hand. None is of a family that networks were trained on. AMAE, mean over the kernels of a group "
-        "and over all. Calibrations and divisions as in Table I. PMP and GBB on few patches, the network on the same "
-        "beside them. Errors are largest where a sharp core stands in a wide faint halo (spherical aberration, coma), "
-        "which no kernel that the network was trained on has."
-    ]
-    caption = "Kernels of a kind that no network was trained on: AMAE."
-    return table("blur_unseen_kernels", caption, rows, columns, notes)
+    return PAGE.table("blur_unseen_kernels", rows, count=len(content["kernels"]))

@@ -7,7 +7,6 @@ the section of blur.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pipeline.report import blur_records
@@ -16,25 +15,14 @@ from pipeline.report.display_names import ESTIMATORS, counted, in_order, listing
 from pipeline.report.inputs import ReportInputs, mode_note, mode_of, published, relative_mtf
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import blur, blur_amae
-from pipeline.report.spec import Block, Figure, Section
-from pipeline.report.tables import Column, Table, named, table
+from pipeline.report.sections.blur_amae import PAGE
+from pipeline.report.spec import Block, Section
+from pipeline.report.tables import as_recorded
 
 if TYPE_CHECKING:
     import pandas as pd
 
 TITLE = "Blur estimation on recorded pictures"
-TEXT = (
-    "Table I as above, on frames of the paper's own datasets and with the kernels its authors publish. These pictures "
-    "are not part of the project: the numbers were measured earlier and are kept in reports/recorded with the SHA-256 "
-    "of every picture, kernel and weight file. Whoever has the pictures repeats them by camera-monitor blur record."
-)
-FRAMES = "Frames are a few of each dataset; the paper takes 150."
-
-
-def _recorded(shown: Table, notes: tuple[str, ...]) -> Table:
-    """A table of the section of blur as one of recorded pictures, which no stage makes."""
-    caption = f"{shown.caption.rstrip('.')} (recorded)."
-    return replace(shown, name=f"recorded_{shown.name}", caption=caption, footnotes=notes, stage="")
 
 
 def beside_exact(paper: pd.DataFrame | None, recordings: Sequence[BlurRecord]) -> pd.DataFrame | None:
@@ -83,39 +71,26 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
         }
         for one in recordings
     ]
-    columns = [
-        named("dataset", "Dataset"),
-        Column("frames", "Frames"),
-        Column("patches", "Patches"),
-        Column("kernels", "Kernels"),
-        Column("estimators", "Estimators", wide=True),
-        Column("source", "Source", wide=True),
-    ]
-    blocks: list[Block] = [
-        table("recorded_blur_sources", "Recorded: pictures and kernels with their source.", sources, columns)
-    ]
+    blocks: list[Block] = [PAGE.table("recorded_blur_sources", sources)]
     curves = [one.sharp for one in recordings if len(one.sharp)]
     if curves:
-        paper, slow = published(inputs, "uncorrupted_mtf.csv"), mode_note(modes, settings)
-        caption = (
-            "Recorded: uncorrupted datasets. Median (line) and range of the inliers (band) of the MTF over patches of "
-            f"sharp frames. Dashed: the paper's medians, which it publishes for the horizontal direction. {slow}"
-        ).rstrip()
+        paper = published(inputs, "uncorrupted_mtf.csv")
         drawing = blur.uncorrupted(pd.concat(curves, ignore_index=True), datasets, paper)
-        blocks.append(Figure("recorded_uncorrupted_mtf", drawing, caption))
+        blocks.append(PAGE.figure("recorded_uncorrupted_mtf", drawing, after=mode_note(modes, settings)))
     summary = pd.concat([one.summary for one in recordings], ignore_index=True)
     theirs = published(inputs, "blur_amae.csv")
     paper = beside_exact(theirs, recordings)
     relative = relative_mtf(summary)
     blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), relative, "recorded", modes)
+    few = PAGE.text("few_frames")
     for one in recordings:
         for is_calibrated in (False, True):
             if (one.summary["calibrated"] == is_calibrated).any():
                 blurred = blur_amae.without_unknown_lenses(one.summary)
                 shown = blur_amae.table_one(one.dataset, blurred, paper, is_calibrated, relative, modes)
-                blocks.append(_recorded(shown, (*shown.footnotes, *subsets(one), FRAMES)))
+                blocks.append(as_recorded(shown, *subsets(one), few))
     own = summary[~summary["estimator"].isin({name for one in recordings for name in one.exact.values()})]
-    beside = blur_amae.beside_the_best(own, theirs)
+    beside = blur_amae.beside_the_best(own, theirs, "")
     if beside is not None:
-        blocks.append(_recorded(beside, (blur_amae.NOT_COUNTED, FRAMES)))
-    return Section("blur_recorded", TITLE, (TEXT,), blocks)
+        blocks.append(as_recorded(beside, few))
+    return Section("blur_recorded", TITLE, (PAGE.text("recorded"),), blocks)

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
+from importlib import resources
 
+from pipeline.report.claims import of_blur, of_detection, of_noise
 from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence, Measurement
-from pipeline.report.claims.of_blur import CLAIMS as OF_BLUR
-from pipeline.report.claims.of_detection import CLAIMS as OF_DETECTION
-from pipeline.report.claims.of_noise import CLAIMS as OF_NOISE
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
+from pipeline.report.sections.order_study import CONCLUSIONS, STAGE
 from pipeline.report.spec import Section
 from pipeline.report.tables import Column, Estimate, Row, Table, table
 
-CLAIMS = (*OF_NOISE[:3], *OF_BLUR, *OF_NOISE[3:], *OF_DETECTION)
+MEASURES = of_blur.MEASURES | of_noise.MEASURES | of_detection.MEASURES
+ORDER_STUDY = "Verdict of the detector's order in linear light, which the paper does not have."
 TITLE = "Claims"
 TEXT = (
     "The paper's sentences, in our words, beside our measurements. The verdict follows from intervals: a claim about "
@@ -26,11 +28,26 @@ TEXT = (
 )
 
 
+def all_claims() -> list[Claim]:
+    """The claims of ``claims/claims.yaml``, then the conclusions that the order study decides."""
+    import yaml
+
+    file = resources.files("pipeline.report.claims").joinpath("claims.yaml")
+    claims = [
+        Claim(measure=partial(MEASURES[entry.pop("measure")], **entry.pop("options", {})), **entry)
+        for entry in yaml.safe_load(file.read_text(encoding="utf-8"))
+    ]
+    return claims + [
+        Claim("order study", f"{one.claim}.", partial(of_detection.order, conclusion=one), ORDER_STUDY, STAGE)
+        for one in CONCLUSIONS
+    ]
+
+
 def measurements(inputs: ReportInputs) -> list[tuple[Claim, Measurement]]:
     """Every claim with its measurement; *not measured* names the command where what it needs has not run."""
     evidence = Evidence(inputs)
     pairs = []
-    for claim in CLAIMS:
+    for claim in all_claims():
         measured = claim.measure(evidence)
         if measured is None:
             measured = Measurement(f"Not run: {inputs.line(claim.stage)}", NOT_MEASURED)

@@ -17,9 +17,9 @@ from pipeline.report.inputs import ReportInputs, denoised_cells, described, opti
 from pipeline.report.inputs import combined_tables as read_tables
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import combined_tables
-from pipeline.report.sections.combined_tables import DENOISED_STAGE, OURS_FIRST, STAGE
+from pipeline.report.sections.combined_tables import DENOISED_STAGE, OURS_FIRST, PAGE, STAGE
 from pipeline.report.sections.published import beside_ours
-from pipeline.report.spec import Block, Figure, Section, missing, overview
+from pipeline.report.spec import Block, Section, missing, overview
 from pipeline.report.style import Drawing
 
 if TYPE_CHECKING:
@@ -27,13 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TITLE = "Blur and noise at once"
-TEXT = (
-    "In the paper's order photon noise is drawn on the scene and then blurred, while dark current and readout noise "
-    "come after the optics and stay white. In a camera all of them are white at the pixel: light that optics have "
-    "spread is still Poisson distributed there. Results for photon noise in this section hold for the paper's order "
-    "only (order study, section on control). The paper does not estimate blur from noise of 10 DN on, unless the patch "
-    "is smoothed by a known disc before, whose MTF is divided out after.",
-)
 STEPS = {
     "scene": "light",
     "photon": "photon noise",
@@ -71,8 +64,7 @@ def order_figure(arrays: Mapping[str, np.ndarray], example: Mapping[str, Any]) -
         for across, step in enumerate(columns):
             panel = axes[down, across]
             if step in steps:
-                panel.imshow(arrays[f"step_{experiment}_{step}"], cmap="gray", vmin=0, vmax=255)
-                style.bare(panel)
+                style.picture(panel, arrays[f"step_{experiment}_{step}"])
             else:  # nothing happens to the light
                 panel.axis("off")
                 panel.annotate(
@@ -118,8 +110,7 @@ def example_figure(
     for down, entry in enumerate(entries):
         experiment, levels = entry["experiment"], list(entry["target_sigmas_dn"])
         for cell, number in enumerate(np.linspace(0, len(levels) - 1, PICTURES).round().astype(int)):
-            panels[down, cell].imshow(arrays[f"level_{experiment}_{number}"], cmap="gray", vmin=0, vmax=255)
-            style.bare(panels[down, cell])
+            style.picture(panels[down, cell], arrays[f"level_{experiment}_{number}"])
             panels[down, cell].set_xlabel(f"σ {levels[number]:g} DN", fontsize=5.6, labelpad=1.5)
         panels[down, 0].set_ylabel(word(experiment), fontsize=6.0)
         for axes, filter_px in zip(panels[down, PICTURES:], filters, strict=True):
@@ -249,47 +240,31 @@ def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_o
     arrays, stages = optional(folder, "example.npz") or {}, (STAGE.format(dataset=dataset),)
     blocks: list[Block] = []
     if with_order:
-        caption = (
-            f"The paper's order of image formation. The middle of a patch of {word(dataset)} after each step, for "
-            "noise that the optics blur and for noise that they do not."
-        )
-        blocks.append(Figure(f"combined_order_{dataset}", order_figure(arrays, example), caption, stages))
+        drawing, name = order_figure(arrays, example), "combined_order_{dataset}"
+        blocks.append(PAGE.figure("combined_order", drawing, stages, name=name, dataset=dataset))
     estimator = in_order(curves["estimator"], OURS_FIRST)[:1]
     own = curves[curves["estimator"].isin(estimator) & ~curves["calibrated"]]
     if len(own):
-        caption = (
-            f"A blur of {example['kernel_size_px']:g} px under growing noise on {word(dataset)}. The middle of one "
-            f"patch, and "
-            f"the MTF that {word(estimator[0])} estimates (median over all patches, mean of horizontal and vertical), "
-            "as recorded and smoothed before."
-        )
         drawing = example_figure(own, arrays, example, paper_table(inputs, "photon_linear_motion_mtf.csv"))
-        blocks.append(Figure(f"combined_example_{dataset}", drawing, caption, stages))
+        words = {"dataset": dataset, "estimator": estimator[0], "px": example["kernel_size_px"]}
+        blocks.append(PAGE.figure("combined_example", drawing, stages, name="combined_example_{dataset}", **words))
     return blocks
 
 
 def _figures(blur: pd.DataFrame, noise: pd.DataFrame, datasets: Sequence[str], inputs: ReportInputs) -> list[Block]:
     blocks: list[Block] = []
     for dataset in in_order(noise["dataset"], datasets):
-        caption = (
-            f"Noise estimated on blurred frames of {word(dataset)}: medians, coloured by the size of the blur. "
-            "Dashed: the noise present before clipping, photon noise behind the optics (paper's order); the "
-            "cell-wise estimator leaves out, by design, the noise that the optics have blurred."
-        )
-        drawing = noise_figure(noise, dataset)
-        blocks.append(Figure(f"combined_noise_{dataset}", drawing, caption, (STAGE.format(dataset=dataset),)))
+        drawing, stage = noise_figure(noise, dataset), STAGE.format(dataset=dataset)
+        blocks.append(PAGE.figure("combined_noise", drawing, [stage], name="combined_noise_{dataset}", dataset=dataset))
     estimator = in_order(blur["estimator"], OURS_FIRST)[:1]
     paper = paper_table(inputs, "photon_defocus_amae.csv")
     for is_calibrated in (False, True):
         own = blur[blur["estimator"].isin(estimator) & (blur["calibrated"] == is_calibrated)]
         if len(own):
-            suffix, how = ("_calibrated", ", calibrated") if is_calibrated else ("", "")
-            caption = (
-                f"Error of {word(estimator[0])} over the noise level{how}, coloured by the size of the blur; band: "
-                "95 % interval, frames resampled. Dashed: the paper's CNN on Udacity, where it prints numbers."
-            )
-            stages = tuple(STAGE.format(dataset=dataset) for dataset in datasets)
-            blocks.append(Figure(f"combined_amae{suffix}", amae_figure(own, datasets, paper), caption, stages))
+            stages = [STAGE.format(dataset=dataset) for dataset in datasets]
+            name, how = ("combined_amae_calibrated", ", calibrated") if is_calibrated else ("combined_amae", "")
+            drawing = amae_figure(own, datasets, paper)
+            blocks.append(PAGE.figure("combined_amae", drawing, stages, name=name, estimator=estimator[0], how=how))
     return blocks
 
 
@@ -320,4 +295,4 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     items = ("photon_defocus_amae", "photon_linear_motion_mtf", "improved_blur")
     published, published_runs = beside_ours(items, ledger, inputs)
     blocks += [*published, *missing(TITLE, runs), *missing("Denoised blur", denoised_runs)]
-    return Section("combined", TITLE, TEXT, blocks, [*runs, *denoised_runs, *published_runs])
+    return Section("combined", TITLE, (PAGE.text("introduction"),), blocks, [*runs, *denoised_runs, *published_runs])

@@ -7,7 +7,6 @@ tables and most figures are those of the section of blur and noise.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,28 +20,17 @@ from pipeline.report.frame_records import COMBINED_FILES, DENOISED_FILE, joined,
 from pipeline.report.inputs import ReportInputs, paper_table
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import combined, combined_tables
+from pipeline.report.sections.combined_tables import PAGE
 from pipeline.report.sections.noise_recorded import sources
-from pipeline.report.spec import Block, Figure, Section
+from pipeline.report.spec import Block, Section
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Table
+from pipeline.report.tables import as_recorded
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
 TITLE = "Blur and noise at once on recorded frames"
-TEXT = (
-    "The paper's combined experiments on frames of its own datasets, with the kernels its authors publish, for its "
-    "network and ours. The numbers were measured earlier and are kept in reports/recorded with the SHA-256 of every "
-    "picture, kernel and weight file. Motion is averaged over the rotations recorded. The paper prints the defocus "
-    "errors, the curves of linear motion and the table of improved blur estimation as numbers: of its network, on "
-    "Udacity."
-)
-
-
-def _recorded(shown: Table) -> Table:
-    caption = f"{shown.caption.rstrip('.')} (recorded)."
-    return replace(shown, name=f"recorded_{shown.name}", caption=caption, stage="")
 
 
 @style.styled
@@ -106,31 +94,21 @@ def _of_dataset(
     own = curves[(curves["dataset"] == dataset) & ~curves["calibrated"] & (curves["axis"] == "HV")]
     own = own[(own["filter_px"] == 0) & (own["experiment"] != "")]
     if len(own):
-        caption = (
-            f"Recorded: a blur of {own['kernel_size_px'].iloc[0]:g} px under growing noise on {word(dataset)}. Median "
-            f"over "
-            "patches of the estimated MTF, mean of horizontal and vertical. Dashed: the paper's network."
-        )
-        paper = paper_table(inputs, "photon_linear_motion_mtf.csv")
-        blocks.append(Figure(f"recorded_combined_curves_{dataset}", curves_figure(own, dataset, paper), caption))
+        drawing = curves_figure(own, dataset, paper_table(inputs, "photon_linear_motion_mtf.csv"))
+        name, px = "recorded_combined_curves_{dataset}", own["kernel_size_px"].iloc[0]
+        blocks.append(PAGE.figure("recorded_curves", drawing, name=name, dataset=dataset, px=px))
     theirs = paper_table(inputs, "photon_defocus_amae.csv")
     for name in in_order(blur.loc[blur["dataset"] == dataset, "estimator"], ESTIMATORS):
         cells = blur[(blur["dataset"] == dataset) & (blur["estimator"] == name) & ~blur["calibrated"]]
-        caption = (
-            f"Recorded: error of {word(name)} on {word(dataset)} over the noise level, coloured by the size of the "
-            "blur; band: 95 % interval, frames resampled. Dashed: the paper's CNN on Udacity, where it prints numbers."
-        )
-        drawing = combined.amae_figure(cells, [dataset], theirs)
-        blocks.append(Figure(f"recorded_combined_amae_{dataset}_{name}", drawing, caption))
+        drawing, words = combined.amae_figure(cells, [dataset], theirs), {"dataset": dataset, "estimator": name}
+        file = "recorded_combined_amae_{dataset}_{estimator}"
+        blocks.append(PAGE.figure("recorded_amae", drawing, name=file, **words))
     if (noise["dataset"] == dataset).any():
-        caption = (
-            f"Recorded: noise estimated on blurred frames of {word(dataset)}, medians, coloured by the size of the "
-            "blur. Dashed: the noise present before clipping, photon noise behind the optics (paper's order)."
-        )
-        blocks.append(Figure(f"recorded_combined_noise_{dataset}", combined.noise_figure(noise, dataset), caption))
+        drawing, name = combined.noise_figure(noise, dataset), "recorded_combined_noise_{dataset}"
+        blocks.append(PAGE.figure("recorded_noise", drawing, name=name, dataset=dataset))
     for experiment in in_order(blur.loc[blur["dataset"] == dataset, "experiment"], EXPERIMENTS):
         known = theirs if experiment == "photon_defocus" else None
-        blocks.append(_recorded(combined_tables.error(dataset, experiment, blur, known)))
+        blocks.append(as_recorded(combined_tables.error(dataset, experiment, blur, known)))
     return blocks
 
 
@@ -141,13 +119,12 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
         return None
     blocks: list[Block] = []
     if records:
-        caption = "Recorded: frames of blur and noise at once with their source."
-        blocks.append(sources("recorded_combined_sources", caption, records, "blur_patches", "Patches"))
+        blocks.append(PAGE.table("recorded_combined_sources", sources(records, "blur_patches")))
         blur, noise, curves = (joined(inputs, name) for name in COMBINED_FILES)
         blur = blur[blur["experiment"] != ""]
         for record in records:
             blocks += _of_dataset(record.dataset, blur, noise, curves, inputs)
-        blocks.append(_recorded(combined_tables.abstentions(blur, noise)))
+        blocks.append(as_recorded(combined_tables.abstentions(blur, noise)))
     paper, cells = paper_table(inputs, "improved_blur.csv"), joined(inputs, DENOISED_FILE)
-    blocks += [_recorded(combined_tables.denoised(record.dataset, cells, paper)) for record in denoised]
-    return Section("combined_recorded", TITLE, (TEXT,), blocks)
+    blocks += [as_recorded(combined_tables.denoised(record.dataset, cells, paper)) for record in denoised]
+    return Section("combined_recorded", TITLE, (PAGE.text("recorded"),), blocks)

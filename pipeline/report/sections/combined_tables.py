@@ -5,26 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pipeline.grouped_statistics import weighted_mean
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, ESTIMATORS, EXPERIMENTS, word
-from pipeline.report.tables import (
-    Cell,
-    Column,
-    Row,
-    Table,
-    amae,
-    estimate,
-    format_number,
-    mean_cell,
-    named,
-    ordered,
-    pivot,
-    table,
-)
+from pipeline.report.tables import Cell, Row, Table, amae, estimate, format_number, mean_cell, ordered, pivot
 
 if TYPE_CHECKING:
     import pandas as pd
 
-STAGE, ANY_STAGE = "combined@{dataset}", "combined@<dataset>"
+PAGE = Descriptions("combined")
+STAGE = "combined@{dataset}"
 DENOISED_STAGE = "denoised_blur@{dataset}"
 PAPERS_DATASET = "udacity"
 OURS_FIRST = ["spectral", *(name for name in ESTIMATORS if name != "spectral")]
@@ -40,8 +29,8 @@ def _level(target_sigma_dn: float) -> str:
     return f"level_{target_sigma_dn:g}"
 
 
-def _level_columns(cells: pd.DataFrame) -> list[Column]:
-    return [Column(_level(level), f"{level:g} DN", "%", 1) for level in sorted(set(cells["target_sigma_dn"]))]
+def _level_columns(cells: pd.DataFrame) -> dict[str, str]:
+    return {_level(level): f"{level:g} DN" for level in sorted(set(cells["target_sigma_dn"]))}
 
 
 def _shown(cells: pd.DataFrame, *by: str) -> pd.DataFrame:
@@ -70,35 +59,15 @@ def error(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFram
     rows: list[dict[str, Any]] = []
     for _, group in own.groupby(WAY, sort=False):
         lines = pivot(group, [*WAY, "kernel_size_px"], "target_sigma_dn", amae, _level)
-        complete = [column.name for column in levels if all(column.name in line for line in lines)]
+        complete = [name for name in levels if all(name in line for line in lines)]
         means = {name: mean_cell([line[name] for line in lines]) for name in complete}
-        rows += [
-            *lines,
-            {**lines[0], **dict.fromkeys(column.name for column in levels), **means, "kernel_size_px": None},
-        ]
-    columns = [
-        named("estimator", "Estimator"),
-        Column("way", "Answer", source=_way),
-        Column(
-            "size",
-            "Blur",
-            "px",
-            source=lambda row: "Mean" if row["kernel_size_px"] is None else _number(row["kernel_size_px"]),
-        ),
-        *levels,
-    ]
-    notes = [
-        "AMAE of the robust median over patches, averaged over rotations, with 95 % interval (frames resampled); n: "
-        "patches with an estimate, over all rotations. Calibrated: divided by the same camera's estimate for its own "
-        "sharp frames without noise. Smoothed: patches estimated to be noisy are smoothed by a disc before "
-        "estimation, and the disc's MTF is divided out after; frequencies at which it leaves too little are left out "
-        "of the error."
-    ]
-    if paper is not None:
-        notes.append("Paper: its CNN on Udacity" + (".", ", beside ours on other frames.")[dataset != PAPERS_DATASET])
-    caption = f"{word(experiment)} on {word(dataset)}: error of the MTF."
-    stage = STAGE.format(dataset=dataset)
-    return table(f"combined_{experiment}_{dataset}", caption, rows, columns, notes, stage)
+        rows += [*lines, {**lines[0], **dict.fromkeys(levels), **means, "kernel_size_px": None}]
+    cells_of = {
+        "way": _way,
+        "size": lambda row: "Mean" if row["kernel_size_px"] is None else _number(row["kernel_size_px"]),
+    }
+    beside = [] if paper is None else ["paper" if dataset == PAPERS_DATASET else "paper_elsewhere"]
+    return PAGE.table("error", rows, cells=cells_of, across=levels, also=beside, dataset=dataset, experiment=experiment)
 
 
 def _number(value: float) -> str:
@@ -119,20 +88,11 @@ def overview(cells: pd.DataFrame) -> Table:
     sizes = shown.groupby(index)["kernel_size_px"].unique()
     means = shown.groupby([*index, "target_sigma_dn"], sort=False, as_index=False)[["amae_percent"]].mean()
     rows = pivot(means, index, "target_sigma_dn", lambda row: float(row["amae_percent"]), _level)
-    columns = [
-        named("dataset", "Dataset"),
-        named("experiment", "Experiment"),
-        named("estimator", "Estimator"),
-        Column("way", "Answer", source=_way),
-        Column(
-            "sizes", "Mean over", "px",
-            source=lambda row: ", ".join(_number(size) for size in sorted(sizes[tuple(row[name] for name in index)])),
-        ),
-        *_level_columns(cells),
-    ]  # fmt: skip
-    notes = ["Compare only what ran on the same sizes. The tables below have each size with its interval."]
-    caption = "Blur and noise at once: mean AMAE over the noise level."
-    return table("combined_overview", caption, rows, columns, notes, ANY_STAGE)
+
+    def mean_over(row: Row) -> str:
+        return ", ".join(_number(size) for size in sorted(sizes[tuple(row[name] for name in index)]))
+
+    return PAGE.table("combined_overview", rows, cells={"way": _way, "sizes": mean_over}, across=_level_columns(cells))
 
 
 def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame | None) -> Table:
@@ -151,37 +111,15 @@ def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame | None) -> T
         keys = ["filter_px", "kernel_size_px", "target_sigma_dn"]
         theirs = theirs[[*keys, *errors]].astype(float).rename(columns={name: f"paper_{name}" for name in errors})
         own = own.merge(theirs.assign(calibrated=False), how="left", on=[*keys, "calibrated"])
-    h, v, whole, expected = (estimate(name, "", "", "", f"paper_{name}") for name in errors)
-    whole = estimate("amae_percent", "low_percent", "high_percent", "count", "paper_amae_percent")
-
-    def filter_text(row: Row) -> str:
-        return _number(row["filter_px"]) if row["filter_px"] else "none"
-
-    columns = [
-        Column(
-            "estimator", "Estimator",
-            source=lambda row: word(str(row["estimator"])) + (", calibrated" if row["calibrated"] else ""),
-        ),
-        Column("filter", "d₂", "px", source=filter_text),
-        Column("size", "d₁", "px", source=lambda row: _number(row["kernel_size_px"])),
-        Column("level", "σ", "DN", source=lambda row: _number(row["target_sigma_dn"])),
-        Column("h", "MAE, horizontal", "%", 1, h),
-        Column("v", "MAE, vertical", "%", 1, v),
-        Column("amae", "AMAE", "%", 1, whole),
-        Column("expected", "Expected", "%", 1, lambda row: expected(row) if row["filter_px"] else None),
-        Column("frequencies", "Frequencies answered", "%", 0, lambda row: 100 * row["frequencies_fraction"]),
-    ]  # fmt: skip
-    notes = [
-        "d₁: linear motion; σ: dark-current noise after it; d₂: the smoothing disc, none for patches as they are. "
-        "Expected: root of the sum of squares of the errors for d₁ and for d₂ without noise. Frequencies at which the "
-        "disc leaves too little are left out of the error.",
-        "Smoothed noise falls off as the disc's own MTF does. Taken for the picture, it gives an MTF of 1 after the "
-        "division: nearly right for a blur of 3 px, wrong for a larger one.",
-        "Paper: its CNN on Udacity, on other frames.",
-    ]
-    caption = f"Improved blur estimation under noise on {word(dataset)} (supplement)."
-    stage = DENOISED_STAGE.format(dataset=dataset)
-    return table(f"denoised_blur_{dataset}", caption, own, columns, notes, stage)
+    expected = estimate("expected_amae_percent", "", "", "", "paper_expected_amae_percent")
+    made = {
+        "estimator": lambda row: word(str(row["estimator"])) + (", calibrated" if row["calibrated"] else ""),
+        "filter": lambda row: _number(row["filter_px"]) if row["filter_px"] else "none",
+        "size": lambda row: _number(row["kernel_size_px"]),
+        "level": lambda row: _number(row["target_sigma_dn"]),
+        "expected": lambda row: expected(row) if row["filter_px"] else None,
+    }
+    return PAGE.table("denoised", own, cells=made, dataset=dataset)
 
 
 def abstentions(blur: pd.DataFrame, noise: pd.DataFrame) -> Table:
@@ -201,23 +139,9 @@ def abstentions(blur: pd.DataFrame, noise: pd.DataFrame) -> Table:
                 totals = {name: int(group[name].sum()) for name in ("count", "abstained")}
                 coverage = 100 * weighted_mean(group, "coverage")
                 rows.append(dict(zip(keys, key, strict=True)) | error_of | totals | {"coverage": coverage})
-    columns = [
-        named("dataset", "Dataset"),
-        named("experiment", "Experiment"),
-        Column(
-            "estimator", "Estimator",
-            source=lambda row: word(row["estimator"])
-            + (f", smoothed {row['filter_px']:g} px" if row["filter_px"] else ""),
-        ),
-        Column("asked", "Patches", source=lambda row: row["count"] + row["abstained"]),
-        Column("abstained", "Abstained"),
-        Column("patch_error_percent", "MTF of a single patch: error", "%", 1),
-        Column("patch_error_dn", "σ of a single patch: error", "DN", 2),
-        Column("coverage", "Ground truths within the 95 % interval", "%", 0),
-    ]  # fmt: skip
-    notes = [
-        "Over all sizes, rotations and levels, uncalibrated. σ is compared with the noise as added, photon noise "
-        "behind the optics (paper's order). An en dash: the estimator gives no interval."
-    ]
-    caption = "Blur and noise at once: abstentions, single-patch errors, intervals."
-    return table("combined_abstentions", caption, rows, columns, notes, ANY_STAGE)
+
+    def estimator(row: Row) -> str:
+        return word(row["estimator"]) + (f", smoothed {row['filter_px']:g} px" if row["filter_px"] else "")
+
+    made = {"estimator": estimator, "asked": lambda row: row["count"] + row["abstained"]}
+    return PAGE.table("combined_abstentions", rows, cells=made)

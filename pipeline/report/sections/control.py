@@ -11,13 +11,6 @@ from pipeline.report.sections import control_examples, control_films, control_su
 from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, single
 
-TEXT = (
-    "A simulated camera looks at rendered scenes. A policy answers each frame with exposure time and gain for the "
-    "next; frames are formed in linear light with photon noise behind motion and optics; the detector's average "
-    "precision (AP) over all viewpoints is the judge. The policies on input-output performance curves (IOPC) act on "
-    "noise and blur as the condition monitor estimates them, never on the truth; they choose exposure time, gain and, "
-    "where the detector bears it better than gain, a darker frame.",
-)
 PUBLISHED = ("worked_examples", "controller_ap", "controller_response")
 
 
@@ -48,7 +41,8 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     runs.append(single("Order of photon noise and blur", order_study.STAGE, bool(shown), inputs))
     blocks += [NotRun(run.experiment, run.why, run.line) for run in runs if not run.ran]
     beside, published_runs = beside_ours(PUBLISHED, ledger, inputs)
-    return Section("control", "Camera control", TEXT, [*blocks, *beside], [*runs, *published_runs], findings)
+    text = [control_tables.CONTROL.text("introduction")]
+    return Section("control", "Camera control", text, [*blocks, *beside], [*runs, *published_runs], findings)
 
 
 def _scenario_runs(inputs: ReportInputs, ran: set[str]) -> list[Run]:

@@ -12,9 +12,10 @@ from pipeline.report import style
 from pipeline.report.display_names import listing
 from pipeline.report.figures import PAPER_DASH, add_legend
 from pipeline.report.inputs import ReportInputs, described, optional, paper_table
-from pipeline.report.spec import Block, Figure
+from pipeline.report.sections.control_tables import CONTROL
+from pipeline.report.spec import Block
 from pipeline.report.style import Drawing, Look
-from pipeline.report.tables import Column, Estimate, Row, Table, estimate, format_number, records, table
+from pipeline.report.tables import Estimate, Row, Table, format_number, records
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,6 +36,7 @@ RESPONSES: dict[str, Look] = {
 }
 PUBLISHED: Look = {"linestyle": PAPER_DASH, "linewidth": 1.6, "alpha": 0.55}
 AGREE_MS = 0.05
+BESIDE_THE_PAPER = ("exposure_ms", "iso", "sigma_dn", "mtf_at_0.1", "blur_px", "detection_score")
 LAST_ON_GRID_MS = 4700.0
 """The last three published samples do not follow the law's integers; they were probably resampled."""
 
@@ -70,8 +72,7 @@ def pictures(example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray]
     left, top, right, bottom = about["box"]
     for panel, entry in zip(axes[0], shown, strict=True):
         row = own[entry["step"]]
-        panel.imshow(arrays[entry["array"]], cmap="gray", vmin=0, vmax=255)
-        style.bare(panel)
+        style.picture(panel, arrays[entry["array"]])
         dashed = Rectangle(
             (left, top), right - left, bottom - top, fill=False, edgecolor=style.PALETTE[4], linewidth=0.9,
             linestyle=(0, (3, 2)),
@@ -110,27 +111,9 @@ def step_table(steps: pd.DataFrame, paper: pd.DataFrame | None) -> Table:
 
         return cell
 
-    columns = [
-        Column("example", "Example", source=lambda row: "1" if row["example"] == FIRST else "2"),
-        Column("step", "Step", source=lambda row: step_word(str(row["step"]))),
-        Column("exposure_ms", "Exposure", "ms", 2, beside("exposure_ms")),
-        Column("iso", "ISO", "", 0, beside("iso")),
-        Column("sigma_dn", "Noise, estimated", "DN", 2, beside("sigma_dn")),
-        Column("mtf_at_0.1", "MTF at 0.1 of Nyquist", "", 2, beside("mtf_at_0.1")),
-        Column("blur_px", "Motion", "px", 1, beside("blur_px")),
-        Column("estimated_blur_px", "Motion, estimated", "px", 1),
-        Column("detection_score", "Mean score per car", "", 2, beside("detection_score")),
-        Column("ap_percent", "AP, all classes", "%", 1, estimate("ap_percent", "low_percent", "high_percent")),
-    ]
-    notes = [
-        "Example 1: 760 px/s; ISO 400 at 4 ms has 20 DN of noise; the rule trades noise for blur until the motion is "
-        "12 px. Example 2: a robot at 1875 px/s; the rule shortens the motion from 15 to 7 px. Noise grows in "
-        "proportion to the gain, the paper's assumption. Noise, motion and MTF are estimated by the condition monitor, "
-        "the MTF relative to sharp frames. The paper's camera of Example 2 has 0.1 DN of noise at ISO 100, ours that "
-        "of its sensor model, so noise of Example 2 is of another sensor. Missed cars count with score 0.",
-    ]
-    caption = "Examples 1 and 2: settings, estimated condition and detection at each step."
-    return table("control_examples", caption, steps, columns, notes, STAGE)
+    words = {"example": lambda row: "1" if row["example"] == FIRST else "2", "step": lambda row: step_word(row["step"])}
+    cells = {name: beside(name) for name in BESIDE_THE_PAPER} | words
+    return CONTROL.table("control_examples", steps, cells=cells)
 
 
 @style.styled
@@ -207,23 +190,21 @@ def rmse_ms(ours: pd.DataFrame, paper: pd.DataFrame) -> float:
 
 def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     """Figures and table of the examples, and their sentences for the verdict; empty where the stage has not run."""
-    folder = None if inputs.control is None else inputs.control / STAGE
+    folder = inputs.of_control(STAGE)
     steps = optional(folder, "steps.parquet", EXAMPLE_STEPS)
     if steps is None:
         return [], []
     parts: list[Block] = []
     arrays, about = optional(folder, "pictures.npz"), described(folder, "pictures.json", ("label", "box", "steps"))
     if arrays is not None and about is not None:
-        for name, example, words in (
-            ("1", FIRST, "The gain is reduced for noise, then the exposure is extended until the motion is 12 px."),
-            ("2", SECOND, "The exposure is shortened until the motion is 7 px; the built-in control knows no motion."),
-        ):
-            caption = (
-                f"Example {name}. One {about['label']} at each step, pixel for pixel; dashed: its true box, solid: the "
-                f"detector's. {words}"
+        for number, example in (("1", FIRST), ("2", SECOND)):
+            rule = CONTROL.text(f"rule_{number}")
+            drawing, name = pictures(example, steps, arrays, about), f"control_example_{number}"
+            parts.append(
+                CONTROL.figure(
+                    "control_example", drawing, [STAGE], name=name, number=number, rule=rule, label=about["label"]
+                )
             )
-            drawing = pictures(example, steps, arrays, about)
-            parts.append(Figure(f"control_example_{name}", drawing, caption, (STAGE,)))
     parts.append(step_table(steps, paper_table(inputs, "worked_examples.csv")))
     ours, precision = (
         optional(folder, "response.parquet", RESPONSE),
@@ -231,14 +212,7 @@ def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     )
     paper, theirs = (paper_table(inputs, f"controller_{name}.csv") for name in ("response", "ap"))
     if paper is not None and theirs is not None:
-        caption = (
-            "Example 2 over time. Solid: the recovered law of the built-in controller, replayed from the scene "
-            "brightness that the published curve implies, and the paper's rule; dashed: as published. Right: AP of "
-            "cars, ours with its interval (dot) beside the paper's (diamond). The paper's three values come from three "
-            "drives of a robot, ours from the same views at the controllers' settings."
-        )
-        drawing = response(ours, paper, precision, theirs)
-        parts.append(Figure("control_response", drawing, caption, (STAGE,)))
+        parts.append(CONTROL.figure("control_response", response(ours, paper, precision, theirs), [STAGE]))
     return parts, _findings(ours, paper, precision)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from pipeline.report import style
 from pipeline.report.control_results import POLICIES, ScenarioResult, policy_word, scenario_word
 from pipeline.report.display_names import in_order, listing
+from pipeline.report.figures import add_legend
+from pipeline.report.sections.control_tables import CONTROL
 from pipeline.report.spec import Figure
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import format_number, records
@@ -77,8 +77,7 @@ def strip(result: ScenarioResult) -> Drawing:
         states = {row["step"]: row for row in records(rows[rows["policy"] == name])}
         for across, step in enumerate(chosen):
             axes = figure.add_subplot(grid[panel_rows + down, across])
-            axes.imshow(_middle(film[step]), cmap="gray", vmin=0, vmax=255)
-            style.bare(axes)
+            style.picture(axes, style.middle(film[step], *PICTURE_PX))
             here = states[step]
             axes.set_xlabel(
                 f"frame {step}: {format_number(here['exposure_ms'], 1)} ms, ISO {here['iso']:.0f}, "
@@ -87,7 +86,8 @@ def strip(result: ScenarioResult) -> Drawing:
             )  # fmt: skip
             if across == 0:
                 axes.set_ylabel(policy_word(name), fontsize=6.4)
-    _legend(figure, policies)
+    estimated = ESTIMATED | {"color": style.MUTED, "marker": "o"}
+    add_legend(figure, [*((policy_word(name), LOOKS[name]) for name in policies), ("estimated", estimated)])
     return Drawing(figure, _alt(result, rows, policies), rows)
 
 
@@ -115,24 +115,11 @@ def _panel(axes: Axes, rows: pd.DataFrame, policies: list[str], panel: tuple[str
     elif column == "ap_percent":
         axes.set_ylim(0, 103)
     else:
-        axes.set_ylim(0, max(1.15 * axes.get_ylim()[1], 1e-9) if column != "mean_level" else 1.0)
+        is_flat = column == "mean_level" or not rows[column].any()  # a zero everywhere still shows its axis
+        axes.set_ylim(0, 1.0 if is_flat else 1.15 * axes.get_ylim()[1])
     axes.set_title(label, fontsize=6.4, pad=3)
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.set_xlim(-0.3, float(rows["step"].max()) + 0.3)
-
-
-def _middle(picture: np.ndarray) -> np.ndarray:
-    """The middle of a picture, pixel for pixel: shrinking it would average the noise away."""
-    top, left = (max(0, (side - wanted) // 2) for side, wanted in zip(picture.shape, PICTURE_PX, strict=True))
-    return picture[top : top + PICTURE_PX[0], left : left + PICTURE_PX[1]]
-
-
-def _legend(figure: Any, policies: list[str]) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [Line2D([], [], label=policy_word(name), **LOOKS[name]) for name in policies]
-    handles.append(Line2D([], [], label="estimated", color=style.MUTED, marker="o", **ESTIMATED))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
 
 
 def _alt(result: ScenarioResult, rows: pd.DataFrame, policies: list[str]) -> str:
@@ -159,13 +146,9 @@ def _alt(result: ScenarioResult, rows: pd.DataFrame, policies: list[str]) -> str
 def figures(results: list[ScenarioResult]) -> list[Figure]:
     """The film strips of all scenarios."""
     return [
-        Figure(
-            f"control_{one.name}",
-            strip(one),
-            f"{scenario_word(one.name)}. Light and speed of the scene, settings, true (line) and estimated (ring) "
-            "motion blur and noise of the leading viewpoint, and AP over all viewpoints of each frame; beneath, the "
-            "middle of the leading viewpoint's frames.",
-            (f"closed_loop@{one.name}",),
+        CONTROL.figure(
+            "control_film", strip(one), [f"closed_loop@{one.name}"], name=f"control_{one.name}",
+            scenario=scenario_word(one.name),
         )
         for one in results
-    ]
+    ]  # fmt: skip

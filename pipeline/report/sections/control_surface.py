@@ -10,9 +10,10 @@ from pipeline.control.tables import KNOTS
 from pipeline.report import style
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs, optional
-from pipeline.report.spec import Block, Figure
+from pipeline.report.sections.control_tables import CONTROL
+from pipeline.report.spec import Block
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Column, Table, estimate, pivot, records, table
+from pipeline.report.tables import Table, estimate, pivot, records
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,10 +42,7 @@ def heat_map(knots: pd.DataFrame) -> Drawing:
         axes.set_title(f"mean level {level:g}", fontsize=6.8)
         words.append(f"at a mean level of {level:g} {_corners(own)}")
     panels[0].set_ylabel("noise σ, target (estimated) [DN]")
-    assert image is not None
-    colours = figure.colorbar(image, ax=list(panels), shrink=0.9, pad=0.02)
-    colours.set_label("AP [%]")
-    colours.outline.set_visible(False)
+    style.colour_bar(figure, image, list(panels), "AP [%]", shrink=0.9, pad=0.02)
     alt = f"AP of the controlled camera's detector over noise and motion: {'; '.join(words)}."
     return Drawing(figure, alt, knots.drop(columns="fold"))
 
@@ -93,28 +91,11 @@ def knot_table(knots: pd.DataFrame) -> Table:
         }
         for row in rows
     ]
-    columns = [
-        Column("level", "Mean level", "", 2),
-        Column("target_sigma_dn", "Noise", "DN", 0),
-        Column("estimated", "estimated", "DN", 1),
-        Column("abstained", "Abstained"),
-        *(Column(f"motion_{motion:g}", f"{motion:g} px", "%", 1) for motion in sorted(set(knots["motion_px"]))),
-    ]
-    objects = int(knots["objects"].max())
     raised = [f"{level:g} DN and {motion:g} px" for level, motion in rises(knots)]
-    falls = (
-        "AP falls with noise and with motion: no knot exceeds its neighbour at less of either beyond both intervals."
-    )
-    notes = [
-        f"AP exceeds that of a neighbour with less noise or motion beyond both intervals at {listing(raised)}."
-        if raised
-        else falls,
-        f"Mean over the classes, {objects} objects, bootstrap 95 % interval over viewpoints. Noise 0: base gain. "
-        "Frames are formed in linear light at constant brightness: the light falls as the gain rises. Policies ask the "
-        "surface of the viewpoints that they are not driven on; the oracle that of its own. Before it is asked, each "
-        "surface is made monotonic: more noise or motion never raises AP.",
-    ]
-    return table("control_surface", "Surface that controllers ask: AP by motion blur.", rows, columns, notes, STAGE)
+    return CONTROL.table(
+        "control_surface", rows, across={f"motion_{px:g}": f"{px:g} px" for px in sorted(set(knots["motion_px"]))},
+        also=["rises" if raised else "falls", "method"], raised=listing(raised), objects=int(knots["objects"].max()),
+    )  # fmt: skip
 
 
 def rises(knots: pd.DataFrame) -> list[tuple[float, float]]:
@@ -137,13 +118,8 @@ def _rises(knots: pd.DataFrame) -> list[tuple[float, float]]:
 
 def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     """Heat map and table, and the sentence for the verdict; empty where the stage has not run."""
-    knots = optional(None if inputs.control is None else inputs.control / STAGE, "knots.parquet", KNOTS)
+    knots = optional(inputs.of_control(STAGE), "knots.parquet", KNOTS)
     if knots is None:
         return [], []
     every = knots[knots["fold"] == ALL_VIEWPOINTS].reset_index(drop=True)
-    caption = (
-        "The surface that controllers ask. AP of the controlled camera's detector over noise and motion, from frames "
-        "formed in linear light by that camera at several mean levels; noise as set and, in brackets, as the condition "
-        "monitor estimates it."
-    )
-    return [Figure("control_surface", heat_map(every), caption, (STAGE,)), knot_table(every)], []
+    return [CONTROL.figure("control_surface", heat_map(every), [STAGE]), knot_table(every)], []

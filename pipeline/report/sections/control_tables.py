@@ -16,13 +16,12 @@ from pipeline.report.control_results import (
     policy_word,
     scenario_word,
 )
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import in_order, listing
-from pipeline.report.tables import Cell, Column, Estimate, Table, estimate, format_number, ordered, records, table
+from pipeline.report.tables import Estimate, Table, estimate, format_number, ordered, records
 
-STAGE = "closed_loop@{scenario}"
-ANY_STAGE = "closed_loop@<scenario>"
+CONTROL = Descriptions("control")
 AP = estimate("ap_percent", "low_percent", "high_percent")
-REGRET = estimate("regret_percent", "regret_low_percent", "regret_high_percent")
 
 
 def overview(results: Sequence[ScenarioResult]) -> Table:
@@ -32,20 +31,7 @@ def overview(results: Sequence[ScenarioResult]) -> Table:
     for one in results:
         cells = {str(row["policy"]): AP(row) for row in records(one.summary)}
         rows.append({"scenario": scenario_word(one.name), "demanding": "yes" if one.is_demanding else "no", **cells})
-    columns = [
-        Column("scenario", "Scenario"),
-        Column("demanding", "Motion in poor light"),
-        *(Column(name, policy_word(name), "%", 1) for name in policies),
-    ]
-    notes = [
-        "Average precision over all frames of a drive, mean over the classes, with a bootstrap 95 % interval over "
-        "viewpoints. Every policy sees the same viewpoints, light, motion and random numbers. All IOPC policies act on "
-        "estimated noise and blur; the oracle knows the truth and has no delay. Motion in poor light: at some step the "
-        "light is at most a quarter of daylight and the image moves at 100 px/s or more.",
-    ]
-    return table(
-        "control_ap", "Closed loop: average precision by scenario and policy.", rows, columns, notes, ANY_STAGE
-    )
+    return CONTROL.table("control_ap", rows, across={name: policy_word(name) for name in policies})
 
 
 def measures(results: Sequence[ScenarioResult], decision_ms: Mapping[str, float]) -> Table:
@@ -55,29 +41,11 @@ def measures(results: Sequence[ScenarioResult], decision_ms: Mapping[str, float]
         for one in results
         for row in records(ordered(one.summary, policy=POLICIES))
     ]
-    columns = [
-        Column("scenario", "Scenario"),
-        Column("policy", "Policy", source=lambda row: policy_word(str(row["policy"]))),
-        Column("ap_percent", "AP", "%", 1, AP),
-        Column("regret_percent", "Regret to the oracle", "points", 1, REGRET),
-        Column("settling_frames", "Settling", "frames", source=lambda row: _settling(row["settling_frames"])),
-        Column("overshoot_stops", "Overshoot", "stops", 2),
-        Column("ripple_stops", "Ripple", "stops", 2),
-        Column("frames_lost_percent", "Frames lost", "%", 0),
-        Column("abstained_percent", "Abstained", "%", 0),
-        Column("refused_percent", "Refused", "%", 0),
-        Column("decision_ms", "Decision", "ms", 2),
-    ]
-    notes = [
-        "Regret: AP of the oracle less that of the policy on the same frames. Settling: frames after a disturbance "
-        "until the brightness stays within a quarter stop of its last value, worst disturbance and fold; not settled: "
-        "not within the scenario. Ripple: standard deviation of log2 of the exposure time after settling. Frames lost: "
-        "more than a quarter of the pixels saturated, or a mean below 5 % of full scale. Abstained: decisions without "
-        "an estimate. Refused: decisions for which the surface has no measured point. Decision: processor time of the "
-        "policy alone (record of benchmarks/control.py), estimates not included.",
-    ]
-    caption = "Closed loop: average precision, regret, transients, frames lost and decisions by scenario and policy."
-    return table("control_measures", caption, rows, columns, notes, ANY_STAGE)
+    cells = {
+        "policy": lambda row: policy_word(str(row["policy"])),
+        "settling_frames": lambda row: _settling(row["settling_frames"]),
+    }
+    return CONTROL.table("control_measures", rows, cells=cells)
 
 
 def _kind(policy: str) -> str:
@@ -113,29 +81,15 @@ def _exceeds(one: ScenarioResult, policy: str, other: str) -> bool:
 def pairs(results: Sequence[ScenarioResult]) -> Table:
     """Paired differences of ours to the policies that know no motion."""
     rows: list[dict[str, Any]] = []
+    others = (*BRIGHTNESS_ONLY, "prosilica")
     for one in results:
         for policy in OURS:
-            cells: dict[str, Cell] = {}
-            for other in (*BRIGHTNESS_ONLY, "prosilica"):
-                difference = one.difference(policy, other)
-                if difference is not None:
-                    cells[other] = Estimate(*difference)
+            differences = {name: one.difference(policy, name) for name in others}
+            cells = {name: Estimate(*difference) for name, difference in differences.items() if difference is not None}
             if cells:
                 head = {"scenario": scenario_word(one.name), "demanding": "yes" if one.is_demanding else "no"}
                 rows.append({**head, "policy": policy_word(policy), **cells, "better": _better(one, policy)})
-    columns = [
-        Column("scenario", "Scenario"),
-        Column("demanding", "Motion in poor light"),
-        Column("policy", "Policy"),
-        *(Column(name, f"less {policy_word(name)}", "points", 1) for name in (*BRIGHTNESS_ONLY, "prosilica")),
-        Column("better", "Better, interval above 0", wide=True),
-    ]
-    notes = [
-        "AP of the policy less that of the policy in the column's heading, on the same viewpoints and random numbers, "
-        "with the bootstrap 95 % interval of the difference over viewpoints.",
-    ]
-    caption = "Closed loop: paired differences of the policies that estimate the condition to those that do not."
-    return table("control_pairs", caption, rows, columns, notes, ANY_STAGE)
+    return CONTROL.table("control_pairs", rows, across={name: f"less {policy_word(name)}" for name in others})
 
 
 def _better(one: ScenarioResult, policy: str) -> str:

@@ -13,31 +13,27 @@ from pipeline import tables
 from pipeline.datasets.power_spectrum import power_spectrum
 from pipeline.grouped_statistics import robust_by
 from pipeline.report import style
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import listing, word
 from pipeline.report.inputs import ReportInputs, existing, optional
 from pipeline.report.ledger import LedgerRow
-from pipeline.report.spec import Block, Figure, Section, missing, overview
+from pipeline.report.spec import Block, Section, missing, overview
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Column, Table, estimate, named, pivot, records, table
+from pipeline.report.tables import Table, estimate, pivot, records
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-STAGE, ANY_STAGE = "index@{dataset}", "index@<dataset>"
+PAGE = Descriptions("datasets")
+STAGE = "index@{dataset}"
 PREFIX = "frame_"
 SHOWN_PX = 300  # longest side of a picture inside the figure
 MAX_FRAMES = 4
-# Column of the frames table -> heading, unit, decimals.
-STATISTICS = {
-    "mean_dn": ("Mean", "DN", 1),
-    "std_dn": ("Std. dev.", "DN", 1),
-    "spectrum_slope": ("Spectral slope", "log/log", 2),
-    "gradient_mean_dn": ("Gradient, mean", "DN", 1),
-    "gradient_p99_dn": ("Gradient, 99 %", "DN", 0),
-    "flat_fraction": ("Flat", "share", 3),
-    "saturated_fraction": ("Saturated", "share", 3),
-}
+STATISTICS = (
+    "mean_dn", "std_dn", "spectrum_slope", "gradient_mean_dn", "gradient_p99_dn", "flat_fraction", "saturated_fraction",
+)  # fmt: skip
+"""Columns of the table of frames."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +57,7 @@ def _picture(axes: Axes, sample: DatasetSample, frame: str) -> None:
     from matplotlib.patches import Rectangle
 
     picture, scale = style.shrunk(sample.frames[frame], SHOWN_PX)
-    axes.imshow(picture, cmap="gray", vmin=0, vmax=255)
-    style.bare(axes)
+    style.picture(axes, picture)
     axes.set(xlim=(-0.5, picture.shape[1] - 0.5), ylim=(picture.shape[0] - 0.5, -0.5))
 
     def outline(x: float, y: float, width: float, height: float, **look: Any) -> None:
@@ -167,18 +162,7 @@ def _sizes(frames: Mapping[str, pd.DataFrame], inputs: ReportInputs) -> Table:
                 "quarantined": None if quarantine is None else len(quarantine),
             }
         )
-    columns = [
-        named("dataset", "Dataset"),
-        Column("frames", "Frames"),
-        Column("size_px", "Size", "px"),
-        Column("objects", "Objects"),
-        Column("ignored", "of them ignored"),
-        Column("blur_patches", "Blur patches"),
-        Column("noise_patches", "Noise patches"),
-        Column("quarantined", "In quarantine"),
-    ]
-    notes = ["An ignored object is neither a true nor a false positive, and no patch is taken from it."]
-    return table("dataset_sizes", "Frames, objects and patches used of each dataset.", rows, columns, notes, ANY_STAGE)
+    return PAGE.table("dataset_sizes", rows)
 
 
 def _statistics(frames: Mapping[str, pd.DataFrame], seed: int) -> Table:
@@ -187,14 +171,7 @@ def _statistics(frames: Mapping[str, pd.DataFrame], seed: int) -> Table:
     long = pd.concat([own.melt(["dataset"], list(STATISTICS), "statistic") for own in frames.values()])
     cells = robust_by(long, ["dataset", "statistic"], "value", seed, "report", "frames")
     rows = pivot(cells, ["dataset"], "statistic", estimate("median", "low", "high", "count"))
-    columns = [named("dataset", "Dataset")]
-    columns += [Column(name, title, unit, decimals) for name, (title, unit, decimals) in STATISTICS.items()]
-    notes = [
-        "Median over frames after rejecting outliers (3.5 MAD), with its bootstrap 95 % interval and number of frames. "
-        "Gradient: magnitude of finite differences. Flat: share of pixels whose gradient is below 1.5 DN."
-    ]
-    caption = "Pixel statistics: how alike the datasets are."
-    return table("dataset_statistics", caption, rows, columns, notes, ANY_STAGE)
+    return PAGE.table("dataset_statistics", rows)
 
 
 def _quarantine(inputs: ReportInputs) -> Table | None:
@@ -205,15 +182,7 @@ def _quarantine(inputs: ReportInputs) -> Table | None:
             names = sorted(PurePath(str(name)).name for name in files)
             examples = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
             rows.append({"dataset": dataset, "reason": str(reason), "files": len(names), "examples": examples})
-    if not rows:
-        return None
-    columns = [
-        named("dataset", "Dataset"),
-        Column("reason", "Reason", wide=True),
-        Column("files", "Files"),
-        Column("examples", "Examples", wide=True),
-    ]
-    return table("quarantine", "Files in quarantine, with the reason.", rows, columns, (), ANY_STAGE)
+    return PAGE.table("quarantine", rows) if rows else None
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
@@ -224,17 +193,13 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     blocks: list[Block] = []
     samples = _samples(inputs)
     if samples:
-        caption = (
-            "Datasets. Sample frames with object boxes (solid; dotted where ignored) and the patches on which blur is "
-            "estimated (dashed). Below: power spectrum and histogram of the frames shown."
-        )
-        stages = tuple(STAGE.format(dataset=sample.name) for sample in samples)
-        blocks.append(Figure("datasets", samples_figure(samples), caption, stages))
+        stages = [STAGE.format(dataset=sample.name) for sample in samples]
+        blocks.append(PAGE.figure("datasets", samples_figure(samples), stages))
     if frames:
         blocks += [_sizes(frames, inputs), _statistics(frames, inputs.seed)]
     quarantine = _quarantine(inputs)
     blocks += [] if quarantine is None else [quarantine]
     text = []
     if quarantine is None and any(existing(folder / "quarantine.parquet") for folder in inputs.index.values()):
-        text.append("Every file of the datasets used was readable with valid labels; none is in quarantine.")
+        text.append(PAGE.text("none_in_quarantine"))
     return Section("datasets", "Datasets", text, [*blocks, *missing("Dataset figure and statistics", runs)], runs)

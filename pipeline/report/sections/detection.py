@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.curves import iso_exposure
 from pipeline.report import detection_results
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.detection_results import Recorded, Results
 from pipeline.report.display_names import DATASETS, DETECTORS, counted, in_order, word
 from pipeline.report.inputs import ReportInputs, optional
@@ -16,30 +17,15 @@ from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import detection_figures
 from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, overview
-from pipeline.report.tables import (
-    Cell,
-    Column,
-    Estimate,
-    Table,
-    estimate,
-    format_number,
-    named,
-    pivot,
-    table,
-)
+from pipeline.report.tables import Cell, Estimate, Table, format_number, pivot
 
 if TYPE_CHECKING:
     import pandas as pd
 
-TEXT = (
-    "Each detector is applied to every frame under every blur, direction and noise of the sweep. Noise and modulation "
-    "transfer function (MTF) are estimated on the objects of the same frames, as a camera could do; average precision "
-    "(AP) is drawn over these estimates. Intervals come from resampling scenes."
-)
-PARTS = "AP under blur and noise, IOPC curves and heat maps, blur-direction table, regression over ISO and exposure"
+PAGE = Descriptions("detection")
 RISE = " ↑"
-EACH_CELL = " Filled triangles: in 97.5 % of the bootstrap draws of that cell alone, not corrected for their number."
-"""Of records that lack the number of objects it would take."""
+COUNTS = {"objects": "objects", "ignored": "objects_ignored", "images": "images"}
+"""Column of the table of corners -> of the results."""
 
 
 def _joined(results: Sequence[Results], part: str) -> pd.DataFrame:
@@ -75,24 +61,8 @@ def corners(dataset: str, results: Sequence[Results]) -> Table:
                 elif len(cells):
                     row[name] = Estimate(float(cells["ap_percent"].mean()), *_of_mean(one, label, px, dn))
             rows.append(row)
-    columns = [
-        named("detector", "Detector"),
-        named("label", "Class"),
-        Column("clean", "Sharp, no noise", "%", 1),
-        Column("noisy", "Strongest noise", "%", 1),
-        Column("blurred", "Longest blur", "%", 1),
-        Column("both", "Both", "%", 1),
-        Column("objects", "Objects", source=lambda row: int(row["objects"])),
-        Column("ignored", "Ignored", source=lambda row: int(row["objects_ignored"])),
-        Column("images", "Frames", source=lambda row: int(row["images"])),
-    ]
-    notes = [
-        "Average precision by the paper's rules (IoU 0.5, whole area), with a bootstrap 95 % interval over scenes. "
-        "Blurred columns: mean over directions, with the interval of that mean. "
-        "Ignored: low or hidden objects, which are neither true nor false positives.",
-    ]
-    caption = f"Average precision on {word(dataset)} at the corners of the sweep."
-    return table(f"detection_ap_{dataset}", caption, rows, columns, notes, f"curves@{dataset}-<detector>")
+    cells_of = {name: lambda row, source=source: int(row[source]) for name, source in COUNTS.items()}
+    return PAGE.table("corners", rows, cells=cells_of, dataset=dataset)
 
 
 def _of_mean(one: Results, label: str, size_px: float, target_sigma_dn: float) -> tuple[float, float]:
@@ -123,16 +93,11 @@ def by_direction(one: Results) -> Table | None:
         place=[f"{label}_{size:g}" for label, size in zip(own["label"], own["kernel_size_px"], strict=True)]
     )
     labels = [label for label in one.labels if (own["label"] == label).any()]
-    columns = [Column("target_sigma_dn", "Noise", "DN"), Column("angle_deg", "Angle", "°")]
-    for label in labels:
-        columns += [
-            Column(f"{label}_{px:g}", f"{word(label)} {px:g} px", "%") for px in sorted(set(own["kernel_size_px"]))
-        ]
-    notes = [f"{RISE.strip()}: better than with the next shorter blur, or at the next lower noise. 0°: horizontal."]
-    caption = f"Average precision of {word(one.detector)} on {word(one.dataset)} by direction and length of the blur."
-    name = f"{one.dataset}_{one.detector}"
+    across = {
+        f"{label}_{px:g}": f"{word(label)} {px:g} px" for label in labels for px in sorted(set(own["kernel_size_px"]))
+    }
     rows = pivot(own, ["target_sigma_dn", "angle_deg"], "place", cell)
-    return table(f"direction_{name}", caption, rows, columns, notes, f"direction@{one.dataset}-{one.detector}")
+    return PAGE.table("by_direction", rows, across=across, dataset=one.dataset, detector=one.detector)
 
 
 def spread(dataset: str, results: Sequence[Results]) -> Table | None:
@@ -141,42 +106,7 @@ def spread(dataset: str, results: Sequence[Results]) -> Table | None:
     cells = cells[cells["target_sigma_dn"] == 0] if len(cells) else cells
     if cells.empty:
         return None
-    columns = [
-        named("detector", "Detector"),
-        named("label", "Class"),
-        Column("kernel_size_px", "Length", "px"),
-        Column("mean", "Mean over directions", "%", 1,
-               estimate("mean_percent", "mean_low_percent", "mean_high_percent")),
-        Column("spread", "Best less worst direction", "points", 1,
-               estimate("spread_percent", "low_percent", "high_percent")),
-        Column("worst", "Worst direction", "°", source="worst_angle_deg"),
-    ]  # fmt: skip
-    caption = f"Effect of the blur direction on {word(dataset)}, without noise."
-    return table(f"direction_spread_{dataset}", caption, cells, columns, (), f"direction@{dataset}-<detector>")
-
-
-def coefficients(name: str, fitted: pd.DataFrame, caption: str, stage: str) -> Table:
-    """Coefficients of several fits, with the effect of leaving each term out.
-
-    Args:
-        name: of the table.
-        fitted: `pipeline.curves.iso_exposure.COEFFICIENTS` with a column ``fit``, its title.
-        caption: of the table.
-        stage: that made it.
-    """
-    columns = [
-        Column("fit", "Fit"),
-        Column("term", "Term"),
-        Column("formula", "Multiplies"),
-        Column("value", "Value"),
-        Column("std_dev", "Std. dev."),
-        Column("largest_change", "Largest change without it", "points", 2),
-        Column("f", "Partial F"),
-        Column("p_value", "p"),
-        Column("r2_without", "R² without it", "", 4),
-    ]
-    notes = ["x: ISO, y: exposure time in ms. A term matters where leaving it out changes the fit: a large F."]
-    return table(name, caption, fitted, columns, notes, stage)
+    return PAGE.table("spread", cells, dataset=dataset)
 
 
 def fits(dataset: str, results: Sequence[Results]) -> Table:
@@ -186,27 +116,11 @@ def fits(dataset: str, results: Sequence[Results]) -> Table:
         for one in results
         for label, numbers in sorted(one.fits.items())
     ]
-    columns = [
-        named("detector", "Detector"),
-        named("label", "Class"),
-        Column("cells", "Cells"),
-        Column("chi2", "χ²", "", 2),
-        Column("r2", "R²", "", 4),
-        Column("adjusted_r2", "Adjusted R²", "", 4),
-        Column("largest_residual", "Largest residual", "points", 2),
-        Column("reason", "Note", wide=True,
-               source=lambda row: f"no fit: {row['reason']}" if "reason" in row else None),
-    ]  # fmt: skip
-    notes = ["Weighted by the bootstrap error of each cell; χ² is the sum of squared residuals over these errors."]
     known = results[0].calibration if results else {}
-    if "lambda1" in known:
-        notes.append(
-            f"Calibration by the estimators: λ₁ {known['lambda1']:.5f} ± {known['lambda1_std_dev']:.5f} DN per ISO "
-            f"(taken: {known['lambda1_nominal']:g}), λ₂ {known['lambda2']:.3f} ± "
-            f"{known['lambda2_std_dev']:.3f} px per ms (taken: {known['lambda2_nominal']:g})."
-        )
-    caption = f"Regression of average precision over ISO and exposure time on {word(dataset)}."
-    return table(f"regression_fits_{dataset}", caption, rows, columns, notes, f"regression@{dataset}-<detector>")
+    return PAGE.table(
+        "regression_fits", rows, cells={"reason": lambda row: f"no fit: {row['reason']}" if "reason" in row else None},
+        also=["calibration"] if "lambda1" in known else [], dataset=dataset, **known,
+    )  # fmt: skip
 
 
 def _needed(heat: pd.DataFrame) -> str:
@@ -214,26 +128,19 @@ def _needed(heat: pd.DataFrame) -> str:
     needed = heat.loc[heat["non_monotonic"] & ~heat["certainly"], "objects_needed"].dropna()
     if needed.empty:
         return ""
-    return f" For the others it would take {needed.min():,.0f} objects and more (median {needed.median():,.0f})."
+    return f"For the others it would take {needed.min():,.0f} objects and more (median {needed.median():,.0f})."
 
 
 def _curves(dataset: str, results: Sequence[Results], inputs: ReportInputs) -> list[Block]:
     blocks: list[Block] = [corners(dataset, results)]
     isolated, heat = _joined(results, "isolated"), _joined(results, "heat")
     stages = _stages("curves", results)
-    if len(isolated):
-        caption = (
-            f"Isolated curves (IOPC) on {word(dataset)}: AP over estimated noise, and over estimated MTF, with 95 % "
-            "intervals. A ring marks a point whose AP exceeds that of its milder neighbour."
-        )
-        blocks.append(Figure(f"iopc_{dataset}", detection_figures.iopc(isolated), caption, stages))
-    if len(heat):
-        caption = (
-            f"Heat maps on {word(dataset)}: AP in the paper's bins of estimated noise and MTF; white bins were not "
-            "measured. A triangle marks a cell whose AP exceeds that of a milder one, filled where that is certain "
-            f"although so many cells are compared (Bonferroni).{_needed(heat)}"
-        )
-        blocks.append(Figure(f"iopc_heat_{dataset}", detection_figures.heat(heat), caption, stages))
+    for name, rows, draw in (("iopc", isolated, detection_figures.iopc), ("iopc_heat", heat, detection_figures.heat)):
+        if len(rows):
+            needed = _needed(heat) if name == "iopc_heat" else ""
+            blocks.append(
+                PAGE.figure(name, draw(rows), stages, name=f"{name}_{dataset}", after=needed, dataset=dataset)
+            )
     for one in results:
         for label in sorted(set(one.refused) & set(one.labels)):
             title = f"Surface of {word(one.detector)} for {word(label)} on {word(dataset)} ({one.refused[label]})"
@@ -245,10 +152,9 @@ def _directions(dataset: str, results: Sequence[Results]) -> list[Block]:
     cells = _joined(results, "directions")
     blocks: list[Block] = []
     for label in sorted(set(cells["label"])) if len(cells) else ():
-        caption = f"AP of {word(label).lower()} by length and direction of the blur on {word(dataset)}."
-        name = f"direction_{dataset}_{label}".replace(" ", "_")
-        drawing = detection_figures.direction(cells, label)
-        blocks.append(Figure(name, drawing, caption, _stages("direction", results)))
+        name, drawing = f"direction_{dataset}_{label}".replace(" ", "_"), detection_figures.direction(cells, label)
+        stages = _stages("direction", results)
+        blocks.append(PAGE.figure("direction", drawing, stages, name=name, dataset=dataset, label=label))
     parts = [spread(dataset, results), *map(by_direction, results)] if blocks else []
     return [*blocks, *(part for part in parts if part is not None)]
 
@@ -270,15 +176,10 @@ def _regression(dataset: str, results: Sequence[Results]) -> list[Block]:
                 found.append(one.coefficients[one.coefficients["label"] == label].assign(fit=title))
     blocks: list[Block] = [fits(dataset, results)]
     if cells:
-        caption = (
-            f"Regression on {word(dataset)}: fitted AP over ISO and exposure time (dots: measured cells; ISO 100 is "
-            "1 DN, 1 ms a motion of 1 px), and the residuals of the cells."
-        )
         drawing = detection_figures.regression(pd.concat(cells, ignore_index=True), titles)
-        blocks.insert(0, Figure(f"regression_{dataset}", drawing, caption, _stages("regression", results)))
-        caption = f"Coefficients of the regression on {word(dataset)}, and the effect of each term."
-        name, stage = f"regression_coefficients_{dataset}", f"regression@{dataset}-<detector>"
-        blocks.append(coefficients(name, pd.concat(found), caption, stage))
+        stages, name = _stages("regression", results), "regression_{dataset}"
+        blocks.insert(0, PAGE.figure("regression", drawing, stages, name=name, dataset=dataset))
+        blocks.append(PAGE.table("regression_coefficients", pd.concat(found), dataset=dataset))
     return blocks
 
 
@@ -288,19 +189,18 @@ def _recorded(records: Sequence[Recorded]) -> list[Block]:
     for one in records:
         own, about = one.results, one.provenance
         title = f"{word(own.detector)} on {word(own.dataset)}"
-        source = f"{counted(one.objects, 'object')} in {counted(len(about['frames']), 'frame')}"
+        count = f"{counted(one.objects, 'object')} in {counted(len(about['frames']), 'frame')}"
         shown = corners(own.dataset, [own])
-        caption = f"Recorded: average precision of {title} at the corners of the sweep, {source}."
+        caption = f"Recorded: average precision of {title} at the corners of the sweep, {count}."
         blocks.append(replace(shown, name=f"recorded_{one.name}_ap", caption=caption, stage=""))
-        caption = (
-            f"Recorded: isolated curves of {title}, {source}: {about['source'].rstrip('.')}. Weights: "
-            f"{about['detector']['sha256'][:12]}."
-        )
-        blocks.append(Figure(f"recorded_{one.name}_iopc", detection_figures.iopc(own.isolated), caption))
+        words = {"title": title, "count": count, "source": about["source"].rstrip(".")}
+        words["weights"] = about["detector"]["sha256"][:12]
+        drawing, name = detection_figures.iopc(own.isolated), f"recorded_{one.name}_iopc"
+        blocks.append(PAGE.figure("recorded_iopc", drawing, name=name, **words))
         if len(own.heat):
-            rises = _needed(own.heat) if "objects_needed" in own.heat else EACH_CELL
-            caption = f"Recorded: heat maps of {title}, of the same frames.{rises}"
-            blocks.append(Figure(f"recorded_{one.name}_iopc_heat", detection_figures.heat(own.heat), caption))
+            rises = _needed(own.heat) if "objects_needed" in own.heat else PAGE.text("each_cell")
+            drawing, name = detection_figures.heat(own.heat), f"recorded_{one.name}_iopc_heat"
+            blocks.append(PAGE.figure("recorded_iopc_heat", drawing, name=name, after=rises, title=title))
         for block in _directions(own.dataset, [own]):
             if not isinstance(block, NotRun):
                 name, caption = f"recorded_{one.name}_{block.name}", f"Recorded: {block.caption}"
@@ -322,8 +222,7 @@ def _refit(inputs: ReportInputs) -> list[Block]:
         for label, one in sorted(numbers.items())
     )
     titled = fitted.assign(fit=fitted["label"].str.replace("_", " "))
-    caption = f"The paper's published grids fitted anew. {words}."
-    return [coefficients("regression_refit", titled, caption, "refit")]
+    return [PAGE.table("regression_refit", titled, numbers=words)]
 
 
 def _runs(results: Sequence[Results], records: Sequence[Recorded], inputs: ReportInputs) -> list[Run]:
@@ -355,7 +254,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
         own = [one for one in results if one.dataset == dataset]
         blocks += [*_curves(dataset, own, inputs), *_directions(dataset, own), *_regression(dataset, own)]
     if not results:
-        blocks.append(NotRun(PARTS, STAGE_ABSENT, inputs.line("curves@<dataset>-<detector>")))
+        blocks.append(NotRun(PAGE.text("parts"), STAGE_ABSENT, inputs.line("curves@<dataset>-<detector>")))
     notes = {
         run.line: NotRun(f"Detection on {word(run.dataset)}" if run.dataset else run.experiment, run.why, run.line)
         for run in reversed(runs)
@@ -365,4 +264,4 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     items = ("yolov7_direction_ap", "regression_coefficients", "fitted_ap_grid")
     published, published_runs = beside_ours(items, ledger, inputs)
     title = "Object detection under blur and noise"
-    return Section("detection", title, (TEXT,), [*blocks, *published], [*runs, *published_runs])
+    return Section("detection", title, (PAGE.text("introduction"),), [*blocks, *published], [*runs, *published_runs])

@@ -107,6 +107,8 @@ def heat(cells: pd.DataFrame) -> Drawing:
         cells: `pipeline.curves.precision.HEAT` with a column ``detector``.
     """
     labels, detectors = sorted(set(cells["label"])), in_order(cells["detector"], DETECTORS)
+    for name in ("sigma_bin_dn", "mtf_bin"):  # bins that no panel measured would be empty stripes
+        cells = cells[cells[name].isin(cells.loc[cells["count"] > 0, name])]
     values = cells[cells["count"] > 0].sort_values(["label", "detector", "sigma_bin_dn", "mtf_bin"])
     words = [
         f"{word(str(name))}, {word(str(label))}: {own['ap_percent'].min():.0f} to {own['ap_percent'].max():.0f} %"
@@ -233,8 +235,6 @@ def regression(fitted: pd.DataFrame, titles: Mapping[str, str]) -> Drawing:
     for axes in panels.ravel()[2 * len(titles) :]:
         axes.set_visible(False)
     for mappable, title in ((image, "average precision [%]"), (dots, "residual [points]")):
-        bar = figure.colorbar(mappable, ax=panels, shrink=0.85, pad=0.01, aspect=28)  # type: ignore[arg-type]
-        bar.set_label(title)
-        bar.outline.set_visible(False)
+        style.colour_bar(figure, mappable, panels, title, shrink=0.85, pad=0.01, aspect=28)
     alt = f"Fitted average precision over ISO and exposure time: {listing(words)}."
     return Drawing(figure, alt, known.sort_values(["fit", "iso", "exposure_ms"]))

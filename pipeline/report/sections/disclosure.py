@@ -56,7 +56,7 @@ def _light(inputs: ReportInputs) -> str:
         "Image formation acts on encoded grey levels, as in the paper. In a camera blur and photon noise act on linear "
         "light, before the tone curve, and photon noise arises behind the optics."
     )
-    study = optional(None if inputs.control is None else inputs.control / "order_study", "study.parquet")
+    study = optional(inputs.of_control("order_study"), "study.parquet")
     if study is None:
         return sentence
     own = study[(study["order"] == "paper") & (study["target_sigma_dn"] == study["target_sigma_dn"].max())]

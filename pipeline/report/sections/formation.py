@@ -15,16 +15,18 @@ from pipeline import tables
 from pipeline.errors import InputError, did_you_mean
 from pipeline.grouped_statistics import robust_by
 from pipeline.report import style
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, in_order, listing, word
 from pipeline.report.inputs import ReportInputs, described, existing, optional
 from pipeline.report.ledger import LedgerRow
-from pipeline.report.spec import Block, Figure, NotRun, Section, missing, overview, single
+from pipeline.report.spec import Block, NotRun, Section, missing, overview, single
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Column, Table, estimate, pivot, table
+from pipeline.report.tables import Table, estimate, pivot
 
 if TYPE_CHECKING:
     import pandas as pd
 
+PAGE = Descriptions("formation")
 STAGE, SENSOR_STAGE = "corrupt@{dataset}", "sensor"
 CHAIN_PX, EFFECTS_PX = 144, 96  # side of the square shown from a picture's middle, pixel for pixel
 CURVE_KEYS = ("mean_dn", "variance_dn2", "slope_dn_per_e", "offset_dn2", "gain_dn_per_e")
@@ -35,9 +37,7 @@ def _crop(arrays: Mapping[str, np.ndarray], entry: Mapping[str, Any], side_px: i
     name = str(entry["array"])
     if name not in arrays:
         raise InputError(f"gallery.json names array '{name}', which gallery.npz lacks; {did_you_mean(name, arrays)}")
-    picture = np.asarray(arrays[name])
-    top, left = (max(0, (side - side_px) // 2) for side in picture.shape)
-    picture = picture[top : top + side_px, left : left + side_px]
+    picture = style.middle(np.asarray(arrays[name]), side_px, side_px)
     return picture.astype(float) * (255.0 if picture.dtype.kind == "f" else 1.0)
 
 
@@ -67,13 +67,11 @@ def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]
     rows = []
     for number, (entry, picture) in enumerate(zip(entries, pictures, strict=True)):
         title = str(entry["title"])[:1].upper() + str(entry["title"])[1:]
-        axes[0, number].imshow(picture, cmap="gray", vmin=0, vmax=255)
-        style.bare(axes[0, number])
+        style.picture(axes[0, number], picture)
         axes[0, number].set_title(f"{number}  {title}" if number else title, pad=3)
         change = float(changes[number - 1].std()) if number else float("nan")
         if number:
-            axes[1, number].imshow(changes[number - 1], cmap="gray", vmin=-span, vmax=span)
-            style.bare(axes[1, number])
+            style.picture(axes[1, number], changes[number - 1], -span, span)
             axes[1, number].set_xlabel(f"std {change:.2f} DN", fontsize=6.2, labelpad=2)
         rows.append({"step": number, "title": title, "mean_dn": picture.mean(), "change_std_dn": change})
     steps = [f"{row['title']} ({row['change_std_dn']:.2f} DN)" for row in rows[1:]]
@@ -115,7 +113,7 @@ def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any
         if picture is None:
             spot.text(0.5, 0.5, "not run", ha="center", va="center", transform=spot.transAxes, color=style.MUTED)
             continue
-        spot.imshow(picture, cmap="gray", vmin=0, vmax=255)
+        style.picture(spot, picture)
         clean = crops.get((noise_source, 0.0))
         added = float("nan") if clean is None or clean.shape != picture.shape else float((picture - clean).std())
         if level > 0 and np.isfinite(added):
@@ -172,15 +170,12 @@ def _galleries(dataset: str, inputs: ReportInputs) -> list[Block]:
     arrays, stages = optional(folder, "gallery.npz") or {}, (STAGE.format(dataset=dataset),)
     blocks: list[Block] = []
     if gallery["chain"]:
-        captions = " ".join(str(entry.get("caption", "")) for entry in gallery["chain"]).strip()
-        caption = f"Image formation on {word(dataset)}, step by step. {captions}".strip()
-        blocks.append(Figure(f"formation_chain_{dataset}", chain(arrays, gallery["chain"]), caption, stages))
+        steps = " ".join(str(entry.get("caption", "")) for entry in gallery["chain"]).strip()
+        drawing, name = chain(arrays, gallery["chain"]), "formation_chain_{dataset}"
+        blocks.append(PAGE.figure("formation_chain", drawing, stages, name=name, after=steps, dataset=dataset))
     if gallery["effects"]:
-        caption = (
-            f"Noise sources and levels on {word(dataset)}. Each frame is brought to the standard deviation above its "
-            "column; beneath each patch, which is a part of the frame, the noise of this part after clipping."
-        )
-        blocks.append(Figure(f"formation_effects_{dataset}", effects(arrays, gallery["effects"]), caption, stages))
+        drawing, name = effects(arrays, gallery["effects"]), "formation_effects_{dataset}"
+        blocks.append(PAGE.figure("formation_effects", drawing, stages, name=name, dataset=dataset))
     return blocks
 
 
@@ -200,21 +195,11 @@ def _levels(dataset: str, corruption: pd.DataFrame, seed: int) -> Table:
         .groupby(own["target_sigma_dn"])
         .max()
     )
-    columns = [
-        Column("target_sigma_dn", "Level", "DN"),
-        Column(
-            "off_percent", "Missed before clipping", "%", 2,
-            lambda row: 100.0 * float(missed[row["target_sigma_dn"]]) if row["target_sigma_dn"] > 0 else None,
-        ),
-        *(Column(noise_source, word(noise_source), "DN", 2) for noise_source in in_order(own["noise_source"], EFFECTS)),
-    ]  # fmt: skip
-    notes = [
-        "Standard deviation of the noise over a whole frame after clipping to 0..255 and rounding: median over frames "
-        "with bootstrap 95 % interval and number of frames. Missed before clipping: largest deviation of the noise "
-        "added from the level, over frames. At level 0 the frame is left as it is."
-    ]
-    caption = f"Noise present on {word(dataset)} at each level."
-    return table(f"noise_levels_{dataset}", caption, rows, columns, notes, STAGE.format(dataset=dataset))
+    deviation = {
+        "off_percent": lambda row: 100.0 * float(missed[row["target_sigma_dn"]]) if row["target_sigma_dn"] > 0 else None
+    }
+    across = {noise_source: word(noise_source) for noise_source in in_order(own["noise_source"], EFFECTS)}
+    return PAGE.table("noise_levels", rows, cells=deviation, across=across, dataset=dataset)
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
@@ -232,15 +217,6 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     if curve is None:
         blocks.append(NotRun("Photon transfer of the sensor", "stage absent", sensor.line))
     else:
-        caption = (
-            "Photon transfer. Variance over mean of evenly lit frames drawn from the sensor: the slope is its gain, so "
-            "photon noise, conversion and scale are consistent."
-        )
-        blocks.append(Figure("photon_transfer", photon_transfer(curve), caption, (SENSOR_STAGE,)))
-    text = (
-        "Frames are corrupted at the level of electrons, in the paper's order: photon noise, blur by the optics, "
-        "dark-current shot noise, readout noise, quantisation. In a camera photon noise arises behind the optics "
-        "(camera.order: detector), because light that optics have spread is still Poisson distributed at the pixel; "
-        "the order study in the section on control measures what the difference does.",
-    )
+        blocks.append(PAGE.figure("photon_transfer", photon_transfer(curve), [SENSOR_STAGE]))
+    text = [PAGE.text("introduction")]
     return Section("formation", "Image formation", text, [*blocks, *missing("Image formation", runs)], [sensor, *runs])

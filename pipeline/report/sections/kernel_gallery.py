@@ -19,8 +19,8 @@ from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.display_names import BLURS, ESTIMATORS, counted, in_order, listing, word
 from pipeline.report.inputs import ReportInputs, described, members, mode_note, optional, relative_mtf
-from pipeline.report.sections.blur_amae import STAGE
-from pipeline.report.spec import Block, Figure, NotRun
+from pipeline.report.sections.blur_amae import PAGE, STAGE
+from pipeline.report.spec import Block, NotRun
 from pipeline.report.style import Drawing
 
 if TYPE_CHECKING:
@@ -92,9 +92,9 @@ class _Sheet:
 
 def _kernel(axes: Axes, kernel: np.ndarray, side_px: int) -> None:
     tall, wide = kernel.shape
-    axes.imshow(kernel, cmap="gray", vmin=0, vmax=max(float(kernel.max()), 1e-12),
-                extent=(-wide / 2, wide / 2, tall / 2, -tall / 2))  # fmt: skip
-    style.bare(axes)
+    style.picture(
+        axes, kernel, highest=max(float(kernel.max()), 1e-12), extent=(-wide / 2, wide / 2, tall / 2, -tall / 2)
+    )
     axes.set(xlim=(-side_px / 2, side_px / 2), ylim=(side_px / 2, -side_px / 2), facecolor="black")
 
 
@@ -158,9 +158,7 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
         side_px = max(min(int(2 * sizes[down]) + 1, widest), 11, truth.shape[0])
         cells = [sheet.picture(across, down, cell) for cell in range(len(headings))]
         patch = galleries[0].array("patch", kernel)
-        top, left = (max(0, (side - SHOWN_PX) // 2) for side in patch.shape)
-        cells[0].imshow(patch[top : top + SHOWN_PX, left : left + SHOWN_PX], cmap="gray", vmin=0, vmax=255)
-        style.bare(cells[0])
+        style.picture(cells[0], style.middle(patch, SHOWN_PX, SHOWN_PX))
         _kernel(cells[1], truth, side_px)
         cells[1].set_xlabel(f"{side_px} px", fontsize=5.2, labelpad=1.5)
         curves = {key: np.asarray(known[kernel], float) for key, known in (others or {}).items() if kernel in known}
@@ -286,12 +284,7 @@ def blocks(estimates: pd.DataFrame, datasets: Sequence[str], inputs: ReportInput
         # Relative to a generic lens, a network's MTF is nearly that of the system, and curves are many.
         hidden = {*names, *(name for name, to in relative_mtf(estimates).items() if to == GENERIC_LENS)}
         drawing = draw([gallery for gallery, _ in pairs], _other_curves(estimates, pairs[0][1], hidden))
-        caption = (
-            f"Kernels estimated in one patch of {word(dataset)}. Corrupted: the middle of the blurred patch. True and "
-            "estimated kernels share a scale, its width in pixels beneath the true one; beneath an estimate, the AMAE "
-            "of this patch alone. Curves: MTF, horizontal (H) and vertical (V), the ground truth in black. "
-            + mode_note(inputs.modes, names)
-        )
-        stages = tuple(STAGE.format(dataset=dataset, estimator=name) for name in names)
-        made.append(Figure(f"kernel_estimates_{dataset}", drawing, caption, stages))
+        stages = [STAGE.format(dataset=dataset, estimator=name) for name in names]
+        name, mode = "kernel_estimates_{dataset}", mode_note(inputs.modes, names)
+        made.append(PAGE.figure("kernel_estimates", drawing, stages, name=name, after=mode, dataset=dataset))
     return made

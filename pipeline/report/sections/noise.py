@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,14 +11,15 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.experiments.patch_errors import SATURATED, agreement, patch_errors, saturated_patches
 from pipeline.report import style
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, EFFECTS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import Facet, abstentions, lines, small_multiples
 from pipeline.report.frame_records import NOISE_FILE, joined
 from pipeline.report.inputs import ReportInputs, described, members, noise_tables, optional, paper_table
 from pipeline.report.ledger import LedgerRow
-from pipeline.report.spec import Block, Figure, Section, missing, overview
+from pipeline.report.spec import Block, Section, missing, overview
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Cell, Column, Estimate, Row, Table, estimate, named, ordered, pivot, records, table
+from pipeline.report.tables import Cell, Estimate, Row, Table, estimate, ordered, pivot, records
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 STAGE = "noise@{dataset}-{estimator}"
-ANY_STAGE = "noise@<dataset>-<estimator>"
+PAGE = Descriptions("noise")
 PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
 PRESENT: style.Look = {"color": style.INK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
 DIAGONAL: style.Look = {"color": style.MUTED, "linewidth": 0.6}
@@ -132,8 +133,7 @@ class NoiseMaps:
 
 def _map_panel(axes: Axes, frame: NDArray[np.uint8], cells: NDArray[np.floating] | None, top: float) -> Any:
     picture, _ = style.shrunk(frame, SHOWN_PX)
-    axes.imshow(picture, cmap="gray", vmin=0, vmax=255)
-    style.bare(axes)
+    style.picture(axes, picture)
     height, width = picture.shape
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
     if cells is None:
@@ -204,12 +204,9 @@ def _maps(inputs: ReportInputs) -> list[Block]:
         pairs = sorted(galleries[dataset], key=lambda pair: pair[0].estimator)
         if len({(frame, tuple(one.effects), one.target_sigma_dn) for one, frame in pairs}) > 1:
             raise InputError(f"noise maps of '{dataset}' show different frames; run the stage noise again for all")
-        caption = (
-            f"Local noise over a frame of {word(dataset)}. Added: root mean square over 40 px about each cell of 8 px, "
-            "before clipping. Estimated: the estimator's map. Grey where the estimator abstains."
-        )
-        stages = tuple(STAGE.format(dataset=dataset, estimator=one.estimator) for one, _ in pairs)
-        blocks.append(Figure(f"noise_maps_{dataset}", maps([one for one, _ in pairs]), caption, stages))
+        stages = [STAGE.format(dataset=dataset, estimator=one.estimator) for one, _ in pairs]
+        drawing = maps([one for one, _ in pairs])
+        blocks.append(PAGE.figure("noise_maps", drawing, stages, name="noise_maps_{dataset}", dataset=dataset))
     return blocks
 
 
@@ -230,22 +227,10 @@ def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame | None)
     own = own.assign(added_dn=levels["unclipped_median_dn"], present_dn=levels["clipped_median_dn"])
     cell = estimate("median_dn", "low_dn", "high_dn", "inliers", "sigma_dn")
     rows = pivot(own, ["noise_source", "target_sigma_dn", "added_dn", "present_dn"], "estimator", cell)
-    columns = [
-        named("noise_source", "Effect"),
-        Column("target_sigma_dn", "Level", "DN"),
-        Column("added_dn", "Added", "DN", 2),
-        Column("present_dn", "Present", "DN", 2),
-        *(Column(name, word(name), "DN", 2) for name in in_order(own["estimator"], ESTIMATORS)),
-    ]
-    notes = [
-        "Median of the inliers (3.5 MAD) with bootstrap 95 % interval; n: inliers. Added and present: robust median of "
-        "the noise in the patches before and after the 8-bit range clips it. The cell-wise estimator estimates the "
-        "noise added, the others the noise present."
-    ]
-    if any(isinstance(cell, Estimate) and cell.reference is not None for row in rows for cell in row.values()):
-        notes.append("Code: the same statistic from the authors' published program, on its own frames.")
-    stage = STAGE.format(dataset=dataset, estimator="<estimator>")
-    return table(f"noise_{dataset}", f"Noise estimated on {word(dataset)}.", rows, columns, notes, stage, "code")
+    cells = [cell for row in rows for cell in row.values()]
+    known = any(isinstance(cell, Estimate) and cell.reference is not None for cell in cells)
+    across = {name: word(name) for name in in_order(own["estimator"], ESTIMATORS)}
+    return PAGE.table("noise", rows, across=across, also=["code"] if known else [], dataset=dataset)
 
 
 def single_patches(estimates: pd.DataFrame, seed: int) -> Table:
@@ -258,36 +243,16 @@ def single_patches(estimates: pd.DataFrame, seed: int) -> Table:
     errors = ordered(patch_errors(estimates, seed), dataset=DATASETS, estimator=ESTIMATORS, noise_source=EFFECTS)
     has_interval = "coverage_percent" in errors
 
-    def quantity(name: str, title: str, unit: str, decimals: int) -> Column:
+    def quantity(name: str) -> Callable[[Row], Cell]:
         whole = estimate(name, f"{name}_low", f"{name}_high", f"{name}_count")
+        return lambda row: whole(row) if np.isfinite(row.get(f"{name}_count", np.nan)) else None
 
-        def cell(row: Row) -> Cell:
-            return whole(row) if np.isfinite(row.get(f"{name}_count", np.nan)) else None
+    def width(row: Row) -> Cell:
+        return row["width_dn"] if has_interval and np.isfinite(row["coverage_percent_count"]) else None
 
-        return Column(name, title, unit, decimals, cell)
-
-    columns = [
-        named("dataset", "Dataset"),
-        named("estimator", "Estimator"),
-        named("noise_source", "Effect"),
-        quantity("present_dn", "Error, noise present", "DN", 2),
-        quantity("added_dn", "Error, noise added", "DN", 2),
-        quantity("coverage_percent", "Interval holds the noise added", "%", 1),
-        quantity("clean_percent", "The same where none was added", "%", 1),
-        Column(
-            "width_dn", "Median width of the interval", "DN", 2,
-            lambda row: row["width_dn"] if has_interval and np.isfinite(row["coverage_percent_count"]) else None,
-        ),
-        Column("abstained_percent", "Abstained", "%", 2),
-    ]  # fmt: skip
-    notes = [
-        "Over all levels and patches. Error: mean distance of a patch's estimate to the standard deviation of the "
-        "noise in this patch, after clipping to the 8-bit range (present) and as the sensor added it (added). "
-        "PCA, B+F and similar estimators estimate the noise present; the cell-wise estimator the noise added. "
-        "Intervals are nominally 95 %; an estimator without them has empty cells. Photographs without added noise have "
-        "noise of their own, which counts against the interval there. In brackets: bootstrap 95 % interval over frames."
-    ]
-    return table("noise_patches", "Noise of single patches.", errors, columns, notes, ANY_STAGE)
+    quantities = ("present_dn", "added_dn", "coverage_percent", "clean_percent")
+    cells = {name: quantity(name) for name in quantities} | {"width_dn": width}
+    return PAGE.table("noise_patches", errors, cells=cells)
 
 
 def saturated(estimates: pd.DataFrame, seed: int) -> Table | None:
@@ -305,21 +270,9 @@ def saturated(estimates: pd.DataFrame, seed: int) -> Table | None:
         ordered(cells, dataset=DATASETS, noise_source=EFFECTS), index, "estimator",
         estimate("median_dn", "low_dn", "high_dn", "count"),
     )  # fmt: skip
-    columns = [
-        named("dataset", "Dataset"),
-        named("noise_source", "Effect"),
-        Column("patches", "Patches"),
-        Column("added_dn", "Added", "DN", 2),
-        Column("present_dn", "Present", "DN", 2),
-        *(Column(name, word(name), "DN", 2) for name in in_order(cells["estimator"], ESTIMATORS)),
-    ]
+    across = {name: word(name) for name in in_order(cells["estimator"], ESTIMATORS)}
     level = float(cells["target_sigma_dn"].iloc[0])
-    caption = f"Saturated patches at {level:g} DN: more than {100 * SATURATED:.0f} % black or white when sharp."
-    notes = [
-        "Medians over these patches with bootstrap 95 % interval; n: patches with an estimate. Clipping removes half "
-        "of the noise: the noise present is less than the noise added."
-    ]
-    return table("noise_saturated", caption, rows, columns, notes, ANY_STAGE)
+    return PAGE.table("noise_saturated", rows, across=across, level=level, percent=100 * SATURATED)
 
 
 def _abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
@@ -329,17 +282,8 @@ def _abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
         return ", ".join(f"{reason}: {count:,}" for reason, count in counts.items())
 
     sums = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)[["count", "rejected", "abstained"]]
-    columns = [
-        named("dataset", "Dataset"),
-        named("estimator", "Estimator"),
-        Column("asked", "Patches", source=lambda row: int(row["count"] + row["abstained"])),
-        Column("abstained", "Abstained"),
-        Column("rejected", "Outliers rejected"),
-        Column("reasons", "Reasons of abstention", source=reasons, wide=True),
-    ]
-    notes = ["Over all effects and levels. An abstention is neither a zero nor a dropped row: it is counted here."]
-    caption = "Abstentions of the noise estimators."
-    return table("noise_abstentions", caption, sums.sum(), columns, notes, ANY_STAGE)
+    cells = {"asked": lambda row: int(row["count"] + row["abstained"]), "reasons": reasons}
+    return PAGE.table("noise_abstentions", sums.sum(), cells=cells)
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
@@ -359,13 +303,9 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     ]  # fmt: skip
     blocks: list[Block] = []
     if not summary.empty:
-        caption = (
-            "Noise estimation. Median (line) and range of the inliers (band) of the estimates over the target level. "
-            "Thin diagonal: that level. Dashed: the noise present after clipping to 8 bit."
-        )
-        stages = tuple(sorted(STAGE.format(dataset=dataset, estimator=estimator) for dataset, estimator in ran))
+        stages = sorted(STAGE.format(dataset=dataset, estimator=estimator) for dataset, estimator in ran)
         datasets = in_order(summary["dataset"], inputs.datasets)
-        blocks.append(Figure("noise", curves(summary, datasets), caption, stages))
+        blocks.append(PAGE.figure("noise", curves(summary, datasets), stages))
         reference = paper_table(inputs, "noise_reference.csv")
         blocks += [medians(name, summary, reference) for name in datasets]
         blocks += _maps(inputs)

@@ -7,36 +7,28 @@ those of the section of noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from typing import Any
 
 from pipeline.report.display_names import counted, word
 from pipeline.report.frame_records import NOISE_FILE, FrameRecord, joined, records_with
 from pipeline.report.inputs import ReportInputs, published
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import noise
-from pipeline.report.spec import Block, Figure, Section
-from pipeline.report.tables import Column, Table, named, table
+from pipeline.report.sections.noise import PAGE
+from pipeline.report.spec import Block, Section
+from pipeline.report.tables import as_recorded
 
 TITLE = "Noise estimation on recorded frames"
-TEXT = (
-    "The paper's noise figure on frames of its own datasets. These pictures are not part of the project: the numbers "
-    "were measured earlier and are kept in reports/recorded with the SHA-256 of every picture and weight file. Whoever "
-    "has the pictures repeats them by camera-monitor record noise-levels. The paper prints this figure as a picture "
-    "only; beside ours stand medians of its authors' program."
-)
 
 
-def sources(name: str, caption: str, records: Sequence[FrameRecord], count: str, title: str) -> Table:
-    """Which frames were recorded, how many, and their source.
+def sources(records: Sequence[FrameRecord], count: str) -> list[dict[str, Any]]:
+    """Which frames were recorded, how many, and their source, as rows of a table.
 
     Args:
-        name: of the table.
-        caption: of the table.
         records: shown.
         count: column of `FrameRecord.frames` with the patches of each.
-        title: heading of that column.
     """
-    rows = [
+    return [
         {
             "dataset": one.dataset,
             "frames": len(one.frames),
@@ -46,14 +38,6 @@ def sources(name: str, caption: str, records: Sequence[FrameRecord], count: str,
         }
         for one in records
     ]
-    columns = [
-        named("dataset", "Dataset"),
-        Column("frames", "Frames"),
-        Column("patches", title),
-        Column("size", "Frame", "px"),
-        Column("source", "Source", wide=True),
-    ]
-    return table(name, caption, rows, columns)
 
 
 def _size(record: FrameRecord) -> str:
@@ -70,23 +54,15 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     if not records:
         return None
     summary, datasets = joined(inputs, NOISE_FILE), [one.dataset for one in records]
-    caption = (
-        "Recorded: noise estimation. Median (line) and range of the inliers (band) of the estimates over the target "
-        "level. Thin diagonal: that level. Dashed: the noise present after clipping to 8 bit. "
-        + "; ".join(
-            f"{word(one.dataset)}: {counted(len(one.frames), 'frame')},"
-            f" {counted(int(one.frames['noise_tiles'].sum()), 'tile')} of 128 px"
-            for one in records
-        )
-        + "."
-    )
+    counts = [
+        f"{word(one.dataset)}: {counted(len(one.frames), 'frame')},"
+        f" {counted(int(one.frames['noise_tiles'].sum()), 'tile')} of 128 px"
+        for one in records
+    ]
     blocks: list[Block] = [
-        sources("recorded_noise_sources", "Recorded: frames with their source.", records, "noise_tiles", "Tiles"),
-        Figure("recorded_noise", noise.curves(summary, datasets), caption),
+        PAGE.table("recorded_noise_sources", sources(records, "noise_tiles")),
+        PAGE.figure("recorded_noise", noise.curves(summary, datasets), after=f"{'; '.join(counts)}."),
     ]
     reference = published(inputs, "noise_reference.csv")
-    for one in records:
-        shown = noise.medians(one.dataset, summary, reference)
-        words = f"{shown.caption.rstrip('.')} (recorded)."
-        blocks.append(replace(shown, name=f"recorded_{shown.name}", caption=words, stage=""))
-    return Section("noise_recorded", TITLE, (TEXT,), blocks)
+    blocks += [as_recorded(noise.medians(one.dataset, summary, reference)) for one in records]
+    return Section("noise_recorded", TITLE, (PAGE.text("recorded"),), blocks)

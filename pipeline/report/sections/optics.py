@@ -10,18 +10,19 @@ import numpy as np
 from pipeline import tables
 from pipeline.errors import InputError
 from pipeline.report import style
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, counted, in_order, listing, word
 from pipeline.report.inputs import ReportInputs, existing, optional, published
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.ledger_sources import sharp_mtf, star_curve
-from pipeline.report.spec import Block, Figure, NotRun, Section, overview, single
+from pipeline.report.spec import Block, NotRun, Section, overview, single
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Column, table
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
+PAGE = Descriptions("optics")
 BANK_STAGE, STAR_STAGE = "psf_bank", "star"
 SOURCES = {"generated": "generated here", "paper": "the paper's own"}
 AXES = {"H": "horizontal", "V": "vertical"}
@@ -78,8 +79,7 @@ def kernel_sheet(bank: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: 
             kernel = np.asarray(kernels[name], dtype=float)
             # A kernel is shown in a frame a little larger than its nominal size, whatever its array's margin.
             frame = max(int(size * 1.6) | 1, *(side for side in kernel.shape if side <= 1.6 * size), 7)
-            picture.imshow(_framed(kernel, frame), cmap="gray", vmin=0, vmax=max(kernel.max(), 1e-12))
-            style.bare(picture)
+            style.picture(picture, _framed(kernel, frame), highest=max(kernel.max(), 1e-12))
             _mtf(curve, bank[bank["kernel"] == name])
             if across:
                 curve.set_yticklabels([])
@@ -124,8 +124,7 @@ def star_figure(image: np.ndarray, curves: Mapping[str, np.ndarray], paper: pd.D
     figure = style.new_figure(style.TWO_COLUMNS_IN, 2.7)
     left, right = figure.subplots(1, 2, width_ratios=[1, 1.5])
     picture, _ = style.shrunk(np.asarray(image), 512)
-    left.imshow(picture, cmap="gray", vmin=0, vmax=1 if picture.dtype.kind == "f" else 255)
-    style.bare(left)
+    style.picture(left, picture, highest=1 if picture.dtype.kind == "f" else 255)
     blue, red = style.PALETTE[:2]
     looks: dict[str, tuple[str, str, style.Look]] = {
         "formula": ("formula", "line", {"color": style.INK, "linewidth": 0.9}),
@@ -161,11 +160,8 @@ def _bank(inputs: ReportInputs) -> list[Block]:
     kernels = optional(inputs.psf, "kernels.npz") or {}
     blocks: list[Block] = []
     for source in sorted(set(bank["source"])):
-        caption = (
-            f"Blur kernels, {SOURCES.get(source, source)}. Each with its MTF beneath, horizontal (solid) and vertical "
-            "(dashed), at the paper's eight frequencies."
-        )
-        blocks.append(Figure(f"kernels_{source}", kernel_sheet(bank, kernels, source), caption, (BANK_STAGE,)))
+        drawing, origin = kernel_sheet(bank, kernels, source), SOURCES.get(source, source)
+        blocks.append(PAGE.figure("kernels", drawing, [BANK_STAGE], name=f"kernels_{source}", origin=origin))
     return blocks
 
 
@@ -179,22 +175,11 @@ def _star(inputs: ReportInputs) -> list[Block]:
     paper = published(inputs, "uncorrupted_mtf.csv")
     if paper is not None:
         paper = paper[(paper["dataset"] == "sim") & (paper["estimator"] == "ground_truth")]
-    caption = (
-        "Sharpness of Sim. A Siemens star rendered through the same rays as the frames, and its MTF: measured, by the "
-        "formula of sampling and lens, and as the paper states it for its own Sim."
-    )
     ours = sharp_mtf(inputs)
     theirs = {} if paper is None else dict(zip(paper["frequency"], paper["mtf"], strict=True))
-    columns = [
-        Column("frequency", "Frequency", "fraction of Nyquist", 2),
-        Column("ours", "Ours, measured", "", 3, "mtf"),
-        Column("paper", "Paper", "", 2, lambda row: theirs.get(row["frequency"])),
-    ]
-    notes = ["Ours is interpolated linearly at the paper's frequencies."]
-    sharpness = table(
-        "sim_sharpness", "MTF of uncorrupted Sim frames.", [] if ours is None else ours, columns, notes, STAR_STAGE
-    )
-    return [Figure("sim_star", star_figure(image, curves, paper), caption, (STAR_STAGE,)), sharpness]
+    cells = {"paper": lambda row: theirs.get(row["frequency"])}
+    sharpness = PAGE.table("sim_sharpness", [] if ours is None else ours, cells=cells)
+    return [PAGE.figure("sim_star", star_figure(image, curves, paper), [STAR_STAGE]), sharpness]
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:

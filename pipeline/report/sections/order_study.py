@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs, optional
+from pipeline.report.sections.control_tables import CONTROL
 from pipeline.report.spec import Block
-from pipeline.report.tables import Column, Row, Table, estimate, format_number, records, table
+from pipeline.report.tables import Row, Table, estimate, format_number, records
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 STAGE = "order_study"
 PAPER, DETECTOR = "paper", "detector"
 ENCODED, LINEAR = "encoded", "linear"
-ORDER_WORDS = {PAPER: "paper's order", DETECTOR: "detector's order"}
 MEASURES = {
     "amae_percent": estimate("amae_percent", "amae_low_percent", "amae_high_percent"),
     "ap_percent": estimate("ap_percent", "ap_low_percent", "ap_high_percent"),
@@ -37,28 +37,7 @@ def study_table(study: pd.DataFrame) -> Table:
         cells[f"present_{row['order']}"] = row["clipped_sigma_dn"]
         for name, cell in MEASURES.items():
             cells[f"{name}_{row['order']}"] = cell(row)
-    columns = [
-        Column("light", "Light"),
-        Column("motion_px", "Motion", "px", 0),
-        Column("target_sigma_dn", "Noise", "DN", 0),
-    ]
-    for order, word in ORDER_WORDS.items():
-        columns += [
-            Column(f"present_{order}", f"Present, {word}", "DN", 1),
-            Column(f"sigma_dn_{order}", f"Estimated, {word}", "DN", 1),
-            Column(f"amae_percent_{order}", f"AMAE, {word}", "%", 1),
-            Column(f"ap_percent_{order}", f"AP, {word}", "%", 1),
-        ]
-    notes = [
-        f"Photon noise and horizontal linear motion on {int(study['frames'].max())} frames of Sim, the same random "
-        "draws in every row. Paper's order: photon noise, then blur. Detector's order: blur, then photon noise, as in "
-        "a camera, where light that optics or motion have spread is still Poisson distributed at the pixel. Light: "
-        "grey levels as encoded (the paper's) or decoded to linear light, corrupted and encoded again. Present: after "
-        "clipping. Estimates are those of the condition monitor; AMAE is that of the system MTF (the sharp frame's "
-        "estimate times the kernel's MTF); intervals are bootstrap 95 % intervals over frames (AP: over scenes).",
-    ]
-    caption = "Order study: photon noise before or behind the blur, in encoded and in linear light."
-    return table("order_study", caption, rows.values(), columns, notes, STAGE)
+    return CONTROL.table("order_study", rows.values(), frames=int(study["frames"].max()))
 
 
 @dataclass(frozen=True)
@@ -160,22 +139,9 @@ def conclusion_table(study: Study) -> Table:
             for order, light in SETTINGS
         }
         rows.append({"claim": conclusion.claim, **cells, "survival": study.survival(conclusion)})
-    columns = [
-        Column("claim", "Conclusion of the paper", wide=True),
-        *(
-            Column(f"{order}_{light}", f"{ORDER_WORDS[order].capitalize()}, {light} light", wide=True)
-            for order, light in SETTINGS
-        ),
-        Column("survival", "Under the detector's order and in linear light"),
-    ]
     motion, sigma = (sorted(set(study.conditions[name])) for name in ("motion_px", "target_sigma_dn"))
-    notes = [
-        f"Noise left: present at {sigma[-1]:g} DN under {motion[-1]:g} px of motion against no motion; softened where "
-        f"less than {100 * KEPT_FRACTION:.0f} % are left. Effect of noise: {sigma[0]:g} to {sigma[-1]:g} DN, mean over "
-        f"all motion; of motion: {motion[0]:g} to {motion[-1]:g} px at {sigma[0]:g} DN. The change is given as its "
-        "paired bootstrap 95 % interval (AMAE over frames, AP over scenes); not decided: it includes 0.",
-    ]
-    return table("order_study_conclusions", "Order study: which conclusions survive.", rows, columns, notes, STAGE)
+    ends = {"shortest_px": motion[0], "longest_px": motion[-1], "least_dn": sigma[0], "most_dn": sigma[-1]}
+    return CONTROL.table("order_study_conclusions", rows, kept_percent=100 * KEPT_FRACTION, **ends)
 
 
 def finding(study: Study) -> str:
@@ -194,8 +160,8 @@ def finding(study: Study) -> str:
 
 def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     """Both tables and the sentence for the verdict; empty where the stage has not run."""
-    study = optional(None if inputs.control is None else inputs.control / STAGE, "study.parquet")
-    effects = optional(None if inputs.control is None else inputs.control / STAGE, "effects.parquet")
+    folder = inputs.of_control(STAGE)
+    study, effects = optional(folder, "study.parquet"), optional(folder, "effects.parquet")
     if study is None or effects is None:
         return [], []
     both = Study(study, effects)

@@ -3,39 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.report import real_noise_records, style
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import in_order, listing, word
 from pipeline.report.figures import add_legend
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
-from pipeline.report.real_noise_records import Recording, Sensor
-from pipeline.report.sections import real_noise_examples
-from pipeline.report.spec import Block, Figure, Run, Section
+from pipeline.report.real_noise_records import Examples, Recording, Sensor
+from pipeline.report.spec import Block, Run, Section
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Column, Table, estimate, ordered, table
-
-if TYPE_CHECKING:
-    pass
+from pipeline.report.tables import Row, Table, ordered, records
 
 STAGE = "real_noise@{name}"
 SENSOR = "flea3"
 """Name of the recording that has raw frames of a sensor instead of pairs of pictures."""
 
 TITLE = "Noise of real cameras"
-TEXT = (
-    "Photographs as cameras deliver them: demosaiced, denoised, sharpened and compressed, so that their noise is "
-    "correlated between pixels. The truth of a 128 px patch is the standard deviation of photograph minus mean of many "
-    "shots of the same scene; cleaned of what misregistration and drift of light leave in that difference. Raw frames "
-    "follow the photon transfer of their sensor. Where the stage has not run, the numbers are those recorded earlier "
-    "(reports/recorded), with the SHA-256 of every picture."
-)
+PAGE = Descriptions("real_noise")
 NAMES = {"cc": "CC", "polyu": "PolyU", "flea3": "Flea3 (raw)"}
 ORDER = ("adaptive", "correlated", "cellwise", "pca", "pca_stride_2", "bf", "wavelet")
 ESTIMATORS = {"adaptive": "Adaptive", "correlated": "Correlated", "pca_stride_2": "PCA, every 2nd pixel"}
+BEFORE, NOW = "cellwise", "adaptive"
+LABELS = {BEFORE: "white noise only", NOW: "default"}
 SHOWN = ("adaptive", "cellwise", "pca", "pca_stride_2", "bf")
 
 
@@ -95,36 +87,11 @@ def errors(parts: Sequence[Recording]) -> Table:
 
     rows = pd.concat([part.summary.assign(recording=part.name) for part in parts], ignore_index=True)
     rows = ordered(rows, recording=[part.name for part in parts], estimator=ORDER)
-    columns = [
-        Column("recording", "Recording", source=lambda row: recording_word(row["recording"])),
-        Column("estimator", "Estimator", source=lambda row: estimator_word(row["estimator"])),
-        Column("patches", "Patches"),
-        Column("true_mean_dn", "Noise, raw", "DN", 2),
-        Column("cleaned_mean_dn", "Noise, cleaned", "DN", 2),
-        Column("true_mae_dn", "Error, raw", "DN", 2, estimate("true_mae_dn", "true_mae_low_dn", "true_mae_high_dn")),
-        Column(
-            "cleaned_mae_dn", "Error, cleaned", "DN", 2,
-            estimate("cleaned_mae_dn", "cleaned_mae_low_dn", "cleaned_mae_high_dn"),
-        ),
-        Column("cleaned_bias_dn", "Bias, cleaned", "DN", 2),
-        _percent("true_coverage_fraction", "Interval holds raw"),
-        _percent("cleaned_coverage_fraction", "Interval holds cleaned"),
-        _percent("answered_fraction", "Answered"),
-        Column("mean_picture_sigma_dn", "Read from the mean", "DN", 2),
-        _percent("mean_picture_answered_fraction", "Means answered"),
-    ]  # fmt: skip
-    notes = [
-        "Mean absolute error over answered patches, in brackets its bootstrap 95 % interval over pictures. Read from "
-        "the mean: estimate on the mean of many shots, which has next to no noise. Intervals are nominally 95 %.",
-        "CC and PolyU pictures are development pictures: the constants of the adaptive estimator were chosen on them.",
-    ]
-    return table(
-        "real_noise_errors", "Noise of real cameras: estimates beside the measured truth.", rows, columns, notes
-    )
-
-
-def _percent(name: str, title: str) -> Column:
-    return Column(name, title, "%", 0, lambda row: 100 * row[name] if np.isfinite(row[name]) else None)
+    cells = {
+        "recording": lambda row: recording_word(row["recording"]),
+        "estimator": lambda row: estimator_word(row["estimator"]),
+    }
+    return PAGE.table("real_noise_errors", rows, cells=cells)
 
 
 @style.styled
@@ -163,22 +130,38 @@ def sensor_figure(made: Sensor) -> Drawing:
 
 def sensor_table(made: Sensor) -> Table:
     """Constants of a sensor by colour plane."""
-    rows = made.transfer.merge(made.dark, on="plane")
-    columns = [
-        Column("plane", "Colour plane"),
-        Column("gain_dn_per_e", "System gain", "DN/e", 4),
-        Column("gain_error", "± (standard error)", "DN/e", 4),
-        Column("dark_sigma_e", "Dark noise", "e", 1),
-        Column("saturation_e", "Saturation", "e", 0),
-        Column("snr_at_saturation", "SNR at saturation", "", 1),
-        Column("dark_current_e_per_s", "Dark current", "e/s", 3),
-        Column("zero_fraction", "Dark pixels at 0", "%", 1, lambda row: 100 * row["zero_fraction"]),
-    ]
-    notes = [
-        "After EMVA 1288, from pairs of exposures of one scene. Where nearly all dark pixels are 0 the black level "
-        "cuts the dark noise off: the dark current is that of hot pixels, a lower limit."
-    ]
-    return table("real_sensor_constants", "Sensor constants from raw frames.", rows, columns, notes, made.stage)
+    return PAGE.table("real_sensor_constants", made.transfer.merge(made.dark, on="plane"), stage=made.stage)
+
+
+def answer(row: Row) -> str:
+    """An estimate in words: the median with its interval, or the reason of the abstentions."""
+    patches, answered = int(row["patches"]), int(row["answered"])
+    reasons = f"; abstained: {row['reasons']}" if row["reasons"] else ""
+    if 2 * answered < patches:
+        return f"abstained in {patches - answered} of {patches} ({str(row['reasons']).split(':')[0]})"
+    estimate = f"{row['sigma_dn']:.2f} DN ({row['low_dn']:.2f} to {row['high_dn']:.2f})"
+    return f"{estimate}{reasons}"
+
+
+@style.styled
+def crops(made: Examples) -> Drawing:
+    """Crops side by side, with the noise present and both estimates below each.
+
+    Args:
+        made: the examples.
+    """
+    names = list(dict.fromkeys(made.table["example"]))
+    figure = style.new_figure(style.TWO_COLUMNS_IN, 3.05)
+    words = []
+    for axes, name, crop in zip(figure.subplots(1, len(names), squeeze=False)[0], names, made.crops, strict=True):
+        style.picture(axes, np.asarray(crop), interpolation="nearest")
+        axes.set_title(name, fontsize=6.5)
+        rows = {row["estimator"]: row for row in records(made.table[made.table["example"] == name])}
+        lines = [f"present: {rows[NOW]['true_sigma_dn']:.2f} DN"]
+        lines += [f"{LABELS[estimator]}: {answer(rows[estimator])}" for estimator in (BEFORE, NOW)]
+        axes.set_xlabel("\n".join(lines), fontsize=5.6, linespacing=1.5)
+        words.append(f"{name}: {'; '.join(lines)}")
+    return Drawing(figure, f"Crops of three pictures with their noise estimates. {'. '.join(words)}.", made.table)
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
@@ -189,45 +172,33 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     if not parts and made is None and not runs:
         return None
     examples = real_noise_records.examples(inputs)
-    blocks: list[Block] = [] if examples is None else [real_noise_examples.block(examples)]
+    blocks: list[Block] = []
+    if examples is not None:
+        blocks.append(PAGE.figure("real_noise_examples", crops(examples), source=examples.source))
     if parts:
         stages = tuple(part.stage for part in parts if part.stage)
         estimators = in_order(
             (name for part in parts for name in part.patches["estimator"].unique() if name in SHOWN), SHOWN
         )
-        caption = (
-            "Estimated over measured noise (cleaned) of single patches; points above the axis are drawn at its end. "
-            "Estimators of white noise read correlated noise low."
-        )
-        blocks += [Figure("real_noise", scatter(parts, estimators), caption, stages), errors(parts), _sources(parts)]
+        figure = PAGE.figure("real_noise", scatter(parts, estimators), stages)
+        blocks += [figure, errors(parts), _sources(parts)]
     if made is not None:
-        caption = "Photon transfer (variance over mean grey value) and dark current of a real sensor, by colour plane."
-        stages = (made.stage,) if made.stage else ()
-        blocks += [Figure("real_sensor", sensor_figure(made), caption, stages), sensor_table(made)]
-    return Section("real_noise", TITLE, (TEXT,), blocks, runs)
+        figure = PAGE.figure("real_sensor", sensor_figure(made), [made.stage] if made.stage else ())
+        blocks += [figure, sensor_table(made)]
+    return Section("real_noise", TITLE, (PAGE.text("introduction"),), blocks, runs)
 
 
 def _sources(parts: Sequence[Recording]) -> Table:
-    import pandas as pd
-
-    rows = pd.DataFrame(
-        [
-            {
-                "recording": recording_word(part.name),
-                "pictures": int(part.summary["pictures"].max()),
-                "measured": "by its stage" if part.stage else "recorded earlier",
-                "source": part.source,
-            }
-            for part in parts
-        ]
-    )
-    columns = [
-        Column("recording", "Recording"),
-        Column("pictures", "Pictures"),
-        Column("measured", "Measured"),
-        Column("source", "Source", wide=True),
+    rows = [
+        {
+            "recording": recording_word(part.name),
+            "pictures": int(part.summary["pictures"].max()),
+            "measured": "by its stage" if part.stage else "recorded earlier",
+            "source": part.source,
+        }
+        for part in parts
     ]
-    return table("real_noise_sources", "Noise of real cameras: pictures with their source.", rows, columns)
+    return PAGE.table("real_noise_sources", rows)
 
 
 def _run(inputs: ReportInputs, name: str, is_recorded: bool) -> Run:

@@ -12,12 +12,14 @@ from typing import Any
 import pandas as pd
 
 from pipeline.errors import InputError
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import ESTIMATORS, word
 from pipeline.report.inputs import ReportInputs, described, paper_table
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import STAGE_ABSENT, NotRun, Run, Section
-from pipeline.report.tables import Column, Table, ordered, records, table
+from pipeline.report.tables import Table, ordered, records
 
+PAGE = Descriptions("runtime")
 COMMAND = "python benchmarks/estimators.py"
 TITLE = "Run times"
 TASKS = {"blur": "Blur", "noise": "Noise"}
@@ -95,44 +97,28 @@ def _paper_ms(inputs: ReportInputs) -> dict[str, float]:
 def _table(content: Mapping[str, Any], inputs: ReportInputs) -> Table:
     paper = _paper_ms(inputs)
     times = ordered(patch_times(inputs), task=TASKS, estimator=ESTIMATORS)
-    columns = [
-        Column("task", "Of", source=lambda row: TASKS[row["task"]]),
-        Column(
-            "estimator", "Estimator",
-            source=lambda row: word(row["estimator"]) + (" (untrained)" if row["untrained"] else ""),
-        ),
-        Column("patch_px", "Patch", "px"),
-        Column("one_ms", "One patch", "ms"),
-        Column("batched_ms", "Batched, per patch", "ms"),
-        Column("paper_ms", "Paper, per patch", "ms", source=lambda row: paper.get(row["name"])),
-        Column(
-            "ratio", "Paper over ours",
-            source=lambda row: paper[row["name"]] / row["one_ms"] if row["name"] in paper else None,
-        ),
-        Column("processor_fps", "Frames a second, two free cores"),
-        Column("clock_fps", "The same on the clock"),
-        Column("asked_fps", "Required", source=lambda row: REQUIRED_FPS.get((row["task"], row["estimator"]))),
-    ]  # fmt: skip
-    machine, packages = content["machine"], content["machine"].get("packages", {})
+    cells = {
+        "task": lambda row: TASKS[row["task"]],
+        "estimator": lambda row: word(row["estimator"]) + (" (untrained)" if row["untrained"] else ""),
+        "paper_ms": lambda row: paper.get(row["name"]),
+        "ratio": lambda row: paper[row["name"]] / row["one_ms"] if row["name"] in paper else None,
+        "asked_fps": lambda row: REQUIRED_FPS.get((row["task"], row["estimator"])),
+    }
+    about, packages = content["machine"], content["machine"].get("packages", {})
     versions = ", ".join(f"{name} {version}" for name, version in sorted(packages.items()) if version)
+    machine = (
+        f"{about.get('processor')}, {about.get('cores')} cores, load {about.get('load')} at the end, Python "
+        f"{about.get('python')}, {versions}"
+    )
     width, height = content["frame_px"]
     notes = [
-        f"Measured on: {machine.get('processor')}, {machine.get('cores')} cores, load {machine.get('load')} at the "
-        f"end, Python {machine.get('python')}, {versions}. One thread a process; median processor times, which other "
-        "programs on the machine hardly affect.",
-        f"A frame is {width} x {height} px with its whole grid of patches, by two processes at a time. Free cores: two "
-        "over the processor time of a frame. On the clock: beside all other processes at the time.",
-        "PMP and GBB in fast mode with kernels of 31 px; exact: the paper's programs, kernels of 25 px.",
-        "The paper's times are of a Xeon W-2145 with a Quadro RTX 6000; a batch of its blur network is four patches.",
-    ]
-    notes += [
         f"Blur, noise and maps of a frame in one call ({name}): {entry['frame']['processor_fps']:g} frames a second on "
         f"two free cores, {entry['frame']['clock_fps']:g} on the clock."
         for name, entry in content["results"].get("joint", {}).items()
     ]
     if times["untrained"].any():
         notes.append("Untrained: with fresh weights, which take as long as trained ones.")
-    return table("runtime", "Run times of the estimators.", times, columns, notes)
+    return PAGE.table("runtime", times, cells=cells, notes=notes, machine=machine, width=width, height=height)
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
@@ -141,5 +127,5 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     run = Run(TITLE, "", content is not None, "" if content is not None else STAGE_ABSENT, COMMAND)
     if content is None:
         return Section("runtime", TITLE, (), [NotRun(TITLE, run.why, COMMAND)], [run])
-    text = f"Recorded by {COMMAND}, not by a stage, so that a report has the same bytes on any machine and day."
+    text = PAGE.text("introduction", command=COMMAND)
     return Section("runtime", TITLE, (text,), [_table(content, inputs)], [run])

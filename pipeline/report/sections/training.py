@@ -10,21 +10,19 @@ import numpy as np
 import pandas as pd
 
 from pipeline.report import style
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs, existing, optional
 from pipeline.report.learning_curves import HELD_OUT, LearningCurve, read
 from pipeline.report.ledger import LedgerRow
-from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, single
+from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, single
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Column, Estimate, Row, Table, table
+from pipeline.report.tables import Estimate, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-TEXT = (
-    "Networks are trained here from scratch, on procedural images: no photograph and no frame of any dataset "
-    "of this report is among them. Held-out samples share no picture, kernel or draw of noise with those trained on."
-)
+PAGE = Descriptions("training")
 STAGES = {"mtf": "train_mtf@{network}", "sigma": "train_sigma@{network}", "detector": "train_detector@{network}"}
 EXPECTED = ("mtf_spectral", "sigma_cellwise", "detector_compact")
 PAPER_PARAMETERS = {"mtf_cnn": 6_757_384, "sigma_cnn": 519_361}
@@ -120,24 +118,7 @@ def _networks(curves: Sequence[LearningCurve]) -> Table:
                 else Estimate(squared, reference=PAPER_SQUARED_ERROR.get(one.name)),
             }
         )  # fmt: skip
-    columns = [
-        Column("network", "Network"),
-        Column("parameters", "Parameters"),
-        Column("steps", "Steps"),
-        Column("samples", "Samples seen"),
-        Column("released", "Released step"),
-        Column("measure", "Validation measure"),
-        Column("held_out", "Held out"),
-        Column("training", "Training"),
-        Column("squared", "Held out, mean squared error"),
-    ]
-    notes = [
-        "Samples seen: a sample shown twice counts twice. Held out and training: at the released step; training is the "
-        "mean since the row before. The paper's blur network reached a mean squared error of 0.0083 on its own "
-        "held-out samples (photographs, without noise, on a GPU); ours are other pictures, so the two numbers are not "
-        "compared."
-    ]
-    return table("training", "Networks trained.", rows, columns, notes, "train_mtf, train_sigma, train_detector")
+    return PAGE.table("training", rows)
 
 
 def ablation(inputs: ReportInputs) -> Table | None:
@@ -153,22 +134,12 @@ def ablation(inputs: ReportInputs) -> Table | None:
     if not rows:
         return None
 
-    def variant(row: Row) -> str:
-        return VARIANTS.get(row["variant"], str(row["variant"]))
-
-    columns = [
-        Column("variant", "Training", source=variant),
-        Column("all", "MTF error [%]", source="mtf_error_percent"),
-        Column("clean", "without noise [%]", source="mtf_error_clean_percent"),
-        Column("noisy", "with noise [%]", source="mtf_error_noisy_percent"),
-        Column("sigma", "σ error [DN]", source="sigma_error_dn"),
-    ]
-    notes = ["All are evaluated on the same held-out samples, those of the released training."]
     seeds = [row["mtf_error_percent"] for row in rows if row["variant"] in SEEDS]
-    if len(seeds) > 1:
-        spread = max(seeds) - min(seeds)
-        notes.append(f"Seeds alone differ by {spread:.2f} % in the MTF error: smaller differences are not significant.")
-    return table("ablation", "Ablation of the training of the blur network.", rows, columns, notes, "ablation")
+    known = len(seeds) > 1
+    return PAGE.table(
+        "ablation", rows, cells={"variant": lambda row: VARIANTS.get(row["variant"], str(row["variant"]))},
+        also=["seeds"] if known else [], spread=max(seeds) - min(seeds) if known else 0.0,
+    )  # fmt: skip
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
@@ -178,12 +149,8 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     blocks: list[Block] = []
     runs = [single(f"Training, {one.title}", stage_of(one.name), True, inputs) for one in curves]
     if curves:
-        caption = (
-            "Learning curves. Coloured: on samples held out; grey: on those trained on, mean since the row before. The "
-            "point marks the weights released, which are those with the lowest error on held-out samples."
-        )
-        stages = tuple(stage_of(name) for name in names)
-        blocks += [Figure("learning_curves", curves_figure(curves), caption, stages), _networks(curves)]
+        stages = [stage_of(name) for name in names]
+        blocks += [PAGE.figure("learning_curves", curves_figure(curves), stages), _networks(curves)]
     compared = ablation(inputs)
     if compared is not None:
         blocks.append(compared)
@@ -193,4 +160,4 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
             title, line = f"Training of {name.replace('_', ' ')}", inputs.line(stage_of(name))
             blocks.append(NotRun(title, STAGE_ABSENT, line))
             runs.append(Run(title, "", False, STAGE_ABSENT, line))
-    return Section("training", "Training", (TEXT,), blocks, runs)
+    return Section("training", "Training", (PAGE.text("introduction"),), blocks, runs)
