@@ -1,17 +1,18 @@
 """The published tables and figures that the ledger follows, in the paper's order, and their merge with our results.
 
-An item is data: its kind of evidence, a file of published numbers, the columns that identify its rows, the columns of
-numbers with their units, the stage and the function that give ours, a tolerance, and the reason why some rows cannot
-be compared. A new experiment enters the ledger by one more `Item`; ours may also be a table with the same key and value
-columns, given as ``ReportInputs.results[item]``.
+An item is data (``ledger.yaml``): kind of evidence, a file of published numbers, the columns that identify its rows,
+the columns of numbers with their units, the stage and the function that give ours, a tolerance, and the reason why some
+rows cannot be compared. Ours may also be a table with the same key and value columns, given as
+``ReportInputs.results[item]``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
+from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,12 +24,9 @@ from pipeline.report.inputs import ReportInputs, existing, published_table
 from pipeline.report.ledger import (
     BETTER,
     CLOSE,
-    CONSISTENCY,
-    DEFINITION,
     DIFFERS,
     EXPERIMENT,
     NOT_RUN,
-    REFERENCE,
     LedgerRow,
     Tolerance,
     tolerance_of_both,
@@ -54,17 +52,33 @@ PICTURES_ONLY = (
 )
 
 
+Condition = Mapping[str, Any]
+"""Column of a row -> the value, or list of values, that it must have."""
+
+
+def _holds(condition: Condition, row: Row) -> bool:
+    return all(
+        row.get(column) in (values if isinstance(values, list) else [values]) for column, values in condition.items()
+    )
+
+
 @dataclass(frozen=True)
 class Barrier:
     """A reason why rows cannot be compared.
 
     Attributes:
         why: in words; ``{profile}`` is filled in.
-        applies: whether it holds for a published row; to all rows by default.
+        where: of the rows that it holds for; all by default.
+        rule: function of `pipeline.report.ledger_sources` of a row and the inputs that must agree, too.
     """
 
     why: str
-    applies: Callable[[Row, ReportInputs], bool] = lambda row, inputs: True
+    where: Condition = field(default_factory=dict)
+    rule: str = ""
+
+    def applies(self, row: Row, inputs: ReportInputs) -> bool:
+        """Whether it holds for a published row."""
+        return _holds(self.where, row) and (not self.rule or getattr(ledger_sources, self.rule)(row, inputs))
 
 
 @dataclass(frozen=True)
@@ -74,165 +88,69 @@ class Item:
     Attributes:
         name: of the item, and of its entry in ``ReportInputs.results``.
         title: the paper's name of it.
-        file: in the folder of published numbers; empty where `published` makes them.
         keys: columns that identify rows, shown as the quantity.
         values: column of numbers -> unit.
-        stage: the stage that makes ours, or a function of the row; ``{dataset}`` and other keys are filled in.
-        tolerance: how far ours may lie from the published value where ours has no interval.
-        ours: makes ours from the inputs, beside ``ReportInputs.results[name]``.
-        published: makes the published side, where it is a rule rather than a file.
+        stage: the stage that makes ours; ``{dataset}`` and other keys are filled in.
+        file: in the folder of published numbers; empty where `published` makes them.
+        stages: another stage -> condition of the rows that it makes.
+        tolerance: how far ours may lie from the published value where ours has no interval (`Tolerance`).
+        ours: function of `pipeline.report.ledger_sources` that makes ours, beside ``ReportInputs.results[name]``.
+        published: function there that makes the published side, where it is a rule rather than a file.
         dataset: of all rows, where the file has no such column.
         better: ``"lower"`` or ``"higher"`` where one side is the better one; stated in the cause.
-        why: cause shown where ours differ, or a function of the inputs that gives a function of the row.
+        why: cause shown where ours differ.
+        causes: function of `pipeline.report.ledger_causes` that gives a function of the row, in place of `why`.
         barriers: which rows cannot be compared; the first that applies counts.
-        kind: of evidence, one of `pipeline.report.ledger.KINDS`, or a function of the row.
+        kind: of evidence, one of `pipeline.report.ledger.KINDS`.
+        kinds: another kind -> condition of its rows.
         intervals: column of a number -> columns of our 95 % interval of it.
-        printed: whether the paper prints the number of a row; all by default.
+        printed: whether the paper prints the numbers, or condition of the rows that it prints.
     """
 
     name: str
     title: str
-    file: str
-    keys: tuple[str, ...]
+    keys: Sequence[str]
     values: Mapping[str, str]
-    stage: str | Callable[[Row], str]
+    stage: str
+    file: str = ""
+    stages: Mapping[str, Condition] = field(default_factory=dict)
     tolerance: Tolerance = field(default_factory=Tolerance)
-    ours: Callable[[ReportInputs], pd.DataFrame | None] | None = None
-    published: Callable[[ReportInputs], pd.DataFrame] | None = None
+    ours: str = ""
+    published: str = ""
     dataset: str = ""
     better: str = ""
-    why: str | Callable[[ReportInputs], Callable[[Row], str]] = ""
-    barriers: tuple[Barrier, ...] = ()
-    kind: str | Callable[[Row], str] = EXPERIMENT
-    intervals: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    printed: Callable[[Row], bool] = lambda row: True
+    why: str = ""
+    causes: str = ""
+    barriers: Sequence[Barrier] = ()
+    kind: str = EXPERIMENT
+    kinds: Mapping[str, Condition] = field(default_factory=dict)
+    intervals: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    printed: bool | Condition = True
+
+    def stage_of(self, row: Row) -> str:
+        """The stage that makes ours of a row."""
+        return next((stage for stage, where in self.stages.items() if _holds(where, row)), self.stage)
+
+    def kind_of(self, row: Row) -> str:
+        """Kind of evidence of a row."""
+        return next((kind for kind, where in self.kinds.items() if _holds(where, row)), self.kind)
+
+    def is_printed(self, row: Row) -> bool:
+        """Whether the paper prints the number of a row."""
+        return self.printed if isinstance(self.printed, bool) else _holds(self.printed, row)
 
 
-def _of_authors(row: Row, inputs: ReportInputs) -> bool:
-    return row["dataset"] == "sim" and not ledger_sources.is_of_authors("sim", row["estimator"], inputs)
+def _items() -> tuple[Item, ...]:
+    import yaml
+
+    entries = yaml.safe_load(resources.files("pipeline.report").joinpath("ledger.yaml").read_text(encoding="utf-8"))
+    for entry in entries:
+        entry["tolerance"] = Tolerance(**entry.get("tolerance", {}))
+        entry["barriers"] = [Barrier(**barrier) for barrier in entry.get("barriers", [])]
+    return tuple(Item(**entry) for entry in entries)
 
 
-def _rendered(row: Row, inputs: ReportInputs) -> bool:
-    return row["dataset"] == "sim" and row["measured_on"] not in ledger_sources.PAPER_NAMES
-
-
-RENDERED = "the reference was measured on the authors' Sim frames; ours are rendered here"
-AMAE_INTERVAL = {"amae_percent": ("low_percent", "high_percent")}
-ITEMS: tuple[Item, ...] = (
-    Item(
-        "image_formation", "Image formation: sensor constants and moments", "image_formation.csv", ("quantity",),
-        {"value": ""}, "sensor", Tolerance(relative=0.02), ledger_sources.formation, kind=DEFINITION,
-        printed=lambda row: row["source"] == "parameter table",
-    ),
-    Item(
-        "noise_levels", "Image formation: largest miss of a noise level", "", ("dataset", "noise_source"),
-        {"miss_percent": "%"}, "corrupt@{dataset}", Tolerance(absolute=2.0), ledger_sources.levels,
-        ledger_sources.expected_levels, kind=DEFINITION, printed=lambda row: False,
-    ),
-    Item(
-        "dataset_sizes", "Datasets: sizes", "dataset_sizes.csv", ("dataset", "quantity"), {"value": ""},
-        "index@{dataset}", Tolerance(), ledger_sources.sizes, why="another frame size is configured",
-        kind=DEFINITION,
-        barriers=(
-            Barrier(
-                "a size that profile '{profile}' chooses, not a result",
-                lambda row, inputs: str(row["quantity"]).startswith("frames_") and inputs.profile != "paper",
-            ),
-        ),
-    ),
-    Item(
-        "noise_reference", "Fig. noise estimation: PCA and B+F by the authors' code", "noise_reference.csv",
-        ("dataset", "noise_source", "target_sigma_dn", "estimator"), {"sigma_dn": "DN"}, "noise@{dataset}-{estimator}",
-        Tolerance(absolute=1.0), ledger_sources.noise_medians, why="other frames than the reference's",
-        barriers=(Barrier(RENDERED, _rendered),), kind=REFERENCE,
-        printed=lambda row: False,
-    ),
-    Item(
-        "uncorrupted_mtf", "Fig. uncorrupted datasets", "uncorrupted_mtf.csv",
-        ("dataset", "estimator", "statistic", "frequency"), {"mtf": ""},
-        lambda row: "star" if row["estimator"] == "ground_truth" else "blur@{dataset}-{estimator}",
-        Tolerance(absolute=0.05), ledger_sources.uncorrupted, ledger_sources.published_uncorrupted,
-        why=ledger_causes.uncorrupted, intervals={"mtf": ("low", "high")},
-        kind=lambda row: DEFINITION if row["estimator"] == "ground_truth" else EXPERIMENT,
-        barriers=(
-            Barrier(RENDERED, lambda row, inputs: row["estimator"] != "ground_truth" and _of_authors(row, inputs)),
-            Barrier(
-                "an extreme widens with the number of patches, which is not the paper's",
-                lambda row, inputs: row["statistic"] in ("min", "max"),
-            ),
-        ),
-    ),
-    Item(
-        "runtime", "Table: run times", "runtime.csv", ("estimator", "unit"), {"seconds": "s"}, "runtime",
-        Tolerance(), ledger_sources.run_times, better="lower",
-        barriers=(Barrier("the published run times are of other hardware (Xeon W-2145, Quadro RTX 6000)"),),
-    ),
-    Item(
-        "blur_amae", "Table I: AMAE of blur estimators", "blur_amae.csv", ("dataset", "estimator", "blur_kind",
-        "kernel_size_px"),
-        {"amae_percent": "%"}, "blur@{dataset}-{estimator}", Tolerance(absolute=2.0), ledger_sources.blur_amae,
-        better="lower", why=ledger_causes.blur_amae, barriers=(Barrier(RENDERED, _of_authors),),
-        intervals=AMAE_INTERVAL,
-    ),
-    Item(
-        "photon_defocus_amae", "Fig. defocus in presence of photon noise", "photon_defocus_amae.csv",
-        ("sigma_dn", "kernel_size_px"), {"amae_percent": "%"}, "combined@{dataset}", Tolerance(absolute=2.0),
-        ledger_sources.photon_defocus, dataset=ledger_sources.COMBINED_DATASET, better="lower",
-        why=ledger_causes.combined, intervals=AMAE_INTERVAL,
-    ),
-    Item(
-        "photon_linear_motion_mtf", "Fig. linear motion in presence of photon noise", "photon_linear_motion_mtf.csv",
-        ("series", "sigma_dn", "frequency"), {"mtf": ""}, "combined@{dataset}", Tolerance(absolute=0.05),
-        ledger_sources.photon_linear, dataset=ledger_sources.COMBINED_DATASET,
-        why=ledger_causes.combined,
-    ),
-    Item(
-        "improved_blur", "Supplement: improved blur estimation", "improved_blur.csv", ("d2_px", "d1_px", "sigma_dn"),
-        {"mae_h_percent": "%", "mae_v_percent": "%", "amae_percent": "%", "expected_amae_percent": "%"},
-        "denoised_blur@{dataset}", Tolerance(absolute=2.0), ledger_sources.improved,
-        dataset=ledger_sources.COMBINED_DATASET, better="lower", intervals=AMAE_INTERVAL,
-        why=ledger_causes.combined,
-    ),
-    Item(
-        "yolov7_direction_ap", "Supplement: AP by blur direction", "yolov7_direction_ap.csv",
-        ("sigma_dn", "angle_deg", "kernel_size_px"), {"ap_percent": "%"}, "direction", Tolerance(absolute=2.0),
-        ledger_sources.direction_ap, better="higher",
-        barriers=(Barrier("another detector on other frames than the paper's YOLOv7 on Udacity"),),
-        intervals={"ap_percent": ("low_percent", "high_percent")},
-    ),
-    Item(
-        "regression_coefficients", "Supplement: fit of AP over ISO and exposure", "regression_coefficients.csv",
-        ("detector", "object", "parameter"), {"value": "", "std_dev": ""}, "refit", Tolerance(relative=0.02),
-        published=ledger_sources.published_coefficients, kind=CONSISTENCY,
-        barriers=(
-            Barrier(
-                "ours is of the printed grid, which is the paper's fit itself; its data are not published",
-                lambda row, inputs: row["parameter"] in ("chi2", "r2"),
-            ),
-        ),
-    ),
-    Item(
-        "fitted_ap_grid", "Supplement: fitted AP over ISO and exposure", "fitted_ap_grid.csv",
-        ("detector", "object", "iso", "exposure_ms"), {"ap_percent": "%"}, "refit", Tolerance(absolute=0.1),
-        kind=CONSISTENCY,
-    ),
-    Item(
-        "worked_examples", "Examples 1 and 2: operating points", "worked_examples.csv", ("example", "step"),
-        {"exposure_ms": "ms", "iso": "", "sigma_dn": "DN", "mtf_at_0.1": "", "blur_px": "px", "detection_score": ""},
-        "worked_examples", Tolerance(relative=0.05), why=ledger_causes.worked_examples,
-        kind=lambda row: DEFINITION if row["column"] in ("exposure_ms", "iso", "blur_px") else EXPERIMENT,
-    ),
-    Item(
-        "controller_ap", "Fig. built-in control and framework: AP", "controller_ap.csv", ("controller",),
-        {"car_ap_percent": "%"}, "worked_examples", Tolerance(absolute=2.0), better="higher",
-        barriers=(Barrier("three drives of a robot, another detector; ours are the same rendered views each time"),),
-    ),
-    Item(
-        "controller_response", "Fig. built-in control and framework: response", "controller_response.csv",
-        ("controller", "quantity", "time_ms"), {"value": ""}, "worked_examples", Tolerance(relative=0.05),
-        kind=CONSISTENCY,
-    ),
-)  # fmt: skip
+ITEMS = _items()
 TITLES = {item.name: item.title for item in ITEMS}
 
 
@@ -260,7 +178,10 @@ def _ours(item: Item, inputs: ReportInputs) -> pd.DataFrame:
 
     columns = ["key", "column", "ours", "low", "high", "measured_on"]
     path = existing(inputs.results.get(item.name))
-    tables = [item.ours(inputs) if item.ours is not None else None, published_table(path) if path is not None else None]
+    tables = [
+        getattr(ledger_sources, item.ours)(inputs) if item.ours else None,
+        published_table(path) if path is not None else None,
+    ]
     parts = []
     for table in tables:
         absent = [name for name in item.keys if table is not None and name not in table.columns]
@@ -281,8 +202,9 @@ def _ours(item: Item, inputs: ReportInputs) -> pd.DataFrame:
 
 
 def _published(item: Item, inputs: ReportInputs) -> pd.DataFrame:
-    if item.published is not None:
-        return item.published(inputs)
+    if item.published:
+        made: pd.DataFrame = getattr(ledger_sources, item.published)(inputs)
+        return made
     path = inputs.paper / item.file
     if not path.exists():
         raise InputError(f"{path}: no such file of published numbers; restore data/paper from git")
@@ -302,7 +224,7 @@ def rows_of(item: Item, inputs: ReportInputs) -> list[LedgerRow]:
     ours = _ours(item, inputs)
     merged = paper.merge(ours, how="left", on=["key", "column"], suffixes=("_of_paper", ""))
     merged["decimals"] = merged.groupby("column")["paper"].transform(lambda column: max(map(_decimals, column)))
-    causes = item.why(inputs) if callable(item.why) and len(ours) else None
+    causes = getattr(ledger_causes, item.causes)(inputs) if item.causes and len(ours) else None
     return [_row(item, row, len(ours) > 0, causes, inputs) for row in records(merged)]
 
 
@@ -314,7 +236,6 @@ def _decimals(value: float) -> int:
 
 def _row(item: Item, row: Row, has_run: bool, causes: Callable[[Row], str] | None, inputs: ReportInputs) -> LedgerRow:
     paper, dataset = float(row["paper"]), str(row.get("dataset", "sim"))
-    stage = item.stage(row) if callable(item.stage) else item.stage
     unit = item.values[row["column"]]
     if not unit and isinstance(row.get("unit"), str) and "unit" not in item.keys:
         unit = row["unit"]
@@ -335,20 +256,22 @@ def _row(item: Item, row: Row, has_run: bool, causes: Callable[[Row], str] | Non
         tolerance=tolerance,
         why=barrier,
         comparable=not barrier,
-        line=inputs.line(stage.format_map({**{name: str(row[name]) for name in item.keys}, "dataset": dataset})),
-        kind=item.kind(row) if callable(item.kind) else item.kind,
+        line=inputs.line(
+            item.stage_of(row).format_map({**{name: str(row[name]) for name in item.keys}, "dataset": dataset})
+        ),
+        kind=item.kind_of(row),
         dataset=row["measured_on"] if isinstance(row["measured_on"], str) and math.isfinite(ours) else "",
         low=low,
         high=high,
         better=item.better if has_interval else "",
-        printed=item.printed(row),
+        printed=item.is_printed(row),
     )
     if result.verdict == NOT_RUN:
         if dataset in inputs.absent and "dataset" in row:
             return replace(result, why="data absent", line=inputs.absent[dataset])
         return replace(result, why="not among our results" if has_run else "stage absent")
     if result.verdict in (BETTER, CLOSE, DIFFERS):
-        known = causes(row) if causes is not None else str(item.why)
+        known = causes(row) if causes is not None else item.why
         parts = [row["why"] if isinstance(row.get("why"), str) else known]
         if result.verdict != BETTER and item.better and (result.ours < paper) == (item.better == "lower"):
             parts.insert(0, f"ours is {item.better}, which is better")

@@ -28,7 +28,7 @@ from pipeline.report.inputs import (
     optional,
     published_table,
 )
-from pipeline.report.tables import records
+from pipeline.report.tables import Row, records
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -218,6 +218,25 @@ def is_of_authors(dataset: str, estimator: str, inputs: ReportInputs) -> bool:
     """Whether an estimator was recorded on the very frames that the paper calls by this name, ours being others."""
     recorded = blur_records.estimators(inputs)
     return any(estimator in recorded.get(own, ()) for own, name in PAPER_NAMES.items() if name == dataset)
+
+
+def is_of_other_frames(row: Row, inputs: ReportInputs) -> bool:
+    """Whether a row's number of blur was measured on the authors' Sim and ours was not."""
+    return (
+        row["dataset"] == "sim"
+        and row["estimator"] != "ground_truth"
+        and not is_of_authors("sim", row["estimator"], inputs)
+    )
+
+
+def is_rendered(row: Row, inputs: ReportInputs) -> bool:
+    """Whether a row's number of noise was measured on the authors' Sim and ours was not."""
+    return row["dataset"] == "sim" and row["measured_on"] not in PAPER_NAMES
+
+
+def is_chosen_by_profile(row: Row, inputs: ReportInputs) -> bool:
+    """Whether a row is a number of frames, which is the paper's in the paper's profile only."""
+    return str(row["quantity"]).startswith("frames_") and inputs.profile != "paper"
 
 
 def _with_records(own: pd.DataFrame | None, recorded: list[pd.DataFrame]) -> pd.DataFrame | None:
