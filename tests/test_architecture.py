@@ -24,7 +24,7 @@ FLOORS = {
     "curves": 7,
     "control": 8,
     "report": 9,
-    "config": 10,
+    "config": 10, "recording": 10,
     "stages": 11, "cli": 11,
 }  # fmt: skip
 

@@ -12,10 +12,10 @@ import pytest
 from pipeline.config.compose import compose, parse
 from pipeline.executor import run_map
 from pipeline.experiments.condition import SHARP
+from pipeline.recording.blur import record
 from pipeline.report import blur_records
 from pipeline.report.blur_records import BlurRecord
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.recorded_blur import record
 
 ROOT = Path(__file__).resolve().parents[1]
 INPUTS = ReportInputs(paper=ROOT / "data/paper", recorded=ROOT / "reports/recorded")

@@ -15,7 +15,7 @@ from pipeline.config.compose import compose, parse
 from pipeline.curves import Surface
 from pipeline.errors import InputError
 from pipeline.executor import run_map
-from pipeline.report.recorded import record
+from pipeline.recording.detection import record
 
 ROOT = Path(__file__).resolve().parents[1]
 KITTI = ROOT / "reports/recorded/kitti-yolox"

@@ -12,10 +12,10 @@ import pytest
 from pipeline.config.compose import compose, parse
 from pipeline.errors import InputError
 from pipeline.executor import run_map
+from pipeline.recording.frames import Request, record_combined, record_denoised, record_noise
 from pipeline.report import frame_records
 from pipeline.report.frame_records import COMBINED_FILES, DENOISED_FILE, NOISE_FILE
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.recorded_frames import Request, record_combined, record_denoised, record_noise
 
 OVERRIDES = (
     "datasets.photos.limit=2",

@@ -66,7 +66,7 @@ def record_command(
     from pipeline.config.compose import compose, parse
     from pipeline.config.references import check_references
     from pipeline.errors import InputError, did_you_mean
-    from pipeline.report.recorded import record
+    from pipeline.recording.detection import record
 
     refuse_unwritable(out, "--to")
     config = parse(compose(overrides), "conf/")

@@ -41,7 +41,7 @@ def noise_command(
     from pipeline.errors import InputError, did_you_mean
     from pipeline.executor import run_map
     from pipeline.noise.real_noise import ESTIMATORS
-    from pipeline.report.recorded_noise import record
+    from pipeline.recording.real_noise import record
 
     refuse_unwritable(out, "--to")
     folders: dict[str, Path] = {}
@@ -93,7 +93,7 @@ def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: P
 
     from pipeline.executor import run_map
     from pipeline.noise.real_noise import ESTIMATORS
-    from pipeline.report.recorded_sensor import record
+    from pipeline.recording.sensor import record
 
     refuse_unwritable(out, "--to")
     rows = record(light, dark, white_dn, ESTIMATORS, out, source, partial(run_map, workers=workers))
@@ -121,7 +121,7 @@ def examples_command(real: Path, mean: Path, frames: tuple[Path, ...], source: s
     Prints, per picture and estimator, the median estimate with its interval in DN, the share of patches answered, the
     noise present, and why patches were abstained from.
     """
-    from pipeline.report.recorded_examples import record
+    from pipeline.recording.examples import record
 
     refuse_unwritable(out, "--to")
     for row in record(real, mean, frames, out, source).to_dict("records"):

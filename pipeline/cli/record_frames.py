@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from pipeline.report.recorded_frames import Request
+    from pipeline.recording.frames import Request
 
 OPTIONS = (
     click.argument("overrides", nargs=-1),
@@ -61,7 +61,7 @@ def request(
     from pipeline.config.compose import compose, parse
     from pipeline.config.references import check_references
     from pipeline.errors import InputError, did_you_mean
-    from pipeline.report.recorded_frames import Request
+    from pipeline.recording.frames import Request
 
     refuse_unwritable(out, "--to")
     config = parse(compose(overrides), "conf/")
@@ -99,7 +99,7 @@ def noise_levels_command(**given: Any) -> None:
     Every estimator of noise.estimators is measured. OVERRIDES are of conf/, as for ``dvc exp run -S``:
     +dataset@datasets.kitti=kitti datasets.kitti.root=/path noise.tiles_per_frame=6
     """
-    from pipeline.report.recorded_frames import record_noise
+    from pipeline.recording.frames import record_noise
 
     summary = record_noise(request(**given, used=_noise_estimators))
     means = summary.groupby("estimator", sort=False)[["median_dn", "patch_error_dn"]].mean()
@@ -114,7 +114,7 @@ def combined_command(**given: Any) -> None:
 
     OVERRIDES are of conf/: +dataset@datasets.udacity=udacity datasets.udacity.root=/path psf=paper psf.folder=/path
     """
-    from pipeline.report.recorded_frames import record_combined
+    from pipeline.recording.frames import record_combined
 
     _print_means(record_combined(request(**given, used=_combined_estimators)), given["out"])
 
@@ -125,7 +125,7 @@ def denoised_command(**given: Any) -> None:
 
     OVERRIDES are of conf/: 'denoised_blur.blur_estimators=[cnn,spectral]' and those of the dataset.
     """
-    from pipeline.report.recorded_frames import record_denoised
+    from pipeline.recording.frames import record_denoised
 
     cells = record_denoised(
         request(**given, used=lambda config: _blur_estimators(config, config.denoised_blur.blur_estimators))
@@ -147,7 +147,7 @@ def factors_command(frame_count: int, exact_sizes_px: tuple[float, ...], **given
     OVERRIDES are of conf/: those of the dataset, psf=paper psf.folder=/path blur.patches_per_frame=1
     """
     from pipeline.experiments.factors import ALL
-    from pipeline.report.recorded_frames import record_factors
+    from pipeline.recording.frames import record_factors
 
     made = request(**given, used=lambda config: _blur_estimators(config, ["cnn"]))
     effects = record_factors(made, frame_count, exact_sizes_px)

@@ -1,4 +1,4 @@
-"""Blur estimators measured earlier on recorded pictures: what `pipeline.report.recorded_blur` wrote, read again."""
+"""Blur estimators measured earlier on recorded pictures: what `pipeline.recording.blur` wrote, read again."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class BlurRecord:
 
     Attributes:
         dataset: its name.
-        said: its provenance (`pipeline.report.recorded_blur`).
+        said: its provenance (`pipeline.recording.blur`).
         summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
         sharp: `pipeline.experiments.sharp_curves.sharp_curves`.
         patches: how many each estimator was judged on.

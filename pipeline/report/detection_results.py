@@ -95,7 +95,7 @@ def _read_one(inputs: ReportInputs, dataset: str, detector: str) -> Results | No
 
 @dataclass(frozen=True)
 class Recorded:
-    """One sweep recorded on pictures that are not kept (`pipeline.report.recorded`).
+    """One sweep recorded on pictures that are not kept (`pipeline.recording.detection`).
 
     Attributes:
         name: of its folder, with underscores.

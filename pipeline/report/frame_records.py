@@ -1,4 +1,4 @@
-"""Experiments recorded earlier on frames that are not kept, as `pipeline.report.recorded_frames` wrote them."""
+"""Experiments recorded earlier on frames that are not kept, as `pipeline.recording.frames` wrote them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class FrameRecord:
 
     Attributes:
         folder: where it is.
-        provenance: `pipeline.report.record_provenance`.
+        provenance: `pipeline.recording.provenance`.
     """
 
     folder: Path

@@ -68,9 +68,9 @@ class ReportInputs:
             each scenario), see `pipeline.control.tables`.
         scenarios: those of this run, in order.
         decision_times: record of the time per decision (``benchmarks/results/control.json``).
-        recorded: folder whose sub-folders hold detection (`pipeline.report.recorded`), blur
-            (`pipeline.report.recorded_blur`), noise (`pipeline.report.recorded_noise`) and sensor constants
-            (`pipeline.report.recorded_sensor`) measured on pictures that are not kept.
+        recorded: folder whose sub-folders hold detection (`pipeline.recording.detection`), blur
+            (`pipeline.recording.blur`), noise (`pipeline.recording.real_noise`) and sensor constants
+            (`pipeline.recording.sensor`) measured on pictures that are not kept.
         results: ledger item -> table (CSV or Parquet) with the key and value columns of that item's published file.
         runtime: record of run times on declared hardware (``benchmarks/results/estimators.json``).
         unseen: record of blurs of other kinds than were trained on (``benchmarks/results/unseen_kernels.json``).

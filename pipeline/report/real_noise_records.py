@@ -163,7 +163,7 @@ def _csv(path: Path, schema: Schema) -> pd.DataFrame:
 
 
 def _table(path: Path) -> Any:
-    """A table as `pipeline.report.record_files` writes it: empty cells of text are "", those of numbers are NaN."""
+    """A table as `pipeline.recording.provenance` writes it: empty cells of text are "", those of numbers are NaN."""
     import pandas as pd
 
     text = {"plane": "string", "picture": "string", "reason": "string", "mean_picture_reason": "string"}

@@ -39,7 +39,7 @@ ESTIMATORS = ("spectral", "pmp")
 
 
 def write(folder: Path, made: ReportInputs, dataset: str) -> None:
-    """A record as `pipeline.report.recorded_blur` writes it, of made-up stage outputs."""
+    """A record as `pipeline.recording.blur` writes it, of made-up stage outputs."""
     own = blur_summary(made)
     estimates = blur_estimates(made)
     curves = sharp_curves(estimates[estimates["dataset"] == dataset])

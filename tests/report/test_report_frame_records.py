@@ -12,12 +12,12 @@ from report_makers import REPO, make_noise
 
 from pipeline import store
 from pipeline.experiments.factors import EFFECTS, FACTOR_CELLS, SETTINGS
+from pipeline.recording.provenance import write_csv
 from pipeline.report import ledger_causes, ledger_sources
 from pipeline.report.frame_records import COMBINED_FILES, DENOISED_FILE, FACTOR_FILES, NOISE_FILE
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import NOT_RUN
 from pipeline.report.ledger_items import ITEMS, rows_of
-from pipeline.report.record_files import write_csv
 from pipeline.report.sections import combined, combined_recorded, factors, noise, noise_recorded
 from pipeline.report.spec import Figure
 from pipeline.report.tables import Estimate, Table

@@ -1,6 +1,6 @@
 """Blur estimation on recorded pictures: the paper's own datasets with its own kernels, measured by hand.
 
-`camera-monitor blur record` measures and stores (`pipeline.report.recorded_blur`); the figures and tables are those of
+`camera-monitor blur record` measures and stores (`pipeline.recording.blur`); the figures and tables are those of
 the section of blur.
 """
 

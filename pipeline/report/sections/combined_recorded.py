@@ -1,6 +1,6 @@
 """Blur and noise at once on recorded frames: the paper's tables and curves, of its network and ours, measured by hand.
 
-`camera-monitor record combined` and `record denoised-blur` measure and store (`pipeline.report.recorded_frames`); the
+`camera-monitor record combined` and `record denoised-blur` measure and store (`pipeline.recording.frames`); the
 tables and most figures are those of the section of blur and noise.
 """
 

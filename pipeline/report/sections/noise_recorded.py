@@ -1,6 +1,6 @@
 """Noise estimation on recorded frames of the paper's datasets: the paper's figure on driving pictures.
 
-`camera-monitor record noise-levels` measures and stores (`pipeline.report.recorded_frames`); the figure and tables are
+`camera-monitor record noise-levels` measures and stores (`pipeline.recording.frames`); the figure and tables are
 those of the section of noise.
 """
 

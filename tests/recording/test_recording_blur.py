@@ -23,9 +23,9 @@ from pipeline.datasets.open import open_section
 from pipeline.errors import InputError
 from pipeline.executor import run_map
 from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY
+from pipeline.recording.blur import record
 from pipeline.report import blur_records
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.recorded_blur import record
 from pipeline.stages.blur import run as stage
 
 SMALL = [

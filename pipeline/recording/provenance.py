@@ -10,10 +10,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline import store
 from pipeline.camera.paper_kernels import PaperKernel
 from pipeline.detection.weights import file_sha256
+from pipeline.errors import InputError
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.config.schema import Config
     from pipeline.datasets.frame import Frame
@@ -25,7 +29,7 @@ def provenance(
     source: str,
     frames: Iterable[Frame],
     settings: Mapping[str, Any],
-    weights: Mapping[str, str],
+    weights: Mapping[str, Any],
     kernels: Sequence[Kernel] = (),
 ) -> dict[str, Any]:
     """What a record keeps beside its numbers.
@@ -36,7 +40,7 @@ def provenance(
         source: where pictures and kernels come from, their revision and licence, in words.
         frames: measured.
         settings: of the experiment and its estimators.
-        weights: file name -> SHA-256 of the weights used.
+        weights: file name -> SHA-256 of the weights used; of several estimators, by their names.
         kernels: behind which frames were measured.
     """
     listed = list(frames)
@@ -68,3 +72,25 @@ def without_folders(content: Any) -> Any:
     if isinstance(content, (list, tuple)):
         return [without_folders(value) for value in content]
     return Path(content).name if isinstance(content, (str, Path)) and Path(content).is_absolute() else content
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> None:
+    """A table as CSV with six digits: enough to compare, and the same on every machine but for rounding."""
+    store.write_text(path, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+
+
+def released_sha256(paths: Iterable[str | Path], of: str) -> dict[str, str]:
+    """File name -> SHA-256 of weights, by name.
+
+    Args:
+        paths: of the files.
+        of: estimator that uses them, for the message.
+
+    Raises:
+        InputError: a file is absent.
+    """
+    files = sorted({Path(path) for path in paths})
+    for path in files:
+        if not path.is_file():
+            raise InputError(f"weights of {of}: no file {path}; restore data/weights")
+    return {path.name: file_sha256(path) for path in files}

@@ -12,7 +12,7 @@ frame_records` reads them); no picture is kept.
     factor_cells.csv     `pipeline.experiments.factors.FACTOR_CELLS`
     factor_effects.csv   `pipeline.experiments.factors.EFFECTS`
     frames.csv           frame, width_px, height_px, blur_patches, noise_tiles: those measured
-    provenance.json      `pipeline.report.record_provenance`
+    provenance.json      `pipeline.recording.provenance`
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pipeline import noise as noise_estimators
 from pipeline import store
 from pipeline.camera import kernel_bank
 from pipeline.camera.psf import stored
-from pipeline.datasets.index import index
+from pipeline.datasets.index import Index, index
 from pipeline.datasets.open import open_section
 from pipeline.datasets.selection import evenly_spread
 from pipeline.experiments import combined, factors, noise
@@ -34,6 +34,7 @@ from pipeline.experiments.combined_example import example_curves
 from pipeline.experiments.condition import Quantity
 from pipeline.experiments.frames import PURPOSES, TestFrame, with_patches
 from pipeline.experiments.run import Registered
+from pipeline.recording.provenance import provenance, write_csv
 from pipeline.report.frame_records import (
     COMBINED_FILES,
     DENOISED_FILE,
@@ -42,8 +43,6 @@ from pipeline.report.frame_records import (
     NOISE_FILE,
     PROVENANCE_FILE,
 )
-from pipeline.report.record_files import write_csv
-from pipeline.report.record_provenance import provenance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,6 +51,29 @@ if TYPE_CHECKING:
     from pipeline.config.schema import Config
 
 Map = Callable[..., list[Any]]
+
+
+def indexed(config: Config, dataset: str, run_map: Map, patches_from: str = "auto") -> Index:
+    """Usable frames of a dataset and where their patches lie, as the stages take them.
+
+    Args:
+        config: with the dataset in it.
+        dataset: its name there.
+        run_map: see `pipeline.executor.run_map`; changes no result.
+        patches_from: where patches for blur lie, see `pipeline.datasets.index.index`.
+
+    Raises:
+        InputError: the dataset is absent, or too many frames are bad.
+    """
+    section = config.datasets[dataset]
+    return index(
+        open_section(dataset, section),
+        tile_px=config.noise.tile_px,
+        patch_px=config.blur.patch_px,
+        max_rejected_fraction=section.max_rejected_fraction,
+        patches_from=patches_from,
+        run_map=run_map,
+    )
 
 
 @dataclass(frozen=True)
@@ -88,15 +110,7 @@ class Request:
         Raises:
             InputError: the dataset or its patches are absent, or too many frames are bad.
         """
-        section = self.config.datasets[self.dataset]
-        result = index(
-            open_section(self.dataset, section),
-            tile_px=self.config.noise.tile_px,
-            patch_px=self.config.blur.patch_px,
-            max_rejected_fraction=section.max_rejected_fraction,
-            patches_from=patches_from,
-            run_map=self.run_map,
-        )
+        result = indexed(self.config, self.dataset, self.run_map, patches_from)
         patches = {quantity: result.patches_for(PURPOSES[quantity], count) for quantity, count in per_frame.items()}
         return with_patches(result.usable, patches, f"dataset '{self.dataset}'")
 

@@ -1,7 +1,7 @@
 """Blur estimators measured on recorded pictures that the project may not keep: Table I and where it comes from.
 
-As `pipeline.report.recorded` for detection: measured by hand, with ``camera-monitor blur record``, and kept as small
-files from which the report draws. Pictures, kernels and weights are named by their SHA-256; no picture is kept.
+Measured by hand, with ``camera-monitor blur record``, and kept as small files from which the report draws. Pictures,
+kernels and weights are named by their SHA-256; no picture is kept.
 
     summary.csv      AMAE of every kind and size of blur, raw and calibrated (`BLUR_SUMMARY`)
     sharp.csv        what is read from sharp frames (`pipeline.experiments.sharp_curves.sharp_curves`)
@@ -12,7 +12,6 @@ files from which the report draws. Pictures, kernels and weights are named by th
 
 from __future__ import annotations
 
-import hashlib
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -23,20 +22,17 @@ from pipeline import blur, store
 from pipeline.blur.spectral import TYPICAL
 from pipeline.camera import kernel_bank
 from pipeline.camera.mtf import SYSTEM
-from pipeline.camera.paper_kernels import PaperKernel
 from pipeline.camera.psf import stored
-from pipeline.datasets.index import index
-from pipeline.datasets.open import open_section
 from pipeline.datasets.selection import evenly_spread
-from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError, did_you_mean
 from pipeline.experiments import table_one
 from pipeline.experiments.frames import TestFrame, with_patches
 from pipeline.experiments.metrics import table_one_metrics
 from pipeline.experiments.sharp_curves import sharp_curves
+from pipeline.recording.frames import indexed
+from pipeline.recording.provenance import provenance, released_sha256, write_csv
 from pipeline.report import blur_records
 from pipeline.report.blur_records import METRICS_FILE, PATCHES_FILE, PROVENANCE_FILE, SHARP_FILE, SUMMARY_FILE
-from pipeline.report.record_files import write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -148,37 +144,21 @@ def _provenance(
     bank: Sequence[Kernel],
     weights: Mapping[str, Mapping[str, str]],
 ) -> dict[str, Any]:
-    """Where numbers come from: every picture, kernel and weight file, and the settings; no place on this machine."""
+    """As `pipeline.recording.provenance.provenance`, with the settings of the blur and of its kernels."""
     section = config.blur
-    return {
-        "source": source,
-        "dataset": dataset,
-        "kind": config.datasets[dataset].kind,
-        "frames": {item.frame.name: file_sha256(item.frame.path) for item in frames},
-        # Earlier moments, at which an estimator from several frames looks.
-        "previous": {path.name: file_sha256(path) for item in frames for path in item.frame.previous},
-        "kernels": {kernel.name: _kernel_sha256(kernel) for kernel in bank},
-        "weights": {name: files for name, files in weights.items() if files},
-        "blur": {
-            **section.model_dump(exclude={"estimators"}),
-            "estimators": {name: _placeless(section.estimators[name].model_dump()) for name in weights},
-        },
+    estimators = {name: section.estimators[name].model_dump() for name in weights}
+    settings = {
+        "blur": {**section.model_dump(exclude={"estimators"}), "estimators": estimators},
         "psf": config.psf.model_dump(exclude={"folder"}),
-        "camera": config.camera.described(),
-        "seed": config.seed,
     }
+    known = {name: files for name, files in weights.items() if files}
+    said = provenance(config, dataset, source, (item.frame for item in frames), settings, known, bank)
+    return said | said.pop("settings")
 
 
 def _frames(config: Config, dataset: str, run_map: Map) -> tuple[list[TestFrame], list[TestFrame]]:
     """Usable frames with the patches to evaluate on, and with all of them, as the stages take them."""
-    section = config.datasets[dataset]
-    result = index(
-        open_section(dataset, section),
-        tile_px=config.noise.tile_px,
-        patch_px=config.blur.patch_px,
-        max_rejected_fraction=section.max_rejected_fraction,
-        run_map=run_map,
-    )
+    result = indexed(config, dataset, run_map)
     some, every = (result.patches_for("blur", count) for count in (config.blur.patches_per_frame, None))
     where = f"dataset '{dataset}'"
     return with_patches(result.usable, {"mtf": some}, where), with_patches(result.usable, {"mtf": every}, where)
@@ -195,13 +175,6 @@ def _patches(frames: Sequence[TestFrame]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _kernel_sha256(kernel: Kernel) -> str:
-    """Of the picture it was read from, or of its numbers as float32."""
-    if isinstance(kernel, PaperKernel):
-        return file_sha256(kernel.path)
-    return hashlib.sha256(kernel.psf.astype("<f4").tobytes()).hexdigest()
-
-
 def _weights(section: EstimatorSettings) -> dict[str, str]:
     """File name -> SHA-256 of what an estimator has learned: weights of its options or released, and what is beside."""
     made = blur.REGISTRY.get(section.kind)
@@ -212,16 +185,4 @@ def _weights(section: EstimatorSettings) -> dict[str, str]:
     paths = [path, path.with_name(path.stem + TYPICAL)] if section.options.get("output") == "relative" else [path]
     beside = getattr(sys.modules[made.__module__], "RELEASED_BESIDE", {})  # of an estimator that has further networks
     paths += [Path(section.options.get(option) or released) for option, released in beside.items()]
-    for one in paths:
-        if not one.is_file():
-            raise InputError(f"weights of blur estimator '{section.kind}': no file {one}; restore data/weights")
-    return {one.name: file_sha256(one) for one in paths}
-
-
-def _placeless(content: Any) -> Any:
-    """The same settings with places on this machine cut down to the names of files."""
-    if isinstance(content, Mapping):
-        return {name: _placeless(value) for name, value in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [_placeless(value) for value in content]
-    return Path(content).name if isinstance(content, str) and Path(content).is_absolute() else content
+    return released_sha256(paths, f"blur estimator '{section.kind}'")

@@ -1,6 +1,6 @@
 """Noise estimators measured on photographs of real cameras that the project may not keep.
 
-As `pipeline.report.recorded_blur` for blur: measured by hand, with ``camera-monitor record noise``. Pictures and
+As `pipeline.recording.blur` for blur: measured by hand, with ``camera-monitor record noise``. Pictures and
 weights are named by their SHA-256; no picture is kept.
 
     noise_patches.csv      dataset, then `pipeline.noise.real_noise.COLUMNS`
@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import store
 from pipeline.detection.weights import file_sha256
-from pipeline.errors import InputError
 from pipeline.experiments.real_noise import Kinds, measure_pairs
 from pipeline.noise import cellwise, correlated, real_noise
+from pipeline.recording.provenance import released_sha256, without_folders, write_csv
 from pipeline.report.real_noise_records import PATCHES_FILE, PROVENANCE_FILE, SUMMARY_FILE
-from pipeline.report.record_files import write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,8 +79,7 @@ def record(
         "datasets": files,
         "weights": weights,
         "estimators": {
-            name: {"kind": kind, "options": {key: _placeless(value) for key, value in options.items()}}
-            for name, (kind, options) in kinds.items()
+            name: {"kind": kind, "options": without_folders(options)} for name, (kind, options) in kinds.items()
         },
         "tile_px": real_noise.TILE_PX,
         "seed": seed,
@@ -101,12 +99,4 @@ def _weights(kinds: Kinds) -> dict[str, str]:
         for kind, options in kinds.values()
         for option, released in _WEIGHTS.get(kind, {}).items()
     }
-    for path in files:
-        if not path.is_file():
-            raise InputError(f"weights of a noise estimator: no file {path}; restore data/weights")
-    return {path.name: file_sha256(path) for path in sorted(files)}
-
-
-def _placeless(value: Any) -> Any:
-    """An option; of a file, its name."""
-    return Path(value).name if isinstance(value, (str, Path)) and Path(value).is_absolute() else value
+    return released_sha256(files, "a noise estimator")

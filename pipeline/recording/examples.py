@@ -21,8 +21,9 @@ from pipeline.detection.weights import file_sha256
 from pipeline.experiments import noise_examples
 from pipeline.experiments.noise_examples import Example
 from pipeline.noise import cellwise, correlated, real_noise
+from pipeline.recording.provenance import released_sha256, write_csv
+from pipeline.report import style
 from pipeline.report.real_noise_records import EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE, example_crop
-from pipeline.report.record_files import write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,7 +65,7 @@ def record(real: Path, mean: Path, frames: Sequence[Path], out: Path, source: st
     provenance = {
         "source": source,
         "files": {path.name: file_sha256(path) for path in (real, mean, *frames)},
-        "weights": {path.name: file_sha256(path) for path in weights},
+        "weights": released_sha256(weights, "a noise estimator"),
         "jpeg": {"sigma_dn": JPEG_SIGMA_DN, "quality": JPEG_QUALITY},
         "video": {"sigma_dn": VIDEO_SIGMA_DN, "codec": "h264", "constant_rate_factor": VIDEO_FACTOR},
         "seed": seed,
@@ -81,7 +82,6 @@ def _write_crop(path: Path, example: Example) -> None:
     """The middle of a picture, pixel for pixel."""
     import cv2
 
-    top, left = ((side - CROP_PX) // 2 for side in example.picture.shape)
-    crop = np.ascontiguousarray(example.picture[top : top + CROP_PX, left : left + CROP_PX])
+    crop = np.ascontiguousarray(style.middle(example.picture, CROP_PX, CROP_PX))
     with store.replacing(path) as temporary:
         cv2.imwrite(str(temporary), crop)

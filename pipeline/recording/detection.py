@@ -20,9 +20,9 @@ from pipeline.errors import InputError
 from pipeline.experiments import detect, iopc
 from pipeline.experiments.condition import sweep_kernels
 from pipeline.experiments.summarise import condition_medians
+from pipeline.recording.provenance import write_csv
 from pipeline.report import style
 from pipeline.report.detection_results import DIRECTION, SPREAD
-from pipeline.report.record_files import write_csv
 from pipeline.report.sections import detection_figures
 
 if TYPE_CHECKING:

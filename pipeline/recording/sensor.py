@@ -23,6 +23,7 @@ from pipeline.detection.weights import file_sha256
 from pipeline.experiments.real_noise import Kinds, measure_raw
 from pipeline.experiments.sensor_constants import sensor_constants
 from pipeline.noise.real_noise import summarise
+from pipeline.recording.provenance import write_csv
 from pipeline.report.real_noise_records import (
     DARK_FILE,
     DARK_MEANS_FILE,
@@ -32,7 +33,6 @@ from pipeline.report.real_noise_records import (
     RAW_SUMMARY_FILE,
     TRANSFER_FILE,
 )
-from pipeline.report.record_files import write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
