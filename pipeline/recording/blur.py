@@ -12,9 +12,10 @@ kernels and weights are named by their SHA-256; no picture is kept.
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,8 +32,16 @@ from pipeline.experiments.metrics import table_one_metrics
 from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.recording.frames import indexed
 from pipeline.recording.provenance import provenance, released_sha256, write_csv
-from pipeline.report import blur_records
-from pipeline.report.blur_records import METRICS_FILE, PATCHES_FILE, PROVENANCE_FILE, SHARP_FILE, SUMMARY_FILE
+from pipeline.report.blur_records import (
+    KEYS,
+    METRICS_FILE,
+    PATCHES_FILE,
+    SHARP_FILE,
+    SUBSETS,
+    SUMMARY_FILE,
+    read_folder,
+)
+from pipeline.report.frame_records import PROVENANCE_FILE, provenance_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,6 +49,9 @@ if TYPE_CHECKING:
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.config.schema import Config
     from pipeline.experiments.settings import EstimatorSettings
+
+SAME = ("dataset", "kind", "frames", "previous", "kernels", "psf", "camera", "seed")
+"""What must agree, beside how patches are taken, for two measurements to stand in one record."""
 
 Map = Callable[..., list[Any]]
 
@@ -91,11 +103,11 @@ def record(
         replace(item, patches={"mtf": evenly_spread(item.patches["mtf"], patches_per_frame)})
         for item in evenly_spread(frames, frame_count)
     ]
-    metadata[blur_records.SUBSETS] = {
+    metadata[SUBSETS] = {
         name: {"frames": len(chosen), "patches": sum(len(item.patches["mtf"]) for item in chosen)}
         for name in estimators
     }
-    earlier = blur_records.others(out, metadata) if join else None
+    earlier = others(out, metadata) if join else None
 
     def labelled(function: Callable[[Any], Any], items: Sequence[Any], label: str = "") -> list[Any]:
         return list(run_map(function, items, label=label))
@@ -124,9 +136,9 @@ def record(
         summary = pd.concat([earlier.summary, summary], ignore_index=True)
         sharp = pd.concat([earlier.sharp, sharp], ignore_index=True)
         kept = earlier.metrics
-        metadata["weights"] |= earlier.said["weights"]
-        metadata[blur_records.SUBSETS] |= earlier.said.get(blur_records.SUBSETS, {})
-        metadata["blur"]["estimators"] |= earlier.said["blur"]["estimators"]
+        metadata["weights"] |= earlier.metadata["weights"]
+        metadata[SUBSETS] |= earlier.metadata.get(SUBSETS, {})
+        metadata["blur"]["estimators"] |= earlier.metadata["blur"]["estimators"]
     with store.replacing_folder(out) as folder:
         write_csv(folder / SUMMARY_FILE, summary)
         write_csv(folder / SHARP_FILE, sharp)
@@ -134,6 +146,52 @@ def record(
         store.write_json(folder / METRICS_FILE, kept | metrics)
         store.write_json(folder / PROVENANCE_FILE, metadata)
     return metrics
+
+
+@dataclass(frozen=True)
+class Others:
+    """What a record holds of estimators that are not measured again.
+
+    Attributes:
+        metadata: its provenance, of those estimators.
+        summary, sharp: see `pipeline.report.blur_records.BlurRecord`.
+        metrics: estimator -> metrics.
+    """
+
+    metadata: dict[str, Any]
+    summary: pd.DataFrame
+    sharp: pd.DataFrame
+    metrics: dict[str, Any]
+
+
+def others(folder: Path, metadata: Mapping[str, Any]) -> Others | None:
+    """What a folder holds of estimators other than those of a new measurement; None where there is no such folder.
+
+    Args:
+        folder: of a record.
+        metadata: provenance of the new measurement.
+
+    Raises:
+        InputError: the record is broken, or of other pictures, kernels or settings.
+    """
+    if not folder.is_dir():
+        return None
+    earlier, metadata = provenance_of(folder, KEYS), json.loads(json.dumps(metadata))  # lists for tuples, as in the file
+    new, old = ({name: one["blur"][name] for name in one["blur"] if name != "estimators"} for one in (metadata, earlier))
+    differing = [name for name in SAME if earlier.get(name) != metadata[name]] + ["blur"] * (new != old)
+    if differing:
+        raise InputError(
+            f"{folder}: measured with another {', '.join(differing)}, so nothing can join it; measure all estimators "
+            "anew into another folder"
+        )
+    names = [name for name in earlier["blur"]["estimators"] if name not in metadata["blur"]["estimators"]]
+    for part in (earlier["weights"], earlier["blur"]["estimators"], earlier.get(SUBSETS, {})):
+        for name in set(part) - set(names):
+            del part[name]
+    known = read_folder(folder)
+    summary, sharp = (table[table["estimator"].isin(names)] for table in (known.summary, known.sharp))
+    metrics = {name: found for name, found in store.read_json(folder / METRICS_FILE).items() if name in names}
+    return Others(earlier, summary, sharp, metrics)
 
 
 def _provenance(
@@ -152,8 +210,8 @@ def _provenance(
         "psf": config.psf.model_dump(exclude={"folder"}),
     }
     known = {name: files for name, files in weights.items() if files}
-    said = provenance(config, dataset, source, (item.frame for item in frames), settings, known, bank)
-    return said | said.pop("settings")
+    metadata = provenance(config, dataset, source, (item.frame for item in frames), settings, known, bank)
+    return metadata | metadata.pop("settings")
 
 
 def _frames(config: Config, dataset: str, run_map: Map) -> tuple[list[TestFrame], list[TestFrame]]:

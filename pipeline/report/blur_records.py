@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import InputError
 from pipeline.experiments.tables import BLUR_SUMMARY
-from pipeline.report.display_names import DATASETS, in_order
-from pipeline.report.inputs import EXACT, ReportInputs, any_table, existing
-from pipeline.store import read_json
+from pipeline.report.frame_records import folders_with, provenance_of
+from pipeline.report.inputs import EXACT, ReportInputs, any_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-SUMMARY_FILE, SHARP_FILE, PATCHES_FILE, PROVENANCE_FILE = "summary.csv", "sharp.csv", "patches.csv", "provenance.json"
+SUMMARY_FILE, SHARP_FILE, PATCHES_FILE = "summary.csv", "sharp.csv", "patches.csv"
 """By the first of these a record of blur is known among others."""
 
 METRICS_FILE = "metrics.json"
 SUBSETS = "subsets"
 """Key of the provenance: estimator -> frames and patches that it was run on, where these are fewer than all."""
 
-SAID = {"source", "dataset", "frames", "kernels", "blur"}
-SAME = ("dataset", "kind", "frames", "previous", "kernels", "psf", "camera", "seed")
-"""What must agree, beside how patches are taken, for two measurements to stand in one record."""
+KEYS = {"source", "dataset", "frames", "kernels", "blur"}
+"""Of the provenance of a record."""
 
 
 @dataclass(frozen=True)
@@ -79,95 +75,30 @@ class BlurRecord:
         return (subset["frames"], subset["patches"]) if subset else (len(self.said["frames"]), self.patches)
 
 
-@dataclass(frozen=True)
-class Others:
-    """What a record holds of estimators that are not measured again.
-
-    Attributes:
-        said: its provenance, of those estimators.
-        summary, sharp: see `BlurRecord`.
-        metrics: estimator -> metrics.
-    """
-
-    said: dict[str, Any]
-    summary: pd.DataFrame
-    sharp: pd.DataFrame
-    metrics: dict[str, Any]
-
-
-def others(folder: Path, said: Mapping[str, Any]) -> Others | None:
-    """What a folder holds of estimators other than those of a new measurement; None where there is no such folder.
-
-    Args:
-        folder: of a record.
-        said: provenance of the new measurement.
-
-    Raises:
-        InputError: the record is broken, or of other pictures, kernels or settings.
-    """
-    if not folder.is_dir():
-        return None
-    earlier, said = _said(folder), json.loads(json.dumps(said))  # lists for tuples, as in the file
-    new, old = ({name: one["blur"][name] for name in one["blur"] if name != "estimators"} for one in (said, earlier))
-    differing = [name for name in SAME if earlier.get(name) != said[name]] + ["blur"] * (new != old)
-    if differing:
-        raise InputError(
-            f"{folder}: measured with another {', '.join(differing)}, so nothing can join it; measure all estimators "
-            "anew into another folder"
-        )
-    names = [name for name in earlier["blur"]["estimators"] if name not in said["blur"]["estimators"]]
-    for part in (earlier["weights"], earlier["blur"]["estimators"], earlier.get(SUBSETS, {})):
-        for name in set(part) - set(names):
-            del part[name]
-    known = _read(str(earlier["dataset"]), folder)
-    summary, sharp = (table[table["estimator"].isin(names)] for table in (known.summary, known.sharp))
-    metrics = {name: found for name, found in read_json(folder / METRICS_FILE).items() if name in names}
-    return Others(earlier, summary, sharp, metrics)
-
-
-def folders(inputs: ReportInputs) -> dict[str, Path]:
-    """Dataset -> folder of its record, in the report's order.
-
-    Raises:
-        InputError: a provenance is missing or broken, or two records are of one dataset.
-    """
-    place = existing(inputs.recorded)
-    found: dict[str, Path] = {}
-    for path in sorted(place.glob(f"*/{SUMMARY_FILE}")) if place is not None else []:
-        dataset = str(_said(path.parent)["dataset"])
-        if dataset in found:
-            raise InputError(f"{found[dataset]} and {path.parent}: both record blur on '{dataset}'; keep one of them")
-        found[dataset] = path.parent
-    return {dataset: found[dataset] for dataset in in_order(found, DATASETS)}
-
-
 def estimators(inputs: ReportInputs) -> dict[str, set[str]]:
     """Dataset -> the estimators recorded on it."""
-    return {dataset: set(_said(folder)["blur"]["estimators"]) for dataset, folder in folders(inputs).items()}
+    folders = folders_with(inputs, SUMMARY_FILE, KEYS)
+    return {dataset: set(provenance_of(folder, KEYS)["blur"]["estimators"]) for dataset, folder in folders.items()}
 
 
 def read(inputs: ReportInputs) -> list[BlurRecord]:
     """Every record of blur among the recorded measurements.
 
     Raises:
-        InputError: a file of a record is missing or broken.
+        InputError: a file of a record is missing or broken, or two records are of one dataset.
     """
-    return [_read(dataset, folder) for dataset, folder in folders(inputs).items()]
+    return [read_folder(folder) for folder in folders_with(inputs, SUMMARY_FILE, KEYS).values()]
 
 
-def _said(folder: Path) -> dict[str, Any]:
-    said = read_json(folder / PROVENANCE_FILE)
-    if not isinstance(said, dict) or not set(said) >= SAID:
-        raise InputError(
-            f"{folder / PROVENANCE_FILE}: not the provenance of a record of blur; see reports/recorded/README.md"
-        )
-    return said
+def read_folder(folder: Path) -> BlurRecord:
+    """The record of a folder.
 
-
-def _read(dataset: str, folder: Path) -> BlurRecord:
-    table = any_table(folder / SUMMARY_FILE)
+    Raises:
+        InputError: a file is missing or broken.
+    """
+    table, said = any_table(folder / SUMMARY_FILE), provenance_of(folder, KEYS)
     if "noise_source" in table:  # empty cells, "" for no noise beside the blur, are read as no number
         table = table.assign(noise_source=table["noise_source"].astype("string").fillna(""))
     summary = BLUR_SUMMARY.conform(table, str(folder / SUMMARY_FILE))
     patches = len(any_table(folder / PATCHES_FILE))
-    return BlurRecord(dataset, _said(folder), summary, any_table(folder / SHARP_FILE), patches)
+    return BlurRecord(str(said["dataset"]), said, summary, any_table(folder / SHARP_FILE), patches)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -75,29 +75,46 @@ class FrameRecord:
         return schema.conform(filled, str(self.folder / name))
 
 
-def records_with(inputs: ReportInputs, file: str) -> list[FrameRecord]:
-    """Every record that holds a file, one for each dataset, in the report's order.
+def provenance_of(folder: Path, keys: Set[str]) -> dict[str, Any]:
+    """The provenance of a record.
+
+    Args:
+        folder: of the record.
+        keys: that it must have.
+
+    Raises:
+        InputError: it is missing, or of something else.
+    """
+    about = read_json(folder / PROVENANCE_FILE)
+    if not isinstance(about, dict) or not set(about) >= keys:
+        raise InputError(f"{folder / PROVENANCE_FILE}: expected the keys {sorted(keys)}; record it again")
+    return about
+
+
+def folders_with(inputs: ReportInputs, file: str, keys: Set[str] = KEYS) -> dict[str, Path]:
+    """Dataset -> folder of the record that holds a file, in the report's order.
 
     Args:
         inputs: of the report.
-        file: one of `SCHEMAS`.
+        file: of the record.
+        keys: of its provenance.
 
     Raises:
         InputError: a provenance is missing or of something else, or two records are of one dataset.
     """
     place = existing(inputs.recorded)
-    known: dict[str, FrameRecord] = {}
+    known: dict[str, Path] = {}
     for path in sorted(place.glob(f"*/{file}")) if place is not None else []:
-        about = read_json(path.parent / PROVENANCE_FILE)
-        if not isinstance(about, dict) or not set(about) >= KEYS:
-            raise InputError(f"{path.parent / PROVENANCE_FILE}: expected the keys {sorted(KEYS)}; record it again")
-        record = FrameRecord(path.parent, about)
-        if record.dataset in known:
-            raise InputError(
-                f"{known[record.dataset].folder} and {path.parent}: both hold {file} of '{record.dataset}'; keep one"
-            )
-        known[record.dataset] = record
-    return [known[dataset] for dataset in in_order(known, DATASETS)]
+        dataset = str(provenance_of(path.parent, keys)["dataset"])
+        if dataset in known:
+            raise InputError(f"{known[dataset]} and {path.parent}: both hold {file} of '{dataset}'; keep one")
+        known[dataset] = path.parent
+    return {dataset: known[dataset] for dataset in in_order(known, DATASETS)}
+
+
+def records_with(inputs: ReportInputs, file: str) -> list[FrameRecord]:
+    """Every record that holds one of the files of `SCHEMAS`, see `folders_with`."""
+    return [FrameRecord(folder, provenance_of(folder, KEYS)) for folder in folders_with(inputs, file).values()]
 
 
 def joined(inputs: ReportInputs, file: str) -> pd.DataFrame:

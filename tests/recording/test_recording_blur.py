@@ -158,10 +158,10 @@ def test_records_are_told_apart_by_what_they_hold(recorded: Path, tmp_path: Path
         (tmp_path / name).mkdir()
         for path in (recorded / "mine-blur").iterdir():
             (tmp_path / name / path.name).write_bytes(path.read_bytes())
-    with pytest.raises(InputError, match="both record blur on 'mine'"):
+    with pytest.raises(InputError, match="both hold summary.csv of 'mine'"):
         blur_records.read(inputs(tmp_path))
     store.write_json(tmp_path / "two/provenance.json", {"dataset": "mine"})
-    with pytest.raises(InputError, match="two/provenance.json: not the provenance of a record of blur"):
+    with pytest.raises(InputError, match=r"two/provenance.json: expected the keys \['blur', "):
         blur_records.read(inputs(tmp_path))
 
 
