@@ -1,23 +1,25 @@
 """How to describe a part of the report: a section is a list of figures, tables and notes on what did not run.
 
-To add a table, a figure and a section, write one module in `pipeline.report.sections` and name its function in
-`pipeline.report.build.SECTIONS`::
+To add a table, a figure and a section, describe their captions, columns and notes in a YAML file beside the section
+(`pipeline.report.descriptions`), write one module in `pipeline.report.sections` that makes their numbers, and name its
+function in `pipeline.report.build.SECTIONS`::
 
-    def section(inputs: ReportInputs, ledger: pd.DataFrame) -> Section:
+    PAGE = Descriptions("control")  # pipeline/report/sections/control.yaml
+
+    def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
         summary = optional(inputs.control, "summary.parquet", SUMMARY)  # None where the stage has not run
         runs = overview("Camera control", "closed_loop@{dataset}", [] if summary is None else ["sim"], inputs)
         blocks: list[Block] = []
         if summary is not None:
-            blocks.append(Figure("control_ap", figure(summary), "AP over time, by controller.", ("closed_loop@sim",)))
-            blocks.append(table("control_ap", "AP by controller.", summary, [
-                named("controller", "Controller"),
-                Column("ap", "AP", "%", 1, estimate("ap_percent", "low_percent", "high_percent", "frames")),
-            ], stage="closed_loop@sim"))
+            blocks.append(PAGE.figure("control_ap", figure(summary), ["closed_loop@sim"]))
+            blocks.append(PAGE.table("control_ap", summary))
         return Section("control", "Camera control", (), [*blocks, *missing("Camera control", runs)], runs)
 
-`pipeline.report.tables` describes tables (columns, intervals, the paper's values), `pipeline.report.figures` small
-multiples (`figure` above), `pipeline.report.ledger_items` published numbers. Files in ``tables/`` and ``figures/``, the
-page, alternative text, provenance and the overview of what ran follow from these descriptions.
+Without a YAML file, `Figure` and `pipeline.report.tables.table` take the same things as arguments.
+`pipeline.report.tables` defines cells (intervals, counts, the paper's values), `pipeline.report.figures` small
+multiples (``figure`` above), ``ledger.yaml`` the published numbers, ``claims/claims.yaml`` the paper's claims. Files in
+``tables/`` and ``figures/``, the page, alternative text, provenance and the overview of what ran follow from these
+descriptions.
 """
 
 from __future__ import annotations

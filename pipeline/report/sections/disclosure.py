@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.report import training_budget
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import counted
 from pipeline.report.inputs import ReportInputs, mode_note, optional
 from pipeline.report.learning_curves import read
@@ -13,14 +14,7 @@ from pipeline.report.spec import Section
 from pipeline.report.tables import format_number
 
 TITLE = "Disclosure"
-DISCS = (
-    "Discs of the paper's program are fixed arrays, one for each diameter: those that blur the evaluated patches also "
-    "occur among the kernels of training (some 8 % of them), on other pictures. This lowers the errors for defocus."
-)
-CALIBRATION = (
-    "Calibrated estimates need sharp frames of the same camera, which the paper's estimates do not need; the ledger "
-    "compares raw estimates only."
-)
+PAGE = Descriptions("disclosure")
 
 
 def _networks(inputs: ReportInputs) -> list[str]:
@@ -37,25 +31,16 @@ def _networks(inputs: ReportInputs) -> list[str]:
 def _upright(inputs: ReportInputs) -> list[str]:
     """The upright prior, and what leaving it out does."""
     base, isotropic = (optional(inputs.ablation, f"{name}.json") for name in ("base", "isotropic"))
-    sentence = (
-        "Training pictures have more horizontal and vertical edges than other ones (upright prior). This was chosen "
-        "after a look at pictures of the kind that is evaluated, streets and villages."
-    )
+    sentence = PAGE.text("upright")
     if base is None or isotropic is None:
         return [sentence]
     with_prior, without = (format_number(one["mtf_error_percent"], 2) for one in (base, isotropic))
-    return [
-        f"{sentence} Short trainings with and without it have an MTF error of {with_prior} and {without} % on the same "
-        "held-out samples, which have the prior (table of ablations)."
-    ]
+    return [f"{sentence} {PAGE.text('without_upright', with_prior=with_prior, without=without)}"]
 
 
 def _light(inputs: ReportInputs) -> str:
     """That image formation acts on encoded grey levels, and what linear light changes."""
-    sentence = (
-        "Image formation acts on encoded grey levels, as in the paper. In a camera blur and photon noise act on linear "
-        "light, before the tone curve, and photon noise arises behind the optics."
-    )
+    sentence = PAGE.text("encoded")
     study = optional(inputs.of_control("order_study"), "study.parquet")
     if study is None:
         return sentence
@@ -74,5 +59,6 @@ def _light(inputs: ReportInputs) -> str:
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Choices and shortcuts, with their size where it was measured."""
     fast = mode_note(inputs.modes, inputs.modes)
-    text = [*_networks(inputs), *([fast] if fast else []), *_upright(inputs), DISCS, _light(inputs), CALIBRATION]
+    text = [*_networks(inputs), *([fast] if fast else []), *_upright(inputs)]
+    text += [PAGE.text("discs"), _light(inputs), PAGE.text("calibration")]
     return Section("disclosure", TITLE, text)
