@@ -35,7 +35,8 @@ def _upright(inputs: ReportInputs) -> list[str]:
     if base is None or isotropic is None:
         return [sentence]
     with_prior, without = (format_number(one["mtf_error_percent"], 2) for one in (base, isotropic))
-    return [f"{sentence} {PAGE.text('without_upright', with_prior=with_prior, without=without)}"]
+    effect = PAGE.text("without_upright", with_prior=with_prior, without=without)
+    return [f"{sentence} {effect}"]
 
 
 def _light(inputs: ReportInputs) -> str:
