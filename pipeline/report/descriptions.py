@@ -41,6 +41,9 @@ from pipeline.report.tables import Cell, Column, Row, Table, estimate, named, ta
 if TYPE_CHECKING:
     import pandas as pd
 
+Cells = dict[str, Callable[[Row], Cell]]
+"""Column -> what makes its cells from a row."""
+
 FOLDER = "pipeline.report.sections"
 
 

@@ -262,7 +262,7 @@ def colour_bar(figure: Figure, mappable: Any, axes: Any, label: str, **where: An
     """A colour bar without a frame, beside ``axes``."""
     bar = figure.colorbar(mappable, ax=axes, **where)
     bar.set_label(label)
-    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.outline.set_visible(False)
 
 
 def shrunk(image: np.ndarray, side_px: int) -> tuple[np.ndarray, float]:

@@ -55,6 +55,9 @@ class Measurement:
     on: str = ""
 
 
+Measures = dict[str, Callable[..., Measurement | None]]
+"""Name in ``claims.yaml`` -> function of the evidence and options."""
+
 Measure = Callable[["Evidence"], Measurement | None]
 
 

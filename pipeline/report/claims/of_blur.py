@@ -12,6 +12,7 @@ from pipeline.report.claims.claim import (
     SUPPORTED,
     Evidence,
     Measurement,
+    Measures,
     names_of,
     of_cells,
     of_number,
@@ -134,7 +135,7 @@ def _published_times(evidence: Evidence) -> Measurement | None:
     return measured if held else of_number(times["bf"], times["bf"], times["bf"], paper["bf"], text, (), above=False)
 
 
-MEASURES = {
+MEASURES: Measures = {
     "network_is_best": _network_is_best,
     "amae_over_size": _amae_over_size,
     "defocus_is_easiest": _defocus_is_easiest,

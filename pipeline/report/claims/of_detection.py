@@ -12,6 +12,7 @@ from pipeline.report.claims.claim import (
     UNDECIDED,
     Evidence,
     Measurement,
+    Measures,
     of_cells,
     of_number,
 )
@@ -189,7 +190,7 @@ def order(evidence: Evidence, *, conclusion: Conclusion) -> Measurement | None:
     return Measurement(f"{text}.", verdicts[study.holds(conclusion, setting)], on=word("sim"))
 
 
-MEASURES = {
+MEASURES: Measures = {
     "falls": _falls,
     "both_cost_more": _both_cost_more,
     "not_monotonic": _not_monotonic,

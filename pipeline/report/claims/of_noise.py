@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pipeline.report.claims.claim import Evidence, Measurement, of_cells, of_number
+from pipeline.report.claims.claim import Evidence, Measurement, Measures, of_cells, of_number
 from pipeline.report.display_names import word
 from pipeline.report.inputs import any_table, existing, published_table
 from pipeline.report.ledger_sources import levels
@@ -131,7 +131,7 @@ def _levels(evidence: Evidence) -> Measurement | None:
     return of_number(worst, worst, worst, 2.0, text, misses["dataset"], above=False)
 
 
-MEASURES = {
+MEASURES: Measures = {
     "levels": _levels,
     "follows": _follows,
     "real_cameras": _real_cameras,

@@ -17,7 +17,7 @@ from pipeline.report.sections.order_study import CONCLUSIONS, STAGE
 from pipeline.report.spec import Section
 from pipeline.report.tables import Column, Estimate, Row, Table, table
 
-MEASURES = of_blur.MEASURES | of_noise.MEASURES | of_detection.MEASURES
+MEASURES = {**of_blur.MEASURES, **of_noise.MEASURES, **of_detection.MEASURES}
 ORDER_STUDY = "Verdict of the detector's order in linear light, which the paper does not have."
 TITLE = "Claims"
 TEXT = (

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 
 from pipeline.experiments.factors import ALL
-from pipeline.report.descriptions import Descriptions
+from pipeline.report.descriptions import Cells, Descriptions
 from pipeline.report.display_names import BLURS, ESTIMATORS, counted, word
 from pipeline.report.frame_records import FACTOR_FILES, FrameRecord, records_with
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Section
-from pipeline.report.tables import Cell, Row, Table, ordered
+from pipeline.report.tables import Table, ordered
 
 TITLE = "Factors behind Table I"
 PAGE = Descriptions("factors")
@@ -25,7 +25,7 @@ FACTORS = {
 }
 
 
-COLUMNS: Mapping[str, Callable[[Row], Cell]] = {
+COLUMNS: Cells = {
     "factor": lambda row: FACTORS[row["factor"]],
     "switch": lambda row: f"{row['first']}, {row['second']}",
 }
@@ -41,7 +41,7 @@ def effects(record: FrameRecord) -> Table:
     cells = cells[cells["kernel_size_px"] == 0]
     rows = ordered(cells, factor=FACTORS, estimator=ESTIMATORS, blur_kind=[ALL, *BLURS])
     frames, source = counted(int(cells["frames"].max()), "frame"), record.source.rstrip(".")
-    made = COLUMNS | {"blur": lambda row: "All" if row["blur_kind"] == ALL else word(row["blur_kind"])}
+    made: Cells = {**COLUMNS, "blur": lambda row: "All" if row["blur_kind"] == ALL else word(row["blur_kind"])}
     return PAGE.table("factors", rows, cells=made, dataset=record.dataset, frames=frames, source=source)
 
 
@@ -55,7 +55,7 @@ def by_kernel(record: FrameRecord) -> Table:
     rows = ordered(
         cells[cells["kernel_size_px"] > 0], factor=FACTORS, estimator=ESTIMATORS, blur_kind=BLURS, kernel_size_px=()
     )
-    made = COLUMNS | {"blur": lambda row: f"{word(row['blur_kind'])}, {row['kernel_size_px']:g} px"}
+    made: Cells = {**COLUMNS, "blur": lambda row: f"{word(row['blur_kind'])}, {row['kernel_size_px']:g} px"}
     return PAGE.table("factors_by_kernel", rows, cells=made, dataset=record.dataset)
 
 

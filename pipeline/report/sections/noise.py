@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.experiments.patch_errors import SATURATED, agreement, patch_errors, saturated_patches
 from pipeline.report import style
-from pipeline.report.descriptions import Descriptions
+from pipeline.report.descriptions import Cells, Descriptions
 from pipeline.report.display_names import DATASETS, EFFECTS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import Facet, abstentions, lines, small_multiples
 from pipeline.report.frame_records import NOISE_FILE, joined
@@ -282,7 +282,7 @@ def _abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
         return ", ".join(f"{reason}: {count:,}" for reason, count in counts.items())
 
     sums = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)[["count", "rejected", "abstained"]]
-    cells = {"asked": lambda row: int(row["count"] + row["abstained"]), "reasons": reasons}
+    cells: Cells = {"asked": lambda row: int(row["count"] + row["abstained"]), "reasons": reasons}
     return PAGE.table("noise_abstentions", sums.sum(), cells=cells)
 
 
