@@ -86,13 +86,13 @@ def test_sharp_curves_fall_and_those_of_the_renderer_least(records: dict[str, Bl
 
 @pytest.mark.parametrize("dataset", DATASETS)
 def test_sources_and_hashes_are_named_and_no_place(records: dict[str, BlurRecord], dataset: str) -> None:
-    said = records[dataset].said
-    assert LICENCES[dataset] in said["source"] and "MaikWischow" in said["source"]
-    assert len(said["kernels"]) == 45 and said["psf"]["source"] == "paper"
-    hashes = [*said["frames"].values(), *said["previous"].values(), *said["kernels"].values()]
-    hashes += [digest for files in said["weights"].values() for digest in files.values()]
+    provenance = records[dataset].provenance
+    assert LICENCES[dataset] in provenance["source"] and "MaikWischow" in provenance["source"]
+    assert len(provenance["kernels"]) == 45 and provenance["psf"]["source"] == "paper"
+    hashes = [*provenance["frames"].values(), *provenance["previous"].values(), *provenance["kernels"].values()]
+    hashes += [digest for files in provenance["weights"].values() for digest in files.values()]
     assert all(len(digest) == 64 and int(digest, 16) for digest in hashes)
-    assert set(said["weights"]) == {name for name in records[dataset].estimators if name not in ("pmp", "gbb")}
+    assert set(provenance["weights"]) == {name for name in records[dataset].estimators if name not in ("pmp", "gbb")}
     folder = INPUTS.recorded / f"{dataset}-blur"
     assert sorted(path.suffix for path in folder.iterdir()) == [".csv"] * 3 + [".json"] * 2
     for path in folder.iterdir():
@@ -104,7 +104,7 @@ def test_sources_and_hashes_are_named_and_no_place(records: dict[str, BlurRecord
 def test_weights_are_those_released(shared: Path, records: dict[str, BlurRecord]) -> None:
     """A record of other weights than are released says nothing of those: who has the pictures measures it again."""
     for one in records.values():
-        for files in one.said["weights"].values():
+        for files in one.provenance["weights"].values():
             for name, digest in files.items():
                 assert hashlib.sha256((ROOT / "data/weights" / name).read_bytes()).hexdigest() == digest, name
 
@@ -113,12 +113,12 @@ def test_weights_are_those_released(shared: Path, records: dict[str, BlurRecord]
 def test_they_are_of_the_pictures_and_kernels_they_name(shared: Path, records: dict[str, BlurRecord]) -> None:
     for dataset, one in records.items():
         found = {path.stem: path for path in (shared / "realdata" / dataset).rglob("*.[pjt][npi]*[gf]")}
-        for name, digest in one.said["frames"].items():
+        for name, digest in one.provenance["frames"].items():
             assert hashlib.sha256(found[name].read_bytes()).hexdigest() == digest
         pictures = {
             hashlib.sha256(path.read_bytes()).hexdigest() for path in (shared / "vectors/kernels").rglob("*.png")
         }
-        assert set(one.said["kernels"].values()) <= pictures
+        assert set(one.provenance["kernels"].values()) <= pictures
 
 
 @pytest.mark.shared

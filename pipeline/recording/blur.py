@@ -176,8 +176,13 @@ def others(folder: Path, metadata: Mapping[str, Any]) -> Others | None:
     """
     if not folder.is_dir():
         return None
-    earlier, metadata = provenance_of(folder, KEYS), json.loads(json.dumps(metadata))  # lists for tuples, as in the file
-    new, old = ({name: one["blur"][name] for name in one["blur"] if name != "estimators"} for one in (metadata, earlier))
+    earlier, metadata = (
+        provenance_of(folder, KEYS),
+        json.loads(json.dumps(metadata)),
+    )  # lists for tuples, as in the file
+    new, old = (
+        {name: one["blur"][name] for name in one["blur"] if name != "estimators"} for one in (metadata, earlier)
+    )
     differing = [name for name in SAME if earlier.get(name) != metadata[name]] + ["blur"] * (new != old)
     if differing:
         raise InputError(

@@ -31,14 +31,14 @@ class BlurRecord:
 
     Attributes:
         dataset: its name.
-        said: its provenance (`pipeline.recording.blur`).
+        provenance: where its numbers come from (`pipeline.recording.blur`).
         summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
         sharp: `pipeline.experiments.sharp_curves.sharp_curves`.
         patches: how many each estimator was judged on.
     """
 
     dataset: str
-    said: Mapping[str, Any]
+    provenance: Mapping[str, Any]
     summary: pd.DataFrame
     sharp: pd.DataFrame
     patches: int
@@ -46,12 +46,12 @@ class BlurRecord:
     @property
     def estimators(self) -> list[str]:
         """Names of those measured."""
-        return list(self.said["blur"]["estimators"])
+        return list(self.provenance["blur"]["estimators"])
 
     @property
     def exact(self) -> dict[str, str]:
         """Estimator of the paper -> name of the one measured that is its program in exact mode."""
-        settings = self.said["blur"]["estimators"]
+        settings = self.provenance["blur"]["estimators"]
         return {own["kind"]: name for name, own in settings.items() if own.get("options", {}).get("mode") == EXACT}
 
     def name_of(self, estimator: str) -> str:
@@ -71,8 +71,8 @@ class BlurRecord:
 
     def measured_on(self, estimator: str) -> tuple[int, int]:
         """Frames and patches that an estimator was run on."""
-        subset = self.said.get(SUBSETS, {}).get(estimator)
-        return (subset["frames"], subset["patches"]) if subset else (len(self.said["frames"]), self.patches)
+        subset = self.provenance.get(SUBSETS, {}).get(estimator)
+        return (subset["frames"], subset["patches"]) if subset else (len(self.provenance["frames"]), self.patches)
 
 
 def estimators(inputs: ReportInputs) -> dict[str, set[str]]:
@@ -96,9 +96,9 @@ def read_folder(folder: Path) -> BlurRecord:
     Raises:
         InputError: a file is missing or broken.
     """
-    table, said = any_table(folder / SUMMARY_FILE), provenance_of(folder, KEYS)
+    table, provenance = any_table(folder / SUMMARY_FILE), provenance_of(folder, KEYS)
     if "noise_source" in table:  # empty cells, "" for no noise beside the blur, are read as no number
         table = table.assign(noise_source=table["noise_source"].astype("string").fillna(""))
     summary = BLUR_SUMMARY.conform(table, str(folder / SUMMARY_FILE))
     patches = len(any_table(folder / PATCHES_FILE))
-    return BlurRecord(str(said["dataset"]), said, summary, any_table(folder / SHARP_FILE), patches)
+    return BlurRecord(str(provenance["dataset"]), provenance, summary, any_table(folder / SHARP_FILE), patches)

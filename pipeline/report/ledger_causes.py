@@ -136,7 +136,7 @@ def _record(row: Row, records: Sequence[BlurRecord]) -> BlurRecord | None:
 
 def _of_estimator(row: Row, record: BlurRecord | None, percent: float | None) -> list[str]:
     """How our estimator differs from the paper's of that name, which saw ``percent`` of the paper's samples."""
-    settings = {} if record is None else record.said["blur"]["estimators"][record.name_of(row["estimator"])]
+    settings = {} if record is None else record.provenance["blur"]["estimators"][record.name_of(row["estimator"])]
     options, causes = settings.get("options", {}), []
     if options.get("mode") not in (None, "exact"):
         causes.append(f"ours in {options['mode']} mode, the paper's program as published")
@@ -171,7 +171,7 @@ def _effects(inputs: ReportInputs) -> Callable[[Row, BlurRecord | None], str]:
     }
 
     def words(row: Row, record: BlurRecord | None) -> str:
-        settings = {} if record is None else record.said["blur"]["estimators"][record.name_of(row["estimator"])]
+        settings = {} if record is None else record.provenance["blur"]["estimators"][record.name_of(row["estimator"])]
         options = settings.get("options", {})
         applies = {
             "storage": row["dataset"] == JPEG_FRAMES,

@@ -84,14 +84,18 @@ def test_the_numbers_are_those_of_the_stages(root: Path, read: blur_records.Blur
 
 def test_everything_is_named_by_its_hash(root: Path, read: blur_records.BlurRecord) -> None:
     frames = {path.stem: hashlib.sha256(path.read_bytes()).hexdigest() for path in (root / "images").iterdir()}
-    assert read.said["frames"] == frames and read.said["previous"] == {}
-    assert set(read.said["kernels"]) == {"defocus_7", "linear_motion_7_0", "linear_motion_7_90"}
-    assert len(set(read.said["kernels"].values())) == 3
+    assert read.provenance["frames"] == frames and read.provenance["previous"] == {}
+    assert set(read.provenance["kernels"]) == {"defocus_7", "linear_motion_7_0", "linear_motion_7_90"}
+    assert len(set(read.provenance["kernels"].values())) == 3
     networks = ("mtf_spectral.safetensors", "mtf_spectral_processed.safetensors")
     named = {name: hashlib.sha256((REPO / "data/weights" / name).read_bytes()).hexdigest() for name in networks}
-    assert read.said["weights"] == {"spectral": named, "camera_calibrated": named}
-    assert (read.said["source"], read.said["kind"], read.said["seed"]) == ("made up (CC0)", "folder", 1)
-    assert read.said["blur"]["estimators"]["camera_calibrated"]["calibration_samples"] == 100
+    assert read.provenance["weights"] == {"spectral": named, "camera_calibrated": named}
+    assert (read.provenance["source"], read.provenance["kind"], read.provenance["seed"]) == (
+        "made up (CC0)",
+        "folder",
+        1,
+    )
+    assert read.provenance["blur"]["estimators"]["camera_calibrated"]["calibration_samples"] == 100
     assert set(read.estimators) == set(ESTIMATORS) and read.patches == 2
 
 

@@ -46,9 +46,9 @@ def write(folder: Path, made: ReportInputs, dataset: str) -> None:
     for name, table in (("summary", own[own["dataset"] == dataset]), ("sharp", curves)):
         store.write_text(folder / f"{name}.csv", table.to_csv(index=False))
     store.write_text(folder / "patches.csv", "frame,patch\n" + "a,0\n" * 8)
-    said = {"source": f"{dataset} by hand (CC0)", "dataset": dataset, "frames": {"a": "0", "b": "1"}}
-    said |= {"kernels": {"k": "2"}, "blur": {"estimators": {name: {} for name in ESTIMATORS}}}
-    store.write_json(folder / "provenance.json", said)
+    provenance = {"source": f"{dataset} by hand (CC0)", "dataset": dataset, "frames": {"a": "0", "b": "1"}}
+    provenance |= {"kernels": {"k": "2"}, "blur": {"estimators": {name: {} for name in ESTIMATORS}}}
+    store.write_json(folder / "provenance.json", provenance)
 
 
 @pytest.fixture(scope="module")

@@ -58,16 +58,16 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     if not recordings:
         return None
     datasets = [one.dataset for one in recordings]
-    settings = {name: own for one in recordings for name, own in one.said["blur"]["estimators"].items()}
+    settings = {name: own for one in recordings for name, own in one.provenance["blur"]["estimators"].items()}
     modes = {name: mode for name, own in settings.items() if (mode := mode_of(own))}
     sources = [
         {
             "dataset": one.dataset,
-            "frames": len(one.said["frames"]),
+            "frames": len(one.provenance["frames"]),
             "patches": one.patches,
-            "kernels": len(one.said["kernels"]),
+            "kernels": len(one.provenance["kernels"]),
             "estimators": "; ".join(map(word, in_order(one.estimators, ESTIMATORS))),
-            "source": one.said["source"],
+            "source": one.provenance["source"],
         }
         for one in recordings
     ]
