@@ -132,7 +132,7 @@ def test_factors_are_listed_whole_and_by_kernel(inputs: ReportInputs) -> None:
     assert list(blocks) == ["factors_kitti", "factors_by_kernel_kitti"]
     whole, each = blocks["factors_kitti"], blocks["factors_by_kernel_kitti"]
     assert isinstance(whole, Table) and isinstance(each, Table) and (len(whole.rows), len(each.rows)) == (2, 1)
-    assert whole.rows[0]["noise_source"] == Estimate(EFFECT, 15.0, 25.0, 5)
+    assert whole.rows[0]["effect"] == Estimate(EFFECT, 15.0, 25.0, 5)
 
 
 def test_nothing_recorded_is_no_section(tmp_path: Path) -> None:
