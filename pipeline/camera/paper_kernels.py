@@ -119,7 +119,10 @@ def read_psf(path: Path | str) -> np.ndarray:
         data = np.fromfile(path, np.uint8)
     except OSError as error:
         raise InputError(f"cannot read the kernel '{path}': {error.strerror}") from error
-    picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    try:
+        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    except cv2.error:  # a header that states an impossible size
+        picture = None
     if picture is None:
         raise InputError(f"'{path}' is not a picture that OpenCV can read; expected an 8-bit grey PNG of a kernel")
     grey = picture if picture.ndim == 2 else picture[:, :, 0]

@@ -271,6 +271,8 @@ def _read_deep(path: str | Path, data: bytes) -> np.ndarray:
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # it remarks on odd TIFF tags
     try:
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:  # a header that states an impossible size
+        decoded = None
     finally:
         cv2.utils.logging.setLogLevel(log_level)
     if decoded is None:
