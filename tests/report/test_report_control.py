@@ -92,7 +92,8 @@ def test_an_interval_that_includes_zero_does_not_count_as_better(tmp_path: Path)
     (row,) = [row for row in control_tables.pairs(results).rows if row["policy"] == "IOPC continuous"]
     assert row["better"] == "than Fixed and Shin 2019"
     assert "in 0 of 1 scenarios" in control_tables.findings(results)[0]
-    assert "Not in: dusk drive" in control_tables.findings(results)[0]
+    cause = "(not above Mean intensity and Shim, nor is the oracle above Mean intensity)"
+    assert f"Not in: dusk drive {cause}." in control_tables.findings(results)[0]
 
 
 def test_the_verdict_counts_scenarios_and_states_the_regret(section: Section) -> None:
