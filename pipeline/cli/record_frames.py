@@ -141,7 +141,8 @@ def denoised_command(**given: Any) -> None:
     "--exact-size", "exact_sizes_px", multiple=True, type=float, default=(3.0, 11.0), show_default=True,
     help="size of kernels on which the slow exact programs run too, px; may be repeated",
 )  # fmt: skip
-def factors_command(frame_count: int, exact_sizes_px: tuple[float, ...], **given: Any) -> None:
+@click.option("--grid/--no-grid", "with_grid", default=True, help="patches on a grid too, which doubles the time")
+def factors_command(frame_count: int, exact_sizes_px: tuple[float, ...], with_grid: bool, **given: Any) -> None:
     """Switch each choice behind Table I: kernel size, JPEG storage, boundary, patches, mode, discs.
 
     OVERRIDES are of conf/: those of the dataset, psf=paper psf.folder=/path blur.patches_per_frame=1
@@ -150,7 +151,7 @@ def factors_command(frame_count: int, exact_sizes_px: tuple[float, ...], **given
     from pipeline.recording.frames import record_factors
 
     made = request(**given, used=lambda config: _blur_estimators(config, ["cnn"]))
-    effects = record_factors(made, frame_count, exact_sizes_px)
+    effects = record_factors(made, frame_count, exact_sizes_px, with_grid=with_grid)
     for row in effects[effects["blur_kind"] == ALL].to_dict("records"):
         click.echo(
             f"{row['estimator']}, {row['factor']}, {row['second']} instead of {row['first']}:"

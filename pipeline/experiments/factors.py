@@ -209,7 +209,7 @@ def measure(
     """Every combination of factors, and the effect of each.
 
     Args:
-        frames: ``"objects"`` and ``"grid"`` -> the same frames with patches of that kind.
+        frames: ``"objects"``, and ``"grid"`` where patches are a factor -> the same frames with patches of that kind.
         kernels: blurs, discs of the authors' program among them.
         exact_sizes_px: sizes of the kernels that exact estimates are made of as well.
         camera: that forms images with reflected boundaries; the paper's if None.
@@ -224,12 +224,11 @@ def measure(
     Raises:
         InputError: the two kinds of patches are of different frames.
     """
-    names = [[item.frame.name for item in frames[kind]] for kind in SETTINGS["patches"]]
-    if names[0] != names[1]:
+    if len({tuple(item.frame.name for item in frames[kind]) for kind in frames}) > 1:
         raise InputError("factors: patches over objects and on a grid are of different frames; give the same frames")
     runs = [
         _combination(frames, kernels, patches, boundary, exact_sizes_px, camera, seed, executor, label)
-        for patches, boundary in product(SETTINGS["patches"], SETTINGS["boundary"])
+        for patches, boundary in product(frames, SETTINGS["boundary"])
     ]
     columns = _Columns([column for part in runs for column in part], draws, seed)
     return columns.cells(), columns.effects()

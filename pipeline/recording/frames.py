@@ -252,13 +252,16 @@ def record_denoised(request: Request) -> pd.DataFrame:
     return cells
 
 
-def record_factors(request: Request, frame_count: int, exact_sizes_px: Sequence[float]) -> pd.DataFrame:
+def record_factors(
+    request: Request, frame_count: int, exact_sizes_px: Sequence[float], *, with_grid: bool = True
+) -> pd.DataFrame:
     """Each choice behind Table I switched, all else equal (`pipeline.experiments.factors`).
 
     Args:
         request: what is to be recorded; ``blur.patches_per_frame`` patches of each frame.
         frame_count: frames, evenly spread over those with labelled objects.
         exact_sizes_px: kernels on which exact and fast programs are compared.
+        with_grid: whether patches over objects are compared with those of a grid.
 
     Returns:
         `pipeline.experiments.factors.EFFECTS`.
@@ -269,11 +272,13 @@ def record_factors(request: Request, frame_count: int, exact_sizes_px: Sequence[
     config = request.config
     count = config.blur.patches_per_frame
     on_objects = evenly_spread(request.frames({"mtf": count}, "objects"), frame_count)
-    names = {item.frame.name for item in on_objects}
-    on_grid = [item for item in request.frames({"mtf": count}, "frame") if item.frame.name in names]
+    frames = {"objects": on_objects}
+    if with_grid:
+        names = {item.frame.name for item in on_objects}
+        frames["grid"] = [item for item in request.frames({"mtf": count}, "frame") if item.frame.name in names]
     bank = request.kernels()
     cells, effects = factors.measure(
-        {"objects": on_objects, "grid": on_grid},
+        frames,
         stored.as_stored(bank),
         exact_sizes_px,
         camera=config.camera,
