@@ -31,6 +31,7 @@ COMMANDS = {
     "doctor": "State what is installed, which weights and data are there, what runs.",
     "init": "Make a small project with a dataset, estimator, detector and policy of one's own.",
     "report": "Compare the numbers of two reports.",
+    "export": "Export a released network to ONNX.",
     "weights": "List, download and verify published detector weights.",
 }
 
