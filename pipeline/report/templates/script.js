@@ -64,6 +64,14 @@
   window.addEventListener("hashchange", reveal);
   reveal();
 
+  function reach() {  // what can be scrolled is reached by the keyboard
+    document.querySelectorAll(".canvas").forEach(function (part) {
+      if (part.scrollWidth > part.clientWidth) part.tabIndex = 0; else part.removeAttribute("tabindex");
+    });
+  }
+  window.addEventListener("resize", reach);
+  reach();
+
   window.addEventListener("beforeprint", function () {
     document.querySelectorAll("details.alt").forEach(function (part) { part.open = true; });
   });
