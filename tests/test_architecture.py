@@ -66,14 +66,14 @@ def calls(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_modules_import_only_from_lower_floors(path):
-    own = folder(path)
-    if own == "__init__":
+    selected = folder(path)
+    if selected == "__init__":
         return
-    assert own in FLOORS, f"{own} has no floor; say where it belongs"
+    assert selected in FLOORS, f"{selected} has no floor; say where it belongs"
     for other, line in imports(path):
-        if other != own:
-            below = FLOORS[other] < FLOORS[own] or FLOORS[own] == FLOORS[other] == 0
-            assert below, f"{path.relative_to(ROOT)}:{line} reaches from floor {FLOORS[own]} to {other}"
+        if other != selected:
+            below = FLOORS[other] < FLOORS[selected] or FLOORS[selected] == FLOORS[other] == 0
+            assert below, f"{path.relative_to(ROOT)}:{line} reaches from floor {FLOORS[selected]} to {other}"
 
 
 def test_files_are_one_idea_long():
@@ -132,5 +132,5 @@ def test_light_commands_stay_light():
         "heavy = {'torch', 'kornia', 'matplotlib', 'cv2', 'skimage', 'scipy', 'embreex', 'onnxruntime', 'hydra'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
-    assert found.stdout.strip() == "[]"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert result.stdout.strip() == "[]"

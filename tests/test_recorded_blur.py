@@ -40,15 +40,15 @@ def test_every_estimator_has_every_cell_with_an_interval(records: dict[str, Blur
     assert {"spectral", "generic_lens", "camera_calibrated"} <= set(one.estimators)
     for name in one.estimators:
         for is_calibrated in (False, True):
-            own = one.summary[(one.summary["estimator"] == name) & (one.summary["calibrated"] == is_calibrated)]
+            selected = one.summary[(one.summary["estimator"] == name) & (one.summary["calibrated"] == is_calibrated)]
             if (name, is_calibrated) in (("camera_calibrated", False), ("fused", False), ("generic_lens", True)):
-                assert own.empty
+                assert selected.empty
                 continue
-            assert len(own) == 1 + 3 * 5 and not own.duplicated(["blur_kind", "kernel_size_px"]).any()
-            assert np.isfinite(own[["amae_percent", "low_percent", "high_percent"]].to_numpy()).all()
-            assert (own["low_percent"] <= own["high_percent"]).all()
-            asked, patches = own["count"] + own["abstained"], one.measured_on(name)[1]
-            assert (asked == patches * own["angles"]).all() and asked.sum() == patches * (1 + 45)
+            assert len(selected) == 1 + 3 * 5 and not selected.duplicated(["blur_kind", "kernel_size_px"]).any()
+            assert np.isfinite(selected[["amae_percent", "low_percent", "high_percent"]].to_numpy()).all()
+            assert (selected["low_percent"] <= selected["high_percent"]).all()
+            requested, patches = selected["count"] + selected["abstained"], one.measured_on(name)[1]
+            assert (requested == patches * selected["angles"]).all() and requested.sum() == patches * (1 + 45)
 
 
 @pytest.mark.parametrize("dataset", DATASETS)
@@ -75,12 +75,12 @@ def test_sharp_curves_fall_and_those_of_the_renderer_least(records: dict[str, Bl
     """A lens lets fine detail through less; the authors' Sim has none."""
     last = {}
     for dataset, one in records.items():
-        own = one.sharp[(one.sharp["estimator"] == "spectral") & (one.sharp["axis"] == "H")].sort_values(
+        selected = one.sharp[(one.sharp["estimator"] == "spectral") & (one.sharp["axis"] == "H")].sort_values(
             "frequency_index"
         )
-        assert len(own) == 8 and (np.diff(own["median"]) <= 0).all()
-        assert ((own["min"] <= own["median"]) & (own["median"] <= own["max"])).all()
-        last[dataset] = own["median"].iloc[-1]
+        assert len(selected) == 8 and (np.diff(selected["median"]) <= 0).all()
+        assert ((selected["min"] <= selected["median"]) & (selected["median"] <= selected["max"])).all()
+        last[dataset] = selected["median"].iloc[-1]
     assert last["sim_authors"] > 0.9 > last["kitti"] and last["sim_authors"] > last["udacity"]
 
 
@@ -97,7 +97,7 @@ def test_sources_and_hashes_are_named_and_no_place(records: dict[str, BlurRecord
     assert sorted(path.suffix for path in folder.iterdir()) == [".csv"] * 3 + [".json"] * 2
     for path in folder.iterdir():
         text = path.read_text(encoding="utf-8")
-        assert not [place for place in ("/work", "/home", "/root", "/tmp", "/data", "\\\\") if place in text], path
+        assert not [index for index in ("/work", "/home", "/root", "/tmp", "/data", "\\\\") if index in text], path
 
 
 @pytest.mark.shared
@@ -112,9 +112,9 @@ def test_weights_are_those_released(shared: Path, records: dict[str, BlurRecord]
 @pytest.mark.shared
 def test_they_are_of_the_pictures_and_kernels_they_name(shared: Path, records: dict[str, BlurRecord]) -> None:
     for dataset, one in records.items():
-        found = {path.stem: path for path in (shared / "realdata" / dataset).rglob("*.[pjt][npi]*[gf]")}
+        results = {path.stem: path for path in (shared / "realdata" / dataset).rglob("*.[pjt][npi]*[gf]")}
         for name, digest in one.provenance["frames"].items():
-            assert hashlib.sha256(found[name].read_bytes()).hexdigest() == digest
+            assert hashlib.sha256(results[name].read_bytes()).hexdigest() == digest
         pictures = {
             hashlib.sha256(path.read_bytes()).hexdigest() for path in (shared / "vectors/kernels").rglob("*.png")
         }

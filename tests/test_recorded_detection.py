@@ -48,8 +48,8 @@ def test_blur_and_noise_each_lower_the_average_precision(precision: pd.DataFrame
 def test_what_was_estimated_is_what_was_done(precision: pd.DataFrame) -> None:
     """The axes are estimates; they follow the noise and the blur put in."""
     assert np.abs(precision["sigma_dn"] - precision["target_sigma_dn"]).max() < 1.0
-    found = pd.read_csv(KITTI / "conditions.csv")
-    miss = np.abs(found["mtf"] - found["true_mtf"])
+    table = pd.read_csv(KITTI / "conditions.csv")
+    miss = np.abs(table["mtf"] - table["true_mtf"])
     assert miss.max() < 0.11 and miss.median() < 0.03  # at 7 px and noise the estimator reads a tenth too little
 
 

@@ -67,8 +67,8 @@ def test_noise_is_measured_as_the_stage_does(inputs: ReportInputs) -> None:
     clean, noisy = table[table["estimator"] == "pca"].sort_values("unclipped_median_dn").to_dict("records")
     assert clean["unclipped_median_dn"] == 0 and noisy["unclipped_median_dn"] == pytest.approx(10, abs=4)
     assert noisy["median_dn"] > clean["median_dn"]
-    asked = (table["count"] + table["abstained"]).groupby(table["estimator"]).unique()
-    assert asked["pca"].tolist() == [6] and asked["bf"].tolist() == [4]  # tiles of two frames
+    requested = (table["count"] + table["abstained"]).groupby(table["estimator"]).unique()
+    assert requested["pca"].tolist() == [6] and requested["bf"].tolist() == [4]  # tiles of two frames
 
 
 def test_blur_and_noise_and_their_curves(inputs: ReportInputs) -> None:

@@ -65,13 +65,13 @@ def record_command(
     config = parse(compose(overrides), "conf/")
     check_references(config)
     chosen = list(dict.fromkeys(estimators)) or list(config.blur.estimators)
-    for what, names, known in (
+    for item, names, known in (
         ("dataset", [dataset], list(config.datasets)),
         ("estimator", chosen, list(config.blur.estimators)),
     ):
         for name in names:
             if name not in known:
-                raise InputError(f"--{what} {name}: not in the configuration; {did_you_mean(name, known)}")
+                raise InputError(f"--{item} {name}: not in the configuration; {did_you_mean(name, known)}")
     metrics = record(
         config,
         dataset,

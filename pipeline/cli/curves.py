@@ -71,13 +71,13 @@ def record_command(
     refuse_unwritable(out, "--to")
     config = parse(compose(overrides), "conf/")
     check_references(config)
-    for what, name, known in (
+    for subject, name, known in (
         ("dataset", dataset, config.datasets),
         ("detector", detector, config.detection.detectors),
     ):
         if name not in known:
-            raise InputError(f"--{what} {name}: not in the configuration; {did_you_mean(name, known)}")
+            raise InputError(f"--{subject} {name}: not in the configuration; {did_you_mean(name, known)}")
     numbers = record(config, dataset, detector, out, source, keeping(keep, workers))
-    for label, found in numbers.items():
-        click.echo(f"{label}: {found['clean_ap_percent']:.1f} % sharp and without noise")
+    for label, item in numbers.items():
+        click.echo(f"{label}: {item['clean_ap_percent']:.1f} % sharp and without noise")
     click.echo(f"written to {out}")

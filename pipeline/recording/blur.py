@@ -195,7 +195,7 @@ def others(folder: Path, metadata: Mapping[str, Any]) -> Others | None:
             del part[name]
     known = read_folder(folder)
     summary, sharp = (table[table["estimator"].isin(names)] for table in (known.summary, known.sharp))
-    metrics = {name: found for name, found in store.read_json(folder / METRICS_FILE).items() if name in names}
+    metrics = {name: item for name, item in store.read_json(folder / METRICS_FILE).items() if name in names}
     return Others(earlier, summary, sharp, metrics)
 
 

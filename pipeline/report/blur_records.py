@@ -52,7 +52,9 @@ class BlurRecord:
     def exact(self) -> dict[str, str]:
         """Estimator of the paper -> name of the one measured that is its program in exact mode."""
         settings = self.provenance["blur"]["estimators"]
-        return {own["kind"]: name for name, own in settings.items() if own.get("options", {}).get("mode") == EXACT}
+        return {
+            group["kind"]: name for name, group in settings.items() if group.get("options", {}).get("mode") == EXACT
+        }
 
     def name_of(self, estimator: str) -> str:
         """The estimator measured that stands for one of the paper: its program in exact mode where that was run."""

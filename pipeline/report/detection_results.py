@@ -57,13 +57,13 @@ class Results:
 
 def read(inputs: ReportInputs) -> list[Results]:
     """Everything found, in the paper's order of datasets and ours of detectors."""
-    found = []
+    results = []
     for dataset in in_order((pair[0] for pair in inputs.detection_members), DATASETS):
         for detector in in_order((one[1] for one in inputs.detection_members if one[0] == dataset), DETECTORS):
             one = _read_one(inputs, dataset, detector)
             if one is not None:
-                found.append(one)
-    return found
+                results.append(one)
+    return results
 
 
 def _read_one(inputs: ReportInputs, dataset: str, detector: str) -> Results | None:

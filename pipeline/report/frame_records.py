@@ -102,9 +102,9 @@ def folders_with(inputs: ReportInputs, file: str, keys: Set[str] = KEYS) -> dict
     Raises:
         InputError: a provenance is missing or of something else, or two records are of one dataset.
     """
-    place = existing(inputs.recorded)
+    location = existing(inputs.recorded)
     known: dict[str, Path] = {}
-    for path in sorted(place.glob(f"*/{file}")) if place is not None else []:
+    for path in sorted(location.glob(f"*/{file}")) if location is not None else []:
         dataset = str(provenance_of(path.parent, keys)["dataset"])
         if dataset in known:
             raise InputError(f"{known[dataset]} and {path.parent}: both hold {file} of '{dataset}'; keep one")

@@ -82,8 +82,8 @@ def expected_levels(inputs: ReportInputs) -> pd.DataFrame:
     """
     import pandas as pd
 
-    own = levels(inputs)
-    ran = [] if own is None else records(own)
+    selected = levels(inputs)
+    ran = [] if selected is None else records(selected)
     absent = [name for name in inputs.datasets if name not in {row["dataset"] for row in ran}]
     rows = [(row["dataset"], row["noise_source"]) for row in ran]
     rows += [(dataset, noise_source) for dataset in absent for noise_source in PAPER_EFFECTS]
@@ -176,8 +176,8 @@ def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
 
     parts = [sharp_mtf(inputs), _horizontal(sharp_curves(blur_estimates(inputs), inputs.seed))]
     known = [part for part in parts if part is not None and len(part)]
-    own = pd.concat(known, ignore_index=True) if known else None
-    return _with_records(own, [_horizontal(one.as_the_paper_ran(one.sharp)) for one in blur_records.read(inputs)])
+    selected = pd.concat(known, ignore_index=True) if known else None
+    return _with_records(selected, [_horizontal(one.as_the_paper_ran(one.sharp)) for one in blur_records.read(inputs)])
 
 
 def _horizontal(curves: pd.DataFrame) -> pd.DataFrame:
@@ -217,7 +217,7 @@ def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:
 def is_of_authors(dataset: str, estimator: str, inputs: ReportInputs) -> bool:
     """Whether an estimator was recorded on the very frames that the paper calls by this name, ours being others."""
     recorded = blur_records.estimators(inputs)
-    return any(estimator in recorded.get(own, ()) for own, name in PAPER_NAMES.items() if name == dataset)
+    return any(estimator in recorded.get(group, ()) for group, name in PAPER_NAMES.items() if name == dataset)
 
 
 def is_of_other_frames(row: Row, inputs: ReportInputs) -> bool:
@@ -293,8 +293,8 @@ def _of_udacity(ran: pd.DataFrame, inputs: ReportInputs, file: str) -> pd.DataFr
 def photon_defocus(inputs: ReportInputs) -> pd.DataFrame | None:
     """AMAE of defocus in the presence of photon noise: sigma_dn, kernel_size_px, amae_percent and its interval."""
     cells = _of_udacity(combined_tables(inputs)[0], inputs, frame_records.COMBINED_FILES[0])
-    own = cells[(cells["experiment"] == "photon_defocus") & (cells["filter_px"] == 0)]
-    return own.rename(columns={"target_sigma_dn": "sigma_dn"}) if len(own) else None
+    selected = cells[(cells["experiment"] == "photon_defocus") & (cells["filter_px"] == 0)]
+    return selected.rename(columns={"target_sigma_dn": "sigma_dn"}) if len(selected) else None
 
 
 def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -305,22 +305,23 @@ def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
     import pandas as pd
 
     curves = _of_udacity(combined_tables(inputs)[2], inputs, frame_records.COMBINED_FILES[2])
-    own = curves[
+    selected = curves[
         (curves["experiment"] == "photon_linear")
         & (curves["filter_px"] == 0)
         & (curves["axis"] == "HV")
         & (curves["kernel_size_px"] == EXAMPLE_PX)
         & (curves["angle_deg"] == EXAMPLE_ANGLE_DEG)
     ]
-    if own.empty:
+    if selected.empty:
         return None
-    own = own.assign(
-        frequency=[NOMINAL_FREQUENCIES[place] for place in own["frequency_index"]], sigma_dn=own["target_sigma_dn"]
+    selected = selected.assign(
+        frequency=[NOMINAL_FREQUENCIES[index] for index in selected["frequency_index"]],
+        sigma_dn=selected["target_sigma_dn"],
     )
-    truth = own[own["target_sigma_dn"] == own["target_sigma_dn"].min()].assign(
+    truth = selected[selected["target_sigma_dn"] == selected["target_sigma_dn"].min()].assign(
         series="ground_truth", sigma_dn=float("nan")
     )
-    parts = [truth.assign(mtf=truth["true_mtf"]), own.assign(series="cnn", mtf=own["median"])]
+    parts = [truth.assign(mtf=truth["true_mtf"]), selected.assign(series="cnn", mtf=selected["median"])]
     return pd.concat(parts, ignore_index=True)[["series", "sigma_dn", "frequency", "mtf"]]
 
 
@@ -333,10 +334,10 @@ def combined_estimator(inputs: ReportInputs) -> str:
 def improved(inputs: ReportInputs) -> pd.DataFrame | None:
     """Errors after smoothing by a disc: d2_px, d1_px, sigma_dn, and the errors in percent."""
     cells = _of_udacity(denoised_cells(inputs), inputs, frame_records.DENOISED_FILE)
-    own = cells[(cells["filter_px"] > 0) & (cells["target_sigma_dn"] > 0)]
+    selected = cells[(cells["filter_px"] > 0) & (cells["target_sigma_dn"] > 0)]
     return (
-        own.rename(columns={"filter_px": "d2_px", "kernel_size_px": "d1_px", "target_sigma_dn": "sigma_dn"})
-        if len(own)
+        selected.rename(columns={"filter_px": "d2_px", "kernel_size_px": "d1_px", "target_sigma_dn": "sigma_dn"})
+        if len(selected)
         else None
     )
 
@@ -354,8 +355,8 @@ def direction_ap(inputs: ReportInputs) -> pd.DataFrame | None:
         return None
     chosen = next((one for one in results if one.detector == "yolov7"), results[0])
     assert chosen.directions is not None
-    own = chosen.directions[chosen.directions["label"] == DIRECTION_LABEL]
-    return own.rename(columns={"target_sigma_dn": "sigma_dn"}).assign(measured_on=chosen.dataset)
+    selected = chosen.directions[chosen.directions["label"] == DIRECTION_LABEL]
+    return selected.rename(columns={"target_sigma_dn": "sigma_dn"}).assign(measured_on=chosen.dataset)
 
 
 def published_coefficients(inputs: ReportInputs) -> pd.DataFrame:

@@ -40,17 +40,17 @@ def _ledger_parts(rows: Sequence[LedgerRow]) -> list[dict[str, Any]]:
     """The ledger item by item: its table, its counts, and the lines that would run what is missing."""
     parts = []
     for item in ITEMS:
-        own = [row for row in rows if row.item == item.name]
-        if not own:
+        selected = [row for row in rows if row.item == item.name]
+        if not selected:
             continue
-        found = score(own)
-        missing = sorted({(row.why, row.line) for row in own if row.verdict == "not run"})
-        table = to_table(own, f"ledger_{item.name}", f"{item.title}.")
+        result = score(selected)
+        missing = sorted({(row.why, row.line) for row in selected if row.verdict == "not run"})
+        table = to_table(selected, f"ledger_{item.name}", f"{item.title}.")
         parts.append(
             {
                 "title": item.title,
-                "score": found,
-                "any": found.total > found.counts["not run"],
+                "score": result,
+                "any": result.total > result.counts["not run"],
                 "missing": missing,
                 "table": to_html(Table(table.name, table.caption, table.columns, table.rows)),
             }

@@ -41,18 +41,18 @@ def read_lock(path: Path | None) -> dict[str, Any]:
     """
     import yaml
 
-    found = existing(path)
-    if found is None:
+    location = existing(path)
+    if location is None:
         return {}
     try:
-        content = yaml.safe_load(found.read_text(encoding="utf-8"))
+        content = yaml.safe_load(location.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
-        raise InputError(f"{found}: not valid YAML ({error}); restore it from git or run dvc repro") from None
+        raise InputError(f"{location}: not valid YAML ({error}); restore it from git or run dvc repro") from None
     if content is None:
         return {}
     stages = content.get("stages", {}) if isinstance(content, dict) else None
     if not isinstance(stages, dict):
-        raise InputError(f"{found}: expected a mapping with 'stages'; restore it from git or run dvc repro")
+        raise InputError(f"{location}: expected a mapping with 'stages'; restore it from git or run dvc repro")
     return stages
 
 

@@ -143,8 +143,8 @@ def _earlier(inputs: ReportInputs) -> dict[str, Recording]:
         source = str(optional(folder, PROVENANCE_FILE)["source"])
         patches, summary = (_table(folder / file) for file in (PATCHES_FILE, SUMMARY_FILE))
         for name in summary["dataset"].unique():
-            own = [part[part["dataset"] == name].drop(columns="dataset") for part in (patches, summary)]
-            conformed = (REAL_NOISE_PATCHES.conform(own[0], NOISE_FOLDER), REAL_NOISE_SUMMARY.conform(own[1]))
+            selected = [part[part["dataset"] == name].drop(columns="dataset") for part in (patches, summary)]
+            conformed = (REAL_NOISE_PATCHES.conform(selected[0], NOISE_FOLDER), REAL_NOISE_SUMMARY.conform(selected[1]))
             result[str(name)] = Recording(str(name), source, "", *conformed)
     folder = _folder(inputs, SENSOR_FOLDER)
     if folder is not None and (folder / RAW_SUMMARY_FILE).exists():

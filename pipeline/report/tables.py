@@ -246,8 +246,8 @@ def pivot(
     """
     wide: dict[tuple[Any, ...], dict[str, Any]] = {}
     for row in records(frame):
-        place = tuple(row[name] for name in index)
-        wide.setdefault(place, {name: row[name] for name in index})[key(row[across])] = cell(row)
+        results = tuple(row[name] for name in index)
+        wide.setdefault(results, {name: row[name] for name in index})[key(row[across])] = cell(row)
     return list(wide.values())
 
 

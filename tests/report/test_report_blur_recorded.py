@@ -40,10 +40,10 @@ ESTIMATORS = ("spectral", "pmp")
 
 def write(folder: Path, made: ReportInputs, dataset: str) -> None:
     """A record as `pipeline.recording.blur` writes it, of made-up stage outputs."""
-    own = blur_summary(made)
+    selected = blur_summary(made)
     estimates = blur_estimates(made)
     curves = sharp_curves(estimates[estimates["dataset"] == dataset])
-    for name, table in (("summary", own[own["dataset"] == dataset]), ("sharp", curves)):
+    for name, table in (("summary", selected[selected["dataset"] == dataset]), ("sharp", curves)):
         store.write_text(folder / f"{name}.csv", table.to_csv(index=False))
     store.write_text(folder / "patches.csv", "frame,patch\n" + "a,0\n" * 8)
     provenance = {"source": f"{dataset} by hand (CC0)", "dataset": dataset, "frames": {"a": "0", "b": "1"}}
@@ -61,10 +61,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
 @pytest.fixture(scope="module")
 def inputs(made: ReportInputs, tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     """Records of KITTI and of the authors' Sim, no stage."""
-    place = tmp_path_factory.mktemp("recorded")
+    position = tmp_path_factory.mktemp("recorded")
     for dataset in FOUND:
-        write(place / f"{dataset}-blur", made, dataset)
-    return dataclasses.replace(made, blur=None, psf=None, recorded=place)
+        write(position / f"{dataset}-blur", made, dataset)
+    return dataclasses.replace(made, blur=None, psf=None, recorded=position)
 
 
 @pytest.fixture(scope="module")
@@ -115,8 +115,8 @@ def test_figures_show_the_papers_curves_of_its_own_sim(blocks: dict[str, Figure 
     lines = shown.drawing.figure.findobj(lambda artist: str(artist.get_gid()).startswith("series--cnn--paper_sim"))
     assert len(lines) == 1
     paper = published_table(REPO / "data/paper/uncorrupted_mtf.csv")
-    own = paper[(paper["dataset"] == "sim") & (paper["estimator"] == "cnn") & (paper["statistic"] == "median")]
-    assert np.asarray(lines[0].get_ydata()) == pytest.approx(own.sort_values("frequency")["mtf"].to_numpy())
+    selected = paper[(paper["dataset"] == "sim") & (paper["estimator"] == "cnn") & (paper["statistic"] == "median")]
+    assert np.asarray(lines[0].get_ydata()) == pytest.approx(selected.sort_values("frequency")["mtf"].to_numpy())
     assert shown.stages == ()
 
 
@@ -137,8 +137,8 @@ def test_without_records_there_is_no_section(made: ReportInputs, tmp_path: Path)
 
 def test_a_record_of_one_kind_is_no_record_of_the_other(inputs: ReportInputs) -> None:
     """Those of detection in the repository are not taken for blur's; blur's not for detection's."""
-    found = detection.section(inputs)
-    assert not [block for block in found.blocks if isinstance(block, Figure)]
+    result = detection.section(inputs)
+    assert not [block for block in result.blocks if isinstance(block, Figure)]
     both = blur_recorded.section(dataclasses.replace(inputs, recorded=REPO / "reports/recorded"))
     assert both is not None and not [block for block in both.blocks if "iopc" in getattr(block, "name", "")]
 
@@ -150,8 +150,8 @@ def test_the_ledger_counts_recorded_numbers(inputs: ReportInputs, made: ReportIn
     summary = blur_summary(made)
     for name, dataset in (("Sim", "sim_authors"), ("KITTI", "kitti")):
         row = next(one for one in rows if one.quantity == f"{name}, PMP, Defocus, 21 px")
-        own = summary[(summary["dataset"] == dataset) & (summary["estimator"] == "pmp") & ~summary["calibrated"]]
-        cell = own[(own["blur_kind"] == "defocus") & (own["kernel_size_px"] == 21)].iloc[0]
+        selected = summary[(summary["dataset"] == dataset) & (summary["estimator"] == "pmp") & ~summary["calibrated"]]
+        cell = selected[(selected["blur_kind"] == "defocus") & (selected["kernel_size_px"] == 21)].iloc[0]
         assert row.ours == pytest.approx(cell["amae_percent"], rel=1e-6)
     curves = [row for row in rows_of(BY_NAME["uncorrupted_mtf"], inputs) if math.isfinite(row.ours)]
     assert len(curves) == 2 * 24
@@ -176,8 +176,8 @@ def test_own_runs_win_over_records_but_for_the_sim_rendered_here(inputs: ReportI
 def test_the_papers_numbers_stand_under_both_names() -> None:
     table = published(ReportInputs(paper=REPO / "data/paper"), "blur_amae.csv")
     assert table is not None and len(table) == 180
-    found = table.set_index(["dataset", "estimator", "blur_kind", "kernel_size_px"])["amae_percent"]
-    assert found["sim_authors", "pmp", "defocus", 3.0] == found["sim", "pmp", "defocus", 3.0] == 13.9
+    selected = table.set_index(["dataset", "estimator", "blur_kind", "kernel_size_px"])["amae_percent"]
+    assert selected["sim_authors", "pmp", "defocus", 3.0] == selected["sim", "pmp", "defocus", 3.0] == 13.9
 
 
 def test_a_relative_mtf_is_no_curve_of_sharp_frames(made: ReportInputs, tmp_path: Path) -> None:

@@ -118,10 +118,10 @@ def test_figures_and_tables_lie_beside_the_page(report_folder: Path) -> None:
 
 
 def test_an_empty_run_still_gives_a_report_that_says_so(tmp_path: Path) -> None:
-    found = build(ReportInputs(paper=REPO / "data/paper", absent=ABSENT), tmp_path)
+    result = build(ReportInputs(paper=REPO / "data/paper", absent=ABSENT), tmp_path)
     text = (tmp_path / "index.html").read_text(encoding="utf-8")
     Document(text)
-    assert found.compared == 0 and found.counts["not run"] == found.total
+    assert result.compared == 0 and result.counts["not run"] == result.total
     assert "None of" in text and "Nothing has run yet" in text
 
 

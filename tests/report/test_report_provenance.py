@@ -16,11 +16,11 @@ def test_hashes_parameters_and_lines(tmp_path: Path) -> None:
     (tmp_path / "dvc.lock").write_text(LOCK)
     inputs = ReportInputs(paper=tmp_path, runs={"star": "dvc repro -s star"})
     stages = read_lock(tmp_path / "dvc.lock")
-    found = origin(["noise"], "noise@sim-pca", stages, inputs)
-    assert found.inputs == {"data/index/sim": "0123456789", "…/kitti": "ffffffffff"}
-    assert found.parameters == ["noise.tile_px = 128", "seed = 1"]
-    assert found.items == ("noise",)
-    assert found.line == "dvc repro noise@sim-pca"
+    result = origin(["noise"], "noise@sim-pca", stages, inputs)
+    assert result.inputs == {"data/index/sim": "0123456789", "…/kitti": "ffffffffff"}
+    assert result.parameters == ["noise.tile_px = 128", "seed = 1"]
+    assert result.items == ("noise",)
+    assert result.line == "dvc repro noise@sim-pca"
     unknown = origin(["sim_star"], "star", stages, inputs)
     assert (unknown.inputs, unknown.parameters, unknown.line) == ({}, [], "dvc repro -s star")
 

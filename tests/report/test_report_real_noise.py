@@ -41,10 +41,10 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
     first = table.rows[0]
     assert first["recording"] == "CC" and first["estimator"] == "Adaptive"
     recorded = {part.name: part for part in real_noise_records.recordings(inputs)}
-    own = recorded["cc"].summary.set_index("estimator").loc["adaptive"]
+    selected = recorded["cc"].summary.set_index("estimator").loc["adaptive"]
     error = first["true_mae_dn"]
     assert isinstance(error, Estimate)
-    assert error.value == own["true_mae_dn"] and error.low == own["true_mae_low_dn"]
+    assert error.value == selected["true_mae_dn"] and error.low == selected["true_mae_low_dn"]
     figure = blocks["real_noise"]
     assert isinstance(figure, Figure) and figure.stages == () and "Adaptive on CC" in figure.drawing.alt
 

@@ -26,8 +26,8 @@ FREQUENCY = 0.3
 
 def _network_is_best(evidence: Evidence) -> Measurement | None:
     cells, pairs, paper = evidence.amae, [], []
-    for _, own in cells.groupby(["measured_on", "blur_kind", "kernel_size_px"]):
-        ours = own.set_index("estimator")
+    for _, group in cells.groupby(["measured_on", "blur_kind", "kernel_size_px"]):
+        ours = group.set_index("estimator")
         others = [name for name in DECONVOLUTION if name in ours.index]
         if NETWORK not in ours.index or not others:
             continue
@@ -51,8 +51,8 @@ def _amae_over_size(
     cells = evidence.amae
     cells = cells[cells["estimator"].isin(estimators) & (cells["blur_kind"] == blur)]
     pairs, means = [], []
-    for _, own in cells.groupby(["measured_on", "estimator"]):
-        at = own.set_index("kernel_size_px")
+    for _, group in cells.groupby(["measured_on", "estimator"]):
+        at = group.set_index("kernel_size_px")
         if not {first_px, then_px} <= set(at.index):
             continue
         first, then = at.loc[first_px], at.loc[then_px]
@@ -69,8 +69,8 @@ def _amae_over_size(
 def _defocus_is_easiest(evidence: Evidence) -> Measurement | None:
     cells = evidence.amae[evidence.amae["estimator"] == NETWORK]
     pairs, on = [], []
-    for (dataset, _), own in cells.groupby(["measured_on", "kernel_size_px"]):
-        at = own.set_index("blur_kind")
+    for (dataset, _), group in cells.groupby(["measured_on", "kernel_size_px"]):
+        at = group.set_index("blur_kind")
         if "defocus" not in at.index or len(at) < 2:
             continue
         motion = at.drop(index="defocus")
@@ -88,8 +88,8 @@ def _sharp_frames(evidence: Evidence) -> Measurement | None:
         return None
     cells = cells[np.isclose(cells["frequency"], FREQUENCY)]
     pairs, words, on = [], [], []
-    for dataset, own in cells.groupby("measured_on", sort=False):
-        at = own.set_index("estimator")
+    for dataset, group in cells.groupby("measured_on", sort=False):
+        at = group.set_index("estimator")
         others = [name for name in DECONVOLUTION if name in at.index]
         if NETWORK not in at.index or not others:
             continue

@@ -44,8 +44,8 @@ def _falls(evidence: Evidence, *, cause: str) -> Measurement | None:
     ]
     pairs, on, ends = [], [], []
     for dataset, table in _sweeps(evidence):
-        own = table[table[other] == 0]
-        clean, worst = own[own[column] == 0].iloc[0], own[own[column] == own[column].max()]
+        selected = table[table[other] == 0]
+        clean, worst = selected[selected[column] == 0].iloc[0], selected[selected[column] == selected[column].max()]
         pairs += [
             (row["high_percent"] < clean["low_percent"], row["low_percent"] > clean["high_percent"])
             for row in records(worst)
@@ -80,12 +80,12 @@ def _both_cost_more(evidence: Evidence) -> Measurement | None:
 def _not_monotonic(evidence: Evidence) -> Measurement | None:
     pairs, on, rises, certain, bins = [], [], 0, 0, 0
     for one in evidence.detection:
-        for _, own in one.heat[one.heat["count"] > 0].groupby("label"):
-            pairs.append((bool(own["certainly"].any()), False))
+        for _, group in one.heat[one.heat["count"] > 0].groupby("label"):
+            pairs.append((bool(group["certainly"].any()), False))
             on.append(one.dataset)
-            rises += int(own["non_monotonic"].sum())
-            certain += int(own["certainly"].sum())
-            bins += len(own)
+            rises += int(group["non_monotonic"].sum())
+            certain += int(group["certainly"].sum())
+            bins += len(group)
     text = f"{rises} of {bins} bins exceed a milder neighbour, {certain} certainly, corrected for their number."
     return of_cells(pairs, "surface", on, text)
 

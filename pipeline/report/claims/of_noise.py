@@ -30,8 +30,8 @@ def _of_experiment(evidence: Evidence, experiment: str) -> pd.DataFrame:
 def _by_estimator(cells: pd.DataFrame) -> str:
     """Mean AMAE of each estimator with the least and the strongest noise."""
     words = []
-    for name, own in cells.groupby("estimator"):
-        quiet, loud = (own[own["target_sigma_dn"] == end(own["target_sigma_dn"])] for end in (min, max))
+    for name, group in cells.groupby("estimator"):
+        quiet, loud = (group[group["target_sigma_dn"] == end(group["target_sigma_dn"])] for end in (min, max))
         words.append(f"{word(str(name))} {quiet['amae_percent'].mean():.1f} to {loud['amae_percent'].mean():.1f} %")
     return f"Mean AMAE from no noise to the strongest: {', '.join(words)}."
 
@@ -51,8 +51,8 @@ def _disturbs(evidence: Evidence) -> Measurement | None:
     cells = pd.concat([_of_experiment(evidence, name) for name in ("photon_linear", "photon_defocus")])
     cells = cells[cells["filter_px"] == 0]
     pairs = []
-    for _, own in cells.groupby(["experiment", "dataset", "estimator", "kernel_size_px"]):
-        at = own.set_index("target_sigma_dn").sort_index()
+    for _, group in cells.groupby(["experiment", "dataset", "estimator", "kernel_size_px"]):
+        at = group.set_index("target_sigma_dn").sort_index()
         if len(at) > 1:
             quiet, loud = at.iloc[0], at.iloc[-1]
             pairs.append((loud["low_percent"] > quiet["high_percent"], loud["high_percent"] < quiet["low_percent"]))
@@ -72,8 +72,8 @@ def _overestimates(evidence: Evidence) -> Measurement | None:
     curves = curves[(curves["experiment"] == "photon_linear") & ~curves["calibrated"].astype(bool)]
     curves = curves[(curves["axis"] == "HV") & (curves["filter_px"] == 0) & (curves["frequency_index"] == 4)]
     pairs, words, on = [], [], []
-    for (dataset, name), own in curves.groupby(["dataset", "estimator"]):
-        at = own.sort_values("target_sigma_dn")
+    for (dataset, name), group in curves.groupby(["dataset", "estimator"]):
+        at = group.sort_values("target_sigma_dn")
         quiet, loud = at.iloc[0], at.iloc[-1]
         pairs.append((loud["minimum"] > quiet["maximum"], loud["maximum"] < quiet["minimum"]))
         words.append(f"{word(str(name))} on {word(str(dataset))} {quiet['median']:.2f} to {loud['median']:.2f}")

@@ -99,7 +99,7 @@ def _uncorrupted_alt(
     if curves.empty:
         return "MTF of uncorrupted frames: not run."
     last = curves[(curves["frequency_index"] == curves["frequency_index"].max()) & (curves["axis"] == "H")]
-    ends = {name: [f"{value:.2f}" for value in own.agg(["min", "max"])] for name, own in
+    ends = {name: [f"{value:.2f}" for value in group.agg(["min", "max"])] for name, group in
             last.groupby("estimator")["median"]}  # fmt: skip
     counts = last["estimator"].value_counts()
     words = [f"{word(name)} {' to '.join(ends[name][: 2 if counts[name] > 1 else 1])}" for name in estimators]

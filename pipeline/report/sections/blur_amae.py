@@ -161,15 +161,15 @@ def figures(
     """
     blocks: list[Block] = []
     for is_calibrated in (False, True):
-        own = summary[(summary["blur_kind"] != SHARP) & (summary["calibrated"] == is_calibrated)]
-        if own.empty:
+        selected = summary[(summary["blur_kind"] != SHARP) & (summary["calibrated"] == is_calibrated)]
+        if selected.empty:
             continue
         notes = [
-            *_notes(relative, in_order(own["estimator"], ESTIMATORS), is_calibrated),
-            mode_note(modes or {}, own["estimator"]),
+            *_notes(relative, in_order(selected["estimator"], ESTIMATORS), is_calibrated),
+            mode_note(modes or {}, selected["estimator"]),
         ]
         figure = PAGE.figure(
-            "blur_amae", curves(own, datasets, paper), stages(own), after=" ".join(filter(None, notes)),
+            "blur_amae", curves(selected, datasets, paper), stages(selected), after=" ".join(filter(None, notes)),
             name="blur_amae_calibrated" if is_calibrated else "",
             division=", each estimate divided by the camera's own for sharp frames" if is_calibrated else "",
             not_calibrated=", which is not calibrated" if is_calibrated else "",
@@ -255,15 +255,17 @@ def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame | None, frames: s
     rows: list[dict[str, Any]] = []
     wide = pivot(blurred, ["dataset", "blur_kind", "kernel_size_px"], "column", amae)
     for dataset in in_order(blurred["dataset"], DATASETS):
-        own = []
+        selected = []
         for row in wide:
             cells = theirs.get((row["dataset"], row["blur_kind"], row["kernel_size_px"]))
             if row["dataset"] == dataset and cells:
                 best = min(cells, key=lambda name, cells=cells: (cells[name], name))  # type: ignore[misc]
-                own.append({**row, "cnn": cells.get("cnn"), "best": cells[best], "which": ESTIMATORS[best]})
-        if own:
-            means = {name: mean_cell([row.get(name) for row in own]) for name in own[0] if name != "kernel_size_px"}
-            rows += [*own, {**means, "dataset": dataset, "blur_kind": MEAN}]
+                selected.append({**row, "cnn": cells.get("cnn"), "best": cells[best], "which": ESTIMATORS[best]})
+        if selected:
+            means = {
+                name: mean_cell([row.get(name) for row in selected]) for name in selected[0] if name != "kernel_size_px"
+            }
+            rows += [*selected, {**means, "dataset": dataset, "blur_kind": MEAN}]
     if not rows:
         return None
     across = {key: title for name in ours for key, title in _columns(name).items()}
@@ -291,14 +293,14 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
     counts = {key: group.value_counts().sort_index() for key, group in reasons}
     raw = ordered(raw, dataset=raw["dataset"].unique(), estimator=ESTIMATORS)
     rows = []
-    for key, own in raw.groupby(["dataset", "estimator"], sort=False):
-        blurred = own[own["blur_kind"] != SHARP]
+    for key, row in raw.groupby(["dataset", "estimator"], sort=False):
+        blurred = row[row["blur_kind"] != SHARP]
         why = counts[key].to_dict() if key in counts else {}
         rows.append(
             dict(zip(("dataset", "estimator"), key, strict=True))
             | {
-                "asked": int(own["count"].sum() + own["abstained"].sum()),
-                "abstained": int(own["abstained"].sum()),
+                "asked": int(row["count"].sum() + row["abstained"].sum()),
+                "abstained": int(row["abstained"].sum()),
                 "patch_error_percent": weighted_mean(blurred, "patch_error_percent"),
                 "coverage_percent": 100 * weighted_mean(blurred, "coverage"),
                 "reasons": ", ".join(f"{reason}: {count:,}" for reason, count in why.items()),

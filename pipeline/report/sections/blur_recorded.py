@@ -42,7 +42,7 @@ def beside_exact(paper: pd.DataFrame | None, recordings: Sequence[BlurRecord]) -
 def subsets(record: BlurRecord) -> list[str]:
     """A note on estimators that were run on fewer patches than the others, slow ones; none without them."""
     whole = record.measured_on("")
-    fewer = {name: own for name in record.estimators if (own := record.measured_on(name)) != whole}
+    fewer = {name: selected for name in record.estimators if (selected := record.measured_on(name)) != whole}
     words = [
         f"{word(name)} on {counted(patches, 'patch', 'patches')} of {counted(frames, 'frame')}"
         for name, (frames, patches) in fewer.items()
@@ -58,8 +58,8 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     if not recordings:
         return None
     datasets = [one.dataset for one in recordings]
-    settings = {name: own for one in recordings for name, own in one.provenance["blur"]["estimators"].items()}
-    modes = {name: mode for name, own in settings.items() if (mode := mode_of(own))}
+    settings = {name: selected for one in recordings for name, selected in one.provenance["blur"]["estimators"].items()}
+    modes = {name: mode for name, selected in settings.items() if (mode := mode_of(selected))}
     sources = [
         {
             "dataset": one.dataset,
@@ -89,8 +89,8 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
                 blurred = blur_amae.without_unknown_lenses(one.summary)
                 shown = blur_amae.table_one(one.dataset, blurred, paper, is_calibrated, relative, modes)
                 blocks.append(as_recorded(shown, *subsets(one), few))
-    own = summary[~summary["estimator"].isin({name for one in recordings for name in one.exact.values()})]
-    beside = blur_amae.beside_the_best(own, theirs, "")
+    selected = summary[~summary["estimator"].isin({name for one in recordings for name in one.exact.values()})]
+    beside = blur_amae.beside_the_best(selected, theirs, "")
     if beside is not None:
         blocks.append(as_recorded(beside, few))
     return Section("blur_recorded", TITLE, (PAGE.text("recorded"),), blocks)

@@ -158,10 +158,10 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
         cells: `pipeline.experiments.tables.NOISE_CELLS`.
         dataset: name.
     """
-    own = cells[cells["dataset"] == dataset]
-    estimators = in_order(own["estimator"], ESTIMATORS)
-    looks = style.ordinal_looks(own["kernel_size_px"])
-    highest = float(own["target_sigma_dn"].max())
+    selected = cells[cells["dataset"] == dataset]
+    estimators = in_order(selected["estimator"], ESTIMATORS)
+    looks = style.ordinal_looks(selected["kernel_size_px"])
+    highest = float(selected["target_sigma_dn"].max())
 
     def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         axes.plot([0, highest], [0, highest], color=style.MUTED, linewidth=0.6, zorder=1)
@@ -169,7 +169,7 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
         lines(axes, rows, "kernel_size_px", looks, "target_sigma_dn", "median_dn")
 
     words = []
-    blurred = own[(own["target_sigma_dn"] == highest) & (own["kernel_size_px"] > 0)]
+    blurred = selected[(selected["target_sigma_dn"] == highest) & (selected["kernel_size_px"] > 0)]
     for name in estimators:
         rows = blurred[blurred["estimator"] == name]
         for noise_source in in_order(rows["noise_source"], ["dcsn", "photon"]):
@@ -178,13 +178,13 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
                 f"{word(name)} estimates {median.min():.1f} to {median.max():.1f} DN of {word(noise_source)} noise"
             )
     shown = ["estimator", "experiment", "kernel_size_px", "target_sigma_dn"]
-    values = own[
+    values = selected[
         [*shown, "median_dn", "low_dn", "high_dn", "unclipped_median_dn", "clipped_median_dn", "count", "abstained"]
     ]
-    top = 1.06 * float(np.nanmax([highest, *own["median_dn"], *own["unclipped_median_dn"]]))
+    top = 1.06 * float(np.nanmax([highest, *selected["median_dn"], *selected["unclipped_median_dn"]]))
     return small_multiples(
-        own, Facet("estimator", estimators), Facet("experiment", in_order(own["experiment"], EXPERIMENTS)), panel,
-        x="noise level σ [DN]", y="estimated σ [DN]", axes={"xlim": (0, highest), "ylim": (0, top)},
+        selected, Facet("estimator", estimators), Facet("experiment", in_order(selected["experiment"], EXPERIMENTS)),
+        panel, x="noise level σ [DN]", y="estimated σ [DN]", axes={"xlim": (0, highest), "ylim": (0, top)},
         alt=f"Noise estimated on blurred frames of {word(dataset)}. At a level of {highest:g} DN {listing(words)}.",
         legend=[*ordinal_legend(looks, "px", "no blur"), ("present, unclipped", PRESENT | {"color": style.INK}),
                 ("target level", {"color": style.MUTED, "linewidth": 0.6})],
@@ -243,9 +243,9 @@ def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_o
         drawing, name = order_figure(arrays, example), "combined_order_{dataset}"
         blocks.append(PAGE.figure("combined_order", drawing, stages, name=name, dataset=dataset))
     estimator = in_order(curves["estimator"], OURS_FIRST)[:1]
-    own = curves[curves["estimator"].isin(estimator) & ~curves["calibrated"]]
-    if len(own):
-        drawing = example_figure(own, arrays, example, paper_table(inputs, "photon_linear_motion_mtf.csv"))
+    selected = curves[curves["estimator"].isin(estimator) & ~curves["calibrated"]]
+    if len(selected):
+        drawing = example_figure(selected, arrays, example, paper_table(inputs, "photon_linear_motion_mtf.csv"))
         words = {"dataset": dataset, "estimator": estimator[0], "px": example["kernel_size_px"]}
         blocks.append(PAGE.figure("combined_example", drawing, stages, name="combined_example_{dataset}", **words))
     return blocks
@@ -259,11 +259,11 @@ def _figures(blur: pd.DataFrame, noise: pd.DataFrame, datasets: Sequence[str], i
     estimator = in_order(blur["estimator"], OURS_FIRST)[:1]
     paper = paper_table(inputs, "photon_defocus_amae.csv")
     for is_calibrated in (False, True):
-        own = blur[blur["estimator"].isin(estimator) & (blur["calibrated"] == is_calibrated)]
-        if len(own):
+        selected = blur[blur["estimator"].isin(estimator) & (blur["calibrated"] == is_calibrated)]
+        if len(selected):
             stages = [STAGE.format(dataset=dataset) for dataset in datasets]
             name, how = ("combined_amae_calibrated", ", calibrated") if is_calibrated else ("combined_amae", "")
-            drawing = amae_figure(own, datasets, paper)
+            drawing = amae_figure(selected, datasets, paper)
             blocks.append(PAGE.figure("combined_amae", drawing, stages, name=name, estimator=estimator[0], how=how))
     return blocks
 

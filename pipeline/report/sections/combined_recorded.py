@@ -91,11 +91,11 @@ def _of_dataset(
 ) -> list[Block]:
     """Figures and tables of one dataset."""
     blocks: list[Block] = []
-    own = curves[(curves["dataset"] == dataset) & ~curves["calibrated"] & (curves["axis"] == "HV")]
-    own = own[(own["filter_px"] == 0) & (own["experiment"] != "")]
-    if len(own):
-        drawing = curves_figure(own, dataset, paper_table(inputs, "photon_linear_motion_mtf.csv"))
-        name, px = "recorded_combined_curves_{dataset}", own["kernel_size_px"].iloc[0]
+    selected = curves[(curves["dataset"] == dataset) & ~curves["calibrated"] & (curves["axis"] == "HV")]
+    selected = selected[(selected["filter_px"] == 0) & (selected["experiment"] != "")]
+    if len(selected):
+        drawing = curves_figure(selected, dataset, paper_table(inputs, "photon_linear_motion_mtf.csv"))
+        name, px = "recorded_combined_curves_{dataset}", selected["kernel_size_px"].iloc[0]
         blocks.append(PAGE.figure("recorded_curves", drawing, name=name, dataset=dataset, px=px))
     theirs = paper_table(inputs, "photon_defocus_amae.csv")
     for name in in_order(blur.loc[blur["dataset"] == dataset, "estimator"], ESTIMATORS):

@@ -48,16 +48,18 @@ def error(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFram
         cells: `pipeline.experiments.tables.BLUR_CELLS`.
         paper: columns sigma_dn, size_px, amae_percent: its CNN on Udacity, beside raw estimates of the first estimator.
     """
-    own = cells[(cells["dataset"] == dataset) & (cells["experiment"] == experiment)]
-    levels = _level_columns(own)
-    own = ordered(_shown(own, "estimator"), estimator=OURS_FIRST, filter_px=(), calibrated=(), kernel_size_px=())
-    if paper is not None and len(own):
+    selected = cells[(cells["dataset"] == dataset) & (cells["experiment"] == experiment)]
+    levels = _level_columns(selected)
+    selected = ordered(
+        _shown(selected, "estimator"), estimator=OURS_FIRST, filter_px=(), calibrated=(), kernel_size_px=()
+    )
+    if paper is not None and len(selected):
         theirs = paper.rename(columns={"sigma_dn": "target_sigma_dn", "amae_percent": "paper_percent"})
         theirs = theirs[["target_sigma_dn", "kernel_size_px", "paper_percent"]].astype(float)
-        theirs = theirs.assign(estimator=own["estimator"].iloc[0], filter_px=0.0, calibrated=False)
-        own = own.merge(theirs, how="left", on=[*WAY, "target_sigma_dn", "kernel_size_px"])
+        theirs = theirs.assign(estimator=selected["estimator"].iloc[0], filter_px=0.0, calibrated=False)
+        selected = selected.merge(theirs, how="left", on=[*WAY, "target_sigma_dn", "kernel_size_px"])
     rows: list[dict[str, Any]] = []
-    for _, group in own.groupby(WAY, sort=False):
+    for _, group in selected.groupby(WAY, sort=False):
         lines = pivot(group, [*WAY, "kernel_size_px"], "target_sigma_dn", amae, _level)
         complete = [name for name in levels if all(name in line for line in lines)]
         means = {name: mean_cell([line[name] for line in lines]) for name in complete}
@@ -103,14 +105,14 @@ def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame | None) -> T
         cells: `pipeline.experiments.tables.BLUR_CELLS` of the stage `denoised_blur`.
         paper: columns d2_px, d1_px, sigma_dn, mae_h_percent, mae_v_percent, amae_percent, expected_amae_percent.
     """
-    own = cells[(cells["dataset"] == dataset) & (cells["target_sigma_dn"] > 0)]
-    own = own.sort_values(["estimator", "filter_px", "kernel_size_px", "target_sigma_dn", "calibrated"])
+    selected = cells[(cells["dataset"] == dataset) & (cells["target_sigma_dn"] > 0)]
+    selected = selected.sort_values(["estimator", "filter_px", "kernel_size_px", "target_sigma_dn", "calibrated"])
     errors = ["mae_h_percent", "mae_v_percent", "amae_percent", "expected_amae_percent"]
     if paper is not None:
         theirs = paper.rename(columns={"d2_px": "filter_px", "d1_px": "kernel_size_px", "sigma_dn": "target_sigma_dn"})
         keys = ["filter_px", "kernel_size_px", "target_sigma_dn"]
         theirs = theirs[[*keys, *errors]].astype(float).rename(columns={name: f"paper_{name}" for name in errors})
-        own = own.merge(theirs.assign(calibrated=False), how="left", on=[*keys, "calibrated"])
+        selected = selected.merge(theirs.assign(calibrated=False), how="left", on=[*keys, "calibrated"])
     expected = estimate("expected_amae_percent", "", "", "", "paper_expected_amae_percent")
     made = {
         "estimator": lambda row: word(str(row["estimator"])) + (", calibrated" if row["calibrated"] else ""),
@@ -119,7 +121,7 @@ def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame | None) -> T
         "level": lambda row: _number(row["target_sigma_dn"]),
         "expected": lambda row: expected(row) if row["filter_px"] else None,
     }
-    return PAGE.table("denoised", own, cells=made, dataset=dataset)
+    return PAGE.table("denoised", selected, cells=made, dataset=dataset)
 
 
 def abstentions(blur: pd.DataFrame, noise: pd.DataFrame) -> Table:

@@ -64,14 +64,14 @@ def pictures(example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray]
     shown = [entry for entry in about["steps"] if entry["example"] == example]
     built_in = [entry for entry in shown if entry["step"].startswith("built_in_")]
     shown = [entry for entry in shown if entry not in built_in[:-1]]
-    own = {row["step"]: row for row in records(steps[steps["example"] == example])}
+    known = {row["step"]: row for row in records(steps[steps["example"] == example])}
     height, width = arrays[shown[0]["array"]].shape
     cell_in = style.sheet_cell_in(len(shown))
     figure, axes = style.sheet(len(shown), [cell_in * height / width], top_in=0.34, bottom_in=0.42)
     rows, words = [], []
     left, top, right, bottom = about["box"]
     for panel, entry in zip(axes[0], shown, strict=True):
-        row = own[entry["step"]]
+        row = known[entry["step"]]
         style.picture(panel, arrays[entry["array"]])
         dashed = Rectangle(
             (left, top), right - left, bottom - top, fill=False, edgecolor=style.PALETTE[4], linewidth=0.9,
@@ -131,22 +131,22 @@ def response(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame, t
     for axes, quantity, label in ((panels[0], "exposure_ms", "exposure time [ms]"), (panels[1], "iso", "gain [ISO]")):
         for name, look in RESPONSES.items():
             for rows, change in ((paper, PUBLISHED), (ours, {})):
-                own = rows[(rows["controller"] == name) & (rows["quantity"] == quantity)].sort_values("time_ms")
-                axes.plot(own["time_ms"] / 1e3, own["value"], **(look | change))
+                selected = rows[(rows["controller"] == name) & (rows["quantity"] == quantity)].sort_values("time_ms")
+                axes.plot(selected["time_ms"] / 1e3, selected["value"], **(look | change))
         axes.set(xlabel="time [s]", xlim=(0, 5))
         axes.set_ylim(0, None)
         axes.set_title(label, fontsize=6.8)
     values = {str(row["controller"]): row for row in records(precision)}
     printed = {str(row["controller"]): float(row["car_ap_percent"]) for row in records(theirs)}
     names = [name for name in CONTROLLERS if name in values]
-    for place, name in enumerate(names):
+    for index, name in enumerate(names):
         row = values[name]
         colour = RESPONSES.get(name, {"color": style.MUTED})["color"]
         span = [[row["car_ap_percent"] - row["low_percent"]], [row["high_percent"] - row["car_ap_percent"]]]
         span = np.maximum(np.nan_to_num(np.asarray(span, dtype=float)), 0.0)
-        panels[2].errorbar([place - 0.12], [row["car_ap_percent"]], yerr=span, color=colour, marker="o", capsize=2)
+        panels[2].errorbar([index - 0.12], [row["car_ap_percent"]], yerr=span, color=colour, marker="o", capsize=2)
         if name in printed:
-            panels[2].plot([place + 0.12], [printed[name]], marker="D", color=colour, markerfacecolor="none")
+            panels[2].plot([index + 0.12], [printed[name]], marker="D", color=colour, markerfacecolor="none")
     panels[2].set_xticks(range(len(names)), [CONTROLLERS[name].replace(" ", "\n") for name in names])
     panels[2].set(xlim=(-0.5, len(names) - 0.5), ylim=(0, 103))
     panels[2].set_title("AP of cars [%]", fontsize=6.8)
@@ -180,12 +180,12 @@ def rmse_ms(ours: pd.DataFrame, paper: pd.DataFrame) -> float:
     """Root mean square difference of the built-in controller's exposure time to the published one, ms."""
     keys = ["controller", "quantity", "time_ms"]
     both = ours.merge(paper, on=keys, suffixes=("", "_paper"))
-    own = both[
+    selected = both[
         (both["controller"] == "camera_default")
         & (both["quantity"] == "exposure_ms")
         & (both["time_ms"] <= LAST_ON_GRID_MS)
     ]
-    return float(np.sqrt(((own["value"] - own["value_paper"]) ** 2).mean()))
+    return float(np.sqrt(((selected["value"] - selected["value_paper"]) ** 2).mean()))
 
 
 def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:

@@ -97,11 +97,11 @@ def _panel(axes: Axes, rows: pd.DataFrame, policies: list[str], panel: tuple[str
     column, estimated, label, logarithmic = panel
     scene = bool((rows.groupby("step")[column].nunique() <= 1).all()) and column in ("light", "speed_px_s")
     for name in policies[:1] if scene else policies:
-        own = rows[rows["policy"] == name]
+        selected = rows[rows["policy"] == name]
         look = {"color": style.INK, "marker": ""} if scene else LOOKS[name]
-        axes.plot(own["step"], own[column], **(look | {"markersize": 2.0}))
-        if estimated and own[estimated].notna().any():
-            axes.plot(own["step"], own[estimated], **(look | ESTIMATED))
+        axes.plot(selected["step"], selected[column], **(look | {"markersize": 2.0}))
+        if estimated and selected[estimated].notna().any():
+            axes.plot(selected["step"], selected[estimated], **(look | ESTIMATED))
     if logarithmic:
         axes.set_yscale("log", base=2)
         if column == "iso":

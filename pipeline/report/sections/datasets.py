@@ -144,19 +144,19 @@ def _samples(inputs: ReportInputs) -> list[DatasetSample]:
 
 def _sizes(frames: Mapping[str, pd.DataFrame], inputs: ReportInputs) -> Table:
     rows = []
-    for dataset, own in frames.items():
+    for dataset, group in frames.items():
         patches = optional(inputs.index[dataset], "patches.parquet", tables.PATCHES)
         quarantine = optional(inputs.index[dataset], "quarantine.parquet", tables.QUARANTINE)
         purposes = patches["purpose"].value_counts().to_dict() if patches is not None else {}
-        sizes = own.groupby(["width_px", "height_px"]).size().sort_values(ascending=False, kind="stable")
+        sizes = group.groupby(["width_px", "height_px"]).size().sort_values(ascending=False, kind="stable")
         size = "\u00a0×\u00a0".join(str(side) for side in sizes.index[0]) if len(sizes) else ""
         rows.append(
             {
                 "dataset": dataset,
-                "frames": len(own),
+                "frames": len(group),
                 "size_px": size + (" and others" if len(sizes) > 1 else ""),
-                "objects": int(own["objects"].sum()),
-                "ignored": int(own["objects_ignored"].sum()),
+                "objects": int(group["objects"].sum()),
+                "ignored": int(group["objects_ignored"].sum()),
                 "blur_patches": int(purposes.get("blur", 0)),
                 "noise_patches": int(purposes.get("noise", 0)),
                 "quarantined": None if quarantine is None else len(quarantine),
@@ -168,7 +168,7 @@ def _sizes(frames: Mapping[str, pd.DataFrame], inputs: ReportInputs) -> Table:
 def _statistics(frames: Mapping[str, pd.DataFrame], seed: int) -> Table:
     import pandas as pd
 
-    long = pd.concat([own.melt(["dataset"], list(STATISTICS), "statistic") for own in frames.values()])
+    long = pd.concat([group.melt(["dataset"], list(STATISTICS), "statistic") for group in frames.values()])
     cells = robust_by(long, ["dataset", "statistic"], "value", seed, "report", "frames")
     rows = pivot(cells, ["dataset"], "statistic", estimate("median", "low", "high", "count"))
     return PAGE.table("dataset_statistics", rows)
@@ -177,8 +177,8 @@ def _statistics(frames: Mapping[str, pd.DataFrame], seed: int) -> Table:
 def _quarantine(inputs: ReportInputs) -> Table | None:
     rows = []
     for dataset in inputs.datasets:
-        own = optional(inputs.index.get(dataset), "quarantine.parquet", tables.QUARANTINE)
-        for reason, files in own.groupby("reason", sort=True)["file"] if own is not None else ():
+        selected = optional(inputs.index.get(dataset), "quarantine.parquet", tables.QUARANTINE)
+        for reason, files in selected.groupby("reason", sort=True)["file"] if selected is not None else ():
             names = sorted(PurePath(str(name)).name for name in files)
             examples = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
             rows.append({"dataset": dataset, "reason": str(reason), "files": len(names), "examples": examples})
@@ -188,7 +188,7 @@ def _quarantine(inputs: ReportInputs) -> Table | None:
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Datasets: figure, sizes, statistics, quarantine."""
     index = {name: optional(inputs.index.get(name), "frames.parquet", tables.FRAMES) for name in inputs.datasets}
-    frames = {name: own for name, own in index.items() if own is not None}
+    frames = {name: group for name, group in index.items() if group is not None}
     runs = overview("Datasets", STAGE, frames, inputs)
     blocks: list[Block] = []
     samples = _samples(inputs)

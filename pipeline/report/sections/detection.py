@@ -33,9 +33,9 @@ def _joined(results: Sequence[Results], part: str) -> pd.DataFrame:
     import pandas as pd
 
     parts = [
-        own[own["label"].isin(one.labels)].assign(detector=one.detector)
+        selected[selected["label"].isin(one.labels)].assign(detector=one.detector)
         for one in results
-        if (own := getattr(one, part)) is not None
+        if (selected := getattr(one, part)) is not None
     ]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
@@ -50,11 +50,15 @@ def corners(dataset: str, results: Sequence[Results]) -> Table:
     for one in results:
         size, level = one.precision["kernel_size_px"].max(), one.precision["target_sigma_dn"].max()
         for label in one.labels:
-            own = one.precision[one.precision["label"] == label]
-            row = {"detector": one.detector, "label": label, **own[["objects", "objects_ignored", "images"]].iloc[0]}
+            selected = one.precision[one.precision["label"] == label]
+            row = {
+                "detector": one.detector,
+                "label": label,
+                **selected[["objects", "objects_ignored", "images"]].iloc[0],
+            }
             places = {"clean": (0, 0), "noisy": (0, level), "blurred": (size, 0), "both": (size, level)}
             for name, (px, dn) in places.items():
-                cells = own[(own["kernel_size_px"] == px) & (own["target_sigma_dn"] == dn)]
+                cells = selected[(selected["kernel_size_px"] == px) & (selected["target_sigma_dn"] == dn)]
                 if len(cells) == 1:
                     value, low, high = map(float, cells[["ap_percent", "low_percent", "high_percent"]].iloc[0])
                     row[name] = Estimate(value, low, high)
@@ -88,15 +92,17 @@ def by_direction(one: Results) -> Table | None:
         mark = RISE if row["rises_with_size"] or row["rises_with_sigma"] else ""
         return format_number(row["ap_percent"], 1) + mark if math.isfinite(row["ap_percent"]) else None
 
-    own = one.directions.sort_values(["target_sigma_dn", "angle_deg"], kind="stable")
-    own = own.assign(
-        place=[f"{label}_{size:g}" for label, size in zip(own["label"], own["kernel_size_px"], strict=True)]
+    selected = one.directions.sort_values(["target_sigma_dn", "angle_deg"], kind="stable")
+    selected = selected.assign(
+        place=[f"{label}_{size:g}" for label, size in zip(selected["label"], selected["kernel_size_px"], strict=True)]
     )
-    labels = [label for label in one.labels if (own["label"] == label).any()]
+    labels = [label for label in one.labels if (selected["label"] == label).any()]
     across = {
-        f"{label}_{px:g}": f"{word(label)} {px:g} px" for label in labels for px in sorted(set(own["kernel_size_px"]))
+        f"{label}_{px:g}": f"{word(label)} {px:g} px"
+        for label in labels
+        for px in sorted(set(selected["kernel_size_px"]))
     }
-    rows = pivot(own, ["target_sigma_dn", "angle_deg"], "place", cell)
+    rows = pivot(selected, ["target_sigma_dn", "angle_deg"], "place", cell)
     return PAGE.table("by_direction", rows, across=across, dataset=one.dataset, detector=one.detector)
 
 
@@ -164,7 +170,7 @@ def _regression(dataset: str, results: Sequence[Results]) -> list[Block]:
 
     if not any(one.fits for one in results):
         return []
-    cells, found, titles = [], [], {}
+    cells, result, titles = [], [], {}
     for one in results:
         for label in one.labels if one.fitted is not None and one.coefficients is not None else ():
             assert one.fitted is not None and one.coefficients is not None
@@ -173,13 +179,13 @@ def _regression(dataset: str, results: Sequence[Results]) -> list[Block]:
                 name, title = f"{one.detector} {label}", f"{word(one.detector)}, {word(label).lower()}"
                 titles[name] = title
                 cells.append(rows.assign(fit=name))
-                found.append(one.coefficients[one.coefficients["label"] == label].assign(fit=title))
+                result.append(one.coefficients[one.coefficients["label"] == label].assign(fit=title))
     blocks: list[Block] = [fits(dataset, results)]
     if cells:
         drawing = detection_figures.regression(pd.concat(cells, ignore_index=True), titles)
         stages, name = _stages("regression", results), "regression_{dataset}"
         blocks.insert(0, PAGE.figure("regression", drawing, stages, name=name, dataset=dataset))
-        blocks.append(PAGE.table("regression_coefficients", pd.concat(found), dataset=dataset))
+        blocks.append(PAGE.table("regression_coefficients", pd.concat(result), dataset=dataset))
     return blocks
 
 
@@ -187,21 +193,21 @@ def _recorded(records: Sequence[Recorded]) -> list[Block]:
     """AP, curves and heat maps measured earlier on recorded pictures, each with its source."""
     blocks: list[Block] = []
     for one in records:
-        own, about = one.results, one.provenance
-        title = f"{word(own.detector)} on {word(own.dataset)}"
+        selected, about = one.results, one.provenance
+        title = f"{word(selected.detector)} on {word(selected.dataset)}"
         count = f"{counted(one.objects, 'object')} in {counted(len(about['frames']), 'frame')}"
-        shown = corners(own.dataset, [own])
+        shown = corners(selected.dataset, [selected])
         caption = f"Recorded: average precision of {title} at the corners of the sweep, {count}."
         blocks.append(replace(shown, name=f"recorded_{one.name}_ap", caption=caption, stage=""))
         words = {"title": title, "count": count, "source": about["source"].rstrip(".")}
         words["weights"] = about["detector"]["sha256"][:12]
-        drawing, name = detection_figures.iopc(own.isolated), f"recorded_{one.name}_iopc"
+        drawing, name = detection_figures.iopc(selected.isolated), f"recorded_{one.name}_iopc"
         blocks.append(PAGE.figure("recorded_iopc", drawing, name=name, **words))
-        if len(own.heat):
-            rises = _needed(own.heat) if "objects_needed" in own.heat else PAGE.text("each_cell")
-            drawing, name = detection_figures.heat(own.heat), f"recorded_{one.name}_iopc_heat"
+        if len(selected.heat):
+            rises = _needed(selected.heat) if "objects_needed" in selected.heat else PAGE.text("each_cell")
+            drawing, name = detection_figures.heat(selected.heat), f"recorded_{one.name}_iopc_heat"
             blocks.append(PAGE.figure("recorded_iopc_heat", drawing, name=name, after=rises, title=title))
-        for block in _directions(own.dataset, [own]):
+        for block in _directions(selected.dataset, [selected]):
             if not isinstance(block, NotRun):
                 name, caption = f"recorded_{one.name}_{block.name}", f"Recorded: {block.caption}"
                 unstaged = {"stages": ()} if isinstance(block, Figure) else {"stage": ""}
@@ -251,8 +257,12 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     runs = _runs(results, records, inputs)
     blocks: list[Block] = []
     for dataset in in_order((one.dataset for one in results), DATASETS):
-        own = [one for one in results if one.dataset == dataset]
-        blocks += [*_curves(dataset, own, inputs), *_directions(dataset, own), *_regression(dataset, own)]
+        selected = [one for one in results if one.dataset == dataset]
+        blocks += [
+            *_curves(dataset, selected, inputs),
+            *_directions(dataset, selected),
+            *_regression(dataset, selected),
+        ]
     if not results:
         blocks.append(NotRun(PAGE.text("parts"), STAGE_ABSENT, inputs.line("curves@<dataset>-<detector>")))
     notes = {

@@ -45,8 +45,8 @@ def _light(inputs: ReportInputs) -> str:
     study = optional(inputs.of_control("order_study"), "study.parquet")
     if study is None:
         return sentence
-    own = study[(study["order"] == "paper") & (study["target_sigma_dn"] == study["target_sigma_dn"].max())]
-    means = own.groupby("light")[["amae_percent", "ap_percent"]].mean()
+    selected = study[(study["order"] == "paper") & (study["target_sigma_dn"] == study["target_sigma_dn"].max())]
+    means = selected.groupby("light")[["amae_percent", "ap_percent"]].mean()
     if not {"encoded", "linear"} <= set(means.index):
         return sentence
     amae, precision = (

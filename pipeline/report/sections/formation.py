@@ -181,8 +181,10 @@ def _galleries(dataset: str, inputs: ReportInputs) -> list[Block]:
 
 def _levels(dataset: str, corruption: pd.DataFrame, seed: int) -> Table:
     """Noise present after clipping at each target level; by how much the noise added misses the level."""
-    own = corruption.assign(dataset=dataset).sort_values("target_sigma_dn", kind="stable")
-    cells = robust_by(own, ["dataset", "noise_source", "target_sigma_dn"], "clipped_sigma_dn", seed, "report", "levels")
+    selected = corruption.assign(dataset=dataset).sort_values("target_sigma_dn", kind="stable")
+    cells = robust_by(
+        selected, ["dataset", "noise_source", "target_sigma_dn"], "clipped_sigma_dn", seed, "report", "levels"
+    )
     rows = pivot(
         cells,
         ["target_sigma_dn"],
@@ -190,28 +192,28 @@ def _levels(dataset: str, corruption: pd.DataFrame, seed: int) -> Table:
         estimate("median", "low", "high", lambda row: int(row["count"]) or None),
     )
     missed = (
-        (own["unclipped_sigma_dn"] / own["target_sigma_dn"].where(own["target_sigma_dn"] > 0) - 1.0)
+        (selected["unclipped_sigma_dn"] / selected["target_sigma_dn"].where(selected["target_sigma_dn"] > 0) - 1.0)
         .abs()
-        .groupby(own["target_sigma_dn"])
+        .groupby(selected["target_sigma_dn"])
         .max()
     )
     deviation = {
         "off_percent": lambda row: 100.0 * float(missed[row["target_sigma_dn"]]) if row["target_sigma_dn"] > 0 else None
     }
-    across = {noise_source: word(noise_source) for noise_source in in_order(own["noise_source"], EFFECTS)}
+    across = {noise_source: word(noise_source) for noise_source in in_order(selected["noise_source"], EFFECTS)}
     return PAGE.table("noise_levels", rows, cells=deviation, across=across, dataset=dataset)
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Image formation: galleries, the table of levels per dataset, and the sensor."""
     corruption = {
-        name: own
+        name: group
         for name in inputs.datasets
-        if (own := optional(inputs.corrupt.get(name), "corruption.parquet", tables.CORRUPTION)) is not None
+        if (group := optional(inputs.corrupt.get(name), "corruption.parquet", tables.CORRUPTION)) is not None
     }
     runs = overview("Image formation", STAGE, corruption, inputs)
     blocks: list[Block] = [block for dataset in corruption for block in _galleries(dataset, inputs)]
-    blocks += [_levels(dataset, own, inputs.seed) for dataset, own in corruption.items()]
+    blocks += [_levels(dataset, group, inputs.seed) for dataset, group in corruption.items()]
     curve = described(inputs.sensor, "photon_transfer.json", CURVE_KEYS)
     sensor = single("Sensor", SENSOR_STAGE, existing(inputs.sensor) is not None, inputs)
     if curve is None:

@@ -137,8 +137,8 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
         raise InputError("no gallery of kernel estimates; run the stage blur for a kernel estimator")
     entries = {gallery.estimator: {str(one["kernel"]): one for one in gallery.kernels} for gallery in galleries}
     first = entries[galleries[0].estimator]
-    for name, own in entries.items():
-        if set(own) != set(first):
+    for name, group in entries.items():
+        if set(group) != set(first):
             raise InputError(
                 f"gallery of '{name}': other kernels than '{galleries[0].estimator}'; run the stage blur again for both"
             )
@@ -238,8 +238,8 @@ def _galleries(inputs: ReportInputs) -> dict[str, list[tuple[Gallery, Mapping[st
         for gallery, about in pairs:
             if gallery.estimator == name:
                 galleries.setdefault(about["dataset"], []).append((gallery, about))
-    for dataset, own in galleries.items():
-        if len({(about["frame"], about["patch"]) for _, about in own}) > 1:
+    for dataset, group in galleries.items():
+        if len({(about["frame"], about["patch"]) for _, about in group}) > 1:
             raise InputError(
                 f"galleries of '{dataset}' show different patches; run the stage blur again for all of them"
             )

@@ -219,17 +219,17 @@ def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame | None)
         reference: columns dataset, noise_source, target_sigma_dn, estimator, sigma_dn: by the authors' program.
     """
     keys = ["dataset", "noise_source", "target_sigma_dn", "estimator"]
-    own = ordered(summary[summary["dataset"] == dataset], noise_source=EFFECTS, target_sigma_dn=())
-    own = own.assign(inliers=own["count"] - own["rejected"])
+    selected = ordered(summary[summary["dataset"] == dataset], noise_source=EFFECTS, target_sigma_dn=())
+    selected = selected.assign(inliers=selected["count"] - selected["rejected"])
     if reference is not None:
-        own = own.merge(reference.drop_duplicates(keys)[[*keys, "sigma_dn"]], how="left", on=keys)
-    levels = own.groupby(keys[1:3])[["unclipped_median_dn", "clipped_median_dn"]].transform("median")
-    own = own.assign(added_dn=levels["unclipped_median_dn"], present_dn=levels["clipped_median_dn"])
+        selected = selected.merge(reference.drop_duplicates(keys)[[*keys, "sigma_dn"]], how="left", on=keys)
+    levels = selected.groupby(keys[1:3])[["unclipped_median_dn", "clipped_median_dn"]].transform("median")
+    selected = selected.assign(added_dn=levels["unclipped_median_dn"], present_dn=levels["clipped_median_dn"])
     cell = estimate("median_dn", "low_dn", "high_dn", "inliers", "sigma_dn")
-    rows = pivot(own, ["noise_source", "target_sigma_dn", "added_dn", "present_dn"], "estimator", cell)
+    rows = pivot(selected, ["noise_source", "target_sigma_dn", "added_dn", "present_dn"], "estimator", cell)
     cells = [cell for row in rows for cell in row.values()]
     known = any(isinstance(cell, Estimate) and cell.reference is not None for cell in cells)
-    across = {name: word(name) for name in in_order(own["estimator"], ESTIMATORS)}
+    across = {name: word(name) for name in in_order(selected["estimator"], ESTIMATORS)}
     return PAGE.table("noise", rows, across=across, also=["code"] if known else [], dataset=dataset)
 
 
@@ -277,8 +277,8 @@ def saturated(estimates: pd.DataFrame, seed: int) -> Table | None:
 
 def _abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
     def reasons(row: Row) -> str:
-        own = (estimates["dataset"] == row["dataset"]) & (estimates["estimator"] == row["estimator"])
-        counts = estimates.loc[own & estimates["abstained"], "reason"].value_counts().sort_index()
+        selected = (estimates["dataset"] == row["dataset"]) & (estimates["estimator"] == row["estimator"])
+        counts = estimates.loc[selected & estimates["abstained"], "reason"].value_counts().sort_index()
         return ", ".join(f"{reason}: {count:,}" for reason, count in counts.items())
 
     sums = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)[["count", "rejected", "abstained"]]

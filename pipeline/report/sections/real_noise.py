@@ -59,22 +59,24 @@ def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> Drawing:
         top = 1.05 * max(float(part.patches["cleaned_sigma_dn"].max()), float(first.quantile(0.99)))
         for column, name in enumerate(estimators):
             axes = grid[row, column]
-            own = part.patches[part.patches["estimator"] == name]
-            answered = own[np.isfinite(own["sigma_dn"])]
+            selected = part.patches[part.patches["estimator"] == name]
+            answered = selected[np.isfinite(selected["sigma_dn"])]
             axes.plot([0, top], [0, top], color=style.MUTED, linewidth=0.6, zorder=1)
             axes.scatter(
                 answered["cleaned_sigma_dn"], answered["sigma_dn"].clip(upper=top), s=2.5, linewidths=0, alpha=0.55,
                 color=style.series_looks(list(estimators))[name]["color"], zorder=2, rasterized=True,
             )  # fmt: skip
             error = (answered["sigma_dn"] - answered["cleaned_sigma_dn"]).abs().mean()
-            note = f"error {error:.2f} DN\n{100 * len(answered) / max(len(own), 1):.0f} % answered"
+            note = f"error {error:.2f} DN\n{100 * len(answered) / max(len(selected), 1):.0f} % answered"
             axes.text(0.04, 0.96, note, transform=axes.transAxes, va="top", fontsize=5, color=style.INK)
             axes.set(xlim=(0, top), ylim=(0, top))
             if row == 0:
                 axes.set_title(estimator_word(name))
             if row == len(parts) - 1:
                 axes.set_xlabel("measured σ [DN]")
-            values.append(own[["estimator", "picture", "cleaned_sigma_dn", "sigma_dn"]].assign(recording=part.name))
+            values.append(
+                selected[["estimator", "picture", "cleaned_sigma_dn", "sigma_dn"]].assign(recording=part.name)
+            )
             words.append(f"{estimator_word(name)} on {recording_word(part.name)} {error:.2f} DN")
         grid[row, 0].set_ylabel(f"{recording_word(part.name)}\nestimated σ [DN]")
     alt = f"Estimated over measured noise of single patches. Mean absolute error: {listing(words)}."
@@ -107,9 +109,9 @@ def sensor_figure(made: Sensor) -> Drawing:
     transfer, dark = figure.subplots(1, 2)
     for (_, fit), (_, current) in zip(made.transfer.iterrows(), made.dark.iterrows(), strict=True):
         plane, colour = fit["plane"], looks[fit["plane"]]["color"]
-        own = made.points[made.points["plane"] == plane]
-        transfer.plot(own["mean_dn"], own["variance_dn2"], "o", markersize=2.6, color=colour)
-        ends = np.array([0.0, own["mean_dn"].max()])
+        selected = made.points[made.points["plane"] == plane]
+        transfer.plot(selected["mean_dn"], selected["variance_dn2"], "o", markersize=2.6, color=colour)
+        ends = np.array([0.0, selected["mean_dn"].max()])
         transfer.plot(ends, fit["dark_variance_dn2"] + fit["gain_dn_per_e"] * ends, linewidth=0.8, color=colour)
         means = made.dark_means[made.dark_means["plane"] == plane]
         dark.plot(means["exposure_s"], means["mean_dn"], "o", markersize=2.6, color=colour)

@@ -130,7 +130,7 @@ def ablation(inputs: ReportInputs) -> Table | None:
     folder = existing(inputs.ablation)
     names = list(inputs.ablations) or sorted(path.stem for path in (folder.glob("*.json") if folder else ()))
     measures = {name: optional(folder, f"{name}.json") for name in names}
-    rows = [{"variant": name, **own} for name, own in measures.items() if own is not None]
+    rows = [{"variant": name, **group} for name, group in measures.items() if group is not None]
     if not rows:
         return None
 
