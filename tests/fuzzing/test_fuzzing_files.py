@@ -162,7 +162,7 @@ BOX = {"label": "car", "box": [1, 2, 30, 40], "visible_fraction": 0.9}
 @given(content=st.one_of(replaced({"boxes": [BOX, BOX]}), JSON))
 def test_labels_of_sim(content):
     sim = object.__new__(Sim)
-    sim.lowest_px, sim.least_visible = 20.0, 0.3
+    sim.min_height_px, sim.min_visible_fraction = 20.0, 0.3
     for name in ("min_height_px", "min_visible_fraction"):
         setattr(sim, name, 0.3)
     attempt(sim._boxes, "labels.json", json.dumps(content).encode())
