@@ -24,6 +24,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pipeline.report import style
 from pipeline.report.display_names import short_word, word
 from pipeline.report.style import Drawing, Look
@@ -193,6 +195,40 @@ def lines(
                 at[marked], own[y].to_numpy(float)[marked], s=30, zorder=4, facecolors="none",
                 edgecolors=look["color"], linewidths=0.7, gid=gid("rise"),
             )  # fmt: skip
+
+
+LIGHT_BELOW = 55.0  # percent up to which a number in a cell is white
+
+
+def ink_on(percent: float) -> str:
+    """Colour in which a number is readable on a cell of `cell_map`."""
+    return style.PAPER if percent < LIGHT_BELOW else style.INK
+
+
+def cell_map(axes: Axes, percent: np.ndarray, x: Sequence[str], y: Sequence[str]) -> Any:
+    """A heat map from 0 to 100 with its number in every cell.
+
+    Args:
+        axes: to draw into.
+        percent: (rows, columns), NaN where nothing was measured: white.
+        x: names of the columns.
+        y: names of the rows.
+
+    Returns:
+        what a colour bar is of.
+    """
+    import matplotlib as mpl
+
+    colours = mpl.colormaps["viridis"].with_extremes(bad=style.PAPER)
+    image = axes.pcolormesh(np.ma.masked_invalid(percent), vmin=0, vmax=100, cmap=colours, linewidth=0)
+    for (row, column), value in np.ndenumerate(percent):
+        if np.isfinite(value):
+            axes.text(column + 0.5, row + 0.5, f"{value:.0f}", ha="center", va="center", fontsize=5.7,
+                      color=ink_on(value))  # fmt: skip
+    axes.set_xticks(np.arange(len(x)) + 0.5, x)
+    axes.set_yticks(np.arange(len(y)) + 0.5, y)
+    axes.grid(False)
+    return image
 
 
 RING: Look = {

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pipeline.control.tables import KNOTS
 from pipeline.report import style
 from pipeline.report.display_names import listing
+from pipeline.report.figures import cell_map
 from pipeline.report.inputs import ReportInputs, optional
 from pipeline.report.sections.control_tables import CONTROL
 from pipeline.report.spec import Block
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 
 STAGE = "control_surface"
 ALL_VIEWPOINTS = -1
-LIGHT_BELOW = 55.0  # AP from which dark numbers are readable on the colour
 
 
 @style.styled
@@ -54,14 +52,8 @@ def _grid(knots: pd.DataFrame) -> pd.DataFrame:
 def _panel(axes: Axes, knots: pd.DataFrame) -> Any:
     """One heat map; returns what the colour bar is of."""
     grid, estimated = _grid(knots), knots.groupby("target_sigma_dn")["sigma_dn"].median()
-    image = axes.pcolormesh(np.ma.masked_invalid(grid.to_numpy(float)), vmin=0, vmax=100, cmap="viridis", linewidth=0)
-    axes.grid(False)
-    for row, cells in enumerate(grid.to_numpy(float)):
-        for column, value in enumerate(cells):
-            ink = style.PAPER if value < LIGHT_BELOW else style.INK
-            axes.text(column + 0.5, row + 0.5, f"{value:.0f}", ha="center", va="center", fontsize=5.8, color=ink)
-    axes.set_xticks(np.arange(len(grid.columns)) + 0.5, [f"{motion:g}" for motion in grid.columns])
-    axes.set_yticks(np.arange(len(grid.index)) + 0.5, [f"{level:g} ({estimated[level]:.1f})" for level in grid.index])
+    rows = [f"{level:g} ({estimated[level]:.1f})" for level in grid.index]
+    image = cell_map(axes, grid.to_numpy(float), [f"{motion:g}" for motion in grid.columns], rows)
     axes.set_xlabel("motion blur [px]")
     return image
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.report import style
 from pipeline.report.display_names import DETECTORS, in_order, listing, word
-from pipeline.report.figures import RING, Facet, lines, small_multiples
+from pipeline.report.figures import RING, Facet, cell_map, ink_on, lines, small_multiples
 from pipeline.report.style import Drawing
 from pipeline.report.tables import records
 
@@ -21,7 +21,6 @@ QUANTITIES = {
     "sigma_dn": ("Noise alone", "noise", "estimated noise σ [DN]"),
     "mtf": ("Blur alone", "blur", "estimated MTF at 0.1 (sharp to blurred)"),
 }
-LIGHT_BELOW = 55.0  # AP in percent up to which numbers in a cell are white
 
 
 @style.styled
@@ -72,27 +71,17 @@ def iopc(curves: pd.DataFrame) -> Drawing:
 
 
 def _heat_panel(axes: Axes, rows: pd.DataFrame, key: str) -> Any:
-    import matplotlib as mpl
-
     if rows.empty:
         return None
     cells = rows.pivot(index="sigma_bin_dn", columns="mtf_bin", values="ap_percent").sort_index()
     cells = cells[sorted(cells.columns, reverse=True)]
-    colours = mpl.colormaps["viridis"].with_extremes(bad=style.PAPER)
-    image = axes.pcolormesh(np.ma.masked_invalid(cells.to_numpy(float)), vmin=0, vmax=100, cmap=colours, linewidth=0)
-    column = {name: number + 0.5 for number, name in enumerate(cells.columns)}
-    line = {name: number + 0.5 for number, name in enumerate(cells.index)}
-    for row in records(rows[rows["count"] > 0]):
-        x, y = column[row["mtf_bin"]], line[row["sigma_bin_dn"]]
-        ink = style.PAPER if row["ap_percent"] < LIGHT_BELOW else style.INK
-        axes.text(x, y, f"{row['ap_percent']:.0f}", ha="center", va="center", fontsize=5.6, color=ink)
-        if row["non_monotonic"]:
-            face = ink if row["certainly"] else "none"
-            axes.scatter([x + 0.32], [y + 0.3], marker="^", s=6, facecolors=face, edgecolors=ink, linewidths=0.5)
-    xticks, yticks = list(column.values()), list(line.values())
-    axes.set_xticks(xticks, [f"{name:g}" for name in column])
-    axes.set_yticks(yticks, [f"{name:g}" for name in line])
-    axes.grid(False)
+    x, y = list(cells.columns), list(cells.index)
+    image = cell_map(axes, cells.to_numpy(float), [f"{name:g}" for name in x], [f"{name:g}" for name in y])
+    for row in records(rows[(rows["count"] > 0) & rows["non_monotonic"]]):
+        ink = ink_on(row["ap_percent"])
+        spot = x.index(row["mtf_bin"]) + 0.82, y.index(row["sigma_bin_dn"]) + 0.8
+        face = ink if row["certainly"] else "none"
+        axes.scatter(*spot, marker="^", s=6, facecolors=face, edgecolors=ink, linewidths=0.5)
     return image
 
 
