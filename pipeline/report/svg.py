@@ -28,6 +28,7 @@ PHOTOGRAPH_PX = 4096
 """Grey pictures with at least so many pixels are stored as JPEG, smaller ones (kernels) without loss."""
 
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_ALONG = re.compile(r"translate\((-?[\d.]+) 0\)")
 _REFERENCE = re.compile(r"url\(#([^)]+)\)|^#(.+)$")
 
 
@@ -101,6 +102,10 @@ def _shorten(element: ET.Element, referenced: set[str]) -> None:
             attributes[key] = _rounded(" ".join(attributes[key].split()))
     if "transform" in attributes:  # factors keep their digits
         attributes["transform"] = re.sub(r"translate\([^)]*\)", lambda one: _rounded(one[0]), attributes["transform"])
+        along = _ALONG.fullmatch(attributes["transform"])
+        if along is not None and element.tag == f"{{{SVG}}}use":  # a letter behind another one
+            del attributes["transform"]
+            attributes["x"] = along[1]
     if element.tag == f"{{{SVG}}}image":
         attributes[HREF] = encoded(base64.b64decode(attributes[HREF].partition(",")[2]))
 

@@ -118,11 +118,11 @@ def to_html(table: Table) -> str:
     """A ``<figure>`` with a sortable table, for the page; every text is escaped by the template engine."""
     from pipeline.report.templates import environment
 
-    def sort_key(cell: Cell) -> str:
+    def sort_key(cell: Cell) -> str | None:  # of a number; text is its own key
         value = cell.value if isinstance(cell, Estimate) else cell
         if isinstance(value, (int, float)):
             return f"{value:.10g}" if math.isfinite(value) else ""
-        return str(value or "")
+        return None
 
     return (
         environment()

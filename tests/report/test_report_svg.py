@@ -83,3 +83,9 @@ def test_figures_on_one_page_share_glyphs_and_no_id(tmp_path: object) -> None:
     assert set(re.findall(r'(?:href="#|url\(#)([^")]+)', text)) <= set(ids)
     first = re.search(r'id="(g\d+)"', shared)
     assert first and all(f'href="#{first[1]}"' in part for part in parts.values())  # both titles have an "a"
+
+
+def test_letters_of_a_line_are_placed_by_one_number() -> None:
+    text = FIGURE.replace('x="1.999999"', 'transform="translate(63.623047 0)"')
+    use = svg.compact(text).partition("<use")[2].partition("/>")[0]
+    assert 'x="63.62"' in use and "transform" not in use

@@ -123,7 +123,7 @@ def test_html_is_well_formed_escaped_and_sortable() -> None:
     assert parsed.open == []
     assert parsed.texts[0] == "a_b|c" and parsed.texts[3] == "<b>"
     assert parsed.texts[1].startswith("5.25") and "5.10 to 5.40 · n 72" in parsed.texts[1]
-    assert parsed.sort == ["a_b|c", "5.25", "3", "<b>", "", ""]
+    assert parsed.sort == [None, "5.25", "3", None, "", None]  # text is its own key
 
 
 def test_saving_writes_three_files(tmp_path: object) -> None:
