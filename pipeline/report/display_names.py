@@ -24,6 +24,9 @@ ESTIMATORS = {
     "cellwise": "Cell-wise",
     "wavelet": "Wavelet",
     "immerkaer": "Immerkær",
+    "correlated": "Correlated",
+    "adaptive": "Adaptive",
+    "pca_stride_2": "PCA, every 2nd pixel",
     "pmp": "PMP",
     "gbb": "GBB",
     "pmp_exact": "PMP, exact",
@@ -31,7 +34,7 @@ ESTIMATORS = {
     "spectral": "Spectral",
     "generic_lens": "Spectral, generic lens",
     "camera_calibrated": "Spectral, camera-calibrated",
-    "fused": "Fused, fitted",
+    "fused": "Fused, camera-calibrated",
     "ground_truth": "Ground truth",
 }
 EFFECTS = {

@@ -25,7 +25,6 @@ TITLE = "Noise of real cameras"
 PAGE = Descriptions("real_noise")
 NAMES = {"cc": "CC", "polyu": "PolyU", "flea3": "Flea3 (raw)"}
 ORDER = ("adaptive", "correlated", "cellwise", "pca", "pca_stride_2", "bf", "wavelet")
-ESTIMATORS = {"adaptive": "Adaptive", "correlated": "Correlated", "pca_stride_2": "PCA, every 2nd pixel"}
 BEFORE, NOW = "cellwise", "adaptive"
 LABELS = {BEFORE: "white noise only", NOW: "default"}
 SHOWN = ("adaptive", "cellwise", "pca", "pca_stride_2", "bf")
@@ -34,11 +33,6 @@ SHOWN = ("adaptive", "cellwise", "pca", "pca_stride_2", "bf")
 def recording_word(name: str) -> str:
     """Display name of a recording."""
     return NAMES.get(name, word(name))
-
-
-def estimator_word(name: str) -> str:
-    """Display name of an estimator."""
-    return ESTIMATORS.get(name, word(name))
 
 
 @style.styled
@@ -71,13 +65,13 @@ def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> Drawing:
             axes.text(0.04, 0.96, note, transform=axes.transAxes, va="top", fontsize=5, color=style.INK)
             axes.set(xlim=(0, top), ylim=(0, top))
             if row == 0:
-                axes.set_title(estimator_word(name))
+                axes.set_title(word(name))
             if row == len(parts) - 1:
                 axes.set_xlabel("measured σ [DN]")
             values.append(
                 selected[["estimator", "picture", "cleaned_sigma_dn", "sigma_dn"]].assign(recording=part.name)
             )
-            words.append(f"{estimator_word(name)} on {recording_word(part.name)} {error:.2f} DN")
+            words.append(f"{word(name)} on {recording_word(part.name)} {error:.2f} DN")
         grid[row, 0].set_ylabel(f"{recording_word(part.name)}\nestimated σ [DN]")
     alt = f"Estimated over measured noise of single patches. Mean absolute error: {listing(words)}."
     return Drawing(figure, alt, pd.concat(values, ignore_index=True))
@@ -91,7 +85,7 @@ def errors(parts: Sequence[Recording]) -> Table:
     rows = ordered(rows, recording=[part.name for part in parts], estimator=ORDER)
     cells = {
         "recording": lambda row: recording_word(row["recording"]),
-        "estimator": lambda row: estimator_word(row["estimator"]),
+        "estimator": lambda row: word(row["estimator"]),
     }
     return PAGE.table("real_noise_errors", rows, cells=cells)
 
