@@ -49,7 +49,8 @@ def test_pages_are_accessible(name, width, pages, tmp_path):
 def test_axe_reports_what_is_wrong(tmp_path):
     """A page with a picture without a text, grey on grey, and wider than the window."""
     html = (
-        '<!DOCTYPE html><html lang="en"><head><title>a</title></head><body><main><h1>words</h1><p style="color: #bbb">grey on white</p>'
+        '<!DOCTYPE html><html lang="en"><head><title>a</title></head><body><main><h1>words</h1>'
+        '<p style="color: #bbb">grey on white</p>'
         '<img src="data:image/gif;base64,R0lGODlhAQABAAAAACw="><div style="width: 3000px">b</div></main></body></html>'
     )
     shown = inspected(html, 390, tmp_path)
