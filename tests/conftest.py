@@ -9,12 +9,13 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # one thread per test process, as in the pipeline's workers; before NumPy loads
 
 import pytest  # noqa: E402
-from hypothesis import settings  # noqa: E402
+from hypothesis import HealthCheck, settings  # noqa: E402
 
 import pipeline  # noqa: E402, F401  pins the numerical libraries, before anything loads them
 
-settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=40)
-settings.register_profile("fuzz", derandomize=False, deadline=None, max_examples=1000)
+SLOW = [HealthCheck.too_slow]  # on a busy machine drawing takes long, which is no failure
+settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=40, suppress_health_check=SLOW)
+settings.register_profile("fuzz", derandomize=False, deadline=None, max_examples=1000, suppress_health_check=SLOW)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
