@@ -44,7 +44,7 @@ def tiny(folder, workers, **changes):
     content["corruption"]["target_sigmas_dn"] = content["noise"]["target_sigmas_dn"] = [0, 10]
     content["scenes"] |= {"viewpoints": 1, "samples": 1, "width_px": 256, "height_px": 256, "star_periods": 40}
     content["scenes"]["star_frequencies"] = [0.1, 0.2]
-    content["corruption"]["effects"] = content["noise"]["noise_sources"] = ["photon", "combined"]
+    content["corruption"]["noise_sources"] = content["noise"]["noise_sources"] = ["photon", "combined"]
     return validate(content)
 
 

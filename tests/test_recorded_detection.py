@@ -75,7 +75,7 @@ def configured(shared: Path) -> list[str]:
         "+detector@detection.detectors.yolox=yolox",
         f"detection.detectors.yolox.weights={shared / 'weights/yolox_nano.onnx'}",
         "detection.sweep.angles_deg=[0]",
-        "detection.sweep.effect=dcsn",
+        "detection.sweep.noise_source=dcsn",
         "detection.evaluation.min_height_px=25",
         "detection.evaluation.min_visible_fraction=0.3",
     ]

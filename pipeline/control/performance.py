@@ -214,7 +214,7 @@ class Performance:
             count = sum(name.startswith("darker") and name.endswith("_reference") for name in arrays)
             darker = [cls._from(arrays, f"darker{number}_", path=path) for number in range(count)]
             return cls._from(arrays, "", darker, path)
-        except (InputError, ValueError, np.linalg.LinAlgError) as error:
+        except (InputError, TypeError, ValueError, np.linalg.LinAlgError) as error:
             raise InputError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
         except KeyError as error:
             raise InputError(

@@ -45,7 +45,7 @@ def test_a_record_is_written_and_its_mean_said(pictures: Path, tmp_path: Path) -
         ),
         ([], "main", "--dataset main: not in the configuration; did you mean 'mine'"),
         (["datasets.mine.root=/nowhere", "--estimator", "spectral"], "mine", "/nowhere"),
-        (["psf=paper", "psf.folder=/nowhere"], "mine", "no kernels of the paper in '/nowhere'"),
+        (["psf=paper", "psf.folder=/nowhere"], "mine", "psf.folder=/nowhere: no such folder"),
         (["psf=papers"], "mine", "papers"),
     ],
 )

@@ -59,7 +59,7 @@ def test_colours_stay_and_equal_names_do_not_collide(tmp_path, source):
     [
         (["--pipeline", "fone"], "phone"),
         (["--pipeline", "phone", "--sigma-dn", "5"], "--sigma-dn"),
-        (["--pipeline", "phone", "--iso", "50"], "iso=50"),
+        (["--pipeline", "phone", "--iso", "50"], "--iso 50"),
         (["--iso", "800"], "--pipeline"),
     ],
 )

@@ -180,7 +180,7 @@ def test_frames_are_judged_by_height_and_visibility() -> None:
         image=lambda frame: np.full((90, 130), 0.25, np.float32),
     )
     car = result["car"]
-    assert (car.objects, car.objects_ignored, car.right, car.neither, car.wrong) == (1, 1, 1, 1, 4)
+    assert (car.objects, car.objects_ignored, car.true_positives, car.ignored, car.false_positives) == (1, 1, 1, 1, 4)
     assert car.average_precision == 1.0  # equal scores rank in frame order, and the right one is in the first frame
     assert result["person"].objects == 0
     assert np.isnan(result["person"].average_precision)

@@ -221,7 +221,7 @@ def test_foreign_or_incomplete_weights_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="expected 'sigma-cellwise-1'"):
         noise.create("cellwise", weights=tmp_path / "other.safetensors")
     weights.save(tmp_path / "silent.safetensors", CellwiseNet().state_dict(), ARCHITECTURE)
-    with pytest.raises(InputError, match="nothing of its interval"):
+    with pytest.raises(InputError, match="holds no interval"):
         noise.create("cellwise", weights=tmp_path / "silent.safetensors")
 
 

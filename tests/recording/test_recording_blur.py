@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from data_makers import make_folder, make_kitti
-from report_makers import REPO
 
 from pipeline import store, tables
 from pipeline.camera import kernel_bank
@@ -27,6 +26,8 @@ from pipeline.recording.blur import record
 from pipeline.report import blur_records
 from pipeline.report.inputs import ReportInputs
 from pipeline.stages.blur import run as stage
+
+REPO = Path(__file__).resolve().parents[2]
 
 SMALL = [
     "psf.kinds=[defocus,linear_motion]",
