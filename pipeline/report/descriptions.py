@@ -29,11 +29,11 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError, did_you_mean
 from pipeline.report.display_names import word
+from pipeline.report.sections import description
 from pipeline.report.spec import Figure
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Cell, Column, Row, Table, estimate, named, table
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 
 Cells = dict[str, Callable[[Row], Cell]]
 """Column -> what makes its cells from a row."""
-
-FOLDER = "pipeline.report.sections"
 
 
 class _Word(str):
@@ -89,7 +87,7 @@ class Descriptions:
     def _content(self) -> dict[str, dict[str, Any]]:
         import yaml
 
-        file = resources.files(FOLDER).joinpath(f"{self.section}.yaml")
+        file = description(self.section)
         content: dict[str, dict[str, Any]] = yaml.safe_load(file.read_text(encoding="utf-8"))
         return content
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from pipeline.report import blur_records, detection_results, frame_records, ledger_sources
@@ -161,6 +162,14 @@ class Evidence:
     def table(self, name: str) -> Any:
         """A table of the stages of control, by its path below their folder; None where it has not run."""
         return optional(self.inputs.control, name)
+
+
+def descriptions() -> list[dict[str, Any]]:
+    """The entries of ``claims.yaml``, in their order: fields of `Claim`, ``measure`` by name, with its ``options``."""
+    import yaml
+
+    text = resources.files("pipeline.report.claims").joinpath("claims.yaml").read_text(encoding="utf-8")
+    return list(yaml.safe_load(text))
 
 
 def names_of(datasets: Iterable[Any]) -> str:

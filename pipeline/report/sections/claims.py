@@ -6,10 +6,9 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial
-from importlib import resources
 
 from pipeline.report.claims import of_blur, of_detection, of_noise
-from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence, Measurement
+from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence, Measurement, descriptions
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
@@ -30,12 +29,9 @@ TEXT = (
 
 def all_claims() -> list[Claim]:
     """The claims of ``claims/claims.yaml``, then the conclusions that the order study decides."""
-    import yaml
-
-    file = resources.files("pipeline.report.claims").joinpath("claims.yaml")
     claims = [
         Claim(measure=partial(MEASURES[entry.pop("measure")], **entry.pop("options", {})), **entry)
-        for entry in yaml.safe_load(file.read_text(encoding="utf-8"))
+        for entry in descriptions()
     ]
     return claims + [
         Claim("order study", f"{one.claim}.", partial(of_detection.order, conclusion=one), ORDER_STUDY, STAGE)
