@@ -16,7 +16,7 @@ and the answer is a mean of their ln(1 + sigma) with weight w of the second:
 Traces of a codec are steps at block edges, vanished fine detail (`compressed`) and quantised transform blocks
 (`pipeline.noise.block_quantisation`). Where the interval of ln(1 + sigma) is too wide to be of use the patch is
 abstained from: as ``"compressed"`` behind a codec, which removes weak noise and leaves its own, else as
-``"uncertain"``. An interval that ends below 2.5 DN is of use however wide it is relative to the answer, unless detail
+``"uncertain"``; so is a patch of fine texture whose noise `cellwise` cannot tell from it. An interval that ends below 2.5 DN is of use however wide it is relative to the answer, unless detail
 that a codec quantises anew from shot to shot may flicker unseen. Where the interval reaches zero the noise is not
 detected, and the answer moves towards zero by as much as the interval would reach below it.
 
@@ -68,6 +68,9 @@ PROCESSED = (0.4, 0.5)  # correlation of adjacent pixels over which it sets in
 WIDEST_REACH = 1.1
 """Half-width of the interval of ln(1 + sigma) beyond which there is no answer: a factor of 3 either way."""
 
+WIDEST_WHITE_REACH = 0.9
+"""The same where `cellwise` decides: on foliage and gravel its answer is far too low, under an interval that knows it."""
+
 WIDEST_COMPRESSED_REACH = 0.47  # the same behind a strong codec: a factor of 1.6
 WIDEST_QUANTISED_REACH = 0.65  # the same where only quantised transform blocks show a codec
 WEAK_DN = 2.5  # where the interval ends below, noise is certainly weak
@@ -83,6 +86,7 @@ class Adaptive(CellMapper):
         cellwise_weights, correlated_weights: weight files of the two networks; None for the released ones.
         widest_reach, widest_compressed_reach: half-width of the interval of ln(1 + sigma) beyond which a patch is
             abstained from, without and with the traces of a strong codec.
+        widest_white_reach: the same where the noise is white, for the upper half of the interval.
         saturated_fraction: of saturated pixels, (0, 1], from which a patch is refused.
 
     Raises:
@@ -98,6 +102,7 @@ class Adaptive(CellMapper):
         *,
         widest_reach: float = WIDEST_REACH,
         widest_compressed_reach: float = WIDEST_COMPRESSED_REACH,
+        widest_white_reach: float = WIDEST_WHITE_REACH,
         saturated_fraction: float = SATURATED_FRACTION,
     ) -> None:
         super().__init__(saturated_fraction)
@@ -105,6 +110,7 @@ class Adaptive(CellMapper):
         self.correlated = Correlated(correlated_weights)
         self.released = self.white.released and self.correlated.released
         self.widest_reach, self.widest_compressed_reach = widest_reach, widest_compressed_reach
+        self.widest_white_reach = widest_white_reach
 
     def measure_cells(
         self, stack: NDArray[np.floating], reason: NDArray[np.object_]
@@ -114,6 +120,7 @@ class Adaptive(CellMapper):
         assert white.low_dn is not None and white.high_dn is not None
         sigma, low, high = white.sigma_dn.copy(), white.low_dn.copy(), white.high_dn.copy()
         white_sigma, correlation = sigma.copy(), np.zeros(len(sigma))
+        is_white = np.ones(len(sigma), bool)
         requested = np.flatnonzero(~self._plainly_white(stack, white.low_dn))
         if len(requested):
             answer = self.correlated.predict(stack[requested])
@@ -138,6 +145,9 @@ class Adaptive(CellMapper):
             unsure = (reach > widest) & ~weak & (weight > LEAST_WEIGHT) & (reason[requested] == "")
             reason[requested[unsure & coded]] = COMPRESSED
             reason[requested[unsure & ~coded]] = UNCERTAIN
+            is_white[requested] = weight < 0.5
+        wide = np.log1p(high) - np.log1p(sigma) > self.widest_white_reach
+        reason[wide & (high >= WEAK_DN) & is_white & (reason == "")] = UNCERTAIN
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
 
     def _plainly_white(self, stack: NDArray[np.floating], low_dn: NDArray[np.float64]) -> NDArray[np.bool_]:
