@@ -16,9 +16,10 @@ and the answer is a mean of their ln(1 + sigma) with weight w of the second:
 Traces of a codec are steps at block edges, vanished fine detail (`compressed`) and quantised transform blocks
 (`pipeline.noise.block_quantisation`). Where the interval of ln(1 + sigma) is too wide to be of use the patch is
 abstained from: as ``"compressed"`` behind a codec, which removes weak noise and leaves its own, else as
-``"uncertain"``; so is a patch of fine texture whose noise `cellwise` cannot tell from it. An interval that ends below 2.5 DN is of use however wide it is relative to the answer, unless detail
-that a codec quantises anew from shot to shot may flicker unseen. Where the interval reaches zero the noise is not
-detected, and the answer moves towards zero by as much as the interval would reach below it.
+``"uncertain"``: fine texture, foliage for example, that hides noise or resembles it. An interval that ends below 2.5 DN
+is of use however wide it is relative to the answer, unless detail that a codec quantises anew from shot to shot may
+flicker unseen. Where the interval reaches zero the noise is not detected, and the answer moves towards zero by as much
+as the interval would reach below it.
 
 `NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. A patch that is
 plainly white and not coded skips the second network, so that such frames cost little more than `cellwise`.
@@ -65,11 +66,12 @@ COARSE_PART = 0.04
 cameras have more of than the simulated ones, is taken for the picture."""
 
 PROCESSED = (0.4, 0.5)  # correlation of adjacent pixels over which it sets in
-WIDEST_REACH = 1.1
-"""Half-width of the interval of ln(1 + sigma) beyond which there is no answer: a factor of 3 either way."""
+WIDEST_REACH = 0.7
+"""Half-width of the interval of ln(1 + sigma) beyond which there is no answer: a factor of 2 either way. Crowns of
+rendered trees, which the second network may take for strong noise, lie beyond it."""
 
 WIDEST_WHITE_REACH = 0.9
-"""The same where `cellwise` decides: on foliage and gravel its answer is far too low, under an interval that knows it."""
+"""The same, upwards, where `cellwise` decides: beyond it, on foliage and gravel, its answer is far too low."""
 
 WIDEST_COMPRESSED_REACH = 0.47  # the same behind a strong codec: a factor of 1.6
 WIDEST_QUANTISED_REACH = 0.65  # the same where only quantised transform blocks show a codec

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.lib.stride_tricks import sliding_window_view
 from skimage import data
 from test_noise_correlated import flat
 
@@ -11,6 +12,7 @@ from pipeline import noise
 from pipeline.camera.processing import codec, presets, temporal_noise
 from pipeline.camera.processing.develop import grey
 from pipeline.condition import ConditionMonitor
+from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
 from pipeline.noise.adaptive import COMPRESSED, UNCERTAIN, Adaptive
 from pipeline.streams import stream
@@ -55,6 +57,24 @@ def test_wide_intervals_become_abstentions_with_their_reason():
     estimate = strict.estimate(stack(flat(6, 0.9), flat(8)))
     assert estimate.abstained[0] and estimate.reason[0] in (COMPRESSED, UNCERTAIN)
     assert not estimate.abstained[1]  # white: the interval of cellwise is not judged by it
+    white = Adaptive(widest_white_reach=1e-3).estimate(stack(flat(8)))
+    assert white.reason[0] == UNCERTAIN
+
+
+@pytest.mark.parametrize(("sigma_dn", "answered_fraction"), [(0, 0.5), (2, 0.25), (5, 0.4)])
+def test_noise_hidden_by_foliage_is_not_answered(shared, sigma_dn, answered_fraction):
+    """Trees and gravel, rendered: patches that hide weak noise are abstained from, the others are right."""
+    files = sorted((shared / "realdata/sim_authors/images").glob("*.tiff"))
+    if not files:
+        pytest.skip("frames absent: ../shared/realdata/sim_authors")
+    tiles = np.concatenate([sliding_window_view(read_grey8(file), (128, 128))[::213, ::256] for file in files])
+    clean = tiles.reshape(-1, 128, 128).astype(float)
+    noisy = np.rint(clean + sigma_dn * stream(3, "foliage").standard_normal(clean.shape)).clip(0, 255)
+    estimate = ADAPTIVE.estimate(stack(*noisy))
+    answered = ~estimate.abstained
+    error_dn = np.abs(estimate.sigma_dn[answered] - sigma_dn)
+    assert answered.mean() > answered_fraction
+    assert np.median(error_dn) < 0.5 and error_dn.mean() < 1
 
 
 def test_noise_that_a_video_codec_removed_is_not_read_as_zero():
