@@ -14,6 +14,8 @@ from pipeline.dependencies import dvc_yaml
 
 FREE = ("params.yaml", "dvc.yaml", "dvc.lock", ".cache/", ".git", "conf/", ".dvc", "tests/recorder/")
 """Opened by machinery (parameters are dependencies by value) or caches with a fingerprint in their name."""
+STARTS = "pipeline/dvc/"
+"""Starts stages, in whose processes it remains, and is no part of them."""
 BY_HASH = {"data/index/": "data/sim/", "data/detector/": "data/weights/"}
 """A folder whose content hashes are in a dependency -> files that may be opened."""
 
@@ -59,7 +61,8 @@ def problems(folder, top=Path()):
             return any(file == line or file.startswith(f"{line.rstrip('/')}/") for line in paths)
 
         for file in record["executed"]:
-            if file.startswith("pipeline/") and file.endswith(".py") and not inside(file):
+            of_stage = file.startswith("pipeline/") and file.endswith(".py") and not file.startswith(STARTS)
+            if of_stage and not inside(file):
                 results.add(f"{group.name}: executes {file}, which is not in deps")
         for file in record["opened"]:
             compiled = file.endswith((".pyc", ".py")) or "__pycache__" in file or "/.writing-" in file

@@ -9,9 +9,9 @@ import pytest
 import yaml
 from dvc.utils.serialize import dumps_yaml, parse_yaml
 
-from pipeline.dvc import HEAD, with_entry
+from pipeline.dvc.lock_file import HEAD, with_entry
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 GRAPH = {
     "stages": {
         "one": {"cmd": "echo 1 > one.txt", "deps": ["a.txt"], "params": ["top"], "outs": ["one.txt"]},
@@ -65,6 +65,15 @@ def test_entries_are_replaced_in_place_and_added_at_the_end():
         entries[name] = {"cmd": "echo more", "outs": [{"path": "x"}, {"path": "y"}]}
         text = with_entry(text, {name: entries[name]})
         assert text == HEAD + dumps_yaml({"stages": entries}).removeprefix("stages:\n")
+
+
+def test_a_new_entry_goes_before_its_followers():
+    entries = {name: {"cmd": f"echo {name}"} for name in ("old", "a", "b", "c")}
+    ordered = HEAD + dumps_yaml({"stages": entries}).removeprefix("stages:\n")
+    text = ""
+    for name, followers in (("old", ()), ("c", ()), ("a", ("b", "c")), ("b", ("c",)), ("a", ("b", "c"))):
+        text = with_entry(text, {name: entries[name]}, followers)
+    assert text == ordered
 
 
 @pytest.mark.parametrize("text", ["schema: '1.0'\nstages:\n", f"{HEAD}  a:\n    cmd: x\ndatasets: []\n"])

@@ -1,0 +1,9 @@
+"""``python -m pipeline.dvc``: DVC as it is, with less overhead. Every command and option is DVC's.
+
+* `lock_file`: ``dvc.lock`` is written entry by entry;
+* `read_once`: parameters are parsed and files hashed once, not once per stage;
+* `preloaded`: stages run in children of one process that has the libraries loaded;
+* `at_once`: stages that do not depend on each other run at once.
+
+The same results and the same bytes of ``dvc.lock``; ``dvc`` itself may be used before and after.
+"""

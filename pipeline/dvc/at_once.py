@@ -1,0 +1,236 @@
+"""Stages that do not depend on each other run at once, where the machine has cores to spare.
+
+DVC runs one stage after another. Here its own code is as serial as it was, checks, hashes, ``dvc.lock`` and all: one
+thread at a time has the *turn*, and hands it over only while the command of its stage runs. Of the stages whose
+dependencies are up to date the first ones in DVC's order are taken; a stage without outputs, which nothing can depend
+on, ends before later ones begin (the check of ``params.yaml``). When one fails, those that run end, no other begins,
+and DVC's message follows. Ctrl-C does the same; the running commands receive it from the terminal as this process does.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from pathlib import Path
+from typing import Any
+
+from pipeline.dvc import preloaded
+from pipeline.dvc.lock_file import LockFileWriter
+
+SWITCH = "STAGES_AT_ONCE"
+"""Environment variable: how many stages may run at once; 1 for one after another."""
+MOST = 4
+"""Stages at once where the variable is not set: more would rarely be ready, and each holds its data in memory."""
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Environment variables that give a stage's libraries as many threads as its share of the cores."""
+
+
+def stages_at_once(cores: int, workers: int, chosen: str | None) -> int:
+    """How many stages may run at once.
+
+    Args:
+        cores: of the machine that this process may use.
+        workers: processes of one stage, ``executor.workers``; 0 where a stage takes as many as it has cores.
+        chosen: the value of `SWITCH`.
+    """
+    if chosen:
+        return max(1, int(chosen)) if chosen.isdecimal() else 1
+    return max(1, min(MOST, cores // max(workers, 1)))
+
+
+def startable(
+    waiting: Sequence[Any], running: Sequence[Any], ended: set[Any], upstream: Mapping[Any, set[Any]]
+) -> list[Any]:
+    """Of the waiting stages, in DVC's order, those that may begin now."""
+    if any(not stage.outs for stage in running):
+        return []
+    ready = []
+    for stage in waiting:
+        if upstream[stage] <= ended:
+            ready.append(stage)
+        if not stage.outs:
+            break
+    return ready
+
+
+class Stages:
+    """Runs the stages of one ``dvc repro``.
+
+    Args:
+        writer: of ``dvc.lock``; is given DVC's order.
+        at_once: how many stages may run at once.
+    """
+
+    def __init__(self, writer: LockFileWriter, at_once: int) -> None:
+        self._writer, self._at_once = writer, at_once
+        self._turn = threading.Lock()
+        self._slots: dict[str, int] = {}
+        self._processes: dict[str, int] = {}
+        self._cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+
+    def reproduce(self, original: Callable[..., list[Any]]) -> Callable[..., list[Any]]:
+        """`dvc.repo.reproduce._reproduce`; the original for options under which the order matters."""
+        from dvc.repo.reproduce import _raise_error, _reproduce_stage
+
+        def reproduce(stages: list[Any], graph: Any = None, **options: Any) -> list[Any]:
+            self._writer.order = [stage.addressing for stage in stages]
+            plain = options.get("on_error", "fail") == "fail" and not any(
+                options.get(name) for name in ("dry", "interactive", "force_downstream", "pull")
+            )
+            if self._at_once == 1 or len(stages) < 2 or graph is None or not plain:
+                return original(stages, graph=graph, **options)
+            options = {name: value for name, value in options.items() if name not in ("on_error", "force_downstream")}
+            upstream = {stage: set(graph.successors(stage)) & set(stages) for stage in stages}
+
+            def run(stage: Any) -> Any:
+                with self._turn, stage.repo.lock:
+                    return _reproduce_stage(stage, upstream=list(graph.successors(stage)), **options)
+
+            results: dict[Any, Any] = {}
+            failed: tuple[Exception, Any] | None = None
+            waiting, running = list(stages), dict[Future[Any], Any]()
+            lock = stages[0].repo.lock
+            lock.unlock()
+            try:
+                with ThreadPoolExecutor(self._at_once) as pool:
+                    while True:
+                        free = self._at_once - len(running) if failed is None else 0
+                        for stage in startable(waiting, list(running.values()), set(results), upstream)[:free]:
+                            waiting.remove(stage)
+                            self._take_slot(stage)
+                            running[pool.submit(run, stage)] = stage
+                        if not running:
+                            break
+                        self._give_all_cores_to_the_last()
+                        for future in wait(running, return_when=FIRST_COMPLETED).done:
+                            stage = running.pop(future)
+                            self._slots.pop(stage.addressing)
+                            error = future.exception()
+                            if error is None:
+                                results[stage] = future.result()
+                            elif not isinstance(error, Exception):
+                                raise error
+                            elif failed is None:
+                                failed = error, stage
+            finally:
+                lock.lock()
+            if failed is not None:
+                _raise_error(*failed)
+            return [results[stage] for stage in stages if results[stage]]
+
+        return reproduce
+
+    def _take_slot(self, stage: Any) -> None:
+        self._slots[stage.addressing] = min(set(range(self._at_once)) - set(self._slots.values()))
+
+    def _cores_of(self, name: str) -> set[int] | None:
+        """Cores of a stage: all where it runs alone, else those of its slot; None where they cannot be chosen."""
+        if not self._cores:
+            return None
+        if len(self._slots) < 2:
+            return set(self._cores)
+        return set(self._cores[self._slots[name] :: self._at_once]) or set(self._cores)
+
+    def _give_all_cores_to_the_last(self) -> None:
+        """Nothing can join a stage that is left alone before it ends."""
+        if len(self._slots) == 1:
+            for name, process in list(self._processes.items()):
+                with contextlib.suppress(OSError):
+                    os.sched_setaffinity(process, self._cores_of(name) or set())
+
+    def run(self, original: Callable[..., None]) -> Callable[..., None]:
+        """`dvc.stage.run._run`: one command of a stage, with its turn handed over meanwhile."""
+        from dvc.stage.exceptions import StageCmdFailedError
+        from dvc.stage.run import _make_cmd
+
+        def run(executable: str | None, command: str, **options: Any) -> None:
+            environment = options["env"]
+            words = preloaded.words(command, Path(options["cwd"]), environment)
+            name = environment.get("DVC_STAGE", "")
+            if name not in self._slots:
+                if words is None:
+                    original(executable, command, **options)
+                    return
+                code = _wait(preloaded.start(words, environment))
+            else:
+                self._turn.release()
+                try:
+                    code = self._run_beside(name, words, _make_cmd(executable, command), options)
+                finally:
+                    self._turn.acquire()
+            if code:
+                raise StageCmdFailedError(command, code)
+
+        return run
+
+    def _run_beside(self, name: str, words: list[str] | None, command: Any, options: dict[str, Any]) -> int:
+        """Run a command beside others, each line of its output after the name of its stage."""
+        import multiprocessing
+
+        cores = self._cores_of(name)
+        reading, writing = multiprocessing.Pipe(duplex=False)
+        if words is not None:
+            process: Any = preloaded.start(words, options["env"], cores, writing)
+        else:
+            with _affinity(cores):  # of this thread; its child inherits it
+                process = subprocess.Popen(command, stdout=writing.fileno(), stderr=subprocess.STDOUT, **options)
+        writing.close()
+        self._processes[name] = process.pid
+        try:
+            with os.fdopen(os.dup(reading.fileno()), encoding="utf-8", errors="replace", newline="\n") as lines:
+                reading.close()
+                for line in lines:
+                    shown = line.rstrip().rpartition("\r")[2]  # of a progress bar, what it ends with
+                    if shown:
+                        sys.stdout.write(f"{name} | {shown}\n")
+                        sys.stdout.flush()
+            return int(process.wait()) if words is None else _wait(process)
+        finally:
+            self._processes.pop(name)
+
+
+def _wait(process: Any) -> int:
+    """Wait for a child of the server; Ctrl-C is for the child to answer, as it is in DVC."""
+    alone = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN) if alone else None
+    try:
+        return preloaded.exit_status(process)
+    finally:
+        if alone:
+            signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def _affinity(cores: set[int] | None) -> Iterator[None]:
+    """The cores of this thread, and of what it starts meanwhile."""
+    if cores is None:
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, cores)
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+def install(writer: LockFileWriter, workers: int) -> None:
+    """Let DVC in this process run stages at once."""
+    from dvc.repo import reproduce
+    from dvc.stage import run
+
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    at_once = stages_at_once(cores, workers, os.environ.get(SWITCH))
+    if at_once > 1:
+        for variable in THREADS:
+            os.environ.setdefault(variable, str(max(1, cores // at_once)))
+    stages = Stages(writer, at_once)
+    reproduce._reproduce = stages.reproduce(reproduce._reproduce)
+    run._run = stages.run(run._run)

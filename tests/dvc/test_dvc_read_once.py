@@ -1,0 +1,87 @@
+"""What is kept about a file is given up with any change of it, and is what DVC reads."""
+
+import os
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import yaml
+from dvc.dependency.param import read_param_file
+from dvc.repo import Repo
+
+from pipeline.dvc import read_once
+
+
+def test_an_answer_is_kept_until_the_file_changes(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("one")
+    asked = []
+
+    def answer():
+        asked.append(path.read_text())
+        return asked[-1]
+
+    kept = read_once.Kept()
+    assert [kept.get(str(path), "text", answer) for _ in range(3)] == ["one"] * 3
+    assert kept.get(str(path), "another question", answer) == "one"
+    assert len(asked) == 2
+    path.write_text("two")
+    os.utime(path, ns=(1, 1))  # a clock of coarse steps
+    assert kept.get(str(path), "text", answer) == "two"
+    other = tmp_path / "b.txt"
+    other.write_text("six")
+    os.utime(other, ns=(1, 1))
+    other.replace(path)  # same length, same time: another inode
+    assert kept.get(str(path), "text", answer) == "six"
+    path.unlink()
+    with pytest.raises(FileNotFoundError):
+        kept.get(str(path), "text", answer)
+
+
+@pytest.mark.parametrize(
+    "key", ["a.b", "a.b.c", "a.list", "a.none", "a-b", "a.missing", "missing", "a.list.0", "a.b*", "n.1"]
+)
+def test_parameters_are_those_of_dvc(tmp_path, key):
+    path = tmp_path / "params.yaml"
+    path.write_text(
+        yaml.safe_dump({"a": {"b": {"c": 1.5}, "list": [1, {"d": 2}], "none": None}, "a-b": "x", "n": {1: 2}})
+    )
+    fs = Repo.init(tmp_path, no_scm=True).fs
+    quick = read_once._read_param_file(read_param_file)
+    for _ in range(2):
+        assert quick(fs, str(path), ["a.list", key], flatten=True) == read_param_file(
+            fs, str(path), ["a.list", key], flatten=True
+        )
+
+
+def test_answers_are_not_shared_between_stages(tmp_path):
+    path = tmp_path / "params.yaml"
+    path.write_text("a: {b: [1]}")
+    fs = Repo.init(tmp_path, no_scm=True).fs
+    quick = read_once._read_param_file(read_param_file)
+    quick(fs, str(path), ["a"], flatten=True)["a"]["b"].append(2)
+    assert quick(fs, str(path), ["a"], flatten=True) == {"a": {"b": [1]}}
+
+
+def test_hashes_of_single_files_are_kept_and_of_folders_and_stored_files_not():
+    calls = []
+
+    def original(output, odb, path, fs, name, **options):
+        from dvc_data.hashfile.hash_info import HashInfo
+        from dvc_data.hashfile.meta import Meta
+        from dvc_data.hashfile.obj import HashFile
+
+        calls.append(path)
+        return "staging", Meta(size=3), HashFile(path, fs, HashInfo("md5", "abc"))
+
+    build = read_once._build(original)
+    local = SimpleNamespace(protocol="local")
+    first, second = (build(None, None, __file__, local, "md5", dry_run=True) for _ in range(2))
+    assert len(calls) == 1
+    assert first[1] == second[1] and first[1] is not second[1]
+    assert first[2].hash_info == second[2].hash_info and first[2].hash_info is not second[2].hash_info
+    for path, options in ((str(Path(__file__).parent), {"dry_run": True}), (__file__, {})):
+        before = len(calls)
+        for _ in range(2):
+            build(None, None, path, local, "md5", **options)
+        assert len(calls) == before + 2
