@@ -4,7 +4,7 @@ At each step the camera's frame of the leading viewpoint is what the policy obse
 the fold are scored, so that average precision exists per step. Noise is keyed by viewpoint and moment, not by policy or
 settings: policies share their random numbers. What a frame shows depends on its settings, light and motion only; it is
 kept by a hash of these (`FrameCache`), which is how a killed run goes on and how equal frames of different policies
-cost one.
+cost one. A worker keeps the last frames that it formed as well: policies with the same settings see the same picture.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline import control
-from pipeline.camera.exposure import Camera, Exposed, Motion, noise_generator
+from pipeline.camera.exposure import Camera, Motion, noise_generator
 from pipeline.control.decision import Decision
 from pipeline.control.measured_surface import monitor, opened
 from pipeline.control.motion import CYCLES_PER_PX
@@ -29,11 +30,12 @@ from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.scenario import Scenario
 from pipeline.control.state import CameraState, DelayLine
-from pipeline.control.views import View, with_sun
+from pipeline.control.views import View, radiance_at, with_sun
 from pipeline.store import read_arrays, write_arrays
 
 Arrays = dict[str, NDArray[Any]]
-MOMENTS = 4
+FORMED_FRAMES = 128
+"""Frames that a worker keeps, 0.7 MB each: about those that one scenario forms of its leading views."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,28 @@ class StepRecord:
     picture: NDArray[np.uint8] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class FormedFrame:
+    """A frame on the 8-bit grid and the truth of its formation; see `pipeline.camera.exposure.Exposed`.
+
+    Attributes:
+        grey: (H, W) uint8.
+        blur_px: length of the motion blur.
+        saturated_fraction: fraction of saturated pixels.
+        sigma_dn: noise.
+    """
+
+    grey: NDArray[np.uint8]
+    blur_px: float
+    saturated_fraction: float
+    sigma_dn: float
+
+    @property
+    def image(self) -> NDArray[np.float32]:
+        """(H, W) float32 in [0, 1]: the values that the camera gave."""
+        return self.grey.astype(np.float32) / np.float32(255.0)
+
+
 class FrameCache:
     """Detections and estimates of formed frames, by the hash of what forms them.
 
@@ -134,21 +158,29 @@ class SimulatedScene:
         self.cache = FrameCache(rig.cache)
 
     def at_step(self, step: int) -> list[View]:
-        """The views of a step: every viewpoint at the moment ``step mod 4``."""
+        """The views of a step: every viewpoint at the moment ``step mod M`` of its M moments."""
         names = dict.fromkeys(view.viewpoint for view in self.views)
         results = []
         for name in names:
             moments = [view for view in self.views if view.viewpoint == name]
-            results.append(moments[step % min(MOMENTS, len(moments))])
+            results.append(moments[step % len(moments)])
         return results
 
-    def expose(self, view: View, step: int, state: CameraState) -> Exposed:
-        """The frame of a view at some settings."""
-        radiance = with_sun(view.radiance(), self.scenario.sun_radius_fraction)
+    def expose(self, view: View, step: int, state: CameraState, keep: bool = False) -> FormedFrame:
+        """The frame of a view at some settings.
+
+        Args:
+            view: to look at.
+            step: of the scenario.
+            state: settings.
+            keep: whether other drives are likely to see it again: detections of all views are kept on disk, but a
+                policy needs the picture of the leading one.
+        """
         moving = Motion(self.scenario.speed_at(step), self.scenario.direction_deg)
-        generator = noise_generator(self.rig.seed, "closed loop", view.name)
         light = self.scenario.light_at(step, state.exposure_s)
-        return self.rig.camera.expose(radiance, state.exposure_s, state.gain, generator, light=light, motion=moving)
+        sun = self.scenario.sun_radius_fraction
+        form = _kept_frame if keep else _formed
+        return form(self.rig.camera, self.rig.seed, view.name, view.path, state, light, moving, sun)
 
     def key(self, view: View, step: int, state: CameraState) -> list[Any]:
         """Everything that a frame depends on, but for the rig."""
@@ -163,7 +195,7 @@ class SimulatedScene:
             scenario.sun_radius_fraction,
         ]
 
-    def detections(self, view: View, step: int, state: CameraState, frame: Exposed | None = None) -> Arrays:
+    def detections(self, view: View, step: int, state: CameraState, frame: FormedFrame | None = None) -> Arrays:
         """Detections in a view: ``boxes`` (M, 4), ``score`` (M,), ``label`` (M,), best first."""
 
         def make() -> Arrays:
@@ -179,7 +211,7 @@ class SimulatedScene:
         return self.cache.get("detections", self.key(view, step, state), make)
 
     def estimates(
-        self, view: View, step: int, state: CameraState, frame: Exposed
+        self, view: View, step: int, state: CameraState, frame: FormedFrame
     ) -> tuple[Estimate | None, Estimate | None, str]:
         """The monitor's noise and MTF with the scenario's faults, and why one is missing."""
         if self.scenario.fault.is_silent(step):
@@ -221,6 +253,27 @@ class SimulatedScene:
             return Outcome(camera.sigma_dn(electrons, state.gain, state.exposure_s), motion, mean)
 
         return outcome
+
+
+def _formed(
+    camera: Camera,
+    seed: int,
+    name: str,
+    path: Path,
+    state: CameraState,
+    light: float,
+    motion: Motion,
+    sun_radius_fraction: float,
+) -> FormedFrame:
+    """A frame of the radiance in a file, its noise keyed by the view's name."""
+    radiance = with_sun(radiance_at(path), sun_radius_fraction)
+    generator = noise_generator(seed, "closed loop", name)
+    frame = camera.expose(radiance, state.exposure_s, state.gain, generator, light=light, motion=motion)
+    grey = np.rint(frame.image * np.float32(255.0)).astype(np.uint8)
+    return FormedFrame(grey, frame.blur_px, frame.saturated_fraction, frame.sigma_dn)
+
+
+_kept_frame = lru_cache(maxsize=FORMED_FRAMES)(_formed)
 
 
 def _misjudged(mtf: Estimate, factor: float) -> Estimate:
@@ -268,15 +321,16 @@ def run(
             blank = Observation(np.zeros((1, 1), np.float32), 0.0, 0.0, truth=scene.truth(lead, step))
             decision = policy.decide(blank, state)
             state = decision.state
-        frame = scene.expose(lead, step, state)
+        frame = scene.expose(lead, step, state, keep=True)
+        image = frame.image
         sigma = mtf = None
         reason = ""
         if policy.uses_estimates:
             sigma, mtf, reason = scene.estimates(lead, step, state, frame)
-        mean = float(frame.image.mean(dtype=np.float64))
+        mean = float(image.mean(dtype=np.float64))
         if not policy.sees_truth:
-            saturated = float(np.mean(frame.image >= SATURATED_LEVEL))
-            decision = policy.decide(Observation(frame.image, mean, saturated, sigma, mtf, reason), state)
+            saturated = float(np.mean(image >= SATURATED_LEVEL))
+            decision = policy.decide(Observation(image, mean, saturated, sigma, mtf, reason), state)
         detections = [scene.detections(view, step, state, frame if view is lead else None) for view in seen]
         records.append(
             StepRecord(
@@ -293,7 +347,7 @@ def run(
                 decision=decision,
                 detections=detections,
                 views=seen,
-                picture=np.rint(frame.image * 255).astype(np.uint8) if step in pictures else None,
+                picture=frame.grey if step in pictures else None,
             )
         )
         if not policy.sees_truth:

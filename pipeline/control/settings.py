@@ -105,6 +105,8 @@ class ControlSettings(Settings):
 
     detector: Name
     viewpoints: Count
+    moments: Annotated[int, Field(ge=1, le=4)]
+    """Of every viewpoint, taken in turn by the steps of a drive."""
     folds: Annotated[int, Field(ge=1, le=10)]
     camera: ControlCameraSettings
     surface: ControlSurfaceSettings

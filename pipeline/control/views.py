@@ -39,23 +39,25 @@ class View:
 
     def radiance(self) -> NDArray[np.float32]:
         """(H, W) linear radiance."""
-        return _radiance(self.path)
+        return radiance_at(self.path)
 
 
 @lru_cache(maxsize=64)  # every moment of a fold, 3 MB each: a worker returns to them at every step
-def _radiance(path: Path) -> NDArray[np.float32]:
+def radiance_at(path: Path) -> NDArray[np.float32]:
+    """(H, W) linear radiance of a file that the stage `render_sim` wrote."""
     arrays = read_arrays(path)
     if "radiance" not in arrays:
         raise InputError(f"{path}: expected the array 'radiance'; render again with scenes.radiance=true")
     return arrays["radiance"].astype(np.float32)
 
 
-def views(root: Path, split: str = "evaluation") -> list[View]:
-    """All rendered moments with radiance, by viewpoint and moment.
+def views(root: Path, split: str = "evaluation", moments: int | None = None) -> list[View]:
+    """Rendered moments with radiance, by viewpoint and moment.
 
     Args:
         root: folder the stage `render_sim` writes.
         split: sub-folder.
+        moments: so many of every viewpoint, the first ones; None for all.
 
     Raises:
         InputError: no frame, or a frame without radiance.
@@ -64,7 +66,7 @@ def views(root: Path, split: str = "evaluation") -> list[View]:
     for frame in Sim("sim", root, split=split, moments="all").frames():
         match = _NAME.match(frame.name)
         path = frame.path.with_name(f"{frame.name}.radiance.npz")
-        if match is None or frame.defect:
+        if match is None or frame.defect or (moments is not None and int(match["moment"]) >= moments):
             continue
         if not path.is_file():
             raise InputError(f"{path}: no such file; control needs linear radiance: render with scenes.radiance=true")

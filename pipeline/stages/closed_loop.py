@@ -25,7 +25,7 @@ def run(run: Run) -> None:
     detector = params.detection.detectors[section.detector]
     options = {"weights": detector.weights, **detector.options}
     about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")
-    every = folds(views(run.inputs / "data/sim"), section.viewpoints, section.folds)
+    every = folds(views(run.inputs / "data/sim", moments=section.moments), section.viewpoints, section.folds)
     camera = setup.camera(section.camera)
     pixels = [[view.name, view.path.read_bytes()] for fold in every for view in fold]
     key = fingerprint(
