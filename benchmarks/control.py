@@ -50,7 +50,7 @@ from pipeline.curves.surface import Surface  # noqa: E402
 FRAME_PX = (768, 896)
 STATE = CameraState.of(8.0, 400.0)
 LIGHT, SPEED_PX_S = 0.25, 760.0
-SETTLING_SPEED_PX_S, SETTLING_FRAMES, SETTLING_LEAD, LAST_FRAMES = 400.0, 14, 6, 6
+SETTLING_SPEED_PX_S, SETTLING_FRAMES, SETTLING_LEAD, LAST_FRAMES = 400.0, 40, 6, 20
 DRIVES = {
     "constant, from 1 ms": (CameraState.of(1.0, 100.0), 0.5, 0.5),
     "constant, from 33 ms": (CameraState.of(33.0, 200.0), 0.5, 0.5),
@@ -138,7 +138,8 @@ def settling(performance: Performance, monitor: Any) -> dict[str, dict[str, dict
     Returns:
         policy -> drive -> measures by delay: ``frames_d`` from the disturbance to the first frame from which brightness
         stays within a quarter stop of its last value; ``change_stops_d`` range of the exposure times from then on;
-        ``ripple_stops_d`` that of the last six frames: 0 where nothing oscillates.
+        ``ripple_stops_d`` that of the last 20 frames, longer than the period of a cycle at a delay of 3 (11 frames): 0
+        where nothing oscillates.
     """
     scene, known = radiance(), {}
 

@@ -4,8 +4,9 @@ Each frame: total exposure is kept, or corrected where the mean level is off; th
 chosen on the surface of average precision, from the *estimated* noise and motion. Where surfaces of darker frames were
 measured too, the total exposure is chosen with the split: a detector may bear a dark frame better than its gain.
 Where several settings promise about the same, `pipeline.control.margin` decides: the one that loses least in the frames
-after a fall of light. Changes are compared with the settings written last, which with a delay are still on their way
-to the sensor: a frame taken before they took effect does not make the policy write them again.
+after a fall of light. A change must promise some points, more after reversals (`pipeline.control.hysteresis`). Changes
+are compared with the settings written last, which with a delay are still on their way to the sensor: a frame taken
+before they took effect does not make the policy write them again.
 Defined actions in doubt:
 
 * the estimator abstains: the split is kept, only brightness is corrected (``ABSTAINED``);
@@ -24,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.control.decision import Action, Decision
+from pipeline.control.hysteresis import Hysteresis
 from pipeline.control.margin import after_fall
 from pipeline.control.metering import Metering
 from pipeline.control.motion import motion_length
@@ -91,9 +93,9 @@ class Choice:
     kept_ap_percent: float
     gain: float
 
-    def improves(self, least_gain_percent: float) -> bool:
+    def improves(self, required_percent: float) -> bool:
         """Whether the best promises so many points more than the present split, or nothing is known of that."""
-        return not np.isfinite(self.kept_ap_percent) or self.gain > least_gain_percent
+        return not np.isfinite(self.kept_ap_percent) or self.gain > required_percent
 
 
 class IopcPolicy(Policy):
@@ -106,6 +108,7 @@ class IopcPolicy(Policy):
         tolerance: dead band of the mean level.
         margin: AP points now that a point in the frames after a fall of light is worth; 0 for no margin. It counts for
             every frame until a new setting takes effect.
+        least_gain_percent: points that a change must promise on an unchanged scene without reversals.
 
     Raises:
         InputError: an option out of range.
@@ -121,8 +124,14 @@ class IopcPolicy(Policy):
         target: float | None = 0.5,
         tolerance: float = 0.1,
         margin: float = 0.07,
+        least_gain_percent: float = 1.0,
     ) -> None:
         super().__init__(camera, performance)
+        if not least_gain_percent >= 0.0:
+            raise InputError(
+                f"policy {type(self).__name__}: points that a change must promise are at least 0, got "
+                f"{least_gain_percent!r}"
+            )
         if not 0.0 <= margin <= 1.0:
             raise InputError(f"policy {type(self).__name__}: margin is a fraction in [0, 1], got {margin!r}")
         self.margin = margin * (1 + self.limits.delay_frames)
@@ -131,11 +140,13 @@ class IopcPolicy(Policy):
         """Speed of the image from another source (odometry), px/s; None takes it from the estimated MTF."""
         self._speed = SpeedFilter()
         self._noise = NoiseRatio()
+        self.hysteresis = Hysteresis(least_gain_percent)
         self._written: deque[CameraState] = deque(maxlen=self.limits.delay_frames)
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:
         """See `Policy.decide`."""
         decision = self._decide(observation, state)
+        self.hysteresis.count(self.ordered(state), decision.state)
         self._written.append(decision.state)
         return decision
 
@@ -155,6 +166,8 @@ class IopcPolicy(Policy):
                 return Decision(ordered, Action.ABSTAINED, f"no estimate ({reason}); settings are kept")
             new = self.limits.at_time(total, ordered.exposure_s)
             return Decision(new, Action.ABSTAINED, f"no estimate ({reason}); brightness only")
+        light = math.nan if clipped else self._level(observation) / state.total_exposure_s
+        self.hysteresis.observe(light, self._speed.jumps if self.known_speed_px_s is None else self.known_speed_px_s)
         return self.choose(observation, state, total, factor)
 
     def _total_exposure(

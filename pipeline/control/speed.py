@@ -53,6 +53,8 @@ class SpeedFilter:
     def __init__(self) -> None:
         self.value_px_s = math.nan
         self.variance = math.inf
+        self.jumps = 0
+        """Sudden changes so far."""
 
     @property
     def high_px_s(self) -> float:
@@ -77,6 +79,7 @@ class SpeedFilter:
         if length_px <= RESOLUTION_PX and known:
             measured, sudden = min(self.value_px_s, RESOLUTION_PX / exposure_s), False
         if sudden or not known:
+            self.jumps += 1
             self.value_px_s, self.variance = measured, error
             return measured
         weight = prior / (prior + error)

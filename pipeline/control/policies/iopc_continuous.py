@@ -28,7 +28,7 @@ class IopcContinuous(IopcPolicy):
         performance: surface asked.
         target: see `IopcPolicy`.
         tolerance: see `IopcPolicy`.
-        hysteresis_percent: points that a change must promise.
+        hysteresis_percent: points that a change must promise; more after reversals (see `IopcPolicy`).
         stops_per_frame: largest change of the exposure time, factors of two, as long as the gain can take the rest.
         max_motion_px: hard cap of motion blur.
         lamp_hz: frequency of light flicker (twice the mains frequency); 0 for none. Where the brightness allows it,
@@ -48,21 +48,19 @@ class IopcContinuous(IopcPolicy):
         lamp_hz: float = 0.0,
         margin: float = 0.07,
     ) -> None:
-        super().__init__(camera, performance, target, tolerance, margin)
-        if hysteresis_percent < 0 or stops_per_frame <= 0 or max_motion_px <= 0 or lamp_hz < 0:
+        super().__init__(camera, performance, target, tolerance, margin, hysteresis_percent)
+        if stops_per_frame <= 0 or max_motion_px <= 0 or lamp_hz < 0:
             raise InputError(
-                "policy iopc_continuous: expected hysteresis_percent and lamp_hz of at least 0, stops_per_frame and "
-                "max_motion_px above 0"
+                "policy iopc_continuous: expected lamp_hz of at least 0, stops_per_frame and max_motion_px above 0"
             )
-        self.hysteresis_percent, self.stops_per_frame = hysteresis_percent, stops_per_frame
-        self.max_motion_px, self.lamp_hz = max_motion_px, lamp_hz
+        self.stops_per_frame, self.max_motion_px, self.lamp_hz = stops_per_frame, max_motion_px, lamp_hz
 
     def choose(self, observation: Observation, state: CameraState, total: float, factor: float) -> Decision:
         """See `IopcPolicy.choose`."""
         among = self._allowed(self.candidates(observation, state, total))
         choice = self.compare(observation, state, total, among)
         new, action, expected = choice.state, choice.action, choice.ap_percent
-        if self._inside(choice.kept) and not choice.improves(self.hysteresis_percent):
+        if self._inside(choice.kept) and not choice.improves(self.hysteresis.required_percent):
             new, action, expected = (self.held(state, factor, choice)), Action.MOVE, choice.kept_ap_percent
         ordered = self.ordered(state)
         new = self._limited(new, ordered)

@@ -23,7 +23,7 @@ class IopcOptimal(IopcPolicy):
         performance: surface asked.
         target: see `IopcPolicy`.
         tolerance: see `IopcPolicy`.
-        least_gain_percent: points that another split must promise.
+        least_gain_percent: points that another split must promise; more after reversals (see `IopcPolicy`).
         margin: see `IopcPolicy`.
     """
 
@@ -36,14 +36,13 @@ class IopcOptimal(IopcPolicy):
         least_gain_percent: float = 1.0,
         margin: float = 0.07,
     ) -> None:
-        super().__init__(camera, performance, target, tolerance, margin)
-        self.least_gain_percent = least_gain_percent
+        super().__init__(camera, performance, target, tolerance, margin, least_gain_percent)
 
     def choose(self, observation: Observation, state: CameraState, total: float, factor: float) -> Decision:
         """See `IopcPolicy.choose`."""
         among = self.candidates(observation, state, total)
         choice = self.compare(observation, state, total, among)
-        if not choice.improves(self.least_gain_percent):
+        if not choice.improves(self.hysteresis.required_percent):
             here = choice.kept_ap_percent
             held = self.held(state, factor, choice)
             action = Action.HOLD if held == self.ordered(state) else Action.MOVE
