@@ -9,7 +9,7 @@ dataset's patches, for each kernel, percent; `mean_amae_percent` is its mean ove
 spectral estimator:
 
     raw         its answers as they are: lens and sensor of the recording camera are among them
-    typical     what it takes to have been added to a typical camera's blur (`pipeline.blur.typical_camera`)
+    typical     what it takes to have been added to a typical camera's blur (`pipeline.blur.generic_lens`)
     calibrated  divided by its answer for the same sharp frames
     fitted      corrected by `pipeline.blur.camera_calibration`, fitted to the sharp frames of the other half of a
     dataset,

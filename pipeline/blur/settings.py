@@ -57,7 +57,7 @@ class FusionTraining:
 
 
 class GenericLensSettings(Settings):
-    """What the spectral estimator is calibrated to a generic lens on; see `pipeline.blur.typical_camera`."""
+    """What the spectral estimator is calibrated to a generic lens on; see `pipeline.blur.generic_lens`."""
 
     images: Count
     patches: Count

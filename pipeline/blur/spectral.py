@@ -3,7 +3,7 @@
 Both directions come from one pass (`spectral_features`, `spectral_net`); trained on procedural pictures only
 (`spectral_training`). Estimates are *total* MTFs: lens, sensor and motion together. The MTF relative to a camera's
 sharp frames is what `calibrated` gives, by a map of both networks' estimates (`pipeline.blur.camera_calibration`);
-where there are none, ``output="relative"`` takes off a generic lens (`pipeline.blur.typical_camera`).
+where there are none, ``output="relative"`` takes off a generic lens (`pipeline.blur.generic_lens`).
 
 Noise that a camera has processed (demosaiced, denoised, sharpened, coded) looks like texture, and the main network,
 which knows white noise only, takes it for sharpness. A second network of the same form was trained through random

@@ -22,7 +22,7 @@ class TrainSettings(Settings):
 
     mtf: dict[BlurNetwork, Training]
     fusion: FusionTraining
-    typical_camera: GenericLensSettings
+    generic_lens: GenericLensSettings
     sigma: dict[NoiseNetwork, SigmaTraining]
     sigma_correlated: CorrelatedTraining
     detector: dict[DetectorNetwork, DetectorTraining]

@@ -101,7 +101,7 @@ def stage_names(params: Any) -> dict[str, str]:
                 names[f"{group}@{dataset}-{name}"] = f"{group}_{section.kind}@{dataset}-{name}"
     for group, networks in NETWORKS.items():
         names |= {f"{group}@{name}": f"{group}_{name}@{name}-{params.profile}" for name in networks}
-    names["typical_camera"] = f"typical_camera@{params.profile}"
+    names["generic_lens"] = f"generic_lens@{params.profile}"
     return names
 
 

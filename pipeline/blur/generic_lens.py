@@ -1,17 +1,17 @@
-"""Blur relative to a generic lens, for a camera of which nothing is known: an estimator calibrated to a generic camera.
+"""MTF relative to a generic lens, for cameras without sharp reference frames: the pictures it is calibrated on.
 
-A network that answers the *total* MTF counts a lens's own blur among what it sees. With sharp frames of the camera this
-is taken out (`Estimator.calibrated`, `pipeline.blur.camera_calibration`). Without any, the best guess is a typical
-lens: sharp procedural pictures are seen through lenses of any usual quality,
+A network that estimates the *total* MTF includes the blur of the lens. Sharp frames of the camera remove it
+(`Estimator.calibrated`, `pipeline.blur.camera_calibration`). Without any, a generic lens stands in: sharp procedural
+pictures are blurred by lenses of usual quality,
 
     S = I * G_a,    a ~ U(intrinsic_px),    G_a a Gaussian of standard deviation a, integrated over pixels,
 
-and the estimator is calibrated to them as to one camera (`camera_calibration.calibrate`): it learns the blur that was
-added to S when a
-is not known. Frames of a better lens than most, or a rendering, which has none, then read too sharp; there the total
-MTF is the right answer.
+and the estimator is calibrated to them as to one camera (`camera_calibration.calibrate`): it learns the blur added to S
+while a is unknown. For lenses sharper than the generic one, and for renderings without a lens, it underestimates blur;
+there the total MTF is the better estimate.
 
-Ours. The paper's network learns kernels alone, added to frames that have a lens's blur already: a similar answer.
+Ours. The paper's network learns kernels alone, applied to frames that have the blur of a lens already: a similar
+quantity.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pipeline.blur.base import PATCH_PX
 
 PURPOSE = "typical camera"
 PICTURES = f"{PURPOSE} image"
-"""Purpose of the pictures' random streams: none of them is a training picture."""
+"""Purposes of random streams, kept since they key every number drawn; no picture of theirs is a training picture."""
 
 ANISOTROPY = 0.7
 LEAST_BLUR_PX = 0.05
@@ -35,7 +35,7 @@ LEAST_BLUR_PX = 0.05
 def sharp_patches(
     tiles: NDArray[np.uint8], count: int, intrinsic_px: Sequence[float], seed: int
 ) -> NDArray[np.float32]:
-    """Sharp pictures, each seen through a lens of its own.
+    """Sharp pictures, each blurred by another lens.
 
     Args:
         tiles: (M, T, T) sharp pictures (`pipeline.learning.images.bank`), T >= 192; taken in turn.
