@@ -13,6 +13,11 @@ class InputError(Exception):
     """
 
 
+def printable(text: object) -> str:
+    """Text for a message of one line: control characters, line feeds among them, become escapes."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A hint naming the nearest known word, or listing all of them.
 

@@ -28,6 +28,11 @@ _SCHEDULER_TIMEOUT_S = 10
 _PATIENCE = 3  # pools lost without one finished item before giving up
 
 
+def available_cores() -> int:
+    """Processor cores this process may use; every core where the system restricts none (macOS, Windows)."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def one_thread() -> None:
     """Keep this process to one computing thread in every library that is already, or will be, loaded."""
     import sys

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, printable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -148,7 +148,7 @@ class Schema:
         try:
             typed = table[list(self.columns)].astype(dict(self.columns)).reset_index(drop=True)
         except (TypeError, ValueError) as error:
-            raise InputError(f"{prefix}table '{self.name}': {error}") from None
+            raise InputError(f"{prefix}table '{self.name}': {printable(error)}") from None
         return typed.round(self.decimals)
 
     @property
@@ -204,10 +204,11 @@ def read_published(path: str | Path, columns: Mapping[str, type]) -> pd.DataFram
     except FileNotFoundError:
         raise InputError(f"{path}: no such file of published numbers; {restore}") from None
     except (OSError, ValueError) as error:  # pandas' errors of parsing and of encoding are ValueErrors
-        raise InputError(f"{path}: not a CSV table ({str(error).strip()}); {restore}") from None
+        raise InputError(f"{path}: not a CSV table ({printable(str(error).strip())}); {restore}") from None
     for name, kind in columns.items():
         if name not in table.columns:
-            raise InputError(f"{path}: column '{name}' is missing, found {', '.join(map(str, table))}; {restore}")
+            present = ", ".join(map(printable, table))
+            raise InputError(f"{path}: column '{name}' is missing; there are {present}; {restore}")
         if kind is float and not pd.api.types.is_numeric_dtype(table[name]):
             numbers = pd.to_numeric(table[name], errors="coerce")
             wrong = table.index[numbers.isna() & table[name].notna()]

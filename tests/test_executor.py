@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.executor import run_map
+from pipeline.executor import available_cores, run_map
 
 
 def square(x):
@@ -61,6 +61,17 @@ def test_a_killed_worker_loses_nothing(tmp_path):
 def test_an_item_that_always_kills_is_named():
     with pytest.raises(InputError, match="died 3 times"):
         run_map(always_die, [1, 2], workers=2, label="poison")
+
+
+def test_cores_are_counted_on_every_system(monkeypatch):
+    """Systems such as macOS and Windows have no `os.sched_getaffinity`."""
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {1, 4, 5}, raising=False)
+    assert available_cores() == 3
+    monkeypatch.delattr("os.sched_getaffinity")
+    monkeypatch.setattr("os.cpu_count", lambda: 7)
+    assert available_cores() == 7
+    monkeypatch.setattr("os.cpu_count", lambda: None)
+    assert available_cores() == 1
 
 
 def test_workers_use_one_thread():

@@ -110,6 +110,7 @@ def test_images_are_rounded_not_truncated(tmp_path):
     [
         ("a,b\n1,x\n", "line 2: b is 'x', expected a number"),
         ("a\n1\n", "column 'b' is missing"),
+        ('a,"c\nd\x1b[2J"\n1,2\n', r"column 'b' is missing; there are a, c\nd\x1b[2J;"),
         ("", "not a CSV table"),
         ('a,b\n"1,2\n', "not a CSV table"),
     ],
@@ -120,6 +121,7 @@ def test_edited_published_numbers_are_one_line(tmp_path, text, words):
     with pytest.raises(InputError) as caught:
         store.read_published(path, {"a": str, "b": float})
     assert words in str(caught.value) and "git checkout data/paper" in str(caught.value)
+    assert str(caught.value).isprintable()
     path.write_text("a,b,c\n1,2.5,z\n1,,z\n")
     table = store.read_published(path, {"a": str, "b": float})
     assert table["b"][0] == 2.5 and table["b"].isna()[1] and list(table.columns) == ["a", "b", "c"]

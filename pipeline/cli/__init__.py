@@ -36,6 +36,7 @@ COMMANDS = {
 }
 
 INTERRUPTED = 130  # exit code after Ctrl-C, SIGTERM or SIGHUP
+ENDING_SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class _Lazy(click.Group):
@@ -63,7 +64,7 @@ class _Lazy(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            with handled((signal.SIGTERM, signal.SIGHUP), _interrupt):
+            with handled(ENDING_SIGNALS, _interrupt):
                 return super().invoke(ctx)
         except InputError as error:
             click.echo(f"error: {error}", err=True)

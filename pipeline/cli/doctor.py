@@ -28,6 +28,7 @@ def command(as_json: bool, timed: bool) -> None:
     """
     from pipeline.cli import camera_store
     from pipeline.cli.estimator_files import version
+    from pipeline.executor import available_cores
 
     packages, weights = installed_packages(), weight_files()
     problems = [
@@ -35,7 +36,7 @@ def command(as_json: bool, timed: bool) -> None:
     ]
     problems += [f"{row['file']}: {row['problem']}" for row in weights if row["problem"]]
     content: dict[str, Any] = {
-        "version": version(), "python": sys.version.split()[0], "processors": _processors(), "packages": packages,
+        "version": version(), "python": sys.version.split()[0], "processors": available_cores(), "packages": packages,
         "weights": weights, "detector_weights": detector_weights(), "data": present(DATASETS),
         "measured": present(MEASURED), "cameras": camera_store.names(), "stages": stages(), "problems": problems,
     }  # fmt: skip
@@ -192,12 +193,6 @@ def lines(content: dict[str, Any]) -> list[str]:
     text += [f"problem: {problem}" for problem in content["problems"]] or ["no problem"]
     text.append(f"health, watch, noise, corrupt, calibrate: {'ready' if works else 'not ready'}")
     return text
-
-
-def _processors() -> int:
-    import os
-
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _version_of(name: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -37,9 +36,9 @@ def estimated_ahead(
         in the frames' order: name, picture, and a function that waits for the estimates; it raises `InputError` where
         the frame is none.
     """
-    from pipeline.executor import one_thread
+    from pipeline.executor import available_cores, one_thread
 
-    threads = threads or min(len(os.sched_getaffinity(0)), MOST_THREADS)
+    threads = threads or min(available_cores(), MOST_THREADS)
     waiting: deque[tuple[str, NDArray[np.float32], Future[Estimated]]] = deque()
     pool = ThreadPoolExecutor(threads, "frame", initializer=one_thread)
     try:

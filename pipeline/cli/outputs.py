@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import fcntl
 import io
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -98,6 +97,10 @@ class OutputFolder:
         return [self.claim(wanted, suffix) for suffix in suffixes]
 
     def _lock(self) -> None:
+        try:
+            import fcntl
+        except ImportError:  # Windows has no such locks
+            return
         try:
             fcntl.flock(self._list, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:

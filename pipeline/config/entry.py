@@ -87,11 +87,9 @@ class Run:
 
     def map(self, function: Callable[..., Any], items: Sequence[Any], label: str = "") -> list[Any]:
         """`pipeline.executor.run_map` with the configured executor."""
-        import os
+        from pipeline.executor import available_cores, run_map
 
-        from pipeline.executor import run_map
-
-        workers = self.executor.workers or len(os.sched_getaffinity(0))
+        workers = self.executor.workers or available_cores()
         backend, address = self.executor.backend, self.executor.address
         return run_map(function, items, workers=workers, backend=backend, address=address, label=label)
 

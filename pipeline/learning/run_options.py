@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from pipeline.executor import available_cores
 
 Row = Mapping[str, float]  # of a learning curve: step, and measures by name
 
@@ -41,7 +42,7 @@ class RunOptions:
             steps: of the whole training.
             workers: processes; 0 takes one per core. With more than one, samples are made beside the training.
         """
-        workers = workers or len(os.sched_getaffinity(0))
+        workers = workers or available_cores()
         return cls(producers=1 if workers > 1 else 0, executor={"workers": workers}, report=reporter(name, steps))
 
 
