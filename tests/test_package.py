@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import shutil
 import subprocess
 import sys
 import sysconfig
 import zipfile
+from importlib import metadata
 from pathlib import Path
 
 import cv2
@@ -71,9 +73,9 @@ def test_installed_in_an_empty_environment_the_commands_work_from_another_folder
     variables = {"PATH": os.environ["PATH"], "HOME": str(tmp_path), "OMP_NUM_THREADS": "1"}
     python = str(environment / "bin/python")
 
-    def run(*arguments: str) -> str:
+    def run(*arguments: str, folder: Path = work) -> str:
         done = subprocess.run(
-            [python, *arguments], cwd=work, env=variables, capture_output=True, text=True, timeout=300
+            [python, *arguments], cwd=folder, env=variables, capture_output=True, text=True, timeout=900
         )
         assert done.returncode == 0, done.stderr
         return done.stdout
@@ -86,3 +88,9 @@ def test_installed_in_an_empty_environment_the_commands_work_from_another_folder
     assert "written" in run("-m", "pipeline.cli", "corrupt", "a.png", "--out", "noisy", "--sigma-dn", "5")
     code = "from pipeline import detection, blur; detection.create('compact'); blur.create('cnn'); print('loaded')"
     assert "loaded" in run("-c", code)
+    state = json.loads(run("-m", "pipeline.cli", "doctor", "--json"))
+    assert {row["file"] for row in state["weights"] if row["released"]} == set(RELEASED)
+    assert state["problems"] == [] and not any(state["data"].values()) and not any(state["measured"].values())
+    assert state["version"] == metadata.version("camera-condition-pipeline")
+    assert "python run.py" in run("-m", "pipeline.cli", "init", "mine")
+    assert run("run.py", folder=work / "mine").splitlines()[-1].startswith("policy: ")

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import itertools
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, did_you_mean
 
 MOST_COMBINATIONS = 64  # of a sweep, that are checked one by one
+LAUNCHER_EXTRAS = {"joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster"}
+"""Hydra's launchers -> the extra of this package that installs them."""
 
 
 def check_overrides(arguments: Sequence[str], conf: Path) -> None:
@@ -19,7 +22,8 @@ def check_overrides(arguments: Sequence[str], conf: Path) -> None:
         conf: the folder of groups.
 
     Raises:
-        InputError: an override cannot be read, or names a key, option or value that does not exist; in one line.
+        InputError: an override cannot be read, names a key, option or value that does not exist, or a launcher that is
+            not installed; in one line.
     """
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.core.override_parser.types import Override
@@ -35,11 +39,31 @@ def check_overrides(arguments: Sequence[str], conf: Path) -> None:
             (override,) = parser.parse_overrides([word])
         except HydraException as error:
             raise InputError(f"{word}: not an override KEY=VALUE ({str(error).splitlines()[0]})") from None
+        if override.key_or_group == "hydra/launcher":
+            _check_launcher(override.value())
+            continue
         if override.key_or_group.partition(".")[0] in ("hydra", "job"):
             continue
         choices.append(_values(override) if isinstance(override, Override) else [word])
     for chosen in itertools.islice(itertools.product(*choices), MOST_COMBINATIONS):
         parse(compose(chosen, conf), "conf/")
+
+
+def _check_launcher(name: object) -> None:
+    """Refuse a launcher of Hydra that is not installed, with the extra that brings it."""
+    from hydra.core.config_store import ConfigStore
+    from hydra.core.plugins import Plugins
+
+    Plugins.instance()  # installed launchers declare themselves
+    installed = [file.removesuffix(".yaml") for file in ConfigStore.instance().list("hydra/launcher")]
+    if name == "submitit_slurm" and name in installed and shutil.which("srun") is None:
+        raise InputError(f"hydra/launcher={name}: no Slurm here (no srun); submitit_local runs jobs on this machine")
+    if name in installed:
+        return
+    extra = LAUNCHER_EXTRAS.get(str(name))
+    if extra is not None:
+        raise InputError(f"hydra/launcher={name}: not installed; pip install -e '.[{extra}]'")
+    raise InputError(f"hydra/launcher={name}: {did_you_mean(str(name), {*installed, *LAUNCHER_EXTRAS})}")
 
 
 def _values(override: object) -> list[str]:

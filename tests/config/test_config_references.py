@@ -68,12 +68,30 @@ def test_the_first_stage_of_an_experiment_refuses_too(tmp_path, monkeypatch):
         (["noise.tile_px=64,8", "--multirun"], "noise.tile_px"),
         (["noise.tile_px"], "not an override KEY=VALUE"),
         (["seed=[", "+job.dataset=sim"], "seed=["),
+        (["hydra/launcher=jobli", "--multirun"], "hydra/launcher=jobli: did you mean 'joblib'"),
     ],
 )
 def test_overrides_of_a_sweep_are_refused_in_one_line(arguments, word):
     with pytest.raises(InputError) as caught:
         check_overrides(arguments, CONF)
     assert word in str(caught.value) and len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(("launcher", "extra"), [("joblib", "sweep"), ("submitit_slurm", "cluster")])
+def test_a_launcher_that_is_not_installed_is_refused_with_its_extra(launcher, extra, monkeypatch):
+    monkeypatch.setattr("hydra.core.config_store.ConfigStore.list", lambda self, path: ["basic.yaml"])
+    check_overrides(["hydra/launcher=basic", "--multirun"], CONF)
+    with pytest.raises(InputError, match=rf"hydra/launcher={launcher}: not installed; pip install -e '\.\[{extra}\]'"):
+        check_overrides([f"hydra/launcher={launcher}", "--multirun"], CONF)
+
+
+def test_the_launcher_of_slurm_is_refused_where_there_is_none(monkeypatch, tmp_path):
+    monkeypatch.setattr("hydra.core.config_store.ConfigStore.list", lambda self, path: ["submitit_slurm.yaml"])
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(InputError, match="no Slurm here"):
+        check_overrides(["hydra/launcher=submitit_slurm", "--multirun"], CONF)
+    (tmp_path / "srun").touch(mode=0o755)
+    check_overrides(["hydra/launcher=submitit_slurm", "--multirun"], CONF)
 
 
 def test_good_overrides_pass():

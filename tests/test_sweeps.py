@@ -1,0 +1,143 @@
+"""The recipes of docs/sweep.md run on a tiny stage: launchers of Hydra, a queue of DVC, Dask on separate processes."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+MODELS = ("paper", "automotive_3um")
+LAUNCHERS = {"joblib": ("hydra_joblib_launcher", "sweep"), "submitit_local": ("hydra_submitit_launcher", "cluster")}
+PROJECT = ("pipeline", "conf", "data/paper", ".dvc/config", ".dvcignore", ".gitignore", "dvc.yaml", "params.yaml")
+VIEWPOINTS = 2
+DASK_WAIT_S = 240
+
+
+def results(folder: Path) -> dict[str, bytes]:
+    """Files of a job, without Hydra's records and logs."""
+    files = (file for part in ("data", "reports") for file in sorted((folder / part).rglob("*")) if file.is_file())
+    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
+
+
+def run(*command: str, cwd: Path = ROOT, **variables: str) -> str:
+    environment = {**os.environ, "PYTHONPATH": str(cwd), "OMP_NUM_THREADS": "1", **variables}
+    done = subprocess.run([sys.executable, "-m", *command], cwd=cwd, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def sweep(folder: Path, *options: str) -> list[dict[str, bytes]]:
+    models = f"camera.sensor.model={','.join(MODELS)}"
+    run("pipeline.stages.sensor", "profile=smoke", models, *options, f"hydra.sweep.dir={folder}", "--multirun")
+    return [results(folder / str(job)) for job in range(len(MODELS))]
+
+
+@pytest.fixture(scope="module")
+def one_after_another(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, bytes]]:
+    jobs = sweep(tmp_path_factory.mktemp("basic"))
+    assert "reports/metrics/sensor.json" in jobs[0] and jobs[0] != jobs[1]
+    return jobs
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("launcher", LAUNCHERS)
+def test_a_launcher_of_hydra_gives_the_same_bytes(launcher, one_after_another, tmp_path):
+    """Slurm's launcher differs from ``submitit_local`` in who starts the processes only."""
+    module, extra = LAUNCHERS[launcher]
+    if importlib.util.find_spec(f"hydra_plugins.{module}") is None:
+        pytest.skip(f"the extra '{extra}' is not installed")
+    assert sweep(tmp_path, f"hydra/launcher={launcher}") == one_after_another
+
+
+@pytest.mark.slow
+def test_a_queue_of_experiments_is_run(tmp_path):
+    """Two queued experiments, run side by side with the workspace, which they leave as it is."""
+    if shutil.which("git") is None:
+        pytest.skip("git is not installed")
+    ignore = shutil.ignore_patterns("__pycache__")
+    for name in PROJECT:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
+        copy(ROOT / name, tmp_path / name, **({"ignore": ignore} if copy is shutil.copytree else {}))
+    author = {"GIT_AUTHOR_NAME": "t", "GIT_AUTHOR_EMAIL": "t@example.org"}
+    author |= {"GIT_COMMITTER_NAME": "t", "GIT_COMMITTER_EMAIL": "t@example.org"}
+    for words in (["init", "-q"], ["add", "-A"], ["commit", "-q", "-m", "start"]):
+        subprocess.run(["git", *words], cwd=tmp_path, env=os.environ | author, check=True)
+    models = f"camera.sensor.model={','.join(MODELS)}"
+    dvc = {"cwd": tmp_path, **author, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    queued = run("dvc", "exp", "run", "--queue", "-S", "profile=smoke", "-S", models, "sensor", **dvc)
+    assert queued.count("Queued experiment") == len(MODELS)
+    run("dvc", "exp", "run", "--run-all", **dvc)
+    states = [line.split()[-1] for line in run("dvc", "queue", "status", **dvc).splitlines() if "Success" in line]
+    assert len(states) == len(MODELS)
+    shown = run("dvc", "exp", "show", "--csv", "--only-changed", **dvc)
+    assert all(model in shown for model in MODELS)
+    changed = subprocess.run(["git", "status", "--porcelain"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert changed.stdout == ""
+
+
+def started(*words: str, file: Path) -> subprocess.Popen[bytes]:
+    """A process of the project's Python, its output in a file."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    with file.open("wb") as log:
+        return subprocess.Popen([sys.executable, "-m", *words], cwd=ROOT, env=environment, stdout=log, stderr=log)
+
+
+@pytest.mark.slow
+def test_dask_on_separate_processes_gives_the_same_bytes_though_a_worker_is_killed(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
+    stage = ["pipeline.stages.render_sim", "profile=smoke", f"scenes.viewpoints={VIEWPOINTS}", "scenes.samples=1"]
+    stage += ["scenes.width_px=256", "scenes.height_px=192"]
+    run(*stage, f"hydra.run.dir={tmp_path / 'here'}")
+    information = tmp_path / "scheduler.json"
+    scheduler = ["dask", "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(information)]
+    processes = [started(*scheduler, file=tmp_path / "scheduler.log")]
+    try:
+        until(information.is_file, processes)
+        worker = [
+            "dask",
+            "worker",
+            "--scheduler-file",
+            str(information),
+            "--preload-nanny",
+            "pipeline",
+            "--nthreads",
+            "1",
+        ]
+        worker += ["--no-dashboard", "--local-directory", str(tmp_path)]
+        for number in range(2):
+            processes.append(started(*worker, file=tmp_path / f"worker-{number}.log"))
+        with distributed.Client(scheduler_file=str(information), timeout=DASK_WAIT_S) as client:
+            client.wait_for_workers(2, timeout=DASK_WAIT_S)
+            address = client.scheduler.address
+            identifiers = client.run(os.getpid)
+            cluster = ["executor=dask", f"executor.address={address}", f"hydra.run.dir={tmp_path / 'there'}"]
+            computing = started(*stage, *cluster, file=tmp_path / "stage.log")
+            processes.append(computing)
+            busy: list[str] = []
+            until(lambda: busy.extend(name for name, tasks in client.processing().items() if tasks) or busy, processes)
+            os.kill(identifiers[busy[0]], signal.SIGKILL)  # its nanny starts another one
+            assert computing.wait(DASK_WAIT_S) == 0, (tmp_path / "stage.log").read_text()
+    finally:
+        for process in reversed(processes):
+            process.terminate()
+        for process in processes:
+            process.wait(60)
+    here, there = results(tmp_path / "here"), results(tmp_path / "there")
+    assert here == there and sum(name.endswith(".png") for name in here) >= 4 * VIEWPOINTS
+
+
+def until(condition, processes) -> None:
+    """Wait for a condition while every process runs."""
+    deadline = time.monotonic() + DASK_WAIT_S
+    while not condition():
+        assert time.monotonic() < deadline and all(process.poll() is None for process in processes)
+        time.sleep(0.1)
