@@ -83,7 +83,7 @@ def test_installed_in_an_empty_environment_the_commands_work_from_another_folder
     assert run("-c", "import pipeline; print(pipeline.__file__)").strip().startswith(str(site))
     assert "a.png" in run("-m", "pipeline.cli", "health", "a.png", "--out", "out")
     assert (work / "out/health.json").is_file()
-    assert "a.png" in run("-m", "pipeline.cli", "health", "a.png", "--added", "--out", "added")
+    assert "a.png" in run("-m", "pipeline.cli", "health", "a.png", "--generic-lens", "--out", "relative")
     assert "a.png" in run("-m", "pipeline.cli", "noise", "a.png")
     assert "written" in run("-m", "pipeline.cli", "corrupt", "a.png", "--out", "noisy", "--sigma-dn", "5")
     code = "from pipeline import detection, blur; detection.create('compact'); blur.create('cnn'); print('loaded')"

@@ -38,11 +38,11 @@ class _Area(click.ParamType):
     help="with --chart edge: where a slanted edge crosses the picture; may be repeated, applies to every picture",
 )  # fmt: skip
 @click.option("--rays", type=click.IntRange(4, 2000), help="with --chart star: bright rays in a turn, an even number")
-@click.option("--fit", "fitted", is_flag=True, help="scenes: also correct the estimator's error (minutes)")
+@click.option("--calibrate-estimator", is_flag=True, help="scenes: also correct the estimator's error (minutes)")
 @click.option("--blur", "blur_name", default="spectral", show_default=True, help="blur estimator to calibrate")
 def command(
     name: str, paths: tuple[Path, ...], chart: str | None, areas: tuple[tuple[int, int, int, int], ...],
-    rays: int | None, fitted: bool, blur_name: str,
+    rays: int | None, calibrate_estimator: bool, blur_name: str,
 ) -> None:  # fmt: skip
     """Calibrate the camera NAME from PATHS and store it, so that --camera NAME reports blur relative to it.
 
@@ -66,8 +66,8 @@ def command(
         raise InputError("--area is for --chart edge")
     if (rays is not None) != (chart == "star"):
         raise InputError("--chart star and --rays NUMBER belong together")
-    if fitted and chart is not None:
-        raise InputError("--fit is for pictures of scenes, not for a chart")
+    if calibrate_estimator and chart is not None:
+        raise InputError("--calibrate-estimator is for pictures of scenes, not for a chart")
     frames = [(file, image) for path in expand(paths) for file, image in read(path)]
     shape = frames[0][1].shape
     for file, image in frames:
@@ -83,7 +83,7 @@ def command(
         assert rays is not None
         mtf = star_mtf([image for _, image in frames], rays)
     else:
-        mtf, fit, hashes = _from_scenes([image for _, image in frames], blur_name, fitted)
+        mtf, fit, hashes = _from_scenes([image for _, image in frames], blur_name, calibrate_estimator)
     stored = camera_store.StoredCamera(
         name=name, kind=f"{chart} chart" if chart else "fit" if fit else "sharp frames", blur_estimator=blur_name,
         weights_sha256=hashes, size_px=(shape[0], shape[1]), frames=len(frames),
@@ -95,7 +95,7 @@ def command(
             click.echo(f"{direction:10} {' '.join(f'{value:5.2f}' for value in curve)}")
     if fit is not None:
         before, after = fit["error_percent"]
-        click.echo(f"mean absolute error on {fit['samples']} blurred patches: {before:.1f} %, fitted {after:.1f} %")
+        click.echo(f"mean absolute error on {fit['samples']} blurred patches: {before:.1f} %, calibrated {after:.1f} %")
     click.echo(f"written to {camera_store.save(stored)}")
 
 
@@ -161,9 +161,9 @@ def star_mtf(images: list[NDArray[np.float32]], rays: int) -> NDArray[np.float64
 
 
 def _from_scenes(
-    images: list[NDArray[np.float32]], blur_name: str, fitted: bool
+    images: list[NDArray[np.float32]], blur_name: str, calibrate_estimator: bool
 ) -> tuple[NDArray[np.float64] | None, dict[str, Any] | None, dict[str, str]]:
-    """The MTF that the estimator reports of sharp frames, or its fit, and the hashes of its weights."""
+    """The MTF that the estimator reports of sharp frames, or its calibration, and the hashes of its weights."""
     import numpy as np
 
     from pipeline import blur
@@ -179,10 +179,12 @@ def _from_scenes(
         raise InputError(f"sharp pictures: none is as large as a patch of {PATCH_PX} px; give whole frames")
     patches = np.concatenate(cuts)
     hashes = weight_hashes(estimator)
-    if fitted:
+    if calibrate_estimator:
         camera = calibrate(estimator, patches)
         if not isinstance(camera, Calibration):
-            raise InputError(f"--fit: the fit of the estimator {blur_name} cannot be stored; leave --fit out")
+            raise InputError(
+                f"--calibrate-estimator: the calibration of {blur_name} cannot be stored; leave the option out"
+            )
         return None, camera.content(), hashes
     if not isinstance(estimator, Estimator) or isinstance(estimator, CameraFittable):
         raise InputError(f"--blur {blur_name}: its calibration cannot be stored; choose spectral, pmp or gbb")

@@ -49,14 +49,14 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 )
 @click.option(
     "--sharp", multiple=True, type=click.Path(path_type=Path),
-    help="pictures of the same camera, known to be sharp (may be repeated): blur is then told relative to them",
+    help="pictures of the same camera, known to be sharp (may be repeated): blur is then relative to them",
 )  # fmt: skip
 @click.option(
-    "--fit", "fitted", is_flag=True,
-    help="with --sharp: fit the estimator to the camera, by blurring its sharp pictures on purpose (takes seconds)",
+    "--calibrate-estimator", is_flag=True,
+    help="with --sharp: calibrate the estimator to the camera, by blurring its sharp pictures (takes seconds)",
 )  # fmt: skip
 @click.option(
-    "--added", is_flag=True,
+    "--generic-lens", is_flag=True,
     help="without --sharp: MTF relative to a generic lens instead of the system's (estimator spectral)",
 )  # fmt: skip
 @click.option("--camera", "camera_name", help="blur relative to this camera, as camera-monitor calibrate stored it")
@@ -84,7 +84,8 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 @click.option("--no-trend", is_flag=True, help="no alarm where the condition of a video or folder worsens over time")
 def command(
     paths: tuple[Path, ...], out: Path | None, maps: bool, blur_name: str, quality: str, noise_name: str,
-    sharp: tuple[Path, ...], fitted: bool, added: bool, camera_name: str | None, as_json: bool, as_lines: bool,
+    sharp: tuple[Path, ...], calibrate_estimator: bool, generic_lens: bool, camera_name: str | None,
+    as_json: bool, as_lines: bool,
     alarm_sigma_dn: float | None, alarm_mtf50: float | None,
     alarm_flags: bool, every: int, exposure: str | None, iso: float | None, surface: Path | None,
     reference_frames: int, no_trend: bool,
@@ -96,8 +97,9 @@ def command(
     vertical, and how many patches have an estimate (flat and saturated ones do not). The verdict has the expected
     average precision where a surface was measured, and advice where exposure time and ISO are known too.
 
-    Hold the camera upright; --sharp removes what its lens does anyway; --fit also corrects the estimator's error on
-    this camera's pictures. Without sharp pictures, --added gives the MTF relative to a generic lens.
+    Hold the camera upright; --sharp removes what its lens does anyway; --calibrate-estimator also corrects
+    the estimator's error on this camera's pictures. Without sharp pictures, --generic-lens gives the MTF relative to
+    a generic lens.
 
     Frames that are black, dark, over-exposed, obstructed or frozen are flagged, in brackets after their name. Where
     noise or blur of a video or folder grows over time, a trend alarm is raised: less than one false alarm an hour at
@@ -127,12 +129,14 @@ def command(
         blur_name = "fused"
     files = expand(paths)
     sharp_files = expand(sharp) if sharp else []
-    if fitted and not sharp:
-        raise InputError("--fit needs pictures of the same camera that are known to be sharp; give them by --sharp")
-    if added and (sharp or blur_name != "spectral"):
-        raise InputError("--added is for the estimator spectral without --sharp, which measures the same more exactly")
-    if camera_name is not None and (sharp or added):
-        raise InputError("--camera NAME is instead of --sharp and --added")
+    if calibrate_estimator and not sharp:
+        raise InputError("--calibrate-estimator needs sharp pictures of the same camera; give them by --sharp")
+    if generic_lens and (sharp or blur_name != "spectral"):
+        raise InputError(
+            "--generic-lens is for the estimator spectral; leave it out where --sharp is given, which is more exact"
+        )
+    if camera_name is not None and (sharp or generic_lens):
+        raise InputError("--camera NAME is instead of --sharp and --generic-lens")
     if maps and out is None:
         raise InputError("--map needs --out FOLDER, where the pictures go")
     if as_json and as_lines:
@@ -141,7 +145,7 @@ def command(
     performance, without_precision = find_surface(surface)
     about: dict[str, Any] = {
         "version": version(), "blur_estimator": blur_name, "noise_estimator": noise_name,
-        "sharp": [str(file) for file in sharp_files], "relative": bool(sharp) or added or camera is not None,
+        "sharp": [str(file) for file in sharp_files], "relative": bool(sharp) or generic_lens or camera is not None,
         "camera": camera_name,
         "thresholds": {"sigma_dn": alarm_sigma_dn, "mtf50": alarm_mtf50, "flags": alarm_flags},
     }  # fmt: skip
@@ -151,10 +155,12 @@ def command(
         results = (
             stack.enter_context(HealthFiles(out, [*files, *sharp_files], run, maps=maps)) if out is not None else None
         )
-        monitor = ConditionMonitor(blur_name, noise_name, blur_options={"output": "relative"} if added else None)
+        monitor = ConditionMonitor(blur_name, noise_name, blur_options={"output": "relative"} if generic_lens else None)
         about["weights_released"] = monitor.weights_released
         about["weights_sha256"] = weight_hashes(monitor.blur_estimator, monitor.noise_estimator)
-        sharp_sizes: set[tuple[int, ...]] = _calibrate(monitor, sharp_files, fitted, every) if sharp else set()
+        sharp_sizes: set[tuple[int, ...]] = (
+            _calibrate(monitor, sharp_files, calibrate_estimator, every) if sharp else set()
+        )
         if camera is not None:
             camera_store.apply(camera, monitor)
             sharp_sizes = {camera.size_px}
@@ -237,7 +243,7 @@ def _print_run(run: HealthRun, as_json: bool) -> None:
 
 
 def _calibrate(
-    monitor: ConditionMonitor, files: Sequence[Path], fitted: bool, every: int
+    monitor: ConditionMonitor, files: Sequence[Path], calibrate_estimator: bool, every: int
 ) -> set[tuple[int, ...]]:  # sizes (H, W) of the sharp frames
     """Calibrate a monitor to sharp frames; warns of those that do not look sharp."""
     import numpy as np
@@ -256,7 +262,7 @@ def _calibrate(
                     err=True,
                 )
             images.append(image)
-    monitor.calibrate(images, fitted=fitted)
+    monitor.calibrate(images, fitted=calibrate_estimator)
     return {image.shape for image in images}
 
 

@@ -122,7 +122,7 @@ def test_sharp_scenes_are_stored_with_the_hash_of_the_weights_and_refuse_another
         (["front", "{}/a.png", "--chart", "star", "--rays", "35"], "even"),
         (["front", "{}/a.png", "--area", "0,0,9,9"], "--area is for"),
         (["front", "{}/a.png", "--chart", "edge", "--area", "0,0,9"], "X,Y,WIDTH,HEIGHT"),
-        (["front", "{}/a.png", "--chart", "edge", "--fit"], "--fit is for"),
+        (["front", "{}/a.png", "--chart", "edge", "--calibrate-estimator"], "--calibrate-estimator is for"),
         (["front", "{}/flat.png", "--chart", "edge"], "differ by 0 DN"),
         (["front", "{}/flat.png", "--chart", "star", "--rays", "36"], "without structure"),
         (["front", "{}/a.png", "{}/small.png"], "one size at a time"),

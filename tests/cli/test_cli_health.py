@@ -151,8 +151,8 @@ def test_a_broken_file_is_set_aside_and_the_rest_is_done(tmp_path):
         (["{}/a.png", "--blur", "spectrum"], "did you mean 'spectral'"),
         (["{}/a.png", "--noise", "celwise"], "did you mean 'cellwise'"),
         (["{}/a.png", "--sharp", "{}/white.png"], "sharp"),
-        (["{}/a.png", "--sharp", "{}/a.png", "--added"], "--added is for the estimator spectral without --sharp"),
-        (["{}/a.png", "--blur", "pmp", "--added"], "--added is for the estimator spectral"),
+        (["{}/a.png", "--sharp", "{}/a.png", "--generic-lens"], "--generic-lens is for the estimator spectral"),
+        (["{}/a.png", "--blur", "pmp", "--generic-lens"], "--generic-lens is for the estimator spectral"),
     ],
 )
 def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):
@@ -172,17 +172,17 @@ def test_the_camera_can_be_fitted(tmp_path):
         assert done.exit_code == 0, done.output
         return np.mean(json.loads((tmp_path / "out/health.json").read_text())["pictures"][0]["mtf"])
 
-    assert mtf("--sharp", soft, "--fit") > mtf() + 0.2  # nothing was added to it
-    refused = call(soft, "--fit")
+    assert mtf("--sharp", soft, "--calibrate-estimator") > mtf() + 0.2  # nothing was added to it
+    refused = call(soft, "--calibrate-estimator")
     assert refused.exit_code != 0
     assert "--sharp" in refused.output
 
 
-def test_a_typical_lens_can_be_taken_off(tmp_path):
-    """What was added to a typical camera is less blur than there is in all: the MTF is higher."""
+def test_the_mtf_is_relative_to_a_generic_lens_on_request(tmp_path):
+    """Blur beyond that of a generic lens is less than all of it: the MTF is higher."""
     soft = write(tmp_path / "soft.png", 0.0, blur_px=1.0)
     mtf = []
-    for options in ((), ("--added",)):
+    for options in ((), ("--generic-lens",)):
         done = call(soft, "--out", tmp_path / "out", *options)
         assert done.exit_code == 0, done.output
         mtf.append(np.array(json.loads((tmp_path / "out/health.json").read_text())["pictures"][0]["mtf"]))

@@ -195,6 +195,11 @@ def test_ours_stands_beside_the_papers_best_of_three(summary: pd.DataFrame, pape
     row = next(row for row in table.rows if (row["dataset"], row["blur"]) == ("Sim", "N 21"))
     assert (row["cnn"], row["best"], row["which"]) == (25.0, 11.5, "PMP")
     assert table.rows[6]["best"] == pytest.approx(np.mean([row["best"] for row in table.rows[:6]]))
+    calibrated = summary[(summary["estimator"] == "spectral") & summary["calibrated"]]
+    both = pd.concat([summary, calibrated.assign(estimator="camera_calibrated")])
+    beside = blur_amae.beside_the_best(both, paper)
+    assert beside is not None  # an estimator without raw estimates has one column, of its name
+    assert [column.name for column in beside.columns][2:5] == ["spectral", "spectral_calibrated", "camera_calibrated"]
     photos = summary.assign(dataset="photos")
     assert blur_amae.beside_the_best(photos, paper) is None
     assert blur_amae.beside_the_best(summary[summary["estimator"] == "pmp"], paper) is None

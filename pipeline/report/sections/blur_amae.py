@@ -251,7 +251,9 @@ def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame | None, frames: s
     ours = in_order(set(summary["estimator"]) - {name for cell in theirs.values() for name in cell}, ESTIMATORS)
     blurred = summary[(summary["blur_kind"] != SHARP) & summary["estimator"].isin(ours)]
     blurred = ordered(blurred, dataset=DATASETS, blur_kind=BLURS, kernel_size_px=())
-    blurred = blurred.assign(column=blurred["estimator"] + np.where(blurred["calibrated"], "_calibrated", ""))
+    calibrated = blurred["calibrated"].astype(bool)
+    both = calibrated & blurred["estimator"].isin(blurred.loc[~calibrated, "estimator"])
+    blurred = blurred.assign(column=blurred["estimator"] + np.where(both, "_calibrated", ""))
     rows: list[dict[str, Any]] = []
     wide = pivot(blurred, ["dataset", "blur_kind", "kernel_size_px"], "column", amae)
     for dataset in in_order(blurred["dataset"], DATASETS):
