@@ -73,6 +73,7 @@ class ReportInputs:
             (`pipeline.recording.sensor`) measured on pictures that are not kept.
         results: ledger item -> table (CSV or Parquet) with the key and value columns of that item's published file.
         runtime: record of run times on declared hardware (``benchmarks/results/estimators.json``).
+        flags: record of rank correlations with the true blur and noise (``benchmarks/results/flags.json``).
         unseen: record of blurs of other kinds than were trained on (``benchmarks/results/unseen_kernels.json``).
         weights: folder of released networks, each with its learning curve (`pipeline.report.learning_curves`).
         ablation: folder of measures of short trainings with one thing changed; `ablations`: which of them, in order.
@@ -109,6 +110,7 @@ class ReportInputs:
     recorded: Path | None = None
     results: Mapping[str, Path] = field(default_factory=dict)
     runtime: Path | None = None
+    flags: Path | None = None
     unseen: Path | None = None
     weights: Path | None = None
     ablation: Path | None = None

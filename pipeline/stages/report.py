@@ -57,6 +57,7 @@ def run(run: Run) -> None:
         ablation=run.inputs / "reports/metrics/ablation",
         ablations=tuple(params.matrix.ablations),
         runtime=run.project / "benchmarks/results/estimators.json",
+        flags=run.project / "benchmarks/results/flags.json",
         unseen=run.project / "benchmarks/results/unseen_kernels.json",
         detection=data,
         control=data,

@@ -1,0 +1,54 @@
+"""How well estimates rank frames by blur and noise, beside the measures in common use, as a benchmark recorded it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pipeline.errors import InputError
+from pipeline.report.descriptions import Descriptions
+from pipeline.report.inputs import ReportInputs, described
+from pipeline.report.ledger import LedgerRow
+from pipeline.report.spec import Run, Section
+from pipeline.report.tables import Estimate
+
+PAGE = Descriptions("frame_ranking")
+COMMAND = "python benchmarks/flags.py"
+TITLE = "Ranking of frames by blur and noise"
+QUANTITIES = {"blur": "mtf", "noise": "sigma_dn"}
+"""What is ranked -> our measure of it."""
+
+PICTURES = {
+    "sim": "Sim",
+    "photos": "Photographs",
+    "levin2009": "Levin et al. 2009, camera shake",
+    "cc": "CC, real cameras",
+}
+
+
+def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+    """Spearman's rank correlation with the true blur and noise (``benchmarks/results/flags.json``).
+
+    Raises:
+        InputError: the record holds something else.
+    """
+    path = inputs.flags
+    content = None if path is None else described(path.parent, path.name, ("results",), f"make it again: {COMMAND}")
+    if content is None:
+        return None
+    rows: list[dict[str, Any]] = []
+    try:
+        for quantity, ours in QUANTITIES.items():
+            for pictures, result in content["results"].items():
+                measures = result.get(quantity, {})
+                cells = {"ours" if name == ours else name: _cell(entry) for name, entry in measures.items()}
+                counts = {name: measures[ours][name] for name in ("pictures", "scenes")} if measures else {}
+                rows += [{"quantity": quantity, "dataset": PICTURES[pictures], **counts, **cells}] if measures else []
+    except (KeyError, TypeError, AttributeError):
+        raise InputError(f"{path}: a rank correlation is missing; make it again: {COMMAND}") from None
+    table = PAGE.table("frame_ranking", rows)
+    return Section("frame_ranking", TITLE, (PAGE.text("introduction"),), [table], [Run(TITLE, "", True, "", COMMAND)])
+
+
+def _cell(entry: dict[str, Any]) -> Estimate:
+    return Estimate(entry["spearman"], entry["low"], entry["high"])
