@@ -28,7 +28,7 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
 
     from pipeline.config.compose import CONF
     from pipeline.config.hydra_plugins import kinds  # noqa: F401  (registers the resolvers of conf/)
-    from pipeline.config.overrides import check_overrides
+    from pipeline.config.overrides import check_overrides, check_scheduler
     from pipeline.config.schema import validate
 
     def entry(composed: DictConfig) -> None:
@@ -48,6 +48,7 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     if not (CONF / "config.yaml").is_file():
         raise InputError(f"{CONF}/config.yaml: no such file; run from the project's top folder")
     check_overrides(arguments, CONF)
+    check_scheduler(arguments)
     folders = [f"hydra.sweep.dir=multirun/{stage.name}", f"hydra.run.dir=outputs/{stage.name}"]
     sys.argv[1:] = [f"hydra.job.name={stage.name}", *folders, *arguments]  # the user's own come last and win
     hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()

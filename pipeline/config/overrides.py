@@ -49,6 +49,19 @@ def check_overrides(arguments: Sequence[str], conf: Path) -> None:
         parse(compose(chosen, conf), "conf/")
 
 
+def check_scheduler(arguments: Sequence[str]) -> None:
+    """Check that what starts the jobs of a sweep is on this machine.
+
+    Args:
+        arguments: as of `check_overrides`.
+
+    Raises:
+        InputError: jobs are to be started by Slurm, which is not here.
+    """
+    if "hydra/launcher=submitit_slurm" in arguments and shutil.which("srun") is None:
+        raise InputError("hydra/launcher=submitit_slurm: no Slurm here (no srun); submitit_local runs jobs without")
+
+
 def _check_launcher(name: object) -> None:
     """Refuse a launcher of Hydra that is not installed, with the extra that brings it."""
     from hydra.core.config_store import ConfigStore
@@ -56,8 +69,6 @@ def _check_launcher(name: object) -> None:
 
     Plugins.instance()  # installed launchers declare themselves
     installed = [file.removesuffix(".yaml") for file in ConfigStore.instance().list("hydra/launcher")]
-    if name == "submitit_slurm" and name in installed and shutil.which("srun") is None:
-        raise InputError(f"hydra/launcher={name}: no Slurm here (no srun); submitit_local runs jobs on this machine")
     if name in installed:
         return
     extra = LAUNCHER_EXTRAS.get(str(name))

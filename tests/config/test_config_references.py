@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.config.compose import CONF, check, compile_params, compose
-from pipeline.config.overrides import check_overrides
+from pipeline.config.overrides import check_overrides, check_scheduler
 from pipeline.config.references import check_references
 from pipeline.errors import InputError
 
@@ -86,12 +86,12 @@ def test_a_launcher_that_is_not_installed_is_refused_with_its_extra(launcher, ex
 
 
 def test_the_launcher_of_slurm_is_refused_where_there_is_none(monkeypatch, tmp_path):
-    monkeypatch.setattr("hydra.core.config_store.ConfigStore.list", lambda self, path: ["submitit_slurm.yaml"])
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match="no Slurm here"):
-        check_overrides(["hydra/launcher=submitit_slurm", "--multirun"], CONF)
+        check_scheduler(["hydra/launcher=submitit_slurm", "--multirun"])
+    check_scheduler(["hydra/launcher=submitit_local", "--multirun"])
     (tmp_path / "srun").touch(mode=0o755)
-    check_overrides(["hydra/launcher=submitit_slurm", "--multirun"], CONF)
+    check_scheduler(["hydra/launcher=submitit_slurm", "--multirun"])
 
 
 def test_good_overrides_pass():
