@@ -57,7 +57,7 @@ def inputs(folder: Path) -> ReportInputs:
     config = parse(compose(OVERRIDES), "conf/")
     for name, made in (("noise", record_noise), ("combined", record_combined), ("denoised", record_denoised)):
         out = folder / f"photos-{name}"
-        made(Request(config, "photos", out, f"{name} (public domain)", partial(run_map, workers=1), {"w": "0"}))
+        made(Request(config, "photos", out, f"{name} (public domain)", partial(run_map, workers=1)))
     return ReportInputs(paper=Path("data/paper"), recorded=folder)
 
 
@@ -78,6 +78,9 @@ def test_blur_and_noise_and_their_curves(inputs: ReportInputs) -> None:
     (record,) = frame_records.records_with(inputs, COMBINED_FILES[0])
     kernels = set(record.provenance["kernels"])
     assert kernels == {"defocus_3", "defocus_11"}  # those used, not the whole bank
+    files = {name: set(of) for part in record.provenance["weights"].values() for name, of in part.items()}
+    spectral = {"mtf_spectral.safetensors", "mtf_spectral_processed.safetensors"}
+    assert files == {"spectral": spectral}
 
 
 def test_denoised_blur_has_the_error_to_be_expected(inputs: ReportInputs) -> None:
@@ -89,7 +92,7 @@ def test_denoised_blur_has_the_error_to_be_expected(inputs: ReportInputs) -> Non
 def test_the_provenance_names_frames_and_settings_and_no_folder(inputs: ReportInputs, folder: Path) -> None:
     text = (folder / "photos-noise/provenance.json").read_text(encoding="utf-8")
     about = json.loads(text)
-    assert about["source"] == "noise (public domain)" and about["weights"] == {"w": "0"}
+    assert about["source"] == "noise (public domain)" and about["weights"] == {}  # PCA and B+F
     assert len(about["frames"]) == 2 and all(len(value) == 64 for value in about["frames"].values())
     assert about["settings"]["noise"]["target_sigmas_dn"] == [0, 10]
     assert str(Path.home()) not in text and str(folder) not in text

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli import recording_config as shared
+
 
 @click.group("blur")
 def command() -> None:
@@ -13,8 +15,8 @@ def command() -> None:
 
 
 @command.command("record")
-@click.argument("overrides", nargs=-1)
-@click.option("--dataset", required=True, help="name of the dataset, which the overrides add and place")
+@shared.overrides_argument
+@shared.dataset_option
 @click.option(
     "--estimator",
     "estimators",
@@ -27,15 +29,9 @@ def command() -> None:
 @click.option("--join", is_flag=True, help="keep what the folder has of other estimators, measured on the same")
 @click.option("--frames", "frame_count", type=click.IntRange(min=2), help="of the frames with patches, this many only")
 @click.option("--patches", "patches_per_frame", type=click.IntRange(min=1), help="of each frame, this many only")
-@click.option(
-    "--keep",
-    type=click.Path(path_type=Path),
-    help="folder in which finished frames are kept, so that an interrupted recording continues; delete it after",
-)
-@click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record")
-@click.option(
-    "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
-)
+@shared.keep_option
+@shared.source_option
+@shared.workers_option
 def record_command(
     overrides: tuple[str, ...],
     dataset: str,
@@ -54,28 +50,14 @@ def record_command(
     psf=paper psf.folder=/path blur.patches_per_frame=4; PMP and GBB as the paper ran them:
     +estimator/blur@blur.estimators.gbb_exact=gbb_exact
     """
-    from pipeline.cli.kept_results import keeping
-    from pipeline.cli.outputs import refuse_unwritable
-    from pipeline.config.compose import compose, parse
-    from pipeline.config.references import check_references
-    from pipeline.errors import InputError, did_you_mean
     from pipeline.recording.blur import record
+    from pipeline.recording.kept_results import keeping
 
-    refuse_unwritable(out, "--to")
-    config = parse(compose(overrides), "conf/")
-    check_references(config)
-    chosen = list(dict.fromkeys(estimators)) or list(config.blur.estimators)
-    for item, names, known in (
-        ("dataset", [dataset], list(config.datasets)),
-        ("estimator", chosen, list(config.blur.estimators)),
-    ):
-        for name in names:
-            if name not in known:
-                raise InputError(f"--{item} {name}: not in the configuration; {did_you_mean(name, known)}")
+    config = shared.recording_config(overrides, out, dataset, estimators=estimators)
     metrics = record(
         config,
         dataset,
-        chosen,
+        list(dict.fromkeys(estimators)) or list(config.blur.estimators),
         out,
         source,
         keeping(keep, workers),

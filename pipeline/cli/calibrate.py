@@ -55,7 +55,7 @@ def command(
     """
     from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
     from pipeline.cli import camera_store
-    from pipeline.cli.estimator_files import version
+    from pipeline.cli.package_version import version
     from pipeline.cli.pictures import expand, read
     from pipeline.errors import InputError
     from pipeline.executor import one_thread
@@ -169,16 +169,16 @@ def _from_scenes(
     from pipeline import blur
     from pipeline.blur.base import PATCH_PX, Estimator
     from pipeline.blur.camera_calibration import Calibration, CameraFittable, calibrate
-    from pipeline.cli.estimator_files import weight_hashes
     from pipeline.datasets.patches import cut, tiles
     from pipeline.errors import InputError
+    from pipeline.recording.provenance import blur_weights
 
     estimator = blur.create(blur_name)
     cuts = [cut(image, tiles(image.shape, PATCH_PX, "cover")) for image in images if min(image.shape) >= PATCH_PX]
     if not cuts:
         raise InputError(f"sharp pictures: none is as large as a patch of {PATCH_PX} px; give whole frames")
     patches = np.concatenate(cuts)
-    hashes = weight_hashes(estimator)
+    hashes = blur_weights(blur_name)
     if calibrate_estimator:
         camera = calibrate(estimator, patches)
         if not isinstance(camera, Calibration):

@@ -129,7 +129,7 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
     """
     from pipeline.blur.base import Estimator
     from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
-    from pipeline.cli.estimator_files import weight_hashes
+    from pipeline.recording.provenance import blur_weights
 
     if camera.kind not in CHARTS:
         anew = f"run camera-monitor calibrate {camera.name} again"
@@ -138,7 +138,7 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
                 f"--camera {camera.name} was calibrated for the estimator {camera.blur_estimator}, not "
                 f"{monitor.blur_name}; {anew} with --blur {monitor.blur_name}"
             )
-        if camera.weights_sha256 != weight_hashes(monitor.blur_estimator):
+        if camera.weights_sha256 != blur_weights(monitor.blur_name, monitor.blur_options):
             raise InputError(f"--camera {camera.name} was calibrated with other weights; {anew}")
     if camera.fit is not None:
         try:

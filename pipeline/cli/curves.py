@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli import recording_config as shared
+
 
 @click.group("curves")
 def command() -> None:
@@ -40,19 +42,13 @@ def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) ->
 
 
 @command.command("record")
-@click.argument("overrides", nargs=-1)
-@click.option("--dataset", required=True, help="name of the dataset, which the overrides add and place")
+@shared.overrides_argument
+@shared.dataset_option
 @click.option("--detector", required=True, help="name of the detector, likewise")
-@click.option("--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced")
-@click.option(
-    "--keep",
-    type=click.Path(path_type=Path),
-    help="folder in which finished frames are kept, so that an interrupted recording continues; delete it after",
-)
-@click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record")
-@click.option(
-    "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
-)
+@shared.to_option
+@shared.keep_option
+@shared.source_option
+@shared.workers_option
 def record_command(
     overrides: tuple[str, ...], dataset: str, detector: str, out: Path, keep: Path | None, source: str, workers: int
 ) -> None:
@@ -61,22 +57,10 @@ def record_command(
     OVERRIDES are of conf/, as for ``dvc exp run -S``: +dataset@datasets.kitti=kitti datasets.kitti.root=/path
     +detector@detection.detectors.yolox=yolox detection.sweep.angles_deg=[0]
     """
-    from pipeline.cli.kept_results import keeping
-    from pipeline.cli.outputs import refuse_unwritable
-    from pipeline.config.compose import compose, parse
-    from pipeline.config.references import check_references
-    from pipeline.errors import InputError, did_you_mean
     from pipeline.recording.detection import record
+    from pipeline.recording.kept_results import keeping
 
-    refuse_unwritable(out, "--to")
-    config = parse(compose(overrides), "conf/")
-    check_references(config)
-    for subject, name, known in (
-        ("dataset", dataset, config.datasets),
-        ("detector", detector, config.detection.detectors),
-    ):
-        if name not in known:
-            raise InputError(f"--{subject} {name}: not in the configuration; {did_you_mean(name, known)}")
+    config = shared.recording_config(overrides, out, dataset, detector=detector)
     numbers = record(config, dataset, detector, out, source, keeping(keep, workers))
     for label, item in numbers.items():
         click.echo(f"{label}: {item['clean_ap_percent']:.1f} % sharp and without noise")

@@ -27,7 +27,7 @@ def command(as_json: bool, timed: bool) -> None:
     Exit codes: 0; 2 where a required package or a released weight file is missing or damaged.
     """
     from pipeline.cli import camera_store
-    from pipeline.cli.estimator_files import version
+    from pipeline.cli.package_version import version
     from pipeline.executor import available_cores
 
     packages, weights = installed_packages(), weight_files()
@@ -56,7 +56,7 @@ def installed_packages() -> dict[str, dict[str, Any]]:
     import re
     from importlib import metadata
 
-    from pipeline.cli.estimator_files import DISTRIBUTION
+    from pipeline.cli.package_version import DISTRIBUTION
 
     try:
         declared = metadata.requires(DISTRIBUTION) or []

@@ -112,14 +112,15 @@ def command(
     from tqdm import tqdm
 
     from pipeline.cli import camera_store
-    from pipeline.cli.estimator_files import version, weight_hashes
     from pipeline.cli.frame_ahead import estimated_ahead
     from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds, find_surface
     from pipeline.cli.health_files import HealthFiles, HealthRun
+    from pipeline.cli.package_version import version
     from pipeline.cli.pictures import expand, named, readable, stream_of
     from pipeline.condition import ConditionMonitor
     from pipeline.errors import InputError
     from pipeline.executor import one_thread
+    from pipeline.recording.provenance import monitor_weights
     from pipeline.store import plain_json
 
     one_thread()
@@ -157,7 +158,7 @@ def command(
         )
         monitor = ConditionMonitor(blur_name, noise_name, blur_options={"output": "relative"} if generic_lens else None)
         about["weights_released"] = monitor.weights_released
-        about["weights_sha256"] = weight_hashes(monitor.blur_estimator, monitor.noise_estimator)
+        about["weights_sha256"] = monitor_weights(monitor)
         sharp_sizes: set[tuple[int, ...]] = (
             _calibrate(monitor, sharp_files, calibrate_estimator, every) if sharp else set()
         )

@@ -8,21 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipeline.cli import recording_config as shared
+
 if TYPE_CHECKING:
     from pipeline.recording.frames import Request
 
 OPTIONS = (
-    click.argument("overrides", nargs=-1),
-    click.option("--dataset", required=True, help="name of the dataset, which the overrides add"),
-    click.option("--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced"),
-    click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record"),
-    click.option(
-        "--keep", type=click.Path(path_type=Path),
-        help="folder in which finished frames are kept, so that an interrupted recording continues; delete it after",
-    ),
-    click.option(
-        "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
-    ),
+    shared.overrides_argument, shared.dataset_option, shared.to_option, shared.source_option, shared.keep_option,
+    shared.workers_option,
 )  # fmt: skip
 
 
@@ -38,9 +31,8 @@ def recording(name: str) -> Callable[[Callable[..., None]], click.Command]:
 
 
 def request(
-    overrides: tuple[str, ...], dataset: str, out: Path, source: str, keep: Path | None, workers: int,
-    used: Callable[[Any], list[Any]],
-) -> Request:  # fmt: skip
+    overrides: tuple[str, ...], dataset: str, out: Path, source: str, keep: Path | None, workers: int
+) -> Request:
     """The request of a command line.
 
     Args:
@@ -50,46 +42,15 @@ def request(
         source: of the pictures.
         keep: folder of finished frames, or None.
         workers: processes.
-        used: (configuration) -> the estimators that are measured, whose weights the record names.
 
     Raises:
         InputError: the dataset is not in the configuration.
     """
-    from pipeline.cli.estimator_files import weight_hashes
-    from pipeline.cli.kept_results import keeping
-    from pipeline.cli.outputs import refuse_unwritable
-    from pipeline.config.compose import compose, parse
-    from pipeline.config.references import check_references
-    from pipeline.errors import InputError, did_you_mean
     from pipeline.recording.frames import Request
+    from pipeline.recording.kept_results import keeping
 
-    refuse_unwritable(out, "--to")
-    config = parse(compose(overrides), "conf/")
-    check_references(config)
-    if dataset not in config.datasets:
-        hint = did_you_mean(dataset, config.datasets)
-        raise InputError(f"--dataset {dataset}: not in the configuration; {hint}")
-    return Request(config, dataset, out, source, keeping(keep, workers), weight_hashes(*used(config)))
-
-
-def _noise_estimators(config: Any) -> list[Any]:
-    from pipeline import noise
-
-    return [noise.create(one.kind, **one.options) for one in config.noise.estimators.values()]
-
-
-def _combined_estimators(config: Any) -> list[Any]:
-    from pipeline import noise
-
-    section, of_noise = config.combined, config.noise.estimators
-    chosen = [of_noise[name] for name in [*section.noise_estimators, section.denoise.sigma_by]]
-    return _blur_estimators(config, section.blur_estimators) + [noise.create(one.kind, **one.options) for one in chosen]
-
-
-def _blur_estimators(config: Any, names: Any) -> list[Any]:
-    from pipeline import blur
-
-    return [blur.create(one.kind, **one.options) for one in (config.blur.estimators[name] for name in names)]
+    config = shared.recording_config(overrides, out, dataset)
+    return Request(config, dataset, out, source, keeping(keep, workers))
 
 
 @recording("noise-levels")
@@ -101,7 +62,7 @@ def noise_levels_command(**given: Any) -> None:
     """
     from pipeline.recording.frames import record_noise
 
-    summary = record_noise(request(**given, used=_noise_estimators))
+    summary = record_noise(request(**given))
     means = summary.groupby("estimator", sort=False)[["median_dn", "patch_error_dn"]].mean()
     for name, row in means.iterrows():
         click.echo(f"{name}: mean error of a tile {row['patch_error_dn']:.2f} DN")
@@ -116,7 +77,7 @@ def combined_command(**given: Any) -> None:
     """
     from pipeline.recording.frames import record_combined
 
-    _print_means(record_combined(request(**given, used=_combined_estimators)), given["out"])
+    _print_means(record_combined(request(**given)), given["out"])
 
 
 @recording("denoised-blur")
@@ -127,10 +88,7 @@ def denoised_command(**given: Any) -> None:
     """
     from pipeline.recording.frames import record_denoised
 
-    cells = record_denoised(
-        request(**given, used=lambda config: _blur_estimators(config, config.denoised_blur.blur_estimators))
-    )
-    _print_means(cells, given["out"])
+    _print_means(record_denoised(request(**given)), given["out"])
 
 
 @recording("factors")
@@ -150,8 +108,7 @@ def factors_command(frame_count: int, exact_sizes_px: tuple[float, ...], with_gr
     from pipeline.experiments.factors import ALL
     from pipeline.recording.frames import record_factors
 
-    made = request(**given, used=lambda config: _blur_estimators(config, ["cnn"]))
-    effects = record_factors(made, frame_count, exact_sizes_px, with_grid=with_grid)
+    effects = record_factors(request(**given), frame_count, exact_sizes_px, with_grid=with_grid)
     for row in effects[effects["blur_kind"] == ALL].to_dict("records"):
         click.echo(
             f"{row['estimator']}, {row['factor']}, {row['second']} instead of {row['first']}:"

@@ -63,11 +63,12 @@ def command(
     SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm, 3 alarms, 2 no such source.
     """
     from pipeline.cli import camera_store
-    from pipeline.cli.estimator_files import version, weight_hashes
     from pipeline.cli.frame_analysis import FrameAnalysis, Thresholds, find_surface
+    from pipeline.cli.package_version import version
     from pipeline.cli.watch_sources import open_source
     from pipeline.condition import ConditionMonitor
     from pipeline.executor import one_thread
+    from pipeline.recording.provenance import monitor_weights
 
     one_thread()
     camera = camera_store.load(camera_name) if camera_name is not None else None
@@ -77,7 +78,7 @@ def command(
         came = open_source(source, rate, wait=not no_wait, stop=stop)
         monitor = ConditionMonitor(blur_name, noise_name)
         thresholds = Thresholds(alarm_sigma_dn, alarm_mtf50, alarm_flags)
-        hashes = weight_hashes(monitor.blur_estimator, monitor.noise_estimator)
+        hashes = monitor_weights(monitor)
         if camera is not None:
             camera_store.apply(camera, monitor)
         analysis = FrameAnalysis(

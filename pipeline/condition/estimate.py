@@ -137,8 +137,9 @@ class ConditionMonitor:
         if tile_px < LEAST_TILE_PX:
             raise InputError(f"condition monitor: tile_px={tile_px}, expected at least {LEAST_TILE_PX}")
         self.blur_name, self.noise_name = blur_name, noise_name
-        self.blur_estimator = blur.create(blur_name, **(blur_options or {}))
-        self.noise_estimator = noise.create(noise_name, **(noise_options or {}))
+        self.blur_options, self.noise_options = dict(blur_options or {}), dict(noise_options or {})
+        self.blur_estimator = blur.create(blur_name, **self.blur_options)
+        self.noise_estimator = noise.create(noise_name, **self.noise_options)
         self.tile_px = tile_px
         estimators = {"blur": self.blur_estimator, "noise": self.noise_estimator}
         self.weights_released = {name: bool(getattr(made, "released", True)) for name, made in estimators.items()}

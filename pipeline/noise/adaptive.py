@@ -40,10 +40,14 @@ from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.noise.base import Measured
 from pipeline.noise.block_quantisation import at_corner, present
 from pipeline.noise.cell_mapper import CellMapper
+from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
+from pipeline.noise.correlated import RELEASED as RELEASED_CORRELATED
 from pipeline.noise.correlated import Correlated, Prediction
 from pipeline.noise.correlated_features import GRID_START, LEAST_PX, QUANTISED_START, whiteness
 
+RELEASED_BESIDE = {"cellwise_weights": RELEASED_CELLWISE, "correlated_weights": RELEASED_CORRELATED}
+"""Option -> the released weights that it stands for; for records of what was measured with what."""
 COMPRESSED, UNCERTAIN = "compressed", "uncertain"
 
 WHITE_BELOW, CORRELATED_ABOVE = 0.24, 0.38

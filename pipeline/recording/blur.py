@@ -13,14 +13,12 @@ kernels and weights are named by their SHA-256; no picture is kept.
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline import blur, store
-from pipeline.blur.spectral import TYPICAL
+from pipeline import store
 from pipeline.camera import kernel_bank
 from pipeline.camera.mtf import SYSTEM
 from pipeline.camera.psf import stored
@@ -31,7 +29,8 @@ from pipeline.experiments.frames import TestFrame, with_patches
 from pipeline.experiments.metrics import table_one_metrics
 from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.recording.frames import indexed
-from pipeline.recording.provenance import provenance, released_sha256, write_csv
+from pipeline.recording.kept_results import Map, keyed
+from pipeline.recording.provenance import blur_weights, provenance, write_csv
 from pipeline.report.blur_records import (
     KEYS,
     METRICS_FILE,
@@ -48,12 +47,9 @@ if TYPE_CHECKING:
 
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.config.schema import Config
-    from pipeline.experiments.settings import EstimatorSettings
 
 SAME = ("dataset", "kind", "frames", "previous", "kernels", "psf", "camera", "seed")
 """What must agree, beside how patches are taken, for two measurements to stand in one record."""
-
-Map = Callable[..., list[Any]]
 
 
 def record(
@@ -96,15 +92,17 @@ def record(
             known = did_you_mean(name, section.estimators)
             raise InputError(f"blur.estimators.{name}: not in the configuration; {known}")
     bank = kernel_bank.configured(config.psf, config.camera.kind, config.seed)
-    weights = {name: _weights(section.estimators[name]) for name in estimators}
+    chosen = {name: section.estimators[name] for name in estimators}
+    weights = {name: blur_weights(one.kind, one.options) for name, one in chosen.items()}
+    run_map = keyed(run_map, __name__, weights)
     frames, all_patches = _frames(config, dataset, run_map)
     metadata = _provenance(config, dataset, source, frames, bank, weights)
-    chosen = [
+    measured_frames = [
         replace(item, patches={"mtf": evenly_spread(item.patches["mtf"], patches_per_frame)})
         for item in evenly_spread(frames, frame_count)
     ]
     metadata[SUBSETS] = {
-        name: {"frames": len(chosen), "patches": sum(len(item.patches["mtf"]) for item in chosen)}
+        name: {"frames": len(measured_frames), "patches": sum(len(item.patches["mtf"]) for item in measured_frames)}
         for name in estimators
     }
     earlier = others(out, metadata) if join else None
@@ -114,8 +112,8 @@ def record(
 
     measured = [
         table_one.measure(
-            {name: table_one.Candidate.configured(section.estimators[name])},
-            chosen,
+            {name: table_one.Candidate.configured(one)},
+            measured_frames,
             stored.as_stored(bank),
             calibration_frames=all_patches,
             camera=config.camera,
@@ -124,7 +122,7 @@ def record(
             executor=labelled,
             label=f"blur of {dataset} by {{}}".format,
         )
-        for name in estimators
+        for name, one in chosen.items()
     ]
     metrics = {name: table_one_metrics(one.summary) for name, one in zip(estimators, measured, strict=True)}
     # A relative MTF of sharp frames is no curve of theirs: with no other estimator there are no rows.
@@ -236,16 +234,3 @@ def _patches(frames: Sequence[TestFrame]) -> pd.DataFrame:
         for number, patch in enumerate(item.patches["mtf"])
     ]
     return pd.DataFrame(rows)
-
-
-def _weights(section: EstimatorSettings) -> dict[str, str]:
-    """File name -> SHA-256 of what an estimator has learned: weights of its options or released, and what is beside."""
-    made = blur.REGISTRY.get(section.kind)
-    given = section.options.get("weights") or getattr(sys.modules[made.__module__], "RELEASED", None)
-    if given is None:
-        return {}
-    path = Path(given)
-    paths = [path, path.with_name(path.stem + TYPICAL)] if section.options.get("output") == "relative" else [path]
-    beside = getattr(sys.modules[made.__module__], "RELEASED_BESIDE", {})  # of an estimator that has further networks
-    paths += [Path(section.options.get(option) or released) for option, released in beside.items()]
-    return released_sha256(paths, f"blur estimator '{section.kind}'")

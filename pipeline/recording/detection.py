@@ -7,7 +7,6 @@ and the weights by their SHA-256, so that anyone who has them can repeat the num
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,8 @@ from pipeline.errors import InputError
 from pipeline.experiments import detect, iopc
 from pipeline.experiments.condition import sweep_kernels
 from pipeline.experiments.summarise import condition_medians
-from pipeline.recording.provenance import write_csv
+from pipeline.recording.kept_results import Map, keyed
+from pipeline.recording.provenance import blur_weights, noise_weights, write_csv
 from pipeline.report import style
 from pipeline.report.detection_results import DIRECTION, SPREAD
 from pipeline.report.sections import detection_figures
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
     from pipeline.config.schema import Config
     from pipeline.datasets.frame import Frame
-
-Map = Callable[..., list[Any]]
 
 
 def record(config: Config, dataset: str, detector: str, out: Path, source: str, run_map: Map) -> dict[str, Any]:
@@ -56,6 +54,12 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
         raise InputError(
             f"detection.detectors.{detector}.weights: no file {section.weights}; '{section.fetch_command}' gets it"
         )
+    weights = {
+        "blur": {settings.measure.mtf: blur_weights(settings.measure.mtf)},
+        "noise": {settings.measure.sigma: noise_weights(settings.measure.sigma)},
+    }
+    detector_sha256 = file_sha256(section.weights)
+    run_map = keyed(run_map, __name__, {**weights, "detector": detector_sha256})
     frames = _frames(config, dataset)
     table, draws, conditions = _measure(config, dataset, detector, frames, run_map)
     labels = [label for label in draws if (table.loc[table["label"] == label, "objects"] > 0).any()]
@@ -94,10 +98,11 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
                 "kind": kind,
                 "frames": {frame.name: file_sha256(frame.path) for frame in frames},
                 "detector": {"kind": section.kind, "file": Path(section.weights).name, "options": section.options}
-                | {"sha256": file_sha256(section.weights)},
+                | {"sha256": detector_sha256},
                 "sweep": settings.sweep.model_dump(),
                 "evaluation": settings.evaluation.model_dump(),
                 "measure": settings.measure.model_dump(),
+                "weights": weights,
                 "curves": settings.curves.model_dump(),
                 "camera": config.camera.described(),
                 "seed": config.seed,

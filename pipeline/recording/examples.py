@@ -20,8 +20,8 @@ from pipeline.camera.processing.codec import Codec
 from pipeline.detection.weights import file_sha256
 from pipeline.experiments import noise_examples
 from pipeline.experiments.noise_examples import Example
-from pipeline.noise import cellwise, correlated, real_noise
-from pipeline.recording.provenance import released_sha256, write_csv
+from pipeline.noise import real_noise
+from pipeline.recording.provenance import noise_weights, write_csv
 from pipeline.report import style
 from pipeline.report.real_noise_records import EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE, example_crop
 
@@ -61,11 +61,10 @@ def record(real: Path, mean: Path, frames: Sequence[Path], out: Path, source: st
     ]
     estimators = real_noise.estimators(KINDS)
     table = pd.concat([noise_examples.measure(example, estimators) for example in examples], ignore_index=True)
-    weights = [cellwise.RELEASED, correlated.RELEASED]
     provenance = {
         "source": source,
         "files": {path.name: file_sha256(path) for path in (real, mean, *frames)},
-        "weights": released_sha256(weights, "a noise estimator"),
+        "weights": {name: noise_weights(kind, options) for name, (kind, options) in KINDS.items()},
         "jpeg": {"sigma_dn": JPEG_SIGMA_DN, "quality": JPEG_QUALITY},
         "video": {"sigma_dn": VIDEO_SIGMA_DN, "codec": "h264", "constant_rate_factor": VIDEO_FACTOR},
         "seed": seed,

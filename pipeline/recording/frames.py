@@ -18,7 +18,7 @@ frame_records` reads them); no picture is kept.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +34,9 @@ from pipeline.experiments.combined_example import example_curves
 from pipeline.experiments.condition import Quantity
 from pipeline.experiments.frames import PURPOSES, TestFrame, with_patches
 from pipeline.experiments.run import Registered
-from pipeline.recording.provenance import provenance, write_csv
+from pipeline.experiments.settings import EstimatorSettings
+from pipeline.recording.kept_results import Map, keyed
+from pipeline.recording.provenance import configured_weights, provenance, write_csv
 from pipeline.report.frame_records import (
     COMBINED_FILES,
     DENOISED_FILE,
@@ -49,8 +51,6 @@ if TYPE_CHECKING:
 
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.config.schema import Config
-
-Map = Callable[..., list[Any]]
 
 
 def indexed(config: Config, dataset: str, run_map: Map, patches_from: str = "auto") -> Index:
@@ -86,7 +86,7 @@ class Request:
         out: folder to write; replaced.
         source: where pictures and kernels come from, their revision and licence, in words.
         run_map: see `pipeline.executor.run_map`; changes no result.
-        weights: file name -> SHA-256 of the weights that the estimators use.
+        weights: `pipeline.recording.provenance.configured_weights` of the estimators measured; set by `of_estimators`.
     """
 
     config: Config
@@ -94,7 +94,22 @@ class Request:
     out: Path
     source: str
     run_map: Map
-    weights: Mapping[str, str]
+    weights: Mapping[str, Any] = field(default_factory=dict)
+
+    def of_estimators(
+        self, blur: Mapping[str, EstimatorSettings], noise: Mapping[str, EstimatorSettings] | None = None
+    ) -> Request:
+        """The same request with the weights of these estimators, which kept results belong to.
+
+        Args:
+            blur: name in the configuration -> kind and options of a blur estimator.
+            noise: likewise of noise estimators.
+
+        Raises:
+            InputError: weights are absent.
+        """
+        weights = configured_weights(blur, noise or {})
+        return replace(self, weights=weights, run_map=keyed(self.run_map, __name__, weights))
 
     def executor(self, function: Callable[[Any], Any], items: Sequence[Any], label: str = "") -> list[Any]:
         """The map as experiments call it (`pipeline.experiments.run.Executor`)."""
@@ -165,6 +180,7 @@ def record_noise(request: Request) -> pd.DataFrame:
     import pandas as pd
 
     config, section = request.config, request.config.noise
+    request = request.of_estimators({}, section.estimators)
     groups: dict[int | None, list[str]] = {}
     for name, estimator in section.estimators.items():
         groups.setdefault(estimator.per_frame or section.tiles_per_frame, []).append(name)
@@ -208,6 +224,10 @@ def record_combined(request: Request) -> pd.DataFrame:
         InputError: the dataset, its labels, kernels or weights are absent.
     """
     config, section = request.config, request.config.combined
+    of_blur = {name: config.blur.estimators[name] for name in section.blur_estimators}
+    of_noise = {name: config.noise.estimators[name] for name in section.noise_estimators}
+    smoothing = {section.denoise.sigma_by: config.noise.estimators[section.denoise.sigma_by]}
+    request = request.of_estimators(of_blur, of_noise | smoothing)
     bank = request.kernels()
     experiment = combined.configured(section, config.blur.estimators, config.noise.estimators, stored.as_stored(bank))
     frames = combined.frames_of(
@@ -219,8 +239,8 @@ def record_combined(request: Request) -> pd.DataFrame:
     sigma = combined.sigma_cells(measurements, config.seed, section.bootstrap_draws)
     tables = dict(zip(COMBINED_FILES, (blur, sigma, example_curves(measurements, section.example_px)), strict=True))
     estimators = {
-        "blur": {name: config.blur.estimators[name].model_dump() for name in section.blur_estimators},
-        "noise": {name: config.noise.estimators[name].model_dump() for name in section.noise_estimators},
+        "blur": {name: one.model_dump() for name, one in of_blur.items()},
+        "noise": {name: one.model_dump() for name, one in of_noise.items()},
     }
     settings = {"combined": section.model_dump(), "estimators": estimators}
     request.write(tables, frames, settings, _used(bank, experiment.kernels))
@@ -240,14 +260,16 @@ def record_denoised(request: Request) -> pd.DataFrame:
         InputError: the dataset, its labels, kernels or weights are absent.
     """
     config, section = request.config, request.config.denoised_blur
+    chosen = {name: config.blur.estimators[name] for name in section.blur_estimators}
+    request = request.of_estimators(chosen)
     bank = request.kernels()
     experiment = combined.denoised(section, config.blur.estimators, stored.as_stored(bank))
     frames = combined.frames_of(section, request.frames({"mtf": section.patches_per_frame}))
     label = f"denoised blur of {request.dataset}"
     measurements = experiment.run(frames, config.camera, config.seed, request.executor, label)
     cells = combined.with_expected(combined.blur_cells(measurements, config.seed, section.bootstrap_draws))
-    chosen = {name: config.blur.estimators[name].model_dump() for name in section.blur_estimators}
-    settings = {"denoised_blur": section.model_dump(), "estimators": {"blur": chosen}}
+    estimators = {"blur": {name: one.model_dump() for name, one in chosen.items()}}
+    settings = {"denoised_blur": section.model_dump(), "estimators": estimators}
     request.write({DENOISED_FILE: cells}, frames, settings, _used(bank, experiment.kernels))
     return cells
 
@@ -270,6 +292,7 @@ def record_factors(
         InputError: the dataset, its labels, kernels or weights are absent.
     """
     config = request.config
+    request = request.of_estimators({factors.NETWORK: EstimatorSettings(kind=factors.NETWORK)})
     count = config.blur.patches_per_frame
     on_objects = evenly_spread(request.frames({"mtf": count}, "objects"), frame_count)
     frames = {"objects": on_objects}

@@ -1,4 +1,4 @@
-"""Where the numbers of a record come from: pictures and kernels by their SHA-256, and the settings.
+"""Where the numbers of a record come from: pictures, kernels and weights by their SHA-256, and the settings.
 
 No path of the machine that measured is kept: of a file its name, of a folder nothing.
 """
@@ -6,21 +6,29 @@ No path of the machine that measured is kept: of a file its name, of a folder no
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline import store
+from pipeline import blur, noise, store
 from pipeline.camera.paper_kernels import PaperKernel
 from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError
+from pipeline.weight_files import active
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.camera.psf.kernel import Kernel
+    from pipeline.condition import ConditionMonitor
     from pipeline.config.schema import Config
     from pipeline.datasets.frame import Frame
+    from pipeline.experiments.settings import EstimatorSettings
+    from pipeline.registry import Registry
+
+Weights = dict[str, str]
+"""File name -> SHA-256, by name."""
 
 
 def provenance(
@@ -40,7 +48,7 @@ def provenance(
         source: where pictures and kernels come from, their revision and licence, in words.
         frames: measured.
         settings: of the experiment and its estimators.
-        weights: file name -> SHA-256 of the weights used; of several estimators, by their names.
+        weights: file name -> SHA-256 of the weights used, by estimator.
         kernels: behind which frames were measured.
     """
     listed = list(frames)
@@ -79,17 +87,93 @@ def write_csv(path: Path, table: pd.DataFrame) -> None:
     store.write_text(path, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
 
 
-def released_sha256(paths: Iterable[str | Path], of: str) -> dict[str, str]:
-    """File name -> SHA-256 of weights, by name.
+def blur_weights(kind: str, options: Mapping[str, Any] | None = None) -> Weights:
+    """Files that a blur estimator has learned from training: its networks, and its map to a generic lens if it uses it.
 
     Args:
-        paths: of the files.
-        of: estimator that uses them, for the message.
+        kind: registered name.
+        options: of the estimator.
+
+    Raises:
+        InputError: there is no such estimator, or a file is absent.
+    """
+    from pipeline.blur.spectral import TYPICAL
+
+    chosen = dict(options or {})
+    files = _files(blur.REGISTRY, kind, chosen)
+    if chosen.get("processed") is False:
+        files.pop("processed_weights", None)
+    if chosen.get("output") == "relative":
+        network = files["weights"]
+        files["typical"] = network.with_name(network.stem + TYPICAL)
+    return _sha256(files.values(), f"blur estimator '{kind}'")
+
+
+def noise_weights(kind: str, options: Mapping[str, Any] | None = None) -> Weights:
+    """Files of the networks of a noise estimator.
+
+    Args:
+        kind: registered name.
+        options: of the estimator.
+
+    Raises:
+        InputError: there is no such estimator, or a file is absent.
+    """
+    return _sha256(_files(noise.REGISTRY, kind, dict(options or {})).values(), f"noise estimator '{kind}'")
+
+
+def monitor_weights(monitor: ConditionMonitor) -> Weights:
+    """Weights of the blur and the noise estimator of a monitor, calibrated or not.
 
     Raises:
         InputError: a file is absent.
     """
-    files = sorted({Path(path) for path in paths})
+    of_blur = blur_weights(monitor.blur_name, monitor.blur_options)
+    return dict(sorted({**of_blur, **noise_weights(monitor.noise_name, monitor.noise_options)}.items()))
+
+
+def configured_weights(
+    blur_estimators: Mapping[str, EstimatorSettings], noise_estimators: Mapping[str, EstimatorSettings]
+) -> dict[str, dict[str, Weights]]:
+    """Weights of the estimators of an experiment.
+
+    Args:
+        blur_estimators: name in the configuration -> kind and options.
+        noise_estimators: likewise.
+
+    Returns:
+        ``blur`` and ``noise`` -> name -> weights; estimators without any are left out.
+
+    Raises:
+        InputError: a file is absent.
+    """
+    by_quantity = {
+        "blur": {name: blur_weights(one.kind, one.options) for name, one in blur_estimators.items()},
+        "noise": {name: noise_weights(one.kind, one.options) for name, one in noise_estimators.items()},
+    }
+    known = {
+        quantity: {name: files for name, files in by_name.items() if files}
+        for quantity, by_name in by_quantity.items()
+    }  # fmt: skip
+    return {quantity: by_name for quantity, by_name in known.items() if by_name}
+
+
+def _files(registry: Registry, kind: str, options: Mapping[str, Any]) -> dict[str, Path]:
+    """Option -> weight file: the one given, else that which is active in place of the released one.
+
+    A module states its released files in ``RELEASED``, for the option ``weights``, and in ``RELEASED_BESIDE``, by
+    option. Of other estimators those count that the options name.
+    """
+    module = sys.modules[registry.get(kind).__module__]
+    released = {"weights": module.RELEASED} if hasattr(module, "RELEASED") else {}
+    released |= getattr(module, "RELEASED_BESIDE", {})
+    files = {option: Path(options.get(option) or active(file)) for option, file in released.items()}
+    given = {option: Path(file) for option, file in options.items() if option.endswith("weights") and file}
+    return files | given
+
+
+def _sha256(paths: Iterable[Path], of: str) -> Weights:
+    files = sorted(set(paths))
     for path in files:
         if not path.is_file():
             raise InputError(f"weights of {of}: no file {path}; restore data/weights")

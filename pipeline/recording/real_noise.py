@@ -17,19 +17,12 @@ from typing import TYPE_CHECKING, Any
 from pipeline import store
 from pipeline.detection.weights import file_sha256
 from pipeline.experiments.real_noise import Kinds, measure_pairs
-from pipeline.noise import cellwise, correlated, real_noise
-from pipeline.recording.provenance import released_sha256, without_folders, write_csv
+from pipeline.noise import real_noise
+from pipeline.recording.provenance import noise_weights, without_folders, write_csv
 from pipeline.report.real_noise_records import PATCHES_FILE, PROVENANCE_FILE, SUMMARY_FILE
 
 if TYPE_CHECKING:
     import pandas as pd
-
-_WEIGHTS = {
-    "cellwise": {"weights": cellwise.RELEASED},
-    "correlated": {"weights": correlated.RELEASED},
-    "adaptive": {"cellwise_weights": cellwise.RELEASED, "correlated_weights": correlated.RELEASED},
-}
-"""Registered name -> option that names a weight file -> the released file."""
 
 
 def record(
@@ -61,7 +54,7 @@ def record(
     """
     import pandas as pd
 
-    weights = _weights(kinds)
+    weights = {name: noise_weights(kind, options) for name, (kind, options) in kinds.items()}
     patches: list[pd.DataFrame] = []
     summaries: list[pd.DataFrame] = []
     files: dict[str, dict[str, str]] = {}
@@ -77,7 +70,7 @@ def record(
     provenance = {
         "source": source,
         "datasets": files,
-        "weights": weights,
+        "weights": {name: files for name, files in weights.items() if files},
         "estimators": {
             name: {"kind": kind, "options": without_folders(options)} for name, (kind, options) in kinds.items()
         },
@@ -90,13 +83,3 @@ def record(
         write_csv(folder / SUMMARY_FILE, summary)
         store.write_json(folder / PROVENANCE_FILE, provenance)
     return summary
-
-
-def _weights(kinds: Kinds) -> dict[str, str]:
-    """File name -> SHA-256 of the weights that the estimators use."""
-    files = {
-        Path(options.get(option) or released)
-        for kind, options in kinds.values()
-        for option, released in _WEIGHTS.get(kind, {}).items()
-    }
-    return released_sha256(files, "a noise estimator")

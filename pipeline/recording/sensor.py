@@ -8,7 +8,7 @@ Measured by hand, with ``camera-monitor record sensor``. Frames are named by the
     sensor_dark_means.csv   mean of each dark frame
     sensor_patches.csv      noise estimated on patches of the frames (`pipeline.experiments.real_noise`)
     sensor_summary.csv      its errors (`pipeline.noise.real_noise.summarise`)
-    sensor_provenance.json  source, frames, white
+    sensor_provenance.json  source, frames, white, weights
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pipeline.detection.weights import file_sha256
 from pipeline.experiments.real_noise import Kinds, measure_raw
 from pipeline.experiments.sensor_constants import sensor_constants
 from pipeline.noise.real_noise import summarise
-from pipeline.recording.provenance import write_csv
+from pipeline.recording.provenance import noise_weights, write_csv
 from pipeline.report.real_noise_records import (
     DARK_FILE,
     DARK_MEANS_FILE,
@@ -69,6 +69,7 @@ def record(
     Raises:
         InputError: frames are absent, broken or too few, or there is no such estimator.
     """
+    weights = {name: noise_weights(kind, options) for name, (kind, options) in kinds.items()}
     lit, unlit = raw_frames(light), raw_frames(dark)
     sensor = sensor_constants(lit, unlit, white_dn)
     patches = measure_raw(lit, sensor.fits, white_dn, kinds, run_map, "noise of raw frames")
@@ -83,6 +84,13 @@ def record(
         write_csv(folder / DARK_MEANS_FILE, sensor.dark_means)
         write_csv(folder / RAW_PATCHES_FILE, patches)
         write_csv(folder / RAW_SUMMARY_FILE, summarise(patches, seed, draws))
-        provenance = {"source": source, "frames": hashes, "white_dn": white_dn, "seed": seed, "bootstrap_draws": draws}
+        provenance = {
+            "source": source,
+            "frames": hashes,
+            "weights": {name: files for name, files in weights.items() if files},
+            "white_dn": white_dn,
+            "seed": seed,
+            "bootstrap_draws": draws,
+        }
         store.write_json(folder / RAW_PROVENANCE_FILE, provenance)
     return sensor.transfer

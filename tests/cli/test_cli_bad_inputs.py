@@ -20,12 +20,11 @@ from click.testing import CliRunner
 from control_makers import performance
 from data_makers import make_kitti, picture
 
-from pipeline import blur
 from pipeline.cli import main
-from pipeline.cli.estimator_files import weight_hashes
 from pipeline.config.compose import compile_params
 from pipeline.config.references import check_references
 from pipeline.errors import InputError
+from pipeline.recording.provenance import blur_weights
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRESS = re.compile(r"[^\r\n]*\d+ frames \[[^\]]*\]|\r")  # shown when reading takes over two seconds
@@ -116,7 +115,7 @@ def sound(tmp_path_factory) -> dict[str, Path]:
 @functools.cache
 def released_hashes() -> dict[str, str]:
     """Of the weights of the default blur estimator."""
-    return weight_hashes(blur.create("spectral"))
+    return blur_weights("spectral")
 
 
 def _bad(family: str, name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

@@ -1,0 +1,80 @@
+"""A parallel map that keeps measured frames on disk, so that an interrupted recording continues.
+
+A result is kept under a hash of the function, its item, the code that the recording module can execute and the weights
+in use (`keyed`): an edit of the code or other weights compute it anew. The content of pictures does not enter: frames
+are known by their names, so that a folder serves one copy of a dataset.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pipeline.dependencies.closure import fingerprint
+from pipeline.executor import run_map
+
+Map = Callable[..., list[Any]]
+
+
+@dataclass(frozen=True)
+class KeptMap:
+    """`pipeline.executor.run_map` that keeps results which are tables of columns, as measured frames are.
+
+    Attributes:
+        folder: of the kept results, one file each.
+        workers: processes.
+        key: of code and weights, see `keyed`; nothing is kept without one.
+    """
+
+    folder: Path
+    workers: int = 1
+    key: str = ""
+
+    def __call__(self, function: Callable[[Any], Any], items: Sequence[Any], label: str = "") -> list[Any]:
+        """See `pipeline.executor.run_map`."""
+        chosen = partial(_load_or_compute, function, self.folder, self.key) if self.key else function
+        return run_map(chosen, list(items), workers=self.workers, label=label)
+
+
+def keeping(folder: Path | None, workers: int = 1) -> Map:
+    """The map of a recording.
+
+    Args:
+        folder: of kept results; None keeps none.
+        workers: processes.
+    """
+    if folder is None:
+        return partial(run_map, workers=workers)
+    folder.mkdir(parents=True, exist_ok=True)
+    return KeptMap(folder, workers)
+
+
+def keyed(mapped: Map, module: str, weights: Mapping[str, Any]) -> Map:
+    """The same map, whose kept results are those of this code and these weights.
+
+    Args:
+        mapped: from `keeping`; any other map is returned as it is.
+        module: that records, ``__name__``: all code that it can execute counts.
+        weights: SHA-256 of the weight files in use, nested in any way.
+    """
+    return replace(mapped, key=fingerprint(module, weights)) if isinstance(mapped, KeptMap) else mapped
+
+
+def _load_or_compute(function: Callable[[Any], Any], folder: Path, key: str, item: Any) -> Any:
+    import numpy as np
+
+    from pipeline import store
+
+    path = folder / f"{hashlib.sha256(pickle.dumps((key, function, item))).hexdigest()}.npz"
+    if path.exists():
+        return store.read_arrays(path)
+    result = function(item)
+    if isinstance(result, dict) and result and all(isinstance(column, np.ndarray) for column in result.values()):
+        text = {name: column.astype(np.str_) for name, column in result.items() if column.dtype == object}
+        store.write_arrays(path, **{**result, **text})
+    return result
