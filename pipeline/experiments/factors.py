@@ -396,7 +396,7 @@ class _Columns:
                 selected = [pair for pair in pairs if kind in (ALL, pair[0][0]) and size in (0.0, pair[0][1])]
                 first = np.mean([self.errors[number] for _, number, _ in selected], axis=0)
                 second = np.mean([self.errors[number] for _, _, number in selected], axis=0)
-                low, high = bias_corrected((second - first)[1:], float((second - first)[0]))
+                low, high = bias_corrected((second - first)[1:], float((second - first)[0]), len(self.frames))
                 numbers = {"first_percent": first[0], "second_percent": second[0]}
                 numbers |= {"effect_percent": second[0] - first[0], "low_percent": low, "high_percent": high}
                 column = self.columns[selected[0][1]]

@@ -1,18 +1,24 @@
-"""Intervals over frames: a cluster bootstrap whose bias-corrected interval contains its estimate.
+"""Intervals over frames: a cluster bootstrap whose bias-corrected interval contains its estimate, also of few frames.
 
 Patches of one frame share its scene, lens and light and err together, so whole frames are resampled, each with all its
-patches (Davison and Hinkley 1997, Sec. 3.8). With resampled statistics t* of the estimate t,
+patches (Davison and Hinkley 1997, Sec. 3.8). With resampled statistics t* of the estimate t and of n frames,
 
-    bias = median(t*) - t,   interval = 2.5 % and 97.5 % quantiles of t* - bias
+    bias = median(t*) - t,   interval = t + k (2.5 % and 97.5 % quantiles of t* - median(t*)),
+    k = sqrt(n / (n - 1)) t_{0.975, n - 1} / z_{0.975}
 
 A mean absolute error of resampled medians is on average larger than that of the median, so that quantiles of t* itself
-can lie above t altogether (bias estimate: Efron and Tibshirani 1993, Sec. 10.2, here with the median of t*).
+can lie above t altogether (bias estimate: Efron and Tibshirani 1993, Sec. 10.2, here with the median of t*). Few frames
+scatter too little about their own mean, and their scatter is itself uncertain: plain quantiles hold the true value in
+71 to 87 % of the cases for 3 or 4 frames; expanded by k, in 90 % or more (expansion: Hesterberg 2015, "What Teachers
+Should Know About the Bootstrap", The American Statistician 69). k is 9.2 for 2 frames, 2.7 for 3, 1.9 for 4, 1.3 for 8,
+1.1 for 16 and 1 for many.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +27,7 @@ from pipeline.statistics import REJECT_BEYOND_MAD
 from pipeline.streams import KeyPart, stream
 
 if TYPE_CHECKING:
+    import pandas as pd
     from numpy.typing import NDArray
 
 FIRST_NAMES = {"camera_calibrated": "fitted", "generic_lens": "typical"}
@@ -28,6 +35,7 @@ FIRST_NAMES = {"camera_calibrated": "fitted", "generic_lens": "typical"}
 
 _BLOCK = 2_000_000  # numbers resampled together
 _NO_INTERVAL = (math.nan, math.nan)
+_TAIL = 0.975
 
 
 def bootstrap_stream(seed: int, purpose: str, *key: KeyPart) -> np.random.Generator:
@@ -107,15 +115,47 @@ def frame_interval(
     for part in np.split(picks, range(block, draws, block)):
         resampled = padded[part.T].swapaxes(1, 2)  # frames, patches, draws, ...
         results.append(statistic(resampled.reshape(-1, *resampled.shape[2:])))
-    return bias_corrected(np.concatenate(results), float(statistic(values[:, None])[0]))
+    return bias_corrected(np.concatenate(results), float(statistic(values[:, None])[0]), len(names))
 
 
-def bias_corrected(results: NDArray[np.float64], estimate: float) -> tuple[float, float]:
+def cluster_mean(
+    values: pd.Series,
+    clusters: pd.Series,
+    generator: np.random.Generator,
+    draws: int = 500,
+    bounds: tuple[float, float] = (-math.inf, math.inf),
+) -> tuple[float, float, float, int]:
+    """Mean over values with a 95 % interval from a bootstrap over clusters, whose members err together.
+
+    Args:
+        values: (N,) numbers; NaN are left out.
+        clusters: (N,) names, e.g. the frame of each patch.
+        generator: random stream of the bootstrap.
+        draws: resamples.
+        bounds: least and greatest value possible, which the interval does not leave.
+
+    Returns:
+        mean, lower and upper end, number of values; NaN without values, no interval with fewer than two clusters.
+    """
+    known = values.notna()
+    if not known.any():
+        return math.nan, math.nan, math.nan, 0
+    groups = values[known].groupby(clusters[known])
+    sums, sizes = groups.sum().to_numpy(float), groups.size().to_numpy(float)
+    mean, (low, high) = float(values[known].mean()), _NO_INTERVAL
+    if len(sums) > 1:
+        picks = generator.integers(len(sums), size=(draws, len(sums)))
+        low, high = bias_corrected(sums[picks].sum(axis=1) / sizes[picks].sum(axis=1), mean, len(sums))
+    return mean, max(low, bounds[0]), min(high, bounds[1]), int(known.sum())
+
+
+def bias_corrected(results: NDArray[np.float64], estimate: float, clusters: int) -> tuple[float, float]:
     """Bias-corrected 95 % interval, which contains the estimate; of statistics that are never negative, nor is it.
 
     Args:
         results: (B,) resampled statistics; NaN are left out.
         estimate: the statistic itself.
+        clusters: frames that were resampled, at least two.
 
     Returns:
         lower and upper end; NaN without numbers.
@@ -123,9 +163,24 @@ def bias_corrected(results: NDArray[np.float64], estimate: float) -> tuple[float
     known = results[np.isfinite(results)]
     if len(known) == 0 or not math.isfinite(estimate):
         return _NO_INTERVAL
-    low, middle, high = np.quantile(known, [0.025, 0.5, 0.975])
+    low, middle, high = np.quantile(known, [1 - _TAIL, 0.5, _TAIL])
+    factor = small_sample_factor(clusters)
     least = 0.0 if estimate >= 0 and known.min() >= 0 else -math.inf
-    return max(float(low - middle + estimate), least), float(high - middle + estimate)
+    return max(float(estimate - factor * (middle - low)), least), float(estimate + factor * (high - middle))
+
+
+@lru_cache
+def small_sample_factor(clusters: int) -> float:
+    """Factor by which a bootstrap interval of few clusters is wider than its quantiles; 1 for many.
+
+        k = sqrt(n / (n - 1)) t_{0.975, n - 1} / z_{0.975}
+
+    Args:
+        clusters: n, at least two.
+    """
+    from scipy.special import ndtri, stdtrit
+
+    return math.sqrt(clusters / (clusters - 1)) * float(stdtrit(clusters - 1, _TAIL) / ndtri(_TAIL))
 
 
 def median_error_of_range(width: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.float64]:

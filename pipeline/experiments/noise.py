@@ -38,8 +38,7 @@ class NoiseResult:
 
 
 def measure(
-    name: str,
-    estimator: Any,
+    estimators: Mapping[str, Any],
     frames: Sequence[TestFrame],
     noise_sources: Sequence[str],
     target_sigmas_dn: Sequence[float],
@@ -53,50 +52,12 @@ def measure(
     """Estimates the noise of every tile under every source and level, and summarises it.
 
     Args:
-        name: of the estimator in the tables.
-        estimator: see `pipeline.experiments.run.Method`.
+        estimators: name in the tables -> estimator, see `pipeline.experiments.run.Method`; all on the same corrupted
+            frames, each of which is formed once.
         frames: sharp frames with their tiles, as quantity ``"sigma_dn"``.
         noise_sources: as in `pipeline.camera.effects`.
         target_sigmas_dn: levels, DN.
         camera: that adds the noise; the paper's if None.
-        seed: root of the random streams.
-        draws: bootstrap resamples of the intervals.
-        executor: changes no result.
-        label: of its progress bar.
-    """
-    return measure_all(
-        {name: estimator},
-        frames,
-        noise_sources,
-        target_sigmas_dn,
-        camera=camera,
-        seed=seed,
-        draws=draws,
-        executor=executor,
-        label=label,
-    )
-
-
-def measure_all(
-    estimators: Mapping[str, Any],
-    frames: Sequence[TestFrame],
-    noise_sources: Sequence[str],
-    target_sigmas_dn: Sequence[float],
-    *,
-    camera: CameraSettings | None = None,
-    seed: int = 1,
-    draws: int = 500,
-    executor: Executor = in_process,
-    label: str = "",
-) -> NoiseResult:
-    """As `measure`, of several estimators on the same corrupted frames, each of which is formed once.
-
-    Args:
-        estimators: name in the tables -> estimator, see `pipeline.experiments.run.Method`.
-        frames: see `measure`, like all that follow.
-        noise_sources: as in `pipeline.camera.effects`.
-        target_sigmas_dn: levels, DN.
-        camera: that adds the noise.
         seed: root of the random streams.
         draws: bootstrap resamples of the intervals.
         executor: changes no result.

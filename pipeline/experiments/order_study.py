@@ -26,7 +26,7 @@ from pipeline.datasets.selection import scene_of
 from pipeline.detection.average_precision import evaluate
 from pipeline.detection.base import Detections
 from pipeline.detection.classes import ClassMap
-from pipeline.statistics import bootstrap_interval
+from pipeline.experiments.intervals import bias_corrected, frame_interval, median
 from pipeline.store import Schema
 from pipeline.streams import stream
 
@@ -224,10 +224,10 @@ class Study:
                 ("amae_percent", "amae_percent", "amae_low_percent", "amae_high_percent", "blur_abstained"),
             ):
                 values = np.array([part[name] for part in parts])
-                good = values[np.isfinite(values)]
-                row[value] = float(np.median(good)) if len(good) else float("nan")
-                row[lower], row[upper] = bootstrap_interval(good, stream(self.seed, "order study", name), draws=200)
-                row[silent] = int(len(values) - len(good))
+                row[value] = float(median(values))
+                generator = stream(self.seed, "order study", name)
+                row[lower], row[upper] = frame_interval(values, np.arange(len(values)), median, generator, draws=200)
+                row[silent] = int(np.count_nonzero(~np.isfinite(values)))
             rows.append(row)
         return STUDY.conform(pd.DataFrame(rows))
 
@@ -262,16 +262,17 @@ class Study:
                 change = (last - first)[np.isfinite(last - first)]
                 generator = stream(self.seed, "order study", "effects")
                 resampled = change[generator.integers(0, len(change), (EFFECT_DRAWS, len(change)))].mean(axis=1)
-                rows.append(_effect(head, "amae_percent", np.nanmean(first), np.nanmean(last), resampled))
-                difference = draws[after].mean(axis=0) - draws[before].mean(axis=0)
-                rows.append(_effect(head, "ap_percent", values[before].mean(), values[after].mean(), difference))
+                ends = bias_corrected(resampled, float(change.mean()), len(change))
+                rows.append(_effect(head, "amae_percent", np.nanmean(first), np.nanmean(last), ends))
+                ends = _interval(draws[after].mean(axis=0) - draws[before].mean(axis=0))
+                rows.append(_effect(head, "ap_percent", values[before].mean(), values[after].mean(), ends))
         return EFFECTS.conform(pd.DataFrame(rows, columns=list(EFFECTS.columns)))
 
 
 def _effect(
-    head: Mapping[str, str], measure: str, before: float, after: float, draws: NDArray[np.float64]
+    head: Mapping[str, str], measure: str, before: float, after: float, ends: tuple[float, float]
 ) -> dict[str, Any]:
-    low, high = _interval(draws)
+    low, high = ends
     change = float(after - before)
     return {
         **head, "measure": measure, "before": float(before), "after": float(after), "change": change, "low": low,

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.experiments.intervals import cluster_mean, frame_interval, median
 from pipeline.experiments.summarise import coverage
-from pipeline.grouped_statistics import cluster_mean
-from pipeline.statistics import bootstrap_interval
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
@@ -63,7 +62,8 @@ def patch_errors(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
         }
         for name, (part, values) in quantities.items():
             generator = stream(seed, "report", "noise patches", dataset, estimator, noise_source, part)
-            cells = cluster_mean(values, selected["frame"], generator)
+            bounds = (0.0, 100.0 if name.endswith("percent") else math.inf)
+            cells = cluster_mean(values, selected["frame"], generator, bounds=bounds)
             row |= dict(zip((name, f"{name}_low", f"{name}_high", f"{name}_count"), cells, strict=True))
         rows.append(row)
     return pd.DataFrame(rows)
@@ -78,8 +78,8 @@ def saturated_patches(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
 
     Returns:
         dataset, noise_source, target_sigma_dn, patches, added_dn, present_dn (medians over the patches), estimator,
-        median_dn,
-        low_dn, high_dn (bootstrap 95 % interval) and count (patches with an estimate); empty without such patches.
+        median_dn, low_dn, high_dn (95 % interval over frames) and count (patches with an estimate); empty without such
+        patches.
     """
     import pandas as pd
 
@@ -90,9 +90,10 @@ def saturated_patches(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
     for (dataset, noise_source), here in groups:
         patches = here[here["estimator"] == here["estimator"].iloc[0]]
         for estimator, selected in here.groupby("estimator", sort=False):
-            answers = selected.loc[~selected["abstained"], "sigma_dn"].to_numpy(float)
+            answered = selected[~selected["abstained"]]
+            answers = answered["sigma_dn"].to_numpy(float)
             generator = stream(seed, "report", "saturated", dataset, noise_source, estimator)
-            low, high = bootstrap_interval(answers, generator) if len(answers) > 1 else (math.nan, math.nan)
+            low, high = frame_interval(answers, answered["frame"].to_numpy(str), median, generator, draws=500)
             rows.append(
                 {
                     "dataset": dataset,

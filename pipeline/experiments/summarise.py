@@ -9,7 +9,7 @@ robust median, minimum and maximum over all tiles (Sec. IV-B). Intervals are bia
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -170,13 +170,16 @@ def mtf_cells(
     return pd.DataFrame(rows)
 
 
-def condition_medians(measured: pd.DataFrame, seed: int, draws: int) -> pd.DataFrame:
-    """Noise and MTF of every condition of a detection sweep: medians with 95 % intervals over frames.
+def condition_medians(
+    measured: pd.DataFrame, seed: int, draws: int, scene_of: Callable[[str], str] = str
+) -> pd.DataFrame:
+    """Noise and MTF of every condition of a detection sweep: medians with 95 % intervals over scenes.
 
     Args:
         measured: `pipeline.experiments.tables.MEASURED`.
         seed: root of the bootstrap's streams.
-        draws: bootstrap resamples of frames.
+        draws: bootstrap resamples of scenes.
+        scene_of: frame -> its scene; frames of one scene are resampled together. Every frame has its own by default.
 
     Returns:
         `pipeline.experiments.tables.CONDITIONS`.
@@ -191,7 +194,8 @@ def condition_medians(measured: pd.DataFrame, seed: int, draws: int) -> pd.DataF
             part = group[group["quantity"] == quantity]
             values = part["estimate"].to_numpy(float)
             generator = stream(seed, "condition medians", quantity, *key)
-            low, high = frame_interval(values, part["frame"].to_numpy(str), median, generator, draws)
+            scenes = part["frame"].map(scene_of).to_numpy(str)
+            low, high = frame_interval(values, scenes, median, generator, draws)
             row |= {f"{short}{unit}": float(median(values)), f"{short}_low{unit}": low, f"{short}_high{unit}": high}
             truth = "clipped_sigma_dn" if quantity == "sigma_dn" else "true_mtf"
             row[truth] = float(part["true"].median())

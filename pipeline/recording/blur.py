@@ -96,7 +96,7 @@ def record(
     weights = {name: blur_weights(one.kind, one.options) for name, one in chosen.items()}
     run_map = keyed(run_map, __name__, weights)
     frames, all_patches = _frames(config, dataset, run_map)
-    metadata = _provenance(config, dataset, source, frames, bank, weights)
+    metadata = _provenance(config, dataset, source, frames, bank, weights, patches_per_frame)
     measured_frames = [
         replace(item, patches={"mtf": evenly_spread(item.patches["mtf"], patches_per_frame)})
         for item in evenly_spread(frames, frame_count)
@@ -204,10 +204,14 @@ def _provenance(
     frames: Sequence[TestFrame],
     bank: Sequence[Kernel],
     weights: Mapping[str, Mapping[str, str]],
+    patches_per_frame: int | None,
 ) -> dict[str, Any]:
     """As `pipeline.recording.provenance.provenance`, with the settings of the blur and of its kernels."""
     section = config.blur
-    estimators = {name: section.estimators[name].model_dump() for name in weights}
+    estimators = {
+        name: section.estimators[name].model_copy(update={"per_frame": patches_per_frame}).model_dump()
+        for name in weights
+    }
     settings = {
         "blur": {**section.model_dump(exclude={"estimators"}), "estimators": estimators},
         "psf": config.psf.model_dump(exclude={"folder"}),

@@ -157,11 +157,12 @@ def _measure(
         executor=lambda function, items, label: run_map(function, items, label=label),
         label=f"condition of {dataset}",
     )
-    conditions = condition_medians(estimates, config.seed, criteria.bootstrap_draws)
+    scene = partial(scene_of, config.datasets[dataset].kind)
+    conditions = condition_medians(estimates, config.seed, criteria.bootstrap_draws, scene)
     classes, options = tuple(words.classes), detect.options_of(section)
     one = detect.Sweep(section.kind, options, classes, shape.noise_source, levels, camera, config.seed)
     result = run_map(partial(_look, one), work, label=f"{detector} on {dataset}")
-    scenes = {frame.name: scene_of(config.datasets[dataset].kind, frame.name) for frame in frames}
+    scenes = {frame.name: scene(frame.name) for frame in frames}
     detections, looked = detect.tables(work, result, one, scenes)
     table, draws = precision.average_precision(
         detections, looked, detect.objects(frames, words), conditions, classes, criteria, config.seed

@@ -194,7 +194,7 @@ def record_noise(request: Request) -> pd.DataFrame:
             )
             for name in names
         }  # fmt: skip
-        result = noise.measure_all(
+        result = noise.measure(
             chosen,
             frames,
             section.noise_sources,

@@ -27,9 +27,10 @@ def run(run: Run) -> None:
     from pipeline.experiments.table_one import Candidate, measure
 
     dataset, name, params = run.job["dataset"], run.job["estimator"], run.params
-    candidate = Candidate.configured(params.blur.estimators[name])
+    section = params.blur.estimators[name]
+    candidate = Candidate.configured(section)
     folder, source = run.inputs / "data/index" / dataset, params.datasets[dataset]
-    frames = of_index(folder, dataset, source, {"mtf": params.blur.patches_per_frame})
+    frames = of_index(folder, dataset, source, {"mtf": section.per_frame or params.blur.patches_per_frame})
     kernels, camera = stored.read(run.inputs / "data/psf"), params.camera
     result = measure(
         {name: candidate},

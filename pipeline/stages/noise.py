@@ -38,8 +38,7 @@ def run(run: Run) -> None:
     frames = of_index(folder, dataset, params.datasets[dataset], {"sigma_dn": per_frame})
     estimator = Registered(estimators.create, section.kind, section.options)
     result = noise.measure(
-        name,
-        estimator,
+        {name: estimator},
         frames,
         sources,
         params.noise.target_sigmas_dn,

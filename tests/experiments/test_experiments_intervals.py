@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import pandas as pd
 import pytest
 
-from pipeline.experiments.intervals import bias_corrected, frame_interval, median, median_error_of_range, robust_median
+from pipeline.experiments.intervals import (
+    bias_corrected,
+    cluster_mean,
+    frame_interval,
+    median,
+    median_error_of_range,
+    robust_median,
+    small_sample_factor,
+)
 from pipeline.statistics import bootstrap_interval, robust
 from pipeline.streams import stream
 
@@ -53,7 +64,7 @@ def test_frames_of_different_sizes_count_with_all_their_patches_in_any_block(mon
     picks = stream(1, "draws").integers(3, size=(40, 3))
     parts = [values[frames == name] for name in "abc"]
     means = np.array([np.concatenate([parts[pick] for pick in row]).mean() for row in picks])
-    assert whole == pytest.approx(bias_corrected(means, values.mean()))
+    assert whole == pytest.approx(bias_corrected(means, values.mean(), 3))
 
 
 def test_the_interval_of_an_absolute_error_contains_it():
@@ -72,10 +83,55 @@ def test_the_interval_of_an_absolute_error_contains_it():
 
 
 def test_bias_is_the_median_of_the_draws_less_the_estimate():
-    results = np.arange(101.0)
-    assert bias_corrected(results, 40.0) == pytest.approx((0.0, 87.5))  # -7.5 is none of a quantity from 0 on
-    assert bias_corrected(results - 60, 40.0) == pytest.approx((-7.5, 87.5))
-    assert np.isnan(bias_corrected(np.full(3, np.nan), 1.0)).all()
+    results, many = np.arange(101.0), 10**6
+    # -7.5 is none of a quantity from 0 on
+    assert bias_corrected(results, 40.0, many) == pytest.approx((0.0, 87.5), abs=1e-3)
+    assert bias_corrected(results - 60, 40.0, many) == pytest.approx((-7.5, 87.5), abs=1e-3)
+    assert np.isnan(bias_corrected(np.full(3, np.nan), 1.0, many)).all()
+
+
+@pytest.mark.parametrize(("clusters", "t_quantile"), [(2, 12.706), (4, 3.182), (8, 2.365), (15, 2.145)])
+def test_few_frames_widen_the_interval_by_the_quantile_of_t(clusters, t_quantile):
+    """Quantiles of Student's t for clusters - 1 degrees of freedom, from a printed table."""
+    factor = np.sqrt(clusters / (clusters - 1)) * t_quantile / 1.95996
+    low, high = bias_corrected(np.arange(-50.0, 51.0), 7.0, clusters)
+    assert (7.0 - low, high - 7.0) == pytest.approx((47.5 * factor, 47.5 * factor), rel=1e-3)
+
+
+@pytest.mark.parametrize("frames", [3, 4, 8])
+def test_intervals_of_few_frames_hold_the_true_value_about_as_often_as_they_claim(frames):
+    """Of 400 data sets, each of `frames` frames with three patches that share half of their variance."""
+    generator, names = stream(frames, "coverage"), np.repeat(np.arange(frames), 3)
+    held, plain = 0, 0
+    for trial in range(400):
+        values = np.repeat(generator.normal(0, 1, frames), 3) + generator.normal(0, 1, 3 * frames)
+        low, high = frame_interval(values, names, median, stream(trial, "draws"), 200)
+        held += low <= 0 <= high
+        factor, middle = small_sample_factor(frames), np.median(values)
+        plain += middle + (low - middle) / factor <= 0 <= middle + (high - middle) / factor
+    assert held >= 0.9 * 400 and plain < held
+
+
+def test_a_mean_over_clusters_has_the_interval_of_the_clusters():
+    frames = pd.Series(np.repeat(np.arange(8), 50))
+    values = frames.astype(float)  # patches of a frame err alike
+    mean, low, high, count = cluster_mean(values, frames, stream(0, "clusters"))
+    assert (mean, count) == (3.5, 400) and low < 2.1 and high > 4.9
+    apart = cluster_mean(values, pd.Series(np.arange(400)), stream(0, "patches"))
+    assert apart[2] - apart[1] < 0.5 * (high - low)
+
+
+def test_one_cluster_gives_no_interval_and_no_value_no_mean():
+    mean, low, high, count = cluster_mean(pd.Series([1.0, 3.0, math.nan]), pd.Series(list("aaa")), stream(0, "one"))
+    assert (mean, count) == (2.0, 2) and math.isnan(low) and math.isnan(high)
+    assert cluster_mean(pd.Series([math.nan]), pd.Series(["a"]), stream(0, "none"))[3] == 0
+
+
+def test_the_interval_of_a_mean_over_clusters_keeps_within_its_bounds():
+    values, frames = pd.Series([100.0, 100.0, 100.0, 90.0, 60.0]), pd.Series(list("aabbc"))
+    mean, low, high, _ = cluster_mean(values, frames, stream(0, "bounds"), bounds=(0.0, 100.0))
+    assert (mean, high) == (90.0, 100.0) and 0.0 <= low < 60.0
+    assert cluster_mean(values, frames, stream(0, "bounds"))[2] > 100.0
 
 
 def test_the_error_of_a_median_follows_from_the_range():

@@ -102,7 +102,7 @@ def test_metrics_are_nested_by_effect_and_level(rows):
 
 
 def test_the_library_call_writes_the_same_table_and_summary(frames, rows):
-    result = noise.measure("pca", Registered(estimators.create, "pca"), frames, SOURCES, LEVELS, draws=20)
+    result = noise.measure({"pca": Registered(estimators.create, "pca")}, frames, SOURCES, LEVELS, draws=20)
     assert list(result.summary["target_sigma_dn"]) == [0, 10, 0, 10]  # in the order asked for
     named = measurements_of(result.estimates, "sigma_dn")
     open_tiles = named[(named["patch"] > 0) & (named["target_sigma_dn"] == 10)]
