@@ -4,8 +4,9 @@
 
 Patches (192 px for blur, 128 px for noise) are cut from one procedural picture, blurred by a 5 px disc, with noise of
 5 DN. One thread. ``one_patch`` is a call with a single patch, ``batched`` a call with many, per patch: least and median
-time on the clock and of the processor, ms; on a busy machine the processor's is the one to read. Networks whose weights
-are not released are timed with fresh ones, which cost the same (``weights: untrained``).
+time on the clock and of the processor, ms; on a busy machine the processor's is the one to read. ``preprocessing`` is
+the part of the paper's blur network before its first layer, per patch. Networks whose weights are not released are
+timed with fresh ones, which cost the same (``weights: untrained``).
 
 ``frame`` is the whole grid: 70 patches for blur, 150 for noise. ``clock_fps`` is what two processes reach together,
 beside whatever else runs on the machine; ``processor_fps`` is two over the processor time of one frame, which is what
@@ -124,6 +125,23 @@ def per_patch(task: str, estimator: Any, patches: np.ndarray, repeats: int) -> t
     return {"one_patch": one, "batched": {"patches": count, **batched}}, batched["processor_least_ms"]
 
 
+def preprocessing(patches: np.ndarray) -> dict[str, Any]:
+    """Times per patch of what the paper's blur network needs before it runs: grey levels and gradients, both ways."""
+    import torch
+
+    from pipeline.blur.cnn_features import network_input
+
+    image = torch.from_numpy(np.ascontiguousarray(patches[:, 0]))
+
+    def both_directions() -> None:
+        with torch.inference_mode():
+            network_input(image)
+            network_input(torch.rot90(image, -1, (1, 2)))
+
+    times = common.take_turns({"both": both_directions}, 20)["both"]
+    return {"patches": len(patches), **{name: round(value / len(patches), 4) for name, value in times.items()}}
+
+
 def _worker(task: str, kind: str, options: dict[str, Any], frames: int, gate: Any, queue: Any) -> None:
     """Estimate whole frames in this process; tell when it began, when it ended, and its processor time per frame."""
     common.hold_loaded_libraries()
@@ -196,6 +214,8 @@ def main() -> None:
             common.hold_loaded_libraries()
             record, batched_ms = per_patch(task, estimator, patches, arguments.repeats)
             record |= {"options": options, **({"weights": weights} if weights else {})}
+            if (task, kind) == ("blur", "cnn"):
+                record["preprocessing"] = preprocessing(patches[: BATCHES["slow"]])
             if batched_ms <= SLOW_MS:
                 record["frame"] = frames_per_second(task, kind, options, arguments.frames)
             results.setdefault(task, {})[name] = record

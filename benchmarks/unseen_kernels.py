@@ -12,8 +12,7 @@ spectral estimator:
     typical     what it takes to have been added to a typical camera's blur (`pipeline.blur.generic_lens`)
     calibrated  divided by its answer for the same sharp frames
     fitted      corrected by `pipeline.blur.camera_calibration`, fitted to the sharp frames of the other half of a
-    dataset,
-                blurred by kernels of the training family, none of them rendered
+                dataset, blurred by kernels of the training family, none of them rendered
 
 With ``--peers N``, PMP and GBB (fast) too, on one patch of each of N frames evenly spread, beside the spectral
 estimator on the same patches (`few`). The picture shows kernels and AMAE.

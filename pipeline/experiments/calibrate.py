@@ -55,7 +55,7 @@ class Calibrated:
 def divided_by_sharp(measurements: pd.DataFrame) -> pd.DataFrame:
     """Estimates of the MTF divided by the robust median of the same camera's sharp patches, clipped to [0, 1].
 
-    Per dataset, estimator, direction and frequency, as `pipeline.blur.base.Estimator.calibrated` does; the rows of the
+    Per dataset, estimator, direction and frequency, as `pipeline.blur.base.Estimator.divided` does; the rows of the
     sharp frames stay among them.
 
     Args:

@@ -147,6 +147,15 @@ class Evidence:
         return {} if times is None else dict(zip(times["estimator"], times["seconds"], strict=True))
 
     @cached_property
+    def preprocessing(self) -> tuple[float, float] | None:
+        """Milliseconds per patch of the paper's blur network: before its first layer, and in all."""
+        from pipeline.report.sections.runtime import patch_times
+
+        times = patch_times(self.inputs)
+        rows = times[(times["name"] == "cnn_mtf") & times["preprocessing_ms"].notna()]
+        return None if rows.empty else (float(rows["preprocessing_ms"].iloc[0]), float(rows["batched_ms"].iloc[0]))
+
+    @cached_property
     def recorded(self) -> dict[str, pd.DataFrame]:
         """Dataset -> Table I recorded on it."""
         return {one.dataset: one.summary for one in blur_records.read(self.inputs)}

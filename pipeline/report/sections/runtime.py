@@ -53,7 +53,8 @@ def patch_times(inputs: ReportInputs) -> pd.DataFrame:
 
     Returns:
         task, estimator, name (the paper's), patch_px, one_ms and batched_ms (medians per patch, alone and among many),
-        untrained, clock_fps and processor_fps (whole frames per second of two processes; None where not timed).
+        preprocessing_ms (per patch, of a network that was timed apart; None else), untrained, clock_fps and
+        processor_fps (whole frames per second of two processes; None where not timed).
 
     Raises:
         InputError: the file holds something else.
@@ -75,12 +76,13 @@ def patch_times(inputs: ReportInputs) -> pd.DataFrame:
                     "patch_px": content["patch_px"][task],
                     "one_ms": one,
                     "batched_ms": batched,
+                    "preprocessing_ms": entry.get("preprocessing", {}).get("processor_median_ms"),
                     "untrained": entry.get("weights") == "untrained",
                     "clock_fps": frame.get("clock_fps"),
                     "processor_fps": frame.get("processor_fps"),
                 }
             )
-    columns = ["task", "estimator", "name", "patch_px", "one_ms", "batched_ms", "untrained"]
+    columns = ["task", "estimator", "name", "patch_px", "one_ms", "batched_ms", "preprocessing_ms", "untrained"]
     return pd.DataFrame(rows, columns=[*columns, "clock_fps", "processor_fps"], dtype=object)
 
 
