@@ -16,7 +16,17 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 MODELS = ("paper", "automotive_3um")
 LAUNCHERS = {"joblib": ("hydra_joblib_launcher", "sweep"), "submitit_local": ("hydra_submitit_launcher", "cluster")}
-PROJECT = ("pipeline", "conf", "data/paper", ".dvc/config", ".dvcignore", ".gitignore", "dvc.yaml", "params.yaml")
+PROJECT = (
+    "pipeline",
+    "conf",
+    "data/paper",
+    ".dvc/config",
+    ".dvc/.gitignore",
+    ".dvcignore",
+    ".gitignore",
+    "dvc.yaml",
+    "params.yaml",
+)
 VIEWPOINTS = 2
 DASK_WAIT_S = 240
 
