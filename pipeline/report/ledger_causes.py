@@ -8,7 +8,7 @@ divided out.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pipeline.report import blur_records, frame_records, training_budget
 from pipeline.report.display_names import counted, word
@@ -154,6 +154,7 @@ CHOICES = {
     "boundary": "dark borders, as theirs",
     "kernel_px": "kernels of 31 px, as ours",
     "mode": "fast mode, as ours",
+    "patches": "patches on a grid, where both use objects",
 }
 """Factor -> the setting that one side has, in words."""
 
@@ -164,11 +165,11 @@ JPEG_FRAMES = "udacity"
 def _effects(inputs: ReportInputs) -> Callable[[Row, BlurRecord | None], str]:
     """What each choice in which the two measurements differ does to the AMAE of a row, as the factorial measured it."""
     tables = frame_records.records_with(inputs, frame_records.FACTOR_FILES[1])
-    known = {
-        (row["estimator"], row["factor"], row["blur_kind"], row["kernel_size_px"]): (row, table.dataset)
-        for table in tables
-        for row in records_of(table.table(frame_records.FACTOR_FILES[1]))
-    }
+    known: dict[tuple[Any, ...], dict[str, Row]] = {}
+    for table in tables:
+        for effect in records_of(table.table(frame_records.FACTOR_FILES[1])):
+            key = tuple(effect[name] for name in ("estimator", "factor", "blur_kind", "kernel_size_px"))
+            known.setdefault(key, {})[table.dataset] = effect
 
     def words(row: Row, record: BlurRecord | None) -> str:
         settings = {} if record is None else record.provenance["blur"]["estimators"][record.name_of(row["estimator"])]
@@ -178,15 +179,17 @@ def _effects(inputs: ReportInputs) -> Callable[[Row, BlurRecord | None], str]:
             "boundary": True,
             "kernel_px": options.get("kernel_size", PAPER_KERNEL_PX) != PAPER_KERNEL_PX,
             "mode": options.get("mode", EXACT) != EXACT,
+            "patches": True,
         }
-        parts, on = [], ""
+        parts: dict[str, list[str]] = {}  # by the dataset that they were measured on
         for factor, text in CHOICES.items():
-            cell = known.get((row["estimator"], factor, row["blur_kind"], row["kernel_size_px"]))
-            if cell is not None and applies[factor]:
-                noise_source, on = cell
-                low, high = (f"{noise_source[name]:+.1f}" for name in ("low_percent", "high_percent"))
-                parts.append(f"{text}: {noise_source['effect_percent']:+.1f} points ({low} to {high})")
-        return f"{'; '.join(parts)}, measured on {word(on)}" if parts else ""
+            cells = known.get((row["estimator"], factor, row["blur_kind"], row["kernel_size_px"]), {})
+            if cells and applies[factor]:
+                on = row["dataset"] if row["dataset"] in cells else next(iter(cells))
+                low, high = (f"{cells[on][name]:+.1f}" for name in ("low_percent", "high_percent"))
+                effect = f"{text}: {cells[on]['effect_percent']:+.1f} points ({low} to {high})"
+                parts.setdefault(on, []).append(effect)
+        return "; ".join(f"{'; '.join(effects)}, measured on {word(on)}" for on, effects in parts.items())
 
     return words
 

@@ -127,6 +127,19 @@ def test_an_effect_is_the_cause_of_a_row_it_applies_to(inputs: ReportInputs) -> 
     assert words(row | {"kernel_size_px": 7.0}, None) == ""
 
 
+def test_an_effect_measured_on_the_same_dataset_goes_first(tmp_path: Path) -> None:
+    empty = FACTOR_CELLS.conform(pd.DataFrame({name: [] for name in FACTOR_CELLS.columns}))
+    for dataset in ("kitti", "udacity"):
+        moved = effects().assign(dataset=dataset, factor="patches")
+        moved["effect_percent"] += 1.0 if dataset == "udacity" else 0.0
+        put(tmp_path / f"{dataset}-factors", dataset, dict(zip(FACTOR_FILES, (empty, moved), strict=True)))
+    words = ledger_causes._effects(ReportInputs(paper=REPO / "data/paper", recorded=tmp_path))
+    row = {"estimator": "pmp", "blur_kind": "linear_motion", "kernel_size_px": 3.0}
+    patches = "patches on a grid, where both use objects"
+    assert words(row | {"dataset": "udacity"}, None) == f"{patches}: +21.9 points (+15.0 to +25.0), measured on Udacity"
+    assert words(row | {"dataset": "sim"}, None) == f"{patches}: +20.9 points (+15.0 to +25.0), measured on KITTI"
+
+
 def test_factors_are_listed_whole_and_by_kernel(inputs: ReportInputs) -> None:
     blocks = blocks_of(factors.section(inputs))
     assert list(blocks) == ["factors_kitti", "factors_by_kernel_kitti"]

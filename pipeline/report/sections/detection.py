@@ -194,7 +194,8 @@ def _recorded(records: Sequence[Recorded]) -> list[Block]:
     blocks: list[Block] = []
     for one in records:
         selected, about = one.results, one.provenance
-        title = f"{word(selected.detector)} on {word(selected.dataset)}"
+        blur = word(about["sweep"]["blur"]).lower()
+        title = f"{word(selected.detector)} on {word(selected.dataset)} behind {blur}"
         count = f"{counted(one.objects, 'object')} in {counted(len(about['frames']), 'frame')}"
         shown = corners(selected.dataset, [selected])
         caption = f"Recorded: average precision of {title} at the corners of the sweep, {count}."
@@ -209,7 +210,7 @@ def _recorded(records: Sequence[Recorded]) -> list[Block]:
             blocks.append(PAGE.figure("recorded_iopc_heat", drawing, name=name, after=rises, title=title))
         for block in _directions(selected.dataset, [selected]):
             if not isinstance(block, NotRun):
-                name, caption = f"recorded_{one.name}_{block.name}", f"Recorded: {block.caption}"
+                name, caption = f"recorded_{one.name}_{block.name}", f"Recorded, {count}: {block.caption}"
                 unstaged = {"stages": ()} if isinstance(block, Figure) else {"stage": ""}
                 blocks.append(replace(block, name=name, caption=caption, **unstaged))
     return blocks
