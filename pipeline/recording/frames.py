@@ -45,6 +45,7 @@ from pipeline.report.frame_records import (
     NOISE_FILE,
     PROVENANCE_FILE,
 )
+from pipeline.streams import stream
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -298,7 +299,8 @@ def record_factors(
     frames = {"objects": on_objects}
     if with_grid:
         names = {item.frame.name for item in on_objects}
-        frames["grid"] = [item for item in request.frames({"mtf": count}, "frame") if item.frame.name in names]
+        tiled = [item for item in request.frames({"mtf": None}, "frame") if item.frame.name in names]
+        frames["grid"] = [_sampled(item, count, config.seed) for item in tiled]
     bank = request.kernels()
     cells, effects = factors.measure(
         frames,
@@ -313,6 +315,13 @@ def record_factors(
     settings = {"factors": dict(factors.SETTINGS), "patches_per_frame": count, "exact_sizes_px": list(exact_sizes_px)}
     request.write(dict(zip(FACTOR_FILES, (cells, effects), strict=True)), on_objects, settings, bank)
     return effects
+
+
+def _sampled(frame: TestFrame, count: int | None, seed: int) -> TestFrame:
+    """The frame with so many of its blur patches, drawn at random: every n-th of a grid may be one column of it."""
+    patches = frame.patches["mtf"]
+    drawn = stream(seed, "factors", "grid", frame.frame.name).permutation(len(patches))[:count]
+    return replace(frame, patches={**frame.patches, "mtf": [patches[index] for index in sorted(drawn)]})
 
 
 def _used(bank: Sequence[Kernel], kernels: Iterable[Kernel]) -> list[Kernel]:
