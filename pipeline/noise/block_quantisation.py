@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 Float = NDArray[np.float32]
@@ -117,7 +116,7 @@ def _transform(side: int) -> Float:
 def _fraction(windows: Float, side: int) -> float:
     """Fraction of vanished coefficients of blocks as rows (n, side^2)."""
     coefficients = windows @ _transform(side)
-    vanished = np.count_nonzero(np.abs(coefficients) < VANISHED_DN)
+    vanished = np.count_nonzero(np.abs(coefficients, out=coefficients) < VANISHED_DN)
     return float((vanished + PRIOR) / (coefficients.size + 2 * PRIOR))
 
 
@@ -127,10 +126,16 @@ def _phases_of_4(picture: Float) -> NDArray[np.float64]:
 
 
 def _vanished_4(picture: Float, top: int, left: int) -> float:
-    return _fraction(sliding_window_view(picture, (4, 4))[top::4, left::4].reshape(-1, 16), 4)
+    return _fraction(_blocks(picture, 4, top, left), 4)
 
 
 def _vanished_8(picture: Float, top: int, left: int) -> float:
-    rows, columns = (picture.shape[0] - top) // 8, (picture.shape[1] - left) // 8
-    cut = picture[top : top + 8 * rows, left : left + 8 * columns]
-    return _fraction(cut.reshape(rows, 8, columns, 8).transpose(0, 2, 1, 3).reshape(-1, 64), 8)
+    return _fraction(_blocks(picture, 8, top, left), 8)
+
+
+def _blocks(picture: Float, side: int, top: int, left: int) -> Float:
+    """Blocks as rows (n, side^2), copied four pixels at once, as one number of 16 bytes."""
+    rows, columns = (picture.shape[0] - top) // side, (picture.shape[1] - left) // side
+    cut = np.ascontiguousarray(picture[top : top + side * rows, left : left + side * columns])
+    fours = cut.view(np.complex128).reshape(rows, side, columns, side // 4).transpose(0, 2, 1, 3)
+    return np.ascontiguousarray(fours).view(np.float32).reshape(-1, side**2)

@@ -16,11 +16,11 @@ A saturated pixel has lost its noise, so windows with more than one are left out
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from pipeline.noise.base import WHITE_DN
@@ -69,7 +69,7 @@ def statistics(patch_dn: Float) -> Float:
         order = np.argpartition(variance, [end - 1 for end in ends[:-1]])
         total, begin = np.zeros((SIDE**2, SIDE**2)), 0
         for number, end in enumerate(ends):
-            part = windows[order[begin:end]]
+            part = windows.take(order[begin:end], axis=0)
             total = total + part.T @ part
             covariances[index, number], begin = total / end, end
         if spacing == 2:
@@ -99,17 +99,33 @@ def whiteness(patch_dn: Float) -> float:
 def _windows(picture: Float, spacing: int, step: int) -> tuple[Float, Float]:
     """Windows as rows (n, 16) about their means, and the means (n,)."""
     reach = (SIDE - 1) * spacing
-    height, width = picture.shape
-    rows, columns = picture.strides
-    shape = ((height - reach - 1) // step + 1, (width - reach - 1) // step + 1, SIDE, SIDE)
-    view = as_strided(picture, shape, (rows * step, columns * step, rows * spacing, columns * spacing))
-    windows = view.reshape(-1, SIDE**2)
+    down, right = ((side - reach - 1) // step + 1 for side in picture.shape)
+    if spacing == 1:  # the four pixels of a window's line are copied at once, as one number of 16 bytes
+        line, pixel = picture.strides
+        fours = np.ndarray((down, right, SIDE), np.complex128, picture, 0, (line * step, pixel * step, line))
+        windows = np.ascontiguousarray(fours).view(np.float32).reshape(-1, SIDE**2)
+    else:
+        apart = np.empty((down, right, SIDE**2), np.float32)
+        for number, pixels in enumerate(_shifted(picture, spacing, step, down, right)):
+            apart[:, :, number] = pixels
+        windows = apart.reshape(-1, SIDE**2)
     if picture.min() <= 1 or picture.max() >= WHITE_DN - 1:
-        kept = ((windows <= 1) | (windows >= WHITE_DN - 1)).sum(axis=1) <= 1
+        saturated = ((picture <= 1) | (picture >= WHITE_DN - 1)).view(np.uint8)
+        count = sum(_shifted(saturated, spacing, step, down, right), np.zeros((down, right), np.uint8))
+        kept = (count <= 1).ravel()
         if kept.sum() > LEAST_WINDOWS:
             windows = windows[kept]
     means = windows @ _AVERAGE
-    return windows - means[:, None], means
+    windows -= means[:, None]
+    return windows, means
+
+
+def _shifted(picture: NDArray[Any], spacing: int, step: int, down: int, right: int) -> Iterator[NDArray[Any]]:
+    """For each of a window's pixels: that pixel of all windows, (down, right)."""
+    rows, columns = (slice(0, (count - 1) * step + 1, step) for count in (down, right))
+    for top in range(0, SIDE * spacing, spacing):
+        for left in range(0, SIDE * spacing, spacing):
+            yield picture[top:, left:][rows, columns]
 
 
 @lru_cache(maxsize=1)
