@@ -3,17 +3,26 @@
 DVC parses all of ``params.yaml`` for every stage, searches it anew for every key, and asks its database for the hash of
 every file for every stage that names it: 68 parses and 6,000 questions for 1,100 files of the smoke graph. Here the
 answer is kept for as long as the file's inode, size and time of change are the same, which DVC's own database goes by.
+
+Parsing ``dvc.yaml`` and ``dvc.lock`` is most of what remains of ``dvc status``. What they hold is kept for the next
+call in DVC's folder for temporary files, as JSON with the hash of the text that it was parsed from.
 """
 
 from __future__ import annotations
 
+import contextlib
 import copy
+import hashlib
+import json
+import os
 import stat
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 Signature = tuple[int, int, int, int]
+LEAST_KEPT = 50_000
+"""Characters of a text that takes longer to parse than to read what it holds."""
 
 
 def signature(path: str) -> Signature | None:
@@ -59,6 +68,47 @@ def at(content: Any, key: str) -> Any:
     return content
 
 
+class ParsedTexts:
+    """`dvc.utils.serialize.parse_yaml`, with what large texts hold kept as JSON.
+
+    Args:
+        folder: for the JSON, one file per parsed file.
+        original: parses a text.
+    """
+
+    def __init__(self, folder: Path, original: Callable[..., Any]) -> None:
+        self._folder, self._original = folder, original
+
+    def parse(self, text: str, path: Any, typ: str = "safe") -> Any:
+        """What a YAML text holds, in new objects.
+
+        Args:
+            text: to parse.
+            path: of its file.
+            typ: of parsing; only ``safe`` is kept, others hold comments.
+        """
+        if typ != "safe" or not isinstance(text, str) or len(text) < LEAST_KEPT:
+            return self._original(text, path, typ=typ)
+        kept = self._folder / f"{_sha256(str(path))[:16]}.json"
+        with contextlib.suppress(OSError, ValueError, LookupError, TypeError):
+            known = json.loads(kept.read_text(encoding="utf-8"))
+            if known["sha256"] == _sha256(text):
+                return known["content"]
+        content = self._original(text, path, typ=typ)
+        with contextlib.suppress(OSError, ValueError, TypeError):  # what JSON cannot hold is not kept
+            written = json.dumps({"sha256": _sha256(text), "content": content})
+            if json.loads(written)["content"] == content:
+                self._folder.mkdir(exist_ok=True)
+                writing = kept.with_name(f".{kept.name}.writing-{os.getpid()}")
+                writing.write_text(written, encoding="utf-8")
+                writing.replace(kept)
+        return content
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+
+
 def _read_param_file(original: Callable[..., Any]) -> Callable[..., Any]:
     """`dvc.dependency.param.read_param_file`, with the parsed file kept; the original for what is not plain."""
     from dvc.utils.serialize import load_path
@@ -101,7 +151,14 @@ def _build(original: Callable[..., Any]) -> Callable[..., Any]:
 def install() -> None:
     """Let DVC in this process read and hash a file again only after a change of it."""
     from dvc.dependency import param
+    from dvc.exceptions import NotDvcRepoError
     from dvc.output import Output
+    from dvc.repo import Repo
+    from dvc.utils import serialize, strictyaml
+    from dvc.utils.serialize import _yaml
 
     param.read_param_file = _read_param_file(param.read_param_file)
     Output._build = _build(Output._build)
+    with contextlib.suppress(NotDvcRepoError):
+        texts = ParsedTexts(Path(Repo.find_root()) / ".dvc/tmp/parsed", serialize.parse_yaml)
+        serialize.parse_yaml = strictyaml.parse_yaml = _yaml.parse_yaml = texts.parse

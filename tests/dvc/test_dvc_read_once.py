@@ -8,6 +8,7 @@ import pytest
 import yaml
 from dvc.dependency.param import read_param_file
 from dvc.repo import Repo
+from dvc.utils.serialize import parse_yaml
 
 from pipeline.dvc import read_once
 
@@ -85,3 +86,36 @@ def test_hashes_of_single_files_are_kept_and_of_folders_and_stored_files_not():
         for _ in range(2):
             build(None, None, path, local, "md5", **options)
         assert len(calls) == before + 2
+
+
+def test_what_a_large_text_holds_is_kept_for_the_next_process(tmp_path):
+    content = {f"stage{number}": {"cmd": "echo", "on": ["1e-3", 1e-3, None, True, 12]} for number in range(2000)}
+    text, parsed = yaml.safe_dump(content), []
+
+    def original(text, path, typ="safe"):
+        parsed.append(typ)
+        return parse_yaml(text, path, typ=typ)
+
+    first, second = (read_once.ParsedTexts(tmp_path / "parsed", original).parse(text, "dvc.lock") for _ in range(2))
+    content = parse_yaml(text, "dvc.lock")
+    assert first == second == content
+    assert parsed == ["safe"]
+    texts = read_once.ParsedTexts(tmp_path / "parsed", original)
+    changed = text.replace("stage0:", "stage_0:")
+    assert list(texts.parse(changed, "dvc.lock")) == list(parse_yaml(changed, "dvc.lock"))
+    assert len(parsed) == 2
+    texts.parse("a: 1", "params.yaml")
+    texts.parse(text, "dvc.lock", typ="rt")
+    assert parsed[2:] == ["safe", "rt"]
+    (kept,) = (tmp_path / "parsed").iterdir()
+    for damaged in ("", "[]", "{", '{"sha256": 1}'):
+        kept.write_text(damaged)
+        assert texts.parse(text, "dvc.lock") == content
+
+
+def test_what_json_cannot_hold_is_parsed_each_time(tmp_path):
+    text = f"1: integer\ndate: 2020-01-01\ntext: {'x' * read_once.LEAST_KEPT}\n"
+    for _ in range(2):
+        content = read_once.ParsedTexts(tmp_path / "parsed", parse_yaml).parse(text, "dvc.lock")
+        assert content == parse_yaml(text, "dvc.lock")
+    assert not (tmp_path / "parsed").exists()
