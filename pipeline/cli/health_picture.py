@@ -56,7 +56,7 @@ def _map(
 def _noise(axes: Axes, image: NDArray[np.float32], found: Condition) -> None:
     sigma = found.sigma_dn
     known = np.isfinite(sigma.value)
-    reported = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else "nothing can be said"
+    reported = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else "no estimate"
     _over(axes, image, f"Noise: {reported}")
     cells = found.noise.map_dn
     seen = cells[np.isfinite(cells)]
