@@ -120,20 +120,20 @@ def agreement(added_dn: NDArray[np.floating], estimated_dn: NDArray[np.floating]
         estimated_dn: (h, w) noise estimated, DN; NaN where the estimator abstains.
 
     Returns:
-        cells (in both), unknown (in either), unclipped_median_dn, found_median_dn, mean_error_dn and correlation (NaN
-        for uniform noise).
+        cells (in both), unknown (in either), unclipped_median_dn, estimated_median_dn, mean_error_dn and correlation
+        (NaN for uniform noise).
     """
     known = np.isfinite(added_dn) & np.isfinite(estimated_dn)
     added, estimated = added_dn[known].astype(float), estimated_dn[known].astype(float)
     numbers: dict[str, float] = {"cells": int(known.sum()), "unknown": int((~known).sum())}
     if not added.size:
-        names = ("unclipped_median_dn", "found_median_dn", "mean_error_dn", "correlation")
+        names = ("unclipped_median_dn", "estimated_median_dn", "mean_error_dn", "correlation")
         return numbers | dict.fromkeys(names, float("nan"))
     spread = added.std() * estimated.std() if added.std() > UNIFORM_BELOW * np.median(added) else 0.0
     covariance = ((added - added.mean()) * (estimated - estimated.mean())).mean()
     return numbers | {
         "unclipped_median_dn": float(np.median(added)),
-        "found_median_dn": float(np.median(estimated)),
+        "estimated_median_dn": float(np.median(estimated)),
         "mean_error_dn": float(np.abs(added - estimated).mean()),
         "correlation": float(covariance / spread) if spread else float("nan"),
     }
