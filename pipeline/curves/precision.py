@@ -216,7 +216,9 @@ def tuples(rows: pd.DataFrame, draws: Floats, average: bool) -> tuple[pd.DataFra
     return pd.DataFrame(means, columns=columns), np.stack(drawn)
 
 
-def surface(rows: pd.DataFrame, draws: Floats, section: CurvesSettings, seed: int) -> Surface:
+def surface(
+    rows: pd.DataFrame, draws: Floats, section: CurvesSettings, seed: int, scenes: int | None = None
+) -> Surface:
     """The surface of one class.
 
     Args:
@@ -224,6 +226,7 @@ def surface(rows: pd.DataFrame, draws: Floats, section: CurvesSettings, seed: in
         draws: (rows, B) percent.
         section: ``detection.curves`` of the configuration.
         seed: root seed.
+        scenes: that the draws resample; None for many.
 
     Raises:
         InputError: no object, or too few bins for a surface.
@@ -241,7 +244,8 @@ def surface(rows: pd.DataFrame, draws: Floats, section: CurvesSettings, seed: in
             _without_gaps(drawn),
             sigma_bins_dn=section.sigma_bins_dn,
             mtf_bins=section.mtf_bins,
-        )
+        ),
+        scenes=scenes,
     )
 
 

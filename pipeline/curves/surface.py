@@ -10,6 +10,7 @@ surface is never extrapolated. The interval is that of the same mixture of the k
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import NormalDist
@@ -52,13 +53,14 @@ class Surface:
     Args:
         cells: binned tuples with at least three full bins around a corner.
         bridge: empty rows or columns of bins, one after the other, that are interpolated over.
+        scenes: independent scenes that the draws resample, which decide what is certain; None for many.
 
     Raises:
         InputError: too few full bins for a surface.
     """
 
-    def __init__(self, cells: Cells, bridge: int = BRIDGE_BINS) -> None:
-        self.cells = cells
+    def __init__(self, cells: Cells, bridge: int = BRIDGE_BINS, scenes: int | None = None) -> None:
+        self.cells, self.scenes = cells, scenes
         rows, columns = np.nonzero(cells.count)
         self._scale = np.array([np.diff(cells.sigma_bins_dn).mean(), np.diff(cells.mtf_bins).mean()])
         self._knots = np.stack([cells.sigma_dn[rows, columns], cells.mtf[rows, columns]], axis=1) / self._scale
@@ -87,15 +89,17 @@ class Surface:
     def certainty(self, tolerance: float = 0.0) -> Floats:
         """(S, M) largest rise of each bin over the rise that would be certain; NaN where nothing is known.
 
-        A rise is certain where z = rise / standard error, by the bootstrap, exceeds the normal quantile of
-        1 - 0.025 / K, with K the comparisons of all neighbours (Bonferroni 1936). As the standard error falls with
-        the square root of the number of objects, 1 / certainty^2 times as many objects would make the rise certain.
+        A rise is certain where z = rise / standard error, by the bootstrap, exceeds the quantile of 1 - 0.025 / K, with
+        K the comparisons of all neighbours (Bonferroni 1936): of the normal distribution for many scenes; for n of
+        them, whose scatter is itself uncertain, sqrt(n / (n - 1)) times that of Student's t for n - 1. As the standard
+        error falls with the square root of the number of objects, 1 / certainty^2 times as many objects, in more
+        frames of as many scenes, would make the rise certain.
         """
         cells = self.cells
         noise = rise_z(cells.ap_percent, cells.draws, 0, tolerance)
         blur = rise_z(cells.ap_percent[:, ::-1], cells.draws[:, :, ::-1], 1, tolerance)[:, ::-1]
         comparisons = int((~np.isnan(noise)).sum() + (~np.isnan(blur)).sum())
-        critical = NormalDist().inv_cdf(1 - CERTAIN_TAIL / max(comparisons, 1))
+        critical = _critical(CERTAIN_TAIL / max(comparisons, 1), self.scenes)
         result: Floats = np.fmax(noise, blur) / critical
         return result
 
@@ -189,6 +193,17 @@ class Surface:
         weights = np.zeros(len(self._knots))
         weights[pairs[best]] = 1.0 - share[best], share[best]
         return weights
+
+
+def _critical(tail: float, scenes: int | None) -> float:
+    """Standard errors beyond which a difference has at most this one-sided probability of being chance."""
+    if scenes is None:
+        return NormalDist().inv_cdf(1 - tail)
+    if scenes < 2:
+        return math.inf
+    from scipy.special import stdtrit
+
+    return math.sqrt(scenes / (scenes - 1)) * float(stdtrit(scenes - 1, 1 - tail))
 
 
 def triangulate(full: NDArray[np.bool_], knots: Floats, bridge: int = BRIDGE_BINS) -> NDArray[np.int64]:

@@ -22,9 +22,10 @@ def run(run: Run) -> None:
     conditions = store.read_table(
         run.inputs / f"data/measured/{run.job['dataset']}/conditions.parquet", tables.CONDITIONS
     )
+    looked = store.read_table(folder / "looked.parquet", detect.LOOKED)
     table, draws = precision.average_precision(
         store.read_table(folder / "detections.parquet", detect.DETECTIONS),
-        store.read_table(folder / "looked.parquet", detect.LOOKED),
+        looked,
         store.read_table(folder / "objects.parquet", detect.OBJECTS),
         conditions,
         store.read_json(folder / "about.json")["classes"],
@@ -36,7 +37,7 @@ def run(run: Run) -> None:
         rows = table[table["label"] == label].reset_index(drop=True)
         isolated.append(precision.curves(label, rows, drawn, settings, params.seed))
         try:
-            surfaces[label] = precision.surface(rows, drawn, settings, params.seed)
+            surfaces[label] = precision.surface(rows, drawn, settings, params.seed, looked["scene"].nunique())
         except InputError as error:
             refused[label] = str(error)
         else:

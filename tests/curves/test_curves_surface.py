@@ -200,6 +200,17 @@ def test_a_rise_is_certain_only_beyond_what_chance_makes_of_all_comparisons() ->
     assert np.nanmax(certainty(6 / 3.0)) < 1 < np.nanmax(certainty(6 / 4.0))
 
 
+@pytest.mark.parametrize(("scenes", "needed"), [(1, np.inf), (4, 16.80), (8, 6.138), (10**7, 3.388)])
+def test_few_scenes_ask_for_a_larger_rise(scenes: int, needed: float) -> None:
+    """Standard errors needed in 71 comparisons: sqrt(n / (n - 1)) times Student's t, the normal quantile for many."""
+    precision = plane(SIGMA, MTF).reshape(6, 7)
+    precision[2, 3] += 10
+    draws = np.clip(precision.reshape(-1, 1) + stream(1, "scatter").normal(0, 1, (precision.size, 2000)), 0, 100)
+    cells = build(SIGMA, MTF, precision.ravel(), stream(1, "boot"), ap_draws=draws).cells
+    many, few = Surface(cells).certainty(), Surface(cells, scenes=scenes).certainty()
+    assert np.nanmax(few) == pytest.approx(np.nanmax(many) * 3.388 / needed, rel=2e-3)
+
+
 def test_survives_a_file(tmp_path: Path) -> None:
     sigma, mtf = scattered(4, per_bin=2)
     surface = build(sigma, mtf, plane(sigma, mtf), stream(4, "boot"), draws=50)
