@@ -96,6 +96,16 @@ def test_two_runs_never_write_into_one_folder_at_once(tmp_path):
     OutputFolder(tmp_path / "out").__exit__(None, None, None)  # free again
 
 
+def test_results_are_written_where_the_system_has_no_locks(tmp_path, monkeypatch):
+    """Windows has no module `fcntl`."""
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+    with OutputFolder(tmp_path / "out") as folder:
+        folder.claim("a", ".png").write_text("first")
+    with OutputFolder(tmp_path / "out") as folder:
+        assert not (tmp_path / "out/a.png").exists()  # a result of the last run
+        assert folder.claim("a", ".png").name == "a.png"
+
+
 def _heed_interrupts():
     """A shell that runs the suite in the background has its children ignore SIGINT, which would be inherited."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
