@@ -53,20 +53,20 @@ def _map(
     axes.figure.colorbar(shown, ax=axes, label=unit, fraction=0.03, pad=0.01)
 
 
-def _noise(axes: Axes, image: NDArray[np.float32], found: Condition) -> None:
-    sigma = found.sigma_dn
+def _noise(axes: Axes, image: NDArray[np.float32], condition: Condition) -> None:
+    sigma = condition.sigma_dn
     known = np.isfinite(sigma.value)
     reported = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else "no estimate"
     _over(axes, image, f"Noise: {reported}")
-    cells = found.noise.map_dn
-    seen = cells[np.isfinite(cells)]
-    top = max(LEAST_TOP_DN, float(np.percentile(seen, 99)) if seen.size else 0.0)
+    cells = condition.noise.map_dn
+    known_cells = cells[np.isfinite(cells)]
+    top = max(LEAST_TOP_DN, float(np.percentile(known_cells, 99)) if known_cells.size else 0.0)
     _map(axes, image, cells, top, "viridis", "σ [DN]")
 
 
-def _blur(axes: Axes, image: NDArray[np.float32], found: Condition) -> None:
-    rows, columns = found.blur.grid
-    halves = half_contrast(found.blur.map_mtf)
+def _blur(axes: Axes, image: NDArray[np.float32], condition: Condition) -> None:
+    rows, columns = condition.blur.grid
+    halves = half_contrast(condition.blur.map_mtf)
     reported = int((~np.isnan(halves).any(axis=-1)).sum()) if rows else 0
     _over(axes, image, f"Blur: {reported} of {rows * columns} patches tell; frequency of half contrast, H | V")
     if not rows:
@@ -84,24 +84,24 @@ def _blur(axes: Axes, image: NDArray[np.float32], found: Condition) -> None:
         )  # fmt: skip
 
 
-def _curves(axes: Axes, found: Condition) -> None:
+def _curves(axes: Axes, condition: Condition) -> None:
     for index, way in enumerate(("horizontal", "vertical")):
         look = style.series_look("HV"[index], index)
-        low, high = found.mtf.low[index], found.mtf.high[index]
+        low, high = condition.mtf.low[index], condition.mtf.high[index]
         axes.fill_between(FREQUENCIES, low, high, color=look["color"], alpha=0.15, linewidth=0)
-        axes.plot(FREQUENCIES, found.mtf.value[index], label=way, **look)
+        axes.plot(FREQUENCIES, condition.mtf.value[index], label=way, **look)
     axes.axhline(0.5, color=style.MUTED, linewidth=0.5)
     axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xlabel="frequency [Nyquist]", title="MTF of the frame, 95 % interval")
     axes.legend(loc="lower left")
 
 
 @style.styled
-def draw(image: NDArray[np.float32], found: Condition) -> NDArray[np.uint8]:
+def draw(image: NDArray[np.float32], condition: Condition) -> NDArray[np.uint8]:
     """The picture.
 
     Args:
         image: (H, W) in [0, 1], the frame.
-        found: its condition.
+        condition: its condition.
 
     Returns:
         (h, w, 3) RGB.
@@ -110,9 +110,9 @@ def draw(image: NDArray[np.float32], found: Condition) -> NDArray[np.uint8]:
     tall = min(max(0.86 * width * image.shape[0] / image.shape[1], 1.2), 7.0)
     figure = style.new_figure(width, 2 * (tall + 0.25) + 1.9)
     panels = figure.subplots(3, 1, height_ratios=[tall + 0.25, tall + 0.25, 1.9])
-    _noise(panels[0], image, found)
-    _blur(panels[1], image, found)
-    _curves(panels[2], found)
+    _noise(panels[0], image, condition)
+    _blur(panels[1], image, condition)
+    _curves(panels[2], condition)
     figure.set_dpi(DPI)
     figure.canvas.draw()
     pixels: NDArray[np.uint8] = np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()  # type: ignore[attr-defined]

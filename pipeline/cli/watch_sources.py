@@ -85,12 +85,12 @@ def live(device: int | str, name: str, rate: float, stop: threading.Event) -> It
     if not reader.opened:
         raise InputError(f"{name}: cannot be opened; check the index or address, and that nothing else uses it")
     reader.start()
-    seen, number, lost = 0, 0, False
+    shown, number, lost = 0, 0, False
     while not stop.is_set():
         start = time.monotonic()
         count, image = reader.newest()
-        if image is not None and count != seen:
-            seen, lost = count, False
+        if image is not None and count != shown:
+            shown, lost = count, False
             yield SourceFrame(f"{name}#{number}", image)
             number += 1
         elif reader.lost and not lost:
