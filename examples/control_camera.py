@@ -1,11 +1,16 @@
-"""Control a V4L2 camera, or follow a video: ``python examples/control_camera.py /dev/video0`` (or ``drive.mp4``).
+"""Control a V4L2 camera, or follow a video.
 
-A video cannot be controlled: its frames are taken at the settings given, and the decisions are printed only.
+    python examples/control_camera.py /dev/video0
+    python examples/control_camera.py drive.mp4 --exposure-ms 4 --iso 400 --policy mean_intensity
+
+A video cannot be controlled: its frames were taken at the settings given, and the decisions are printed only. Policies
+on performance curves need the surface that the stage ``control_surface`` writes.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -15,22 +20,39 @@ from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState, Limits
 
+SURFACE = Path("data/control_surface/all.npz")
+DELAY_FRAMES = 2
+
 
 class OpenCvCamera:
-    """A driver (`pipeline.control.driver.Driver`) on OpenCV's capture; V4L2 takes exposure in units of 100 us."""
+    """A driver (`pipeline.control.driver.Driver`) on OpenCV's capture; V4L2 takes exposure in units of 100 us.
+
+    Args:
+        source: ``/dev/video0`` or a video file.
+        state: settings to begin with, or those of the video.
+
+    Raises:
+        OSError: the source cannot be opened.
+    """
 
     def __init__(self, source: str, state: CameraState) -> None:
         self.capture_device = cv2.VideoCapture(source)
+        if not self.capture_device.isOpened():
+            raise OSError(f"{source}: expected a video file or a V4L2 camera that no other program uses")
         self.state, self.live = state, source.startswith("/dev/")
         if self.live:
             self.capture_device.set(cv2.CAP_PROP_AUTO_EXPOSURE, 1)  # manual
             self.apply(state)
 
     def capture(self) -> np.ndarray:
-        """The next frame as grey levels in [0, 1]."""
+        """The next frame as grey levels in [0, 1].
+
+        Raises:
+            EOFError: there is no further frame.
+        """
         good, frame = self.capture_device.read()
         if not good:
-            raise SystemExit("no further frame")
+            raise EOFError("no further frame")
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) if frame.ndim == 3 else frame
         return grey.astype(np.float32) / 255.0
 
@@ -46,11 +68,28 @@ class OpenCvCamera:
             self.state = state
 
 
+def main(arguments: list[str] | None = None) -> int:
+    """Print one decision per frame; returns the number of frames."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("source")
+    parser.add_argument("--exposure-ms", type=float, default=8.0)
+    parser.add_argument("--iso", type=float, default=100.0)
+    parser.add_argument("--policy", default="iopc_continuous")
+    options = parser.parse_args(arguments)
+    driver = OpenCvCamera(options.source, CameraState.of(options.exposure_ms, options.iso))
+    camera = ControlledCamera(Limits(delay_frames=DELAY_FRAMES if driver.live else 0))
+    performance = Performance.load(SURFACE) if options.policy.startswith("iopc") else None
+    controller = control.Controller(control.create(options.policy, camera=camera, performance=performance))
+    frames = 0
+    try:
+        for decision in controller.run(driver, 10_000):
+            new = decision.state
+            print(f"{frames:5d}  {new.exposure_ms:7.2f} ms  ISO {new.iso:5.0f}  {decision.action}: {decision.reason}")
+            frames += 1
+    except EOFError:
+        pass
+    return frames
+
+
 if __name__ == "__main__":
-    camera = ControlledCamera(Limits(delay_frames=2))
-    performance = Performance.load("data/control_surface/all.npz")
-    policy = control.create("iopc_continuous", camera=camera, performance=performance)
-    driver = OpenCvCamera(sys.argv[1], CameraState.of(exposure_ms=8, iso=100))
-    for number, decision in enumerate(control.Controller(policy).run(driver, 10_000)):
-        new = decision.state
-        print(f"{number:5d}  {new.exposure_ms:7.2f} ms  ISO {new.iso:5.0f}  {decision.action}: {decision.reason}")
+    main()

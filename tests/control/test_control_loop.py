@@ -9,7 +9,7 @@ from control_makers import CAMERA, make_views, performance
 from pipeline.camera.exposure import Camera
 from pipeline.control import evaluation
 from pipeline.control.decision import Action
-from pipeline.control.loop import Rig, make_policy, run
+from pipeline.control.loop import Rig, SimulatedScene, make_policy, run
 from pipeline.control.scenario import EstimatorFault, Flicker, Scenario
 from pipeline.control.scoring import EvaluationCriteria
 from pipeline.control.state import CameraState
@@ -98,6 +98,44 @@ def test_loop_a_failed_detector_leaves_the_state_defined(seen, monkeypatch, name
     assert [record.decision.state for record in without] == [record.decision.state for record in with_detections]
     table = evaluation.steps_table(drive, name, 0, without, criteria, performance().reference, 1)
     assert (table["ap_percent"] == 0.0).all()
+
+
+def test_loop_frames_of_a_search_are_scored_like_all_others(seen, monkeypatch):
+    """What Shin's simplex tries is what the robot sees."""
+    monkeypatch.setattr("pipeline.control.loop.opened", lambda kind, options: _Blind())
+    drive, criteria = scenario(steps=5), EvaluationCriteria(bootstrap_draws=5)
+    records = run(make_policy("shin2019", {"probes": 20}, CAMERA, None), rig(), drive, seen)
+    table = evaluation.steps_table(drive, "shin2019", 0, records, criteria, performance().reference, 1)
+    summary, _ = evaluation.summary(drive, {"shin2019": table}, {"shin2019": records}, criteria, 1)
+    assert (table["action"] == Action.PROBE).sum() >= 4 and len(table) == 5
+    assert summary.loc[0, "frames"] == 5 * 2 and summary.loc[0, "objects"] == 5 * 2 * 2
+
+
+def test_loop_policies_with_the_same_settings_form_a_leading_frame_once(seen, monkeypatch):
+    """The picture is kept for the next policy, and holds the very values that the camera gave."""
+    formed, drive, state = [], scenario(), CameraState.of(3.7, 130)
+    whole = Camera.expose
+
+    def expose(self, *args, **kwargs):
+        formed.append(whole(self, *args, **kwargs))
+        return formed[-1]
+
+    monkeypatch.setattr(Camera, "expose", expose)
+    frames = [SimulatedScene(rig(), drive, seen).expose(seen[0], 1, state, keep=True) for _ in range(2)]
+    assert len(formed) == 1 and frames[0] is frames[1]
+    np.testing.assert_array_equal(frames[0].image, formed[0].image)
+    assert frames[0].image.dtype == formed[0].image.dtype
+    SimulatedScene(rig(), drive, seen).expose(seen[0], 2, state, keep=True)  # other light
+    SimulatedScene(rig(), drive, seen).expose(seen[1], 1, state, keep=True)
+    assert len(formed) == 3
+
+
+def test_views_of_the_first_moments_only(tmp_path):
+    root = make_views(tmp_path, moments=3)
+    assert [view.moment for view in views(root, moments=2)] == [0, 1, 0, 1]
+    assert len(views(root)) == 6
+    scene = SimulatedScene(rig(), scenario(), views(root, moments=2))
+    assert [[view.moment for view in scene.at_step(step)] for step in range(3)] == [[0, 0], [1, 1], [0, 0]]
 
 
 def test_loop_oracle_and_summary(seen):

@@ -1,0 +1,88 @@
+"""Controller and driver protocol: the loop around a camera, and the example on a video."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from control_makers import CAMERA, Scene, performance
+
+from pipeline import control
+from pipeline.condition import ConditionMonitor
+from pipeline.control.state import CameraState
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples/control_camera.py"
+
+
+class SceneCamera:
+    """The three methods of a driver on a grey scene."""
+
+    def __init__(self, scene, state):
+        self.scene, self.state, self.applied = scene, state, []
+
+    def capture(self):
+        return self.scene.observe(self.state).image
+
+    def settings(self):
+        return self.state
+
+    def apply(self, state):
+        self.state = state
+        self.applied.append(state)
+
+
+def example():
+    spec = importlib.util.spec_from_file_location("control_camera", EXAMPLE)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_controller_drives_a_camera_of_three_methods_to_its_target():
+    driver = SceneCamera(Scene(light=0.2), CameraState.of(1.0, 100))
+    decisions = list(control.Controller(control.create("mean_intensity", camera=CAMERA)).run(driver, 20))
+    assert [decision.state for decision in decisions] == driver.applied
+    assert driver.capture().mean() == pytest.approx(0.5, rel=0.12)
+
+
+def test_controller_estimates_the_condition_where_the_policy_uses_it():
+    """Flat noise: the monitor estimates noise, the policy answers with settings inside the limits and a reason."""
+    noise = stream(1, "controller").normal(0.5, 4 / 255, (256, 256))
+    frame = (np.rint(np.clip(noise, 0, 1) * 255) / 255).astype(np.float32)
+    policy = control.create("iopc_continuous", camera=CAMERA, performance=performance())
+    controller = control.Controller(policy)
+    assert isinstance(controller.monitor, ConditionMonitor)
+    decision = controller.step(frame, CameraState.of(8, 200))
+    limits = CAMERA.limits
+    assert limits.exposure_min_s <= decision.state.exposure_s <= limits.exposure_max_s and decision.reason
+    assert control.Controller(control.create("shim", camera=CAMERA)).monitor is None
+
+
+@pytest.mark.parametrize("frame", [np.zeros((8, 8), np.uint8), np.zeros((8, 8, 3), np.float32), [[0.5]]])
+def test_controller_refuses_what_is_no_grey_frame(frame):
+    controller = control.Controller(control.create("mean_intensity", camera=CAMERA))
+    with pytest.raises(InputError, match="divide 8-bit frames by 255"):
+        controller.step(frame, CameraState.of(8, 100))
+
+
+def test_example_follows_a_video_to_its_end(tmp_path, capsys):
+    """Dark frames: settings of a video stay as given, and every decision asks for more light."""
+    path = tmp_path / "drive.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10, (64, 48))
+    for _ in range(3):
+        writer.write(np.full((48, 64, 3), 40, np.uint8))
+    writer.release()
+    assert example().main([str(path), "--exposure-ms", "4", "--iso", "200", "--policy", "mean_intensity"]) == 3
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 3 and all(" move: " in line and float(line.split()[1]) > 8.0 for line in lines)
+    assert len({line[5:] for line in lines}) == 1
+
+
+def test_example_names_a_source_that_cannot_be_opened(tmp_path):
+    with pytest.raises(OSError, match="no-such"):
+        example().OpenCvCamera(str(tmp_path / "no-such.avi"), CameraState.of(8, 100))
