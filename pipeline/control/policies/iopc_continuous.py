@@ -46,7 +46,7 @@ class IopcContinuous(IopcPolicy):
         stops_per_frame: float = 2.0,
         max_motion_px: float = 20.0,
         lamp_hz: float = 0.0,
-        margin: float = 0.07,
+        margin: float = 0.2,
     ) -> None:
         super().__init__(camera, performance, target, tolerance, margin, hysteresis_percent)
         if stops_per_frame <= 0 or max_motion_px <= 0 or lamp_hz < 0:

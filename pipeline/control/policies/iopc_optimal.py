@@ -34,7 +34,7 @@ class IopcOptimal(IopcPolicy):
         target: float | None = 0.5,
         tolerance: float = 0.1,
         least_gain_percent: float = 1.0,
-        margin: float = 0.07,
+        margin: float = 0.2,
     ) -> None:
         super().__init__(camera, performance, target, tolerance, margin, least_gain_percent)
 
