@@ -76,6 +76,15 @@ def test_modules_import_only_from_lower_floors(path):
             assert below, f"{path.relative_to(ROOT)}:{line} reaches from floor {FLOORS[selected]} to {other}"
 
 
+def test_the_readme_names_every_package_on_its_floor():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    lines = readme.split("## How it is built")[1].splitlines()
+    for folder in sorted(path.name for path in (ROOT / "pipeline").iterdir() if (path / "__init__.py").is_file()):
+        if FLOORS[folder]:
+            (line,) = [line for line in lines if line[:1].isdigit() and f" {folder}/" in line]
+            assert line.startswith(f"{FLOORS[folder]} "), line
+
+
 def test_files_are_one_idea_long():
     lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in FILES}
     assert max(lengths.values()) <= 500, max(lengths, key=lengths.get)

@@ -82,15 +82,16 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     paper = beside_exact(theirs, recordings)
     relative = relative_mtf(summary)
     blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), relative, "recorded", modes)
-    few = PAGE.text("few_frames")
     for one in recordings:
         for is_calibrated in (False, True):
             if (one.summary["calibrated"] == is_calibrated).any():
                 blurred = blur_amae.without_unknown_lenses(one.summary)
                 shown = blur_amae.table_one(one.dataset, blurred, paper, is_calibrated, relative, modes)
+                few = PAGE.text("few_frames", frames=len(one.provenance["frames"]))
                 blocks.append(as_recorded(shown, *subsets(one), few))
     selected = summary[~summary["estimator"].isin({name for one in recordings for name in one.exact.values()})]
     beside = blur_amae.beside_the_best(selected, theirs, "")
     if beside is not None:
-        blocks.append(as_recorded(beside, few))
+        counts = listing(f"{len(one.provenance['frames'])} of {word(one.dataset)}" for one in recordings)
+        blocks.append(as_recorded(beside, PAGE.text("few_frames", frames=counts)))
     return Section("blur_recorded", TITLE, (PAGE.text("recorded"),), blocks)
