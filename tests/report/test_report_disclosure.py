@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -14,7 +15,7 @@ from pipeline.report import training_budget
 from pipeline.report.display_names import ESTIMATORS, qualified, word
 from pipeline.report.inputs import ReportInputs, mode_note, mode_of
 from pipeline.report.ledger_items import ITEMS, rows_of
-from pipeline.report.sections import disclosure
+from pipeline.report.sections import claims, disclosure
 
 NOTHING = ReportInputs(paper=REPO / "data/paper", absent=ABSENT)
 TRAINED = dataclasses.replace(NOTHING, weights=REPO / "data/weights")
@@ -73,3 +74,25 @@ def test_the_section_states_sizes_where_they_were_measured(tmp_path: Path) -> No
     assert "7.00 and 7.50 %" in text and "PMP in fast mode" in text
     assert "AMAE is 2.0 in encoded and 3.0 % in linear light" in text
     assert "Blur: CNN saw 44,800 samples" in text
+
+
+OUR_NETWORK = re.compile(r"(?<!R-)(?<!paper's )(?<!Paper, )(?<![Ii]ts )\bCNN\b")
+"""The name of the paper's networks, where it is neither a detector's nor that of the paper's own training."""
+
+
+def test_no_text_of_the_report_names_the_papers_networks_past_their_share() -> None:
+    """`word` adds the share to the name, so that no module or text may hold the name itself."""
+    folder = REPO / "pipeline/report"
+    sources = [path for kind in ("py", "yaml", "html") for path in folder.rglob(f"*.{kind}")]
+    naming = {path.name for path in sources if OUR_NETWORK.search(path.read_text(encoding="utf-8"))}
+    assert naming == {"display_names.py"}
+
+
+def test_claims_on_the_papers_networks_carry_the_share() -> None:
+    inputs = dataclasses.replace(
+        TRAINED, recorded=REPO / "reports/recorded", runtime=REPO / "benchmarks/results/estimators.json"
+    )
+    with qualified(training_budget.names(inputs)):
+        texts = [measured.text for _, measured in claims.measurements(inputs)]
+    assert sum("CNN (at most" in text for text in texts) >= 2
+    assert not [text for text in texts if re.search(r"(?<!R-)CNN(?! \(at most)", text)]

@@ -95,7 +95,9 @@ def _sharp_frames(evidence: Evidence) -> Measurement | None:
             continue
         network, rest = at.loc[NETWORK], at.loc[others]
         pairs += [(row["high"] < network["low"], row["low"] > network["high"]) for row in records(rest)]
-        words.append(f"{names_of([dataset])}: CNN {network['mtf']:.2f}, PMP and GBB {rest['mtf'].mean():.2f}")
+        words.append(
+            f"{names_of([dataset])}: {word(NETWORK)} {network['mtf']:.2f}, PMP and GBB {rest['mtf'].mean():.2f}"
+        )
         on.append(dataset)
     text = f"Median MTF at {FREQUENCY:g} of Nyquist, horizontal: {'; '.join(words)}."
     return of_cells(pairs, "dataset-estimator pair", on, text)
