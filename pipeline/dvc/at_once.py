@@ -45,6 +45,17 @@ def stages_at_once(cores: int, workers: int, chosen: str | None) -> int:
     return max(1, min(MOST, cores // max(workers, 1)))
 
 
+def workers(params: Path) -> int:
+    """Processes of one stage, ``executor.workers`` of a ``params.yaml``; 0 (one per core) where it is not given."""
+    import yaml
+
+    try:
+        content = yaml.safe_load(params.read_text(encoding="utf-8"))
+        return int(content["executor"]["workers"])
+    except (OSError, ValueError, TypeError, LookupError, yaml.YAMLError):
+        return 0
+
+
 def startable(
     waiting: Sequence[Any], running: Sequence[Any], ended: set[Any], upstream: Mapping[Any, set[Any]]
 ) -> list[Any]:
@@ -65,11 +76,11 @@ class Stages:
 
     Args:
         writer: of ``dvc.lock``; is given DVC's order.
-        at_once: how many stages may run at once.
+        params: ``params.yaml``, read when the stages begin: an experiment writes it before.
     """
 
-    def __init__(self, writer: LockFileWriter, at_once: int) -> None:
-        self._writer, self._at_once = writer, at_once
+    def __init__(self, writer: LockFileWriter, params: Path) -> None:
+        self._writer, self._params, self._at_once = writer, params, 1
         self._turn = threading.Lock()
         self._slots: dict[str, int] = {}
         self._processes: dict[str, int] = {}
@@ -81,17 +92,19 @@ class Stages:
 
         def reproduce(stages: list[Any], graph: Any = None, **options: Any) -> list[Any]:
             self._writer.order = [stage.addressing for stage in stages]
+            self._choose()
             plain = options.get("on_error", "fail") == "fail" and not any(
                 options.get(name) for name in ("dry", "interactive", "force_downstream", "pull")
             )
             if self._at_once == 1 or len(stages) < 2 or graph is None or not plain:
                 return original(stages, graph=graph, **options)
             options = {name: value for name, value in options.items() if name not in ("on_error", "force_downstream")}
+            reproduce_stage = options.pop("repro_fn", _reproduce_stage)
             upstream = {stage: set(graph.successors(stage)) & set(stages) for stage in stages}
 
             def run(stage: Any) -> Any:
                 with self._turn, stage.repo.lock:
-                    return _reproduce_stage(stage, upstream=list(graph.successors(stage)), **options)
+                    return reproduce_stage(stage, upstream=list(graph.successors(stage)), **options)
 
             results: dict[Any, Any] = {}
             failed: tuple[Exception, Any] | None = None
@@ -126,6 +139,14 @@ class Stages:
             return [results[stage] for stage in stages if results[stage]]
 
         return reproduce
+
+    def _choose(self) -> None:
+        """Set how many stages run at once, and give their libraries as many threads as their share of the cores."""
+        cores = len(self._cores) or os.cpu_count() or 1
+        self._at_once = stages_at_once(cores, workers(self._params), os.environ.get(SWITCH))
+        if self._at_once > 1:
+            for variable in THREADS:
+                os.environ.setdefault(variable, str(max(1, cores // self._at_once)))
 
     def _take_slot(self, stage: Any) -> None:
         self._slots[stage.addressing] = min(set(range(self._at_once)) - set(self._slots.values()))
@@ -221,16 +242,11 @@ def _affinity(cores: set[int] | None) -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
-def install(writer: LockFileWriter, workers: int) -> None:
+def install(writer: LockFileWriter) -> None:
     """Let DVC in this process run stages at once."""
     from dvc.repo import reproduce
     from dvc.stage import run
 
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    at_once = stages_at_once(cores, workers, os.environ.get(SWITCH))
-    if at_once > 1:
-        for variable in THREADS:
-            os.environ.setdefault(variable, str(max(1, cores // at_once)))
-    stages = Stages(writer, at_once)
+    stages = Stages(writer, Path("params.yaml"))
     reproduce._reproduce = stages.reproduce(reproduce._reproduce)
     run._run = stages.run(run._run)

@@ -99,6 +99,25 @@ def test_two_stages_run_at_once_and_their_lines_bear_their_names(tmp_path):
     assert "didn't change" in run(folder, "pipeline.dvc", "repro").stdout
 
 
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="needs two cores")
+def test_an_experiment_runs_stages_at_once_by_the_parameters_it_sets(tmp_path):
+    folder = make(
+        tmp_path, {"one": meeting("one", "two", params=["top"]), "two": meeting("two", "one", params=["top"])}
+    )
+    (folder / "params.yaml").write_text("executor: {workers: 99}\ntop: 1\n")
+    shutil.rmtree(folder / ".dvc")
+    (folder / ".gitignore").write_text("*.begun\n.config\n.cache\n.local\n.gitconfig\n")
+    person = ("-c", "user.name=a", "-c", "user.email=a@localhost")
+    for arguments in (("init", "-q", "."), ("add", "."), (*person, "commit", "-qm", "a")):
+        if arguments[0] == "add":
+            run(folder, "dvc", "init", "-q")
+        subprocess.run(["git", *arguments], cwd=folder, check=True, capture_output=True)
+    names = {f"GIT_{role}_{key}": "a" for role in ("AUTHOR", "COMMITTER") for key in ("NAME", "EMAIL")}
+    setting = ("-S", "executor.workers=1", "-S", "top=2")
+    lines = run(folder, "pipeline.dvc", "exp", "run", *setting, at_once="", **names).stdout.splitlines()
+    assert {"one | met two", "two | met one"} <= set(lines)
+
+
 def test_the_lock_file_is_that_of_dvc_though_stages_end_in_another_order(tmp_path):
     slow = {"cmd": "sleep 2; echo s > slow.txt", "deps": ["a.txt"], "outs": ["slow.txt"]}
     after = {"cmd": "cat slow.txt > after.txt", "deps": ["slow.txt"], "outs": ["after.txt"]}
