@@ -19,6 +19,7 @@ from pipeline.recording.detection import record
 
 ROOT = Path(__file__).resolve().parents[1]
 KITTI = ROOT / "reports/recorded/kitti-yolox"
+PARTS = ("realdata/kitti", "realdata/kitti_more")
 
 
 @pytest.fixture(scope="module")
@@ -35,14 +36,23 @@ def test_sharp_cars_are_found_and_every_cell_has_an_interval(precision: pd.DataF
     cars = precision[precision["label"] == "car"]
     clean = cars[(cars["kernel_size_px"] == 0) & (cars["target_sigma_dn"] == 0)]
     assert clean["ap_percent"].item() >= 80.0
-    assert len(cars) == 6 * 6 and (cars["low_percent"] <= cars["high_percent"]).all()
+    assert len(cars) == (1 + 4 * 3) * 3 and (cars["low_percent"] <= cars["high_percent"]).all()
     assert (cars["objects"] == clean["objects"].item()).all()
 
 
 def test_blur_and_noise_each_lower_the_average_precision(precision: pd.DataFrame) -> None:
-    cars = precision[precision["label"] == "car"].set_index(["kernel_size_px", "target_sigma_dn"])["ap_percent"]
-    assert cars[0, 25] < cars[0, 10] < cars[0, 0] and cars[21, 0] < cars[11, 0] < cars[0, 0]
-    assert cars[21, 25] < cars[21, 0] and cars[21, 25] < cars[0, 25]
+    cars = precision[precision["label"] == "car"]
+    means = cars.groupby(["kernel_size_px", "target_sigma_dn"])["ap_percent"].mean()  # over four directions
+    assert means[0, 25] < means[0, 10] < means[0, 0] and means[21, 0] < means[11, 0] < means[7, 0] < means[0, 0]
+    assert means[21, 25] < means[21, 0] and means[21, 25] < means[0, 25]
+
+
+def test_the_direction_of_a_motion_matters_beyond_chance() -> None:
+    """Best less worst of four directions, frames resampled: cars behind 11 px without noise."""
+    spread = pd.read_csv(KITTI / "direction_spread.csv").set_index(["label", "target_sigma_dn", "kernel_size_px"])
+    row = spread.loc[("car", 0, 11)]
+    assert 20 < row["low_percent"] < row["spread_percent"] < row["high_percent"]
+    assert row["worst_angle_deg"] in (45, 135)  # a diagonal motion blurs both axes
 
 
 def test_what_was_estimated_is_what_was_done(precision: pd.DataFrame) -> None:
@@ -50,32 +60,32 @@ def test_what_was_estimated_is_what_was_done(precision: pd.DataFrame) -> None:
     assert np.abs(precision["sigma_dn"] - precision["target_sigma_dn"]).max() < 1.0
     table = pd.read_csv(KITTI / "conditions.csv")
     miss = np.abs(table["mtf"] - table["true_mtf"])
-    assert miss.max() < 0.11 and miss.median() < 0.03  # at 7 px and noise the estimator reads a tenth too little
+    assert miss.max() < 0.11 and miss.median() < 0.03
 
 
 def test_source_licence_and_hashes_are_named(provenance: dict) -> None:
     assert "CC BY-NC-SA" in provenance["source"] and "KITTI" in provenance["source"]
-    assert len(provenance["frames"]) == 16 and all(len(digest) == 64 for digest in provenance["frames"].values())
+    assert len(provenance["frames"]) == 66 and all(len(digest) == 64 for digest in provenance["frames"].values())
     assert len(provenance["detector"]["sha256"]) == 64 and provenance["detector"]["options"]["input_px"] == 1280
     assert not [path for path in KITTI.iterdir() if path.suffix == ".png" and not path.stem.startswith("iopc")]
 
 
 def test_the_kept_surface_can_be_asked(precision: pd.DataFrame) -> None:
     surface = Surface.load(KITTI / "surface-car.npz")
-    value, low, high = surface.at(5.0, 0.95)
-    assert low <= value <= high and 60 < value < 100
+    value, low, high = surface.at(5.0, 0.97)
+    assert low <= value <= high and 60 < value < 90
     with pytest.raises(InputError, match="not extrapolated"):
         surface.at(5.0, 0.2)
 
 
-def configured(shared: Path) -> list[str]:
+def configured(root: Path, shared: Path) -> list[str]:
     return [
         "+dataset@datasets.kitti=kitti",
-        f"datasets.kitti.root={shared / 'realdata/kitti'}",
+        f"datasets.kitti.root={root}",
         "+detector@detection.detectors.yolox=yolox",
         f"detection.detectors.yolox.weights={shared / 'weights/yolox_nano.onnx'}",
-        "detection.sweep.angles_deg=[0]",
-        "detection.sweep.noise_source=dcsn",
+        "detection.sweep.noise_source=sensor",
+        "detection.sweep.frames=null",
         "detection.evaluation.min_height_px=25",
         "detection.evaluation.min_visible_fraction=0.3",
     ]
@@ -83,9 +93,9 @@ def configured(shared: Path) -> list[str]:
 
 @pytest.mark.shared
 def test_it_is_of_the_pictures_it_names(shared: Path, provenance: dict) -> None:
-    folder = shared / "realdata/kitti/training/image_2"
+    pictures = {path.stem: path for part in PARTS for path in (shared / part / "training/image_2").iterdir()}
     for name, digest in provenance["frames"].items():
-        assert hashlib.sha256((folder / f"{name}.png").read_bytes()).hexdigest() == digest
+        assert hashlib.sha256(pictures[name].read_bytes()).hexdigest() == digest
     weights = (shared / "weights/yolox_nano.onnx").read_bytes()
     assert hashlib.sha256(weights).hexdigest() == provenance["detector"]["sha256"]
 
@@ -94,13 +104,21 @@ def test_it_is_of_the_pictures_it_names(shared: Path, provenance: dict) -> None:
 @pytest.mark.slow
 def test_it_can_be_repeated(shared: Path, precision: pd.DataFrame, tmp_path: Path) -> None:
     """A few cells again, on all frames: the same numbers to what a platform's rounding moves."""
-    few = ["detection.sweep.sizes_px=[0,3,7]", "detection.sweep.target_sigmas_dn=[0,5]"]
-    config = parse(compose([*configured(shared), *few], ROOT / "conf"), "conf/")
+    for kind in ("image_2", "label_2"):
+        (tmp_path / "kitti/training" / kind).mkdir(parents=True)
+        for path in (path for part in PARTS for path in (shared / part / "training" / kind).iterdir()):
+            (tmp_path / "kitti/training" / kind / path.name).symlink_to(path)
+    few = [
+        "detection.sweep.sizes_px=[0,7]",
+        "detection.sweep.angles_deg=[0]",
+        "detection.sweep.target_sigmas_dn=[0,10]",
+    ]
+    config = parse(compose([*configured(tmp_path / "kitti", shared), *few], ROOT / "conf"), "conf/")
     record(config, "kitti", "yolox", tmp_path / "out", "again", partial(run_map, workers=1))
     again = pd.read_csv(tmp_path / "out/precision.csv")
     keys = ["label", "kernel", "target_sigma_dn"]
     both = again.merge(precision, on=keys, suffixes=("", "_kept"))
-    assert len(both) == 2 * 3 * 2
+    assert len(both) == 2 * 2 * 2
     assert np.abs(both["ap_percent"] - both["ap_percent_kept"]).max() < 0.5
     assert np.abs(both["mtf"] - both["mtf_kept"]).max() < 0.005
 
