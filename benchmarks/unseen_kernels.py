@@ -5,14 +5,14 @@
 Frames of scikit-image's photographs, and of the datasets named (kinds of `pipeline.datasets`, e.g.
 ``kitti=kitti:data/raw/kitti``), are blurred whole and rounded to 8 bits as in the stage `blur`, and patches over
 objects (or tiles, where nothing is labelled) are estimated. The AMAE is that of Table I: of the robust median over a
-dataset's patches, for each kernel, percent; `mean_amae_percent` is its mean over kernels. Four ways to read the
-spectral estimator:
+dataset's patches, for each kernel, percent; `mean_amae_percent` is its mean over kernels. The spectral estimator gives
+four answers:
 
-    raw         its answers as they are: lens and sensor of the recording camera are among them
-    typical     what it takes to have been added to a typical camera's blur (`pipeline.blur.generic_lens`)
-    calibrated  divided by its answer for the same sharp frames
-    fitted      corrected by `pipeline.blur.camera_calibration`, fitted to the sharp frames of the other half of a
-                dataset, blurred by kernels of the training family, none of them rendered
+    raw                the system MTF: lens and sensor of the recording camera are among it
+    generic_lens       the MTF relative to a generic lens (`output: relative`)
+    calibrated         divided by its answer for the same sharp frames
+    camera_calibrated  `pipeline.blur.camera_calibration`, calibrated to the sharp frames of the other half of a
+                       dataset, blurred by kernels of the training family, none of them rendered
 
 With ``--peers N``, PMP and GBB (fast) too, on one patch of each of N frames evenly spread, beside the spectral
 estimator on the same patches (`few`). The picture shows kernels and AMAE.
@@ -58,11 +58,11 @@ if TYPE_CHECKING:
     from pipeline.report.style import Drawing
 
 PEERS = {name: {"mode": "fast", "kernel_size": 31} for name in ("pmp", "gbb")}
-WAYS = {
-    "raw": "as it answers",
-    "typical": "less a typical lens",
+ANSWERS = {
+    "raw": "system MTF",
+    "generic_lens": "relative to a generic lens",
     "calibrated": "divided by its answer for sharp frames",
-    "fitted": "fitted to the camera",
+    "camera_calibrated": "calibrated to the camera",
 }
 SOURCE = (
     "Kernels are rendered by wave optics (pupil, Zernike aberrations, three wavelengths, hand shake) in "
@@ -115,7 +115,7 @@ def estimates(
     return run(frames, grid([sharp_kernel(), *kernels]), [method], camera=camera, seed=config.seed)
 
 
-def fitted(
+def camera_calibrated(
     frames: Sequence[TestFrame], every: Sequence[TestFrame], kernels: Sequence[Kernel], config: Config, samples: int
 ) -> tuple[pd.DataFrame, list[float]]:  # fmt: skip
     """Spectral estimates calibrated to the other half's frames, and each calibration's held-out error, %."""
@@ -145,14 +145,14 @@ def outcome(table: pd.DataFrame, seed: int) -> dict[str, Any]:
     }
 
 
-def ways(read: pd.DataFrame, seed: int) -> dict[str, Any]:
+def answers(read: pd.DataFrame, seed: int) -> dict[str, Any]:
     """Raw and calibrated."""
     return {"raw": outcome(read, seed), "calibrated": outcome(calibrate.divided_by_sharp(read), seed)}
 
 
-def spectral_ways(read: pd.DataFrame, added: pd.DataFrame, corrected: pd.DataFrame, seed: int) -> dict[str, Any]:
-    """The spectral estimator's answers read in every way of `WAYS`."""
-    return {**ways(read, seed), "typical": outcome(added, seed), "fitted": outcome(corrected, seed)}
+def spectral_answers(read: pd.DataFrame, added: pd.DataFrame, corrected: pd.DataFrame, seed: int) -> dict[str, Any]:
+    """The spectral estimator's answers (`ANSWERS`)."""
+    return {**answers(read, seed), "generic_lens": outcome(added, seed), "camera_calibrated": outcome(corrected, seed)}
 
 
 def measure(config: Config, name: str, kernels: Sequence[Kernel], arguments: argparse.Namespace) -> dict[str, Any]:
@@ -160,23 +160,23 @@ def measure(config: Config, name: str, kernels: Sequence[Kernel], arguments: arg
     work, every = indexed(config, name, arguments.patches)
     read = estimates(work, kernels, "spectral", config)
     added = estimates(work, kernels, "spectral", config, output="relative")
-    table, errors = fitted(work, every, kernels, config, arguments.samples)
+    table, errors = camera_calibrated(work, every, kernels, config, arguments.samples)
     results: dict[str, Any] = {
         "frames": len(work),
         "patches": sum(len(item.patches["mtf"]) for item in work),
-        "spectral": spectral_ways(read, added, table, config.seed),
+        "spectral": spectral_answers(read, added, table, config.seed),
     }
-    results["spectral"]["fitted"]["error_on_fitting_samples_percent"] = errors
+    results["spectral"]["camera_calibrated"]["error_on_fitting_samples_percent"] = errors
     if arguments.peers:
         count = min(arguments.peers, len(work))
         few = [TestFrame(item.frame, {"mtf": item.patches["mtf"][:1]}) for item in evenly_spread(work, count)]
         chosen = [item.frame.name for item in few]
-        known = {way: own_rows[own_rows["frame"].isin(chosen) & (own_rows["patch"] == 0)] for way, own_rows in
-               (("raw", read), ("typical", added), ("fitted", table))}  # fmt: skip
+        known = {answer: own_rows[own_rows["frame"].isin(chosen) & (own_rows["patch"] == 0)] for answer, own_rows in
+               (("raw", read), ("generic_lens", added), ("camera_calibrated", table))}  # fmt: skip
         results["few"] = {
             "patches": count,
-            "spectral": spectral_ways(known["raw"], known["typical"], known["fitted"], config.seed),
-            **{peer: ways(estimates(few, kernels, peer, config), config.seed) for peer in PEERS},
+            "spectral": spectral_answers(known["raw"], known["generic_lens"], known["camera_calibrated"], config.seed),
+            **{peer: answers(estimates(few, kernels, peer, config), config.seed) for peer in PEERS},
         }
     return results
 
@@ -197,7 +197,7 @@ def described(kernels: Sequence[Kernel]) -> list[dict[str, Any]]:
 
 
 def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
-    """Kernels by group and size, and beneath, for each dataset, the AMAE of the spectral estimator read three ways."""
+    """Kernels by group and size, and beneath, for each dataset, the AMAE of each answer of the spectral estimator."""
     from matplotlib.lines import Line2D
 
     from pipeline.report import style
@@ -207,7 +207,7 @@ def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
     ordered = sorted(kernels, key=lambda kernel: (groups.index(kernel.kind), kernel.size_px, kernel.name))
     begins = [next(i for i, kernel in enumerate(ordered) if kernel.kind == group) for group in groups]
     names, columns = list(results), len(ordered)
-    amae = {(name, way): results[name]["spectral"][way]["amae_percent"] for name in names for way in WAYS}
+    amae = {(name, answer): results[name]["spectral"][answer]["amae_percent"] for name in names for answer in ANSWERS}
     highest = 1.1 * max(max(values.values()) for values in amae.values())
 
     @style.styled
@@ -228,19 +228,19 @@ def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
                 location = axis.get_position().x0
                 figure.text(location, 1 - 0.3 / height_in, kernel.kind, fontweight="bold", fontsize=6.5)
         looks = {
-            way: style.series_look(way, look) | {"linestyle": "none"}
-            for way, look in zip(WAYS, (3, 5, 0, 1), strict=True)
+            answer: style.series_look(answer, look) | {"linestyle": "none"}
+            for answer, look in zip(ANSWERS, (3, 5, 0, 1), strict=True)
         }
-        handles = [Line2D([], [], label=f"{way}: {WAYS[way]}", **looks[way]) for way in WAYS]
+        handles = [Line2D([], [], label=f"{answer}: {ANSWERS[answer]}", **looks[answer]) for answer in ANSWERS]
         figure.legend(handles=handles, loc="upper center", ncols=4, borderpad=0.2, handletextpad=0.1)
         for row, name in enumerate(names, start=1):
             for other in axes[row, 1:]:
                 other.remove()
             axis, location = axes[row, 0], axes[row, 0].get_position()
             axis.set_position((location.x0, location.y0, axes[0, -1].get_position().x1 - location.x0, location.height))
-            for offset, way in zip((-0.27, -0.09, 0.09, 0.27), WAYS, strict=True):
-                values = [amae[name, way][kernel.name] for kernel in ordered]
-                axis.plot(np.arange(columns) + offset, values, **looks[way])
+            for offset, answer in zip((-0.27, -0.09, 0.09, 0.27), ANSWERS, strict=True):
+                values = [amae[name, answer][kernel.name] for kernel in ordered]
+                axis.plot(np.arange(columns) + offset, values, **looks[answer])
             for begin in begins[1:]:
                 axis.axvline(begin - 0.5, color=style.MUTED, linewidth=0.6)
             axis.set(xlim=(-0.5, columns - 0.5), ylim=(0, highest), xticks=range(columns), ylabel="AMAE [%]")
@@ -248,7 +248,8 @@ def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
             axis.tick_params(axis="x", labelrotation=45, pad=1)
             for label in axis.get_xticklabels():
                 label.set(ha="right", rotation_mode="anchor")
-            means = ", ".join(f"{way} {results[name]['spectral'][way]['mean_amae_percent']:.1f}" for way in WAYS)
+            known = results[name]["spectral"]
+            means = ", ".join(f"{answer} {known[answer]['mean_amae_percent']:.1f}" for answer in ANSWERS)
             title = f"{word(name)}: {results[name]['patches']} patches, mean over kernels {means} %"
             axis.set_title(title, loc="left", pad=2, fontweight="normal")
         return style.Drawing(figure, "kernels of rendered optics and the AMAE of the spectral estimator under each")
@@ -278,8 +279,8 @@ def main() -> None:
         results[name] = measure(config, name, kernels, arguments)
         for group in (results[name], results[name].get("few", {})):
             for estimator in ("spectral", *PEERS):
-                for way, item in group.get(estimator, {}).items():
-                    print(f"{name:10s}{estimator:10s}{way:12s}{item['mean_amae_percent']:6.2f} %", flush=True)
+                for answer, item in group.get(estimator, {}).items():
+                    print(f"{name:10s}{estimator:10s}{answer:12s}{item['mean_amae_percent']:6.2f} %", flush=True)
         print(f"{name:10s}{time.perf_counter() - start:.0f} s", flush=True)
     record = {
         "source": SOURCE,

@@ -11,10 +11,10 @@ import pytest
 
 from pipeline.config.compose import compose, parse
 from pipeline.executor import run_map
+from pipeline.experiments import blur_records
+from pipeline.experiments.blur_records import BlurRecord
 from pipeline.experiments.condition import SHARP
 from pipeline.recording.blur import record
-from pipeline.report import blur_records
-from pipeline.report.blur_records import BlurRecord
 from pipeline.report.inputs import ReportInputs
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -27,7 +27,7 @@ LICENCES = {"kitti": "CC BY-NC-SA", "udacity": "MIT", "sim_authors": "MIT"}
 
 @pytest.fixture(scope="module")
 def records() -> dict[str, BlurRecord]:
-    return {one.dataset: one for one in blur_records.read(INPUTS)}
+    return {one.dataset: one for one in blur_records.read(INPUTS.recorded)}
 
 
 def test_the_papers_three_datasets_are_recorded(records: dict[str, BlurRecord]) -> None:
@@ -140,7 +140,7 @@ def test_they_can_be_repeated(shared: Path, records: dict[str, BlurRecord], tmp_
     ]
     config = parse(compose(overrides, ROOT / "conf"), "conf/")
     record(config, dataset, ["spectral", "camera_calibrated"], tmp_path / "again", "again", partial(run_map, workers=1))
-    (again,) = blur_records.read(ReportInputs(paper=ROOT / "data/paper", recorded=tmp_path))
+    (again,) = blur_records.read(tmp_path)
     keys = ["estimator", "blur_kind", "kernel_size_px", "calibrated"]
     both = again.summary.merge(records[dataset].summary, on=keys, suffixes=("", "_kept"))
     assert len(both) == len(again.summary) == 3 * 3

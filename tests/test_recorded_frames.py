@@ -12,9 +12,9 @@ import pytest
 from pipeline.config.compose import compose, parse
 from pipeline.errors import InputError
 from pipeline.executor import run_map
+from pipeline.experiments import frame_records
+from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, NOISE_FILE
 from pipeline.recording.frames import Request, record_combined, record_denoised, record_noise
-from pipeline.report import frame_records
-from pipeline.report.frame_records import COMBINED_FILES, DENOISED_FILE, NOISE_FILE
 from pipeline.report.inputs import ReportInputs
 
 OVERRIDES = (
@@ -62,7 +62,7 @@ def inputs(folder: Path) -> ReportInputs:
 
 
 def test_noise_is_measured_as_the_stage_does(inputs: ReportInputs) -> None:
-    table = frame_records.joined(inputs, NOISE_FILE)
+    table = frame_records.joined(inputs.recorded, NOISE_FILE)
     assert set(table["estimator"]) == {"pca", "bf"} and set(table["dataset"]) == {"photos"}
     clean, noisy = table[table["estimator"] == "pca"].sort_values("unclipped_median_dn").to_dict("records")
     assert clean["unclipped_median_dn"] == 0 and noisy["unclipped_median_dn"] == pytest.approx(10, abs=4)
@@ -72,10 +72,10 @@ def test_noise_is_measured_as_the_stage_does(inputs: ReportInputs) -> None:
 
 
 def test_blur_and_noise_and_their_curves(inputs: ReportInputs) -> None:
-    blur, noise, curves = (frame_records.joined(inputs, name) for name in COMBINED_FILES)
+    blur, noise, curves = (frame_records.joined(inputs.recorded, name) for name in COMBINED_FILES)
     assert set(blur["estimator"]) == {"spectral"} and np.isfinite(blur["amae_percent"]).all()
     assert set(noise["estimator"]) == {"pca"} and len(curves)
-    (record,) = frame_records.records_with(inputs, COMBINED_FILES[0])
+    (record,) = frame_records.records_with(inputs.recorded, COMBINED_FILES[0])
     kernels = set(record.provenance["kernels"])
     assert kernels == {"defocus_3", "defocus_11"}  # those used, not the whole bank
     files = {name: set(of) for part in record.provenance["weights"].values() for name, of in part.items()}
@@ -84,7 +84,7 @@ def test_blur_and_noise_and_their_curves(inputs: ReportInputs) -> None:
 
 
 def test_denoised_blur_has_the_error_to_be_expected(inputs: ReportInputs) -> None:
-    cells = frame_records.joined(inputs, DENOISED_FILE)
+    cells = frame_records.joined(inputs.recorded, DENOISED_FILE)
     smoothed = cells[(cells["filter_px"] == 7) & ~cells["calibrated"].astype(bool)]
     assert len(smoothed) == 1 and smoothed["expected_amae_percent"].notna().all()
 
@@ -96,7 +96,7 @@ def test_the_provenance_names_frames_and_settings_and_no_folder(inputs: ReportIn
     assert len(about["frames"]) == 2 and all(len(value) == 64 for value in about["frames"].values())
     assert about["settings"]["noise"]["target_sigmas_dn"] == [0, 10]
     assert str(Path.home()) not in text and str(folder) not in text
-    (record,) = frame_records.records_with(inputs, NOISE_FILE)
+    (record,) = frame_records.records_with(inputs.recorded, NOISE_FILE)
     assert record.frames["noise_tiles"].tolist() == [3, 3]
 
 
@@ -106,10 +106,10 @@ def test_two_records_of_one_dataset_are_refused(inputs: ReportInputs, folder: Pa
         for file in (NOISE_FILE, "provenance.json", "frames.csv"):
             (tmp_path / name / file).write_bytes((folder / "photos-noise" / file).read_bytes())
     with pytest.raises(InputError, match="keep one"):
-        frame_records.joined(ReportInputs(paper=Path("data/paper"), recorded=tmp_path), NOISE_FILE)
+        frame_records.joined(tmp_path, NOISE_FILE)
 
 
 def test_a_run_wins_over_a_record(inputs: ReportInputs) -> None:
-    table = frame_records.joined(inputs, NOISE_FILE)
+    table = frame_records.joined(inputs.recorded, NOISE_FILE)
     assert frame_records.not_run(table, table).empty
     assert len(frame_records.not_run(table, table.assign(dataset="sim"))) == len(table)

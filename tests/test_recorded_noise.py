@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.experiments import real_noise_records as files
 from pipeline.noise import real_noise
-from pipeline.report import real_noise_records as files
 from pipeline.store import read_json
 
 ROOT = Path(__file__).resolve().parents[1]

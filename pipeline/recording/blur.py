@@ -25,13 +25,7 @@ from pipeline.camera.psf import stored
 from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError, did_you_mean
 from pipeline.experiments import table_one
-from pipeline.experiments.frames import TestFrame, with_patches
-from pipeline.experiments.metrics import table_one_metrics
-from pipeline.experiments.sharp_curves import sharp_curves
-from pipeline.recording.frames import indexed
-from pipeline.recording.kept_results import Map, keyed
-from pipeline.recording.provenance import blur_weights, provenance, write_csv
-from pipeline.report.blur_records import (
+from pipeline.experiments.blur_records import (
     KEYS,
     METRICS_FILE,
     PATCHES_FILE,
@@ -40,7 +34,13 @@ from pipeline.report.blur_records import (
     SUMMARY_FILE,
     read_folder,
 )
-from pipeline.report.frame_records import PROVENANCE_FILE, provenance_of
+from pipeline.experiments.frame_records import PROVENANCE_FILE, provenance_of
+from pipeline.experiments.frames import TestFrame, with_patches
+from pipeline.experiments.metrics import table_one_metrics
+from pipeline.experiments.sharp_curves import sharp_curves
+from pipeline.recording.frames import indexed
+from pipeline.recording.kept_results import Map, keyed
+from pipeline.recording.provenance import blur_weights, provenance, write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -152,7 +152,7 @@ class Others:
 
     Attributes:
         metadata: its provenance, of those estimators.
-        summary, sharp: see `pipeline.report.blur_records.BlurRecord`.
+        summary, sharp: see `pipeline.experiments.blur_records.BlurRecord`.
         metrics: estimator -> metrics.
     """
 

@@ -20,10 +20,10 @@ from pipeline.camera.processing.codec import Codec
 from pipeline.detection.weights import file_sha256
 from pipeline.experiments import noise_examples
 from pipeline.experiments.noise_examples import Example
+from pipeline.experiments.real_noise_records import EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE, example_crop
 from pipeline.noise import real_noise
 from pipeline.recording.provenance import noise_weights, write_csv
 from pipeline.report import style
-from pipeline.report.real_noise_records import EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE, example_crop
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -32,12 +32,7 @@ from pipeline.datasets.selection import evenly_spread
 from pipeline.experiments import combined, factors, noise
 from pipeline.experiments.combined_example import example_curves
 from pipeline.experiments.condition import Quantity
-from pipeline.experiments.frames import PURPOSES, TestFrame, with_patches
-from pipeline.experiments.run import Registered
-from pipeline.experiments.settings import EstimatorSettings
-from pipeline.recording.kept_results import Map, keyed
-from pipeline.recording.provenance import configured_weights, provenance, write_csv
-from pipeline.report.frame_records import (
+from pipeline.experiments.frame_records import (
     COMBINED_FILES,
     DENOISED_FILE,
     FACTOR_FILES,
@@ -45,6 +40,11 @@ from pipeline.report.frame_records import (
     NOISE_FILE,
     PROVENANCE_FILE,
 )
+from pipeline.experiments.frames import PURPOSES, TestFrame, with_patches
+from pipeline.experiments.run import Registered
+from pipeline.experiments.settings import EstimatorSettings
+from pipeline.recording.kept_results import Map, keyed
+from pipeline.recording.provenance import configured_weights, provenance, write_csv
 from pipeline.streams import stream
 
 if TYPE_CHECKING:

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 from pipeline import store
 from pipeline.detection.weights import file_sha256
 from pipeline.experiments.real_noise import Kinds, measure_pairs
+from pipeline.experiments.real_noise_records import PATCHES_FILE, PROVENANCE_FILE, SUMMARY_FILE
 from pipeline.noise import real_noise
 from pipeline.recording.provenance import noise_weights, without_folders, write_csv
-from pipeline.report.real_noise_records import PATCHES_FILE, PROVENANCE_FILE, SUMMARY_FILE
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,10 +21,7 @@ from pipeline import store
 from pipeline.datasets.raw_frames import raw_frames
 from pipeline.detection.weights import file_sha256
 from pipeline.experiments.real_noise import Kinds, measure_raw
-from pipeline.experiments.sensor_constants import sensor_constants
-from pipeline.noise.real_noise import summarise
-from pipeline.recording.provenance import noise_weights, write_csv
-from pipeline.report.real_noise_records import (
+from pipeline.experiments.real_noise_records import (
     DARK_FILE,
     DARK_MEANS_FILE,
     POINTS_FILE,
@@ -33,6 +30,9 @@ from pipeline.report.real_noise_records import (
     RAW_SUMMARY_FILE,
     TRANSFER_FILE,
 )
+from pipeline.experiments.sensor_constants import sensor_constants
+from pipeline.noise.real_noise import summarise
+from pipeline.recording.provenance import noise_weights, write_csv
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,4 +1,4 @@
-"""Tables, captions and paragraphs of a section as data: ``pipeline/report/sections/<section>.yaml``.
+"""Tables, figures, captions and paragraphs of a section as data: ``pipeline/report/sections/<section>.yaml``.
 
 A table is a caption, columns, notes and the stage that made its numbers; its rows come from a data frame::
 
@@ -7,6 +7,7 @@ A table is a caption, columns, notes and the stage that made its numbers; its ro
         name: noise_saturated_{dataset}   # of its files; the key where left out
         caption: Saturated patches on {dataset:word}.
         stage: noise@{dataset}-<estimator>
+        order: [dataset, noise_source]    # columns that rows are sorted by, each in the order of its display names
         columns:
           dataset: {title: Dataset, word: dataset}
           error_dn: {title: Error, unit: DN, decimals: 2, estimate: [error_dn, low_dn, high_dn, count]}
@@ -14,14 +15,22 @@ A table is a caption, columns, notes and the stage that made its numbers; its ro
         notes: [Shown always.]
         further_notes: {code: Shown where asked for.}
     figures:
-      noise: Caption of a figure.
+      noise_maps: Caption of a figure.
+      noise:
+        caption: Caption of a figure.
+        alt: "Estimates over the target level: {words}."   # for readers who do not see the figure
+        words: "{estimator:word} {median:.1f} DN"          # one of its phrases
+        grid: {down: dataset, across: noise_source, ...}   # small multiples, see `Descriptions.grid`
     texts:
       introduction: A paragraph.
 
 Of a column, ``source`` names the column of the frame where it has another name, ``word`` one whose display name is
-shown, ``percent`` one in fractions, ``estimate`` the columns of value, ends of the interval, count and published value
-(`pipeline.report.tables.estimate`); ``wide`` is that of `Column`. Words in braces are filled in; ``{x:word}`` is the
-display name of x, ``{x:lower}`` the same in lower case.
+shown, ``choices`` the words for its values, ``text`` a text to fill in from the row, ``percent`` one in fractions,
+``sum`` columns of counts, ``estimate`` the columns of value, ends of the interval, count and published value
+(`pipeline.report.tables.estimate`); ``wide`` is that of `Column`. A column ``"*"`` with ``spread: {across, index}``
+stands for one column for each value of ``across`` (`pipeline.report.tables.pivot`), whose name and heading follow from
+``key`` and ``heading`` (``"level_{:g}"``, ``"{:g} DN"``; by default the value and its display name). Words in braces
+are filled in; ``{x:word}`` is the display name of x, ``{x:lower}`` the same in lower case.
 """
 
 from __future__ import annotations
@@ -29,17 +38,20 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError, did_you_mean
-from pipeline.report.display_names import word
+from pipeline.report.display_names import ORDERS, in_order, listing, word
+from pipeline.report.figures import Facet, Panel, lines, small_multiples
 from pipeline.report.sections import description
 from pipeline.report.spec import Figure
-from pipeline.report.style import Drawing
-from pipeline.report.tables import Cell, Column, Row, Table, estimate, named, table
+from pipeline.report.style import Drawing, Look
+from pipeline.report.tables import Cell, Column, Row, Table, estimate, named, ordered, pivot, records, table
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 Cells = dict[str, Callable[[Row], Cell]]
 """Column -> what makes its cells from a row."""
@@ -54,23 +66,39 @@ class _Word(str):
         return super().__format__(spec)
 
 
-def _filled(text: str, words: Mapping[str, Any]) -> str:
+def filled(text: str, words: Mapping[str, Any]) -> str:
+    """A text with its words in braces filled in."""
     names = {name: _Word(value) if isinstance(value, str) else value for name, value in words.items()}
     return text.format_map(names).rstrip()
 
 
-def _column(name: str, about: Mapping[str, Any], cell: Callable[[Row], Cell] | None) -> Column:
-    """A column of a description; ``cell`` makes its cells where that is no plain value of the row."""
-    head = (name, str(about.get("title", "")), str(about.get("unit", "")), about.get("decimals"))
-    wide = bool(about.get("wide", False))
-    if cell is not None:
-        return Column(*head, cell, wide)
-    if "word" in about:
-        return named(name, head[1], str(about["word"]))
+def _cell(about: Mapping[str, Any]) -> str | Callable[[Row], Cell]:
+    """What makes the cells of a described column: the name of a column, or a function of the row."""
     if "percent" in about:
         fraction = str(about["percent"])
-        return Column(*head, lambda row: 100 * row[fraction] if math.isfinite(row[fraction]) else None, wide)
-    return Column(*head, estimate(*about["estimate"]) if "estimate" in about else str(about.get("source", "")), wide)
+        return lambda row: 100 * row[fraction] if math.isfinite(row[fraction]) else None
+    if "choices" in about:
+        source, choices = about["source"], about["choices"]
+        return lambda row: str(choices.get(row[source], row[source]))
+    if "text" in about:
+        return lambda row: filled(about["text"], row)
+    if "sum" in about:
+        return lambda row: sum(int(row[name]) for name in about["sum"])
+    return estimate(*about["estimate"]) if "estimate" in about else str(about.get("source", ""))
+
+
+def _column(name: str, about: Mapping[str, Any], cell: Callable[[Row], Cell] | None = None) -> Column:
+    """A column of a description; ``cell`` makes its cells where that is no plain value of the row."""
+    title = str(about.get("title", ""))
+    if cell is None and "word" in about:
+        return named(name, title, str(about["word"]))
+    wide = bool(about.get("wide", False))
+    return Column(name, title, str(about.get("unit", "")), about.get("decimals"), cell or _cell(about), wide)
+
+
+def _heading(headings: str | Mapping[str, str], value: Any) -> str:
+    """The heading of a value: of a mapping, or a text with the value filled in."""
+    return headings.format(value) if isinstance(headings, str) else headings[value]
 
 
 class Descriptions:
@@ -107,7 +135,7 @@ class Descriptions:
         Raises:
             InputError: there is no such text.
         """
-        return _filled(self._entry("texts", key), words)
+        return filled(self._entry("texts", key), words)
 
     def figure(
         self, key: str, drawing: Drawing, stages: Iterable[str] = (), *, name: str = "", after: str = "", **words: Any
@@ -125,8 +153,96 @@ class Descriptions:
         Raises:
             InputError: there is no such caption.
         """
-        caption = f"{_filled(self._entry('figures', key), words)} {after}".strip()
-        return Figure(_filled(name or key, words), drawing, caption, tuple(stages))
+        entry = self._entry("figures", key)
+        caption = filled(entry if isinstance(entry, str) else entry["caption"], words)
+        return Figure(filled(name or key, words), drawing, f"{caption} {after}".strip(), tuple(stages))
+
+    def phrases(self, key: str, rows: pd.DataFrame | Iterable[Row]) -> list[str]:
+        """The phrase of a figure's alternative text for each of some rows."""
+        phrase = self._entry("figures", key).get("words", "")
+        return [filled(phrase, row) for row in records(rows)]
+
+    def alt(self, key: str, rows: pd.DataFrame | Iterable[Row], **words: Any) -> str:
+        """The alternative text of a figure, its phrases for each of some rows in ``{words}``.
+
+        Args:
+            key: under ``figures``.
+            rows: of each phrase.
+            words: to fill in.
+        """
+        phrases = self.phrases(key, rows)
+        joined = {"words": listing(phrases), "clauses": "; ".join(phrases)}
+        return filled(self._entry("figures", key)["alt"], {**joined, **words})
+
+    def grid(
+        self,
+        key: str,
+        frame: pd.DataFrame,
+        alt: str,
+        looks: Mapping[Any, Look],
+        *,
+        down: Sequence[Any] = (),
+        across: Sequence[Any] = (),
+        under: Panel | None = None,
+        over: Panel | None = None,
+        axes: Mapping[str, Any] | None = None,
+        values: pd.DataFrame | None = None,
+        **more: Any,
+    ) -> Drawing:
+        """A figure of small multiples (`pipeline.report.figures.small_multiples`) as described.
+
+        The description has ``down`` and ``across`` (columns of the facets), ``headings`` (of the values across, their
+        display names by default), ``lines`` (arguments of `pipeline.report.figures.lines`: ``by``, ``x``, ``y``,
+        ``band`` ...; no lines without it), ``values`` (columns of the numbers plotted), ``sort`` (columns by which
+        these are sorted), ``axes`` and ``axes_across`` (settings of every panel, and by value across), and other
+        arguments of `small_multiples`, such as its labels ``x`` (one, or by value across) and ``y``.
+
+        Args:
+            key: under ``figures``.
+            frame: long table.
+            alt: alternative text.
+            looks: look of each series of the lines.
+            down: values of the facet of the rows, in order; those of the frame by default.
+            across: likewise of the columns.
+            under: draws into each panel before the lines.
+            over: draws after them; may return what the colour bar is of.
+            axes: further settings of every panel.
+            values: numbers plotted, where these are not the frame.
+            more: further arguments of `small_multiples`.
+        """
+        about = dict(self._entry("figures", key)["grid"])
+        drawn, shown, by = (about.pop(name, None) for name in ("lines", "values", "sort"))
+        limits, each = {**about.pop("axes", {}), **(axes or {})}, about.pop("axes_across", {})
+        headings = about.pop("headings", {})
+        if isinstance(about.get("x"), dict):
+            about["x"] = about["x"].get
+        facets = [
+            Facet(column, chosen or in_order(frame[column], ORDERS.get(column, ())))
+            for column, chosen in ((about.pop("down"), down), (about.pop("across"), across))
+        ]
+        if headings:
+            facets[1] = replace(facets[1], label=lambda value: _heading(headings, value))
+
+        def panel(spot: Axes, rows: pd.DataFrame, name: str) -> Any:
+            if under is not None:
+                under(spot, rows, name)
+            if drawn is not None:
+                lines(spot, rows, looks=looks, key=name, **drawn)
+            return None if over is None else over(spot, rows, name)
+
+        plotted = frame if values is None else values
+        plotted = plotted[shown] if shown else plotted
+        plotted = plotted.sort_values(by) if by else plotted
+        settings = (lambda value: {**limits, **each[value]}) if each else limits
+        arguments: dict[str, Any] = {"axes": settings, "alt": alt, "values": plotted} | about | more
+        return small_multiples(frame, *facets, panel, **arguments)
+
+    def headings(self, key: str, values: Iterable[Any]) -> dict[str, str]:
+        """Name -> heading of the columns that stand for ``"*"``, one for each value of what is spread over them."""
+        about = self._entry("tables", key)["columns"]["*"]
+        name, heading = about.get("key", "{}"), about.get("heading")
+        known = in_order(values, ORDERS.get(about.get("spread", {}).get("across", "estimator"), ()))
+        return {name.format(value): heading.format(value) if heading else word(str(value)) for value in known}
 
     def table(
         self,
@@ -144,8 +260,8 @@ class Descriptions:
         Args:
             key: under ``tables``; also the table's name where the description gives none.
             frame: rows in the order shown.
-            cells: column -> what makes its cells, where they are no plain values of the row.
-            across: name -> title of the columns that stand for ``"*"``.
+            cells: column -> what makes its cells, where the description does not.
+            across: name -> title of the columns that stand for ``"*"``, where they are not spread over it.
             also: notes under ``further_notes`` to show.
             notes: sentences that follow the notes.
             words: to fill in.
@@ -153,25 +269,34 @@ class Descriptions:
         Raises:
             InputError: there is no such table, or a cell, note or word has no counterpart in its description.
         """
-        about, cells = self._entry("tables", key), cells or {}
+        about, cells, rows = self._entry("tables", key), cells or {}, frame  # type: Any, Any, Any
+        unknown = set(cells) - set(about["columns"])
+        if unknown:
+            raise InputError(f"{self.section}.yaml: tables.{key} has no column '{min(unknown)}'")
+        if "order" in about:
+            rows = ordered(rows, **{name: ORDERS.get(name, ()) for name in about["order"]})
+        star = about["columns"].get("*", {})
+        if across is None and "spread" in star:
+            spread = star["spread"]
+            across = self.headings(key, rows[spread["across"]])
+            cell = Column("*", source=_cell(star)).cell
+            rows = pivot(rows, spread["index"], spread["across"], cell, star.get("key", "{}").format)
         columns: list[Column] = []
         for name, entry in about["columns"].items():
             if name == "*":
-                columns += [_column(one, {**entry, "title": title}, None) for one, title in (across or {}).items()]
+                shown = {part: value for part, value in entry.items() if part in ("unit", "decimals")}
+                columns += [_column(one, {**shown, "title": title}) for one, title in (across or {}).items()]
             else:
-                filled = {**entry, "title": _filled(entry.get("title", ""), words)}
-                columns.append(_column(name, filled, cells.get(name)))
-        for name in cells:
-            if name not in about["columns"]:
-                raise InputError(f"{self.section}.yaml: tables.{key} has no column '{name}'")
+                title = filled(entry.get("title", ""), words)
+                columns.append(_column(name, {**entry, "title": title}, cells.get(name)))
         further = about.get("further_notes", {})
-        lines = [*about.get("notes", ()), *(further[name] for name in also)]
+        listed = [*about.get("notes", ()), *(further[name] for name in also)]
         return table(
-            _filled(about.get("name", key), words),
-            _filled(about["caption"], words),
-            frame,
+            filled(about.get("name", key), words),
+            filled(about["caption"], words),
+            rows,
             columns,
-            [*(_filled(line, words) for line in lines), *notes],
-            _filled(about.get("stage", ""), words),
+            [*(filled(line, words) for line in listed), *notes],
+            filled(about.get("stage", ""), words),
             about.get("reference_word", "paper"),
         )

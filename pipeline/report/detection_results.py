@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pipeline.curves import directions, iso_exposure, precision
 from pipeline.report.display_names import DATASETS, DETECTORS, in_order
-from pipeline.report.inputs import ReportInputs, any_table, existing, optional
-from pipeline.store import read_json
+from pipeline.report.inputs import ReportInputs
+from pipeline.stage_files import any_table, existing, optional
+from pipeline.store import Schema, read_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,42 +57,36 @@ class Results:
         return sorted(set(known["label"]))
 
 
+FILES: Mapping[str, tuple[str, str, Schema | None]] = {
+    "precision": ("curves", "precision.parquet", precision.PRECISION),
+    "heat": ("curves", "heat.parquet", precision.HEAT),
+    "isolated": ("curves", "isolated.parquet", precision.ISOLATED),
+    "refused": ("curves", "refused.json", None),
+    "directions": ("direction", "table.parquet", directions.TABLE),
+    "spread": ("direction", "spread.parquet", directions.SPREAD),
+    "coefficients": ("regression", "coefficients.parquet", iso_exposure.COEFFICIENTS),
+    "fitted": ("regression", "fitted.parquet", iso_exposure.FITTED),
+    "fits": ("regression", "fits.json", None),
+    "calibration": ("regression", "calibration.json", None),
+}
+"""Part of the results -> stage, file and schema."""
+
+
 def read(inputs: ReportInputs) -> list[Results]:
-    """Everything found, in the paper's order of datasets and ours of detectors."""
+    """Everything that has run, in the paper's order of datasets and ours of detectors."""
+    if inputs.detection is None:
+        return []
     results = []
     for dataset in in_order((pair[0] for pair in inputs.detection_members), DATASETS):
         for detector in in_order((one[1] for one in inputs.detection_members if one[0] == dataset), DETECTORS):
-            one = _read_one(inputs, dataset, detector)
-            if one is not None:
-                results.append(one)
+            parts: dict[str, Any] = {
+                name: optional(inputs.detection / stage / f"{dataset}-{detector}", file, schema)
+                for name, (stage, file, schema) in FILES.items()
+            }
+            if all(parts[name] is not None for name in ("precision", "heat", "isolated")):
+                parts |= {name: parts[name] or {} for name in ("refused", "fits", "calibration")}
+                results.append(Results(dataset, detector, **parts))
     return results
-
-
-def _read_one(inputs: ReportInputs, dataset: str, detector: str) -> Results | None:
-    name = f"{dataset}-{detector}"
-    if inputs.detection is None:
-        return None
-    curves, turned = inputs.detection / "curves" / name, inputs.detection / "direction" / name
-    fitted = inputs.detection / "regression" / name
-    table = optional(curves, "precision.parquet", precision.PRECISION)
-    heat = optional(curves, "heat.parquet", precision.HEAT)
-    isolated = optional(curves, "isolated.parquet", precision.ISOLATED)
-    if table is None or heat is None or isolated is None:
-        return None
-    return Results(
-        dataset,
-        detector,
-        table,
-        heat,
-        isolated,
-        optional(curves, "refused.json") or {},
-        optional(turned, "table.parquet", directions.TABLE),
-        optional(turned, "spread.parquet", directions.SPREAD),
-        optional(fitted, "coefficients.parquet", iso_exposure.COEFFICIENTS),
-        optional(fitted, "fitted.parquet", iso_exposure.FITTED),
-        optional(fitted, "fits.json") or {},
-        optional(fitted, "calibration.json") or {},
-    )
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,16 @@ DETECTORS = {
     "faster_rcnn": "Faster R-CNN",
 }
 CLASSES = {"car": "Car", "person": "Person", "bicycle": "Bicycle", "pedestrian": "Pedestrian"}
+ORDERS: Mapping[str, Iterable[str]] = {
+    "dataset": DATASETS,
+    "estimator": ESTIMATORS,
+    "noise_source": EFFECTS,
+    "blur_kind": BLURS,
+    "experiment": EXPERIMENTS,
+    "detector": DETECTORS,
+}
+"""Column of a table -> the order of its values wherever they are listed."""
+
 _QUALIFIED: ContextVar[Mapping[str, str]] = ContextVar("qualified names")
 _WORDS = {**EXPERIMENTS, **DETECTORS, **CLASSES, **DATASETS, **ESTIMATORS, **EFFECTS, **BLURS}
 

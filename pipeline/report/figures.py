@@ -1,21 +1,8 @@
-"""One description of a figure of small multiples: rows and columns of panels, and what one panel draws.
+"""One mechanism for figures of small multiples: rows and columns of panels, and what one panel draws.
 
 `small_multiples` selects the rows of a data frame for each panel and places titles, axis labels, the legend, a colour
-bar and the note on panels without data. `lines` draws one line per series, with its band. A complete figure:
-
-    @style.styled
-    def figure(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
-        looks = style.series_looks(in_order(summary["estimator"], ESTIMATORS))
-
-        def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-            lines(axes, rows, "estimator", looks, "target_sigma_dn", "median_dn", band=("low_dn", "high_dn"), key=key)
-
-        return small_multiples(
-            summary, Facet("dataset", datasets), Facet("noise_source", in_order(summary["noise_source"], EFFECTS)),
-            panel,
-            x="noise level σ [DN]", y="estimated σ [DN]", legend=[(word(name), look) for name, look in looks.items()],
-            alt="...", values=summary, series=style.switches(looks),
-        )
+bar and the note on panels without data. `lines` draws one line per series, with its band. A section describes its
+figures in its YAML file and draws them by `pipeline.report.descriptions.Descriptions.grid`.
 """
 
 from __future__ import annotations
@@ -263,17 +250,25 @@ def ordinal_legend(looks: Mapping[float, Look], unit: str, zero: str) -> list[tu
     return [(f"{format_number(value)} {unit}" if value else zero, look) for value, look in looks.items()]
 
 
-def abstentions(axes: Axes, counts: Mapping[str, tuple[int, int]], key: str, *, at_top: bool = True) -> None:
-    """Text in a corner of the panel: how many patches each estimator abstained from.
+def legend_of(looks: Mapping[str, Look]) -> list[tuple[str, Look]]:
+    """Legend of named series."""
+    return [(word(name), look) for name, look in looks.items()]
+
+
+def abstentions(axes: Axes, rows: pd.DataFrame, key: str, estimators: Sequence[str], *, at_top: bool = True) -> None:
+    """Text in a corner of the panel: how many patches each estimator abstained from, where it did.
 
     Args:
         axes: to draw into.
-        counts: estimator -> abstentions and all patches; no line for an estimator without abstentions.
+        rows: of the panel: estimator, abstained, count (of estimates).
         key: of the panel.
+        estimators: in the order listed.
         at_top: the upper left corner, otherwise the lower left.
     """
-    shown = {name: pair for name, pair in counts.items() if pair[0]}
-    for line, (name, (abstained, total)) in enumerate(shown.items()):
+    counts = rows.groupby("estimator")[["abstained", "count"]].sum()
+    shown = [name for name in estimators if name in counts.index and counts["abstained"][name]]
+    for line, name in enumerate(shown):
+        abstained, total = int(counts["abstained"][name]), int(counts.loc[name].sum())
         height = 0.97 - 0.085 * line if at_top else 0.04 + 0.085 * (len(shown) - 1 - line)
         axes.text(
             0.03, height, f"{short_word(name)} abstained {abstained:,} of {total:,}", fontsize=4.6, color=style.MUTED,

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import tables
-from pipeline.camera.mtf import SYSTEM
-from pipeline.errors import InputError
+from pipeline.camera.mtf import FREQUENCIES, SYSTEM
+from pipeline.experiments.blur_records import EXACT
+from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
 from pipeline.report.display_names import DATASETS, PAPER_NAMES, in_order, listing, word
-from pipeline.store import Schema, read_arrays, read_json, read_table
+from pipeline.stage_files import any_table, existing
+from pipeline.store import Schema, read_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,9 +25,6 @@ PUBLISHED_COLUMNS = {
     "level_dn": "target_sigma_dn",
 }
 """Columns of the files of published numbers -> as our tables call them."""
-
-EXACT = "exact"
-"""Mode of PMP and GBB that gives what the original programs give."""
 
 NO_STAGE = "(no stage of this version makes it)"
 
@@ -75,7 +74,7 @@ class ReportInputs:
         runtime: record of run times on declared hardware (``benchmarks/results/estimators.json``).
         flags: record of rank correlations with the true blur and noise (``benchmarks/results/flags.json``).
         unseen: record of blurs of other kinds than were trained on (``benchmarks/results/unseen_kernels.json``).
-        weights: folder of released networks, each with its learning curve (`pipeline.report.learning_curves`).
+        weights: folder of released networks, each with its learning curve (`pipeline.learning.learning_curve`).
         ablation: folder of measures of short trainings with one thing changed; `ablations`: which of them, in order.
         absent: dataset without data -> the command that runs it.
         lock: ``dvc.lock``, for the hashes of what went in.
@@ -182,70 +181,6 @@ def mode_note(modes: Mapping[str, str], estimators: Iterable[str]) -> str:
     )
 
 
-def existing(path: Path | None) -> Path | None:
-    """The path if something is there, else None."""
-    return path if path is not None and path.exists() else None
-
-
-def optional(folder: Path | None, name: str, schema: Schema | None = None) -> Any:
-    """A file of a stage's folder, or None where the stage has not run.
-
-    Args:
-        folder: of the stage.
-        name: of the file; its suffix decides how it is read.
-        schema: of a Parquet table; without one, columns are taken as they are.
-
-    Returns:
-        a data frame (``.parquet``, ``.csv``), a dictionary of arrays (``.npz``) or JSON.
-    """
-    path = existing(folder / name if folder is not None else None)
-    if path is None:
-        return None
-    if path.suffix == ".json":
-        return read_json(path)
-    if path.suffix == ".npz":
-        return read_arrays(path)
-    return any_table(path) if schema is None else read_table(path, schema)
-
-
-def described(folder: Path | None, name: str, keys: Iterable[str], remedy: str = "run the stage again") -> Any:
-    """A JSON object with the keys that the report needs, or None where the stage has not run.
-
-    Args:
-        folder: of the stage.
-        name: of the file.
-        keys: that it must have.
-        remedy: how to make it again.
-
-    Raises:
-        InputError: the file holds something else.
-    """
-    content = optional(folder, name)
-    if content is not None and not (isinstance(content, dict) and set(keys) <= set(content)):
-        raise InputError(f"{folder}/{name}: expected an object with {', '.join(keys)}; {remedy}")
-    return content
-
-
-def any_table(path: Path) -> pd.DataFrame:
-    """A CSV or Parquet table without a declared schema.
-
-    Raises:
-        InputError: the file is absent, of another kind, or broken.
-    """
-    import pandas as pd
-
-    try:
-        if path.suffix == ".csv":
-            return pd.read_csv(path)
-        if path.suffix == ".parquet":
-            return pd.read_parquet(path)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such table; run the stage that makes it (dvc repro)") from None
-    except (ValueError, OSError) as error:
-        raise InputError(f"{path}: not a readable table ({error}); delete it and run dvc repro") from None
-    raise InputError(f"{path}: expected a .csv or .parquet table")
-
-
 def published_table(path: Path) -> pd.DataFrame:
     """A file of published numbers, its columns named as ours.
 
@@ -283,6 +218,11 @@ def published(inputs: ReportInputs, name: str) -> pd.DataFrame | None:
         return table
     again = [table[table["dataset"] == theirs].assign(dataset=ours) for ours, theirs in PAPER_NAMES.items()]
     return pd.concat([table, *again], ignore_index=True)
+
+
+def at_frequencies(table: pd.DataFrame) -> pd.DataFrame:
+    """Published curves with ``at``: the frequency that the paper names in their column ``frequency``, exactly."""
+    return table.assign(at=[FREQUENCIES[NOMINAL_FREQUENCIES.index(value)] for value in table["frequency"]])
 
 
 def members(folder: Path | None, chosen: frozenset[str] | None) -> list[Path]:

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from pipeline.report import blur_records, frame_records, training_budget
+from pipeline.experiments import blur_records, frame_records
+from pipeline.report import training_budget
 from pipeline.report.display_names import counted, word
 from pipeline.report.inputs import EXACT, ReportInputs
 from pipeline.report.ledger_sources import COMBINED_DATASET, COMBINED_ESTIMATOR, PAPER_FRAMES, combined_estimator
@@ -18,7 +19,7 @@ from pipeline.report.tables import Row, format_number
 from pipeline.report.tables import records as records_of
 
 if TYPE_CHECKING:
-    from pipeline.report.blur_records import BlurRecord
+    from pipeline.experiments.blur_records import BlurRecord
 
 PAPER_KERNEL_PX = 25
 """Of PMP and GBB in the authors' programs (their text has 31)."""
@@ -29,13 +30,10 @@ LENS_SHARE = 0.5  # of an error that is the lens's when dividing out its MTF rem
 def blur_amae(inputs: ReportInputs) -> Callable[[Row], str]:
     """Causes of differences in Table I.
 
-    Args:
-        inputs: of the report.
-
     Returns:
         function of a row (dataset by the paper's name, estimator, blur, size_px, paper, ours): the cause in words.
     """
-    records, percent = blur_records.read(inputs), training_budget.percents(inputs).get("mtf_cnn")
+    records, percent = blur_records.read(inputs.recorded), training_budget.percents(inputs).get("mtf_cnn")
     effects = _effects(inputs)
 
     def cause(row: Row) -> str:
@@ -46,47 +44,13 @@ def blur_amae(inputs: ReportInputs) -> Callable[[Row], str]:
     return cause
 
 
-EXAMPLE_CAUSES = {
-    ("reference", "sigma_dn"): "ours is formed without noise",
-    ("gain_reduced", "sigma_dn"): "lower gain leaves our frame darker, where the tone curve is steeper and raises its "
-    "noise; the paper divides the noise by the gain",
-    ("initial", "sigma_dn"): "another sensor: the paper's robot has 0.1 DN at ISO 100",
-}
-EXAMPLE_COLUMNS = {
-    "detection_score": "another detector on cars of rendered views",
-    "sigma_dn": "estimate of the condition monitor on rendered views",
-    "mtf_at_0.1": "relative to our lens, on rendered views",
-}
-
-
-def worked_examples(inputs: ReportInputs) -> Callable[[Row], str]:
-    """Causes of differences at the operating points of Examples 1 and 2.
-
-    Args:
-        inputs: of the report.
-
-    Returns:
-        function of a row (example, step, column): the cause in words.
-    """
-
-    def cause(row: Row) -> str:
-        if row["example"] == "robot" and row["column"] == "sigma_dn":
-            return EXAMPLE_CAUSES["initial", "sigma_dn"]
-        return EXAMPLE_CAUSES.get((row["step"], row["column"]), EXAMPLE_COLUMNS.get(row["column"], ""))
-
-    return cause
-
-
 def uncorrupted(inputs: ReportInputs) -> Callable[[Row], str]:
     """Causes of differences in the MTF of sharp frames.
-
-    Args:
-        inputs: of the report.
 
     Returns:
         function of a row (dataset by the paper's name, estimator): the cause in words.
     """
-    records, percent = blur_records.read(inputs), training_budget.percents(inputs).get("mtf_cnn")
+    records, percent = blur_records.read(inputs.recorded), training_budget.percents(inputs).get("mtf_cnn")
 
     def cause(row: Row) -> str:
         if row["estimator"] == "ground_truth":
@@ -100,14 +64,11 @@ def uncorrupted(inputs: ReportInputs) -> Callable[[Row], str]:
 def combined(inputs: ReportInputs) -> Callable[[Row], str]:
     """Causes of differences with blur and noise at once.
 
-    Args:
-        inputs: of the report.
-
     Returns:
         function of a row: the cause in words.
     """
     percent = training_budget.percents(inputs).get("mtf_cnn")
-    records = frame_records.records_with(inputs, frame_records.COMBINED_FILES[0])
+    records = frame_records.records_with(inputs.recorded, frame_records.COMBINED_FILES[0])
     record = next((one for one in records if one.dataset == COMBINED_DATASET), None)
     causes = [f"ours is {word(COMBINED_ESTIMATOR)}, which was trained on noise, the paper's network was not"]
     if combined_estimator(inputs) == training_budget.NETWORK:
@@ -164,7 +125,7 @@ JPEG_FRAMES = "udacity"
 
 def _effects(inputs: ReportInputs) -> Callable[[Row, BlurRecord | None], str]:
     """What each choice in which the two measurements differ does to the AMAE of a row, as the factorial measured it."""
-    tables = frame_records.records_with(inputs, frame_records.FACTOR_FILES[1])
+    tables = frame_records.records_with(inputs.recorded, frame_records.FACTOR_FILES[1])
     known: dict[tuple[Any, ...], dict[str, Row]] = {}
     for table in tables:
         for effect in records_of(table.table(frame_records.FACTOR_FILES[1])):

@@ -20,7 +20,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.report import ledger_causes, ledger_sources
 from pipeline.report.display_names import word
-from pipeline.report.inputs import ReportInputs, existing, published_table
+from pipeline.report.inputs import ReportInputs, published_table
 from pipeline.report.ledger import (
     BETTER,
     CLOSE,
@@ -32,6 +32,7 @@ from pipeline.report.ledger import (
     tolerance_of_both,
 )
 from pipeline.report.tables import Row, records
+from pipeline.stage_files import existing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,7 +65,7 @@ def _holds(condition: Condition, row: Row) -> bool:
 
 @dataclass(frozen=True)
 class Barrier:
-    """A reason why rows cannot be compared.
+    """A reason why rows cannot be compared, or why they differ.
 
     Attributes:
         why: in words; ``{profile}`` is filled in.
@@ -99,6 +100,7 @@ class Item:
         dataset: of all rows, where the file has no such column.
         better: ``"lower"`` or ``"higher"`` where one side is the better one; stated in the cause.
         why: cause shown where ours differ.
+        whys: causes of some rows, in place of `why`; the first that applies counts.
         causes: function of `pipeline.report.ledger_causes` that gives a function of the row, in place of `why`.
         barriers: which rows cannot be compared; the first that applies counts.
         kind: of evidence, one of `pipeline.report.ledger.KINDS`.
@@ -120,12 +122,17 @@ class Item:
     dataset: str = ""
     better: str = ""
     why: str = ""
+    whys: Sequence[Barrier] = ()
     causes: str = ""
     barriers: Sequence[Barrier] = ()
     kind: str = EXPERIMENT
     kinds: Mapping[str, Condition] = field(default_factory=dict)
     intervals: Mapping[str, Sequence[str]] = field(default_factory=dict)
     printed: bool | Condition = True
+
+    def why_of(self, row: Row, inputs: ReportInputs) -> str:
+        """The cause shown where ours of a row differs."""
+        return next((one.why for one in self.whys if one.applies(row, inputs)), self.why)
 
     def stage_of(self, row: Row) -> str:
         """The stage that makes ours of a row."""
@@ -146,7 +153,8 @@ def _items() -> tuple[Item, ...]:
     entries = yaml.safe_load(resources.files("pipeline.report").joinpath("ledger.yaml").read_text(encoding="utf-8"))
     for entry in entries:
         entry["tolerance"] = Tolerance(**entry.get("tolerance", {}))
-        entry["barriers"] = [Barrier(**barrier) for barrier in entry.get("barriers", [])]
+        for part in ("barriers", "whys"):
+            entry[part] = [Barrier(**one) for one in entry.get(part, [])]
     return tuple(Item(**entry) for entry in entries)
 
 
@@ -271,7 +279,7 @@ def _row(item: Item, row: Row, has_run: bool, causes: Callable[[Row], str] | Non
             return replace(result, why="data absent", line=inputs.absent[dataset])
         return replace(result, why="not among our results" if has_run else "stage absent")
     if result.verdict in (BETTER, CLOSE, DIFFERS):
-        known = causes(row) if causes is not None else item.why
+        known = causes(row) if causes is not None else item.why_of(row, inputs)
         parts = [row["why"] if isinstance(row.get("why"), str) else known]
         if result.verdict != BETTER and item.better and (result.ours < paper) == (item.better == "lower"):
             parts.insert(0, f"ours is {item.better}, which is better")

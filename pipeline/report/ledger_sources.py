@@ -13,10 +13,11 @@ import numpy as np
 from pipeline import tables
 from pipeline.camera.mtf import FREQUENCIES
 from pipeline.errors import InputError
+from pipeline.experiments import blur_records, frame_records
 from pipeline.experiments.condition import SHARP
 from pipeline.experiments.intervals import median_error_of_range
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
-from pipeline.report import blur_records, detection_results, frame_records
+from pipeline.report import detection_results
 from pipeline.report.display_names import PAPER_NAMES
 from pipeline.report.inputs import (
     ReportInputs,
@@ -25,10 +26,10 @@ from pipeline.report.inputs import (
     combined_tables,
     denoised_cells,
     noise_tables,
-    optional,
     published_table,
 )
 from pipeline.report.tables import Row, records
+from pipeline.stage_files import optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,7 +115,7 @@ def noise_medians(inputs: ReportInputs) -> pd.DataFrame | None:
     """Robust medians of every noise estimator: dataset, noise_source, target_sigma_dn, estimator, sigma_dn and its
     interval.
     """
-    summary, recorded = noise_tables(inputs)[0], frame_records.joined(inputs, frame_records.NOISE_FILE)
+    summary, recorded = noise_tables(inputs)[0], frame_records.joined(inputs.recorded, frame_records.NOISE_FILE)
     medians = [table.rename(columns={"median_dn": "sigma_dn"}) for table in (summary, recorded)]
     return _with_records(None if summary.empty else medians[0], [] if recorded.empty else medians[1:])
 
@@ -142,9 +143,13 @@ def lenses(inputs: ReportInputs) -> dict[str, np.ndarray]:
     curves = star_curve(inputs)
     if curves is None:
         return {}
+    return {"sim": np.interp(FREQUENCIES, *_from_zero(curves))}
+
+
+def _from_zero(curves: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """The star's frequencies in ascending order and the MTF measured there, from one at frequency zero on."""
     order = np.argsort(curves["frequency"])
-    frequency, measured = ([start, *curves[name][order]] for start, name in ((0.0, "frequency"), (1.0, "measured")))
-    return {"sim": np.interp(FREQUENCIES, frequency, measured)}
+    return np.r_[0.0, curves["frequency"][order]], np.r_[1.0, curves["measured"][order]]
 
 
 def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -157,9 +162,7 @@ def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:
     curves = star_curve(inputs)
     if curves is None:
         return None
-    order = np.argsort(curves["frequency"])
-    frequency = np.concatenate([[0.0], curves["frequency"][order]])
-    measured = np.concatenate([[1.0], curves["measured"][order]])
+    frequency, measured = _from_zero(curves)
     nominal = np.array(NOMINAL_FREQUENCIES)
     nominal = nominal[nominal <= frequency[-1] + 1e-9]
     table = pd.DataFrame({"frequency": nominal, "mtf": np.interp(nominal, frequency, measured)})
@@ -177,7 +180,9 @@ def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
     parts = [sharp_mtf(inputs), _horizontal(sharp_curves(blur_estimates(inputs), inputs.seed))]
     known = [part for part in parts if part is not None and len(part)]
     selected = pd.concat(known, ignore_index=True) if known else None
-    return _with_records(selected, [_horizontal(one.as_the_paper_ran(one.sharp)) for one in blur_records.read(inputs)])
+    return _with_records(
+        selected, [_horizontal(one.as_the_paper_ran(one.sharp)) for one in blur_records.read(inputs.recorded)]
+    )
 
 
 def _horizontal(curves: pd.DataFrame) -> pd.DataFrame:
@@ -208,7 +213,7 @@ def published_uncorrupted(inputs: ReportInputs) -> pd.DataFrame:
 
 def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:
     """Uncalibrated AMAE of every blur estimator: dataset, estimator, blur, size_px, amae_percent and its interval."""
-    parts = [blur_summary(inputs), *(one.as_the_paper_ran(one.summary) for one in blur_records.read(inputs))]
+    parts = [blur_summary(inputs), *(one.as_the_paper_ran(one.summary) for one in blur_records.read(inputs.recorded))]
     columns = ["dataset", "estimator", "blur_kind", "kernel_size_px", "amae_percent", "low_percent", "high_percent"]
     raw = [part[~part["calibrated"].astype(bool) & (part["blur_kind"] != SHARP)][columns] for part in parts]
     return _with_records(raw[0] if len(raw[0]) else None, raw[1:])
@@ -216,7 +221,7 @@ def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:
 
 def is_of_authors(dataset: str, estimator: str, inputs: ReportInputs) -> bool:
     """Whether an estimator was recorded on the very frames that the paper calls by this name, ours being others."""
-    recorded = blur_records.estimators(inputs)
+    recorded = blur_records.estimators(inputs.recorded)
     return any(estimator in recorded.get(group, ()) for group, name in PAPER_NAMES.items() if name == dataset)
 
 
@@ -281,10 +286,7 @@ def _of_udacity(ran: pd.DataFrame, inputs: ReportInputs, file: str) -> pd.DataFr
 
     They are of the paper's network where it was run on all that the other estimator was run on.
     """
-    import pandas as pd
-
-    recorded = frame_records.not_run(frame_records.joined(inputs, file), ran)
-    table = pd.concat([part for part in (ran, recorded) if len(part)] or [ran], ignore_index=True)
+    table = frame_records.with_records(ran, inputs.recorded, file)
     rows = table[(table["dataset"] == COMBINED_DATASET) & ~table["calibrated"].astype(bool)]
     network, other = (rows[rows["estimator"] == name] for name in (NETWORK, COMBINED_ESTIMATOR))
     return network if len(network) >= max(len(other), 1) else other

@@ -9,7 +9,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 from pipeline.errors import InputError
-from pipeline.report.inputs import ReportInputs, existing
+from pipeline.report.inputs import ReportInputs
+from pipeline.stage_files import existing
 
 SHOWN_HASH = 10  # letters of a hash that are shown
 

@@ -26,11 +26,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from pipeline.report.display_names import DATASETS, in_order, word
+from pipeline.report.display_names import DATASETS, ESTIMATORS, in_order, word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -143,6 +147,42 @@ def overview(
         line = absent or inputs.line(stage.format(dataset=dataset))
         runs.append(Run(experiment, dataset, dataset in done, why, line, dataset in known))
     return runs
+
+
+def pairs_of(table: pd.DataFrame) -> set[tuple[str, str]]:
+    """Pairs of dataset and estimator in a table."""
+    return {(str(dataset), str(name)) for dataset, name in zip(table["dataset"], table["estimator"], strict=True)}
+
+
+def runs_by_estimator(
+    title: str,
+    stage: str,
+    ran: Iterable[tuple[str, str]],
+    recorded: Iterable[tuple[str, str]],
+    inputs: ReportInputs,
+    planned: Iterable[str] = (),
+) -> list[Run]:
+    """The overview's lines of an experiment by estimator, over every dataset of the report.
+
+    Args:
+        title: of the experiment, in words.
+        stage: name of its group of stages.
+        ran: pairs of dataset and estimator.
+        recorded: likewise, of records.
+        inputs: of the report.
+        planned: estimators that are listed in any case.
+    """
+    done, known = list(ran), list(recorded)
+    names = in_order([*planned, *(name for _, name in [*done, *known])], ESTIMATORS) or ["<estimator>"]
+    return [
+        run
+        for estimator in names
+        for run in overview(
+            f"{title} by {word(estimator)}", f"{stage}@{{dataset}}-{estimator}",
+            [dataset for dataset, name in done if name == estimator], inputs,
+            recorded=[dataset for dataset, name in known if name == estimator],
+        )
+    ]  # fmt: skip
 
 
 def single(experiment: str, stage: str, ran: bool, inputs: ReportInputs) -> Run:

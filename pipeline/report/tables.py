@@ -265,6 +265,22 @@ def ordered(frame: pd.DataFrame, **orders: Iterable[Any]) -> pd.DataFrame:
     return frame.assign(**ranks).sort_values(list(ranks), kind="stable").drop(columns=list(ranks))
 
 
+def reasons_of(estimates: pd.DataFrame) -> Callable[[Row], str]:
+    """A function from a row (dataset, estimator) to the reasons of its abstentions with their counts, in words.
+
+    Args:
+        estimates: dataset, estimator, abstained, reason; a row for each patch.
+    """
+    groups = estimates[estimates["abstained"]].groupby(["dataset", "estimator"])["reason"]
+    counts = {key: reasons.value_counts().sort_index() for key, reasons in groups}
+
+    def words(row: Row) -> str:
+        known = counts.get((row["dataset"], row["estimator"]))
+        return "" if known is None else ", ".join(f"{reason}: {count:,}" for reason, count in known.items())
+
+    return words
+
+
 def mean_cell(cells: Sequence[Cell], *, complete: bool = True) -> Cell:
     """The mean of cells, beside the mean of the paper's values where every averaged cell has one.
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 
+from pipeline.learning.learning_curve import read
 from pipeline.report.display_names import ESTIMATORS
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.learning_curves import read
 from pipeline.report.tables import format_number
 
 PAPER_SAMPLES = {"mtf_cnn": 51 * 136_425, "sigma_cnn": 99 * 4_744}

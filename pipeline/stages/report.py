@@ -29,8 +29,8 @@ def run(run: Run) -> None:
     import yaml
 
     from pipeline import store
+    from pipeline.experiments.headline_metrics import headline
     from pipeline.report.build import build
-    from pipeline.report.headline import headline
     from pipeline.report.inputs import ReportInputs, mode_of
     from pipeline.report.sections.runtime import COMMAND
 

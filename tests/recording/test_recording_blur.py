@@ -21,10 +21,9 @@ from pipeline.datasets.index import index
 from pipeline.datasets.open import open_section
 from pipeline.errors import InputError
 from pipeline.executor import run_map
+from pipeline.experiments import blur_records
 from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY
 from pipeline.recording.blur import record
-from pipeline.report import blur_records
-from pipeline.report.inputs import ReportInputs
 from pipeline.stages.blur import run as stage
 
 REPO = Path(__file__).resolve().parents[2]
@@ -61,7 +60,7 @@ def recorded(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def read(recorded: Path) -> blur_records.BlurRecord:
-    (one,) = blur_records.read(ReportInputs(paper=REPO / "data/paper", recorded=recorded))
+    (one,) = blur_records.read(recorded)
     return one
 
 
@@ -151,23 +150,20 @@ def test_what_is_absent_is_named_and_nothing_is_written(root: Path, tmp_path: Pa
 
 
 def test_records_are_told_apart_by_what_they_hold(recorded: Path, tmp_path: Path) -> None:
-    def inputs(place: Path | None) -> ReportInputs:
-        return ReportInputs(paper=REPO / "data/paper", recorded=place)
-
-    assert blur_records.read(inputs(None)) == [] == blur_records.read(inputs(tmp_path / "none"))
+    assert blur_records.read(None) == [] == blur_records.read(tmp_path / "none")
     store.write_text(tmp_path / "other/precision.csv", "label\n")
     store.write_json(tmp_path / "other/provenance.json", {"dataset": "kitti"})
-    assert blur_records.read(inputs(tmp_path)) == []
-    assert blur_records.estimators(inputs(recorded)) == {"mine": set(ESTIMATORS)}
+    assert blur_records.read(tmp_path) == []
+    assert blur_records.estimators(recorded) == {"mine": set(ESTIMATORS)}
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
         for path in (recorded / "mine-blur").iterdir():
             (tmp_path / name / path.name).write_bytes(path.read_bytes())
     with pytest.raises(InputError, match="both hold summary.csv of 'mine'"):
-        blur_records.read(inputs(tmp_path))
+        blur_records.read(tmp_path)
     store.write_json(tmp_path / "two/provenance.json", {"dataset": "mine"})
     with pytest.raises(InputError, match=r"two/provenance.json: expected the keys \['blur', "):
-        blur_records.read(inputs(tmp_path))
+        blur_records.read(tmp_path)
 
 
 def test_an_estimator_joins_those_recorded(root: Path, recorded: Path, tmp_path: Path) -> None:

@@ -15,20 +15,14 @@ from report_makers import ABSENT, REPO
 
 from pipeline import store
 from pipeline.camera.mtf import CAMERA, GENERIC_LENS
+from pipeline.experiments import blur_records
 from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.experiments.tables import BLUR_SUMMARY
-from pipeline.report import blur_records, ledger_sources
+from pipeline.report import ledger_sources
 from pipeline.report.build import build
-from pipeline.report.inputs import (
-    ReportInputs,
-    blur_estimates,
-    blur_summary,
-    published,
-    published_table,
-    relative_mtf,
-)
+from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, published, published_table, relative_mtf
 from pipeline.report.ledger_items import ITEMS, rows_of
-from pipeline.report.sections import blur, blur_recorded, detection
+from pipeline.report.sections import blur, detection
 from pipeline.report.spec import Figure
 from pipeline.report.tables import Estimate, Table
 
@@ -69,7 +63,7 @@ def inputs(made: ReportInputs, tmp_path_factory: pytest.TempPathFactory) -> Repo
 
 @pytest.fixture(scope="module")
 def blocks(inputs: ReportInputs) -> dict[str, Figure | Table]:
-    section = blur_recorded.section(inputs)
+    section = blur.recorded(inputs)
     assert section is not None and section.key == "blur_recorded" and not section.runs
     return {block.name: block for block in section.blocks if isinstance(block, (Figure, Table))}
 
@@ -131,15 +125,15 @@ def test_what_was_recorded_is_a_state_of_the_overview(inputs: ReportInputs, made
 
 
 def test_without_records_there_is_no_section(made: ReportInputs, tmp_path: Path) -> None:
-    assert blur_recorded.section(made) is None
-    assert blur_recorded.section(dataclasses.replace(made, recorded=tmp_path)) is None
+    assert blur.recorded(made) is None
+    assert blur.recorded(dataclasses.replace(made, recorded=tmp_path)) is None
 
 
 def test_a_record_of_one_kind_is_no_record_of_the_other(inputs: ReportInputs) -> None:
     """Those of detection in the repository are not taken for blur's; blur's not for detection's."""
     result = detection.section(inputs)
     assert not [block for block in result.blocks if isinstance(block, Figure)]
-    both = blur_recorded.section(dataclasses.replace(inputs, recorded=REPO / "reports/recorded"))
+    both = blur.recorded(dataclasses.replace(inputs, recorded=REPO / "reports/recorded"))
     assert both is not None and not [block for block in both.blocks if "iopc" in getattr(block, "name", "")]
 
 
@@ -193,7 +187,7 @@ def test_a_relative_mtf_is_no_curve_of_sharp_frames(made: ReportInputs, tmp_path
 
 
 def test_what_an_mtf_is_relative_to_is_a_column_of_the_records_not_a_rule_of_names() -> None:
-    for one in blur_records.read(ReportInputs(paper=REPO / "data/paper", recorded=REPO / "reports/recorded")):
+    for one in blur_records.read(REPO / "reports/recorded"):
         assert relative_mtf(one.summary) == {
             "camera_calibrated": CAMERA, "fused": CAMERA, "generic_lens": GENERIC_LENS
         }  # fmt: skip

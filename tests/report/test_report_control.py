@@ -88,7 +88,7 @@ def test_paired_differences_say_which_policies_are_beaten(section: Section) -> N
 def test_an_interval_that_includes_zero_does_not_count_as_better(tmp_path: Path) -> None:
     made.make_scenario(tmp_path, "dusk_drive", 1000.0, 25.0)
     results = scenario_results(ReportInputs(paper=made.PAPER, control=tmp_path, scenarios=SCENARIOS))
-    assert not control_tables.beats_all(results[0], "iopc_continuous")
+    assert not results[0].beats_all("iopc_continuous")
     (row,) = [row for row in control_tables.pairs(results).rows if row["policy"] == "IOPC continuous"]
     assert row["better"] == "than Fixed and Shin 2019"
     assert "in 0 of 1 scenarios" in control_tables.findings(results)[0]

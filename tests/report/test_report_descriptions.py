@@ -21,7 +21,22 @@ CODE = "\n".join(path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob
 
 CONTENT = """
 texts: {one: "{name:word} and {name}, {name:lower}, {number:.1f}"}
-figures: {shown: "On {dataset:word}."}
+figures:
+  shown: "On {dataset:word}."
+  many:
+    caption: Many.
+    alt: "Of {dataset:word}: {words}; {clauses}."
+    words: "{dataset:word} {value:.1f}"
+    grid:
+      down: dataset
+      across: kind
+      headings: "kind {}"
+      x: x
+      y: y
+      lines: {by: estimator, x: x, y: value, band: [low, high]}
+      values: [x, value]
+      sort: [x]
+      axes: {ylim: [0, 5]}
 tables:
   plain:
     name: plain_{dataset}
@@ -35,6 +50,16 @@ tables:
       "*": {unit: px}
     notes: [Always.]
     further_notes: {late: "Late on {dataset:word}."}
+  spread:
+    caption: Spread.
+    order: [dataset]
+    columns:
+      dataset: {title: Dataset, word: dataset}
+      both: {title: Both, text: "{first}, {dataset:lower}"}
+      kind: {title: Kind, source: first, choices: {one: The first}}
+      total: {title: Total, sum: [a, b]}
+      "*": {unit: "%", source: value, key: "level_{:g}", heading: "{:g} DN",
+            spread: {across: level, index: [dataset, first, a, b]}}
 """
 ROW = {"dataset": "sim", "value": 2.0, "low": 1.0, "high": 3.0, "count": 4, "paper": 2.5, "fraction": 0.25, "a": 7}
 
@@ -60,6 +85,35 @@ def test_a_table_follows_its_description(page: Descriptions) -> None:
     assert table.rows == [
         {"dataset": "Sim", "error": Estimate(2.0, 1.0, 3.0, 4, 2.5), "share": 25.0, "twice": 14, "a": 7}
     ]
+
+
+def test_rows_are_ordered_spread_and_put_in_words(page: Descriptions) -> None:
+    row = {"dataset": "photos", "first": "one", "a": 1, "b": 2.0}
+    other = {"dataset": "sim", "first": "two", "a": 3, "b": 4.0}
+    frame = pd.DataFrame([row | {"level": 5.0, "value": 0.5}, row | {"level": 0.0, "value": 0.1}])
+    table = page.table("spread", pd.concat([frame, pd.DataFrame([other | {"level": 5.0, "value": 0.7}])]))
+    assert table.rows == [
+        {"dataset": "Sim", "both": "two, sim", "kind": "two", "total": 7, "level_5": 0.7},
+        {"dataset": "Photos", "both": "one, photos", "kind": "The first", "total": 3, "level_5": 0.5, "level_0": 0.1},
+    ]
+    assert [column.heading for column in table.columns[4:]] == ["0 DN [%]", "5 DN [%]"]
+
+
+def test_a_grid_of_panels_follows_its_description(page: Descriptions) -> None:
+    keys = {"dataset": "sim", "estimator": "pca", "kind": 1}
+    frame = pd.DataFrame([keys | {"x": x, "value": x + 1.0, "low": x, "high": x + 2.0} for x in (2.0, 1.0)])
+    seen: list[str] = []
+    looks = {"pca": {"color": "#000000"}}
+    alt = page.alt("many", [{"dataset": "kitti", "value": 1}], dataset="sim")
+    drawing = page.grid(
+        "many", frame, alt, looks, down=["sim", "kitti"], under=lambda axes, rows, key: seen.append(key)
+    )
+    assert drawing.alt == "Of Sim: KITTI 1.0; KITTI 1.0."
+    assert seen == ["sim 1", "kitti 1"]
+    assert drawing.values is not None and drawing.values.to_dict("list") == {"x": [1.0, 2.0], "value": [2.0, 3.0]}
+    upper, lower = drawing.figure.axes
+    assert upper.get_title() == "kind 1" and upper.get_ylim() == (0, 5)
+    assert list(upper.lines[0].get_ydata()) == [2.0, 3.0] and lower.texts[0].get_text() == "not run"
 
 
 def test_a_fraction_that_is_not_known_gives_an_empty_cell(page: Descriptions) -> None:
@@ -90,7 +144,14 @@ def test_every_description_is_used_and_complete(path: Path) -> None:
             assert re.search(rf'"{key}"|"{prefix}_\{{|"{prefix}"', CODE), (part, key)
             if part == "tables":
                 assert {"caption", "columns"} <= set(entry), key
-                assert set(entry) <= {"name", "caption", "stage", "columns", "notes", "further_notes", "reference_word"}
+                known = {"name", "caption", "stage", "order", "columns", "notes", "further_notes", "reference_word"}
+                assert set(entry) <= known, key
                 allowed = {"title", "unit", "decimals", "word", "percent", "estimate", "source", "wide"}
+                allowed |= {"choices", "text", "sum", "spread", "key", "heading"}
                 assert all(set(column) <= allowed for column in entry["columns"].values()), key
+                spread = entry["columns"].get("*", {}).get("spread", {"across", "index"})
+                assert set(spread) == {"across", "index"}, key
                 assert all(column.get("title") for name, column in entry["columns"].items() if name != "*"), key
+            if part == "figures" and isinstance(entry, dict):
+                assert "caption" in entry and set(entry) <= {"caption", "alt", "words", "grid"}, key
+                assert ("words" in entry) <= ("alt" in entry), key

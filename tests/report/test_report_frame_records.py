@@ -12,13 +12,13 @@ from report_makers import REPO, make_noise
 
 from pipeline import store
 from pipeline.experiments.factors import EFFECTS, FACTOR_CELLS, SETTINGS
+from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, FACTOR_FILES, NOISE_FILE
 from pipeline.recording.provenance import write_csv
 from pipeline.report import ledger_causes, ledger_sources
-from pipeline.report.frame_records import COMBINED_FILES, DENOISED_FILE, FACTOR_FILES, NOISE_FILE
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import NOT_RUN
 from pipeline.report.ledger_items import ITEMS, rows_of
-from pipeline.report.sections import combined, combined_recorded, factors, noise, noise_recorded
+from pipeline.report.sections import combined, factors, noise
 from pipeline.report.spec import Figure
 from pipeline.report.tables import Estimate, Table
 
@@ -75,7 +75,7 @@ def blocks_of(section: object) -> dict[str, Figure | Table]:
 
 
 def test_the_noise_figure_and_medians_of_every_recorded_dataset(inputs: ReportInputs) -> None:
-    blocks = blocks_of(noise_recorded.section(inputs))
+    blocks = blocks_of(noise.recorded(inputs))
     assert list(blocks) == [
         "recorded_noise_sources", "recorded_noise", "recorded_noise_udacity", "recorded_noise_sim_authors"
     ]  # fmt: skip
@@ -87,7 +87,7 @@ def test_the_noise_figure_and_medians_of_every_recorded_dataset(inputs: ReportIn
 
 
 def test_blur_and_noise_tables_stand_beside_the_papers_numbers(inputs: ReportInputs) -> None:
-    blocks = blocks_of(combined_recorded.section(inputs))
+    blocks = blocks_of(combined.recorded(inputs))
     for name in ("recorded_combined_curves_udacity", "recorded_combined_amae_udacity_cnn"):
         assert isinstance(blocks[name], Figure)
     shown = blocks["recorded_combined_photon_defocus_udacity"]
@@ -150,7 +150,7 @@ def test_factors_are_listed_whole_and_by_kernel(inputs: ReportInputs) -> None:
 
 def test_nothing_recorded_is_no_section(tmp_path: Path) -> None:
     nothing = ReportInputs(paper=REPO / "data/paper", recorded=tmp_path)
-    assert noise_recorded.section(nothing) is combined_recorded.section(nothing) is factors.section(nothing) is None
+    assert noise.recorded(nothing) is combined.recorded(nothing) is factors.section(nothing) is None
 
 
 def test_an_item_without_datasets_has_no_rows() -> None:

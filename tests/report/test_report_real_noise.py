@@ -9,8 +9,8 @@ import pytest
 from report_makers import REPO
 
 from pipeline import store
+from pipeline.experiments import real_noise_records
 from pipeline.experiments.real_noise_tables import REAL_NOISE_PATCHES, REAL_NOISE_SUMMARY
-from pipeline.report import real_noise_records
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import real_noise
 from pipeline.report.spec import Figure
@@ -40,7 +40,7 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
     assert isinstance(table, Table)
     first = table.rows[0]
     assert first["recording"] == "CC" and first["estimator"] == "Adaptive"
-    recorded = {part.name: part for part in real_noise_records.recordings(inputs)}
+    recorded = {part.name: part for part in real_noise_records.recordings(inputs.real_noise, inputs.recorded)}
     selected = recorded["cc"].summary.set_index("estimator").loc["adaptive"]
     error = first["true_mae_dn"]
     assert isinstance(error, Estimate)
@@ -50,7 +50,7 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
 
 
 def test_examples_show_both_answers_and_the_reason_to_abstain(inputs: ReportInputs) -> None:
-    made = real_noise_records.examples(inputs)
+    made = real_noise_records.examples(inputs.recorded)
     assert made is not None and [crop.shape for crop in made.crops] == [(128, 128)] * 3
     drawing = real_noise.crops(made)
     now = made.table[made.table["estimator"] == "adaptive"]
@@ -61,13 +61,13 @@ def test_examples_show_both_answers_and_the_reason_to_abstain(inputs: ReportInpu
 
 
 def test_a_stage_that_has_run_takes_the_place_of_the_record(inputs: ReportInputs, tmp_path: Path) -> None:
-    recorded = {part.name: part for part in real_noise_records.recordings(inputs)}["cc"]
+    recorded = {part.name: part for part in real_noise_records.recordings(inputs.real_noise, inputs.recorded)}["cc"]
     patches = recorded.patches[recorded.patches["picture"] == recorded.patches["picture"].iloc[0]]
     store.write_json(tmp_path / "cc/recording.json", {"ran": True, "source": "my camera"})
     store.write_table(tmp_path / "cc/patches.parquet", patches, REAL_NOISE_PATCHES)
     store.write_table(tmp_path / "cc/summary.parquet", recorded.summary, REAL_NOISE_SUMMARY)
     changed = dataclasses.replace(inputs, real_noise={**inputs.real_noise, "cc": tmp_path / "cc"})
-    parts = real_noise_records.recordings(changed)
+    parts = real_noise_records.recordings(changed.real_noise, changed.recorded)
     assert [(part.name, part.stage) for part in parts] == [("cc", "real_noise@cc"), ("polyu", ""), ("flea3", "")]
     assert parts[0].source == "my camera" and len(parts[0].patches) == len(patches)
     section = real_noise.section(changed)

@@ -10,8 +10,8 @@ import pytest
 from report_makers import REPO
 
 from pipeline.errors import InputError
+from pipeline.learning.learning_curve import read
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.learning_curves import read
 from pipeline.report.sections import training
 from pipeline.report.spec import Figure, NotRun
 from pipeline.report.tables import Estimate, Table
@@ -48,7 +48,11 @@ def folder(tmp_path: Path) -> Path:
 
 def test_curves_are_read_by_what_their_columns_say(folder: Path) -> None:
     blur, noise, detector = read(folder)
-    assert [one.title for one in (blur, noise, detector)] == ["Blur: CNN", "Noise: Cell-wise", "Detector: Compact"]
+    assert [training.network_title(one) for one in (blur, noise, detector)] == [
+        "Blur: CNN",
+        "Noise: Cell-wise",
+        "Detector: Compact",
+    ]
     assert (blur.parameters, blur.chosen, blur.samples, blur.steps) == (17, 200, 2 * 3 * 16 * 2, 400)
     assert (blur.measure, blur.unit, noise.unit, detector.measure) == ("mtf_error_percent", "%", "DN", "ap")
     assert blur.held_out().to_dict() == {200: 10.0, 400: 11.0}
@@ -75,7 +79,7 @@ def test_one_panel_a_network_with_the_released_step_marked(folder: Path) -> None
     curves = read(folder)
     drawing = training.curves_figure(curves)
     panels = [axes for axes in drawing.figure.axes if axes.axison]
-    assert [axes.get_title() for axes in panels] == [one.title for one in curves]
+    assert [axes.get_title() for axes in panels] == [training.network_title(one) for one in curves]
     marked = [line for line in panels[0].get_lines() if line.get_label() == "released"]
     assert marked[0].get_xydata().tolist() == [[200.0, 10.0]]
     assert drawing.values is not None

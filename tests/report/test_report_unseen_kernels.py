@@ -7,8 +7,9 @@ import pytest
 from report_makers import REPO
 
 from pipeline.errors import InputError
-from pipeline.report.inputs import ReportInputs, described
+from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import blur, blur_amae
+from pipeline.stage_files import described
 
 RECORD = REPO / "benchmarks/results/unseen_kernels.json"
 
@@ -21,10 +22,15 @@ def content() -> dict:
 def test_the_committed_record_is_shown_number_by_number(content: dict) -> None:
     table = blur_amae.unseen_kernels(content)
     photos = [row for row in table.rows if row["dataset"] == "Photos"]
-    ways = {"raw": "", "typical": ", generic lens", "calibrated": ", calibrated", "fitted": ", camera-calibrated"}
-    assert [row["estimator"] for row in photos[:4]] == [f"Spectral{suffix}" for suffix in ways.values()]
-    for row, way in zip(photos, ways, strict=False):
-        result = content["results"]["photos"]["spectral"][way]
+    answers = {
+        "raw": "",
+        "generic_lens": ", generic lens",
+        "calibrated": ", calibrated",
+        "camera_calibrated": ", camera-calibrated",
+    }
+    assert [row["estimator"] for row in photos[:4]] == [f"Spectral{suffix}" for suffix in answers.values()]
+    for row, answer in zip(photos, answers, strict=False):
+        result = content["results"]["photos"]["spectral"][answer]
         per_kernel = result["amae_percent"].values()
         assert row["mean"] == pytest.approx(sum(per_kernel) / len(per_kernel), abs=2e-3)
         assert row["aberrated"] == result["mean_of_group_percent"]["aberrated"]

@@ -13,16 +13,12 @@ from functools import cached_property
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from pipeline.report import blur_records, detection_results, frame_records, ledger_sources
+from pipeline.experiments import blur_records
+from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, NOISE_FILE, with_records
+from pipeline.report import detection_results, ledger_sources
 from pipeline.report.display_names import counted, listing, word
-from pipeline.report.inputs import (
-    ReportInputs,
-    combined_tables,
-    denoised_cells,
-    noise_tables,
-    optional,
-    published_table,
-)
+from pipeline.report.inputs import ReportInputs, combined_tables, denoised_cells, noise_tables, published_table
+from pipeline.stage_files import optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -117,9 +113,9 @@ class Evidence:
         """Raw blur cells under noise (`pipeline.experiments.tables.BLUR_CELLS`), improved estimation among them."""
         import pandas as pd
 
-        ran = (combined_tables(self.inputs)[0], frame_records.COMBINED_FILES[0])
-        smoothed = (denoised_cells(self.inputs), frame_records.DENOISED_FILE)
-        cells = pd.concat([self._with_records(*ran), self._with_records(*smoothed)], ignore_index=True)
+        ran = self._with_records(combined_tables(self.inputs)[0], COMBINED_FILES[0])
+        smoothed = self._with_records(denoised_cells(self.inputs), DENOISED_FILE)
+        cells = pd.concat([ran, smoothed], ignore_index=True)
         cells = cells[~cells["calibrated"].astype(bool)]
         return cells.drop_duplicates(
             ["dataset", "estimator", "experiment", "kernel_size_px", "target_sigma_dn", "filter_px"]
@@ -128,12 +124,12 @@ class Evidence:
     @cached_property
     def curves(self) -> pd.DataFrame:
         """Example curves of blur under noise (`pipeline.experiments.tables.CURVES`)."""
-        return self._with_records(combined_tables(self.inputs)[2], frame_records.COMBINED_FILES[2])
+        return self._with_records(combined_tables(self.inputs)[2], COMBINED_FILES[2])
 
     @cached_property
     def noise(self) -> pd.DataFrame:
         """`pipeline.tables.NOISE_SUMMARY`."""
-        return self._with_records(noise_tables(self.inputs)[0], frame_records.NOISE_FILE)
+        return self._with_records(noise_tables(self.inputs)[0], NOISE_FILE)
 
     @cached_property
     def detection(self) -> list[Results]:
@@ -158,15 +154,10 @@ class Evidence:
     @cached_property
     def recorded(self) -> dict[str, pd.DataFrame]:
         """Dataset -> Table I recorded on it."""
-        return {one.dataset: one.summary for one in blur_records.read(self.inputs)}
+        return {one.dataset: one.summary for one in blur_records.read(self.inputs.recorded)}
 
     def _with_records(self, ran: pd.DataFrame, file: str) -> pd.DataFrame:
-        """A table of stages with what was recorded on other datasets."""
-        import pandas as pd
-
-        recorded = frame_records.not_run(frame_records.joined(self.inputs, file), ran)
-        parts = [part for part in (ran, recorded) if len(part)]
-        return pd.concat(parts, ignore_index=True) if parts else ran
+        return with_records(ran, self.inputs.recorded, file)
 
     def table(self, name: str) -> Any:
         """A table of the stages of control, by its path below their folder; None where it has not run."""

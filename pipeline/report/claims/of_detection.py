@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from pipeline.control.order_conclusions import DETECTOR, ENCODED, LINEAR, PAPER, Study
+from pipeline.control.scenario_result import OURS
 from pipeline.report import detection_results
 from pipeline.report.claims.claim import (
     CONTRADICTED,
@@ -16,16 +18,17 @@ from pipeline.report.claims.claim import (
     of_cells,
     of_number,
 )
-from pipeline.report.control_results import OURS, policy_word, scenario_results
+from pipeline.report.control_results import policy_word, scenario_results
 from pipeline.report.display_names import word
-from pipeline.report.inputs import optional, published_table
+from pipeline.report.inputs import published_table
 from pipeline.report.sections import order_study
 from pipeline.report.tables import records
+from pipeline.stage_files import optional
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipeline.report.sections.order_study import Conclusion
+    from pipeline.control.order_conclusions import Conclusion
 
 BUILT_IN = ("prosilica", "mean_intensity")
 
@@ -179,14 +182,14 @@ def _trade(evidence: Evidence) -> Measurement | None:
 
 def order(evidence: Evidence, *, conclusion: Conclusion) -> Measurement | None:
     """A conclusion of the order study, under the detector's order and in linear light."""
-    setting = (order_study.DETECTOR, order_study.LINEAR)
+    setting = (DETECTOR, LINEAR)
     conditions, effects = (evidence.table(f"order_study/{name}.parquet") for name in ("study", "effects"))
     if conditions is None or effects is None:
         return None
-    study = order_study.Study(conditions, effects)
+    study = Study(conditions, effects)
     verdicts = {True: SUPPORTED, False: CONTRADICTED, None: UNDECIDED}
-    text = f"{study.evidence(conclusion, setting)}; in the paper's order and light "
-    text += study.evidence(conclusion, (order_study.PAPER, order_study.ENCODED))
+    text = f"{order_study.evidence(study, conclusion, setting)}; in the paper's order and light "
+    text += order_study.evidence(study, conclusion, (PAPER, ENCODED))
     return Measurement(f"{text}.", verdicts[study.holds(conclusion, setting)], on=word("sim"))
 
 

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 from pipeline.report.claims.claim import Evidence, Measurement, Measures, of_cells, of_number
 from pipeline.report.display_names import word
-from pipeline.report.inputs import any_table, existing, published_table
+from pipeline.report.inputs import published_table
 from pipeline.report.ledger_sources import levels
 from pipeline.report.tables import Row, records
+from pipeline.stage_files import any_table, existing
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,4 +1,4 @@
-"""Blur estimation: MTF of uncorrupted datasets, Table I, and the gallery of kernel estimates."""
+"""Blur estimation, by stages and on recorded pictures: MTF of uncorrupted datasets, Table I, kernel estimates."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES, SYSTEM
-from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves, sharp_errors
-from pipeline.report import blur_records, style
-from pipeline.report.display_names import ESTIMATORS, in_order, listing, word
-from pipeline.report.figures import PAPER, Facet, abstentions, beside_the_paper, lines, small_multiples
+from pipeline.camera.mtf import FREQUENCIES, SYSTEM
+from pipeline.experiments import blur_records
+from pipeline.experiments.blur_records import BlurRecord
+from pipeline.experiments.sharp_curves import sharp_curves, sharp_errors
+from pipeline.report import style
+from pipeline.report.display_names import ESTIMATORS, counted, in_order, listing, word
+from pipeline.report.figures import PAPER, abstentions, beside_the_paper, lines
 from pipeline.report.inputs import (
     ReportInputs,
+    at_frequencies,
     blur_estimates,
     blur_summary,
-    described,
     mode_note,
+    mode_of,
     published,
     relative_mtf,
 )
@@ -25,9 +28,10 @@ from pipeline.report.ledger import LedgerRow
 from pipeline.report.ledger_sources import lenses, star_curve
 from pipeline.report.sections import blur_amae, kernel_gallery
 from pipeline.report.sections.blur_amae import ANY_STAGE, PAGE, STAGE
-from pipeline.report.spec import Block, NotRun, Run, Section, missing, overview, single
+from pipeline.report.spec import Block, NotRun, Run, Section, missing, pairs_of, runs_by_estimator, single
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Table, records
+from pipeline.report.tables import Table, as_recorded
+from pipeline.stage_files import described
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +41,6 @@ TITLE = "Blur estimation"
 STAR: style.Look = {"color": style.INK, "linewidth": 1.0}
 
 
-@style.styled
 def uncorrupted(
     curves: pd.DataFrame,
     datasets: Sequence[str],
@@ -54,17 +57,14 @@ def uncorrupted(
     """
     import pandas as pd
 
-    stars = stars or {}
-    theirs = pd.DataFrame({"dataset": [], "estimator": [], "at": [], "mtf": []}) if paper is None else paper
-    theirs = theirs[theirs["dataset"].isin(list(datasets))]
-    has_paper = len(theirs) > 0
-    if has_paper:
-        theirs = theirs[(theirs["statistic"] == "median") & (theirs["estimator"] != "ground_truth")]
-        theirs = theirs.assign(at=[FREQUENCIES[NOMINAL_FREQUENCIES.index(value)] for value in theirs["frequency"]])
+    stars, theirs = stars or {}, pd.DataFrame({"dataset": [], "estimator": [], "at": [], "mtf": []})
+    if paper is not None:
+        of_medians = (paper["statistic"] == "median") & (paper["estimator"] != "ground_truth")
+        theirs = at_frequencies(paper[of_medians & paper["dataset"].isin(list(datasets))])
     estimators = in_order(curves["estimator"], ESTIMATORS)
     looks = style.series_looks(in_order([*estimators, *theirs["estimator"]], ESTIMATORS), linestyle="-")
 
-    def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+    def references(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         dataset, axis = key.rsplit(" ", 1)
         if dataset in stars:
             frequency, mtf = (np.asarray(values, dtype=float) for values in stars[dataset])
@@ -73,23 +73,17 @@ def uncorrupted(
         if axis == "H":
             beside = theirs[theirs["dataset"] == dataset]
             lines(axes, beside, "estimator", looks, "at", "mtf", change=PAPER, zorder=2, part="paper", key=key)
-        lines(axes, rows, "estimator", looks, "at", "median", band=("min", "max"), part="median", key=key)
-        first = rows[rows["frequency_index"] == 0].set_index("estimator")[["abstained", "count"]]
-        counts = {name: (int(first["abstained"][name]), int(first.loc[name].sum())) for name in first.index}
-        abstentions(axes, {name: counts[name] for name in estimators if name in counts}, key, at_top=False)
 
-    legend = beside_the_paper(looks, estimators, has_paper)
-    if any(name in stars for name in datasets):
-        legend.append(("Siemens star", STAR))
-    return small_multiples(
-        curves.assign(at=FREQUENCIES[curves["frequency_index"].to_numpy(int)]),
-        Facet("dataset", datasets), Facet("axis", "HV", lambda axis: DIRECTIONS["HV".index(axis)].capitalize()), panel,
-        x="spatial frequency [fraction of Nyquist]", y="MTF", alt=_uncorrupted_alt(curves, estimators, stars),
-        axes={"xlim": (0, 0.62), "ylim": (0, 1.03), "xticks": np.arange(0, 0.61, 0.1),
-              "yticks": np.arange(0, 1.01, 0.25)},
-        legend=legend, values=curves.drop(columns="frequency_index").sort_values(["dataset", "estimator", "axis",
-            "frequency"]),
-        series=style.switches(looks), panel_in=1.62, margin_in=0.62,
+    def counts(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+        abstentions(axes, rows[rows["frequency_index"] == 0], key, estimators, at_top=False)
+
+    is_starred = any(name in stars for name in datasets)
+    return PAGE.grid(
+        "uncorrupted_mtf", curves.assign(at=FREQUENCIES[curves["frequency_index"].to_numpy(int)]),
+        _uncorrupted_alt(curves, estimators, stars), looks,
+        down=datasets, across="HV", under=references, over=counts, values=curves.drop(columns="frequency_index"),
+        legend=[*beside_the_paper(looks, estimators, len(theirs) > 0), *([("Siemens star", STAR)] * is_starred)],
+        series=style.switches(looks),
     )  # fmt: skip
 
 
@@ -97,26 +91,23 @@ def _uncorrupted_alt(
     curves: pd.DataFrame, estimators: Sequence[str], stars: Mapping[str, tuple[np.ndarray, np.ndarray]]
 ) -> str:
     if curves.empty:
-        return "MTF of uncorrupted frames: not run."
+        return PAGE.text("uncorrupted_not_run")
     last = curves[(curves["frequency_index"] == curves["frequency_index"].max()) & (curves["axis"] == "H")]
-    ends = {name: [f"{value:.2f}" for value in group.agg(["min", "max"])] for name, group in
-            last.groupby("estimator")["median"]}  # fmt: skip
-    counts = last["estimator"].value_counts()
-    words = [f"{word(name)} {' to '.join(ends[name][: 2 if counts[name] > 1 else 1])}" for name in estimators]
-    star = [
-        f" The Siemens star of {word(dataset)} has {np.interp(FREQUENCIES[-1], frequency, mtf):.2f} there."
+    medians = last.groupby("estimator")["median"].agg(["min", "max", "size"]).loc[list(estimators)].reset_index()
+    ends = [f"{row.min:.2f} to {row.max:.2f}" if row.size > 1 else f"{row.min:.2f}" for row in medians.itertuples()]
+    sentences = [
+        PAGE.text("star_alt", dataset=dataset, mtf=np.interp(FREQUENCIES[-1], frequency, mtf))
         for dataset, (frequency, mtf) in stars.items()
     ]
-    return (
-        f"MTF estimated on sharp frames of {listing(word(name) for name in curves['dataset'].unique())} over the "
-        f"paper's eight frequencies. At the highest, {FREQUENCIES[-1]:.2f} of Nyquist, the horizontal medians are "
-        f"{listing(words)}.{''.join(star)}"
+    datasets = listing(word(name) for name in curves["dataset"].unique())
+    after = "".join(f" {sentence}" for sentence in sentences)
+    return PAGE.alt(
+        "uncorrupted_mtf", medians.assign(ends=ends), datasets=datasets, highest=FREQUENCIES[-1], after=after
     )
 
 
 def _stages(rows: pd.DataFrame) -> tuple[str, ...]:
-    ran = {(str(row["dataset"]), str(row["estimator"])) for row in records(rows[["dataset", "estimator"]])}
-    return tuple(STAGE.format(dataset=dataset, estimator=estimator) for dataset, estimator in sorted(ran))
+    return tuple(STAGE.format(dataset=dataset, estimator=estimator) for dataset, estimator in sorted(pairs_of(rows)))
 
 
 def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> Block:
@@ -132,23 +123,17 @@ def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInp
 
 def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block]:
     paper, relative = published(inputs, "blur_amae.csv"), relative_mtf(summary)
-    blocks: list[Block] = blur_amae.figures(summary, datasets, paper, _stages, relative, modes=inputs.modes)
+    blocks: list[Block] = [*blur_amae.figures(summary, datasets, paper, _stages, relative, modes=inputs.modes)]
     if not blocks:
         return [NotRun("Table I: AMAE of blur estimators", "stage absent", inputs.line(ANY_STAGE))]
-    settings = relative, inputs.modes
     for dataset in datasets:
-        for is_calibrated in (False, True):
-            if ((summary["dataset"] == dataset) & (summary["calibrated"] == is_calibrated)).any():
-                blocks.append(blur_amae.table_one(dataset, summary, paper, is_calibrated, *settings))
+        blocks += blur_amae.tables_one(dataset, summary, paper, relative, inputs.modes)
     extra = (blur_amae.beside_the_best(summary, paper), unseen(inputs))
     return [*blocks, *(one for one in extra if one is not None)]
 
 
 def unseen(inputs: ReportInputs) -> Table | None:
     """The table of kernels of a kind that no network was trained on, or None without a record.
-
-    Args:
-        inputs: of the report.
 
     Raises:
         InputError: the record holds something else.
@@ -161,23 +146,20 @@ def unseen(inputs: ReportInputs) -> Table | None:
 
 
 def _runs(summary: pd.DataFrame, inputs: ReportInputs) -> list[Run]:
-    ran = {(str(row["dataset"]), str(row["estimator"])) for row in records(summary[["dataset", "estimator"]])}
-    planned = {
+    members = inputs.blur_members or ()
+    planned = [
         member.removeprefix(f"{dataset}-")
         for dataset in inputs.datasets
-        for member in inputs.blur_members or ()
+        for member in members
         if member.startswith(f"{dataset}-")
-    }
-    recorded = blur_records.estimators(inputs)
-    return [
-        run
-        for estimator in in_order({*planned, *(name for _, name in ran)}, ESTIMATORS)
-        for run in overview(
-            f"Blur by {word(estimator)}", f"blur@{{dataset}}-{estimator}",
-            [dataset for dataset, name in ran if name == estimator], inputs,
-            recorded=[dataset for dataset, names in recorded.items() if estimator in names],
-        )
-    ]  # fmt: skip
+    ]
+    recorded = [
+        (dataset, name) for dataset, names in blur_records.estimators(inputs.recorded).items() for name in names
+    ]
+    ran = pairs_of(summary)
+    listed = {*planned, *(name for _, name in ran)}
+    known = [(dataset, name) for dataset, name in recorded if name in listed]
+    return runs_by_estimator("Blur", "blur", ran, known, inputs, planned)
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
@@ -196,3 +178,50 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     blocks += _table_one(blur_amae.without_unknown_lenses(summary, errors), datasets, inputs)
     blocks += [blur_amae.abstentions(summary, estimates), *kernel_gallery.blocks(estimates, datasets, inputs)]
     return Section("blur", TITLE, (introduction,), [*blocks, *missing(TITLE, runs)], runs)
+
+
+def subsets(record: BlurRecord) -> list[str]:
+    """A note on estimators that were run on fewer patches than the others, slow ones; none without them."""
+    whole = record.measured_on("")
+    fewer = {name: selected for name in record.estimators if (selected := record.measured_on(name)) != whole}
+    words = [
+        f"{word(name)} on {counted(patches, 'patch', 'patches')} of {counted(frames, 'frame')}"
+        for name, (frames, patches) in fewer.items()
+    ]
+    return [f"{listing(words)}, the others on {whole[1]} of {whole[0]} frames."] if words else []
+
+
+def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+    """Blur estimation on pictures recorded by ``camera-monitor blur record``, or None without a record."""
+    import pandas as pd
+
+    records = blur_records.read(inputs.recorded)
+    if not records:
+        return None
+    datasets = [one.dataset for one in records]
+    settings = {name: selected for one in records for name, selected in one.provenance["blur"]["estimators"].items()}
+    modes = {name: mode for name, selected in settings.items() if (mode := mode_of(selected))}
+    names = {one.dataset: "; ".join(map(word, in_order(one.estimators, ESTIMATORS))) for one in records}
+    sources = [{**one.described(), "estimators": names[one.dataset]} for one in records]
+    blocks: list[Block] = [PAGE.table("recorded_blur_sources", sources)]
+    curves = [one.sharp for one in records if len(one.sharp)]
+    if curves:
+        drawing = uncorrupted(pd.concat(curves, ignore_index=True), datasets, published(inputs, "uncorrupted_mtf.csv"))
+        blocks.append(PAGE.figure("recorded_uncorrupted_mtf", drawing, after=mode_note(modes, settings)))
+    summary = pd.concat([one.summary for one in records], ignore_index=True)
+    theirs, relative = published(inputs, "blur_amae.csv"), relative_mtf(summary)
+    exact = {(one.dataset, paper): name for one in records for paper, name in one.exact.items()}
+    paper = theirs
+    if theirs is not None:  # beside our exact programs, on datasets where these were run
+        pairs = zip(theirs["dataset"], theirs["estimator"], strict=True)
+        paper = theirs.assign(estimator=[exact.get(pair, pair[1]) for pair in pairs])
+    blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), relative, "recorded", modes)
+    few = PAGE.text("few_frames")
+    for one in records:
+        blurred = blur_amae.without_unknown_lenses(one.summary)
+        shown = blur_amae.tables_one(one.dataset, blurred, paper, relative, modes)
+        blocks += [as_recorded(table, *subsets(one), few) for table in shown]
+    selected = summary[~summary["estimator"].isin(set(exact.values()))]
+    beside = blur_amae.beside_the_best(selected, theirs, "")
+    blocks += [] if beside is None else [as_recorded(beside, few)]
+    return Section("blur_recorded", "Blur estimation on recorded pictures", (PAGE.text("recorded"),), blocks)

@@ -15,11 +15,22 @@ from pipeline.grouped_statistics import weighted_mean
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, DATASETS, ESTIMATORS, in_order, listing, word
-from pipeline.report.figures import PAPER, Facet, beside_the_paper, lines, small_multiples
+from pipeline.report.figures import PAPER, beside_the_paper, lines
 from pipeline.report.inputs import mode_note
-from pipeline.report.spec import Block
+from pipeline.report.spec import Figure
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Estimate, Row, Table, amae, format_number, mean_cell, ordered, pivot, records
+from pipeline.report.tables import (
+    Estimate,
+    Row,
+    Table,
+    amae,
+    format_number,
+    mean_cell,
+    ordered,
+    pivot,
+    reasons_of,
+    records,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +43,7 @@ RELATIVE = {CAMERA: "relative_to_camera", GENERIC_LENS: "relative_to_generic_len
 PAGE = Descriptions("blur")
 MEAN = "Mean"
 OTHER_FRAMES = "Frames differ from the paper's; on Sim they are of another renderer."
-KEYS = ["dataset", "estimator", "blur_kind", "kernel_size_px"]
+BLUR = ["dataset", "blur_kind", "kernel_size_px"]
 
 
 def with_paper(summary: pd.DataFrame, paper: pd.DataFrame | None) -> pd.DataFrame:
@@ -45,9 +56,10 @@ def with_paper(summary: pd.DataFrame, paper: pd.DataFrame | None) -> pd.DataFram
     """
     if paper is None:
         return summary.assign(paper_percent=math.nan)
+    keys = [*BLUR, "estimator", "calibrated"]
     theirs = paper.rename(columns={"amae_percent": "paper_percent"}).assign(calibrated=False)
     theirs = theirs[theirs["dataset"].isin(summary["dataset"])].astype({"kernel_size_px": float})
-    return summary.merge(theirs[[*KEYS, "calibrated", "paper_percent"]], how="outer", on=[*KEYS, "calibrated"])
+    return summary.merge(theirs[[*keys, "paper_percent"]], how="outer", on=keys)
 
 
 def without_unknown_lenses(summary: pd.DataFrame, errors: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -63,13 +75,15 @@ def without_unknown_lenses(summary: pd.DataFrame, errors: pd.DataFrame | None = 
     return blurred if errors is None or errors.empty else pd.concat([errors, blurred], ignore_index=True)
 
 
-def _notes(relative: Mapping[str, str], estimators: Sequence[str], is_calibrated: bool) -> list[str]:
-    """What the MTF of the estimators shown is relative to, where that is not the system."""
+def _notes(
+    relative: Mapping[str, str], modes: Mapping[str, str], estimators: Sequence[str], is_calibrated: bool
+) -> list[str]:
+    """What the MTF of the estimators shown is relative to, where that is not the system, and their modes."""
     shown = {name: relative[name] for name in estimators if name in relative}
-    return [PAGE.text(RELATIVE[to], name=name) for name, to in shown.items() if is_calibrated == (to == CAMERA)]
+    notes = [PAGE.text(RELATIVE[to], name=name) for name, to in shown.items() if is_calibrated == (to == CAMERA)]
+    return [*notes, *filter(None, [mode_note(modes, estimators)])]
 
 
-@style.styled
 def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame | None = None) -> Drawing:
     """AMAE over the kernel size: datasets down, kinds of blur across.
 
@@ -85,57 +99,25 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame |
     if paper is not None:
         theirs = paper.rename(columns={"amae_percent": "paper_amae_percent"})
         theirs = theirs[theirs["dataset"].isin(list(datasets))]
-    kinds = in_order([*summary["blur_kind"], *theirs["blur_kind"]], BLURS)
     estimators = in_order([*summary["estimator"], *theirs["estimator"]], ESTIMATORS)
     looks = style.series_looks(estimators, linestyle="-")  # dashes distinguish the paper's curves, not estimators
     top = float(np.nanmax([*summary["amae_percent"], *theirs["paper_amae_percent"], 10.0]))
 
-    def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        beside = theirs[(theirs["dataset"] + " " + theirs["blur_kind"]) == key]
-        lines(axes, beside, "estimator", looks, "kernel_size_px", "paper_amae_percent", change=PAPER, zorder=2,
-            part="paper",
-              key=key)  # fmt: skip
-        band = ("low_percent", "high_percent")
-        lines(
-            axes,
-            rows,
-            "estimator",
-            looks,
-            "kernel_size_px",
-            "amae_percent",
-            band=band,
-            alpha=0.16,
-            part="amae",
-            key=key,
-        )
+    def papers(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+        beside, dashed = theirs[(theirs["dataset"] + " " + theirs["blur_kind"]) == key], {"change": PAPER, "zorder": 2}
+        lines(axes, beside, "estimator", looks, *columns[3:], part="paper", key=key, **dashed)  # type: ignore[arg-type]
 
-    shown = [
-        "dataset",
-        "blur_kind",
-        "kernel_size_px",
-        "estimator",
-        "calibrated",
-        "amae_percent",
-        "low_percent",
-        "high_percent",
-    ]
-    values = summary[[*shown, "count", "abstained"]].sort_values(shown[:4])
     means = summary.groupby("estimator")["amae_percent"].agg(["mean", "max"])
-    words = [
-        f"{word(name)} {means['mean'][name]:.1f} % (worst {means['max'][name]:.1f} %)"
-        for name in estimators if name in means.index
-    ]  # fmt: skip
-    alt = (
-        f"AMAE over the size of the blur for {listing(word(name) for name in summary['dataset'].unique())}. Mean over "
-        f"datasets, kinds and sizes: {listing(words)}."
-    )
-    return small_multiples(
-        summary, Facet("dataset", datasets), Facet("blur_kind", kinds), panel,
-        x="size of the blur [px]", y="AMAE [%]", alt=alt,
+    means = means.loc[[name for name in estimators if name in means.index]].reset_index()
+    shown = ["dataset", "blur_kind", "kernel_size_px", "estimator"]
+    values = summary[[*shown, "calibrated", "amae_percent", "low_percent", "high_percent", "count", "abstained"]]
+    return PAGE.grid(
+        "blur_amae", summary,
+        PAGE.alt("blur_amae", means, datasets=listing(word(name) for name in summary["dataset"].unique())), looks,
+        down=datasets, across=in_order([*summary["blur_kind"], *theirs["blur_kind"]], BLURS), under=papers,
         axes={"xticks": sorted({*summary["kernel_size_px"], *theirs["kernel_size_px"]}), "ylim": (0, 1.04 * top)},
         legend=beside_the_paper(looks, list(summary["estimator"]), not theirs.empty),
-        values=values.merge(theirs, how="left", on=["dataset", "blur_kind", "kernel_size_px", "estimator"]),
-        series=style.switches(estimators), margin_in=0.62,
+        values=values.sort_values(shown).merge(theirs, how="left", on=shown), series=style.switches(estimators),
     )  # fmt: skip
 
 
@@ -147,7 +129,7 @@ def figures(
     relative: Mapping[str, str],
     prefix: str = "",
     modes: Mapping[str, str] | None = None,
-) -> list[Block]:
+) -> list[Figure]:
     """A figure of raw estimates and one of calibrated ones, where there are any.
 
     Args:
@@ -159,26 +141,22 @@ def figures(
         prefix: before names and captions, e.g. ``"recorded"``.
         modes: see `ReportInputs`.
     """
-    blocks: list[Block] = []
-    for is_calibrated in (False, True):
+    drawn = []
+    for is_calibrated, key in ((False, "blur_amae"), (True, "blur_amae_calibrated")):
         selected = summary[(summary["blur_kind"] != SHARP) & (summary["calibrated"] == is_calibrated)]
         if selected.empty:
             continue
-        notes = [
-            *_notes(relative, in_order(selected["estimator"], ESTIMATORS), is_calibrated),
-            mode_note(modes or {}, selected["estimator"]),
-        ]
+        notes = _notes(relative, modes or {}, in_order(selected["estimator"], ESTIMATORS), is_calibrated)
         figure = PAGE.figure(
-            "blur_amae", curves(selected, datasets, paper), stages(selected), after=" ".join(filter(None, notes)),
-            name="blur_amae_calibrated" if is_calibrated else "",
+            "blur_amae", curves(selected, datasets, paper), stages(selected), after=" ".join(notes), name=key,
             division=", each estimate divided by the camera's own for sharp frames" if is_calibrated else "",
             not_calibrated=", which is not calibrated" if is_calibrated else "",
         )  # fmt: skip
         if prefix:
             caption = f"{prefix.capitalize()}: {figure.caption}"
             figure = replace(figure, name=f"{prefix}_{figure.name}", caption=caption)
-        blocks.append(figure)
-    return blocks
+        drawn.append(figure)
+    return drawn
 
 
 def _blur(row: Row) -> str:
@@ -186,6 +164,18 @@ def _blur(row: Row) -> str:
     if row["blur_kind"] in (MEAN, SHARP):
         return MEAN if row["blur_kind"] == MEAN else "None (sharp)"
     return f"{SHORT.get(row['blur_kind'], word(row['blur_kind']))} {format_number(row['kernel_size_px'])}"
+
+
+def tables_one(
+    dataset: str,
+    summary: pd.DataFrame,
+    paper: pd.DataFrame | None,
+    relative: Mapping[str, str],
+    modes: Mapping[str, str] | None = None,
+) -> list[Table]:
+    """Table I of one dataset, of raw and of calibrated estimates, where there are any; arguments of `table_one`."""
+    known = summary.loc[summary["dataset"] == dataset, "calibrated"].unique()
+    return [table_one(dataset, summary, paper, is_calibrated, relative, modes) for is_calibrated in sorted(known)]
 
 
 def table_one(
@@ -221,14 +211,13 @@ def table_one(
         return word(min(values, key=lambda name: values[name])) if len(values) > 1 else ""
 
     also = ["sharp"] if (cells["blur_kind"] == SHARP).any() else []
-    also += ["calibrated"] if is_calibrated else []
-    notes = [*_notes(relative, estimators, is_calibrated), *filter(None, [mode_note(modes or {}, estimators)])]
+    notes = _notes(relative, modes or {}, estimators, is_calibrated)
     if cells["paper_percent"].notna().any():
         notes.append(PAGE.text("paper_sim" if dataset == "sim" else "paper"))
     return PAGE.table(
-        "table_one", rows, cells={"blur": _blur, "best": best}, across={name: word(name) for name in estimators},
-        also=also, notes=notes, dataset=dataset, suffix="_calibrated" if is_calibrated else "",
-        how=", calibrated" if is_calibrated else "",
+        "table_one", rows, cells={"blur": _blur, "best": best}, across=PAGE.headings("table_one", estimators),
+        also=[*also, *(["calibrated"] if is_calibrated else [])], notes=notes, dataset=dataset,
+        suffix="_calibrated" if is_calibrated else "", how=", calibrated" if is_calibrated else "",
     )  # fmt: skip
 
 
@@ -245,38 +234,31 @@ def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame | None, frames: s
     """
     theirs: dict[tuple[Any, ...], dict[str, float]] = {}
     for row in [] if paper is None else records(paper):
-        theirs.setdefault((row["dataset"], row["blur_kind"], row["kernel_size_px"]), {})[row["estimator"]] = row[
-            "amae_percent"
-        ]
+        theirs.setdefault(tuple(row[name] for name in BLUR), {})[row["estimator"]] = row["amae_percent"]
     ours = in_order(set(summary["estimator"]) - {name for cell in theirs.values() for name in cell}, ESTIMATORS)
     blurred = summary[(summary["blur_kind"] != SHARP) & summary["estimator"].isin(ours)]
     blurred = ordered(blurred, dataset=DATASETS, blur_kind=BLURS, kernel_size_px=())
     calibrated = blurred["calibrated"].astype(bool)
     both = calibrated & blurred["estimator"].isin(blurred.loc[~calibrated, "estimator"])
     blurred = blurred.assign(column=blurred["estimator"] + np.where(both, "_calibrated", ""))
+    wide = [row for row in pivot(blurred, BLUR, "column", amae) if tuple(row[name] for name in BLUR) in theirs]
     rows: list[dict[str, Any]] = []
-    wide = pivot(blurred, ["dataset", "blur_kind", "kernel_size_px"], "column", amae)
-    for dataset in in_order(blurred["dataset"], DATASETS):
+    for dataset in in_order((row["dataset"] for row in wide), DATASETS):
         selected = []
-        for row in wide:
-            cells = theirs.get((row["dataset"], row["blur_kind"], row["kernel_size_px"]))
-            if row["dataset"] == dataset and cells:
-                best = min(cells, key=lambda name, cells=cells: (cells[name], name))  # type: ignore[misc]
-                selected.append({**row, "cnn": cells.get("cnn"), "best": cells[best], "which": ESTIMATORS[best]})
-        if selected:
-            means = {
-                name: mean_cell([row.get(name) for row in selected]) for name in selected[0] if name != "kernel_size_px"
-            }
-            rows += [*selected, {**means, "dataset": dataset, "blur_kind": MEAN}]
+        for row in (row for row in wide if row["dataset"] == dataset):
+            cells = theirs[tuple(row[name] for name in BLUR)]
+            value, best = min((value, name) for name, value in cells.items())
+            selected.append({**row, "cnn": cells.get("cnn"), "best": value, "which": ESTIMATORS[best]})
+        averaged = [name for name in selected[0] if name not in BLUR]
+        means = {name: mean_cell([row.get(name) for row in selected]) for name in averaged}
+        rows += [*selected, {**means, "dataset": dataset, "blur_kind": MEAN}]
     if not rows:
         return None
-    across = {key: title for name in ours for key, title in _columns(name).items()}
+    across: dict[str, str] = {}
+    for name in ours:
+        across |= {name: word(name), f"{name}_calibrated": f"{word(name)}, calibrated"}
     across = {key: title for key, title in across.items() if any(row.get(key) is not None for row in rows)}
     return PAGE.table("blur_beside_the_best", rows, cells={"blur": _blur}, across=across, frames=frames)
-
-
-def _columns(estimator: str) -> dict[str, str]:
-    return {estimator: word(estimator), f"{estimator}_calibrated": f"{word(estimator)}, calibrated"}
 
 
 def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
@@ -289,46 +271,44 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
     # An estimator that is calibrated to its camera has calibrated estimates only.
     calibrated_only = summary.groupby(["dataset", "estimator"])["calibrated"].transform("all")
     raw = summary[~summary["calibrated"] | calibrated_only]
-    patch = ["dataset", "estimator", "kernel", "frame", "patch"]
-    refused = estimates.loc[estimates["abstained"], [*patch, "reason"]].drop_duplicates(patch)
-    reasons = refused.groupby(["dataset", "estimator"])["reason"]
-    counts = {key: group.value_counts().sort_index() for key, group in reasons}
     raw = ordered(raw, dataset=raw["dataset"].unique(), estimator=ESTIMATORS)
     rows = []
-    for key, row in raw.groupby(["dataset", "estimator"], sort=False):
+    for (dataset, estimator), row in raw.groupby(["dataset", "estimator"], sort=False):
         blurred = row[row["blur_kind"] != SHARP]
-        why = counts[key].to_dict() if key in counts else {}
-        rows.append(
-            dict(zip(("dataset", "estimator"), key, strict=True))
-            | {
-                "asked": int(row["count"].sum() + row["abstained"].sum()),
-                "abstained": int(row["abstained"].sum()),
-                "patch_error_percent": weighted_mean(blurred, "patch_error_percent"),
-                "coverage_percent": 100 * weighted_mean(blurred, "coverage"),
-                "reasons": ", ".join(f"{reason}: {count:,}" for reason, count in why.items()),
-            }
-        )
-    return PAGE.table("blur_abstentions", rows)
+        counts = {name: int(row[name].sum()) for name in ("count", "abstained")}
+        errors = {
+            "patch_error_percent": weighted_mean(blurred, "patch_error_percent"),
+            "coverage_percent": 100 * weighted_mean(blurred, "coverage"),
+        }
+        rows.append({"dataset": dataset, "estimator": estimator, **counts, **errors})
+    patch = ["dataset", "estimator", "kernel", "frame", "patch"]
+    refused = estimates[estimates["abstained"]].drop_duplicates(patch)
+    return PAGE.table("blur_abstentions", rows, cells={"reasons": reasons_of(refused)})
 
 
 def unseen_kernels(content: Mapping[str, Any]) -> Table:
     """AMAE of kernels of a kind that no network was trained on, as ``benchmarks/unseen_kernels.py`` recorded it.
 
     Args:
-        content: ``kernels`` and ``results`` (dataset -> patches, estimator -> way -> AMAE, and ``few`` patches).
+        content: ``kernels`` and ``results`` (dataset -> patches, estimator -> answer -> AMAE, and ``few`` patches).
     """
     groups = ("out of focus", "aberrated", "shaken")
-    ways = {"raw": "", "typical": ", generic lens", "calibrated": ", calibrated", "fitted": ", camera-calibrated"}
+    answers = {
+        "raw": "",
+        "generic_lens": ", generic lens",
+        "calibrated": ", calibrated",
+        "camera_calibrated": ", camera-calibrated",
+    }
     rows = []
     for dataset in in_order(content["results"], DATASETS):
         for part in (content["results"][dataset], content["results"][dataset].get("few", {})):
             for estimator in ("spectral", "pmp", "gbb"):
                 # Divided estimates of a kernel estimator are not shown: its own of sharp frames is not its camera's.
-                for way in ways if estimator == "spectral" else ("raw",):
-                    result = part.get(estimator, {}).get(way)
+                for answer in answers if estimator == "spectral" else ("raw",):
+                    result = part.get(estimator, {}).get(answer)
                     if result is not None:
-                        name = word(estimator) + ways[way]
-                        head = {"dataset": dataset, "estimator": name, "patches": part["patches"]}
+                        head = {"dataset": dataset, "estimator": word(estimator) + answers[answer]}
                         means = {group: float(result["mean_of_group_percent"][group]) for group in groups}
-                        rows.append({**head, **means, "mean": float(result["mean_amae_percent"])})
+                        mean = float(result["mean_amae_percent"])
+                        rows.append({**head, "patches": part["patches"], **means, "mean": mean})
     return PAGE.table("blur_unseen_kernels", rows, count=len(content["kernels"]))

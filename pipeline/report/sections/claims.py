@@ -7,12 +7,13 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 
+from pipeline.control.order_conclusions import CONCLUSIONS
 from pipeline.report.claims import of_blur, of_detection, of_noise
 from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence, Measurement, descriptions
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
-from pipeline.report.sections.order_study import CONCLUSIONS, STAGE
+from pipeline.report.sections.order_study import STAGE
 from pipeline.report.spec import Section
 from pipeline.report.tables import Column, Estimate, Row, Table, table
 

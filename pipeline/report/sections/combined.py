@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.camera.mtf import FREQUENCIES
-from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
+from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, joined, records_with
 from pipeline.report import style
-from pipeline.report.display_names import ESTIMATORS, EXPERIMENTS, in_order, listing, word
-from pipeline.report.figures import PAPER, PAPER_DASH, Facet, add_legend, lines, ordinal_legend, small_multiples
-from pipeline.report.frame_records import COMBINED_FILES, DENOISED_FILE, records_with
-from pipeline.report.inputs import ReportInputs, denoised_cells, described, optional, paper_table
+from pipeline.report.display_names import ESTIMATORS, EXPERIMENTS, in_order, word
+from pipeline.report.figures import PAPER, PAPER_DASH, add_legend, lines, ordinal_legend
+from pipeline.report.inputs import ReportInputs, at_frequencies, denoised_cells, paper_table
 from pipeline.report.inputs import combined_tables as read_tables
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import combined_tables
@@ -21,6 +19,8 @@ from pipeline.report.sections.combined_tables import DENOISED_STAGE, OURS_FIRST,
 from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import Block, Section, missing, overview
 from pipeline.report.style import Drawing
+from pipeline.report.tables import Table, as_recorded, ordered
+from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,12 +35,12 @@ STEPS = {
     "readout": "readout noise",
     "frame": "8-bit frame",
 }
-BLUR_FILE = COMBINED_FILES[0]
 PICTURES = 3  # in a row of the example
 LEFT_IN = 0.5
 TRUTH: style.Look = {"color": style.INK, "linewidth": 1.3}
 PRESENT: style.Look = {"linestyle": (0, (2, 1.5)), "linewidth": 0.7, "marker": ""}
-THE_CNN: style.Look = {"color": style.MUTED, "linestyle": PAPER_DASH, "linewidth": 0.8}
+THE_CNN = ("the paper's CNN, Udacity", {"color": style.MUTED, "linestyle": PAPER_DASH, "linewidth": 0.8})
+THIN_PAPER = PAPER | {"linewidth": 0.7}
 
 
 @style.styled
@@ -67,20 +67,15 @@ def order_figure(arrays: Mapping[str, np.ndarray], example: Mapping[str, Any]) -
                 style.picture(panel, arrays[f"step_{experiment}_{step}"])
             else:  # nothing happens to the light
                 panel.axis("off")
-                panel.annotate(
-                    "", xy=(1.0, 0.5), xytext=(0.0, 0.5), xycoords="axes fraction",
-                    arrowprops={"arrowstyle": "-|>", "color": style.MUTED, "linewidth": 0.8},
-                )  # fmt: skip
+                arrow = {"arrowstyle": "-|>", "color": style.MUTED, "linewidth": 0.8}
+                panel.annotate("", xy=(1.0, 0.5), xytext=(0.0, 0.5), xycoords="axes fraction", arrowprops=arrow)
             if down == 0:
                 panel.set_title(STEPS[step], fontsize=6.4, pad=3)
         axes[down, 0].set_ylabel(word(experiment).replace(", ", ",\n"), fontsize=6.0)
-    orders = [f"{word(name)}: {', '.join(STEPS[step] for step in steps)}" for steps, name in rows.items()]
-    alt = (
-        f"A patch of {word(example['dataset'])} after each step of image formation, blur "
-        f"{example['kernel_size_px']:g} px, "
-        f"noise {max(example['experiments'][0]['target_sigmas_dn']):g} DN. {listing(orders)}."
-    )
-    return Drawing(figure, alt)
+    orders = [{"name": name, "steps": ", ".join(STEPS[step] for step in steps)} for steps, name in rows.items()]
+    strongest = max(example["experiments"][0]["target_sigmas_dn"])
+    px = example["kernel_size_px"]
+    return Drawing(figure, PAGE.alt("combined_order", orders, dataset=example["dataset"], px=px, level=strongest))
 
 
 @style.styled
@@ -96,14 +91,12 @@ def example_figure(
         paper: columns series, sigma_dn, frequency, mtf: the paper's photon noise with linear motion.
     """
     entries: Sequence[Mapping[str, Any]] = example["experiments"]
-    looks = {level: look | {"linewidth": 0.9, "markersize": 2.2} for level, look in
-             style.ordinal_looks(curves["target_sigma_dn"]).items()}  # fmt: skip
+    looks = style.ordinal_looks(curves["target_sigma_dn"])
+    thin = {level: look | {"linewidth": 0.9, "markersize": 2.2} for level, look in looks.items()}
     mean = curves[curves["axis"] == "HV"]
     filters = sorted(set(mean["filter_px"]))[:2]
-    theirs = None
-    if paper is not None and any(entry["experiment"] == "photon_linear" for entry in entries):
-        theirs = paper[paper["series"] == "cnn"]
-        theirs = theirs.assign(at=[FREQUENCIES[NOMINAL_FREQUENCIES.index(value)] for value in theirs["frequency"]])
+    has_paper = paper is not None and any(entry["experiment"] == "photon_linear" for entry in entries)
+    theirs = at_frequencies(paper[paper["series"] == "cnn"]) if paper is not None and has_paper else None
     figure = style.new_figure(style.TWO_COLUMNS_IN, 1.5 * len(entries) + 0.5)
     widths = [1.0] * PICTURES + [1.55] * len(filters)
     panels = figure.subplots(len(entries), len(widths), squeeze=False, width_ratios=widths)
@@ -115,12 +108,10 @@ def example_figure(
         panels[down, 0].set_ylabel(word(experiment), fontsize=6.0)
         for axes, filter_px in zip(panels[down, PICTURES:], filters, strict=True):
             rows = mean[(mean["experiment"] == experiment) & (mean["filter_px"] == filter_px)]
-            lines(axes, rows, "target_sigma_dn", looks, "frequency", "median")
-            truth = rows[rows["target_sigma_dn"] == rows["target_sigma_dn"].min()].sort_values("frequency_index")
-            if len(truth):
-                axes.plot(truth["frequency"], truth["true_mtf"], zorder=4, **TRUTH)
+            lines(axes, rows, "target_sigma_dn", thin, "frequency", "median")
+            _truth(axes, rows)
             if theirs is not None and experiment == "photon_linear" and filter_px == 0:
-                lines(axes, theirs, "sigma_dn", looks, "at", "mtf", change=PAPER | {"linewidth": 0.7}, zorder=2)
+                lines(axes, theirs, "sigma_dn", thin, "at", "mtf", change=THIN_PAPER, zorder=2)
             axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xticks=np.arange(0, 0.61, 0.2), yticks=np.arange(0, 1.01, 0.5))
             if down == 0:
                 title = "as recorded" if filter_px == 0 else f"smoothed before ({filter_px:g} px)"
@@ -128,26 +119,31 @@ def example_figure(
             if down == len(entries) - 1:
                 axes.set_xlabel("frequency [fraction of Nyquist]", fontsize=6.0)
         panels[down, PICTURES].set_ylabel("MTF", labelpad=1)
-    legend = [
-        *ordinal_legend(style.ordinal_looks(curves["target_sigma_dn"]), "DN", "no noise"),
-        ("ground truth", TRUTH),
-    ]
-    add_legend(figure, legend if theirs is None else [*legend, ("the paper's CNN, Udacity", THE_CNN)])
+    legend = [*ordinal_legend(looks, "DN", "no noise"), ("ground truth", TRUTH)]
+    add_legend(figure, legend if theirs is None else [*legend, THE_CNN])
     keys = ["experiment", "filter_px", "target_sigma_dn", "axis", "frequency_index"]
     values = curves[[*keys, "frequency", "true_mtf", "median", "minimum", "maximum", "count"]].sort_values(keys)
-    highest = mean[(mean["filter_px"] == 0) & (mean["target_sigma_dn"] == max(looks))]
-    error = (highest["median"] - highest["true_mtf"]).abs().groupby(highest["experiment"]).max()
-    words = [f"{word(one['experiment'])} {error[one['experiment']]:.2f}" for one in entries
-             if one["experiment"] in error.index]  # fmt: skip
-    alt = (
-        f"A patch of {word(example['dataset'])} under a blur of {example['kernel_size_px']:g} px and growing noise, "
-        f"with its "
-        f"estimated MTF. Largest distance of the median from the ground truth at {max(looks):g} DN: {listing(words)}."
-    )
+    distances = _distances(mean[mean["filter_px"] == 0], max(looks), ["experiment"])
+    distances = ordered(distances, experiment=[entry["experiment"] for entry in entries])
+    px = example["kernel_size_px"]
+    alt = PAGE.alt("combined_example", distances, dataset=example["dataset"], px=px, level=max(looks))
     return Drawing(figure, alt, values.drop(columns="frequency_index"))
 
 
-@style.styled
+def _truth(axes: Axes, rows: pd.DataFrame) -> None:
+    """The ground truth of a panel of curves."""
+    truth = rows[rows["target_sigma_dn"] == rows["target_sigma_dn"].min()].sort_values("frequency_index")
+    if len(truth):
+        axes.plot(truth["frequency"], truth["true_mtf"], zorder=4, **TRUTH)
+
+
+def _distances(curves: pd.DataFrame, level_dn: float, by: list[str]) -> pd.DataFrame:
+    """Largest ``distance`` of the median from the ground truth at one level of noise, of each group of curves."""
+    highest = curves[curves["target_sigma_dn"] == level_dn]
+    distance = (highest["median"] - highest["true_mtf"]).abs()
+    return highest.assign(distance=distance).groupby(by, as_index=False)[["distance"]].max()
+
+
 def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
     """Noise estimated on blurred frames over its level, coloured by kernel size: estimators down, experiments across.
 
@@ -159,40 +155,25 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
         dataset: name.
     """
     selected = cells[cells["dataset"] == dataset]
-    estimators = in_order(selected["estimator"], ESTIMATORS)
     looks = style.ordinal_looks(selected["kernel_size_px"])
     highest = float(selected["target_sigma_dn"].max())
 
-    def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+    def levels(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         axes.plot([0, highest], [0, highest], color=style.MUTED, linewidth=0.6, zorder=1)
         lines(axes, rows, "kernel_size_px", looks, "target_sigma_dn", "unclipped_median_dn", change=PRESENT, zorder=2)
-        lines(axes, rows, "kernel_size_px", looks, "target_sigma_dn", "median_dn")
 
-    words = []
     blurred = selected[(selected["target_sigma_dn"] == highest) & (selected["kernel_size_px"] > 0)]
-    for name in estimators:
-        rows = blurred[blurred["estimator"] == name]
-        for noise_source in in_order(rows["noise_source"], ["dcsn", "photon"]):
-            median = rows.loc[rows["noise_source"] == noise_source, "median_dn"]
-            words.append(
-                f"{word(name)} estimates {median.min():.1f} to {median.max():.1f} DN of {word(noise_source)} noise"
-            )
-    shown = ["estimator", "experiment", "kernel_size_px", "target_sigma_dn"]
-    values = selected[
-        [*shown, "median_dn", "low_dn", "high_dn", "unclipped_median_dn", "clipped_median_dn", "count", "abstained"]
-    ]
+    medians = blurred.groupby(["estimator", "noise_source"])["median_dn"].agg(["min", "max"]).reset_index()
+    medians = ordered(medians, estimator=ESTIMATORS, noise_source=["dcsn", "photon"])
     top = 1.06 * float(np.nanmax([highest, *selected["median_dn"], *selected["unclipped_median_dn"]]))
-    return small_multiples(
-        selected, Facet("estimator", estimators), Facet("experiment", in_order(selected["experiment"], EXPERIMENTS)),
-        panel, x="noise level σ [DN]", y="estimated σ [DN]", axes={"xlim": (0, highest), "ylim": (0, top)},
-        alt=f"Noise estimated on blurred frames of {word(dataset)}. At a level of {highest:g} DN {listing(words)}.",
+    return PAGE.grid(
+        "combined_noise", selected, PAGE.alt("combined_noise", medians, dataset=dataset, level=highest), looks,
+        under=levels, axes={"xlim": (0, highest), "ylim": (0, top)},
         legend=[*ordinal_legend(looks, "px", "no blur"), ("present, unclipped", PRESENT | {"color": style.INK}),
                 ("target level", {"color": style.MUTED, "linewidth": 0.6})],
-        values=values.sort_values(shown), panel_in=1.7, title_size=6.6,
     )  # fmt: skip
 
 
-@style.styled
 def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame | None = None) -> Drawing:
     """Error of the blur estimate over the noise level, coloured by kernel size: datasets down, experiments across.
 
@@ -202,33 +183,51 @@ def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFram
         paper: columns size_px, sigma_dn, amae_percent: the paper's photon noise with defocus, on Udacity.
     """
     plain = cells[cells["filter_px"] == 0]
-    experiments = in_order(plain["experiment"], EXPERIMENTS)
     looks = style.ordinal_looks(plain["kernel_size_px"])
-    theirs = paper if "photon_defocus" in experiments else None
+    theirs = paper if (plain["experiment"] == "photon_defocus").any() else None
 
-    def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        band = ("low_percent", "high_percent")
-        lines(axes, rows, "kernel_size_px", looks, "target_sigma_dn", "amae_percent", band=band, alpha=0.12)
+    def papers(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         if theirs is not None and key.endswith(" photon_defocus"):
             change = PAPER | {"linewidth": 0.8}
             lines(axes, theirs, "kernel_size_px", looks, "sigma_dn", "amae_percent", change=change, zorder=2)
 
     levels = sorted(set(plain["target_sigma_dn"]))
-    means = plain.groupby(["experiment", "target_sigma_dn"])["amae_percent"].mean()
-    words = [f"{word(name)} {means[name, levels[0]]:.1f} to {means[name, levels[-1]]:.1f} %" for name in experiments]
-    alt = (
-        f"Error of the blur estimate over the noise level. Mean over datasets and sizes from {levels[0]:g} to "
-        f"{levels[-1]:g} DN: {listing(words)}."
-    )
-    shown = ["dataset", "experiment", "kernel_size_px", "target_sigma_dn"]
-    values = plain[[*shown, "estimator", "calibrated", "amae_percent", "low_percent", "high_percent", "count"]]
+    means = plain.groupby(["experiment", "target_sigma_dn"])["amae_percent"].mean().unstack()
+    means = means.rename(columns={levels[0]: "first", levels[-1]: "last"}).reset_index()
+    alt = PAGE.alt("combined_amae", ordered(means, experiment=EXPERIMENTS), least=levels[0], most=levels[-1])
     top = float(np.nanmax([*plain["amae_percent"], *([] if theirs is None else theirs["amae_percent"]), 5.0]))
     legend = ordinal_legend(looks, "px", "no blur")
-    return small_multiples(
-        plain, Facet("dataset", datasets), Facet("experiment", experiments), panel,
-        x="noise level σ [DN]", y="AMAE [%]", alt=alt, axes={"xlim": (0, levels[-1]), "ylim": (0, 1.05 * top)},
-        legend=legend if theirs is None else [*legend, ("the paper's CNN, Udacity", THE_CNN)],
-        values=values.sort_values(shown), title_size=6.6,
+    return PAGE.grid(
+        "combined_amae", plain, alt, looks, down=datasets, over=papers,
+        axes={"xlim": (0, levels[-1]), "ylim": (0, 1.05 * top)},
+        legend=legend if theirs is None else [*legend, THE_CNN],
+    )  # fmt: skip
+
+
+def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame | None) -> Drawing:
+    """Estimated MTF of one blur under growing noise: estimators down, experiments across.
+
+    Args:
+        curves: `pipeline.experiments.tables.CURVES` of one dataset, raw, mean of both directions, without a filter.
+        dataset: name.
+        paper: columns series, sigma_dn, frequency, mtf: the paper's photon noise with linear motion.
+    """
+    looks = style.ordinal_looks(curves["target_sigma_dn"])
+    theirs = None if paper is None else at_frequencies(paper[paper["series"] == "cnn"])
+
+    def papers(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+        if theirs is not None and key.endswith(" photon_linear"):
+            lines(axes, theirs, "sigma_dn", looks, "at", "mtf", change=THIN_PAPER, zorder=2)
+
+    def truth(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+        _truth(axes, rows)
+
+    distances = _distances(curves, curves["target_sigma_dn"].max(), ["estimator", "experiment"])
+    alt = PAGE.alt("recorded_curves", distances, dataset=dataset, px=curves["kernel_size_px"].iloc[0])
+    legend = [*ordinal_legend(looks, "DN", "no noise"), ("ground truth", TRUTH)]
+    return PAGE.grid(
+        "recorded_curves", curves, alt, looks, under=papers, over=truth,
+        legend=legend if theirs is None else [*legend, THE_CNN],
     )  # fmt: skip
 
 
@@ -257,15 +256,22 @@ def _figures(blur: pd.DataFrame, noise: pd.DataFrame, datasets: Sequence[str], i
         drawing, stage = noise_figure(noise, dataset), STAGE.format(dataset=dataset)
         blocks.append(PAGE.figure("combined_noise", drawing, [stage], name="combined_noise_{dataset}", dataset=dataset))
     estimator = in_order(blur["estimator"], OURS_FIRST)[:1]
-    paper = paper_table(inputs, "photon_defocus_amae.csv")
-    for is_calibrated in (False, True):
+    stages, paper = [STAGE.format(dataset=name) for name in datasets], paper_table(inputs, "photon_defocus_amae.csv")
+    for is_calibrated, name, how in ((False, "combined_amae", ""), (True, "combined_amae_calibrated", ", calibrated")):
         selected = blur[blur["estimator"].isin(estimator) & (blur["calibrated"] == is_calibrated)]
         if len(selected):
-            stages = [STAGE.format(dataset=dataset) for dataset in datasets]
-            name, how = ("combined_amae_calibrated", ", calibrated") if is_calibrated else ("combined_amae", "")
             drawing = amae_figure(selected, datasets, paper)
             blocks.append(PAGE.figure("combined_amae", drawing, stages, name=name, estimator=estimator[0], how=how))
     return blocks
+
+
+def _errors(dataset: str, blur: pd.DataFrame, inputs: ReportInputs) -> list[Table]:
+    """The table of errors of each experiment on one dataset."""
+    paper = paper_table(inputs, "photon_defocus_amae.csv")
+    return [
+        combined_tables.error(dataset, name, blur, paper if name == "photon_defocus" else None)
+        for name in in_order(blur.loc[blur["dataset"] == dataset, "experiment"], EXPERIMENTS)
+    ]
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
@@ -273,26 +279,61 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     blur, noise, curves = read_tables(inputs)
     cells = denoised_cells(inputs)
     ran, smoothed = (in_order(one["dataset"], inputs.datasets) for one in (blur, cells))
-    listed, listed_denoised = (
-        [one.dataset for one in records_with(inputs, name)] for name in (BLUR_FILE, DENOISED_FILE)
+    known, known_denoised = (
+        [one.dataset for one in records_with(inputs.recorded, name)] for name in (COMBINED_FILES[0], DENOISED_FILE)
     )
-    runs = overview(TITLE, STAGE, ran, inputs, recorded=listed)
-    denoised_runs = overview("Denoised blur", DENOISED_STAGE, smoothed, inputs, recorded=listed_denoised)
+    runs = overview(TITLE, STAGE, ran, inputs, recorded=known)
+    denoised_runs = overview("Denoised blur", DENOISED_STAGE, smoothed, inputs, recorded=known_denoised)
     blocks: list[Block] = []
     for dataset in ran:  # the order is the same on every dataset
         blocks += _example(dataset, curves[curves["dataset"] == dataset], inputs, with_order=dataset == ran[0])
     if ran:
         blocks += [*_figures(blur, noise, ran, inputs), combined_tables.overview(blur)]
-    theirs = paper_table(inputs, "photon_defocus_amae.csv")
-    for dataset in ran:
-        for experiment in in_order(blur.loc[blur["dataset"] == dataset, "experiment"], EXPERIMENTS):
-            known = theirs if experiment == "photon_defocus" else None
-            blocks.append(combined_tables.error(dataset, experiment, blur, known))
+    blocks += [table for dataset in ran for table in _errors(dataset, blur, inputs)]
     paper = paper_table(inputs, "improved_blur.csv")
     blocks += [combined_tables.denoised(dataset, cells, paper) for dataset in smoothed]
-    if ran:
-        blocks.append(combined_tables.abstentions(blur, noise))
+    blocks += [combined_tables.abstentions(blur, noise)] if ran else []
     items = ("photon_defocus_amae", "photon_linear_motion_mtf", "improved_blur")
     published, published_runs = beside_ours(items, ledger, inputs)
     blocks += [*published, *missing(TITLE, runs), *missing("Denoised blur", denoised_runs)]
     return Section("combined", TITLE, (PAGE.text("introduction"),), blocks, [*runs, *denoised_runs, *published_runs])
+
+
+def _of_record(
+    dataset: str, blur: pd.DataFrame, noise: pd.DataFrame, curves: pd.DataFrame, inputs: ReportInputs
+) -> list[Block]:
+    """Figures and tables of one recorded dataset."""
+    blocks: list[Block] = []
+    selected = curves[(curves["dataset"] == dataset) & ~curves["calibrated"] & (curves["axis"] == "HV")]
+    selected = selected[(selected["filter_px"] == 0) & (selected["experiment"] != "")]
+    if len(selected):
+        drawing = curves_figure(selected, dataset, paper_table(inputs, "photon_linear_motion_mtf.csv"))
+        name, px = "recorded_combined_curves_{dataset}", selected["kernel_size_px"].iloc[0]
+        blocks.append(PAGE.figure("recorded_curves", drawing, name=name, dataset=dataset, px=px))
+    theirs = paper_table(inputs, "photon_defocus_amae.csv")
+    for name in in_order(blur.loc[blur["dataset"] == dataset, "estimator"], ESTIMATORS):
+        cells = blur[(blur["dataset"] == dataset) & (blur["estimator"] == name) & ~blur["calibrated"]]
+        drawing, file = amae_figure(cells, [dataset], theirs), "recorded_combined_amae_{dataset}_{estimator}"
+        blocks.append(PAGE.figure("recorded_amae", drawing, name=file, dataset=dataset, estimator=name))
+    if (noise["dataset"] == dataset).any():
+        drawing, name = noise_figure(noise, dataset), "recorded_combined_noise_{dataset}"
+        blocks.append(PAGE.figure("recorded_noise", drawing, name=name, dataset=dataset))
+    return [*blocks, *map(as_recorded, _errors(dataset, blur, inputs))]
+
+
+def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+    """The same of frames recorded by ``camera-monitor record combined`` and ``denoised-blur``; None without them."""
+    records, denoised = records_with(inputs.recorded, COMBINED_FILES[0]), records_with(inputs.recorded, DENOISED_FILE)
+    if not records and not denoised:
+        return None
+    blocks: list[Block] = []
+    if records:
+        blocks.append(PAGE.table("recorded_combined_sources", [one.described("blur_patches") for one in records]))
+        blur, noise, curves = (joined(inputs.recorded, name) for name in COMBINED_FILES)
+        blur = blur[blur["experiment"] != ""]
+        for record in records:
+            blocks += _of_record(record.dataset, blur, noise, curves, inputs)
+        blocks.append(as_recorded(combined_tables.abstentions(blur, noise)))
+    paper, cells = paper_table(inputs, "improved_blur.csv"), joined(inputs.recorded, DENOISED_FILE)
+    blocks += [as_recorded(combined_tables.denoised(record.dataset, cells, paper)) for record in denoised]
+    return Section("combined_recorded", f"{TITLE} on recorded frames", (PAGE.text("recorded"),), blocks)

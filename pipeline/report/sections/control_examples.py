@@ -11,11 +11,12 @@ from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.report import style
 from pipeline.report.display_names import listing
 from pipeline.report.figures import PAPER_DASH, add_legend
-from pipeline.report.inputs import ReportInputs, described, optional, paper_table
+from pipeline.report.inputs import ReportInputs, paper_table
 from pipeline.report.sections.control_tables import CONTROL
 from pipeline.report.spec import Block
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Estimate, Row, Table, format_number, records
+from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pipeline.control.scenario_result import ScenarioResult
 from pipeline.report import style
-from pipeline.report.control_results import POLICIES, ScenarioResult, policy_word, scenario_word
+from pipeline.report.control_results import POLICIES, policy_word, scenario_word
 from pipeline.report.display_names import in_order, listing
 from pipeline.report.figures import add_legend
 from pipeline.report.sections.control_tables import CONTROL

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pipeline.control.scenario_result import rises
 from pipeline.control.tables import KNOTS
 from pipeline.report import style
 from pipeline.report.display_names import listing
 from pipeline.report.figures import cell_map
-from pipeline.report.inputs import ReportInputs, optional
+from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections.control_tables import CONTROL
 from pipeline.report.spec import Block
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Table, estimate, pivot, records
+from pipeline.report.tables import Table, estimate, pivot
+from pipeline.stage_files import optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,37 +77,14 @@ def knot_table(knots: pd.DataFrame) -> Table:
     )  # fmt: skip
     groups = knots.groupby(["level", "target_sigma_dn"])
     estimated, abstained = groups["sigma_dn"].median(), groups["estimates_abstained"].sum()
-    rows = [
-        {
-            **row,
-            "estimated": float(estimated[row["level"], row["target_sigma_dn"]]),
-            "abstained": int(abstained[row["level"], row["target_sigma_dn"]]),
-        }
-        for row in rows
-    ]
+    for row in rows:
+        key = row["level"], row["target_sigma_dn"]
+        row |= {"estimated": float(estimated[key]), "abstained": int(abstained[key])}
     raised = [f"{level:g} DN and {motion:g} px" for level, motion in rises(knots)]
     return CONTROL.table(
         "control_surface", rows, across={f"motion_{px:g}": f"{px:g} px" for px in sorted(set(knots["motion_px"]))},
         also=["rises" if raised else "falls", "method"], raised=listing(raised), objects=int(knots["objects"].max()),
     )  # fmt: skip
-
-
-def rises(knots: pd.DataFrame) -> list[tuple[float, float]]:
-    """Knots (noise, motion) whose AP exceeds, beyond both intervals, that at less noise or shorter motion."""
-    return [found for _, own in knots.groupby("level") for found in _rises(own)]
-
-
-def _rises(knots: pd.DataFrame) -> list[tuple[float, float]]:
-    cells = {(row["target_sigma_dn"], row["motion_px"]): row for row in records(knots)}
-    levels, motions = (sorted(set(knots[name])) for name in ("target_sigma_dn", "motion_px"))
-    found = []
-    for (level, motion), row in cells.items():
-        down, across = levels.index(level), motions.index(motion)
-        before = [cells[levels[down - 1], motion]] if down else []
-        before += [cells[level, motions[across - 1]]] if across else []
-        if any(row["low_percent"] > other["high_percent"] for other in before):
-            found.append((float(level), float(motion)))
-    return found
 
 
 def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:

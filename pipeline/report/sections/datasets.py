@@ -14,12 +14,13 @@ from pipeline.datasets.power_spectrum import power_spectrum
 from pipeline.grouped_statistics import robust_by
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.display_names import listing, word
-from pipeline.report.inputs import ReportInputs, existing, optional
+from pipeline.report.display_names import word
+from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Section, missing, overview
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, estimate, pivot, records
+from pipeline.stage_files import existing, optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,6 +35,8 @@ STATISTICS = (
     "mean_dn", "std_dn", "spectrum_slope", "gradient_mean_dn", "gradient_p99_dn", "flat_fraction", "saturated_fraction",
 )  # fmt: skip
 """Columns of the table of frames."""
+
+MEDIAN = estimate("median", "low", "high", "count")
 
 
 @dataclass(frozen=True)
@@ -120,12 +123,9 @@ def samples_figure(samples: Sequence[DatasetSample]) -> Drawing:
     spectrum_axes.set(xlabel="spatial frequency [cycles/px]", ylabel="power [DN²]", title="Power spectrum")
     histogram_axes.set(xlabel="grey level [DN]", ylabel="share of pixels [%]", title="Histogram", xlim=(0, 256))
     spectrum_axes.legend()
-    words = [f"{word(sample.name)} ({len(sample.frames)} shown)" for sample in samples]
     boxes = sum(len(list(sample.boxes.get(frame, ()))) for sample in samples for frame in sample.frames)
-    alt = (
-        f"Sample frames of {listing(words)} with {boxes} object boxes drawn; below, the radially averaged power "
-        "spectrum and the grey-level histogram of the frames shown."
-    )
+    words = [{"dataset": sample.name, "frames": len(sample.frames)} for sample in samples]
+    alt = PAGE.alt("datasets", words, boxes=boxes)
     series = style.switches(sample.name for sample in samples) if len(samples) > 1 else ()
     return Drawing(figure, alt, pd.concat(curves), series)
 
@@ -170,8 +170,7 @@ def _statistics(frames: Mapping[str, pd.DataFrame], seed: int) -> Table:
 
     long = pd.concat([group.melt(["dataset"], list(STATISTICS), "statistic") for group in frames.values()])
     cells = robust_by(long, ["dataset", "statistic"], "value", seed, "report", "frames")
-    rows = pivot(cells, ["dataset"], "statistic", estimate("median", "low", "high", "count"))
-    return PAGE.table("dataset_statistics", rows)
+    return PAGE.table("dataset_statistics", pivot(cells, ["dataset"], "statistic", MEDIAN))
 
 
 def _quarantine(inputs: ReportInputs) -> Table | None:

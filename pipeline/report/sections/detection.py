@@ -9,23 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.curves import iso_exposure
 from pipeline.report import detection_results
-from pipeline.report.descriptions import Descriptions
 from pipeline.report.detection_results import Recorded, Results
 from pipeline.report.display_names import DATASETS, DETECTORS, counted, in_order, word
-from pipeline.report.inputs import ReportInputs, optional
+from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import detection_figures
+from pipeline.report.sections.detection_figures import PAGE
 from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, overview
-from pipeline.report.tables import Cell, Estimate, Table, format_number, pivot
+from pipeline.report.tables import Cell, Estimate, Table, estimate, format_number, pivot, records
+from pipeline.stage_files import optional
 
 if TYPE_CHECKING:
     import pandas as pd
 
-PAGE = Descriptions("detection")
+AP = estimate("ap_percent", "low_percent", "high_percent")
 RISE = " ↑"
-COUNTS = {"objects": "objects", "ignored": "objects_ignored", "images": "images"}
-"""Column of the table of corners -> of the results."""
 
 
 def _joined(results: Sequence[Results], part: str) -> pd.DataFrame:
@@ -49,38 +48,27 @@ def corners(dataset: str, results: Sequence[Results]) -> Table:
     rows = []
     for one in results:
         size, level = one.precision["kernel_size_px"].max(), one.precision["target_sigma_dn"].max()
+        ends = {"clean": (0, 0), "noisy": (0, level), "blurred": (size, 0), "both": (size, level)}
         for label in one.labels:
             selected = one.precision[one.precision["label"] == label]
-            row = {
-                "detector": one.detector,
-                "label": label,
-                **selected[["objects", "objects_ignored", "images"]].iloc[0],
-            }
-            places = {"clean": (0, 0), "noisy": (0, level), "blurred": (size, 0), "both": (size, level)}
-            for name, (px, dn) in places.items():
-                cells = selected[(selected["kernel_size_px"] == px) & (selected["target_sigma_dn"] == dn)]
-                if len(cells) == 1:
-                    value, low, high = map(float, cells[["ap_percent", "low_percent", "high_percent"]].iloc[0])
-                    row[name] = Estimate(value, low, high)
-                elif len(cells):
-                    row[name] = Estimate(float(cells["ap_percent"].mean()), *_of_mean(one, label, px, dn))
-            rows.append(row)
-    cells_of = {name: lambda row, source=source: int(row[source]) for name, source in COUNTS.items()}
-    return PAGE.table("corners", rows, cells=cells_of, dataset=dataset)
+            cells = {name: _corner(one, label, *end) for name, end in ends.items()}
+            rows.append({**selected.iloc[0], "detector": one.detector, "label": label, **cells})
+    return PAGE.table("corners", rows, dataset=dataset)
 
 
-def _of_mean(one: Results, label: str, size_px: float, target_sigma_dn: float) -> tuple[float, float]:
-    """95 % interval of the AP's mean over directions; NaN where it was not measured."""
-    rows = one.spread
-    if rows is not None:
-        rows = rows[
-            (rows["label"] == label)
-            & (rows["kernel_size_px"] == size_px)
-            & (rows["target_sigma_dn"] == target_sigma_dn)
-        ]
-    if rows is None or rows.empty:
-        return math.nan, math.nan
-    return float(rows["mean_low_percent"].iloc[0]), float(rows["mean_high_percent"].iloc[0])
+def _corner(one: Results, label: str, size_px: float, sigma_dn: float) -> Cell:
+    """AP under one blur and noise; its mean over directions, with the interval of that mean, under directed blur."""
+
+    def at(table: pd.DataFrame) -> pd.DataFrame:
+        of_label = table[table["label"] == label]
+        return of_label[(of_label["kernel_size_px"] == size_px) & (of_label["target_sigma_dn"] == sigma_dn)]
+
+    cells = at(one.precision)
+    if len(cells) < 2:
+        return AP(records(cells)[0]) if len(cells) else None
+    means = [] if one.spread is None else records(at(one.spread))
+    ends = [means[0][name] for name in ("mean_low_percent", "mean_high_percent")] if means else [math.nan, math.nan]
+    return Estimate(float(cells["ap_percent"].mean()), *ends)
 
 
 def by_direction(one: Results) -> Table | None:
@@ -97,11 +85,8 @@ def by_direction(one: Results) -> Table | None:
         place=[f"{label}_{size:g}" for label, size in zip(selected["label"], selected["kernel_size_px"], strict=True)]
     )
     labels = [label for label in one.labels if (selected["label"] == label).any()]
-    across = {
-        f"{label}_{px:g}": f"{word(label)} {px:g} px"
-        for label in labels
-        for px in sorted(set(selected["kernel_size_px"]))
-    }
+    sizes = sorted(set(selected["kernel_size_px"]))
+    across = {f"{label}_{px:g}": f"{word(label)} {px:g} px" for label in labels for px in sizes}
     rows = pivot(selected, ["target_sigma_dn", "angle_deg"], "place", cell)
     return PAGE.table("by_direction", rows, across=across, dataset=one.dataset, detector=one.detector)
 
@@ -189,10 +174,10 @@ def _regression(dataset: str, results: Sequence[Results]) -> list[Block]:
     return blocks
 
 
-def _recorded(records: Sequence[Recorded]) -> list[Block]:
+def _recorded(sweeps: Sequence[Recorded]) -> list[Block]:
     """AP, curves and heat maps measured earlier on recorded pictures, each with its source."""
     blocks: list[Block] = []
-    for one in records:
+    for one in sweeps:
         selected, about = one.results, one.provenance
         blur = word(about["sweep"]["blur"]).lower()
         title = f"{word(selected.detector)} on {word(selected.dataset)} behind {blur}"
@@ -232,7 +217,7 @@ def _refit(inputs: ReportInputs) -> list[Block]:
     return [PAGE.table("regression_refit", titled, numbers=words)]
 
 
-def _runs(results: Sequence[Results], records: Sequence[Recorded], inputs: ReportInputs) -> list[Run]:
+def _runs(results: Sequence[Results], sweeps: Sequence[Recorded], inputs: ReportInputs) -> list[Run]:
     planned = sorted(inputs.detection_members)
     names = {*(dataset for dataset, _ in planned), *(set(inputs.absent) & set(DATASETS))}
     runs = [
@@ -244,7 +229,7 @@ def _runs(results: Sequence[Results], records: Sequence[Recorded], inputs: Repor
         )
     ]  # fmt: skip
     for name, line in inputs.detectors_absent.items():
-        known = {one.results.dataset for one in records if one.results.detector == name}
+        known = {one.results.dataset for one in sweeps if one.results.detector == name}
         datasets = in_order({*names, *known}, DATASETS) if known else [""]
         title = f"Detection by {word(name)}"
         runs += [Run(title, dataset, False, "weights absent", line, dataset in known) for dataset in datasets]
@@ -254,8 +239,8 @@ def _runs(results: Sequence[Results], records: Sequence[Recorded], inputs: Repor
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Detection on every dataset, then the paper's published numbers beside ours."""
     results = detection_results.read(inputs)
-    records = detection_results.recorded(inputs)
-    runs = _runs(results, records, inputs)
+    sweeps = detection_results.recorded(inputs)
+    runs = _runs(results, sweeps, inputs)
     blocks: list[Block] = []
     for dataset in in_order((one.dataset for one in results), DATASETS):
         selected = [one for one in results if one.dataset == dataset]
@@ -271,7 +256,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
         for run in reversed(runs)
         if run.state == "absent" and run.why != STAGE_ABSENT
     }
-    blocks += [*reversed(notes.values()), *_recorded(records), *_refit(inputs)]
+    blocks += [*reversed(notes.values()), *_recorded(sweeps), *_refit(inputs)]
     items = ("yolov7_direction_ap", "regression_coefficients", "fitted_ap_grid")
     published, published_runs = beside_ours(items, ledger, inputs)
     title = "Object detection under blur and noise"

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.report import style
-from pipeline.report.display_names import DETECTORS, in_order, listing, word
-from pipeline.report.figures import RING, Facet, cell_map, ink_on, lines, small_multiples
+from pipeline.report.descriptions import Descriptions
+from pipeline.report.display_names import DETECTORS, in_order, listing
+from pipeline.report.figures import RING, cell_map, ink_on, legend_of, lines
 from pipeline.report.style import Drawing
 from pipeline.report.tables import records
 
@@ -17,13 +18,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-QUANTITIES = {
-    "sigma_dn": ("Noise alone", "noise", "estimated noise σ [DN]"),
-    "mtf": ("Blur alone", "blur", "estimated MTF at 0.1 (sharp to blurred)"),
-}
+PAGE = Descriptions("detection")
+CAUSES = {"sigma_dn": "noise", "mtf": "blur"}
 
 
-@style.styled
 def iopc(curves: pd.DataFrame) -> Drawing:
     """The paper's isolated curves: AP over estimated noise and over estimated MTF; classes down, quantities across.
 
@@ -32,10 +30,9 @@ def iopc(curves: pd.DataFrame) -> Drawing:
     Args:
         curves: `pipeline.curves.precision.ISOLATED` with a column ``detector``.
     """
-    labels = sorted(set(curves["label"]))
     looks = style.series_looks(in_order(curves["detector"], DETECTORS))
 
-    def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+    def joined(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         for name, look in looks.items():
             own = rows[rows["detector"] == name].sort_values("quantity_value")
             ends = np.flatnonzero(~own["joined"].to_numpy(bool)) + 1  # where the curve is interrupted
@@ -45,28 +42,20 @@ def iopc(curves: pd.DataFrame) -> Drawing:
                     band=("low_percent", "high_percent"), alpha=0.15, ring=["non_monotonic"], key=f"{key} {part[0]}",
                 )  # fmt: skip
 
-    words = []
-    for label in labels:
-        for name in looks:
-            own = curves[(curves["label"] == label) & (curves["detector"] == name)]
-            parts = []
-            for quantity, (_, noun, _) in QUANTITIES.items():
-                line = own[own["quantity"] == quantity].sort_values("quantity_value", ascending=quantity == "sigma_dn")
-                if len(line):
-                    parts.append(
-                        f"{line['ap_percent'].iloc[0]:.0f} to {line['ap_percent'].iloc[-1]:.0f} % under {noun}"
-                    )
-            if parts:
-                words.append(f"{word(name)}, {word(label)}: {listing(parts)}")
-    return small_multiples(
-        curves, Facet("label", labels), Facet("quantity", list(QUANTITIES), lambda name: QUANTITIES[name][0]), panel,
-        x=lambda name: QUANTITIES[name][2], y="average precision [%]",
-        axes=lambda name: {"ylim": (0, 103), "xlim": (-0.7, 27) if name == "sigma_dn" else (1.03, 0.0)},
-        alt=f"Average precision over estimated noise and MTF. From the mildest to the strongest: {'; '.join(words)}.",
-        legend=[*((word(name), look) for name, look in looks.items()),
-                ("better than its sharper or less noisy neighbour", RING)],
-        values=curves.sort_values(["label", "quantity", "detector", "quantity_value"]), series=style.switches(looks),
-        panel_in=1.75, margin_in=0.5, share_x=False,
+    words: list[dict[str, Any]] = []
+    for (label, name), own in curves.groupby(["label", "detector"]):
+        parts = []
+        for quantity, cause in CAUSES.items():
+            line = own[own["quantity"] == quantity].sort_values("quantity_value", ascending=quantity == "sigma_dn")
+            if len(line):
+                first, last = line["ap_percent"].iloc[0], line["ap_percent"].iloc[-1]
+                parts.append(f"{first:.0f} to {last:.0f} % under {cause}")
+        words.append({"label": label, "detector": name, "parts": listing(parts)})
+    words.sort(key=lambda row: (row["label"], list(looks).index(row["detector"])))
+    return PAGE.grid(
+        "iopc", curves, PAGE.alt("iopc", words), looks, across=list(CAUSES), over=joined,
+        legend=[*legend_of(looks), ("better than its sharper or less noisy neighbour", RING)],
+        series=style.switches(looks),
     )  # fmt: skip
 
 
@@ -85,7 +74,6 @@ def _heat_panel(axes: Axes, rows: pd.DataFrame, key: str) -> Any:
     return image
 
 
-@style.styled
 def heat(cells: pd.DataFrame) -> Drawing:
     """Heat maps of AP over estimated noise and MTF, the paper's combined curves: classes down, detectors across.
 
@@ -95,25 +83,20 @@ def heat(cells: pd.DataFrame) -> Drawing:
     Args:
         cells: `pipeline.curves.precision.HEAT` with a column ``detector``.
     """
-    labels, detectors = sorted(set(cells["label"])), in_order(cells["detector"], DETECTORS)
     for name in ("sigma_bin_dn", "mtf_bin"):  # bins that no panel measured would be empty stripes
         cells = cells[cells[name].isin(cells.loc[cells["count"] > 0, name])]
-    values = cells[cells["count"] > 0].sort_values(["label", "detector", "sigma_bin_dn", "mtf_bin"])
-    words = [
-        f"{word(str(name))}, {word(str(label))}: {own['ap_percent'].min():.0f} to {own['ap_percent'].max():.0f} %"
-        f" over {len(own)} cells, {int(own['non_monotonic'].sum())} better than a milder one"
-        f" ({int(own['certainly'].sum())} certainly)"
-        for (label, name), own in values.groupby(["label", "detector"])
-    ]
-    return small_multiples(
-        cells, Facet("label", labels), Facet("detector", detectors), _heat_panel,
-        x="estimated MTF at 0.1 (bin)", y="estimated noise σ [DN] (bin)", bar="average precision [%]",
-        alt=f"Average precision over estimated noise and MTF. {listing(words)}.", values=values, margin_in=0.35,
-        width_in=style.TWO_COLUMNS_IN * (1.0 if len(detectors) > 1 else 0.6), absent="too few cells",
+    values = cells[cells["count"] > 0]
+    words = values.groupby(["label", "detector"], as_index=False).agg(
+        least=("ap_percent", "min"), most=("ap_percent", "max"), cells=("ap_percent", "size"),
+        rises=("non_monotonic", "sum"), certain=("certainly", "sum"),
+    )  # fmt: skip
+    wide = cells["detector"].nunique() > 1
+    return PAGE.grid(
+        "iopc_heat", cells, PAGE.alt("iopc_heat", words), {}, over=_heat_panel, values=values,
+        width_in=style.TWO_COLUMNS_IN * (1.0 if wide else 0.6),
     )  # fmt: skip
 
 
-@style.styled
 def direction(cells: pd.DataFrame, label: str) -> Drawing:
     """AP over the length of the blur, one line per direction: detectors down, noise levels across.
 
@@ -124,38 +107,21 @@ def direction(cells: pd.DataFrame, label: str) -> Drawing:
     rows = cells[cells["label"] == label]
     angles = sorted(set(rows["angle_deg"]))
     looks = {angle: style.series_look("", position) | {"linestyle": "-"} for position, angle in enumerate(angles)}
-
-    def panel(axes: Axes, own: pd.DataFrame, key: str) -> None:
-        lines(
-            axes, own, "angle_deg", looks, "kernel_size_px", "ap_percent", band=("low_percent", "high_percent"),
-                alpha=0.08,
-            ring=["rises_with_size", "rises_with_sigma"],
-        )  # fmt: skip
-
-    words = []
-    quiet = rows[
-        (rows["target_sigma_dn"] == rows["target_sigma_dn"].min())
-        & (rows["kernel_size_px"] == rows["kernel_size_px"].max())
+    quiet = rows[rows["target_sigma_dn"] == rows["target_sigma_dn"].min()]
+    groups = quiet[quiet["kernel_size_px"] == rows["kernel_size_px"].max()].groupby("detector")
+    words = [
+        {
+            "detector": name,
+            "best": own.loc[own["ap_percent"].idxmax()],
+            "worst": own.loc[own["ap_percent"].idxmin()],
+        }
+        for name, own in groups
     ]
-    for name, own in quiet.groupby("detector"):
-        best, worst = own.loc[own["ap_percent"].idxmax()], own.loc[own["ap_percent"].idxmin()]
-        words.append(
-            f"{word(str(name))} {best['ap_percent']:.0f} % at {best['angle_deg']:g} degrees and"
-            f" {worst['ap_percent']:.0f} % at {worst['angle_deg']:g} degrees"
-        )
-    alt = (
-        f"Average precision of {label} over length and direction of the blur. With the longest blur and the least"
-        f" noise: {'; '.join(words)}."
-    )
-    levels = Facet("target_sigma_dn", sorted(set(rows["target_sigma_dn"])), lambda level: f"noise of {level:g} DN")
-    return small_multiples(
-        rows, Facet("detector", in_order(rows["detector"], DETECTORS)), levels, panel,
-        x="length of the blur [px]", y=f"{word(label).lower()} AP [%]", alt=alt,
-        axes={"ylim": (0, 103), "xticks": sorted(set(rows["kernel_size_px"]))},
+    return PAGE.grid(
+        "direction", rows, PAGE.alt("direction", words, label=label), looks, y=PAGE.text("ap_of", label=label),
+        axes={"xticks": sorted(set(rows["kernel_size_px"]))},
         legend=[*((f"{angle:g}°", look) for angle, look in looks.items()),
                 ("better than with less blur or noise", RING)],
-        values=rows.sort_values(["detector", "target_sigma_dn", "angle_deg", "kernel_size_px"]), panel_in=1.55,
-            margin_in=0.5,
     )  # fmt: skip
 
 
@@ -219,11 +185,10 @@ def regression(fitted: pd.DataFrame, titles: Mapping[str, str]) -> Drawing:
         if pair == 0:
             left.set_ylabel("exposure time [ms]")
         data = known[known["fit"] == name]
-        reached = f"{data['fitted_percent'].min():.0f} to {data['fitted_percent'].max():.0f} %"
-        words.append(f"{title} {reached}, residuals up to {data['residual'].abs().max():.1f} points")
+        ends = {"least": data["fitted_percent"].min(), "most": data["fitted_percent"].max()}
+        words.append({"title": title, **ends, "residual": data["residual"].abs().max()})
     for axes in panels.ravel()[2 * len(titles) :]:
         axes.set_visible(False)
     for mappable, title in ((image, "average precision [%]"), (dots, "residual [points]")):
         style.colour_bar(figure, mappable, panels, title, shrink=0.85, pad=0.01, aspect=28)
-    alt = f"Fitted average precision over ISO and exposure time: {listing(words)}."
-    return Drawing(figure, alt, known.sort_values(["fit", "iso", "exposure_ms"]))
+    return Drawing(figure, PAGE.alt("regression", words), known.sort_values(["fit", "iso", "exposure_ms"]))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pipeline.learning.learning_curve import read
 from pipeline.report import training_budget
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import counted
-from pipeline.report.inputs import ReportInputs, mode_note, optional
-from pipeline.report.learning_curves import read
+from pipeline.report.inputs import ReportInputs, mode_note
 from pipeline.report.ledger import LedgerRow
+from pipeline.report.sections.training import network_title
 from pipeline.report.spec import Section
 from pipeline.report.tables import format_number
+from pipeline.stage_files import optional
 
 TITLE = "Disclosure"
 PAGE = Descriptions("disclosure")
@@ -24,7 +26,7 @@ def _networks(inputs: ReportInputs) -> list[str]:
     for name, percent in training_budget.percents(inputs).items():
         one = steps[name]
         seen = counted(one.steps * (one.samples or 0), "sample")
-        sentences.append(f"{one.title.partition(' (')[0]} saw {seen}, {training_budget.in_words(percent)}")
+        sentences.append(f"{network_title(one).partition(' (')[0]} saw {seen}, {training_budget.in_words(percent)}")
     return [f"The paper's networks, trained anew: {'; '.join(sentences)}."] if sentences else []
 
 

@@ -17,11 +17,12 @@ from pipeline.grouped_statistics import robust_by
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, in_order, listing, word
-from pipeline.report.inputs import ReportInputs, described, existing, optional
+from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, NotRun, Section, missing, overview, single
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Table, estimate, pivot
+from pipeline.report.tables import Row, Table
+from pipeline.stage_files import described, existing, optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,9 +75,7 @@ def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]
             style.picture(axes[1, number], changes[number - 1], -span, span)
             axes[1, number].set_xlabel(f"std {change:.2f} DN", fontsize=6.2, labelpad=2)
         rows.append({"step": number, "title": title, "mean_dn": picture.mean(), "change_std_dn": change})
-    steps = [f"{row['title']} ({row['change_std_dn']:.2f} DN)" for row in rows[1:]]
-    alt = f"One patch through the chain of image formation, the standard deviation of each change: {listing(steps)}."
-    return Drawing(figure, alt, pd.DataFrame(rows))
+    return Drawing(figure, PAGE.alt("formation_chain", rows[1:]), pd.DataFrame(rows))
 
 
 @style.styled
@@ -121,10 +120,8 @@ def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any
         rows.append(
             {"noise_source": noise_source, "target_sigma_dn": level, "mean_dn": picture.mean(), "added_std_dn": added}
         )
-    alt = (
-        f"The same patch under {listing(word(noise_source) for noise_source in sources)} noise at "
-        f"{listing(f'{level:g}' for level in levels)} DN."
-    )
+    shown = listing(f"{level:g}" for level in levels)
+    alt = PAGE.alt("formation_effects", [{"noise_source": name} for name in sources], levels=shown)
     return Drawing(figure, alt, pd.DataFrame(rows))
 
 
@@ -155,10 +152,8 @@ def photon_transfer(curve: Mapping[str, Any]) -> Drawing:
     axes.plot(mean, variance, color=style.PALETTE[0], marker="o", linestyle="none", label="simulated frames")
     axes.set(xlabel="mean [DN]", ylabel="variance [DN²]", xlim=(0, None), ylim=(0, None))
     axes.legend(loc="upper left")
-    alt = (
-        f"Variance over mean of {len(mean)} evenly lit exposures: the fitted slope is {slope:.5f} DN per electron, "
-        f"{100 * (slope / gain - 1):+.2f} % from the sensor's gain of {gain:.5f}."
-    )
+    deviation = 100 * (slope / gain - 1)
+    alt = PAGE.alt("photon_transfer", [], exposures=len(mean), slope=slope, gain=gain, deviation=deviation)
     return Drawing(figure, alt, pd.DataFrame({"mean_dn": mean, "variance_dn2": variance}))
 
 
@@ -182,26 +177,16 @@ def _galleries(dataset: str, inputs: ReportInputs) -> list[Block]:
 def _levels(dataset: str, corruption: pd.DataFrame, seed: int) -> Table:
     """Noise present after clipping at each target level; by how much the noise added misses the level."""
     selected = corruption.assign(dataset=dataset).sort_values("target_sigma_dn", kind="stable")
-    cells = robust_by(
-        selected, ["dataset", "noise_source", "target_sigma_dn"], "clipped_sigma_dn", seed, "report", "levels"
-    )
-    rows = pivot(
-        cells,
-        ["target_sigma_dn"],
-        "noise_source",
-        estimate("median", "low", "high", lambda row: int(row["count"]) or None),
-    )
-    missed = (
-        (selected["unclipped_sigma_dn"] / selected["target_sigma_dn"].where(selected["target_sigma_dn"] > 0) - 1.0)
-        .abs()
-        .groupby(selected["target_sigma_dn"])
-        .max()
-    )
-    deviation = {
-        "off_percent": lambda row: 100.0 * float(missed[row["target_sigma_dn"]]) if row["target_sigma_dn"] > 0 else None
-    }
-    across = {noise_source: word(noise_source) for noise_source in in_order(selected["noise_source"], EFFECTS)}
-    return PAGE.table("noise_levels", rows, cells=deviation, across=across, dataset=dataset)
+    keys = ["dataset", "noise_source", "target_sigma_dn"]
+    cells = robust_by(selected, keys, "clipped_sigma_dn", seed, "report", "levels")
+    cells = cells.assign(frames=cells["count"].where(cells["count"] > 0))
+    missed = (selected["unclipped_sigma_dn"] / selected["target_sigma_dn"] - 1.0).abs()
+    largest = 100.0 * missed.groupby(selected["target_sigma_dn"]).max()
+
+    def deviation(row: Row) -> float | None:
+        return float(largest[row["target_sigma_dn"]]) if row["target_sigma_dn"] > 0 else None
+
+    return PAGE.table("noise_levels", cells, cells={"off_percent": deviation}, dataset=dataset)
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:

@@ -7,10 +7,11 @@ from typing import Any
 
 from pipeline.errors import InputError
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.inputs import ReportInputs, described
+from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Run, Section
 from pipeline.report.tables import Estimate
+from pipeline.stage_files import described
 
 PAGE = Descriptions("frame_ranking")
 COMMAND = "python benchmarks/flags.py"

@@ -18,10 +18,11 @@ from pipeline.camera.mtf import GENERIC_LENS
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.display_names import BLURS, ESTIMATORS, counted, in_order, listing, word
-from pipeline.report.inputs import ReportInputs, described, members, mode_note, optional, relative_mtf
+from pipeline.report.inputs import ReportInputs, members, mode_note, relative_mtf
 from pipeline.report.sections.blur_amae import PAGE, STAGE
 from pipeline.report.spec import Block, NotRun
 from pipeline.report.style import Drawing
+from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,4 +1,4 @@
-"""Noise estimation: the paper's figure, medians, local maps, errors of single patches, and abstentions."""
+"""Noise estimation, by stages and on recorded frames: the paper's figure, medians, local maps, errors, abstentions."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.experiments.frame_records import NOISE_FILE, joined, records_with
 from pipeline.experiments.patch_errors import SATURATED, agreement, patch_errors, saturated_patches
 from pipeline.report import style
-from pipeline.report.descriptions import Cells, Descriptions
-from pipeline.report.display_names import DATASETS, EFFECTS, ESTIMATORS, in_order, listing, word
-from pipeline.report.figures import Facet, abstentions, lines, small_multiples
-from pipeline.report.frame_records import NOISE_FILE, joined
-from pipeline.report.inputs import ReportInputs, described, members, noise_tables, optional, paper_table
+from pipeline.report.descriptions import Descriptions
+from pipeline.report.display_names import EFFECTS, ESTIMATORS, counted, in_order, listing, word
+from pipeline.report.figures import abstentions, legend_of
+from pipeline.report.inputs import ReportInputs, members, noise_tables, paper_table, published
 from pipeline.report.ledger import LedgerRow
-from pipeline.report.spec import Block, Section, missing, overview
+from pipeline.report.spec import Block, Section, missing, pairs_of, runs_by_estimator
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Cell, Estimate, Row, Table, estimate, ordered, pivot, records
+from pipeline.report.tables import Cell, Row, Table, as_recorded, estimate, ordered, reasons_of
+from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,7 +37,6 @@ OPACITY = 0.6  # of the map over the frame
 TOP_PERCENTILE = 99.0  # of the noise added, shown in the last colour
 
 
-@style.styled
 def curves(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
     """The paper's figure: median and range of the inliers over the target level; datasets down, noise sources across.
 
@@ -51,54 +51,35 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
     top = 5.0 * np.ceil(float(np.nanmax(tops)) / 5.0)
     right = max(25.0, summary["target_sigma_dn"].max())
 
-    def panel(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+    def levels(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         axes.plot([0, top], [0, top], zorder=1, **DIAGONAL)
-        if rows.empty:
-            return
-        present = rows.groupby("target_sigma_dn")["clipped_median_dn"].median()
-        axes.plot(present.index, present.to_numpy(), zorder=2, **PRESENT)
-        band = ("minimum_dn", "maximum_dn")
-        lines(axes, rows, "estimator", looks, "target_sigma_dn", "median_dn", band=band, part="median", key=key)
-        counts = rows.groupby("estimator")[["abstained", "count"]].sum().to_dict("index")
-        pairs = {name: (int(one["abstained"]), int(one["abstained"] + one["count"])) for name, one in counts.items()}
-        abstentions(axes, {name: pairs[name] for name in looks if name in pairs}, key)
+        if len(rows):
+            present = rows.groupby("target_sigma_dn")["clipped_median_dn"].median()
+            axes.plot(present.index, present.to_numpy(), zorder=2, **PRESENT)
 
-    columns = [
-        "dataset",
-        "noise_source",
-        "estimator",
-        "target_sigma_dn",
-        "clipped_median_dn",
-        "median_dn",
-        "minimum_dn",
-        "maximum_dn",
-    ]
-    columns += ["unclipped_median_dn", "low_dn", "high_dn", "count", "rejected", "abstained"]
-    return small_multiples(
-        summary, Facet("dataset", datasets), Facet("noise_source", effects), panel,
-        x="noise level σ [DN]", y="estimated σ [DN]", alt=_curves_alt(summary, list(looks)),
+    def counts(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+        abstentions(axes, rows, key, list(looks))
+
+    return PAGE.grid(
+        "noise", summary, _curves_alt(summary, list(looks)), looks,
+        down=datasets, across=effects, under=levels, over=counts,
         axes={"xlim": (0, right), "ylim": (0, top + 3), "yticks": np.arange(0, top + 1, 5),
               "xticks": np.arange(0, right + 1, 5)},
-        legend=[*((word(name), look) for name, look in looks.items()), ("noise present", PRESENT),
-                ("target level", DIAGONAL)],
-        values=summary[columns].sort_values(columns[:4]), series=style.switches(looks),
-        panel_in=style.TWO_COLUMNS_IN / len(effects) * 0.98, margin_in=0.45,
+        legend=[*legend_of(looks), ("noise present", PRESENT), ("target level", DIAGONAL)],
+        series=style.switches(looks), panel_in=style.TWO_COLUMNS_IN / len(effects) * 0.98,
     )  # fmt: skip
 
 
 def _curves_alt(summary: pd.DataFrame, estimators: Sequence[str]) -> str:
     if summary.empty:
-        return "Noise estimation: not run."
+        return PAGE.text("curves_not_run")
     highest = summary[summary["target_sigma_dn"] == summary["target_sigma_dn"].max()]
-    medians = highest.groupby("estimator")["median_dn"].agg(["min", "max"])
-    words = [f"{word(name)} {medians['min'][name]:.1f} to {medians['max'][name]:.1f}" for name in estimators]
-    present = f"{highest['clipped_median_dn'].min():.1f} to {highest['clipped_median_dn'].max():.1f}"
-    return (
-        f"Estimated noise over the target level, for {listing(word(name) for name in summary['dataset'].unique())}. "
-        f"At {highest['target_sigma_dn'].iloc[0]:g} DN, where {present} DN are present, the medians over the panels "
-        f"are "
-        f"{listing(words)} DN; {int(summary['abstained'].sum()):,} estimates were abstained from."
-    )
+    medians = highest.groupby("estimator")["median_dn"].agg(["min", "max"]).loc[list(estimators)].reset_index()
+    return PAGE.alt(
+        "noise", medians, datasets=listing(word(name) for name in summary["dataset"].unique()),
+        level=highest["target_sigma_dn"].iloc[0], least=highest["clipped_median_dn"].min(),
+        most=highest["clipped_median_dn"].max(), abstained=int(summary["abstained"].sum()),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -177,15 +158,11 @@ def maps(galleries: Sequence[NoiseMaps]) -> Drawing:
     titles = ["Frame", "Noise added", *(f"Estimated by {word(one.estimator)}" for one in galleries)]
     for axes, title in zip(panels[0], titles, strict=True):
         axes.set_title(title, loc="left")
-    words = []
-    for row in rows:
-        pattern = f", correlation {row['correlation']:.2f}" if np.isfinite(row["correlation"]) else ""
-        words.append(
-            f"{word(row['noise_source'])} by {word(row['estimator'])}: mean error {row['mean_error_dn']:.2f} DN about "
-            f"a "
-            f"median of {row['unclipped_median_dn']:.1f} DN{pattern}"
-        )
-    alt = f"Local noise over one frame, added and estimated cell by cell. {'; '.join(words)}."
+    patterns = [
+        {"pattern": f", correlation {row['correlation']:.2f}" if np.isfinite(row["correlation"]) else ""}
+        for row in rows
+    ]
+    alt = PAGE.alt("noise_maps", [row | pattern for row, pattern in zip(rows, patterns, strict=True)])
     return Drawing(figure, alt, pd.DataFrame(rows))
 
 
@@ -195,9 +172,8 @@ def _maps(inputs: ReportInputs) -> list[Block]:
     for folder in members(inputs.noise, inputs.noise_members):
         about = described(folder, "maps.json", ("dataset", "estimator", "frame", "effects", "target_sigma_dn"))
         if about is not None:
-            one = NoiseMaps(
-                about["estimator"], optional(folder, "maps.npz") or {}, about["effects"], about["target_sigma_dn"]
-            )
+            arrays = optional(folder, "maps.npz") or {}
+            one = NoiseMaps(about["estimator"], arrays, about["effects"], about["target_sigma_dn"])
             galleries.setdefault(about["dataset"], []).append((one, about["frame"]))
     blocks: list[Block] = []
     for dataset in in_order(galleries, inputs.datasets):
@@ -225,12 +201,8 @@ def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame | None)
         selected = selected.merge(reference.drop_duplicates(keys)[[*keys, "sigma_dn"]], how="left", on=keys)
     levels = selected.groupby(keys[1:3])[["unclipped_median_dn", "clipped_median_dn"]].transform("median")
     selected = selected.assign(added_dn=levels["unclipped_median_dn"], present_dn=levels["clipped_median_dn"])
-    cell = estimate("median_dn", "low_dn", "high_dn", "inliers", "sigma_dn")
-    rows = pivot(selected, ["noise_source", "target_sigma_dn", "added_dn", "present_dn"], "estimator", cell)
-    cells = [cell for row in rows for cell in row.values()]
-    known = any(isinstance(cell, Estimate) and cell.reference is not None for cell in cells)
-    across = {name: word(name) for name in in_order(selected["estimator"], ESTIMATORS)}
-    return PAGE.table("noise", rows, across=across, also=["code"] if known else [], dataset=dataset)
+    known = "sigma_dn" in selected and bool(selected["sigma_dn"].notna().any())
+    return PAGE.table("noise", selected, also=["code"] if known else [], dataset=dataset)
 
 
 def single_patches(estimates: pd.DataFrame, seed: int) -> Table:
@@ -240,7 +212,7 @@ def single_patches(estimates: pd.DataFrame, seed: int) -> Table:
         estimates: `pipeline.tables.NOISE_ESTIMATES`.
         seed: root of the bootstrap's random streams.
     """
-    errors = ordered(patch_errors(estimates, seed), dataset=DATASETS, estimator=ESTIMATORS, noise_source=EFFECTS)
+    errors = patch_errors(estimates, seed)
     has_interval = "coverage_percent" in errors
 
     def quantity(name: str) -> Callable[[Row], Cell]:
@@ -265,52 +237,47 @@ def saturated(estimates: pd.DataFrame, seed: int) -> Table | None:
     cells = saturated_patches(estimates, seed)
     if cells.empty:
         return None
-    index = ["dataset", "noise_source", "patches", "added_dn", "present_dn"]
-    rows = pivot(
-        ordered(cells, dataset=DATASETS, noise_source=EFFECTS), index, "estimator",
-        estimate("median_dn", "low_dn", "high_dn", "count"),
-    )  # fmt: skip
-    across = {name: word(name) for name in in_order(cells["estimator"], ESTIMATORS)}
-    level = float(cells["target_sigma_dn"].iloc[0])
-    return PAGE.table("noise_saturated", rows, across=across, level=level, percent=100 * SATURATED)
+    return PAGE.table("noise_saturated", cells, level=float(cells["target_sigma_dn"].iloc[0]), percent=100 * SATURATED)
 
 
 def _abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
-    def reasons(row: Row) -> str:
-        selected = (estimates["dataset"] == row["dataset"]) & (estimates["estimator"] == row["estimator"])
-        counts = estimates.loc[selected & estimates["abstained"], "reason"].value_counts().sort_index()
-        return ", ".join(f"{reason}: {count:,}" for reason, count in counts.items())
-
     sums = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)[["count", "rejected", "abstained"]]
-    cells: Cells = {"asked": lambda row: int(row["count"] + row["abstained"]), "reasons": reasons}
-    return PAGE.table("noise_abstentions", sums.sum(), cells=cells)
+    return PAGE.table("noise_abstentions", sums.sum(), cells={"reasons": reasons_of(estimates)})
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Noise estimation on every dataset."""
     summary, estimates = noise_tables(inputs)
-    recorded = joined(inputs, NOISE_FILE)
-    ran = {(row["dataset"], row["estimator"]) for row in records(summary[["dataset", "estimator"]])}
-    estimators = in_order([*(estimator for _, estimator in ran), *recorded["estimator"]], ESTIMATORS)
-    runs = [
-        run
-        for estimator in estimators or ["<estimator>"]
-        for run in overview(
-            f"Noise by {word(estimator)}", f"noise@{{dataset}}-{estimator}",
-            [dataset for dataset, name in ran if name == estimator], inputs,
-            recorded=recorded.loc[recorded["estimator"] == estimator, "dataset"].unique(),
-        )
-    ]  # fmt: skip
+    runs = runs_by_estimator("Noise", "noise", pairs_of(summary), pairs_of(joined(inputs.recorded, NOISE_FILE)), inputs)
     blocks: list[Block] = []
     if not summary.empty:
-        stages = sorted(STAGE.format(dataset=dataset, estimator=estimator) for dataset, estimator in ran)
+        stages = sorted(STAGE.format(dataset=dataset, estimator=name) for dataset, name in pairs_of(summary))
         datasets = in_order(summary["dataset"], inputs.datasets)
         blocks.append(PAGE.figure("noise", curves(summary, datasets), stages))
         reference = paper_table(inputs, "noise_reference.csv")
         blocks += [medians(name, summary, reference) for name in datasets]
-        blocks += _maps(inputs)
-        blocks.append(single_patches(estimates, inputs.seed))
+        blocks += [*_maps(inputs), single_patches(estimates, inputs.seed)]
         clipped = saturated(estimates, inputs.seed)
         blocks += [] if clipped is None else [clipped]
         blocks.append(_abstentions(summary, estimates))
     return Section("noise", "Noise estimation", (), [*blocks, *missing("Noise estimation", runs)], runs)
+
+
+def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+    """Noise estimation on frames recorded by ``camera-monitor record noise-levels``, or None without a record."""
+    records = records_with(inputs.recorded, NOISE_FILE)
+    if not records:
+        return None
+    summary, datasets = joined(inputs.recorded, NOISE_FILE), [one.dataset for one in records]
+    counts = [
+        f"{word(one.dataset)}: {counted(len(one.frames), 'frame')},"
+        f" {counted(int(one.frames['noise_tiles'].sum()), 'tile')} of 128 px"
+        for one in records
+    ]
+    blocks: list[Block] = [
+        PAGE.table("recorded_noise_sources", [one.described("noise_tiles") for one in records]),
+        PAGE.figure("recorded_noise", curves(summary, datasets), after=f"{'; '.join(counts)}."),
+    ]
+    reference = published(inputs, "noise_reference.csv")
+    blocks += [as_recorded(medians(one.dataset, summary, reference)) for one in records]
+    return Section("noise_recorded", "Noise estimation on recorded frames", (PAGE.text("recorded"),), blocks)

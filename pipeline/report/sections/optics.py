@@ -12,11 +12,12 @@ from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, counted, in_order, listing, word
-from pipeline.report.inputs import ReportInputs, existing, optional, published
+from pipeline.report.inputs import ReportInputs, published
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.ledger_sources import sharp_mtf, star_curve
 from pipeline.report.spec import Block, NotRun, Section, overview, single
 from pipeline.report.style import Drawing
+from pipeline.stage_files import existing, optional
 
 if TYPE_CHECKING:
     import pandas as pd

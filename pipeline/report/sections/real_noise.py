@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.report import real_noise_records, style
+from pipeline.experiments import real_noise_records
+from pipeline.experiments.real_noise_records import Examples, Recording, Sensor
+from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import in_order, listing, word
 from pipeline.report.figures import add_legend
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
-from pipeline.report.real_noise_records import Examples, Recording, Sensor
 from pipeline.report.spec import Block, Run, Section
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Row, Table, ordered, records
@@ -162,12 +163,13 @@ def crops(made: Examples) -> Drawing:
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
     """Noise of real cameras, or None where nothing of it is known."""
-    parts, made = real_noise_records.recordings(inputs), real_noise_records.sensor(inputs)
+    where = inputs.real_noise, inputs.recorded
+    parts, made = real_noise_records.recordings(*where), real_noise_records.sensor(*where)
     pairs = {part.name for part in parts}
     runs = [_run(inputs, name, name in pairs or (made is not None and name == SENSOR)) for name in inputs.real_noise]
     if not parts and made is None and not runs:
         return None
-    examples = real_noise_records.examples(inputs)
+    examples = real_noise_records.examples(inputs.recorded)
     blocks: list[Block] = []
     if examples is not None:
         blocks.append(PAGE.figure("real_noise_examples", crops(examples), source=examples.source))
@@ -198,6 +200,6 @@ def _sources(parts: Sequence[Recording]) -> Table:
 
 
 def _run(inputs: ReportInputs, name: str, is_recorded: bool) -> Run:
-    ran = real_noise_records.stage_has_run(inputs, name)
+    ran = real_noise_records.stage_has_run(inputs.real_noise, name)
     line = f"dvc exp run -S real_noise.recordings.{name}.folder=/path real_noise@{name} report"
     return Run(TITLE, recording_word(name), ran, "" if ran else "data absent", line, is_recorded)

@@ -14,10 +14,11 @@ import pandas as pd
 from pipeline.errors import InputError
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import ESTIMATORS, word
-from pipeline.report.inputs import ReportInputs, described, paper_table
+from pipeline.report.inputs import ReportInputs, paper_table
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import STAGE_ABSENT, NotRun, Run, Section
 from pipeline.report.tables import Table, ordered, records
+from pipeline.stage_files import described
 
 PAGE = Descriptions("runtime")
 COMMAND = "python benchmarks/estimators.py"

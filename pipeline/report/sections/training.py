@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from pipeline.learning.learning_curve import HELD_OUT, LearningCurve, read
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.display_names import listing
-from pipeline.report.inputs import ReportInputs, existing, optional
-from pipeline.report.learning_curves import HELD_OUT, LearningCurve, read
+from pipeline.report.display_names import word
+from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Estimate, Table
+from pipeline.stage_files import existing, optional
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,17 +33,28 @@ PAPER_SQUARED_ERROR = {"mtf_cnn": 0.0083}
 """Best validation MSE in the log of the paper's training, 47 of 51 epochs of 160,500 samples less 15 % held out."""
 
 ACROSS = 3  # panels in a row
-VARIANTS = {
-    "base": "as released, but short",
-    "seed_2": "another seed (2)",
-    "seed_3": "another seed (3)",
-    "no_noise": "no noise in training",
-    "isotropic": "no upright prior (isotropic pictures)",
-    "kernel_label": "label without the lens's own blur",
-    "few_images": "a tenth of the pictures",
-    "few_kernels": "a fifteenth of the kernels",
-}
 SEEDS = ("base", "seed_2", "seed_3")
+
+
+TASKS = {"mtf": "Blur", "sigma": "Noise", "detector": "Detector"}
+MEASURES = {"sigma_error_dn": "σ error", "ap_percent": "average precision", "ap": "average precision"}
+MEASURES |= {"mtf_error_percent": "MTF error", "missed_percent": "mean AP missed"}
+
+
+def network_title(one: LearningCurve) -> str:
+    """``"Blur: Spectral"``."""
+    task, _, network = one.name.partition("_")
+    return f"{TASKS.get(task, word(task))}: {word(network)}"
+
+
+def measure_title(one: LearningCurve) -> str:
+    """The measure of a curve in words."""
+    return MEASURES.get(one.measure, one.measure.removesuffix("_percent").removesuffix("_dn").replace("_", " "))
+
+
+def measure_heading(one: LearningCurve) -> str:
+    """The measure with its unit in brackets."""
+    return f"{measure_title(one)} [{one.unit}]" if one.unit else measure_title(one)
 
 
 def stage_of(name: str) -> str:
@@ -68,7 +80,7 @@ def _panel(axes: Axes, one: LearningCurve) -> None:
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set(title=one.title, xlabel="step", ylabel=one.measure_heading, xlim=(0, 1.03 * one.steps))
+    axes.set(title=network_title(one), xlabel="step", ylabel=measure_heading(one), xlim=(0, 1.03 * one.steps))
     axes.legend(loc="best", fontsize=5.4)
 
 
@@ -94,8 +106,8 @@ def curves_figure(curves: Sequence[LearningCurve]) -> Drawing:
                 head = {"network": one.name, "measure": one.measure, "samples": samples}
                 tables.append(pd.DataFrame({"step": values.index, "value": values.to_numpy()}).assign(**head))
         value = f"{one.at_release(HELD_OUT + one.measure):.3g} {one.unit}".strip()
-        words.append(f"{one.title}, {one.measure_title} {value} after {one.steps:,} steps")
-    alt = f"Learning curves on held-out and on training samples. At release: {listing(words)}."
+        words.append({"title": network_title(one), "measure": measure_title(one), "value": value, "steps": one.steps})
+    alt = PAGE.alt("learning_curves", words)
     return Drawing(figure, alt, pd.concat(tables)[["network", "measure", "samples", "step", "value"]])
 
 
@@ -105,13 +117,13 @@ def _networks(curves: Sequence[LearningCurve]) -> Table:
         squared, paper = one.at_release(f"{HELD_OUT}mean_squared_error"), PAPER_PARAMETERS.get(one.name)
         rows.append(
             {
-                "network": one.title,
+                "network": network_title(one),
                 "parameters": one.parameters if paper is None or one.parameters is None
                 else Estimate(one.parameters, reference=paper),
                 "steps": one.steps,
                 "samples": None if one.samples is None else one.steps * one.samples,
                 "released": one.chosen,
-                "measure": one.measure_heading,
+                "measure": measure_heading(one),
                 "held_out": one.at_release(HELD_OUT + one.measure),
                 "training": None if one.training() is None else one.at_release(one.measure),
                 "squared": None if math.isnan(squared)
@@ -122,11 +134,7 @@ def _networks(curves: Sequence[LearningCurve]) -> Table:
 
 
 def ablation(inputs: ReportInputs) -> Table | None:
-    """Short trainings of the blur network with one thing changed, and with other seeds; None where none was run.
-
-    Args:
-        inputs: of the report; variants in the order of ``ablations``, without it every file by name.
-    """
+    """Short trainings of the blur network with one thing changed, and with other seeds; None where none was run."""
     folder = existing(inputs.ablation)
     names = list(inputs.ablations) or sorted(path.stem for path in (folder.glob("*.json") if folder else ()))
     measures = {name: optional(folder, f"{name}.json") for name in names}
@@ -137,8 +145,7 @@ def ablation(inputs: ReportInputs) -> Table | None:
     seeds = [row["mtf_error_percent"] for row in rows if row["variant"] in SEEDS]
     known = len(seeds) > 1
     return PAGE.table(
-        "ablation", rows, cells={"variant": lambda row: VARIANTS.get(row["variant"], str(row["variant"]))},
-        also=["seeds"] if known else [], spread=max(seeds) - min(seeds) if known else 0.0,
+        "ablation", rows, also=["seeds"] if known else [], spread=max(seeds) - min(seeds) if known else 0.0,
     )  # fmt: skip
 
 
@@ -147,7 +154,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     curves = read(inputs.weights)
     names = [one.name for one in curves]
     blocks: list[Block] = []
-    runs = [single(f"Training, {one.title}", stage_of(one.name), True, inputs) for one in curves]
+    runs = [single(f"Training, {network_title(one)}", stage_of(one.name), True, inputs) for one in curves]
     if curves:
         stages = [stage_of(name) for name in names]
         blocks += [PAGE.figure("learning_curves", curves_figure(curves), stages), _networks(curves)]

@@ -13,23 +13,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
-from pipeline.report.display_names import in_order, word
-from pipeline.report.inputs import any_table, existing
+from pipeline.stage_files import any_table, existing
 
 if TYPE_CHECKING:
     import pandas as pd
 
 HELD_OUT = "validation_"
-TASKS = {"mtf": "Blur", "sigma": "Noise", "detector": "Detector"}
+TASKS = ("mtf", "sigma", "detector")
 # What a network is judged by, the first that its curve holds; unit of those whose name does not end with it.
-MEASURES = {
-    "mtf_error_percent": "MTF error",
-    "sigma_error_dn": "σ error",
-    "ap_percent": "average precision",
-    "ap": "average precision",
-    "missed_percent": "mean AP missed",
-    "mean_squared_error": "mean squared error",
-}
+MEASURES = ("mtf_error_percent", "sigma_error_dn", "ap_percent", "ap", "missed_percent", "mean_squared_error")
 _UNITS = {"_percent": "%", "_dn": "DN"}
 
 
@@ -56,25 +48,9 @@ class LearningCurve:
     settings: Mapping[str, Any] | None = None
 
     @property
-    def title(self) -> str:
-        """``"Blur: Spectral"``."""
-        task, _, network = self.name.partition("_")
-        return f"{TASKS.get(task, word(task))}: {word(network)}"
-
-    @property
-    def measure_title(self) -> str:
-        """The measure in words."""
-        return MEASURES.get(self.measure, self.measure.removesuffix("_percent").removesuffix("_dn").replace("_", " "))
-
-    @property
     def unit(self) -> str:
         """Of the measure; empty where it has none."""
         return next((unit for ending, unit in _UNITS.items() if self.measure.endswith(ending)), "")
-
-    @property
-    def measure_heading(self) -> str:
-        """The measure with its unit in brackets."""
-        return f"{self.measure_title} [{self.unit}]" if self.unit else self.measure_title
 
     @property
     def steps(self) -> int:
@@ -111,8 +87,12 @@ def read(folder: Path | None) -> list[LearningCurve]:
     if location is None:
         return []
     names = [path.stem for path in sorted(location.glob("*.csv"))]
-    tasks = in_order((name.partition("_")[0] for name in names), TASKS)
-    names.sort(key=lambda name: (tasks.index(name.partition("_")[0]), name))
+
+    def rank(name: str) -> tuple[int, str]:
+        task = name.partition("_")[0]
+        return (TASKS.index(task) if task in TASKS else len(TASKS)), name
+
+    names.sort(key=rank)
     return [_one(location / f"{name}.csv") for name in names]
 
 

@@ -12,8 +12,7 @@ from pipeline import tables
 from pipeline.errors import InputError
 from pipeline.experiments.factors import EFFECTS, FACTOR_CELLS
 from pipeline.experiments.tables import BLUR_CELLS, CURVES, NOISE_CELLS
-from pipeline.report.display_names import DATASETS, in_order
-from pipeline.report.inputs import ReportInputs, any_table, existing
+from pipeline.stage_files import any_table, existing
 from pipeline.store import Schema, read_json
 
 if TYPE_CHECKING:
@@ -31,6 +30,8 @@ SCHEMAS: Mapping[str, Schema] = {
     **dict(zip(FACTOR_FILES, (FACTOR_CELLS, EFFECTS), strict=True)),
 }
 KEYS = {"source", "dataset", "frames", "settings"}
+PAPERS_ORDER = ("sim", "photos", "kitti", "udacity", "sim_authors")
+"""Datasets in the order in which they are listed; others follow alphabetically."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,18 @@ class FrameRecord:
     def frames(self) -> pd.DataFrame:
         """frame, width_px, height_px, blur_patches, noise_tiles."""
         return any_table(self.folder / FRAMES_FILE)
+
+    def described(self, count: str) -> dict[str, Any]:
+        """A row of the table of sources: frames, patches (of the column ``count`` of `frames`), sizes and source."""
+        widths, heights = self.frames["width_px"], self.frames["height_px"]
+        sizes = [f"{w} x {h}" for w, h in sorted({(int(w), int(h)) for w, h in zip(widths, heights, strict=True)})]
+        return {
+            "dataset": self.dataset,
+            "frames": len(self.frames),
+            "patches": int(self.frames[count].sum()),
+            "size": sizes[0] if len(sizes) == 1 else f"{sizes[0]} to {sizes[-1]}",
+            "source": self.source,
+        }
 
     def table(self, name: str) -> pd.DataFrame:
         """A table of the record.
@@ -91,37 +104,38 @@ def provenance_of(folder: Path, keys: Set[str]) -> dict[str, Any]:
     return about
 
 
-def folders_with(inputs: ReportInputs, file: str, keys: Set[str] = KEYS) -> dict[str, Path]:
-    """Dataset -> folder of the record that holds a file, in the report's order.
+def folders_with(recorded: Path | None, file: str, keys: Set[str] = KEYS) -> dict[str, Path]:
+    """Dataset -> folder of the record that holds a file, in the paper's order of datasets.
 
     Args:
-        inputs: of the report.
+        recorded: folder whose sub-folders are records; None without any.
         file: of the record.
         keys: of its provenance.
 
     Raises:
         InputError: a provenance is missing or of something else, or two records are of one dataset.
     """
-    location = existing(inputs.recorded)
+    location = existing(recorded)
     known: dict[str, Path] = {}
     for path in sorted(location.glob(f"*/{file}")) if location is not None else []:
         dataset = str(provenance_of(path.parent, keys)["dataset"])
         if dataset in known:
             raise InputError(f"{known[dataset]} and {path.parent}: both hold {file} of '{dataset}'; keep one")
         known[dataset] = path.parent
-    return {dataset: known[dataset] for dataset in in_order(known, DATASETS)}
+    order = [name for name in PAPERS_ORDER if name in known] + sorted(set(known) - set(PAPERS_ORDER))
+    return {dataset: known[dataset] for dataset in order}
 
 
-def records_with(inputs: ReportInputs, file: str) -> list[FrameRecord]:
+def records_with(recorded: Path | None, file: str) -> list[FrameRecord]:
     """Every record that holds one of the files of `SCHEMAS`, see `folders_with`."""
-    return [FrameRecord(folder, provenance_of(folder, KEYS)) for folder in folders_with(inputs, file).values()]
+    return [FrameRecord(folder, provenance_of(folder, KEYS)) for folder in folders_with(recorded, file).values()]
 
 
-def joined(inputs: ReportInputs, file: str) -> pd.DataFrame:
+def joined(recorded: Path | None, file: str) -> pd.DataFrame:
     """One table of all records that hold a file; empty, with its columns, where none does."""
     import pandas as pd
 
-    parts = [record.table(file) for record in records_with(inputs, file)]
+    parts = [record.table(file) for record in records_with(recorded, file)]
     if not parts:
         schema = SCHEMAS[file]
         return schema.conform(pd.DataFrame({column: [] for column in schema.columns}))
@@ -136,3 +150,17 @@ def not_run(recorded: pd.DataFrame, ran: pd.DataFrame) -> pd.DataFrame:
         ran: the same table of stages.
     """
     return recorded[~recorded["dataset"].isin(ran["dataset"])].reset_index(drop=True)
+
+
+def with_records(ran: pd.DataFrame, recorded: Path | None, file: str) -> pd.DataFrame:
+    """A table of stages with what was recorded on other datasets.
+
+    Args:
+        ran: of the stages, with a column ``dataset``.
+        recorded: folder whose sub-folders are records; None without any.
+        file: of the record, one of `SCHEMAS`.
+    """
+    import pandas as pd
+
+    parts = [part for part in (ran, not_run(joined(recorded, file), ran)) if len(part)]
+    return pd.concat(parts, ignore_index=True) if parts else ran

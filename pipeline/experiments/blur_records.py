@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.experiments.frame_records import folders_with, provenance_of
 from pipeline.experiments.tables import BLUR_SUMMARY
-from pipeline.report.frame_records import folders_with, provenance_of
-from pipeline.report.inputs import EXACT, ReportInputs, any_table
+from pipeline.stage_files import any_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,6 +18,9 @@ SUMMARY_FILE, SHARP_FILE, PATCHES_FILE = "summary.csv", "sharp.csv", "patches.cs
 """By the first of these a record of blur is known among others."""
 
 METRICS_FILE = "metrics.json"
+EXACT = "exact"
+"""Mode of PMP and GBB that gives what the original programs give."""
+
 SUBSETS = "subsets"
 """Key of the provenance: estimator -> frames and patches that it was run on, where these are fewer than all."""
 
@@ -71,25 +74,35 @@ class BlurRecord:
         names = {name: paper for paper, name in exact.items()}
         return kept.assign(estimator=kept["estimator"].replace(names))
 
+    def described(self) -> dict[str, Any]:
+        """A row of the table of sources."""
+        return {
+            "dataset": self.dataset,
+            "frames": len(self.provenance["frames"]),
+            "patches": self.patches,
+            "kernels": len(self.provenance["kernels"]),
+            "source": self.provenance["source"],
+        }
+
     def measured_on(self, estimator: str) -> tuple[int, int]:
         """Frames and patches that an estimator was run on."""
         subset = self.provenance.get(SUBSETS, {}).get(estimator)
         return (subset["frames"], subset["patches"]) if subset else (len(self.provenance["frames"]), self.patches)
 
 
-def estimators(inputs: ReportInputs) -> dict[str, set[str]]:
+def estimators(recorded: Path | None) -> dict[str, set[str]]:
     """Dataset -> the estimators recorded on it."""
-    folders = folders_with(inputs, SUMMARY_FILE, KEYS)
+    folders = folders_with(recorded, SUMMARY_FILE, KEYS)
     return {dataset: set(provenance_of(folder, KEYS)["blur"]["estimators"]) for dataset, folder in folders.items()}
 
 
-def read(inputs: ReportInputs) -> list[BlurRecord]:
+def read(recorded: Path | None) -> list[BlurRecord]:
     """Every record of blur among the recorded measurements.
 
     Raises:
         InputError: a file of a record is missing or broken, or two records are of one dataset.
     """
-    return [read_folder(folder) for folder in folders_with(inputs, SUMMARY_FILE, KEYS).values()]
+    return [read_folder(folder) for folder in folders_with(recorded, SUMMARY_FILE, KEYS).values()]
 
 
 def read_folder(folder: Path) -> BlurRecord:

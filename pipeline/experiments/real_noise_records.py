@@ -1,7 +1,8 @@
-"""Noise of real cameras as the report shows it: from the stage where it has run, else as it was recorded earlier."""
+"""Noise of real cameras: from the stage `real_noise` where it has run, else as it was recorded earlier."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from pipeline.experiments.real_noise_tables import (
     TRANSFER,
     TRANSFER_POINTS,
 )
-from pipeline.report.inputs import ReportInputs, existing, optional
+from pipeline.stage_files import existing, optional
 from pipeline.store import Schema
 
 if TYPE_CHECKING:
@@ -33,6 +34,10 @@ EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE = "examples.csv", "examples_provenance.j
 NOISE_FOLDER, SENSOR_FOLDER, EXAMPLES_FOLDER = "real-noise", "real-sensor", "real-noise-examples"
 SENSOR = "flea3"
 """Name of the recording that the second folder holds."""
+
+
+Stages = Mapping[str, Path]
+"""Recording of a real camera -> folder of its stage `real_noise`."""
 
 
 @dataclass(frozen=True)
@@ -84,9 +89,9 @@ def example_crop(number: int) -> str:
     return f"examples_{number}.png"
 
 
-def examples(inputs: ReportInputs) -> Examples | None:
+def examples(recorded: Path | None) -> Examples | None:
     """The recorded examples; None where there are none."""
-    folder = _folder(inputs, EXAMPLES_FOLDER)
+    folder = _folder(recorded, EXAMPLES_FOLDER)
     if folder is None:
         return None
     table = _table(folder / EXAMPLES_FILE)
@@ -95,27 +100,27 @@ def examples(inputs: ReportInputs) -> Examples | None:
     return Examples(str(optional(folder, EXAMPLES_PROVENANCE_FILE)["source"]), table, crops)
 
 
-def stage_has_run(inputs: ReportInputs, name: str) -> bool:
+def stage_has_run(stages: Stages, name: str) -> bool:
     """Whether the stage measured a recording, and not only wrote that its data are absent."""
-    about = optional(inputs.real_noise.get(name), "recording.json")
+    about = optional(stages.get(name), "recording.json")
     return bool(about and about.get("ran"))
 
 
-def recordings(inputs: ReportInputs) -> list[Recording]:
+def recordings(stages: Stages, recorded: Path | None) -> list[Recording]:
     """Every recording that a stage measured or that was recorded earlier, in the order of the configuration."""
-    earlier = _earlier(inputs)
-    names = [*inputs.real_noise, *(name for name in earlier if name not in inputs.real_noise)]
-    made = (_made(inputs, name) if stage_has_run(inputs, name) else earlier.get(name) for name in names)
+    earlier = _earlier(recorded)
+    names = [*stages, *(name for name in earlier if name not in stages)]
+    made = (_made(stages, name) if stage_has_run(stages, name) else earlier.get(name) for name in names)
     return [one for one in made if one is not None]
 
 
-def sensor(inputs: ReportInputs) -> Sensor | None:
+def sensor(stages: Stages, recorded: Path | None) -> Sensor | None:
     """The sensor's constants, from the stage or recorded earlier; None where there are none."""
-    if stage_has_run(inputs, SENSOR):
-        folder = inputs.real_noise[SENSOR]
+    if stage_has_run(stages, SENSOR):
+        folder = stages[SENSOR]
         tables = {"transfer": TRANSFER, "points": TRANSFER_POINTS, "dark": DARK, "dark_means": DARK_MEANS}
         return Sensor(f"real_noise@{SENSOR}", **{n: optional(folder, f"{n}.parquet", s) for n, s in tables.items()})
-    folder_of_record = _folder(inputs, SENSOR_FOLDER)
+    folder_of_record = _folder(recorded, SENSOR_FOLDER)
     if folder_of_record is None:
         return None
     files = {
@@ -127,18 +132,18 @@ def sensor(inputs: ReportInputs) -> Sensor | None:
     return Sensor("", **{name: _csv(folder_of_record / file, schema) for name, (file, schema) in files.items()})
 
 
-def _made(inputs: ReportInputs, name: str) -> Recording:
-    folder = inputs.real_noise[name]
+def _made(stages: Stages, name: str) -> Recording:
+    folder = stages[name]
     about = optional(folder, "recording.json")
     patches = optional(folder, "patches.parquet", REAL_NOISE_PATCHES)
     summary = optional(folder, "summary.parquet", REAL_NOISE_SUMMARY)
     return Recording(name, str(about["source"]), f"real_noise@{name}", patches, summary)
 
 
-def _earlier(inputs: ReportInputs) -> dict[str, Recording]:
+def _earlier(recorded: Path | None) -> dict[str, Recording]:
     """Name -> what was recorded earlier."""
     result = {}
-    folder = _folder(inputs, NOISE_FOLDER)
+    folder = _folder(recorded, NOISE_FOLDER)
     if folder is not None:
         source = str(optional(folder, PROVENANCE_FILE)["source"])
         patches, summary = (_table(folder / file) for file in (PATCHES_FILE, SUMMARY_FILE))
@@ -146,7 +151,7 @@ def _earlier(inputs: ReportInputs) -> dict[str, Recording]:
             selected = [part[part["dataset"] == name].drop(columns="dataset") for part in (patches, summary)]
             conformed = (REAL_NOISE_PATCHES.conform(selected[0], NOISE_FOLDER), REAL_NOISE_SUMMARY.conform(selected[1]))
             result[str(name)] = Recording(str(name), source, "", *conformed)
-    folder = _folder(inputs, SENSOR_FOLDER)
+    folder = _folder(recorded, SENSOR_FOLDER)
     if folder is not None and (folder / RAW_SUMMARY_FILE).exists():
         source = str(optional(folder, RAW_PROVENANCE_FILE)["source"])
         patches = _csv(folder / RAW_PATCHES_FILE, REAL_NOISE_PATCHES)
@@ -154,8 +159,8 @@ def _earlier(inputs: ReportInputs) -> dict[str, Recording]:
     return result
 
 
-def _folder(inputs: ReportInputs, name: str) -> Path | None:
-    return existing(inputs.recorded / name if inputs.recorded is not None else None)
+def _folder(recorded: Path | None, name: str) -> Path | None:
+    return existing(recorded / name if recorded is not None else None)
 
 
 def _csv(path: Path, schema: Schema) -> pd.DataFrame:

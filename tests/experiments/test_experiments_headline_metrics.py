@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from pipeline.errors import InputError
-from pipeline.report.headline import headline
+from pipeline.experiments.headline_metrics import headline
 
 ROOT = Path(__file__).resolve().parents[2]
 BLUR = {"calibrated": {"mean_amae_percent": 2.0, "defocus": {}}, "raw": {"mean_amae_percent": 5.0}}
