@@ -57,6 +57,20 @@ def described(folder: Path | None, name: str, keys: Iterable[str], remedy: str =
     return content
 
 
+def benchmark_record(path: Path | None, keys: Iterable[str], command: str) -> Any:
+    """A benchmark's record with the keys that are needed, or None where it was not made.
+
+    Args:
+        path: of the JSON file; None where none is given.
+        keys: that it must have.
+        command: that makes it.
+
+    Raises:
+        InputError: the file holds something else.
+    """
+    return None if path is None else described(path.parent, path.name, keys, f"make the record again: {command}")
+
+
 def any_table(path: Path) -> pd.DataFrame:
     """A CSV or Parquet table without a declared schema.
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.control.scenario_result import ScenarioResult
 from pipeline.control.tables import PAIRS, STEPS, SUMMARY
 from pipeline.report.inputs import ReportInputs
-from pipeline.stage_files import described, optional
+from pipeline.stage_files import benchmark_record, optional
 
 POLICIES = {
     "fixed": "Fixed",
@@ -70,14 +70,8 @@ def decision_ms(inputs: ReportInputs) -> dict[str, float]:
     Raises:
         InputError: the record holds something else.
     """
-    if inputs.decision_times is None:
-        return {}
-    content: Mapping[str, Any] | None = described(
-        inputs.decision_times.parent,
-        inputs.decision_times.name,
-        ("machine", "decision"),
-        "make the record again: python benchmarks/control.py",
-    )
+    keys, command = ("machine", "decision"), "python benchmarks/control.py"
+    content: Mapping[str, Any] | None = benchmark_record(inputs.decision_times, keys, command)
     if content is None:
         return {}
     return {name: float(times["processor_median_ms"]) for name, times in content["decision"].items()}

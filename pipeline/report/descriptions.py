@@ -37,7 +37,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -253,6 +253,7 @@ class Descriptions:
         across: Mapping[str, str] | None = None,
         also: Sequence[str] = (),
         notes: Sequence[str] = (),
+        without: Collection[str] = (),
         **words: Any,
     ) -> Table:
         """A table of a data frame.
@@ -264,6 +265,7 @@ class Descriptions:
             across: name -> title of the columns that stand for ``"*"``, where they are not spread over it.
             also: notes under ``further_notes`` to show.
             notes: sentences that follow the notes.
+            without: columns to leave out.
             words: to fill in.
 
         Raises:
@@ -286,7 +288,7 @@ class Descriptions:
             if name == "*":
                 shown = {part: value for part, value in entry.items() if part in ("unit", "decimals")}
                 columns += [_column(one, {**shown, "title": title}) for one, title in (across or {}).items()]
-            else:
+            elif name not in without:
                 title = filled(entry.get("title", ""), words)
                 columns.append(_column(name, {**entry, "title": title}, cells.get(name)))
         further = about.get("further_notes", {})

@@ -11,6 +11,7 @@ from pipeline import tables
 from pipeline.camera.mtf import FREQUENCIES, SYSTEM
 from pipeline.experiments.blur_records import EXACT
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
+from pipeline.experiments.tables import BLUR_CELLS, BLUR_ESTIMATES, BLUR_SUMMARY, CURVES, NOISE_CELLS
 from pipeline.report.display_names import DATASETS, PAPER_NAMES, in_order, listing, word
 from pipeline.stage_files import any_table, existing
 from pipeline.store import Schema, read_table
@@ -258,20 +259,20 @@ def noise_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame]:
     return summary, _joined(folders, "estimates.parquet", tables.NOISE_ESTIMATES)
 
 
+def _blur(inputs: ReportInputs, file: str, schema: Schema) -> pd.DataFrame:
+    """A table of the stage `blur` of all datasets and estimators, without added noise."""
+    rows = _joined(members(inputs.blur, inputs.blur_members), file, schema)
+    return rows[rows["target_sigma_dn"] == 0].reset_index(drop=True)
+
+
 def blur_summary(inputs: ReportInputs) -> pd.DataFrame:
     """Blur summaries of all datasets and estimators, without noise: `pipeline.experiments.tables.BLUR_SUMMARY`."""
-    from pipeline.experiments.tables import BLUR_SUMMARY
-
-    summary = _joined(members(inputs.blur, inputs.blur_members), "summary.parquet", BLUR_SUMMARY)
-    return summary[summary["target_sigma_dn"] == 0].reset_index(drop=True)
+    return _blur(inputs, "summary.parquet", BLUR_SUMMARY)
 
 
 def blur_estimates(inputs: ReportInputs) -> pd.DataFrame:
     """Blur estimates of every patch, without added noise: `pipeline.experiments.tables.BLUR_ESTIMATES`."""
-    from pipeline.experiments.tables import BLUR_ESTIMATES
-
-    estimates = _joined(members(inputs.blur, inputs.blur_members), "estimates.parquet", BLUR_ESTIMATES)
-    return estimates[estimates["target_sigma_dn"] == 0].reset_index(drop=True)
+    return _blur(inputs, "estimates.parquet", BLUR_ESTIMATES)
 
 
 def combined_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
@@ -281,8 +282,6 @@ def combined_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame, p
         blur (`BLUR_CELLS`), noise (`NOISE_CELLS`) and the example's curves (`CURVES`) of
         `pipeline.experiments.tables`.
     """
-    from pipeline.experiments.tables import BLUR_CELLS, CURVES, NOISE_CELLS
-
     folders = inputs.combined.values()
     names = {"blur.parquet": BLUR_CELLS, "noise.parquet": NOISE_CELLS, "curves.parquet": CURVES}
     blur, noise, curves = (_joined(folders, name, schema) for name, schema in names.items())
@@ -291,6 +290,4 @@ def combined_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame, p
 
 def denoised_cells(inputs: ReportInputs) -> pd.DataFrame:
     """Errors with denoising before estimation: `pipeline.experiments.tables.BLUR_CELLS`; empty where none is."""
-    from pipeline.experiments.tables import BLUR_CELLS
-
     return _joined(inputs.denoised.values(), "blur.parquet", BLUR_CELLS)

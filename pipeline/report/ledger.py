@@ -10,10 +10,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import word
-from pipeline.report.tables import Column, Table, format_number, table
+from pipeline.report.tables import Table, format_number
 
 MATCH, CLOSE, BETTER, DIFFERS = "match", "close", "better", "differs"
 NOT_COMPARABLE, NOT_RUN = "not comparable", "not run"
@@ -26,6 +27,7 @@ KINDS = {
     DEFINITION: "constants, closed forms and configured sizes",
     REFERENCE: "the authors' program, run by us",
 }
+PAGE = Descriptions("ledger")
 CLOSE_WITHIN = 2.0  # "close" is within this many tolerances
 
 
@@ -207,33 +209,22 @@ def to_table(rows: Sequence[LedgerRow], name: str = "ledger", caption: str = "")
         name: of the table; ``item`` and ``kind`` are columns only where rows have several.
         caption: of the table.
     """
-    columns = [
-        *([Column("item", "Item")] if len({row.item for row in rows}) > 1 else []),
-        *([Column("kind", "Kind")] if len({row.kind for row in rows}) > 1 else []),
-        Column("quantity", "Quantity", wide=True),
-        *([Column("unit", "Unit")] if any(row.unit for row in rows) else []),
-        Column("paper", "Paper"),
-        Column("ours", "Ours"),
-        *([Column("low", "95 % from"), Column("high", "to")] if any(math.isfinite(row.low) for row in rows) else []),
-        Column("difference", "Difference"),
-        Column("tolerance", "Tolerance"),
-        Column("verdict", "Verdict"),
-        Column("dataset", "Measured on"),
-        Column("why", "Why", wide=True),
-    ]
+    shown = {
+        "item": len({row.item for row in rows}) > 1,
+        "kind": len({row.kind for row in rows}) > 1,
+        "unit": any(row.unit for row in rows),
+        "low": any(math.isfinite(row.low) for row in rows),
+        "high": any(math.isfinite(row.low) for row in rows),
+    }
     lines = [
-        {column.name: getattr(row, column.name) for column in columns}
-        | {"difference": _rounded(row.difference), "tolerance": _rounded(row.tolerance)}
+        asdict(row)
+        | {"difference": _rounded(row.difference), "tolerance": _rounded(row.tolerance), "verdict": row.verdict}
         | {"dataset": word(row.dataset) if row.dataset else ""}
         for row in rows
     ]
-    notes = [
-        f"match: within the tolerance; better: beyond it on the better side, by intervals; close: within "
-        f"{format_number(CLOSE_WITHIN)} tolerances; differs: beyond. Where ours has a 95 % interval, the tolerance is "
-        "its reach towards the paper's number, plus half a unit of the paper's last digit and the interval that its "
-        "printed range implies. Difference is ours minus the paper's."
-    ]
-    return table(name, caption or "The ledger: published numbers beside ours.", lines, columns, notes)
+    without = [column for column, is_shown in shown.items() if not is_shown]
+    title, close = caption or PAGE.text("caption"), format_number(CLOSE_WITHIN)
+    return PAGE.table("ledger", lines, without=without, name=name, title=title, close_within=close)
 
 
 def _rounded(value: float) -> float:
@@ -259,8 +250,7 @@ def summary_table(rows: Sequence[LedgerRow], titles: Mapping[str, str]) -> Table
         for title, kind, group in groups
         if group
     ]
-    columns = [Column("item", "Published item"), Column("kind", "Kind"), Column("numbers", "Numbers")]
-    columns += [Column(verdict, verdict.capitalize()) for verdict in VERDICTS]
-    notes = [f"{kind}: {meaning}." for kind, meaning in KINDS.items()]
-    caption = "The ledger at a glance: numbers per published item, kind of evidence and verdict."
-    return table("ledger_summary", caption, lines, columns, notes)
+    verdicts = {verdict: verdict.capitalize() for verdict in VERDICTS}
+    return PAGE.table(
+        "ledger_summary", lines, across=verdicts, notes=[f"{kind}: {is_of}." for kind, is_of in KINDS.items()]
+    )

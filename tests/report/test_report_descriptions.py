@@ -17,7 +17,7 @@ from pipeline.report.tables import Estimate
 
 FOLDER = Path(pipeline.report.__file__).parent / "sections"
 FILES = sorted(FOLDER.glob("*.yaml"))
-CODE = "\n".join(path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.py")))
+CODE = "\n".join(path.read_text(encoding="utf-8") for path in sorted(FOLDER.parent.rglob("*.py")))
 
 CONTENT = """
 texts: {one: "{name:word} and {name}, {name:lower}, {number:.1f}"}

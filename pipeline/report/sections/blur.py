@@ -31,7 +31,7 @@ from pipeline.report.sections.blur_amae import ANY_STAGE, PAGE, STAGE
 from pipeline.report.spec import Block, NotRun, Run, Section, missing, pairs_of, runs_by_estimator, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, as_recorded
-from pipeline.stage_files import described
+from pipeline.stage_files import benchmark_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -138,10 +138,7 @@ def unseen(inputs: ReportInputs) -> Table | None:
     Raises:
         InputError: the record holds something else.
     """
-    if inputs.unseen is None:
-        return None
-    remedy = "make it again: python benchmarks/unseen_kernels.py"
-    content = described(inputs.unseen.parent, inputs.unseen.name, ("kernels", "results"), remedy)
+    content = benchmark_record(inputs.unseen, ("kernels", "results"), "python benchmarks/unseen_kernels.py")
     return None if content is None else blur_amae.unseen_kernels(content)
 
 

@@ -10,22 +10,16 @@ from functools import partial
 from pipeline.control.order_conclusions import CONCLUSIONS
 from pipeline.report.claims import of_blur, of_detection, of_noise
 from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence, Measurement, descriptions
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections.order_study import STAGE
 from pipeline.report.spec import Section
-from pipeline.report.tables import Column, Estimate, Row, Table, table
+from pipeline.report.tables import Estimate, Table
 
 MEASURES = {**of_blur.MEASURES, **of_noise.MEASURES, **of_detection.MEASURES}
-ORDER_STUDY = "Verdict of the detector's order in linear light, which the paper does not have."
-TITLE = "Claims"
-TEXT = (
-    "The paper's sentences, in our words, beside our measurements. The verdict follows from intervals: a claim about "
-    "many cells is supported, or contradicted, where nine cells of ten are, and contradicted too where half are and "
-    "none supports; it is not decided where fewer than half of them are either. A verdict is about our pictures, "
-    "estimators and detectors: the last column gives the reason why it might not be about the paper's.",
-)
+PAGE = Descriptions("claims")
 
 
 def all_claims() -> list[Claim]:
@@ -34,8 +28,9 @@ def all_claims() -> list[Claim]:
         Claim(measure=partial(MEASURES[entry.pop("measure")], **entry.pop("options", {})), **entry)
         for entry in descriptions()
     ]
+    reservation = PAGE.text("order_study")
     return claims + [
-        Claim("order study", f"{one.claim}.", partial(of_detection.order, conclusion=one), ORDER_STUDY, STAGE)
+        Claim("order study", f"{one.claim}.", partial(of_detection.order, conclusion=one), reservation, STAGE)
         for one in CONCLUSIONS
     ]
 
@@ -52,36 +47,29 @@ def measurements(inputs: ReportInputs) -> list[tuple[Claim, Measurement]]:
     return pairs
 
 
+def _number(one: Measurement) -> Estimate | None:
+    """The number that decides, with its interval where it has one."""
+    if math.isnan(one.value):
+        return None
+    ends = (one.low, one.high) if one.low < one.high else (math.nan, math.nan)
+    centre, low, high = (float(f"{number:.3g}") for number in (one.value, *ends))
+    return Estimate(centre, low, high)
+
+
 def claims_table(pairs: Sequence[tuple[Claim, Measurement]]) -> Table:
     """The table of claims."""
-    rows = [{"claim": claim, "measured": measured} for claim, measured in pairs]
-
-    def value(row: Row) -> Estimate | None:
-        one: Measurement = row["measured"]
-        if math.isnan(one.value):
-            return None
-        ends = (one.low, one.high) if one.low < one.high else (math.nan, math.nan)
-        centre, low, high = (float(f"{number:.3g}") for number in (one.value, *ends))
-        return Estimate(centre, low, high)
-
-    def measured(row: Row) -> str:
-        one: Measurement = row["measured"]
-        return f"{one.text} On {one.on}." if one.on else one.text
-
-    columns = [
-        Column("source", "Paper", source=lambda row: row["claim"].source),
-        Column("claim", "Claim", wide=True, source=lambda row: row["claim"].sentence),
-        Column("verdict", "Verdict", source=lambda row: row["measured"].verdict),
-        Column("measured", "Our measurement", wide=True, source=measured),
-        Column("value", "Number", source=value),
-        Column("reservation", "A sceptic's reservation", wide=True, source=lambda row: row["claim"].reservation),
+    rows = [
+        {
+            "source": claim.source,
+            "claim": claim.sentence,
+            "verdict": measured.verdict,
+            "measured": f"{measured.text} On {measured.on}." if measured.on else measured.text,
+            "value": _number(measured),
+            "reservation": claim.reservation,
+        }
+        for claim, measured in pairs
     ]
-    notes = [
-        "For and against: cells whose whole 95 % interval lies on the claimed or on the other side. Intervals are over "
-        "frames (AP: over scenes); cells of one table share their frames. Number: the one that decides, with its "
-        "interval where it has one."
-    ]
-    return table("claims", "The paper's claims beside our measurements.", rows, columns, notes)
+    return PAGE.table("claims", rows)
 
 
 def finding(pairs: Sequence[tuple[Claim, Measurement]]) -> str:
@@ -94,4 +82,4 @@ def finding(pairs: Sequence[tuple[Claim, Measurement]]) -> str:
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """The table of claims."""
     pairs = measurements(inputs)
-    return Section("claims", TITLE, TEXT, [claims_table(pairs)], findings=[finding(pairs)])
+    return Section("claims", "Claims", [PAGE.text("introduction")], [claims_table(pairs)], findings=[finding(pairs)])

@@ -18,7 +18,7 @@ from pipeline.report.inputs import ReportInputs, paper_table
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import STAGE_ABSENT, NotRun, Run, Section
 from pipeline.report.tables import Table, ordered, records
-from pipeline.stage_files import described
+from pipeline.stage_files import benchmark_record
 
 PAGE = Descriptions("runtime")
 COMMAND = "python benchmarks/estimators.py"
@@ -40,11 +40,8 @@ def record(inputs: ReportInputs) -> Mapping[str, Any] | None:
     Raises:
         InputError: the file holds something else.
     """
-    if inputs.runtime is None:
-        return None
-    keys = ("machine", "results", "frame_px", "patch_px")
-    content: Mapping[str, Any] | None = described(
-        inputs.runtime.parent, inputs.runtime.name, keys, f"make the record again: {COMMAND}"
+    content: Mapping[str, Any] | None = benchmark_record(
+        inputs.runtime, ("machine", "results", "frame_px", "patch_px"), COMMAND
     )
     return content
 
