@@ -268,7 +268,8 @@ def abstentions(axes: Axes, rows: pd.DataFrame, key: str, estimators: Sequence[s
     counts = rows.groupby("estimator")[["abstained", "count"]].sum()
     shown = [name for name in estimators if name in counts.index and counts["abstained"][name]]
     for line, name in enumerate(shown):
-        abstained, total = int(counts["abstained"][name]), int(counts.loc[name].sum())
+        abstained = int(counts["abstained"][name])
+        total = abstained + int(counts["count"][name])
         height = 0.97 - 0.085 * line if at_top else 0.04 + 0.085 * (len(shown) - 1 - line)
         axes.text(
             0.03, height, f"{short_word(name)} abstained {abstained:,} of {total:,}", fontsize=4.6, color=style.MUTED,

@@ -78,11 +78,7 @@ class Claim:
 
 
 class Evidence:
-    """The result tables that claims are evaluated on, each read once.
-
-    Args:
-        inputs: of the report.
-    """
+    """The result tables that claims are evaluated on, each read once."""
 
     def __init__(self, inputs: ReportInputs) -> None:
         self.inputs = inputs

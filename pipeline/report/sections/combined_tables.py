@@ -17,10 +17,10 @@ STAGE = "combined@{dataset}"
 DENOISED_STAGE = "denoised_blur@{dataset}"
 PAPERS_DATASET = "udacity"
 OURS_FIRST = ["spectral", *(name for name in ESTIMATORS if name != "spectral")]
-WAY = ["estimator", "filter_px", "calibrated"]
+ANSWER = ["estimator", "filter_px", "calibrated"]
 
 
-def _way(row: Row) -> str:
+def _answer(row: Row) -> str:
     how = "calibrated" if row["calibrated"] else "raw"
     return f"{how}, smoothed {row['filter_px']:g} px" if row["filter_px"] else how
 
@@ -40,7 +40,7 @@ def _shown(cells: pd.DataFrame, *by: str) -> pd.DataFrame:
 
 
 def error(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFrame | None = None) -> Table:
-    """AMAE of one dataset and experiment: a row per estimator, way and kernel size, a column per level, and means.
+    """AMAE of one dataset and experiment: a row per estimator, answer and kernel size, a column per level, and means.
 
     Args:
         dataset: name.
@@ -57,15 +57,15 @@ def error(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFram
         theirs = paper.rename(columns={"sigma_dn": "target_sigma_dn", "amae_percent": "paper_percent"})
         theirs = theirs[["target_sigma_dn", "kernel_size_px", "paper_percent"]].astype(float)
         theirs = theirs.assign(estimator=selected["estimator"].iloc[0], filter_px=0.0, calibrated=False)
-        selected = selected.merge(theirs, how="left", on=[*WAY, "target_sigma_dn", "kernel_size_px"])
+        selected = selected.merge(theirs, how="left", on=[*ANSWER, "target_sigma_dn", "kernel_size_px"])
     rows: list[dict[str, Any]] = []
-    for _, group in selected.groupby(WAY, sort=False):
-        lines = pivot(group, [*WAY, "kernel_size_px"], "target_sigma_dn", amae, _level)
+    for _, group in selected.groupby(ANSWER, sort=False):
+        lines = pivot(group, [*ANSWER, "kernel_size_px"], "target_sigma_dn", amae, _level)
         complete = [name for name in levels if all(name in line for line in lines)]
         means = {name: mean_cell([line[name] for line in lines]) for name in complete}
         rows += [*lines, {**lines[0], **dict.fromkeys(levels), **means, "kernel_size_px": None}]
     cells_of = {
-        "way": _way,
+        "way": _answer,
         "size": lambda row: "Mean" if row["kernel_size_px"] is None else _number(row["kernel_size_px"]),
     }
     beside = [] if paper is None else ["paper" if dataset == PAPERS_DATASET else "paper_elsewhere"]
@@ -77,12 +77,12 @@ def _number(value: float) -> str:
 
 
 def overview(cells: pd.DataFrame) -> Table:
-    """Every estimator's error over the noise level, mean over kernel sizes: a row per dataset, experiment and way.
+    """Every estimator's error over the noise level, mean over kernel sizes: a row per dataset, experiment and answer.
 
     Args:
         cells: `pipeline.experiments.tables.BLUR_CELLS`.
     """
-    index = ["dataset", "experiment", *WAY]
+    index = ["dataset", "experiment", *ANSWER]
     shown = _shown(cells, "dataset", "experiment", "estimator")
     shown = ordered(
         shown, dataset=DATASETS, experiment=EXPERIMENTS, estimator=OURS_FIRST, filter_px=(), calibrated=()
@@ -94,7 +94,9 @@ def overview(cells: pd.DataFrame) -> Table:
     def mean_over(row: Row) -> str:
         return ", ".join(_number(size) for size in sorted(sizes[tuple(row[name] for name in index)]))
 
-    return PAGE.table("combined_overview", rows, cells={"way": _way, "sizes": mean_over}, across=_level_columns(cells))
+    return PAGE.table(
+        "combined_overview", rows, cells={"way": _answer, "sizes": mean_over}, across=_level_columns(cells)
+    )
 
 
 def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame | None) -> Table:

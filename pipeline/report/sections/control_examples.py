@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.report import style
-from pipeline.report.display_names import listing
 from pipeline.report.figures import PAPER_DASH, add_legend
 from pipeline.report.inputs import ReportInputs, paper_table
 from pipeline.report.sections.control_tables import CONTROL
@@ -94,9 +93,8 @@ def pictures(example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray]
             fontsize=5.8, labelpad=2,
         )  # fmt: skip
         rows.append({"step": entry["step"], "score_of_this_object": entry["score"], **row})
-        words.append(f"{title} ({settings}) {score}")
-    name = "1" if example == FIRST else "2"
-    alt = f"The same {about['label']} at the steps of Example {name}: {listing(words)}."
+        words.append({"title": title, "settings": settings, "score": score})
+    alt = CONTROL.alt("control_example", words, label=about["label"], number="1" if example == FIRST else "2")
     return Drawing(figure, alt, pd.DataFrame(rows).drop(columns="example"))
 
 
@@ -151,27 +149,15 @@ def response(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame, t
     panels[2].set_xticks(range(len(names)), [CONTROLLERS[name].replace(" ", "\n") for name in names])
     panels[2].set(xlim=(-0.5, len(names) - 0.5), ylim=(0, 103))
     panels[2].set_title("AP of cars [%]", fontsize=6.8)
-    add_legend(
-        figure,
-        [
-            *((CONTROLLERS[name], look) for name, look in RESPONSES.items()),
-            (
-                "published (dashed, diamond)",
-                {"color": style.MUTED, "marker": "D", "markerfacecolor": "none"} | PUBLISHED,
-            ),
-        ],
-    )
+    published = {"color": style.MUTED, "marker": "D", "markerfacecolor": "none"} | PUBLISHED
+    legend = [(CONTROLLERS[name], look) for name, look in RESPONSES.items()]
+    add_legend(figure, [*legend, ("published (dashed, diamond)", published)])
     words = [
-        f"{CONTROLLERS[name]} {values[name]['car_ap_percent']:.1f} % (paper {printed[name]:.2f} %)"
+        {"controller": CONTROLLERS[name], "ours": values[name]["car_ap_percent"], "paper": printed[name]}
         for name in names
         if name in printed
     ]
-    error = rmse_ms(ours, paper)
-    alt = (
-        f"Exposure and gain over five seconds: the built-in controller's law replayed over the published curve, root "
-        f"mean square difference {error:.3f} ms until {LAST_ON_GRID_MS / 1e3:g} s; the rule waits three seconds and "
-        f"jumps once. AP of cars: {listing(words)}."
-    )
+    alt = CONTROL.alt("control_response", words, error=rmse_ms(ours, paper), until_s=LAST_ON_GRID_MS / 1e3)
     keys = ["controller", "quantity", "time_ms"]
     merged = ours.merge(paper, on=keys, how="outer", suffixes=("", "_paper"))
     return Drawing(figure, alt, merged.sort_values(keys))
@@ -218,20 +204,12 @@ def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
 
 
 def _findings(ours: pd.DataFrame, paper: pd.DataFrame | None, precision: pd.DataFrame) -> list[str]:
-    values: Sequence[float] = [
-        float(precision.loc[precision["controller"] == name, "car_ap_percent"].iloc[0]) for name in CONTROLLERS
-    ]
-    order = " < ".join(f"{value:.1f}" for value in values)
+    values = [float(precision.loc[precision["controller"] == name, "car_ap_percent"].iloc[0]) for name in CONTROLLERS]
     holds = values[0] < values[1] < values[2]
-    sentences = [
-        f"Example 2: AP of cars with built-in control, fixed settings and the paper's rule: {order if holds else ''}"
-        f"{'' if holds else ', '.join(f'{value:.1f}' for value in values)} %; the paper's order of the three "
-        f"{'holds' if holds else 'does not hold'} on rendered views."
-    ]
+    order = (" < " if holds else ", ").join(f"{value:.1f}" for value in values)
+    sentences = [CONTROL.text("order", order=order, holds="holds" if holds else "does not hold")]
     if paper is not None:
         error = rmse_ms(ours, paper)
-        sentences.append(
-            f"The law recovered for the built-in controller follows its published response within {error:.3f} ms "
-            f"(root mean square, {'within' if error <= AGREE_MS else 'beyond'} the {AGREE_MS} ms asked for)."
-        )
+        within = "within" if error <= AGREE_MS else "beyond"
+        sentences.append(CONTROL.text("law", error=error, within=within, bound=AGREE_MS))
     return sentences

@@ -82,12 +82,12 @@ def by_direction(one: Results) -> Table | None:
 
     selected = one.directions.sort_values(["target_sigma_dn", "angle_deg"], kind="stable")
     selected = selected.assign(
-        place=[f"{label}_{size:g}" for label, size in zip(selected["label"], selected["kernel_size_px"], strict=True)]
+        column=[f"{label}_{size:g}" for label, size in zip(selected["label"], selected["kernel_size_px"], strict=True)]
     )
     labels = [label for label in one.labels if (selected["label"] == label).any()]
     sizes = sorted(set(selected["kernel_size_px"]))
     across = {f"{label}_{px:g}": f"{word(label)} {px:g} px" for label in labels for px in sizes}
-    rows = pivot(selected, ["target_sigma_dn", "angle_deg"], "place", cell)
+    rows = pivot(selected, ["target_sigma_dn", "angle_deg"], "column", cell)
     return PAGE.table("by_direction", rows, across=across, dataset=one.dataset, detector=one.detector)
 
 

@@ -92,12 +92,11 @@ def kernel_sheet(bank: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: 
             else:
                 curve.set_xlabel("f / Nyquist", fontsize=5.5, labelpad=1)
     means = bank[bank["blur_kind"] == kinds[0]].groupby("kernel_size_px")["mtf"].mean()
-    alt = (
-        f"{counted(bank['kernel'].nunique(), 'blur kernel')} ({source}): "
-        f"{listing(word(kind).lower() for kind in kinds)} "
-        f"in sizes {listing(f'{size} px' for size in sizes)} with MTF curves. Mean MTF over the sampled frequencies of "
-        f"{word(kinds[0]).lower()}: {means[sizes[0]]:.2f} at {sizes[0]} px, {means[sizes[-1]]:.2f} at {sizes[-1]} px."
-    )
+    alt = PAGE.alt(
+        "kernels", [{"kind": kind} for kind in kinds], count=counted(bank["kernel"].nunique(), "blur kernel"),
+        source=source, sizes=listing(f"{size} px" for size in sizes), first=kinds[0], least=sizes[0], most=sizes[-1],
+        least_mtf=means[sizes[0]], most_mtf=means[sizes[-1]],
+    )  # fmt: skip
     values = bank.drop(columns="source").sort_values([*KEYS, "axis", "frequency"])
     series = [(axis, title, str(style.series_look(axis)["color"])) for axis, title in AXES.items()]
     return Drawing(figure, alt, values, tuple(series))
@@ -144,11 +143,8 @@ def star_figure(image: np.ndarray, curves: Mapping[str, np.ndarray], paper: pd.D
     right.legend(loc="lower left")
     error = np.abs(curves["measured"] - curves["formula"])
     worst = int(np.nanargmax(error))
-    alt = (
-        f"Siemens star and its MTF: measured {np.interp(0.5, curves['frequency'], curves['measured']):.3f} at half "
-        f"Nyquist; measurement and formula differ by at most {error[worst]:.4f}, at "
-        f"{curves['frequency'][worst]:.2f} of Nyquist."
-    )
+    half = np.interp(0.5, curves["frequency"], curves["measured"])
+    alt = PAGE.alt("sim_star", [], half=half, error=error[worst], frequency=curves["frequency"][worst])
     titles = {"formula": "formula", "measured": "measured", "published": "the paper's Sim"}
     series = tuple((name, titles[name], str(looks[name][2]["color"])) for name in data)
     return Drawing(figure, alt, pd.DataFrame(dict(curves)), series)

@@ -10,7 +10,7 @@ from pipeline.experiments import real_noise_records
 from pipeline.experiments.real_noise_records import Examples, Recording, Sensor
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.display_names import in_order, listing, word
+from pipeline.report.display_names import in_order, word
 from pipeline.report.figures import add_legend
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
@@ -72,10 +72,9 @@ def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> Drawing:
             values.append(
                 selected[["estimator", "picture", "cleaned_sigma_dn", "sigma_dn"]].assign(recording=part.name)
             )
-            words.append(f"{word(name)} on {recording_word(part.name)} {error:.2f} DN")
+            words.append({"estimator": name, "recording": recording_word(part.name), "error": error})
         grid[row, 0].set_ylabel(f"{recording_word(part.name)}\nestimated σ [DN]")
-    alt = f"Estimated over measured noise of single patches. Mean absolute error: {listing(words)}."
-    return Drawing(figure, alt, pd.concat(values, ignore_index=True))
+    return Drawing(figure, PAGE.alt("real_noise", words), pd.concat(values, ignore_index=True))
 
 
 def errors(parts: Sequence[Recording]) -> Table:
@@ -84,11 +83,7 @@ def errors(parts: Sequence[Recording]) -> Table:
 
     rows = pd.concat([part.summary.assign(recording=part.name) for part in parts], ignore_index=True)
     rows = ordered(rows, recording=[part.name for part in parts], estimator=ORDER)
-    cells = {
-        "recording": lambda row: recording_word(row["recording"]),
-        "estimator": lambda row: word(row["estimator"]),
-    }
-    return PAGE.table("real_noise_errors", rows, cells=cells)
+    return PAGE.table("real_noise_errors", rows, cells={"recording": lambda row: recording_word(row["recording"])})
 
 
 @style.styled
@@ -115,13 +110,11 @@ def sensor_figure(made: Sensor) -> Drawing:
     transfer.set(xlabel="mean grey value [DN]", ylabel="variance of the noise [DN²]", title="Photon transfer")
     dark.set(xlabel="exposure time [s]", ylabel="mean of a dark frame [DN]", title="Dark current")
     add_legend(figure, [(f"plane {name}", {**look, "linestyle": "-", "marker": "o"}) for name, look in looks.items()])
-    gain, noise = made.transfer["gain_dn_per_e"], made.transfer["dark_sigma_e"]
-    alt = (
-        f"Photon transfer: variance over mean is a straight line in each of {len(planes)} colour planes, with a gain "
-        f"of {gain.min():.4f} to {gain.max():.4f} DN per electron and a dark noise of {noise.min():.1f} to "
-        f"{noise.max():.1f} electrons. Dark frames grow by {made.dark['dark_current_e_per_s'].min():.3f} to "
-        f"{made.dark['dark_current_e_per_s'].max():.3f} electrons per second."
+    gain, noise, dark_e = (
+        {"least": column.min(), "most": column.max()}
+        for column in (made.transfer["gain_dn_per_e"], made.transfer["dark_sigma_e"], made.dark["dark_current_e_per_s"])
     )
+    alt = PAGE.alt("real_sensor", [], planes=len(planes), gain=gain, noise=noise, dark=dark_e)
     return Drawing(figure, alt, made.points)
 
 

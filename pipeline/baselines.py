@@ -1,4 +1,4 @@
-"""Compare a run's metrics with stored ones: ``python -m pipeline.report.baselines --metrics DIR --baselines DIR``.
+"""Compare a run's metrics with stored ones: ``python -m pipeline.baselines --metrics DIR --baselines DIR``.
 
 Metrics are JSON files in a folder tree; each number has a name like ``noise/sim-pca.json:photon.25.median_dn``. A
 tolerance file maps patterns of such names to how far a number may move::
@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import InputError, did_you_mean
-from pipeline.report.tables import Column, Table, format_number
 from pipeline.store import read_json, replacing_folder, write_json
 
 BOTH, LOWER, HIGHER = "both", "lower_is_better", "higher_is_better"
@@ -162,7 +161,7 @@ def _compare(metric: str, baseline: Any, found: Any, allowance: Allowance) -> Fa
         if allowance.allows(float(baseline), float(found)):
             return None
         better = "" if allowance.direction == BOTH else f", {allowance.direction.replace('_', ' ')}"
-        bounds = f"abs {format_number(allowance.absolute)}, rel {format_number(allowance.relative)}{better}"
+        bounds = f"abs {allowance.absolute:.4g}, rel {allowance.relative:.4g}{better}"
         return Failure(metric, baseline, found, f"moved by {found - baseline:+.4g}; allowed: {bounds}")
     if type(baseline) is not type(found):
         kinds = f"{type(baseline).__name__} became {type(found).__name__}"
@@ -222,21 +221,6 @@ def update(metrics_dir: str | Path, baselines_dir: str | Path) -> int:
     return len(result)
 
 
-def to_table(failures: list[Failure]) -> Table:
-    """The failures as a table."""
-    columns = [
-        Column("metric", "Metric"),
-        Column("baseline", "Baseline"),
-        Column("found", "Found"),
-        Column("why", "Why"),
-    ]
-    rows = [
-        {"metric": item.metric, "baseline": _shown(item.baseline), "found": _shown(item.found), "why": item.why}
-        for item in failures
-    ]
-    return Table("baselines", f"{len(failures)} metrics do not hold.", columns, rows)
-
-
 def _shown(value: Any) -> str:
     return "–" if value is None else f"{value:.6g}" if _is_number(value) else str(value)
 
@@ -247,11 +231,11 @@ def _find_tolerances(baselines_dir: Path) -> Path:
     return beside if beside.exists() else above
 
 
-def _aligned(table: Table) -> str:
-    """The table in columns for a terminal."""
-    lines = [[column.heading for column in table.columns]]
-    lines += [[str(row.get(column.name) or "") for column in table.columns] for row in table.rows]
-    widths = [max(len(line[index]) for line in lines) for index in range(len(table.columns))]
+def _aligned(failures: list[Failure]) -> str:
+    """What does not hold, in columns for a terminal."""
+    lines = [["Metric", "Baseline", "Found", "Why"]]
+    lines += [[one.metric, _shown(one.baseline), _shown(one.found), one.why] for one in failures]
+    widths = [max(len(line[index]) for line in lines) for index in range(len(lines[0]))]
     rows = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines]
     return "\n".join([rows[0], "  ".join("-" * width for width in widths), *rows[1:]])
 
@@ -265,7 +249,7 @@ def main(arguments: list[str] | None = None) -> int:
     import argparse
 
     parser = argparse.ArgumentParser(
-        prog="python -m pipeline.report.baselines", description="Compare a run's metrics with stored ones."
+        prog="python -m pipeline.baselines", description="Compare a run's metrics with stored ones."
     )
     parser.add_argument("--metrics", type=Path, required=True, help="folder of the run's metrics")
     parser.add_argument("--baselines", type=Path, required=True, help="folder of the stored metrics")
@@ -284,8 +268,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return 2
     if failures:
-        table = to_table(failures)
-        print(f"{table.caption}\n\n{_aligned(table)}")
+        print(f"{len(failures)} metrics do not hold.\n\n{_aligned(failures)}")
         print("\nIf the change is wanted, store it: the same line with --update.")
         return 1
     print(f"all metrics hold ({len(read_metrics(options.baselines))} numbers)")

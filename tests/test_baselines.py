@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline import baselines
+from pipeline.baselines import Allowance, check, flatten, main, read_tolerances, update
 from pipeline.errors import InputError
-from pipeline.report import baselines
-from pipeline.report.baselines import Allowance, check, flatten, main, read_tolerances, update
 
 STORED = {"photon": {"5": {"median_dn": 5.0, "count": 72}}, "name": "pca", "ok": True, "list": [1.0, 2.0]}
 
@@ -175,6 +175,6 @@ def test_the_command_line_tells_by_its_exit_status(tmp_path: Path, capsys: pytes
 
 
 def test_it_runs_as_a_module(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "pipeline.report.baselines", "--metrics", str(tmp_path), "--baselines", "x"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).resolve().parents[2], check=False)
+    command = [sys.executable, "-m", "pipeline.baselines", "--metrics", str(tmp_path), "--baselines", "x"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).resolve().parents[1], check=False)
     assert done.returncode == 2 and "Traceback" not in done.stderr
