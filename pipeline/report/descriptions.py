@@ -39,7 +39,7 @@ import functools
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pipeline.errors import InputError, did_you_mean
 from pipeline.report.display_names import ORDERS, in_order, listing, word
@@ -211,31 +211,31 @@ class Descriptions:
             more: further arguments of `small_multiples`.
         """
         about = dict(self._entry("figures", key)["grid"])
-        drawn, shown, by = (about.pop(name, None) for name in ("lines", "values", "sort"))
+        drawn, kept, by = (about.pop(name, None) for name in ("lines", "values", "sort"))
         limits, each = {**about.pop("axes", {}), **(axes or {})}, about.pop("axes_across", {})
         headings = about.pop("headings", {})
         if isinstance(about.get("x"), dict):
             about["x"] = about["x"].get
-        facets = [
+        rows, columns = (
             Facet(column, chosen or in_order(frame[column], ORDERS.get(column, ())))
             for column, chosen in ((about.pop("down"), down), (about.pop("across"), across))
-        ]
+        )
         if headings:
-            facets[1] = replace(facets[1], label=lambda value: _heading(headings, value))
+            columns = replace(columns, label=lambda value: _heading(headings, value))
 
-        def panel(spot: Axes, rows: pd.DataFrame, name: str) -> Any:
+        def panel(spot: Axes, shown: pd.DataFrame, name: str) -> Any:
             if under is not None:
-                under(spot, rows, name)
+                under(spot, shown, name)
             if drawn is not None:
-                lines(spot, rows, looks=looks, key=name, **drawn)
-            return None if over is None else over(spot, rows, name)
+                lines(spot, shown, looks=looks, key=name, **drawn)
+            return None if over is None else over(spot, shown, name)
 
         plotted = frame if values is None else values
-        plotted = plotted[shown] if shown else plotted
+        plotted = plotted[kept] if kept else plotted
         plotted = plotted.sort_values(by) if by else plotted
         settings = (lambda value: {**limits, **each[value]}) if each else limits
         arguments: dict[str, Any] = {"axes": settings, "alt": alt, "values": plotted} | about | more
-        return small_multiples(frame, *facets, panel, **arguments)
+        return small_multiples(frame, rows, columns, panel, **arguments)
 
     def headings(self, key: str, values: Iterable[Any]) -> dict[str, str]:
         """Name -> heading of the columns that stand for ``"*"``, one for each value of what is spread over them."""
@@ -271,8 +271,8 @@ class Descriptions:
         Raises:
             InputError: there is no such table, or a cell, note or word has no counterpart in its description.
         """
-        about, cells, rows = self._entry("tables", key), cells or {}, frame  # type: Any, Any, Any
-        unknown = set(cells) - set(about["columns"])
+        about, made, rows = self._entry("tables", key), dict(cells or {}), cast("Any", frame)
+        unknown = set(made) - set(about["columns"])
         if unknown:
             raise InputError(f"{self.section}.yaml: tables.{key} has no column '{min(unknown)}'")
         if "order" in about:
@@ -290,7 +290,7 @@ class Descriptions:
                 columns += [_column(one, {**shown, "title": title}) for one, title in (across or {}).items()]
             elif name not in without:
                 title = filled(entry.get("title", ""), words)
-                columns.append(_column(name, {**entry, "title": title}, cells.get(name)))
+                columns.append(_column(name, {**entry, "title": title}, made.get(name)))
         further = about.get("further_notes", {})
         listed = [*about.get("notes", ()), *(further[name] for name in also)]
         return table(

@@ -67,8 +67,8 @@ def _corner(one: Results, label: str, size_px: float, sigma_dn: float) -> Cell:
     if len(cells) < 2:
         return AP(records(cells)[0]) if len(cells) else None
     means = [] if one.spread is None else records(at(one.spread))
-    ends = [means[0][name] for name in ("mean_low_percent", "mean_high_percent")] if means else [math.nan, math.nan]
-    return Estimate(float(cells["ap_percent"].mean()), *ends)
+    low, high = (means[0][f"mean_{end}_percent"] if means else math.nan for end in ("low", "high"))
+    return Estimate(float(cells["ap_percent"].mean()), low, high)
 
 
 def by_direction(one: Results) -> Table | None:
