@@ -213,12 +213,14 @@ def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section 
         pairs = zip(theirs["dataset"], theirs["estimator"], strict=True)
         paper = theirs.assign(estimator=[exact.get(pair, pair[1]) for pair in pairs])
     blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), relative, "recorded", modes)
-    few = PAGE.text("few_frames")
     for one in records:
         blurred = blur_amae.without_unknown_lenses(one.summary)
         shown = blur_amae.tables_one(one.dataset, blurred, paper, relative, modes)
+        few = PAGE.text("few_frames", frames=len(one.provenance["frames"]))
         blocks += [as_recorded(table, *subsets(one), few) for table in shown]
     selected = summary[~summary["estimator"].isin(set(exact.values()))]
     beside = blur_amae.beside_the_best(selected, theirs, "")
-    blocks += [] if beside is None else [as_recorded(beside, few)]
+    if beside is not None:
+        counts = listing(f"{len(one.provenance['frames'])} of {word(one.dataset)}" for one in records)
+        blocks.append(as_recorded(beside, PAGE.text("few_frames", frames=counts)))
     return Section("blur_recorded", "Blur estimation on recorded pictures", (PAGE.text("recorded"),), blocks)
