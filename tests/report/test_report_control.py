@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from pipeline import store
+from pipeline.control.tables import STEPS
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.build import build
@@ -20,6 +21,7 @@ from pipeline.report.sections import (
     control,
     control_examples,
     control_films,
+    control_losses,
     control_surface,
     control_tables,
     order_study,
@@ -94,6 +96,25 @@ def test_an_interval_that_includes_zero_does_not_count_as_better(tmp_path: Path)
     assert "in 0 of 1 scenarios" in control_tables.findings(results)[0]
     cause = "(not above Mean intensity and Shim, nor is the oracle above Mean intensity)"
     assert f"Not in: dusk drive {cause}." in control_tables.findings(results)[0]
+    rows = {row["other"]: row for row in control_losses.losses(results).rows}
+    assert set(rows) == {"Mean intensity", "Shim"}
+    assert rows["Shim"]["where"] == "behind in no frame" and rows["Shim"]["oracle"].low > 0
+
+
+def test_where_a_rival_is_not_beaten_the_costliest_frame_and_its_settings_are_named(tmp_path: Path) -> None:
+    made.make_scenario(tmp_path, "tunnel", 500.0, 25.0, light_factor=1 / 16)
+    path = tmp_path / "closed_loop/tunnel/steps.parquet"
+    steps = pd.read_parquet(path)
+    lost = steps["policy"].isin(["iopc_optimal", "iopc_continuous"]) & (steps["step"] == 3)
+    steps.loc[lost, "ap_percent"] -= 60.0
+    store.write_table(path, steps, STEPS)
+    results = scenario_results(ReportInputs(paper=made.PAPER, control=tmp_path, scenarios=("tunnel",)))
+    (row,) = [row for row in control_losses.losses(results).rows if row["other"] == "Shim"]
+    points = 60 - (made.AP["iopc_continuous"] - made.AP["shim"])
+    settings = "2.0 ms, ISO 400 against 2.0 ms, ISO 400"
+    assert row["where"] == f"{points:.0f} points in frame 3, at the fall of light: {settings}"
+    section = control.section(ReportInputs(paper=made.PAPER, control=tmp_path, scenarios=("tunnel",)))
+    assert _table(section, "control_losses").rows
 
 
 def test_the_verdict_counts_scenarios_and_states_the_regret(section: Section) -> None:

@@ -7,7 +7,14 @@ from collections.abc import Sequence
 from pipeline.report.control_results import decision_ms, scenario_results, scenario_word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
-from pipeline.report.sections import control_examples, control_films, control_surface, control_tables, order_study
+from pipeline.report.sections import (
+    control_examples,
+    control_films,
+    control_losses,
+    control_surface,
+    control_tables,
+    order_study,
+)
 from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, single
 
@@ -31,6 +38,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
         blocks += [
             control_tables.overview(results),
             control_tables.pairs(results),
+            *(table for table in [control_losses.losses(results)] if table.rows),
             control_tables.measures(results, decision_ms(inputs)),
             *control_films.figures(results),
         ]
