@@ -112,7 +112,7 @@ def test_where_a_rival_is_not_beaten_the_costliest_frame_and_its_settings_are_na
     (row,) = [row for row in control_losses.losses(results).rows if row["other"] == "Shim"]
     points = 60 - (made.AP["iopc_continuous"] - made.AP["shim"])
     settings = "2.0 ms, ISO 400 against 2.0 ms, ISO 400"
-    assert row["where"] == f"{points:.0f} points in frame 3, at the fall of light: {settings}"
+    assert row["where"] == f"{points:.1f} points in frame 3, at the fall of light: {settings}"
     section = control.section(ReportInputs(paper=made.PAPER, control=tmp_path, scenarios=("tunnel",)))
     assert _table(section, "control_losses").rows
 

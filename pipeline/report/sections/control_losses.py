@@ -46,7 +46,7 @@ def _words(loss: LargestLoss | None) -> str:
     if loss.change:
         when += f", {loss.frames_after} after {loss.change}" if loss.frames_after else f", at the {loss.change}"
     settings = f"{_settings(loss.state)} against {_settings(loss.other_state)}"
-    return f"{loss.loss_percent:.0f} points in {when}: {settings}"
+    return f"{loss.loss_percent:.1f} points in {when}: {settings}"
 
 
 def _settings(state: CameraState) -> str:
