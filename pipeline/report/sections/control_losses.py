@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from pipeline.control.largest_loss import LargestLoss, largest_loss
+from pipeline.control.scenario_result import BRIGHTNESS_ONLY, OURS, ScenarioResult
 from pipeline.control.state import CameraState
-from pipeline.report.control_results import BRIGHTNESS_ONLY, OURS, ScenarioResult, policy_word, scenario_word
+from pipeline.report.control_results import policy_word, scenario_word
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.tables import Estimate, Table
 
