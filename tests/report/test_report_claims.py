@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 import pytest
 from report_makers import ABSENT, REPO
 
-from pipeline.report.claims import of_blur
+from pipeline.report.claims import of_blur, of_noise
 from pipeline.report.claims.claim import (
     CONTRADICTED,
     NOT_MEASURED,
@@ -78,6 +79,26 @@ def test_the_network_is_best_where_its_whole_interval_is_lower(tmp_path: Path) -
     measured = of_blur.MEASURES["network_is_best"](evidence)
     assert measured is not None and measured.verdict == PARTLY and measured.on == "KITTI"
     assert measured.text.startswith("1 for, 1 against, of 3 cells")
+
+
+def test_noise_prevents_estimation_by_the_papers_estimators_not_by_ours() -> None:
+    """The paper's network fails in two cells and has no interval in a third; ours, which is not counted, does not."""
+    cells = [("cnn", 10.0, 20.0), ("cnn", 25.0, 40.0), ("cnn", 15.0, 30.0), ("spectral", 10.0, 2.0)]
+    table = pd.DataFrame(cells, columns=["estimator", "target_sigma_dn", "amae_percent"])
+    table = table.assign(low_percent=table["amae_percent"] - 1, high_percent=table["amae_percent"] + 1)
+    table.loc[2, ["low_percent", "high_percent"]] = math.nan
+    evidence = Evidence(NOTHING)
+    evidence.combined = table.assign(
+        dataset="kitti", experiment="defocus_dcsn", kernel_size_px=3.0, filter_px=0.0, calibrated=False
+    )
+    prevents = partial(of_noise.MEASURES["prevents"], experiment="defocus_dcsn")
+    measured = prevents(evidence)
+    assert measured is not None and measured.verdict == SUPPORTED
+    assert measured.text.startswith("2 for, 0 against, of 2 cells. Of the paper's estimators.")
+    assert measured.text.endswith("Ours, not counted (Spectral): 0 for, 1 against, of 1.")
+    evidence.combined = evidence.combined.assign(low_percent=math.nan, high_percent=math.nan)
+    measured = prevents(evidence)
+    assert measured is not None and measured.verdict == UNDECIDED and measured.text.startswith("No cell of the paper's")
 
 
 def test_the_records_of_the_repository_decide_claims_and_the_table_shows_them() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pipeline.report.claims.claim import Evidence, Measurement, Measures, of_cells, of_number
+from pipeline.report.claims.claim import UNDECIDED, Evidence, Measurement, Measures, of_cells, of_number
 from pipeline.report.display_names import word
 from pipeline.report.inputs import published_table
 from pipeline.report.ledger_sources import levels
@@ -19,6 +19,7 @@ PREVENTED_PERCENT = 10.0
 
 NOISY_DN, FOLLOWS_DN = 10.0, 2.0
 PAPER_NOISE = ("cnn", "pca", "bf")
+PAPER_BLUR = ("cnn", "pmp", "gbb")
 REAL_FRACTION = 0.25
 CELL = ["dataset", "estimator", "kernel_size_px", "target_sigma_dn"]
 
@@ -37,13 +38,40 @@ def _by_estimator(cells: pd.DataFrame) -> str:
     return f"Mean AMAE from no noise to the strongest: {', '.join(words)}."
 
 
+def _of_paper(counted: pd.DataFrame, pairs: list[tuple[bool, bool]], what: str, text: str) -> Measurement | None:
+    """A claim about the paper's estimators, by their cells that have an interval; those of ours are stated in words.
+
+    Args:
+        counted: dataset, estimator, ``low_percent`` of each cell.
+        pairs: of each, whether it supports and whether it opposes the claim.
+        what: a cell in words.
+        text: more numbers.
+    """
+    known = counted["low_percent"].notna().to_numpy()
+    papers = counted["estimator"].isin(PAPER_BLUR).to_numpy()
+    if not pairs:
+        return None
+    numbered = list(zip(pairs, papers, known, strict=True))
+    chosen, ours = ([pair for pair, one, held in numbered if held and one == is_paper] for is_paper in (True, False))
+    if ours:
+        names = ", ".join(word(str(name)) for name in dict.fromkeys(counted.loc[~papers & known, "estimator"]))
+        supporting, opposing = (sum(bool(pair[number]) for pair in ours) for number in (0, 1))
+        text = f"{text} Ours, not counted ({names}): {supporting} for, {opposing} against, of {len(ours)}."
+    if not chosen:
+        return Measurement(f"No {what} of the paper's estimators has an interval. {text}".strip(), UNDECIDED)
+    text = f"Of the paper's estimators. {text}".strip()
+    return of_cells(chosen, what, counted.loc[papers & known, "dataset"], text)
+
+
 def _prevents(evidence: Evidence, *, experiment: str) -> Measurement | None:
     """That noise of 10 DN and more prevents the estimation of a blur."""
     cells = _of_experiment(evidence, experiment)
     cells = cells[cells["filter_px"] == 0]
-    noisy = records(cells[cells["target_sigma_dn"] >= NOISY_DN])
-    pairs = [(row["low_percent"] > PREVENTED_PERCENT, row["high_percent"] < PREVENTED_PERCENT) for row in noisy]
-    return of_cells(pairs, "cell", cells["dataset"], _by_estimator(cells) if pairs else "")
+    noisy = cells[cells["target_sigma_dn"] >= NOISY_DN]
+    pairs = [
+        (row["low_percent"] > PREVENTED_PERCENT, row["high_percent"] < PREVENTED_PERCENT) for row in records(noisy)
+    ]
+    return _of_paper(noisy, pairs, "cell", _by_estimator(cells))
 
 
 def _disturbs(evidence: Evidence) -> Measurement | None:
@@ -51,13 +79,14 @@ def _disturbs(evidence: Evidence) -> Measurement | None:
 
     cells = pd.concat([_of_experiment(evidence, name) for name in ("photon_linear", "photon_defocus")])
     cells = cells[cells["filter_px"] == 0]
-    pairs = []
+    pairs, loudest = [], []
     for _, group in cells.groupby(["experiment", "dataset", "estimator", "kernel_size_px"]):
-        at = group.set_index("target_sigma_dn").sort_index()
+        at = group.sort_values("target_sigma_dn")
         if len(at) > 1:
             quiet, loud = at.iloc[0], at.iloc[-1]
             pairs.append((loud["low_percent"] > quiet["high_percent"], loud["high_percent"] < quiet["low_percent"]))
-    return of_cells(pairs, "kernel", cells["dataset"], _by_estimator(cells) if pairs else "")
+            loudest.append(at.iloc[-1:])
+    return _of_paper(pd.concat(loudest), pairs, "kernel", _by_estimator(cells)) if pairs else None
 
 
 def _defocus_under_photon_noise(evidence: Evidence) -> Measurement | None:
@@ -65,7 +94,7 @@ def _defocus_under_photon_noise(evidence: Evidence) -> Measurement | None:
     cells = cells[cells["filter_px"] == 0]
     bound = float(published_table(evidence.inputs.paper / "photon_defocus_amae.csv")["amae_percent"].max())
     pairs = [(row["high_percent"] <= bound, row["low_percent"] > bound) for row in records(cells)]
-    return of_cells(pairs, "cell", cells["dataset"], _by_estimator(cells) if pairs else "")
+    return _of_paper(cells, pairs, "cell", _by_estimator(cells))
 
 
 def _overestimates(evidence: Evidence) -> Measurement | None:
@@ -83,16 +112,21 @@ def _overestimates(evidence: Evidence) -> Measurement | None:
 
 
 def _smoothing(evidence: Evidence) -> Measurement | None:
+    import pandas as pd
+
     cells = evidence.combined
     cells = cells[cells["experiment"].isin(["linear_dcsn", "defocus_dcsn"]) & (cells["target_sigma_dn"] >= NOISY_DN)]
     plain = {(row["experiment"], *(row[name] for name in CELL)): row for row in records(cells) if row["filter_px"] == 0}
-    pairs = []
+    pairs, smoothed = [], []
     for row in records(cells[cells["filter_px"] > 0]):
         beside: Row | None = plain.get((row["experiment"], *(row[name] for name in CELL)))
         if beside is not None:
             better = row["high_percent"] < beside["low_percent"]
             pairs.append((better, row["low_percent"] > beside["high_percent"]))
-    return of_cells(pairs, "cell", cells["dataset"], "Beside the same cell without the disc.")
+            smoothed.append(row)
+    if not pairs:
+        return None
+    return _of_paper(pd.DataFrame(smoothed), pairs, "cell", "Beside the same cell without the disc.")
 
 
 def _follows(evidence: Evidence) -> Measurement | None:
