@@ -36,7 +36,7 @@ _MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 _DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)), (0, (8, 2)), (0, (3, 1)), (0, (1, 2)))
 # Each position in the palette belongs to one estimator, so that it has the same colour in every figure.
 _POSITIONS = {
-    "pca": 0, "bf": 1, "cnn": 2, "cellwise": 3, "wavelet": 4, "immerkaer": 5,
+    "pca": 0, "bf": 1, "cnn": 2, "cellwise": 3, "wavelet": 4, "immerkaer": 5, "adaptive": 6,
     "pmp": 0, "gbb": 1, "spectral": 3, "camera_calibrated": 4, "generic_lens": 5, "fused": 6,
     "sim": 0, "photos": 4, "kitti": 1, "udacity": 2, "sim_authors": 3,
     "H": 0, "V": 1,

@@ -165,6 +165,11 @@ def test_a_stage_without_outputs_ends_before_later_ones_begin(tmp_path):
     assert not (folder / "later.txt").exists()
 
 
+def heed_interrupts():
+    """A shell that runs the suite in the background has its children ignore SIGINT, which would be inherited."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize("served", [False, True])
 @pytest.mark.parametrize("at_once", [1, 2])
 def test_an_interrupt_ends_the_commands_and_dvc_and_leaves_the_repository_usable(tmp_path, at_once, served):
@@ -176,7 +181,7 @@ def test_an_interrupt_ends_the_commands_and_dvc_and_leaves_the_repository_usable
     folder = make(tmp_path, stages, modules=served)
     process = subprocess.Popen(
         [sys.executable, "-m", "pipeline.dvc", "repro"], cwd=folder, env=environment(folder, at_once),
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True, preexec_fn=heed_interrupts,
     )  # fmt: skip
     deadline = time.monotonic() + 120
     while not (folder / "begun").exists() or len((folder / "begun").read_text().split()) < at_once:
