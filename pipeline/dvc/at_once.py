@@ -22,6 +22,7 @@ from typing import Any
 
 from pipeline.dvc import preloaded
 from pipeline.dvc.lock_file import LockFileWriter
+from pipeline.executor import available_cores
 
 SWITCH = "STAGES_AT_ONCE"
 """Environment variable: how many stages may run at once; 1 for one after another."""
@@ -142,7 +143,7 @@ class Stages:
 
     def _choose(self) -> None:
         """Set how many stages run at once, and give their libraries as many threads as their share of the cores."""
-        cores = len(self._cores) or os.cpu_count() or 1
+        cores = available_cores()
         self._at_once = stages_at_once(cores, workers(self._params), os.environ.get(SWITCH))
         if self._at_once > 1:
             for variable in THREADS:

@@ -8,11 +8,12 @@ the same bytes in 0.05 s, whatever order stages end in.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from pipeline.store import write_text
 
 HEAD = "schema: '2.0'\nstages:\n"
 
@@ -83,9 +84,7 @@ class LockFileWriter:
             return
         if text == before:
             return
-        writing = path.with_name(f".{path.name}.writing-{os.getpid()}")
-        writing.write_text(text, encoding="utf-8")
-        writing.replace(path)
+        write_text(path, text)
         lockfile.repo.scm_context.track_file(lockfile.relpath)
 
 

@@ -14,11 +14,12 @@ import contextlib
 import copy
 import hashlib
 import json
-import os
 import stat
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+from pipeline.store import write_text
 
 Signature = tuple[int, int, int, int]
 LEAST_KEPT = 50_000
@@ -98,10 +99,7 @@ class ParsedTexts:
         with contextlib.suppress(OSError, ValueError, TypeError):  # what JSON cannot hold is not kept
             written = json.dumps({"sha256": _sha256(text), "content": content})
             if json.loads(written)["content"] == content:
-                self._folder.mkdir(exist_ok=True)
-                writing = kept.with_name(f".{kept.name}.writing-{os.getpid()}")
-                writing.write_text(written, encoding="utf-8")
-                writing.replace(kept)
+                write_text(kept, written)
         return content
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from data_makers import picture
+from interrupts import heed_interrupts
 
 from pipeline.cli import main
 from pipeline.cli.outputs import OutputError, OutputFolder, RowFile, plain_text
@@ -106,11 +107,6 @@ def test_results_are_written_where_the_system_has_no_locks(tmp_path, monkeypatch
         assert folder.claim("a", ".png").name == "a.png"
 
 
-def _heed_interrupts():
-    """A shell that runs the suite in the background has its children ignore SIGINT, which would be inherited."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_keeps_the_rows_of_finished_frames(tmp_path, number):
     film(tmp_path / "long.avi", frames=400)
@@ -120,7 +116,7 @@ def test_a_signal_keeps_the_rows_of_finished_frames(tmp_path, number):
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=_heed_interrupts,
+        preexec_fn=heed_interrupts,
     )
     table = tmp_path / "out/health.csv"
     deadline = time.monotonic() + 300

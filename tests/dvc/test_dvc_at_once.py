@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 import yaml
+from interrupts import heed_interrupts
 
 from pipeline.dvc import preloaded
 from pipeline.dvc.at_once import stages_at_once, startable
@@ -163,11 +164,6 @@ def test_a_stage_without_outputs_ends_before_later_ones_begin(tmp_path):
     folder = make(tmp_path, {"check": check, "later": later})
     run(folder, "pipeline.dvc", "repro", status=255)
     assert not (folder / "later.txt").exists()
-
-
-def heed_interrupts():
-    """A shell that runs the suite in the background has its children ignore SIGINT, which would be inherited."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.mark.parametrize("served", [False, True])
