@@ -24,7 +24,7 @@ repro: $(READY) ## regenerate every table and figure, then say where the report 
 	@echo "report: reports/index.html"
 
 test: $(READY) ## run the whole test suite
-	$(BIN)/python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 smoke: $(READY) ## run everything, tiny, in a scratch copy, and check its metrics against the committed baselines
 	@.ci/smoke

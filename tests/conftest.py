@@ -18,7 +18,20 @@ settings.register_profile("repeatable", derandomize=True, deadline=None, max_exa
 settings.register_profile("fuzz", derandomize=False, deadline=None, max_examples=1000, suppress_health_check=SLOW)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
+LONGEST = (
+    "test_sweeps", "test_determinism", "test_package", "test_report_detection", "test_recording_blur", "test_recorded",
+    "test_executor", "test_recorded_detection", "test_other_processor", "test_recorded_blur",
+    "test_experiments_calibrate",
+)  # fmt: skip
+"""Files of half a minute and more: begun first, so that with several workers none of them runs alone at the end."""
+
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first; otherwise the order stays."""
+    rank = {name: index for index, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.path.stem, len(rank)))
 
 
 @pytest.fixture

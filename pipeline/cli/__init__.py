@@ -13,8 +13,8 @@ from typing import Any
 
 import click
 
-from pipeline.cli.signals import handled
 from pipeline.errors import InputError
+from pipeline.signals import handled
 
 COMMANDS = {
     "health": "Estimate blur and noise of pictures or videos together, with intervals and maps.",

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pipeline.cli.numbers import FiniteRange
-from pipeline.cli.signals import handled
+from pipeline.signals import handled
 
 if TYPE_CHECKING:
     from pipeline.cli.frame_analysis import FrameAnalysis

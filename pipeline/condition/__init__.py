@@ -1,4 +1,4 @@
-"""One answer for a frame: how blurred and how noisy it is, where, how sure that is, and where nothing can be said.
+"""One answer for a frame: how blurred and how noisy it is, where, how sure that is, and where it abstains.
 
 >>> from pipeline.condition import ConditionMonitor
 >>> state = ConditionMonitor().frame(image)     # (H, W) float in [0, 1]

@@ -97,7 +97,7 @@ class Condition:
 
     @property
     def abstained(self) -> dict[str, bool]:
-        """Whether nothing can be said of ``blur`` and of ``noise``."""
+        """Whether ``blur`` and ``noise`` have no estimate."""
         return {"blur": not np.isfinite(self.mtf.value).all(), "noise": not np.isfinite(self.sigma_dn.value).all()}
 
     @property

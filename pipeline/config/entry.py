@@ -11,14 +11,17 @@ it cannot depend on a value whose change would not re-run it.
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any, cast
 
 from pipeline.errors import InputError, did_you_mean
 from pipeline.registry import Registry
+from pipeline.signals import handled
 from pipeline.weight_files import active_folder
 
 if TYPE_CHECKING:
@@ -161,14 +164,20 @@ class Stage:
         return value
 
     def __call__(self, arguments: Sequence[str] | None = None) -> None:
-        """Entry point of ``python -m pipeline.stages.NAME``."""
+        """Entry point of ``python -m pipeline.stages.NAME``; SIGTERM ends it as Ctrl-C does."""
         arguments = list(sys.argv[1:] if arguments is None else arguments)
         try:
             way = "params" if "--params" in arguments else "conf"
-            MODES.get(way)(self, [argument for argument in arguments if argument != "--params"])
+            with handled([signal.SIGTERM], _end):
+                MODES.get(way)(self, [argument for argument in arguments if argument != "--params"])
         except InputError as error:
             print(f"error: {error}", file=sys.stderr)
             raise SystemExit(2) from None
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """End as after an error, so that half-written outputs are taken away."""
+    raise SystemExit(128 + number)
 
 
 def stage(

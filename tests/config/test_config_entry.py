@@ -1,5 +1,8 @@
 """Stages: both ways in, only declared parameters, clear words for a wrong job."""
 
+import os
+import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -83,3 +86,30 @@ def test_a_mistake_in_a_multirun_is_one_line():
     assert done.returncode != 0
     assert "did you mean 'paper'" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_stage_ended_by_term_takes_half_written_outputs_away(tmp_path):
+    shutil.copy(ROOT / "params.yaml", tmp_path)
+    program = """
+import pathlib, time
+from pipeline import store
+from pipeline.config.entry import stage
+
+def body(run):
+    with store.replacing_folder(run.outputs / "table") as folder:
+        pathlib.Path(folder, "half").touch()
+        print("writing", flush=True)
+        time.sleep(60)
+
+stage("probe", reads=["seed"])(body)(["--params"])
+"""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    child = subprocess.Popen([sys.executable, "-c", program], cwd=tmp_path, env=environment, stdout=subprocess.PIPE)
+    try:
+        assert child.stdout.readline() == b"writing\n"
+        child.send_signal(signal.SIGTERM)
+        assert child.wait(30) == 128 + signal.SIGTERM
+    finally:
+        child.kill()
+        child.stdout.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["params.yaml"]

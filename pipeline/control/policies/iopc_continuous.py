@@ -28,7 +28,7 @@ class IopcContinuous(IopcPolicy):
         performance: surface asked.
         target: see `IopcPolicy`.
         tolerance: see `IopcPolicy`.
-        hysteresis_percent: points that a change must promise; more after reversals (see `IopcPolicy`).
+        least_gain_percent: points that a change must promise; more after reversals (see `IopcPolicy`).
         stops_per_frame: largest change of the exposure time, factors of two, as long as the gain can take the rest.
         max_motion_px: hard cap of motion blur.
         lamp_hz: frequency of light flicker (twice the mains frequency); 0 for none. Where the brightness allows it,
@@ -42,13 +42,13 @@ class IopcContinuous(IopcPolicy):
         performance: Performance | None = None,
         target: float | None = 0.5,
         tolerance: float = 0.1,
-        hysteresis_percent: float = 1.0,
+        least_gain_percent: float = 1.0,
         stops_per_frame: float = 2.0,
         max_motion_px: float = 20.0,
         lamp_hz: float = 0.0,
         margin: float = 0.2,
     ) -> None:
-        super().__init__(camera, performance, target, tolerance, margin, hysteresis_percent)
+        super().__init__(camera, performance, target, tolerance, margin, least_gain_percent)
         if stops_per_frame <= 0 or max_motion_px <= 0 or lamp_hz < 0:
             raise InputError(
                 "policy iopc_continuous: expected lamp_hz of at least 0, stops_per_frame and max_motion_px above 0"
