@@ -12,7 +12,6 @@ that a KITTI frame becomes 2650 x 800 px.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,12 +22,10 @@ from numpy.typing import NDArray
 from pipeline.detection import coco
 from pipeline.detection.base import Detections, each_image
 from pipeline.detection.modes import Limits, Mode, eight_bit, limits
-from pipeline.detection.onnx_model import OnnxModel, _first_line, _runtime_errors
+from pipeline.detection.onnx_model import OnnxFile
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
-    import onnxruntime
-
     from pipeline.detection.base import Images
 
 NAMES = ("__background__", *coco.NAMES)
@@ -121,21 +118,12 @@ class FasterRcnn:
         return tensor, scale
 
 
-class _PlainInput(OnnxModel):
+class _PlainInput(OnnxFile):
     """A network whose image input is (3, H, W), of any size and without a batch axis, and that answers with boxes."""
 
     def __init__(self, path: str | Path, threads: int, sha256: str | None) -> None:
-        self.path, self.threads, self.own_size = Path(path), threads, None
-        if threads < 1:
-            raise InputError(f"threads: expected at least 1, not {threads}")
-        if not self.path.is_file():
-            raise InputError(f"{self.path}: no such model file; give weights= the path of an ONNX file")
-        if sha256 is not None:
-            result = hashlib.sha256(self.path.read_bytes()).hexdigest()
-            if result != sha256.lower():
-                raise InputError(f"{self.path}: SHA-256 is {result}, expected {sha256}; get the file again")
-        self._sessions: dict[tuple[int, int] | None, onnxruntime.InferenceSession] = {}
-        session = self._session(None)
+        super().__init__(path, threads, sha256)
+        session = self.session()
         shapes = [entry.shape for entry in session.get_inputs()]
         if len(shapes) != 1 or len(shapes[0]) != 3 or shapes[0][0] != 3:
             raise InputError(f"{self.path}: inputs of shape {shapes}, expected one of (3, height, width); {_NOT}")
@@ -148,13 +136,7 @@ class _PlainInput(OnnxModel):
         self, tensor: NDArray[np.float32]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
         """Boxes (N, 4) in pixels of the input, class numbers (N,) and scores (N,) for an input (3, H, W)."""
-        session = self._session(None)
-        try:
-            boxes, labels, scores = session.run(None, {session.get_inputs()[0].name: tensor})
-        except _runtime_errors() as error:
-            raise InputError(
-                f"{self.path}: cannot run at {tensor.shape[2]} x {tensor.shape[1]} px: {_first_line(error)}"
-            ) from error
+        boxes, labels, scores = self.outputs(tensor)
         if boxes.ndim != 2 or boxes.shape[1] != 4 or not len(boxes) == len(labels) == len(scores):
             raise InputError(f"{self.path}: {boxes.shape} boxes, {labels.shape} labels, {scores.shape} scores; {_NOT}")
         if labels.dtype.kind not in "iu":

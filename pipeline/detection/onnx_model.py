@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 _SESSIONS_KEPT = 4  # one per input size; a dataset rarely has more
 
 
-class OnnxModel:
-    """A network with one image input of (1, C, H, W).
-
-    Sessions are opened when first used, one per input size, and are not copied to other processes.
+class OnnxFile:
+    """An ONNX file with its sessions, one per input size, opened when first used and not copied to other processes.
 
     Args:
         path: the file.
@@ -28,14 +26,13 @@ class OnnxModel:
         sha256: expected hash, or None to take any file.
 
     Raises:
-        InputError: the file is missing, is not the expected one, or is no ONNX network with an image input.
+        InputError: fewer than one thread, or the file is missing or is not the expected one.
     """
 
     def __init__(self, path: str | Path, threads: int = 1, sha256: str | None = None) -> None:
-        self.path = Path(path)
+        self.path, self.threads = Path(path), threads
         if threads < 1:
             raise InputError(f"threads: expected at least 1, not {threads}")
-        self.threads = threads
         if not self.path.is_file():
             raise InputError(f"{self.path}: no such model file; give weights= the path of an ONNX file")
         if sha256 is not None:
@@ -43,33 +40,19 @@ class OnnxModel:
             if result != sha256.lower():
                 raise InputError(f"{self.path}: SHA-256 is {result}, expected {sha256}; get the file again")
         self._sessions: dict[tuple[int, int] | None, onnxruntime.InferenceSession] = {}
-        shape = self._session(None).get_inputs()[0].shape
-        if len(shape) != 4:
-            raise InputError(f"{self.path}: its input has shape {shape}, expected (1, channels, height, width)")
-        self.own_size = (shape[2], shape[3]) if isinstance(shape[2], int) and isinstance(shape[3], int) else None
-        """(height, width) that the file asks for, or None if any will do."""
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_sessions": {}}
 
-    def run(self, image: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-        """All outputs for one image.
+    def session(self, size: tuple[int, int] | None = None) -> onnxruntime.InferenceSession:
+        """The session for an input size.
 
         Args:
-            image: (1, C, H, W); a size other than the file's own rewrites the network's input, which needs `onnx`.
+            size: (height, width), which rewrites the network's input (`resized_model`); None for the file as it is.
 
         Raises:
-            InputError: the network cannot run at this size.
+            InputError: no ONNX network.
         """
-        size = (int(image.shape[2]), int(image.shape[3]))
-        session = self._session(None if self.own_size in (None, size) else size)
-        try:
-            outputs: list[NDArray[np.float32]] = session.run(None, {session.get_inputs()[0].name: image})
-        except _runtime_errors() as error:
-            raise InputError(f"{self.path}: cannot run at {size[1]} x {size[0]} px: {_first_line(error)}") from error
-        return outputs
-
-    def _session(self, size: tuple[int, int] | None) -> onnxruntime.InferenceSession:
         if size in self._sessions:
             return self._sessions[size]
         import onnxruntime
@@ -89,6 +72,57 @@ class OnnxModel:
             del self._sessions[next(iter(self._sessions))]
         self._sessions[size] = session
         return session
+
+    def outputs(self, image: NDArray[np.float32], size: tuple[int, int] | None = None) -> list[NDArray[Any]]:
+        """All outputs for one image.
+
+        Args:
+            image: (..., H, W), of the rank that the network takes.
+            size: see `session`.
+
+        Raises:
+            InputError: the network cannot run at this size.
+        """
+        session = self.session(size)
+        try:
+            result: list[NDArray[Any]] = session.run(None, {session.get_inputs()[0].name: image})
+        except _runtime_errors() as error:
+            height, width = image.shape[-2:]
+            raise InputError(f"{self.path}: cannot run at {width} x {height} px: {_first_line(error)}") from error
+        return result
+
+
+class OnnxModel(OnnxFile):
+    """A network with one image input of (1, C, H, W).
+
+    Args:
+        path: the file.
+        threads: CPU threads of one session.
+        sha256: expected hash, or None to take any file.
+
+    Raises:
+        InputError: the file is missing, is not the expected one, or is no ONNX network with an image input.
+    """
+
+    def __init__(self, path: str | Path, threads: int = 1, sha256: str | None = None) -> None:
+        super().__init__(path, threads, sha256)
+        shape = self.session().get_inputs()[0].shape
+        if len(shape) != 4:
+            raise InputError(f"{self.path}: its input has shape {shape}, expected (1, channels, height, width)")
+        self.own_size = (shape[2], shape[3]) if isinstance(shape[2], int) and isinstance(shape[3], int) else None
+        """(height, width) that the file asks for, or None if any will do."""
+
+    def run(self, image: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """All outputs for one image.
+
+        Args:
+            image: (1, C, H, W); a size other than the file's own rewrites the network's input, which needs `onnx`.
+
+        Raises:
+            InputError: the network cannot run at this size.
+        """
+        size = (int(image.shape[2]), int(image.shape[3]))
+        return self.outputs(image, None if self.own_size in (None, size) else size)
 
 
 def resized_model(path: Path, size: tuple[int, int]) -> bytes:
