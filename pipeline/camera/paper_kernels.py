@@ -20,7 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.camera.psf.kernel import Kernel, kernel_name, recentred
-from pipeline.errors import InputError
+from pipeline.errors import DECODER_ERRORS, InputError
+
+LARGEST_PX = 999
+"""Side of a kernel; a header may state gigabytes."""
 
 _MOTION = re.compile(r"(?P<intensity>[0-9.]+)\+(?P<size>[0-9]+)_(?P<angle>[0-9]+)")
 _FOLDERS = (
@@ -111,20 +114,26 @@ def read_psf(path: Path | str) -> np.ndarray:
         (h, w) float32, sum 1.
 
     Raises:
-        InputError: not a readable picture, all black, or of an even size.
+        InputError: not a readable picture, all black, or of an even or large size.
     """
+    import io
+    import warnings
+
     import cv2
+    from PIL import Image
 
     try:
         data = np.fromfile(path, np.uint8)
     except OSError as error:
         raise InputError(f"cannot read the kernel '{path}': {error.strerror}") from error
     try:
-        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    except cv2.error:  # a header that states an impossible size
-        picture = None
+        with warnings.catch_warnings(action="ignore"), Image.open(io.BytesIO(data.tobytes())) as header:
+            width, height = header.size  # before gigabytes are decoded
+        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if max(width, height) <= LARGEST_PX else None
+    except (cv2.error, Image.DecompressionBombError, *DECODER_ERRORS):
+        raise InputError(f"'{path}' is not a readable picture; expected an 8-bit grey PNG of a kernel") from None
     if picture is None:
-        raise InputError(f"'{path}' is not a picture that OpenCV can read; expected an 8-bit grey PNG of a kernel")
+        raise InputError(f"'{path}' is {height} x {width} pixels; expected a kernel with sides up to {LARGEST_PX}")
     grey = picture if picture.ndim == 2 else picture[:, :, 0]
     if 0 in (grey.shape[0] % 2, grey.shape[1] % 2):
         raise InputError(f"'{path}' is {grey.shape[0]} x {grey.shape[1]} pixels; expected a kernel with odd sides")

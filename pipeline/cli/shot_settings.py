@@ -6,7 +6,7 @@ import math
 import re
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import DECODER_ERRORS, InputError
 
 _TIME = re.compile(r"^(?P<number>[0-9.]+(?:/[0-9.]+)?)\s*(?P<unit>us|ms|s)$")
 _UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
@@ -63,8 +63,6 @@ def exif(path: Path) -> tuple[float | None, float | None]:
     import warnings
 
     from PIL import Image
-
-    from pipeline.datasets.pictures import DECODER_ERRORS
 
     try:
         with warnings.catch_warnings(), Image.open(path) as picture:

@@ -21,7 +21,6 @@ conversion from RGB: the red and blue weights change places and the result is ro
 from __future__ import annotations
 
 import io
-import struct
 import warnings
 import zlib
 from dataclasses import dataclass
@@ -30,7 +29,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.errors import InputError
+from pipeline.errors import DECODER_ERRORS, InputError
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -39,12 +38,6 @@ SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp",
 CHANNEL_ORDERS = ("rgb", "authors")
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk with its checksum
 SMALLEST_PX = 16  # below this neither side holds enough pixels for any filter in this package
-
-DECODER_ERRORS = (
-    OSError, SyntaxError, ValueError, EOFError, TypeError, AttributeError, LookupError, ArithmeticError, MemoryError,
-    RuntimeError, struct.error, zlib.error,
-)  # fmt: skip
-"""What Pillow raises for a damaged file, whose tags it takes as they are."""
 
 _ALPHA_MODES = {"LA", "RGBA", "PA", "La", "RGBa"}
 _PAGED_FORMATS = {"TIFF", "GIF", "PNG", "WEBP"}  # not MPO: a telephone's JPEG with a small second picture

@@ -61,7 +61,7 @@ def test_bad_input_is_named(tree: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot read the kernel"):
         paper_kernels.read_psf(tmp_path / "absent.png")
     (tmp_path / "text.png").write_text("no picture")
-    with pytest.raises(InputError, match="not a picture"):
+    with pytest.raises(InputError, match="not a readable picture"):
         paper_kernels.read_psf(tmp_path / "text.png")
     cv2.imwrite(str(tmp_path / "black.png"), np.zeros((3, 3), np.uint8))
     with pytest.raises(InputError, match="all black"):
@@ -69,6 +69,9 @@ def test_bad_input_is_named(tree: Path, tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "even.png"), np.ones((4, 3), np.uint8))
     with pytest.raises(InputError, match="odd sides"):
         paper_kernels.read_psf(tmp_path / "even.png")
+    cv2.imwrite(str(tmp_path / "large.png"), np.ones((3, 1001), np.uint8))
+    with pytest.raises(InputError, match="3 x 1001 pixels; expected a kernel with sides up to 999"):
+        paper_kernels.read_psf(tmp_path / "large.png")
     with pytest.raises(InputError, match="0 files MTF-H or MTF-Rad"):
         paper_kernels.published_mtf(paper_kernels.load(tree)[0])
 
