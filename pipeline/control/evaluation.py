@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cluster_intervals import bias_corrected
 from pipeline.control.decision import Action
 from pipeline.control.loop import StepRecord
 from pipeline.control.motion import motion_length
@@ -201,7 +202,6 @@ def named_scenario(scenarios: Mapping[str, Any], name: str) -> Any:
 
 def paired(one: Score, other: Score) -> tuple[float, float, float]:
     """Difference of two average precisions on the same viewpoints, with its bootstrap 95 % interval."""
-    draws = one.draws - other.draws
-    draws = draws[np.isfinite(draws)]
-    low, high = np.percentile(draws, [2.5, 97.5]).tolist() if len(draws) else (float("nan"), float("nan"))
-    return one.ap_percent - other.ap_percent, low, high
+    difference = one.ap_percent - other.ap_percent
+    viewpoints = min(one.viewpoints, other.viewpoints)
+    return difference, *bias_corrected(one.draws - other.draws, difference, viewpoints, bounds=(-100.0, 100.0))

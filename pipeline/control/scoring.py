@@ -1,7 +1,8 @@
 """Average precision of a set of views, mean over the classes, with bootstrap draws that pair policies.
 
 Viewpoints are resampled, the same ones for every policy and condition drawn from equal streams, so that differences are
-paired. A class that no view shows is left out of the mean.
+paired. A class that no view shows is left out of the mean. Intervals are wider for few viewpoints
+(`pipeline.cluster_intervals`).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cluster_intervals import bias_corrected
 from pipeline.control.views import View
 from pipeline.detection.average_precision import evaluate
 from pipeline.detection.base import Detections
@@ -50,6 +52,7 @@ class Score:
         low_percent, high_percent: bootstrap 95 % interval over viewpoints.
         objects: to be found, all classes.
         draws: (B,) percent.
+        viewpoints: that show an object, of the class with the fewest.
     """
 
     ap_percent: float
@@ -57,6 +60,7 @@ class Score:
     high_percent: float
     objects: int
     draws: NDArray[np.float64]
+    viewpoints: int
 
 
 def average_precision(
@@ -72,7 +76,7 @@ def average_precision(
     """
     truths = [criteria.words.truth(view.boxes, criteria.min_height_px, criteria.min_visible_fraction) for view in seen]
     words = generator.integers(0, 2**63, dtype=np.uint64)
-    values, draws, objects = [], [], 0
+    values, draws, viewpoints, objects = [], [], [], 0
     for label in criteria.words.classes:
         result = evaluate(
             detections, truths, [label], criteria.rule, criteria.iou_threshold, stream(int(words), "viewpoints"),
@@ -82,13 +86,13 @@ def average_precision(
         if result.objects:
             values.append(100.0 * result.average_precision)
             draws.append(100.0 * result.draws)
+            viewpoints.append(result.clusters)
     if not values:
         nan = float("nan")
-        return Score(nan, nan, nan, 0, np.full(criteria.bootstrap_draws, nan))
-    drawn = _mean_of_known(np.stack(draws))
-    finite = drawn[np.isfinite(drawn)]
-    low, high = np.percentile(finite, [2.5, 97.5]).tolist() if len(finite) else (float("nan"), float("nan"))
-    return Score(min(float(np.mean(values)), 100.0), low, high, objects, drawn)
+        return Score(nan, nan, nan, 0, np.full(criteria.bootstrap_draws, nan), 0)
+    drawn, mean = _mean_of_known(np.stack(draws)), min(float(np.mean(values)), 100.0)
+    low, high = bias_corrected(drawn, mean, min(viewpoints), bounds=(0.0, 100.0))
+    return Score(mean, low, high, objects, drawn, min(viewpoints))
 
 
 def _mean_of_known(draws: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.cluster_intervals import bias_corrected
 from pipeline.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -49,11 +50,30 @@ class Cells:
     draws: Floats
     left_out: int
 
-    @property
-    def interval(self) -> tuple[Floats, Floats]:
-        """Ends of the bootstrap 95 % interval of each bin, (S, M) each."""
-        low, high = np.percentile(self.draws, [2.5, 97.5], axis=0)
-        return low, high
+    def interval(self, scenes: int | None = None) -> tuple[Floats, Floats]:
+        """Ends of the bootstrap 95 % interval of each bin, (S, M) each; see `precision_interval`."""
+        ends = np.full((2, *self.count.shape), np.nan)
+        for at in zip(*np.nonzero(self.count), strict=True):
+            ends[(slice(None), *at)] = precision_interval(self.draws[(slice(None), *at)], self.ap_percent[at], scenes)
+        return ends[0], ends[1]
+
+
+def precision_interval(draws: Floats, ap_percent: float, scenes: int | None = None) -> tuple[float, float]:
+    """Ends of the bootstrap 95 % interval of an average precision.
+
+    Args:
+        draws: (B,) percent.
+        ap_percent: the average precision itself.
+        scenes: that the draws resample and that hold an object (`pipeline.cluster_intervals`); None where that is
+            unknown, which gives plain quantiles.
+
+    Returns:
+        lower and upper end in percent; NaN where a draw is, or with fewer than two scenes.
+    """
+    if scenes is not None:
+        return bias_corrected(draws, ap_percent, scenes, bounds=(0.0, 100.0))
+    low, high = np.percentile(draws, [2.5, 97.5])
+    return float(low), float(high)
 
 
 def refuse_inconsistent(arrays: Mapping[str, NDArray[Any]], path: object) -> None:

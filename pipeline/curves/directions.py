@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.curves.cells import precision_interval
 from pipeline.curves.direction import Directions, by_direction
 from pipeline.errors import InputError
 from pipeline.store import Schema
@@ -97,17 +98,20 @@ def _spread(own: pd.DataFrame, draws: NDArray[np.float64], found: Directions) ->
     import pandas as pd
 
     rows = []
+    scenes = int(own["scenes"].max())
     for s, level in enumerate(found.sigma_dn):
         for d, size in enumerate(found.size_px):
             chosen = ((own["target_sigma_dn"] == level) & (own["kernel_size_px"] == size)).to_numpy()
             drawn = draws[chosen]
             drawn = drawn[:, np.isfinite(drawn).all(axis=0)]
-            spread, mean = drawn.max(axis=0) - drawn.min(axis=0), drawn.mean(axis=0)
             row = {"label": str(own["label"].iloc[0]), "target_sigma_dn": level, "kernel_size_px": size}
-            for name, values in (("", spread), ("mean_", mean)):
-                ends = np.percentile(values, [2.5, 97.5]) if len(values) else (np.nan, np.nan)
+            for name, value, values in (
+                ("", found.spread_percent[s, d], drawn.max(axis=0) - drawn.min(axis=0)),
+                ("mean_", found.mean_percent[s, d], drawn.mean(axis=0)),
+            ):
+                ends = precision_interval(values, float(value), scenes)
                 row |= dict(zip((f"{name}low_percent", f"{name}high_percent"), ends, strict=True))
-            row["mean_percent"] = found.mean_percent[s, d]
-            row |= {"spread_percent": found.spread_percent[s, d], "worst_angle_deg": found.worst_angle_deg[s, d]}
+            row |= {"mean_percent": found.mean_percent[s, d], "spread_percent": found.spread_percent[s, d]}
+            row["worst_angle_deg"] = found.worst_angle_deg[s, d]
             rows.append(row)
     return SPREAD.conform(pd.DataFrame(rows))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.curves.cells import BRIDGE_BINS, Cells, bin_borders
+from pipeline.curves.cells import BRIDGE_BINS, Cells, bin_borders, precision_interval
 from pipeline.curves.monotonic import rises
 from pipeline.errors import InputError
 
@@ -28,6 +28,7 @@ class Curve:
         draws: (B, K) bootstrap.
         edges: (K, 2) ends of each point's bin, as far as it speaks for its surroundings.
         joined: (K - 1,) whether the curve goes on to the next point, or too many bins between them are empty.
+        scenes: see `pipeline.curves.cells.precision_interval`.
     """
 
     quantity: str
@@ -40,6 +41,7 @@ class Curve:
     draws: Floats
     edges: Floats
     joined: NDArray[np.bool_]
+    scenes: int | None = None
 
     def query(self, value: float) -> tuple[float, float, float]:
         """Average precision and its interval, linear between points.
@@ -71,12 +73,17 @@ class Curve:
                 " nothing was measured"
             )
         used, shares = list(weights), np.array(list(weights.values()))
-        low, high = np.percentile(self.draws[:, used] @ shares, [2.5, 97.5])
-        return float(self.ap_percent[used] @ shares), float(low), float(high)
+        precision = float(self.ap_percent[used] @ shares)
+        return precision, *precision_interval(self.draws[:, used] @ shares, precision, self.scenes)
 
 
 def isolated(
-    cells: Cells, quantity: str, other: float | None = None, tolerance: float = 0.0, bridge: int = BRIDGE_BINS
+    cells: Cells,
+    quantity: str,
+    other: float | None = None,
+    tolerance: float = 0.0,
+    bridge: int = BRIDGE_BINS,
+    scenes: int | None = None,
 ) -> Curve:
     """The curve through one row or column of the bins.
 
@@ -86,6 +93,7 @@ def isolated(
         other: bin centre of the other quantity; None for no blur (the highest MTF) or no noise (the lowest sigma).
         tolerance: see `pipeline.curves.monotonic.rises`.
         bridge: empty bins in a row over which the curve goes on.
+        scenes: see `pipeline.curves.cells.precision_interval`.
 
     Raises:
         InputError: an unknown quantity, no such bin, or no tuple in it.
@@ -104,7 +112,7 @@ def isolated(
     full = np.flatnonzero(cells.count[pick] > 0)
     if not len(full):
         raise InputError(f"no tuple lies in the {'MTF' if along_sigma else 'noise'} bin {wanted:g}")
-    precision, (low, high) = cells.ap_percent[pick], cells.interval
+    precision, (low, high) = cells.ap_percent[pick], cells.interval(scenes)
     worse = rises(precision if along_sigma else precision[::-1], 0, tolerance)
     worse = worse if along_sigma else worse[::-1]
     borders = bin_borders(centres)
@@ -119,4 +127,5 @@ def isolated(
         draws=cells.draws[:, *pick][:, full],
         edges=np.stack([borders[full], borders[full + 1]], axis=1),
         joined=np.diff(full) <= 1 + bridge,
+        scenes=scenes,
     )

@@ -1,7 +1,8 @@
 """Average precision of every condition of a sweep, and the paper's curves (IOPC) through them.
 
 Here, and nowhere else, shares become percent. The bootstrap resamples the same scenes for all conditions, so that what
-is a difference between two conditions is not also one between two samples.
+is a difference between two conditions is not also one between two samples. Intervals are wider for few scenes
+(`pipeline.cluster_intervals`).
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ PRECISION = Schema(
         "low_percent": "float64",  # bootstrap 95 % interval
         "high_percent": "float64",
         "images": "int64",
+        "scenes": "int64",  # with an object: resampled together, so that intervals rest on them
         "objects": "int64",
         "objects_ignored": "int64",
         "detections": "int64",
@@ -185,7 +187,7 @@ def average_precision(
                 "false_positives",
                 "ignored",
             )
-            numbers = {name: getattr(result, name) for name in counts}
+            numbers = {name: getattr(result, name) for name in counts} | {"scenes": result.clusters}
             numbers |= {name: float(at[name]) for name in ("sigma_dn", "mtf")}
             rows.append({"label": label, **condition, **values, **numbers})
     table = pd.DataFrame(rows, columns=list(PRECISION.columns))
@@ -216,9 +218,7 @@ def tuples(rows: pd.DataFrame, draws: Floats, average: bool) -> tuple[pd.DataFra
     return pd.DataFrame(means, columns=columns), np.stack(drawn)
 
 
-def surface(
-    rows: pd.DataFrame, draws: Floats, section: CurvesSettings, seed: int, scenes: int | None = None
-) -> Surface:
+def surface(rows: pd.DataFrame, draws: Floats, section: CurvesSettings, seed: int) -> Surface:
     """The surface of one class.
 
     Args:
@@ -226,7 +226,6 @@ def surface(
         draws: (rows, B) percent.
         section: ``detection.curves`` of the configuration.
         seed: root seed.
-        scenes: that the draws resample; None for many.
 
     Raises:
         InputError: no object, or too few bins for a surface.
@@ -245,7 +244,7 @@ def surface(
             sigma_bins_dn=section.sigma_bins_dn,
             mtf_bins=section.mtf_bins,
         ),
-        scenes=scenes,
+        scenes=int(rows["scenes"].max()),
     )
 
 
@@ -263,7 +262,7 @@ def heat(label: str, one: Surface, tolerance: float, objects: float) -> pd.DataF
     certainty, rising = one.certainty(tolerance), one.non_monotonic(tolerance)
     with np.errstate(invalid="ignore", divide="ignore"):
         needed = np.where(rising, objects * np.maximum(certainty**-2.0, 0), np.nan)
-    cells, (low, high) = one.cells, one.cells.interval
+    cells, (low, high) = one.cells, one.cells.interval(one.scenes)
     sigma_bins, mtf_bins = np.meshgrid(cells.sigma_bins_dn, cells.mtf_bins, indexing="ij")
     columns = {
         "sigma_bin_dn": sigma_bins,
@@ -298,7 +297,8 @@ def curves(label: str, rows: pd.DataFrame, draws: Floats, section: CurvesSetting
         off = np.full(len(selected), section.mtf_bins[-1] if quantity == "sigma_dn" else section.sigma_bins_dn[0])
         sigma, contrast = (selected["sigma_dn"], off) if quantity == "sigma_dn" else (off, selected["mtf"])
         cells = gather(sigma, contrast, selected["ap_percent"], stream(seed, "curve"), picked, **bins)
-        curve = isolated(cells, quantity, tolerance=section.tolerance_percent)
+        scenes = int(rows["scenes"].max())
+        curve = isolated(cells, quantity, tolerance=section.tolerance_percent, scenes=scenes)
         values: dict[str, Any] = {
             "quantity_value": curve.at,
             "ap_percent": curve.ap_percent,

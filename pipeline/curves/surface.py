@@ -4,21 +4,30 @@ The knots are the full bins, each at the mean place of its tuples. Three or four
 triangles, on which the surface is linear. A noise or MTF at which nothing at all was measured (a whole row or column of
 empty bins) is interpolated over if it is a single one; a single empty bin elsewhere is a hole. A query outside of all
 triangles is answered only within a full bin, by the nearest point of the surface; anywhere else it is refused: the
-surface is never extrapolated. The interval is that of the same mixture of the knots' bootstrap draws.
+surface is never extrapolated. The interval is that of the same mixture of the knots' bootstrap draws, wider for few
+scenes (`pipeline.cluster_intervals`).
 """
 
 from __future__ import annotations
 
 import itertools
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.curves.cells import BRIDGE_BINS, MTF_BINS, SIGMA_BINS_DN, Cells, gather, nearest_bin, refuse_inconsistent
+from pipeline.cluster_intervals import critical_value
+from pipeline.curves.cells import (
+    BRIDGE_BINS,
+    MTF_BINS,
+    SIGMA_BINS_DN,
+    Cells,
+    gather,
+    nearest_bin,
+    precision_interval,
+    refuse_inconsistent,
+)
 from pipeline.curves.monotonic import rise_z, rises
 from pipeline.errors import InputError
 from pipeline.store import read_arrays, write_arrays
@@ -53,7 +62,8 @@ class Surface:
     Args:
         cells: binned tuples with at least three full bins around a corner.
         bridge: empty rows or columns of bins, one after the other, that are interpolated over.
-        scenes: independent scenes that the draws resample, which decide what is certain; None for many.
+        scenes: independent scenes with an object that the draws resample, which decide what is certain and how wide
+            intervals are; None for many, whose intervals are plain quantiles.
 
     Raises:
         InputError: too few full bins for a surface.
@@ -99,7 +109,7 @@ class Surface:
         noise = rise_z(cells.ap_percent, cells.draws, 0, tolerance)
         blur = rise_z(cells.ap_percent[:, ::-1], cells.draws[:, :, ::-1], 1, tolerance)[:, ::-1]
         comparisons = int((~np.isnan(noise)).sum() + (~np.isnan(blur)).sum())
-        critical = _critical(CERTAIN_TAIL / max(comparisons, 1), self.scenes)
+        critical = critical_value(CERTAIN_TAIL / max(comparisons, 1), self.scenes)
         result: Floats = np.fmax(noise, blur) / critical
         return result
 
@@ -126,7 +136,7 @@ class Surface:
     def save(self, path: str | Path) -> None:
         """Write the bins as ``.npz``; `load` gives the same surface back."""
         cells = {name: np.asarray(value) for name, value in vars(self.cells).items()}
-        write_arrays(path, **cells)
+        write_arrays(path, **cells, scenes=np.asarray(self.scenes or 0))
 
     @classmethod
     def load(cls, path: str | Path, bridge: int = BRIDGE_BINS) -> Surface:
@@ -137,12 +147,15 @@ class Surface:
         """
         arrays = read_arrays(path)
         names = set(Cells.__dataclass_fields__)
+        scenes = arrays.pop("scenes", np.asarray(0))  # 0 where they are many
         if set(arrays) != names:
             raise InputError(f"{path}: expected arrays {sorted(names)}, found {sorted(arrays)}; not a surface")
         refuse_inconsistent(arrays, path)
+        if scenes.ndim or scenes.dtype.kind not in "iu" or scenes < 0:
+            raise InputError(f"{path}: array 'scenes': expected a count")
         left_out = int(arrays.pop("left_out"))
         try:
-            return cls(Cells(**arrays, left_out=left_out), bridge)
+            return cls(Cells(**arrays, left_out=left_out), bridge, int(scenes) or None)
         except (InputError, ValueError, np.linalg.LinAlgError) as error:
             raise InputError(f"{path}: {error}") from None
 
@@ -168,8 +181,9 @@ class Surface:
                     ),
                 )
             weights = self._nearest(position)
-        low, high = np.percentile(self._draws[:, weights > 0] @ weights[weights > 0], [2.5, 97.5])
-        return float(self._ap @ weights), float(low), float(high), ""
+        precision = float(self._ap @ weights)
+        low, high = precision_interval(self._draws[:, weights > 0] @ weights[weights > 0], precision, self.scenes)
+        return precision, low, high, ""
 
     def _inside(self, place: Floats) -> Floats | None:
         """Weights of the knots (K,) in the triangle around a place, or None."""
@@ -193,17 +207,6 @@ class Surface:
         weights = np.zeros(len(self._knots))
         weights[pairs[best]] = 1.0 - share[best], share[best]
         return weights
-
-
-def _critical(tail: float, scenes: int | None) -> float:
-    """Standard errors beyond which a difference has at most this one-sided probability of being chance."""
-    if scenes is None:
-        return NormalDist().inv_cdf(1 - tail)
-    if scenes < 2:
-        return math.inf
-    from scipy.special import stdtrit
-
-    return math.sqrt(scenes / (scenes - 1)) * float(stdtrit(scenes - 1, 1 - tail))
 
 
 def triangulate(full: NDArray[np.bool_], knots: Floats, bridge: int = BRIDGE_BINS) -> NDArray[np.int64]:

@@ -6,6 +6,8 @@ found. Average precision is the area under precision as a function of recall, af
 0, 0.01 .. 1. See `pipeline.detection.matching` for what is right.
 
 A class without a single object has no average precision: it is NaN, with a count of 0.
+
+Intervals are those of a bootstrap over scenes (`pipeline.cluster_intervals`), wider where few of them hold an object.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cluster_intervals import NO_INTERVAL, bias_corrected
 from pipeline.detection.base import Detections
 from pipeline.detection.matching import (
     COCO_MAX_DETECTIONS,
@@ -39,8 +42,10 @@ class ClassResult:
     Attributes:
         label: the class.
         average_precision: in [0, 1]; NaN where there is no object.
-        low, high: bootstrap 95 % interval over images; NaN where it was not asked for or there is no object.
+        low, high: bootstrap 95 % interval over images or groups of them; NaN where it was not asked for or fewer than
+            two of them hold an object.
         images: images looked at.
+        clusters: images, or groups of them, that hold an object: what the interval rests on.
         objects: objects to be found.
         objects_ignored: ignored objects and regions of this class.
         detections: all of this class (with ``coco``, the 100 best of each image).
@@ -56,6 +61,7 @@ class ClassResult:
     low: float
     high: float
     images: int
+    clusters: int
     objects: int
     objects_ignored: int
     detections: int
@@ -147,18 +153,19 @@ def _evaluate_class(
     hit, image_of = verdict[order] == TRUE_POSITIVE, image_of[order]
     total = int(objects.sum())
     found_so_far = np.cumsum(hit)
-    low = high = float("nan")
-    drawn = np.zeros(0)
+    share = float(area(hit[None].astype(float), np.ones((1, len(hit))), np.array([total]), rule)[0])
+    clusters = len(np.unique(group_of[objects > 0]))
+    drawn, (low, high) = np.zeros(0), NO_INTERVAL
     if generator is not None:
         drawn = _bootstrap(hit, image_of, objects, rule, generator, draws, group_of)
-        finite = drawn[np.isfinite(drawn)]  # a draw may hold no object at all
-        low, high = np.percentile(finite, [2.5, 97.5]).tolist() if len(finite) else (low, high)
+        low, high = bias_corrected(drawn, share, clusters, bounds=(0.0, 1.0))  # a draw may hold no object at all
     return ClassResult(
         label=label,
-        average_precision=float(area(hit[None].astype(float), np.ones((1, len(hit))), np.array([total]), rule)[0]),
+        average_precision=share,
         low=low,
         high=high,
         images=len(truths),
+        clusters=clusters,
         objects=total,
         objects_ignored=ignored,
         detections=len(verdict),

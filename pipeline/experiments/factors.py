@@ -30,10 +30,11 @@ from pipeline import blur
 from pipeline.camera import authors, mtf
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.psf.defocus import disc, effective_diameter_px
+from pipeline.cluster_intervals import bias_corrected
 from pipeline.errors import InputError
 from pipeline.experiments.condition import Condition
 from pipeline.experiments.frames import TestFrame
-from pipeline.experiments.intervals import bias_corrected, robust_median
+from pipeline.experiments.intervals import robust_median
 from pipeline.experiments.run import Executor, Method, Registered, in_process, run
 from pipeline.store import Schema
 from pipeline.streams import stream

@@ -1,28 +1,18 @@
-"""Intervals over frames: a cluster bootstrap whose bias-corrected interval contains its estimate, also of few frames.
+"""Intervals over frames: whole frames are resampled, each with all its patches, which share its scene, lens and light.
 
-Patches of one frame share its scene, lens and light and err together, so whole frames are resampled, each with all its
-patches (Davison and Hinkley 1997, Sec. 3.8). With resampled statistics t* of the estimate t and of n frames,
-
-    bias = median(t*) - t,   interval = t + k (2.5 % and 97.5 % quantiles of t* - median(t*)),
-    k = sqrt(n / (n - 1)) t_{0.975, n - 1} / z_{0.975}
-
-A mean absolute error of resampled medians is on average larger than that of the median, so that quantiles of t* itself
-can lie above t altogether (bias estimate: Efron and Tibshirani 1993, Sec. 10.2, here with the median of t*). Few frames
-scatter too little about their own mean, and their scatter is itself uncertain: plain quantiles hold the true value in
-71 to 87 % of the cases for 3 or 4 frames; expanded by k, in 90 % or more (expansion: Hesterberg 2015, "What Teachers
-Should Know About the Bootstrap", The American Statistician 69). k is 9.2 for 2 frames, 2.7 for 3, 1.9 for 4, 1.3 for 8,
-1.1 for 16 and 1 for many.
+The interval is that of `pipeline.cluster_intervals`: bias-corrected, so that it contains its estimate, and wider for
+few frames.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.cluster_intervals import NO_INTERVAL, bias_corrected
 from pipeline.statistics import REJECT_BEYOND_MAD
 from pipeline.streams import KeyPart, stream
 
@@ -34,8 +24,6 @@ FIRST_NAMES = {"camera_calibrated": "fitted", "generic_lens": "typical"}
 """Renamed estimators -> their name in the keys of random streams, kept so that their intervals stay the same."""
 
 _BLOCK = 2_000_000  # numbers resampled together
-_NO_INTERVAL = (math.nan, math.nan)
-_TAIL = 0.975
 
 
 def bootstrap_stream(seed: int, purpose: str, *key: KeyPart) -> np.random.Generator:
@@ -94,7 +82,8 @@ def frame_interval(
     Args:
         values: (N, ...) of N patches, NaN where there is no estimate.
         frames: (N,) the frame of each.
-        statistic: reduces (M, draws, ...) resampled patches, NaN among them, to (draws,) numbers.
+        statistic: reduces (M, draws, ...) resampled patches, NaN among them, to (draws,) numbers; of one that is never
+            negative, nor is the interval.
         generator: random stream of the bootstrap.
         draws: resamples.
 
@@ -104,7 +93,7 @@ def frame_interval(
     """
     names, numbers = np.unique(frames, return_inverse=True)
     if len(names) < 2 or draws == 0:
-        return _NO_INTERVAL
+        return NO_INTERVAL
     members = [np.flatnonzero(numbers == number) for number in range(len(names))]
     padded = np.full((len(names), max(map(len, members)), *values.shape[1:]), np.nan)
     for number, rows in enumerate(members):
@@ -115,7 +104,9 @@ def frame_interval(
     for part in np.split(picks, range(block, draws, block)):
         resampled = padded[part.T].swapaxes(1, 2)  # frames, patches, draws, ...
         results.append(statistic(resampled.reshape(-1, *resampled.shape[2:])))
-    return bias_corrected(np.concatenate(results), float(statistic(values[:, None])[0]), len(names))
+    resampled, estimate = np.concatenate(results), float(statistic(values[:, None])[0])
+    bounds = (-math.inf if np.fmin.reduce(resampled, initial=estimate) < 0 else 0.0, math.inf)
+    return bias_corrected(resampled, estimate, len(names), bounds)
 
 
 def cluster_mean(
@@ -142,45 +133,11 @@ def cluster_mean(
         return math.nan, math.nan, math.nan, 0
     groups = values[known].groupby(clusters[known])
     sums, sizes = groups.sum().to_numpy(float), groups.size().to_numpy(float)
-    mean, (low, high) = float(values[known].mean()), _NO_INTERVAL
+    mean, (low, high) = float(values[known].mean()), NO_INTERVAL
     if len(sums) > 1:
         picks = generator.integers(len(sums), size=(draws, len(sums)))
-        low, high = bias_corrected(sums[picks].sum(axis=1) / sizes[picks].sum(axis=1), mean, len(sums))
-    return mean, max(low, bounds[0]), min(high, bounds[1]), int(known.sum())
-
-
-def bias_corrected(results: NDArray[np.float64], estimate: float, clusters: int) -> tuple[float, float]:
-    """Bias-corrected 95 % interval, which contains the estimate; of statistics that are never negative, nor is it.
-
-    Args:
-        results: (B,) resampled statistics; NaN are left out.
-        estimate: the statistic itself.
-        clusters: frames that were resampled, at least two.
-
-    Returns:
-        lower and upper end; NaN without numbers.
-    """
-    known = results[np.isfinite(results)]
-    if len(known) == 0 or not math.isfinite(estimate):
-        return _NO_INTERVAL
-    low, middle, high = np.quantile(known, [1 - _TAIL, 0.5, _TAIL])
-    factor = small_sample_factor(clusters)
-    least = 0.0 if estimate >= 0 and known.min() >= 0 else -math.inf
-    return max(float(estimate - factor * (middle - low)), least), float(estimate + factor * (high - middle))
-
-
-@lru_cache
-def small_sample_factor(clusters: int) -> float:
-    """Factor by which a bootstrap interval of few clusters is wider than its quantiles; 1 for many.
-
-        k = sqrt(n / (n - 1)) t_{0.975, n - 1} / z_{0.975}
-
-    Args:
-        clusters: n, at least two.
-    """
-    from scipy.special import ndtri, stdtrit
-
-    return math.sqrt(clusters / (clusters - 1)) * float(stdtrit(clusters - 1, _TAIL) / ndtri(_TAIL))
+        low, high = bias_corrected(sums[picks].sum(axis=1) / sizes[picks].sum(axis=1), mean, len(sums), bounds)
+    return mean, low, high, int(known.sum())
 
 
 def median_error_of_range(width: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -21,12 +21,13 @@ from pipeline.camera.corruption import corrupt
 from pipeline.camera.psf import create as create_psf
 from pipeline.camera.settings import CameraSettings
 from pipeline.camera.truth import LIGHTS, ORDERS
+from pipeline.cluster_intervals import bias_corrected
 from pipeline.datasets.frame import Frame
 from pipeline.datasets.selection import scene_of
 from pipeline.detection.average_precision import evaluate
 from pipeline.detection.base import Detections
 from pipeline.detection.classes import ClassMap
-from pipeline.experiments.intervals import bias_corrected, frame_interval, median
+from pipeline.experiments.intervals import frame_interval, median
 from pipeline.store import Schema
 from pipeline.streams import stream
 
@@ -83,10 +84,17 @@ EFFECTS = Schema(
 
 @dataclass(frozen=True, eq=False)
 class Precision:
-    """Average precision of one condition in percent, mean over the classes, and its (B,) bootstrap draws."""
+    """Average precision of one condition.
+
+    Attributes:
+        ap_percent: mean over the classes.
+        draws: (B,) percent, of resampled scenes.
+        scenes: that hold an object, of the class with the fewest.
+    """
 
     ap_percent: float
     draws: NDArray[np.float64]
+    scenes: int
 
 
 @dataclass(frozen=True)
@@ -180,7 +188,7 @@ def precisions(
         known = [result for result in results.values() if result.objects]
         draws = 100.0 * np.mean([result.draws for result in known], axis=0) if known else np.array([np.nan])
         mean = 100.0 * float(np.mean([result.average_precision for result in known])) if known else float("nan")
-        scores.append(Precision(mean, draws))
+        scores.append(Precision(mean, draws, min((result.clusters for result in known), default=0)))
     return scores
 
 
@@ -207,7 +215,7 @@ class Study:
         rows = []
         for number, (item, score) in enumerate(zip(self.conditions, self.scores, strict=True)):
             parts = [each[number] for each in self.measured]
-            low, high = _interval(score.draws)
+            low, high = bias_corrected(score.draws, score.ap_percent, score.scenes, bounds=(0.0, 100.0))
             row: dict[str, Any] = {
                 "order": item.order,
                 "light": item.light,
@@ -264,8 +272,10 @@ class Study:
                 resampled = change[generator.integers(0, len(change), (EFFECT_DRAWS, len(change)))].mean(axis=1)
                 ends = bias_corrected(resampled, float(change.mean()), len(change))
                 rows.append(_effect(head, "amae_percent", np.nanmean(first), np.nanmean(last), ends))
-                ends = _interval(draws[after].mean(axis=0) - draws[before].mean(axis=0))
-                rows.append(_effect(head, "ap_percent", values[before].mean(), values[after].mean(), ends))
+                first, last = values[before].mean(), values[after].mean()
+                resampled = draws[after].mean(axis=0) - draws[before].mean(axis=0)
+                ends = bias_corrected(resampled, float(last - first), min(score.scenes for score in self.scores))
+                rows.append(_effect(head, "ap_percent", first, last, ends))
         return EFFECTS.conform(pd.DataFrame(rows, columns=list(EFFECTS.columns)))
 
 
@@ -278,10 +288,3 @@ def _effect(
         **head, "measure": measure, "before": float(before), "after": float(after), "change": change, "low": low,
         "high": high,
     }  # fmt: skip
-
-
-def _interval(draws: NDArray[np.float64]) -> tuple[float, float]:
-    """Ends of the 95 % interval of finite draws."""
-    finite = draws[np.isfinite(draws)]
-    low, high = np.percentile(finite, [2.5, 97.5]).tolist() if len(finite) else (float("nan"), float("nan"))
-    return low, high

@@ -19,6 +19,7 @@ Such pairs are those of Nam et al. 2016 ("A holistic approach to cross-channel i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cluster_intervals import bias_corrected
 from pipeline.datasets.pictures import SUFFIXES, read_grey8
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -261,14 +263,13 @@ def estimators(kinds: Mapping[str, tuple[str, Mapping[str, Any]]]) -> dict[str, 
 def _cluster_interval(
     errors: pd.Series[Any], pictures: pd.Series[Any], draws: int, generator: np.random.Generator
 ) -> tuple[float, float]:
-    """95 % percentile interval of a mean, pictures resampled with all their patches."""
+    """95 % interval of a mean of absolute errors, pictures resampled with all their patches."""
     sums = errors.groupby(pictures).agg(["sum", "count"]).to_numpy(dtype=float)
     if not len(sums):
         return float("nan"), float("nan")
     picks = generator.integers(len(sums), size=(draws, len(sums)))
     means = sums[picks, 0].sum(axis=1) / sums[picks, 1].sum(axis=1)
-    low, high = np.percentile(means, [2.5, 97.5])
-    return float(low), float(high)
+    return bias_corrected(means, float(errors.mean()), len(sums), bounds=(0.0, math.inf))
 
 
 def _lag_1(residual: NDArray[np.float64]) -> NDArray[np.float64]:

