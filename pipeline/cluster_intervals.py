@@ -5,13 +5,13 @@ With resampled statistics t* of the estimate t and of n clusters (Davison and Hi
     bias = median(t*) - t,   interval = t + k (2.5 % and 97.5 % quantiles of t* - median(t*)),
     k = q(0.025) / z_{0.975},   q(p) = sqrt(n / (n - 1)) t_{1 - p, n - 1}
 
-A mean absolute error of resampled medians is on average larger than that of the median, so that quantiles of t* itself
-can lie above t altogether (bias estimate: Efron and Tibshirani 1993, Sec. 10.2, here with the median of t*). Few
-clusters scatter too little about their own mean, and their scatter is itself uncertain: plain quantiles hold the true
-value in 71 to 87 % of the cases for 3 or 4 frames; expanded by k, in 90 % or more (expansion: Hesterberg 2015, "What Teachers
-Should Know About the Bootstrap", The American Statistician 69). k is 9.2 for 2 clusters, 2.7 for 3, 1.9 for 4, 1.3 for
-8, 1.1 for 16 and 1 for many. For average precision plain quantiles hold it in 74, 86, 90 and 94 % for 4, 8, 16 and 66
-scenes; expanded, in 90 % or more, where n counts the scenes that hold an object.
+A mean absolute error of resampled medians is on average larger than that of the median, so that quantiles of t*
+itself can lie above t altogether (bias estimate: Efron and Tibshirani 1993, Sec. 10.2, here with the median of t*).
+Few clusters scatter too little about their own mean, and their scatter is itself uncertain: plain quantiles hold the
+true value in 71 to 87 % of the cases for 3 or 4 frames; expanded by k, in 90 % or more (expansion: Hesterberg 2015,
+"What Teachers Should Know About the Bootstrap", The American Statistician 69). k is 9.2 for 2 clusters, 2.7 for 3,
+1.9 for 4, 1.3 for 8, 1.1 for 16 and 1 for many. For average precision plain quantiles hold it in 74, 86, 90 and 94 %
+for 4, 8, 16 and 66 scenes; expanded, in 90 % or more, where n counts the scenes that hold an object.
 """
 
 from __future__ import annotations
