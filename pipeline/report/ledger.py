@@ -29,6 +29,7 @@ KINDS = {
 }
 PAGE = Descriptions("ledger")
 CLOSE_WITHIN = 2.0  # "close" is within this many tolerances
+FAR_FRACTION = 0.25  # of the published value: a match further away is owed to a wide interval
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,11 @@ class LedgerRow:
             return BETTER
         return CLOSE if abs(self.difference) <= CLOSE_WITHIN * bound else DIFFERS
 
+    @property
+    def far_match(self) -> bool:
+        """Whether ours agrees with the published value by the width of an interval only."""
+        return self.verdict == MATCH and abs(self.difference) > FAR_FRACTION * abs(self.paper)
+
 
 @dataclass(frozen=True)
 class Score:
@@ -131,11 +137,13 @@ class Score:
         counts: verdict -> rows, in the order of `VERDICTS`.
         kinds: kind -> the same counts of its rows.
         printed: rows whose number the paper prints.
+        far_matches: experiments that agree although ours is more than a quarter of the published value away.
     """
 
     counts: Mapping[str, int]
     kinds: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     printed: int = 0
+    far_matches: int = 0
 
     @property
     def total(self) -> int:
@@ -169,6 +177,16 @@ class Score:
             f"Of {_compared(counts):,} published measurements compared with ours, {counts[MATCH]:,} agree within both "
             f"sides' uncertainty, in {counts[BETTER]:,} ours is better, {counts[CLOSE]:,} are close and "
             f"{counts[DIFFERS]:,} differ."
+        ) + self._reservation
+
+    @property
+    def _reservation(self) -> str:
+        """How many agree by the width of an interval only."""
+        if not self.far_matches:
+            return ""
+        return (
+            f" Of those that agree, {self.far_matches:,} lie more than {100 * FAR_FRACTION:g} % of the published number "
+            "away, within intervals that few frames make wide."
         )
 
     @property
@@ -198,7 +216,8 @@ def score(rows: Iterable[LedgerRow]) -> Score:
     present = {kind for kind, _ in pairs}
     kinds = {kind: {verdict: pairs[kind, verdict] for verdict in VERDICTS} for kind in KINDS if kind in present}
     counts = {verdict: sum(group[verdict] for group in kinds.values()) for verdict in VERDICTS}
-    return Score(counts, kinds, sum(row.printed for row in rows))
+    far_matches = sum(row.far_match and row.kind == EXPERIMENT for row in rows)
+    return Score(counts, kinds, sum(row.printed for row in rows), far_matches)
 
 
 def to_table(rows: Sequence[LedgerRow], name: str = "ledger", caption: str = "") -> Table:

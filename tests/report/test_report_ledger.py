@@ -90,6 +90,17 @@ def test_score_counts_and_speaks() -> None:
     assert score([row()]).sentence == "None of 1 published measurements has been compared yet."
 
 
+def test_agreement_by_a_wide_interval_only_is_said_in_the_headline() -> None:
+    near, far = row(ours=0.37, tolerance=0.2), row(ours=0.38, tolerance=0.2)
+    assert (near.verdict, far.verdict) == ("match", "match") and far.far_match and not near.far_match
+    evidence = score([near, far, row(ours=0.5, tolerance=0.3, kind="reference"), row(ours=9.0)])
+    assert evidence.sentence.endswith(
+        "Of those that agree, 1 lie more than 25 % of the published number away, within intervals that few frames make "
+        "wide."
+    )
+    assert "Of those that agree" not in score([near]).sentence
+
+
 def test_only_an_interval_shows_that_ours_is_better() -> None:
     assert row(ours=0.1, better="lower").verdict == "better" and row(ours=0.1).verdict == "differs"
     assert row(ours=0.1, better="higher").verdict == "differs"
