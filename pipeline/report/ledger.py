@@ -185,8 +185,8 @@ class Score:
         if not self.far_matches:
             return ""
         return (
-            f" Of those that agree, {self.far_matches:,} lie more than {100 * FAR_FRACTION:g} % of the published number "
-            "away, within intervals that few frames make wide."
+            f" Of those that agree, {self.far_matches:,} lie more than {100 * FAR_FRACTION:g} % of the "
+            "published number away, within intervals that few frames make wide."
         )
 
     @property
