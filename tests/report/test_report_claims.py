@@ -101,6 +101,16 @@ def test_noise_prevents_estimation_by_the_papers_estimators_not_by_ours() -> Non
     assert measured is not None and measured.verdict == UNDECIDED and measured.text.startswith("No cell of the paper's")
 
 
+def test_improved_estimation_on_recorded_frames_decides_claims_on_noise_and_on_smoothing() -> None:
+    evidence = Evidence(dataclasses.replace(NOTHING, recorded=REPO / "reports/recorded"))
+    for measured in (
+        of_noise.MEASURES["smoothing"](evidence),
+        of_noise.MEASURES["prevents"](evidence, experiment="linear_dcsn"),
+    ):
+        assert measured is not None and "Udacity" in measured.on
+        assert "Of the paper's estimators." in measured.text
+
+
 def test_the_records_of_the_repository_decide_claims_and_the_table_shows_them() -> None:
     inputs = dataclasses.replace(
         NOTHING, recorded=REPO / "reports/recorded", runtime=REPO / "benchmarks/results/estimators.json"

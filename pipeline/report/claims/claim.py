@@ -29,6 +29,8 @@ SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED = "supported", "partly", "not decided
 NOT_MEASURED = "not measured"
 VERDICTS = (SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED, NOT_MEASURED)
 NEARLY_ALL, HALF = 0.9, 0.5
+SAME_EXPERIMENT = {"linear_motion_dcsn": "linear_dcsn"}
+"""Name of an experiment of improved estimation -> that of blur and noise at once, whose blur and noise are the same."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,7 @@ class Evidence:
 
         ran = self._with_records(combined_tables(self.inputs)[0], COMBINED_FILES[0])
         smoothed = self._with_records(denoised_cells(self.inputs), DENOISED_FILE)
+        smoothed = smoothed.assign(experiment=smoothed["experiment"].replace(SAME_EXPERIMENT))
         cells = pd.concat([ran, smoothed], ignore_index=True)
         cells = cells[~cells["calibrated"].astype(bool)]
         return cells.drop_duplicates(
