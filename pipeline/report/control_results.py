@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.control.scenario_result import ScenarioResult
 from pipeline.control.tables import PAIRS, STEPS, SUMMARY
 from pipeline.report.inputs import ReportInputs
-from pipeline.stage_files import benchmark_record, optional
+from pipeline.stage_files import optional
 
 POLICIES = {
     "fixed": "Fixed",
@@ -42,11 +42,8 @@ def scenario_word(name: str) -> str:
 
 def scenario_results(inputs: ReportInputs) -> list[ScenarioResult]:
     """Every scenario of this run whose stage has run, in order."""
-    if inputs.control is None:
-        return []
     results = []
-    for name in inputs.scenarios:
-        folder = inputs.control / "closed_loop" / name
+    for name, folder in inputs.folders("closed_loop").items():
         steps = optional(folder, "steps.parquet", STEPS)
         if steps is None:
             continue
@@ -71,7 +68,7 @@ def decision_ms(inputs: ReportInputs) -> dict[str, float]:
         InputError: the record holds something else.
     """
     keys, command = ("machine", "decision"), "python benchmarks/control.py"
-    content: Mapping[str, Any] | None = benchmark_record(inputs.decision_times, keys, command)
+    content: Mapping[str, Any] | None = inputs.benchmark("control", keys, command)
     if content is None:
         return {}
     return {name: float(times["processor_median_ms"]) for name, times in content["decision"].items()}

@@ -74,13 +74,11 @@ FILES: Mapping[str, tuple[str, str, Schema | None]] = {
 
 def read(inputs: ReportInputs) -> list[Results]:
     """Everything that has run, in the paper's order of datasets and ours of detectors."""
-    if inputs.detection is None:
-        return []
-    results = []
-    for dataset in in_order((pair[0] for pair in inputs.detection_members), DATASETS):
-        for detector in in_order((one[1] for one in inputs.detection_members if one[0] == dataset), DETECTORS):
+    results, pairs = [], inputs.pairs("curves")
+    for dataset in in_order((pair[0] for pair in pairs), DATASETS):
+        for detector in in_order((one[1] for one in pairs if one[0] == dataset), DETECTORS):
             parts: dict[str, Any] = {
-                name: optional(inputs.detection / stage / f"{dataset}-{detector}", file, schema)
+                name: inputs.read(f"{stage}/{dataset}-{detector}/{file}", schema)
                 for name, (stage, file, schema) in FILES.items()
             }
             if all(parts[name] is not None for name in ("precision", "heat", "isolated")):

@@ -1,20 +1,23 @@
-"""The files that a report reads: where each stage left them. What is absent is shown as not run, never dropped."""
+"""What a report is made of: outputs of the stages, published numbers, records. What is absent is shown as not run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pipeline import tables
 from pipeline.camera.mtf import FREQUENCIES, SYSTEM
+from pipeline.errors import InputError
 from pipeline.experiments.blur_records import EXACT
+from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, NOISE_FILE, joined, with_records
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
 from pipeline.experiments.tables import BLUR_CELLS, BLUR_ESTIMATES, BLUR_SUMMARY, CURVES, NOISE_CELLS
 from pipeline.report.display_names import DATASETS, PAPER_NAMES, in_order, listing, word
-from pipeline.stage_files import any_table, existing
-from pipeline.store import Schema, read_table
+from pipeline.report.tables import where
+from pipeline.stage_files import any_table, benchmark_record, existing, optional
+from pipeline.store import Schema
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,54 +33,45 @@ PUBLISHED_COLUMNS = {
 NO_STAGE = "(no stage of this version makes it)"
 
 
+class Result(NamedTuple):
+    """A table that every member of a stage makes: its file and schema, and its file in a record of recorded frames."""
+
+    stage: str
+    file: str
+    schema: Schema
+    recorded: str = ""
+
+
+RESULTS: Mapping[str, Result] = {
+    "noise_summary": Result("noise", "summary.parquet", tables.NOISE_SUMMARY, NOISE_FILE),
+    "noise_estimates": Result("noise", "estimates.parquet", tables.NOISE_ESTIMATES),
+    "blur_summary": Result("blur", "summary.parquet", BLUR_SUMMARY),
+    "blur_estimates": Result("blur", "estimates.parquet", BLUR_ESTIMATES),
+    "combined_blur": Result("combined", "blur.parquet", BLUR_CELLS, COMBINED_FILES[0]),
+    "combined_noise": Result("combined", "noise.parquet", NOISE_CELLS, COMBINED_FILES[1]),
+    "combined_curves": Result("combined", "curves.parquet", CURVES, COMBINED_FILES[2]),
+    "denoised_blur": Result("denoised_blur", "blur.parquet", BLUR_CELLS, DENOISED_FILE),
+}
+"""Tables over datasets and estimators that sections, the ledger and claims share."""
+
+
 @dataclass(frozen=True)
 class ReportInputs:
-    """Folders and files of the stages before the report. A folder that does not exist counts as not run.
+    """Folders and files of everything before the report. What does not exist counts as not run.
 
     Attributes:
         paper: folder of published numbers (``data/paper``).
-        index: dataset -> folder with ``frames.parquet``, ``patches.parquet``, ``quarantine.parquet``,
-            ``samples.npz`` (up to four arrays ``frame_<name>``, (H, W) uint8) and ``samples.json``
-            (frame name -> list of ``{label, x1, y1, x2, y2, ignore}``).
-        psf: folder with ``kernels.parquet`` and ``kernels.npz`` (kernel name -> (k, k)).
-        corrupt: dataset -> folder with ``corruption.parquet``, ``gallery.npz`` (named (H, W) arrays, uint8 or float
-            in [0, 1]) and ``gallery.json``: ``{"chain": [{"array", "title", "caption"}], "effects": [{"array",
-            "noise_source", "target_sigma_dn"}], "frame": name}``, both lists in the order shown.
-        noise: folder whose sub-folders hold ``summary.parquet`` and ``estimates.parquet``; one per dataset
-            and estimator.
-        noise_members: names of those sub-folders that belong to this run; None takes all.
-        real_noise: recording of a real camera -> folder of the stage `real_noise`: ``recording.json`` and, where it has
-            run, tables of `pipeline.experiments.real_noise_tables`.
-        blur: folder whose sub-folders ``<dataset>-<estimator>`` hold ``estimates.parquet`` and ``summary.parquet``
-            (`pipeline.experiments.tables`) and, for estimators that find kernels, ``gallery.npz`` and ``gallery.json``
-            (`pipeline.experiments.kernel_gallery`).
-        blur_members: names of those sub-folders that belong to this run; None takes all.
-        combined: dataset -> folder of the stage `combined`: ``blur.parquet``, ``noise.parquet``, ``curves.parquet``
-            (`pipeline.experiments.tables`), ``example.npz`` and ``example.json``
-            (`pipeline.experiments.combined_example`).
-        denoised: dataset -> folder of the stage `denoised_blur`: ``blur.parquet``.
-        star: folder with ``star.npz`` (``image``, (H, W)) and ``star.json`` (``frequency`` in fractions of Nyquist,
-            ``measured``, ``formula``).
-        sensor: folder with ``formation.json`` (constants and moments of image formation, quantity -> number) and
-            ``photon_transfer.json`` (see `pipeline.report.photon_transfer_figure`).
-        detection: folder with ``curves``, ``direction`` and ``regression``, each with a folder
-            ``<dataset>-<detector>``, and ``refit`` (`pipeline.report.detection_results`).
-        detection_members: the pairs of dataset and detector of this run.
-        detectors_absent: detector without weights -> the line that would get them and run it.
-        control: folder with ``control_surface``, ``worked_examples``, ``order_study`` and ``closed_loop`` (a folder for
-            each scenario), see `pipeline.control.tables`.
-        scenarios: those of this run, in order.
-        decision_times: record of the time per decision (``benchmarks/results/control.json``).
+        data: folder of the stages' outputs: ``<stage>/<file>``, or ``<stage>/<member>/<file>`` where a stage is run for
+            each dataset (and estimator), e.g. ``blur/sim-pmp/summary.parquet``; None where no stage has run.
+        members: stage -> those of its members that belong to this run, in order; all that there are of other stages.
+        weights: folder of released networks, each with its learning curve (`pipeline.learning.learning_curve`).
+        ablation: folder of measures of short trainings with one thing changed; `ablations`: which of them, in order.
         recorded: folder whose sub-folders hold detection (`pipeline.recording.detection`), blur
             (`pipeline.recording.blur`), noise (`pipeline.recording.real_noise`) and sensor constants
             (`pipeline.recording.sensor`) measured on pictures that are not kept.
-        results: ledger item -> table (CSV or Parquet) with the key and value columns of that item's published file.
-        runtime: record of run times on declared hardware (``benchmarks/results/estimators.json``).
-        flags: record of rank correlations with the true blur and noise (``benchmarks/results/flags.json``).
-        unseen: record of blurs of other kinds than were trained on (``benchmarks/results/unseen_kernels.json``).
-        weights: folder of released networks, each with its learning curve (`pipeline.learning.learning_curve`).
-        ablation: folder of measures of short trainings with one thing changed; `ablations`: which of them, in order.
+        benchmarks: folder of records on declared hardware (``benchmarks/results``).
         absent: dataset without data -> the command that runs it.
+        detectors_absent: detector without weights -> the line that would get them and run it.
         lock: ``dvc.lock``, for the hashes of what went in.
         stages: names of the stages that this version has; None if unknown.
         aliases: stages as tables name them, e.g. ``"noise@sim-pca"`` -> as ``dvc.yaml`` does.
@@ -89,33 +83,15 @@ class ReportInputs:
     """
 
     paper: Path
-    index: Mapping[str, Path] = field(default_factory=dict)
-    psf: Path | None = None
-    corrupt: Mapping[str, Path] = field(default_factory=dict)
-    noise: Path | None = None
-    noise_members: frozenset[str] | None = None
-    real_noise: Mapping[str, Path] = field(default_factory=dict)
-    blur: Path | None = None
-    blur_members: frozenset[str] | None = None
-    combined: Mapping[str, Path] = field(default_factory=dict)
-    denoised: Mapping[str, Path] = field(default_factory=dict)
-    star: Path | None = None
-    sensor: Path | None = None
-    detection: Path | None = None
-    detection_members: frozenset[tuple[str, str]] = frozenset()
-    detectors_absent: Mapping[str, str] = field(default_factory=dict)
-    control: Path | None = None
-    scenarios: Sequence[str] = ()
-    decision_times: Path | None = None
-    recorded: Path | None = None
-    results: Mapping[str, Path] = field(default_factory=dict)
-    runtime: Path | None = None
-    flags: Path | None = None
-    unseen: Path | None = None
+    data: Path | None = None
+    members: Mapping[str, Sequence[str]] = field(default_factory=dict)
     weights: Path | None = None
     ablation: Path | None = None
     ablations: Sequence[str] = ()
+    recorded: Path | None = None
+    benchmarks: Path | None = None
     absent: Mapping[str, str] = field(default_factory=dict)
+    detectors_absent: Mapping[str, str] = field(default_factory=dict)
     lock: Path | None = None
     stages: frozenset[str] | None = None
     aliases: Mapping[str, str] = field(default_factory=dict)
@@ -124,6 +100,63 @@ class ReportInputs:
     runs: Mapping[str, str] = field(default_factory=dict)
     modes: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0
+
+    def read(self, path: str, schema: Schema | None = None) -> Any:
+        """A file of a stage, or None where it has not run (`pipeline.stage_files.optional`).
+
+        Args:
+            path: below the folder of the stages' outputs.
+            schema: of a Parquet table.
+        """
+        return optional(self.data, path, schema)
+
+    def folder(self, stage: str) -> Path | None:
+        """The folder of a stage's outputs, which need not exist; None where no stage has run."""
+        return None if self.data is None else self.data / stage
+
+    def folders(self, stage: str) -> dict[str, Path]:
+        """Member of a stage that belongs to this run -> its folder, which need not exist."""
+        parent = self.folder(stage)
+        there = existing(parent)
+        known = sorted(path.name for path in there.iterdir() if path.is_dir()) if there is not None else []
+        return {name: parent / name for name in self.members.get(stage, known)} if parent is not None else {}
+
+    def pairs(self, stage: str) -> list[tuple[str, str]]:
+        """Dataset and estimator, or detector, of each member of a stage."""
+        return [(dataset, name) for dataset, _, name in (member.partition("-") for member in self.folders(stage))]
+
+    def each(self, stage: str, file: str, schema: Schema | None = None) -> dict[str, Any]:
+        """Member of a stage -> a file of it, of those members that have it."""
+        contents = {name: optional(folder, file, schema) for name, folder in self.folders(stage).items()}
+        return {name: content for name, content in contents.items() if content is not None}
+
+    def result(self, name: str) -> pd.DataFrame:
+        """One of `RESULTS` over all members of its stage; empty, with its columns, where none has run."""
+        import pandas as pd
+
+        about = RESULTS[name]
+        parts = list(self.each(about.stage, about.file, about.schema).values())
+        empty = pd.DataFrame({column: [] for column in about.schema.columns})
+        return pd.concat(parts, ignore_index=True) if parts else about.schema.conform(empty)
+
+    def recorded_result(self, name: str) -> pd.DataFrame:
+        """One of `RESULTS` over all records of recorded frames; empty, with its columns, where there are none."""
+        return joined(self.recorded, RESULTS[name].recorded)
+
+    def result_with_records(self, name: str) -> pd.DataFrame:
+        """One of `RESULTS`, with records of datasets on which its stage has not run."""
+        return with_records(self.result(name), self.recorded, RESULTS[name].recorded)
+
+    def benchmark(self, name: str, keys: Iterable[str], command: str) -> Any:
+        """The record of a benchmark, or None where it was not made (`pipeline.stage_files.benchmark_record`).
+
+        Args:
+            name: stem of its file.
+            keys: that it must have.
+            command: that makes it.
+        """
+        path = None if self.benchmarks is None else self.benchmarks / f"{name}.json"
+        return benchmark_record(path, keys, command)
 
     def line(self, stage: str) -> str:
         """The command that runs a stage again, or `NO_STAGE` where this version has no such stage."""
@@ -134,10 +167,6 @@ class ReportInputs:
         if self.stages is not None and group not in self.stages and "<kind>" not in group:
             return NO_STAGE
         return f"dvc repro {stage}"
-
-    def of_control(self, stage: str) -> Path | None:
-        """The folder of a stage of control."""
-        return None if self.control is None else self.control / stage
 
     def in_graph(self, stage: str) -> str:
         """The name of a stage in ``dvc.yaml``, which has one group for each registry name of an estimator."""
@@ -150,7 +179,7 @@ class ReportInputs:
     @property
     def datasets(self) -> list[str]:
         """Every dataset named, run or absent, in the paper's order."""
-        return in_order([*self.index, *self.corrupt, *self.absent], DATASETS)
+        return in_order([*self.folders("index"), *self.folders("corrupt"), *self.absent], DATASETS)
 
 
 def relative_mtf(table: pd.DataFrame) -> dict[str, str]:
@@ -189,35 +218,21 @@ def published_table(path: Path) -> pd.DataFrame:
         path: of the file.
 
     Raises:
-        InputError: see `any_table`.
+        InputError: there is no such file, or it is broken.
     """
+    if not path.exists():
+        raise InputError(f"{path}: no such file of published numbers; restore data/paper from git")
     return any_table(path).rename(columns=PUBLISHED_COLUMNS)
 
 
-def paper_table(inputs: ReportInputs, name: str) -> pd.DataFrame | None:
-    """A file of published numbers (`published_table`), or None where it is absent.
-
-    Args:
-        inputs: of the report.
-        name: of the file.
-    """
-    path = existing(inputs.paper / name)
-    return None if path is None else published_table(path)
-
-
-def published(inputs: ReportInputs, name: str) -> pd.DataFrame | None:
-    """A file of published numbers, those of the paper's Sim also under our name of its authors' frames.
-
-    Args:
-        inputs: of the report.
-        name: of the file.
-    """
+def published(inputs: ReportInputs, file: str) -> pd.DataFrame:
+    """`published_table`, with the numbers of the paper's Sim also under our name of its authors' frames."""
     import pandas as pd
 
-    table = paper_table(inputs, name)
-    if table is None or "dataset" not in table:
+    table = published_table(inputs.paper / file)
+    if "dataset" not in table:
         return table
-    again = [table[table["dataset"] == theirs].assign(dataset=ours) for ours, theirs in PAPER_NAMES.items()]
+    again = [where(table, dataset=theirs).assign(dataset=ours) for ours, theirs in PAPER_NAMES.items()]
     return pd.concat([table, *again], ignore_index=True)
 
 
@@ -226,68 +241,11 @@ def at_frequencies(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(at=[FREQUENCIES[NOMINAL_FREQUENCIES.index(value)] for value in table["frequency"]])
 
 
-def members(folder: Path | None, chosen: frozenset[str] | None) -> list[Path]:
-    """Folders of stage members that exist, the given one itself among them, sorted.
-
-    Args:
-        folder: that holds a sub-folder for each member, or None.
-        chosen: names of the sub-folders that count; None takes all.
-    """
-    parent = existing(folder)
-    folders = sorted({path.parent for path in parent.rglob("*.parquet")}) if parent is not None else []
-    return [path for path in folders if chosen is None or path.name in chosen]
-
-
-def _joined(folders: Iterable[Path], name: str, schema: Schema) -> pd.DataFrame:
-    """One table of several folders; empty, with its columns, where none holds it."""
-    import pandas as pd
-
-    parts = [read_table(folder / name, schema) for folder in folders if (folder / name).exists()]
-    if not parts:
-        return schema.conform(pd.DataFrame({column: [] for column in schema.columns}))
-    return pd.concat(parts, ignore_index=True)
-
-
-def noise_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Noise estimates of every dataset and estimator (empty where none is).
-
-    Returns:
-        summary (`pipeline.tables.NOISE_SUMMARY`), estimates (`pipeline.tables.NOISE_ESTIMATES`).
-    """
-    folders = members(inputs.noise, inputs.noise_members)
-    summary = _joined(folders, "summary.parquet", tables.NOISE_SUMMARY)
-    return summary, _joined(folders, "estimates.parquet", tables.NOISE_ESTIMATES)
-
-
-def _blur(inputs: ReportInputs, file: str, schema: Schema) -> pd.DataFrame:
-    """A table of the stage `blur` of all datasets and estimators, without added noise."""
-    rows = _joined(members(inputs.blur, inputs.blur_members), file, schema)
-    return rows[rows["target_sigma_dn"] == 0].reset_index(drop=True)
-
-
 def blur_summary(inputs: ReportInputs) -> pd.DataFrame:
     """Blur summaries of all datasets and estimators, without noise: `pipeline.experiments.tables.BLUR_SUMMARY`."""
-    return _blur(inputs, "summary.parquet", BLUR_SUMMARY)
+    return where(inputs.result("blur_summary"), target_sigma_dn=0).reset_index(drop=True)
 
 
 def blur_estimates(inputs: ReportInputs) -> pd.DataFrame:
     """Blur estimates of every patch, without added noise: `pipeline.experiments.tables.BLUR_ESTIMATES`."""
-    return _blur(inputs, "estimates.parquet", BLUR_ESTIMATES)
-
-
-def combined_tables(inputs: ReportInputs) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Statistics of blur and noise at once, each of all datasets as one table (empty where none is).
-
-    Returns:
-        blur (`BLUR_CELLS`), noise (`NOISE_CELLS`) and the example's curves (`CURVES`) of
-        `pipeline.experiments.tables`.
-    """
-    folders = inputs.combined.values()
-    names = {"blur.parquet": BLUR_CELLS, "noise.parquet": NOISE_CELLS, "curves.parquet": CURVES}
-    blur, noise, curves = (_joined(folders, name, schema) for name, schema in names.items())
-    return blur, noise, curves
-
-
-def denoised_cells(inputs: ReportInputs) -> pd.DataFrame:
-    """Errors with denoising before estimation: `pipeline.experiments.tables.BLUR_CELLS`; empty where none is."""
-    return _joined(inputs.denoised.values(), "blur.parquet", BLUR_CELLS)
+    return where(inputs.result("blur_estimates"), target_sigma_dn=0).reset_index(drop=True)

@@ -34,19 +34,22 @@ FAR_FRACTION = 0.25  # of the published value: a match further away is owed to a
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far ours may lie from the published value where ours has no interval: the larger of two bounds.
+    """How far ours may lie from the published value where ours has no interval: the largest of the bounds.
 
     Attributes:
         absolute: in the row's unit, at least 0.
         relative: fraction of the published value's magnitude, at least 0.
+        std_devs: number of standard deviations that the paper prints beside the value, at least 0.
     """
 
     absolute: float = 0.0
     relative: float = 0.0
+    std_devs: float = 0.0
 
-    def around(self, published: float) -> float:
-        """The bound for one published value, in its unit."""
-        return max(self.absolute, self.relative * abs(published))
+    def around(self, published: float, std_dev: float = math.nan) -> float:
+        """The bound for one published value and its printed standard deviation, in its unit."""
+        bounds = (self.absolute, self.relative * abs(published), self.std_devs * std_dev)
+        return max(bound for bound in bounds if math.isfinite(bound))
 
 
 def tolerance_of_both(paper: float, paper_error: float, ours: float, low: float, high: float) -> float:

@@ -1,9 +1,8 @@
 """The published tables and figures that the ledger follows, in the paper's order, and their merge with our results.
 
 An item is data (``ledger.yaml``): kind of evidence, a file of published numbers, the columns that identify its rows,
-the columns of numbers with their units, the stage and the function that give ours, a tolerance, and the reason why some
-rows cannot be compared. Ours may also be a table with the same key and value columns, given as
-``ReportInputs.results[item]``.
+the columns of numbers with their units, the stage and the table that give ours, a tolerance, and the reasons why rows
+cannot be compared or differ.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.report import ledger_causes, ledger_sources
 from pipeline.report.display_names import word
-from pipeline.report.inputs import ReportInputs, published_table
+from pipeline.report.inputs import PUBLISHED_COLUMNS, ReportInputs, published_table
 from pipeline.report.ledger import (
     BETTER,
     CLOSE,
@@ -31,8 +30,7 @@ from pipeline.report.ledger import (
     Tolerance,
     tolerance_of_both,
 )
-from pipeline.report.tables import Row, records
-from pipeline.stage_files import existing
+from pipeline.report.tables import Row, records, where
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,22 +62,42 @@ def _holds(condition: Condition, row: Row) -> bool:
 
 
 @dataclass(frozen=True)
-class Barrier:
-    """A reason why rows cannot be compared, or why they differ.
+class Reason:
+    """Why rows cannot be compared, or why they differ.
 
     Attributes:
         why: in words; ``{profile}`` is filled in.
-        where: of the rows that it holds for; all by default.
-        rule: function of `pipeline.report.ledger_sources` of a row and the inputs that must agree, too.
+        where: of the rows that it holds for, columns of the published file, ``measured_on``, ``column`` (of the number)
+            or ``profile``; all by default.
     """
 
     why: str
     where: Condition = field(default_factory=dict)
-    rule: str = ""
 
-    def applies(self, row: Row, inputs: ReportInputs) -> bool:
-        """Whether it holds for a published row."""
-        return _holds(self.where, row) and (not self.rule or getattr(ledger_sources, self.rule)(row, inputs))
+
+@dataclass(frozen=True)
+class Source:
+    """Where our side of an item is.
+
+    Attributes:
+        table: function of `pipeline.report.ledger_sources` that gives it; empty for a file.
+        file: of a stage, below the folder of the stages' outputs.
+        where: of its rows that count.
+        columns: a column of it -> as the published file calls it.
+    """
+
+    table: str = ""
+    file: str = ""
+    where: Condition = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+    def read(self, inputs: ReportInputs) -> pd.DataFrame | None:
+        """The table with the published file's names; None, or empty, where nothing has run."""
+        table = getattr(ledger_sources, self.table)(inputs) if self.table else inputs.read(self.file)
+        if table is None or table.empty:
+            return None
+        selected: pd.DataFrame = where(table, **self.where).rename(columns=self.columns)
+        return selected.rename(columns=PUBLISHED_COLUMNS) if self.file else selected
 
 
 @dataclass(frozen=True)
@@ -87,7 +105,7 @@ class Item:
     """One published table or figure.
 
     Attributes:
-        name: of the item, and of its entry in ``ReportInputs.results``.
+        name: of the item.
         title: the paper's name of it.
         keys: columns that identify rows, shown as the quantity.
         values: column of numbers -> unit.
@@ -95,13 +113,12 @@ class Item:
         file: in the folder of published numbers; empty where `published` makes them.
         stages: another stage -> condition of the rows that it makes.
         tolerance: how far ours may lie from the published value where ours has no interval (`Tolerance`).
-        ours: function of `pipeline.report.ledger_sources` that makes ours, beside ``ReportInputs.results[name]``.
-        published: function there that makes the published side, where it is a rule rather than a file.
+        ours: where our side is.
+        published: function of `pipeline.report.ledger_sources` that makes the published side, where it is a rule.
         dataset: of all rows, where the file has no such column.
         better: ``"lower"`` or ``"higher"`` where one side is the better one; stated in the cause.
-        why: cause shown where ours differ.
-        whys: causes of some rows, in place of `why`; the first that applies counts.
-        causes: function of `pipeline.report.ledger_causes` that gives a function of the row, in place of `why`.
+        whys: causes shown where ours differ; the first that applies counts.
+        causes: function of `pipeline.report.ledger_causes` that gives a function of the row, in place of `whys`.
         barriers: which rows cannot be compared; the first that applies counts.
         kind: of evidence, one of `pipeline.report.ledger.KINDS`.
         kinds: another kind -> condition of its rows.
@@ -117,22 +134,17 @@ class Item:
     file: str = ""
     stages: Mapping[str, Condition] = field(default_factory=dict)
     tolerance: Tolerance = field(default_factory=Tolerance)
-    ours: str = ""
+    ours: Source = Source()
     published: str = ""
     dataset: str = ""
     better: str = ""
-    why: str = ""
-    whys: Sequence[Barrier] = ()
+    whys: Sequence[Reason] = ()
     causes: str = ""
-    barriers: Sequence[Barrier] = ()
+    barriers: Sequence[Reason] = ()
     kind: str = EXPERIMENT
     kinds: Mapping[str, Condition] = field(default_factory=dict)
     intervals: Mapping[str, Sequence[str]] = field(default_factory=dict)
     printed: bool | Condition = True
-
-    def why_of(self, row: Row, inputs: ReportInputs) -> str:
-        """The cause shown where ours of a row differs."""
-        return next((one.why for one in self.whys if one.applies(row, inputs)), self.why)
 
     def stage_of(self, row: Row) -> str:
         """The stage that makes ours of a row."""
@@ -152,9 +164,9 @@ def _items() -> tuple[Item, ...]:
 
     entries = yaml.safe_load(resources.files("pipeline.report").joinpath("ledger.yaml").read_text(encoding="utf-8"))
     for entry in entries:
-        entry["tolerance"] = Tolerance(**entry.get("tolerance", {}))
+        entry["tolerance"], entry["ours"] = Tolerance(**entry.get("tolerance", {})), Source(**entry["ours"])
         for part in ("barriers", "whys"):
-            entry[part] = [Barrier(**one) for one in entry.get(part, [])]
+            entry[part] = [Reason(**one) for one in entry.get(part, [])]
     return tuple(Item(**entry) for entry in entries)
 
 
@@ -185,38 +197,29 @@ def _ours(item: Item, inputs: ReportInputs) -> pd.DataFrame:
     import pandas as pd
 
     columns = ["key", "column", "ours", "low", "high", "measured_on"]
-    path = existing(inputs.results.get(item.name))
-    tables = [
-        getattr(ledger_sources, item.ours)(inputs) if item.ours else None,
-        published_table(path) if path is not None else None,
-    ]
-    parts = []
-    for table in tables:
-        absent = [name for name in item.keys if table is not None and name not in table.columns]
-        if absent:
-            raise InputError(
-                f"results of '{item.name}': column '{absent[0]}' is missing; expected the keys {list(item.keys)}"
-            )
-        if table is not None:
-            if "measured_on" not in table:
-                table = table.assign(measured_on=table.get("dataset", item.dataset))
-            long = _long(item, table, "ours")
-            ends = [item.intervals.get(column, ("", "")) for column in long["column"]]
-            for number, name in enumerate(("low", "high")):
-                long[name] = [row.get(end[number], math.nan) for row, end in zip(records(long), ends, strict=True)]
-            parts.append(long[columns])
-    known = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({name: [] for name in columns})
-    return known.drop_duplicates(["key", "column"], keep="last")
+    table = item.ours.read(inputs)
+    if table is None:
+        return pd.DataFrame({name: [] for name in columns})
+    absent = [name for name in item.keys if name not in table.columns]
+    if absent:
+        raise InputError(
+            f"results of '{item.name}': column '{absent[0]}' is missing; expected the keys {list(item.keys)}"
+        )
+    if "measured_on" not in table:
+        table = table.assign(measured_on=table.get("dataset", item.dataset))
+    long = _long(item, table, "ours")
+    ends = [item.intervals.get(column, ("", "")) for column in long["column"]]
+    for number, name in enumerate(("low", "high")):
+        long[name] = [row.get(end[number], math.nan) for row, end in zip(records(long), ends, strict=True)]
+    return long[columns].drop_duplicates(["key", "column"], keep="last")
 
 
 def _published(item: Item, inputs: ReportInputs) -> pd.DataFrame:
     if item.published:
         made: pd.DataFrame = getattr(ledger_sources, item.published)(inputs)
         return made
-    path = inputs.paper / item.file
-    if not path.exists():
-        raise InputError(f"{path}: no such file of published numbers; restore data/paper from git")
-    return published_table(path).assign(**({"dataset": item.dataset} if item.dataset else {}))
+    table = published_table(inputs.paper / item.file)
+    return table.assign(dataset=item.dataset) if item.dataset else table
 
 
 def rows_of(item: Item, inputs: ReportInputs) -> list[LedgerRow]:
@@ -247,9 +250,11 @@ def _row(item: Item, row: Row, has_run: bool, causes: Callable[[Row], str] | Non
     unit = item.values[row["column"]]
     if not unit and isinstance(row.get("unit"), str) and "unit" not in item.keys:
         unit = row["unit"]
-    barrier = next((one.why for one in item.barriers if one.applies(row, inputs)), "").format(profile=inputs.profile)
+    about = {**row, "profile": inputs.profile}
+    barrier = next((one.why for one in item.barriers if _holds(one.where, about)), "").format(profile=inputs.profile)
     ours, low, high = (float(row[name]) for name in ("ours", "low", "high"))
-    tolerance = float(row["tolerance"]) if "tolerance" in row else item.tolerance.around(paper)
+    bound = item.tolerance.around(paper, row.get("std_dev", math.nan))
+    tolerance = float(row["tolerance"]) if "tolerance" in row else bound
     has_interval = math.isfinite(low) and math.isfinite(high)
     if has_interval:
         known_error = row.get("paper_error", math.nan)
@@ -279,7 +284,8 @@ def _row(item: Item, row: Row, has_run: bool, causes: Callable[[Row], str] | Non
             return replace(result, why="data absent", line=inputs.absent[dataset])
         return replace(result, why="not among our results" if has_run else "stage absent")
     if result.verdict in (BETTER, CLOSE, DIFFERS):
-        known = causes(row) if causes is not None else item.why_of(row, inputs)
+        why = next((one.why for one in item.whys if _holds(one.where, row)), "")
+        known = causes(row) if causes is not None else why
         parts = [row["why"] if isinstance(row.get("why"), str) else known]
         if result.verdict != BETTER and item.better and (result.ours < paper) == (item.better == "lower"):
             parts.insert(0, f"ours is {item.better}, which is better")

@@ -1,6 +1,7 @@
-"""Our side of the ledger: each function reads the files of a stage and returns None where it has not run.
+"""Our side of the ledger: tables with the key and value columns of its items (``ledger.yaml``).
 
-A table has the key and value columns of one ledger item (`pipeline.report.ledger_items`).
+Each function gives a table, empty or None where its stage has not run and nothing was recorded; ``measured_on`` names
+the dataset where that is not the column ``dataset``.
 """
 
 from __future__ import annotations
@@ -13,23 +14,14 @@ import numpy as np
 from pipeline import tables
 from pipeline.camera.mtf import FREQUENCIES
 from pipeline.errors import InputError
-from pipeline.experiments import blur_records, frame_records
+from pipeline.experiments import blur_records
 from pipeline.experiments.condition import SHARP
 from pipeline.experiments.intervals import median_error_of_range
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.report import detection_results
 from pipeline.report.display_names import PAPER_NAMES
-from pipeline.report.inputs import (
-    ReportInputs,
-    blur_estimates,
-    blur_summary,
-    combined_tables,
-    denoised_cells,
-    noise_tables,
-    published_table,
-)
-from pipeline.report.tables import Row, records
-from pipeline.stage_files import optional
+from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, published_table
+from pipeline.report.tables import records, where
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,9 +30,6 @@ PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
 COMBINED_DATASET, NETWORK, COMBINED_ESTIMATOR = "udacity", "cnn", "spectral"
 """All that the paper prints of blur and noise at once is of its network on Udacity; without it, ours is the second."""
 
-EXAMPLE_PX, EXAMPLE_ANGLE_DEG = 11.0, 45.0
-DIRECTION_LABEL = "car"
-STD_DEV_FRACTION = 0.2
 PAPER_FRAMES = 150
 
 
@@ -48,12 +37,12 @@ def formation(inputs: ReportInputs) -> pd.DataFrame | None:
     """Constants and moments of our sensor: quantity, value."""
     import pandas as pd
 
-    numbers = optional(inputs.sensor, "formation.json")
+    numbers = inputs.read("sensor/formation.json")
     if numbers is None:
         return None
     if not isinstance(numbers, dict) or not all(isinstance(value, (int, float)) for value in numbers.values()):
         raise InputError(
-            f"{inputs.sensor}/formation.json: expected one JSON object that maps quantities to numbers; "
+            f"{inputs.data}/sensor/formation.json: expected one JSON object that maps quantities to numbers; "
             "run the stage again"
         )
     return pd.DataFrame({"quantity": list(numbers), "value": [float(value) for value in numbers.values()]})
@@ -66,10 +55,10 @@ def levels(inputs: ReportInputs) -> pd.DataFrame | None:
     """
     import pandas as pd
 
-    parts = [optional(folder, "corruption.parquet", tables.CORRUPTION) for folder in inputs.corrupt.values()]
-    if all(part is None for part in parts):
+    parts = list(inputs.each("corrupt", "corruption.parquet", tables.CORRUPTION).values())
+    if not parts:
         return None
-    rows = pd.concat([part for part in parts if part is not None], ignore_index=True)
+    rows = pd.concat(parts, ignore_index=True)
     miss = (
         100.0 * (rows["unclipped_sigma_dn"] - rows["target_sigma_dn"]).abs() / rows["target_sigma_dn"].clip(lower=1.0)
     )
@@ -98,26 +87,20 @@ def sizes(inputs: ReportInputs) -> pd.DataFrame | None:
     import pandas as pd
 
     rows: list[tuple[str, str, float]] = []
-    for dataset, folder in inputs.index.items():
-        frames = optional(folder, "frames.parquet", tables.FRAMES)
-        patches = optional(folder, "patches.parquet", tables.PATCHES)
-        if frames is not None and len(frames):
+    for dataset, frames in inputs.each("index", "frames.parquet", tables.FRAMES).items():
+        if len(frames):
             rows.append((dataset, "frames_noise", len(frames)))
             rows += [(dataset, name, frames[name].median()) for name in ("width_px", "height_px")]
-        if patches is not None:
-            per_frame = patches[patches["purpose"] == "noise"].groupby("frame").size()
-            rows.append((dataset, "frames_blur", patches.loc[patches["purpose"] == "blur", "frame"].nunique()))
-            rows += [(dataset, "noise_patches_per_frame", per_frame.median())] if len(per_frame) else []
-    return pd.DataFrame(rows, columns=["dataset", "quantity", "value"]) if rows else None
+    for dataset, patches in inputs.each("index", "patches.parquet", tables.PATCHES).items():
+        per_frame = where(patches, purpose="noise").groupby("frame").size()
+        rows.append((dataset, "frames_blur", where(patches, purpose="blur")["frame"].nunique()))
+        rows += [(dataset, "noise_patches_per_frame", per_frame.median())] if len(per_frame) else []
+    return pd.DataFrame(rows, columns=["dataset", "quantity", "value"])
 
 
-def noise_medians(inputs: ReportInputs) -> pd.DataFrame | None:
-    """Robust medians of every noise estimator: dataset, noise_source, target_sigma_dn, estimator, sigma_dn and its
-    interval.
-    """
-    summary, recorded = noise_tables(inputs)[0], frame_records.joined(inputs.recorded, frame_records.NOISE_FILE)
-    medians = [table.rename(columns={"median_dn": "sigma_dn"}) for table in (summary, recorded)]
-    return _with_records(None if summary.empty else medians[0], [] if recorded.empty else medians[1:])
+def noise_summary(inputs: ReportInputs) -> pd.DataFrame | None:
+    """`pipeline.tables.NOISE_SUMMARY` of every noise estimator, records among them."""
+    return _with_records(inputs.result("noise_summary"), [inputs.recorded_result("noise_summary")])
 
 
 def star_curve(inputs: ReportInputs) -> dict[str, np.ndarray] | None:
@@ -126,14 +109,14 @@ def star_curve(inputs: ReportInputs) -> dict[str, np.ndarray] | None:
     Raises:
         InputError: a curve is missing or of another length.
     """
-    content = optional(inputs.star, "star.json")
+    content = inputs.read("star/star.json")
     if content is None:
         return None
     names = ("frequency", "measured", "formula")
     curves = {name: np.asarray(content.get(name, []), dtype=float) for name in names}
     if len({values.shape for values in curves.values()}) != 1 or not curves["frequency"].size:
         raise InputError(
-            f"{inputs.star}/star.json: expected equally long lists {', '.join(names)}; run the stage again"
+            f"{inputs.data}/star/star.json: expected equally long lists {', '.join(names)}; run the stage again"
         )
     return curves
 
@@ -177,12 +160,10 @@ def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
     """
     import pandas as pd
 
-    parts = [sharp_mtf(inputs), _horizontal(sharp_curves(blur_estimates(inputs), inputs.seed))]
-    known = [part for part in parts if part is not None and len(part)]
-    selected = pd.concat(known, ignore_index=True) if known else None
-    return _with_records(
-        selected, [_horizontal(one.as_the_paper_ran(one.sharp)) for one in blur_records.read(inputs.recorded)]
-    )
+    known = [part for part in (sharp_mtf(inputs), _horizontal(sharp_curves(blur_estimates(inputs), inputs.seed)))
+             if part is not None and len(part)]  # fmt: skip
+    recorded = [_horizontal(one.as_the_paper_ran(one.sharp)) for one in blur_records.read(inputs.recorded)]
+    return _with_records(pd.concat(known, ignore_index=True) if known else None, recorded)
 
 
 def _horizontal(curves: pd.DataFrame) -> pd.DataFrame:
@@ -212,39 +193,13 @@ def published_uncorrupted(inputs: ReportInputs) -> pd.DataFrame:
 
 
 def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:
-    """Uncalibrated AMAE of every blur estimator: dataset, estimator, blur, size_px, amae_percent and its interval."""
+    """Table I, `pipeline.experiments.tables.BLUR_SUMMARY` of every blur estimator, raw, records among them."""
     parts = [blur_summary(inputs), *(one.as_the_paper_ran(one.summary) for one in blur_records.read(inputs.recorded))]
-    columns = ["dataset", "estimator", "blur_kind", "kernel_size_px", "amae_percent", "low_percent", "high_percent"]
-    raw = [part[~part["calibrated"].astype(bool) & (part["blur_kind"] != SHARP)][columns] for part in parts]
-    return _with_records(raw[0] if len(raw[0]) else None, raw[1:])
+    raw = [where(part[part["blur_kind"] != SHARP], calibrated=False) for part in parts]
+    return _with_records(raw[0], raw[1:])
 
 
-def is_of_authors(dataset: str, estimator: str, inputs: ReportInputs) -> bool:
-    """Whether an estimator was recorded on the very frames that the paper calls by this name, ours being others."""
-    recorded = blur_records.estimators(inputs.recorded)
-    return any(estimator in recorded.get(group, ()) for group, name in PAPER_NAMES.items() if name == dataset)
-
-
-def is_of_other_frames(row: Row, inputs: ReportInputs) -> bool:
-    """Whether a row's number of blur was measured on the authors' Sim and ours was not."""
-    return (
-        row["dataset"] == "sim"
-        and row["estimator"] != "ground_truth"
-        and not is_of_authors("sim", row["estimator"], inputs)
-    )
-
-
-def is_rendered(row: Row, inputs: ReportInputs) -> bool:
-    """Whether a row's number of noise was measured on the authors' Sim and ours was not."""
-    return row["dataset"] == "sim" and row["measured_on"] not in PAPER_NAMES
-
-
-def is_chosen_by_profile(row: Row, inputs: ReportInputs) -> bool:
-    """Whether a row is a number of frames, which is the paper's in the paper's profile only."""
-    return str(row["quantity"]).startswith("frames_") and inputs.profile != "paper"
-
-
-def _with_records(own: pd.DataFrame | None, recorded: list[pd.DataFrame]) -> pd.DataFrame | None:
+def _with_records(ran: pd.DataFrame | None, recorded: list[pd.DataFrame]) -> pd.DataFrame | None:
     """Rows of our stages and of records under the paper's names, one of the two for each dataset and estimator.
 
     A run of a stage on KITTI or Udacity wins over the record. The paper's Sim is the authors' own: a record of their
@@ -252,17 +207,16 @@ def _with_records(own: pd.DataFrame | None, recorded: list[pd.DataFrame]) -> pd.
     """
     import pandas as pd
 
-    if not recorded:
-        return None if own is None else own.assign(measured_on=own["dataset"])
-    rows = pd.concat(recorded, ignore_index=True)
-    is_authors = rows["dataset"].isin(list(PAPER_NAMES)).to_numpy()
-    rows = rows.assign(dataset=rows["dataset"].replace(PAPER_NAMES), measured_on=rows["dataset"])
-    if own is None:
-        return rows
-    ran, known = (table["dataset"].astype(str) + " " + table["estimator"].astype(str) for table in (own, rows))
-    kept = is_authors | ~known.isin(ran).to_numpy()
-    own = own.assign(measured_on=own["dataset"])
-    return pd.concat([own[~ran.isin(known[kept]).to_numpy()], rows[kept]], ignore_index=True)
+    parts = [part.assign(measured_on=part["dataset"]) for part in (ran, *recorded) if part is not None and len(part)]
+    if not parts:
+        return None
+    rows = pd.concat(parts, ignore_index=True)
+    is_record = np.arange(len(rows)) >= (0 if ran is None else len(ran))
+    is_authors = is_record & rows["dataset"].isin(list(PAPER_NAMES)).to_numpy()
+    rows = rows.assign(dataset=rows["dataset"].replace(PAPER_NAMES))
+    pairs = rows["dataset"].astype(str) + " " + rows["estimator"].astype(str)
+    dropped = np.where(is_record, ~is_authors & pairs.isin(pairs[~is_record]), pairs.isin(pairs[is_authors]))
+    return rows[~dropped].reset_index(drop=True)
 
 
 def run_times(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -281,22 +235,24 @@ def run_times(inputs: ReportInputs) -> pd.DataFrame | None:
     return times[["name"]].rename(columns={"name": "estimator"}).assign(unit=unit, seconds=seconds)
 
 
-def _of_udacity(ran: pd.DataFrame, inputs: ReportInputs, file: str) -> pd.DataFrame:
+def _on_udacity(inputs: ReportInputs, name: str) -> pd.DataFrame:
     """Raw rows of blur and noise at once that stand for the paper's, of a stage or of a record.
 
     They are of the paper's network where it was run on all that the other estimator was run on.
     """
-    table = frame_records.with_records(ran, inputs.recorded, file)
-    rows = table[(table["dataset"] == COMBINED_DATASET) & ~table["calibrated"].astype(bool)]
-    network, other = (rows[rows["estimator"] == name] for name in (NETWORK, COMBINED_ESTIMATOR))
+    rows = where(inputs.result_with_records(name), dataset=COMBINED_DATASET, calibrated=False)
+    network, other = (where(rows, estimator=estimator) for estimator in (NETWORK, COMBINED_ESTIMATOR))
     return network if len(network) >= max(len(other), 1) else other
 
 
-def photon_defocus(inputs: ReportInputs) -> pd.DataFrame | None:
-    """AMAE of defocus in the presence of photon noise: sigma_dn, kernel_size_px, amae_percent and its interval."""
-    cells = _of_udacity(combined_tables(inputs)[0], inputs, frame_records.COMBINED_FILES[0])
-    selected = cells[(cells["experiment"] == "photon_defocus") & (cells["filter_px"] == 0)]
-    return selected.rename(columns={"target_sigma_dn": "sigma_dn"}) if len(selected) else None
+def combined_blur(inputs: ReportInputs) -> pd.DataFrame:
+    """`pipeline.experiments.tables.BLUR_CELLS` of blur and noise at once on Udacity."""
+    return _on_udacity(inputs, "combined_blur")
+
+
+def denoised_blur(inputs: ReportInputs) -> pd.DataFrame:
+    """The same of patches smoothed by a disc before."""
+    return _on_udacity(inputs, "denoised_blur")
 
 
 def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -306,20 +262,12 @@ def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
     """
     import pandas as pd
 
-    curves = _of_udacity(combined_tables(inputs)[2], inputs, frame_records.COMBINED_FILES[2])
-    selected = curves[
-        (curves["experiment"] == "photon_linear")
-        & (curves["filter_px"] == 0)
-        & (curves["axis"] == "HV")
-        & (curves["kernel_size_px"] == EXAMPLE_PX)
-        & (curves["angle_deg"] == EXAMPLE_ANGLE_DEG)
-    ]
+    curves = where(_on_udacity(inputs, "combined_curves"), experiment="photon_linear", filter_px=0, axis="HV")
+    selected = where(curves, kernel_size_px=11, angle_deg=45)
     if selected.empty:
         return None
-    selected = selected.assign(
-        frequency=[NOMINAL_FREQUENCIES[index] for index in selected["frequency_index"]],
-        sigma_dn=selected["target_sigma_dn"],
-    )
+    nominal = [NOMINAL_FREQUENCIES[index] for index in selected["frequency_index"]]
+    selected = selected.assign(frequency=nominal, sigma_dn=selected["target_sigma_dn"])
     truth = selected[selected["target_sigma_dn"] == selected["target_sigma_dn"].min()].assign(
         series="ground_truth", sigma_dn=float("nan")
     )
@@ -329,42 +277,19 @@ def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
 
 def combined_estimator(inputs: ReportInputs) -> str:
     """Estimator that stands for the paper's network in blur and noise at once; empty where none has run."""
-    cells = _of_udacity(combined_tables(inputs)[0], inputs, frame_records.COMBINED_FILES[0])
+    cells = combined_blur(inputs)
     return "" if cells.empty else str(cells["estimator"].iloc[0])
 
 
-def improved(inputs: ReportInputs) -> pd.DataFrame | None:
-    """Errors after smoothing by a disc: d2_px, d1_px, sigma_dn, and the errors in percent."""
-    cells = _of_udacity(denoised_cells(inputs), inputs, frame_records.DENOISED_FILE)
-    selected = cells[(cells["filter_px"] > 0) & (cells["target_sigma_dn"] > 0)]
-    return (
-        selected.rename(columns={"filter_px": "d2_px", "kernel_size_px": "d1_px", "target_sigma_dn": "sigma_dn"})
-        if len(selected)
-        else None
-    )
-
-
-def direction_ap(inputs: ReportInputs) -> pd.DataFrame | None:
-    """AP of cars by noise, direction and length: of YOLOv7 where it has run, else of the first detector that has.
+def directions(inputs: ReportInputs) -> pd.DataFrame | None:
+    """AP by noise, direction and length: of YOLOv7 where it has run, else of the first detector that has.
 
     Returns:
-        sigma_dn, angle_deg, size_px, ap_percent.
+        `pipeline.curves.directions.TABLE`.
     """
-    results = [
-        one for one in detection_results.read(inputs) if one.directions is not None and DIRECTION_LABEL in one.labels
-    ]
+    results = [one for one in detection_results.read(inputs) if one.directions is not None and "car" in one.labels]
     if not results:
         return None
     chosen = next((one for one in results if one.detector == "yolov7"), results[0])
     assert chosen.directions is not None
-    selected = chosen.directions[chosen.directions["label"] == DIRECTION_LABEL]
-    return selected.rename(columns={"target_sigma_dn": "sigma_dn"}).assign(measured_on=chosen.dataset)
-
-
-def published_coefficients(inputs: ReportInputs) -> pd.DataFrame:
-    """The published coefficients, each with a fifth of its printed standard deviation as tolerance.
-
-    They are fitted to a grid that is printed to 0.1 points, which moves them by up to an eighth of it.
-    """
-    coefficients = published_table(inputs.paper / "regression_coefficients.csv")
-    return coefficients.assign(tolerance=(STD_DEV_FRACTION * coefficients["std_dev"]).fillna(0.0))
+    return chosen.directions.assign(measured_on=chosen.dataset)

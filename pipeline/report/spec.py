@@ -7,7 +7,7 @@ function in `pipeline.report.build.SECTIONS`::
     PAGE = Descriptions("control")  # pipeline/report/sections/control.yaml
 
     def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
-        summary = optional(inputs.control, "summary.parquet", SUMMARY)  # None where the stage has not run
+        summary = inputs.read("closed_loop/summary.parquet", SUMMARY)  # None where the stage has not run
         runs = overview("Camera control", "closed_loop@{dataset}", [] if summary is None else ["sim"], inputs)
         blocks: list[Block] = []
         if summary is not None:

@@ -251,6 +251,18 @@ def pivot(
     return list(wide.values())
 
 
+def where(frame: pd.DataFrame, **values: Any) -> pd.DataFrame:
+    """Rows of a data frame whose columns have these values, or one of a list of them.
+
+    Args:
+        frame: any.
+        values: column -> value or list of values.
+    """
+    for name, value in values.items():
+        frame = frame[frame[name].isin(value if isinstance(value, list) else [value])]
+    return frame
+
+
 def ordered(frame: pd.DataFrame, **orders: Iterable[Any]) -> pd.DataFrame:
     """A data frame sorted by several columns, each in an order of its own (`display_names.in_order`).
 

@@ -35,48 +35,30 @@ def run(run: Run) -> None:
     from pipeline.report.sections.runtime import COMMAND
 
     params = run.params
-    data = run.inputs / "data"
-    listed = list(params.datasets)
+    data, listed, matrix = run.inputs / "data", list(params.datasets), params.matrix
     modes = {name: mode_of(section.model_dump()) for name, section in params.blur.estimators.items()}
-    absent = {name: line for name, line in params.report.not_run.items() if name not in listed}
+    sweeps = [f"{name}-{detector}" for name in matrix.detection_datasets for detector in matrix.detectors]
+    members = {
+        **dict.fromkeys(("index", "corrupt", "combined", "denoised_blur"), listed),
+        "noise": sorted(f"{name}-{method}" for name in listed for method in params.noise.estimators),
+        "blur": sorted(f"{name}-{method}" for name in listed for method in params.blur.estimators),
+        "real_noise": list(params.real_noise.recordings),
+        **dict.fromkeys(("curves", "direction", "regression"), sweeps),
+        "closed_loop": list(matrix.scenarios),
+    }
     inputs = ReportInputs(
         paper=run.project / "data/paper",
-        index={name: data / "index" / name for name in listed},
-        psf=data / "psf",
-        corrupt={name: data / "corrupt" / name for name in listed},
-        noise=data / "noise",
-        noise_members=frozenset(f"{name}-{method}" for name in listed for method in params.noise.estimators),
-        real_noise={name: data / "real_noise" / name for name in params.real_noise.recordings},
-        blur=data / "blur",
-        blur_members=frozenset(f"{name}-{method}" for name in listed for method in params.blur.estimators),
-        combined={name: data / "combined" / name for name in listed},
-        denoised={name: data / "denoised_blur" / name for name in listed},
-        star=data / "star",
-        sensor=data / "sensor",
+        data=data,
+        members=members,
         weights=data / "weights",
         ablation=run.inputs / "reports/metrics/ablation",
-        ablations=tuple(params.matrix.ablations),
-        runtime=run.project / "benchmarks/results/estimators.json",
-        flags=run.project / "benchmarks/results/flags.json",
-        unseen=run.project / "benchmarks/results/unseen_kernels.json",
-        detection=data,
-        control=data,
-        scenarios=tuple(params.matrix.scenarios),
-        decision_times=run.project / "benchmarks/results/control.json",
+        ablations=tuple(matrix.ablations),
         recorded=run.project / "reports/recorded",
-        detection_members=frozenset(
-            (name, detector) for name in params.matrix.detection_datasets for detector in params.matrix.detectors
-        ),
+        benchmarks=run.project / "benchmarks/results",
+        absent={name: line for name, line in params.report.not_run.items() if name not in listed},
         detectors_absent={
-            name: line for name, line in params.report.not_run_detectors.items() if name not in params.matrix.detectors
+            name: line for name, line in params.report.not_run_detectors.items() if name not in matrix.detectors
         },
-        results={
-            **{item: data / f"refit/{item}.csv" for item in ("regression_coefficients", "fitted_ap_grid")},
-            "worked_examples": data / "worked_examples/steps.parquet",
-            "controller_ap": data / "worked_examples/precision.parquet",
-            "controller_response": data / "worked_examples/response.parquet",
-        },
-        absent=absent,
         lock=Path("dvc.lock"),
         stages=frozenset(yaml.safe_load(Path("dvc.yaml").read_text(encoding="utf-8"))["stages"]),
         aliases=stage_names(params),
@@ -89,7 +71,7 @@ def run(run: Run) -> None:
     score = build(inputs, run.outputs / "reports")
     store.write_json(run.outputs / "reports/metrics/report.json", score.metrics)
     metrics = run.inputs / "reports/metrics"
-    summary = headline(metrics, score.metrics, inputs.blur_members or (), inputs.noise_members or ())
+    summary = headline(metrics, score.metrics, members["blur"], members["noise"])
     store.write_json(run.outputs / "reports/headline.json", summary)
 
 

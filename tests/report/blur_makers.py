@@ -140,6 +140,6 @@ def add_blur(
     for dataset in datasets:
         for estimator in estimators:
             make_blur(root / "blur", dataset, estimator, kernels)
-    stored.write(root / "bank", kernels, "generated")
-    store.read_table(root / "bank/kernels.parquet", tables.KERNELS)
-    return dataclasses.replace(inputs, blur=root / "blur", psf=root / "bank")
+    stored.write(root / "psf", kernels, "generated")
+    store.read_table(root / "psf/kernels.parquet", tables.KERNELS)
+    return dataclasses.replace(inputs, data=root)

@@ -130,9 +130,5 @@ def add_combined(inputs: ReportInputs, root: Path, datasets: tuple[str, ...]) ->
     for dataset in datasets:
         make_combined(root / "combined" / dataset, dataset)
         cells = blur_cells(dataset, experiments=("linear_dcsn",), filters=(7.0, 11.0), sizes=(3.0, 7.0, 11.0))
-        store.write_table(root / "denoised" / dataset / "blur.parquet", cells, BLUR_CELLS)
-    return dataclasses.replace(
-        inputs,
-        combined={name: root / "combined" / name for name in datasets},
-        denoised={name: root / "denoised" / name for name in datasets},
-    )
+        store.write_table(root / "denoised_blur" / dataset / "blur.parquet", cells, BLUR_CELLS)
+    return dataclasses.replace(inputs, data=root)

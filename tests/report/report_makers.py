@@ -231,12 +231,7 @@ def make_all(
     store.write_text(root / "dvc.lock", LOCK)
     return ReportInputs(
         paper=REPO / "data/paper",
-        index={dataset: root / "index" / dataset for dataset in datasets},
-        psf=root / "psf",
-        corrupt={dataset: root / "corrupt" / dataset for dataset in datasets},
-        noise=root / "noise",
-        star=root / "star",
-        sensor=root / "sensor",
+        data=root,
         absent=ABSENT,
         lock=root / "dvc.lock",
         code_version="0.1.0",

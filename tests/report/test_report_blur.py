@@ -36,11 +36,9 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     """Blur estimates of Sim and KITTI by three estimators, and Sim's star."""
     root = tmp_path_factory.mktemp("blur")
     make_star(root / "star")
-    nothing = ReportInputs(paper=REPO / "data/paper", star=root / "star", absent={"udacity": ABSENT["udacity"]})
-    index = {name: root / "index" / name for name in ("sim", "kitti")}
+    nothing = ReportInputs(paper=REPO / "data/paper", absent={"udacity": ABSENT["udacity"]})
     made = add_blur(nothing, root, ("sim", "kitti"), ("spectral", "pmp", "gbb"), SIZES)
-    members = frozenset(f"{name}-{method}" for name in index for method in ("spectral", "pmp", "gbb"))
-    return dataclasses.replace(made, index=index, blur_members=members)
+    return dataclasses.replace(made, members={"index": ("sim", "kitti")})
 
 
 @pytest.fixture(scope="module")
@@ -63,10 +61,10 @@ def artists(figure: object, prefix: str) -> list:
 
 
 def test_members_of_other_runs_are_left_out(inputs: ReportInputs) -> None:
-    one = dataclasses.replace(inputs, blur_members=frozenset({"sim-pmp"}))
+    one = dataclasses.replace(inputs, members={"blur": ("sim-pmp",)})
     assert blur_summary(one)[["dataset", "estimator"]].drop_duplicates().values.tolist() == [["sim", "pmp"]]
-    assert blur_summary(dataclasses.replace(inputs, blur_members=None))["estimator"].nunique() == 3
-    assert blur_estimates(dataclasses.replace(inputs, blur=None)).empty
+    assert blur_summary(dataclasses.replace(inputs, members={}))["estimator"].nunique() == 3
+    assert blur_estimates(dataclasses.replace(inputs, data=None)).empty
 
 
 def test_sharp_curves_are_robust_medians_of_sharp_patches(inputs: ReportInputs) -> None:
@@ -218,7 +216,7 @@ def test_abstentions_are_counted_once_a_patch(inputs: ReportInputs, summary: pd.
 def galleries(inputs: ReportInputs, dataset: str = "sim") -> list[Gallery]:
     made = []
     for name in ("pmp", "gbb"):
-        folder = inputs.blur / f"{dataset}-{name}"
+        folder = inputs.data / "blur" / f"{dataset}-{name}"
         content = store.read_json(folder / "gallery.json")
         made.append(Gallery(name, store.read_arrays(folder / "gallery.npz"), content["kernels"]))
     return made
@@ -280,8 +278,8 @@ def test_without_results_the_section_names_the_stage() -> None:
 
 
 def test_members_that_did_not_run_and_absent_galleries_are_noted(inputs: ReportInputs) -> None:
-    requested = frozenset({"sim-spectral", "sim-cnn"})
-    sim = dataclasses.replace(inputs, blur_members=requested, index={"sim": inputs.index["sim"]})
+    requested = ("sim-cnn", "sim-spectral")
+    sim = dataclasses.replace(inputs, members={"blur": requested, "index": ("sim",)})
     lines = {block.line for block in blur.section(sim).blocks if isinstance(block, NotRun)}
     assert {"dvc repro blur@sim-cnn", "dvc repro blur@sim-pmp"} <= lines
 
@@ -290,14 +288,14 @@ def test_galleries_of_different_patches_are_refused(inputs: ReportInputs, tmp_pa
     import shutil
 
     for name in ("pmp", "gbb"):
-        shutil.copytree(inputs.blur / f"sim-{name}", tmp_path / f"sim-{name}")
-    content = store.read_json(tmp_path / "sim-gbb/gallery.json")
-    store.write_json(tmp_path / "sim-gbb/gallery.json", {**content, "frame": "another"})
+        shutil.copytree(inputs.data / f"blur/sim-{name}", tmp_path / f"blur/sim-{name}")
+    content = store.read_json(tmp_path / "blur/sim-gbb/gallery.json")
+    store.write_json(tmp_path / "blur/sim-gbb/gallery.json", {**content, "frame": "another"})
     with pytest.raises(InputError, match="show different patches"):
-        blur.section(dataclasses.replace(inputs, blur=tmp_path, blur_members=None))
-    store.write_json(tmp_path / "sim-gbb/gallery.json", {"kernels": []})
+        blur.section(dataclasses.replace(inputs, data=tmp_path))
+    store.write_json(tmp_path / "blur/sim-gbb/gallery.json", {"kernels": []})
     with pytest.raises(InputError, match="expected an object with dataset, estimator, frame"):
-        blur.section(dataclasses.replace(inputs, blur=tmp_path, blur_members=None))
+        blur.section(dataclasses.replace(inputs, data=tmp_path))
 
 
 def test_the_ledger_compares_same_names_but_not_our_sim(inputs: ReportInputs, summary: pd.DataFrame) -> None:

@@ -58,7 +58,7 @@ def inputs(made: ReportInputs, tmp_path_factory: pytest.TempPathFactory) -> Repo
     position = tmp_path_factory.mktemp("recorded")
     for dataset in FOUND:
         write(position / f"{dataset}-blur", made, dataset)
-    return dataclasses.replace(made, blur=None, psf=None, recorded=position)
+    return dataclasses.replace(made, data=None, recorded=position)
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +115,7 @@ def test_figures_show_the_papers_curves_of_its_own_sim(blocks: dict[str, Figure 
 
 
 def test_what_was_recorded_is_a_state_of_the_overview(inputs: ReportInputs, made: ReportInputs) -> None:
-    kitti = dataclasses.replace(made, blur_members=frozenset({"kitti-pmp"}), absent=inputs.absent)
+    kitti = dataclasses.replace(made, members={"blur": ("kitti-pmp",)}, absent=inputs.absent)
     both = dataclasses.replace(kitti, recorded=inputs.recorded)
     states = {(run.experiment, run.dataset): run.state for run in blur.section(both).runs}
     assert states["Blur by PMP", "sim_authors"] == "recorded" and states["Blur by PMP", "udacity"] == "absent"
@@ -178,10 +178,10 @@ def test_a_relative_mtf_is_no_curve_of_sharp_frames(made: ReportInputs, tmp_path
     """Estimators whose MTF is relative to sharp frames or to a generic lens are left out of their figure."""
     for relative, left in (("", set(ESTIMATORS)), ("pmp", {"spectral"})):
         folder = tmp_path / f"relative {relative}"
-        shutil.copytree(made.blur, folder)
-        for path in folder.glob(f"*-{relative}/estimates.parquet"):
+        shutil.copytree(made.data / "blur", folder / "blur")
+        for path in folder.glob(f"blur/*-{relative}/estimates.parquet"):
             pd.read_parquet(path).assign(relative_to=CAMERA).to_parquet(path)
-        shown = blur.section(dataclasses.replace(made, blur=folder)).blocks
+        shown = blur.section(dataclasses.replace(made, data=folder)).blocks
         figure = next(block for block in shown if getattr(block, "name", "") == "uncorrupted_mtf")
         assert isinstance(figure, Figure) and set(figure.drawing.values["estimator"]) == left
 

@@ -15,7 +15,6 @@ from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.build import build
 from pipeline.report.inputs import ReportInputs, published_table
-from pipeline.report.inputs import combined_tables as read_tables
 from pipeline.report.ledger import NOT_RUN
 from pipeline.report.ledger_items import ITEMS, rows_of
 from pipeline.report.sections import combined, combined_tables
@@ -29,8 +28,8 @@ PUBLISHED = ("photon_defocus_amae", "photon_linear_motion_mtf", "improved_blur")
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     root = tmp_path_factory.mktemp("combined")
-    index = {name: root / "index" / name for name in ("sim", "udacity")}
-    nothing = ReportInputs(paper=REPO / "data/paper", index=index, absent={"kitti": ABSENT["kitti"]})
+    listed = {"index": ("sim", "udacity")}
+    nothing = ReportInputs(paper=REPO / "data/paper", members=listed, absent={"kitti": ABSENT["kitti"]})
     return add_combined(nothing, root, ("sim", "udacity"))
 
 
@@ -58,15 +57,15 @@ def test_the_section_shows_every_dataset_and_says_what_did_not_run(inputs: Repor
     assert sum(bool(axes.images) for axes in order.figure.axes) == 8  # two orders, each passing one step by
 
 
-def test_nothing_run_is_said_with_its_line(inputs: ReportInputs) -> None:
-    nothing = dataclasses.replace(inputs, combined={}, denoised={}, stages=frozenset({"combined", "denoised_blur"}))
+def test_nothing_run_is_said_with_its_line(inputs: ReportInputs, tmp_path: Path) -> None:
+    nothing = dataclasses.replace(inputs, data=tmp_path, stages=frozenset({"combined", "denoised_blur"}))
     section = combined.section(nothing, ledger(nothing))
     assert all(isinstance(block, NotRun) for block in section.blocks)
     assert {"dvc repro combined@sim", "dvc repro denoised_blur@udacity"} <= {block.line for block in section.blocks}
 
 
 def test_the_table_sets_the_papers_numbers_beside_raw_answers(inputs: ReportInputs) -> None:
-    blur = read_tables(inputs)[0]
+    blur = inputs.result("combined_blur")
     paper = published_table(REPO / "data/paper/photon_defocus_amae.csv")
     table = combined_tables.error("udacity", "photon_defocus", blur, paper)
     rows = {(row["way"], row["size"]): row for row in table.rows}
@@ -84,7 +83,7 @@ def test_the_table_sets_the_papers_numbers_beside_raw_answers(inputs: ReportInpu
 
 
 def test_the_overview_is_the_mean_over_sizes(inputs: ReportInputs) -> None:
-    table = combined_tables.overview(read_tables(inputs)[0])
+    table = combined_tables.overview(inputs.result("combined_blur"))
     rows = {(row["dataset"], row["experiment"], row["way"]): row for row in table.rows}
     assert len(table.rows) == 2 * (2 * 3 + 2 * 2)  # datasets x (behind the optics: three ways, before them: two)
     row = rows["Sim", "Linear motion, then DCSN", "raw, smoothed 7 px"]
@@ -117,7 +116,7 @@ def test_the_ledger_takes_udacity_raw_and_spectral(inputs: ReportInputs) -> None
 
 
 def test_without_the_dataset_the_ledger_says_so(inputs: ReportInputs) -> None:
-    absent = dataclasses.replace(inputs, combined={}, denoised={}, absent=ABSENT, index={})
+    absent = dataclasses.replace(inputs, data=None, absent=ABSENT)
     for name in PUBLISHED:
         rows = rows_of(BY_NAME[name], absent)
         assert all((row.verdict, row.why, row.line) == (NOT_RUN, "data absent", ABSENT["udacity"]) for row in rows)
@@ -128,7 +127,7 @@ def test_sizes_are_told_apart_by_colour_and_marker(inputs: ReportInputs) -> None
     assert (
         len({look["color"] for look in looks.values()}) == 6 and len({look["marker"] for look in looks.values()}) == 6
     )
-    blur, noise, _ = read_tables(inputs)
+    blur, noise = inputs.result("combined_blur"), inputs.result("combined_noise")
     raw = blur[~blur["calibrated"]]
     drawing = combined.amae_figure(raw, ["sim"], published_table(REPO / "data/paper/photon_defocus_amae.csv"))
     lines = [line for axes in drawing.figure.axes for line in axes.lines if len(line.get_xdata())]
@@ -139,7 +138,7 @@ def test_sizes_are_told_apart_by_colour_and_marker(inputs: ReportInputs) -> None
 
 
 def test_the_page_holds_the_chapter_with_its_figures(inputs: ReportInputs, tmp_path: Path) -> None:
-    one = dataclasses.replace(inputs, combined={"sim": inputs.combined["sim"]}, denoised={}, index={})
+    one = dataclasses.replace(inputs, members={"combined": ("sim",), "denoised_blur": ()})
     build(one, tmp_path)
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert "Blur and noise at once" in page and "combined_example_sim" in page

@@ -35,7 +35,7 @@ SCENARIOS = ("dusk_drive", "standing")
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     root = made.make_all(tmp_path_factory.mktemp("control"))
-    return ReportInputs(paper=made.PAPER, control=root, scenarios=SCENARIOS)
+    return ReportInputs(paper=made.PAPER, data=root, members={"closed_loop": SCENARIOS})
 
 
 @pytest.fixture(scope="module")
@@ -59,14 +59,14 @@ def test_every_part_is_shown_once_and_nothing_is_missing(section: Section) -> No
 
 
 def test_without_any_stage_every_part_names_its_command() -> None:
-    section = control.section(ReportInputs(paper=made.PAPER, scenarios=SCENARIOS))
+    section = control.section(ReportInputs(paper=made.PAPER, members={"closed_loop": SCENARIOS}))
     lines = {block.line for block in section.blocks if isinstance(block, NotRun)}
     assert {"dvc repro worked_examples", "dvc repro control_surface", "dvc repro closed_loop"} <= lines
     assert "dvc repro order_study" in lines and section.findings == []
 
 
 def test_a_scenario_that_did_not_run_is_named(inputs: ReportInputs) -> None:
-    section = control.section(dataclasses.replace(inputs, scenarios=(*SCENARIOS, "flicker")))
+    section = control.section(dataclasses.replace(inputs, members={"closed_loop": (*SCENARIOS, "flicker")}))
     (note,) = [block for block in section.blocks if isinstance(block, NotRun) and "Flicker" in block.title]
     assert note.line == "dvc repro closed_loop@flicker"
 
@@ -89,7 +89,7 @@ def test_paired_differences_say_which_policies_are_beaten(section: Section) -> N
 
 def test_an_interval_that_includes_zero_does_not_count_as_better(tmp_path: Path) -> None:
     made.make_scenario(tmp_path, "dusk_drive", 1000.0, 25.0)
-    results = scenario_results(ReportInputs(paper=made.PAPER, control=tmp_path, scenarios=SCENARIOS))
+    results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
     assert not results[0].beats_all("iopc_continuous")
     (row,) = [row for row in control_tables.pairs(results).rows if row["policy"] == "IOPC continuous"]
     assert row["better"] == "than Fixed and Shin 2019"
@@ -108,12 +108,12 @@ def test_where_a_rival_is_not_beaten_the_costliest_frame_and_its_settings_are_na
     lost = steps["policy"].isin(["iopc_optimal", "iopc_continuous"]) & (steps["step"] == 3)
     steps.loc[lost, "ap_percent"] -= 60.0
     store.write_table(path, steps, STEPS)
-    results = scenario_results(ReportInputs(paper=made.PAPER, control=tmp_path, scenarios=("tunnel",)))
+    results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
     (row,) = [row for row in control_losses.losses(results).rows if row["other"] == "Shim"]
     points = 60 - (made.AP["iopc_continuous"] - made.AP["shim"])
     settings = "2.0 ms, ISO 400 against 2.0 ms, ISO 400"
     assert row["where"] == f"{points:.1f} points in frame 3, at the fall of light: {settings}"
-    section = control.section(ReportInputs(paper=made.PAPER, control=tmp_path, scenarios=("tunnel",)))
+    section = control.section(ReportInputs(paper=made.PAPER, data=tmp_path))
     assert _table(section, "control_losses").rows
 
 
@@ -125,7 +125,7 @@ def test_the_verdict_counts_scenarios_and_states_the_regret(section: Section) ->
 
 def test_settling_is_stated_for_drives_with_a_step_of_light(tmp_path: Path, inputs: ReportInputs) -> None:
     made.make_scenario(tmp_path, "tunnel", 500.0, 5.0, light_factor=1 / 16)
-    results = scenario_results(ReportInputs(paper=made.PAPER, control=tmp_path, scenarios=("tunnel",)))
+    results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
     assert results[0].has_light_step and not any(one.has_light_step for one in scenario_results(inputs))
     assert control_tables.findings(results)[-1].endswith("a step of light, frames: tunnel 2.")
 
@@ -133,13 +133,13 @@ def test_settling_is_stated_for_drives_with_a_step_of_light(tmp_path: Path, inpu
 def test_decision_times_come_from_the_record(tmp_path: Path, inputs: ReportInputs) -> None:
     path = tmp_path / "control.json"
     store.write_json(path, {"machine": {}, "decision": {"shim": {"processor_median_ms": 1.25}}})
-    times = decision_ms(dataclasses.replace(inputs, decision_times=path))
+    times = decision_ms(dataclasses.replace(inputs, benchmarks=tmp_path))
     assert times == {"shim": 1.25}
     rows = control_tables.measures(scenario_results(inputs), times).rows
     assert {row["decision_ms"] for row in rows if row["policy"] == "Shim"} == {1.25}
     store.write_json(path, {"decision": {}})
     with pytest.raises(InputError, match=r"benchmarks/control\.py"):
-        decision_ms(dataclasses.replace(inputs, decision_times=path))
+        decision_ms(dataclasses.replace(inputs, benchmarks=tmp_path))
 
 
 def test_a_film_strip_shows_state_estimates_and_pictures(inputs: ReportInputs, tmp_path: Path) -> None:
@@ -170,7 +170,7 @@ def test_example_pictures_carry_scores_and_settings(inputs: ReportInputs) -> Non
 
 def test_the_published_order_of_the_controllers_may_fail(tmp_path: Path) -> None:
     made.make_examples(tmp_path, (70.0, 50.0, 30.0))
-    _, findings = control_examples.blocks(ReportInputs(paper=made.PAPER, control=tmp_path))
+    _, findings = control_examples.blocks(ReportInputs(paper=made.PAPER, data=tmp_path))
     assert "70.0, 50.0, 30.0 %" in findings[0] and "does not hold" in findings[0]
 
 
@@ -191,7 +191,7 @@ def test_the_paper_stands_beside_the_steps(section: Section) -> None:
 def test_the_surface_names_knots_that_rise(tmp_path: Path, section: Section) -> None:
     assert _table(section, "control_surface").footnotes[0].startswith("AP falls with noise and with motion")
     made.make_surface(tmp_path, raised=True)
-    blocks, _ = control_surface.blocks(ReportInputs(paper=made.PAPER, control=tmp_path))
+    blocks, _ = control_surface.blocks(ReportInputs(paper=made.PAPER, data=tmp_path))
     (table,) = [block for block in blocks if isinstance(block, Table)]
     assert "at 10 DN and 15 px" in table.footnotes[0]
 
@@ -242,7 +242,7 @@ def test_the_sentence_on_the_order_is_built_from_numbers() -> None:
 def test_the_verdict_of_the_page_holds_the_findings(
     inputs: ReportInputs, report_inputs: ReportInputs, tmp_path: Path
 ) -> None:
-    build(dataclasses.replace(report_inputs, control=inputs.control, scenarios=SCENARIOS), tmp_path)
+    build(dataclasses.replace(report_inputs, data=inputs.data), tmp_path)
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
     verdict = page[page.index('id="verdict"') : page.index("</section>")]
     assert "median regret to the oracle 2.0 AP points" in verdict and "“Blur softens photon noise”" in verdict

@@ -59,10 +59,9 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     refit.run.run(config, {}, REPO, root)
     return ReportInputs(
         paper=REPO / "data/paper",
-        detection=root / "data",
-        detection_members=frozenset(("sim", name) for name in DETECTORS),
+        data=root / "data",
+        members={"curves": [f"sim-{name}" for name in DETECTORS], "index": ()},
         detectors_absent={"yolov4": "camera-monitor weights get yolov4 && dvc exp run"},
-        results={item: root / f"data/refit/{item}.csv" for item in ("regression_coefficients", "fitted_ap_grid")},
         recorded=REPO / "reports/recorded",
         absent={"kitti": ABSENT["kitti"]},
     )
@@ -148,7 +147,7 @@ def test_what_did_not_run_says_how(inputs: ReportInputs) -> None:
     assert notes["Detection on KITTI", "data absent"] == ABSENT["kitti"]
     ran = {(run.experiment, run.dataset) for run in result.runs if run.ran}
     assert ("Detection by Compact", "sim") in ran
-    nothing = dataclasses.replace(inputs, detection=None, recorded=None)
+    nothing = dataclasses.replace(inputs, data=None, recorded=None)
     bare = detection.section(nothing)
     assert not detection_results.read(nothing)
     assert any(isinstance(block, NotRun) and "IOPC" in block.title for block in bare.blocks)

@@ -69,7 +69,7 @@ def test_the_section_states_sizes_where_they_were_measured(tmp_path: Path) -> No
         for sigma in (5.0, 15.0)
     ]
     pd.DataFrame(rows).to_parquet(tmp_path / "order_study/study.parquet")
-    full = dataclasses.replace(TRAINED, ablation=tmp_path, control=tmp_path, modes={"pmp": "fast"})
+    full = dataclasses.replace(TRAINED, ablation=tmp_path, data=tmp_path, modes={"pmp": "fast"})
     text = "\n".join(disclosure.section(full).text)
     assert "7.00 and 7.50 %" in text and "PMP in fast mode" in text
     assert "AMAE is 2.0 in encoded and 3.0 % in linear light" in text
@@ -89,9 +89,7 @@ def test_no_text_of_the_report_names_the_papers_networks_past_their_share() -> N
 
 
 def test_claims_on_the_papers_networks_carry_the_share() -> None:
-    inputs = dataclasses.replace(
-        TRAINED, recorded=REPO / "reports/recorded", runtime=REPO / "benchmarks/results/estimators.json"
-    )
+    inputs = dataclasses.replace(TRAINED, recorded=REPO / "reports/recorded", benchmarks=REPO / "benchmarks/results")
     with qualified(training_budget.names(inputs)):
         texts = [measured.text for _, measured in claims.measurements(inputs)]
     assert sum("CNN (at most" in text for text in texts) >= 2

@@ -12,7 +12,7 @@ from report_makers import picture
 from pipeline import store, tables
 from pipeline.datasets.power_spectrum import power_spectrum
 from pipeline.errors import InputError
-from pipeline.report.inputs import ReportInputs, noise_tables
+from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import datasets, formation, noise, optics
 from pipeline.report.sections.datasets import DatasetSample
 from pipeline.streams import stream
@@ -93,8 +93,8 @@ def test_effects_measure_what_was_added_and_show_gaps() -> None:
 
 
 def test_kernel_sheet_shows_every_kernel_once(report_inputs: ReportInputs) -> None:
-    table = store.read_table(report_inputs.psf / "kernels.parquet", tables.KERNELS)
-    kernels = store.read_arrays(report_inputs.psf / "kernels.npz")
+    table = store.read_table(report_inputs.data / "psf/kernels.parquet", tables.KERNELS)
+    kernels = store.read_arrays(report_inputs.data / "psf/kernels.npz")
     drawing = optics.kernel_sheet(table, kernels, "generated")
     assert sum(len(axes.images) for axes in drawing.figure.axes) == table["kernel"].nunique() == 27
     assert len(artists(drawing.figure, "series--H--")) == len(artists(drawing.figure, "series--V--")) == 27
@@ -115,7 +115,7 @@ def test_framing_keeps_the_middle(height: int, width: int, extra: int) -> None:
 
 
 def test_noise_figure_plots_the_medians_and_counts_abstentions(report_inputs: ReportInputs) -> None:
-    summary, _ = noise_tables(report_inputs)
+    summary = report_inputs.result("noise_summary")
     drawing = noise.curves(summary, ["sim", "kitti"])
     lines = artists(drawing.figure, "series--pca--median")
     assert len(lines) == 4  # one per effect; KITTI has none

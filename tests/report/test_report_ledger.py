@@ -31,12 +31,18 @@ from pipeline.report.ledger import (
     to_table,
     tolerance_of_both,
 )
-from pipeline.report.ledger_items import ITEMS, UNEXPLAINED, all_rows, rows_of
+from pipeline.report.ledger_items import ITEMS, UNEXPLAINED, Source, all_rows, rows_of
 from pipeline.report.tables import format_number
 
 PAPER = REPO / "data/paper"
 NOTHING = ReportInputs(paper=PAPER, absent=ABSENT)
 BY_NAME = {item.name: item for item in ITEMS}
+
+
+def rows_from(name: str, file: Path) -> list[LedgerRow]:
+    """The rows of an item, ours being a file."""
+    item = dataclasses.replace(BY_NAME[name], ours=Source(file=file.name))
+    return rows_of(item, dataclasses.replace(NOTHING, data=file.parent))
 
 
 def row(**changes: object) -> LedgerRow:
@@ -127,7 +133,7 @@ def test_the_examples_of_a_flat_tolerance_are_judged_by_intervals(tmp_path: Path
     ours.loc[wide, ["amae_percent", "low_percent", "high_percent"]] += [5.0, 0.0, 9.0]
     ours.loc[narrow, ["amae_percent", "low_percent", "high_percent"]] += [1.9, 1.5, 2.3]
     ours.to_csv(tmp_path / "amae.csv", index=False)
-    rows = rows_of(BY_NAME["blur_amae"], dataclasses.replace(NOTHING, results={"blur_amae": tmp_path / "amae.csv"}))
+    rows = rows_from("blur_amae", tmp_path / "amae.csv")
     first, second, *others = [entry for entry in rows if entry.verdict != "not run"]
     assert (first.verdict, second.verdict) == ("match", "differs")  # 5 points within, 1.9 points beyond
     assert first.tolerance == pytest.approx(5.05) and second.tolerance == pytest.approx(0.45)
@@ -138,9 +144,7 @@ def test_extremes_are_not_compared_and_medians_within_what_the_printed_range_imp
     paper = published_table(PAPER / "uncorrupted_mtf.csv")
     ours = paper[paper["dataset"] == "kitti"].assign(low=lambda t: t["mtf"], high=lambda t: t["mtf"])
     ours.to_csv(tmp_path / "mtf.csv", index=False)
-    rows = rows_of(
-        BY_NAME["uncorrupted_mtf"], dataclasses.replace(NOTHING, results={"uncorrupted_mtf": tmp_path / "mtf.csv"})
-    )
+    rows = rows_from("uncorrupted_mtf", tmp_path / "mtf.csv")
     ran = [entry for entry in rows if entry.verdict != "not run"]
     assert {entry.verdict for entry in ran if ", min, " in entry.quantity} == {"not comparable"}
     medians = [entry for entry in ran if ", median, " in entry.quantity]
@@ -186,8 +190,7 @@ def test_a_results_table_with_the_same_keys_is_compared(tmp_path: Path) -> None:
     ours["kernel_size_px"] = ours["kernel_size_px"].astype(float)  # 3.0 and 3 are the same key
     ours["amae_percent"] -= 5.0
     ours.to_parquet(tmp_path / "amae.parquet")
-    inputs = dataclasses.replace(NOTHING, results={"blur_amae": tmp_path / "amae.parquet"})
-    rows = rows_of(BY_NAME["blur_amae"], inputs)
+    rows = rows_from("blur_amae", tmp_path / "amae.parquet")
     counts = score(rows).counts
     assert (counts["match"], counts["better"], counts["not run"]) == (0, 0, 90)  # no interval shows which is better
     first = next(row for row in rows if row.quantity.startswith("KITTI"))
@@ -199,8 +202,8 @@ def test_a_results_table_with_the_same_keys_is_compared(tmp_path: Path) -> None:
 def test_a_difference_without_a_cause_says_that_none_is_known(tmp_path: Path) -> None:
     published = published_table(PAPER / "controller_response.csv").assign(value=-1.0)
     published.to_csv(tmp_path / "response.csv", index=False)
-    inputs = dataclasses.replace(NOTHING, results={"controller_response": tmp_path / "response.csv"})
-    assert {entry.why for entry in rows_of(BY_NAME["controller_response"], inputs)} == {UNEXPLAINED}
+    rows = rows_from("controller_response", tmp_path / "response.csv")
+    assert {entry.why for entry in rows} == {UNEXPLAINED}
 
 
 def test_every_published_number_of_control_has_a_verdict_and_a_reason(tmp_path: Path) -> None:
@@ -209,9 +212,8 @@ def test_every_published_number_of_control_has_a_verdict_and_a_reason(tmp_path: 
         table = published_table(PAPER / f"{name}.csv")
         measured = [column for column in ("sigma_dn", "mtf_at_0.1", "detection_score") if column in table]
         table.assign(**{column: 2 * table[column] for column in measured}).to_csv(tmp_path / f"{name}.csv", index=False)
-    results = {name: tmp_path / f"{name}.csv" for name in ("worked_examples", "controller_ap", "controller_response")}
-    inputs = dataclasses.replace(NOTHING, results=results)
-    rows = [row for name in results for row in rows_of(BY_NAME[name], inputs)]
+    names = ("worked_examples", "controller_ap", "controller_response")
+    rows = [row for name in names for row in rows_from(name, tmp_path / f"{name}.csv")]
     assert len(rows) == 236 and NOT_RUN not in {row.verdict for row in rows}
     assert all(row.why and row.why != UNEXPLAINED for row in rows if row.verdict != MATCH)
     assert {row.verdict for row in rows if row.item == "controller_ap"} == {NOT_COMPARABLE}
@@ -222,14 +224,12 @@ def test_every_published_number_of_control_has_a_verdict_and_a_reason(tmp_path: 
 
 def test_results_without_a_key_are_refused(tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_text("estimator,seconds\npca,1\n")
-    inputs = dataclasses.replace(NOTHING, results={"runtime": tmp_path / "bad.csv"})
     with pytest.raises(InputError, match="column 'unit' is missing"):
-        rows_of(BY_NAME["runtime"], inputs)
+        rows_from("runtime", tmp_path / "bad.csv")
 
 
 def test_run_times_of_other_hardware_are_not_comparable(tmp_path: Path) -> None:
-    inputs = dataclasses.replace(NOTHING, results={"runtime": PAPER / "runtime.csv"})
-    rows = rows_of(BY_NAME["runtime"], inputs)
+    rows = rows_from("runtime", PAPER / "runtime.csv")
     assert {entry.verdict for entry in rows} == {"not comparable"}
     assert all("hardware" in entry.why for entry in rows)
 
@@ -246,10 +246,11 @@ def test_noise_levels_count_the_largest_miss(tmp_path: Path, report_inputs: Repo
     ran = [entry for entry in rows if entry.verdict != "not run"]
     assert len(ran) == 4 and all(entry.ours == 0 for entry in ran)
     assert len(rows) == 12  # KITTI and Udacity are listed as well
-    table = pd.read_parquet(report_inputs.corrupt["sim"] / "corruption.parquet")
+    table = pd.read_parquet(report_inputs.data / "corrupt/sim/corruption.parquet")
     table.loc[(table["noise_source"] == "photon") & (table["target_sigma_dn"] == 20), "unclipped_sigma_dn"] = 19.0
-    table.to_parquet(tmp_path / "corruption.parquet")
-    moved = dataclasses.replace(report_inputs, corrupt={"sim": tmp_path})
+    (tmp_path / "corrupt/sim").mkdir(parents=True)
+    table.to_parquet(tmp_path / "corrupt/sim/corruption.parquet")
+    moved = dataclasses.replace(report_inputs, data=tmp_path)
     photon = next(entry for entry in rows_of(BY_NAME["noise_levels"], moved) if entry.quantity == "Sim, Photon")
     assert photon.ours == pytest.approx(5.0) and photon.verdict == "differs"
 
@@ -271,15 +272,15 @@ def test_frame_counts_are_a_choice_unless_the_paper_profile_runs(report_inputs: 
 def test_the_star_is_interpolated_at_the_papers_frequencies(tmp_path: Path) -> None:
     frequency = np.array([0.5, 0.1, 0.3])  # any order
     store.write_json(
-        tmp_path / "star.json", {"frequency": frequency, "measured": 1 - frequency, "formula": 1 - frequency}
+        tmp_path / "star/star.json", {"frequency": frequency, "measured": 1 - frequency, "formula": 1 - frequency}
     )
-    result = ledger_sources.sharp_mtf(dataclasses.replace(NOTHING, star=tmp_path))
+    result = ledger_sources.sharp_mtf(dataclasses.replace(NOTHING, data=tmp_path))
     assert result is not None
     assert result["mtf"].to_numpy() == pytest.approx(1 - result["frequency"].to_numpy())
     assert result["frequency"].max() == 0.5  # 0.6 lies beyond what was measured
-    store.write_json(tmp_path / "star.json", {"frequency": [0.1], "measured": [1, 2]})
+    store.write_json(tmp_path / "star/star.json", {"frequency": [0.1], "measured": [1, 2]})
     with pytest.raises(InputError, match="equally long"):
-        ledger_sources.star_curve(dataclasses.replace(NOTHING, star=tmp_path))
+        ledger_sources.star_curve(dataclasses.replace(NOTHING, data=tmp_path))
 
 
 def test_tables_of_the_ledger_hold_every_row() -> None:

@@ -13,7 +13,7 @@ from report_makers import REPO, make_noise, picture
 
 from pipeline import store
 from pipeline.errors import InputError
-from pipeline.report.inputs import ReportInputs, noise_tables
+from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import noise
 from pipeline.report.sections.noise import NoiseMaps
 from pipeline.report.spec import Figure
@@ -43,10 +43,9 @@ def add_maps(folder: Path, dataset: str, off_dn: float = 0.0, frame: str = "a") 
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     root = tmp_path_factory.mktemp("noise")
     for estimator in ("pca", "cellwise"):
-        make_noise(root, "sim", estimator)
-    add_maps(root / "sim-cellwise", "sim", 0.5)
-    index = {"sim": root / "index"}
-    return ReportInputs(paper=REPO / "data/paper", index=index, noise=root, lock=None)
+        make_noise(root / "noise", "sim", estimator)
+    add_maps(root / "noise/sim-cellwise", "sim", 0.5)
+    return ReportInputs(paper=REPO / "data/paper", data=root, members={"index": ("sim",)})
 
 
 def rows(table: Table) -> list[dict[str, object]]:
@@ -72,17 +71,17 @@ def test_maps_that_lack_a_part_or_show_another_frame_are_refused(tmp_path: Path,
     with pytest.raises(InputError, match="photon_added"):
         noise.maps([NoiseMaps("cellwise", {"photon_seen": np.zeros((8, 8), np.uint8)}, ["photon"], 15.0)])
     for estimator, frame in (("cellwise", "a"), ("pca", "b")):
-        make_noise(tmp_path, "sim", estimator)
-        add_maps(tmp_path / f"sim-{estimator}", "sim", frame=frame)
+        make_noise(tmp_path / "noise", "sim", estimator)
+        add_maps(tmp_path / f"noise/sim-{estimator}", "sim", frame=frame)
     with pytest.raises(InputError, match="different frames"):
-        noise.section(dataclasses.replace(inputs, noise=tmp_path))
-    store.write_json(tmp_path / "sim-pca/maps.json", {"dataset": "sim"})
+        noise.section(dataclasses.replace(inputs, data=tmp_path))
+    store.write_json(tmp_path / "noise/sim-pca/maps.json", {"dataset": "sim"})
     with pytest.raises(InputError, match=r"maps\.json"):
-        noise.section(dataclasses.replace(inputs, noise=tmp_path))
+        noise.section(dataclasses.replace(inputs, data=tmp_path))
 
 
 def test_patches_are_judged_against_both_truths(inputs: ReportInputs) -> None:
-    _, estimates = noise_tables(inputs)
+    estimates = inputs.result("noise_estimates")
     table = rows(noise.single_patches(estimates, 0))
     assert len(table) == 2 * 4
     ours = next(row for row in table if row["estimator"] == "Cell-wise" and row["noise_source"] == "DCSN")
@@ -102,7 +101,7 @@ def test_patches_are_judged_against_both_truths(inputs: ReportInputs) -> None:
 
 
 def test_the_interval_is_over_frames_not_over_patches(inputs: ReportInputs) -> None:
-    _, estimates = noise_tables(inputs)
+    estimates = inputs.result("noise_estimates")
     selected = estimates[estimates["estimator"] == "cellwise"].copy()
     selected["sigma_dn"] = selected["unclipped_sigma_dn"] + np.where(selected["patch"] % 2 == 0, 1.0, 3.0)
     one = rows(noise.single_patches(selected, 0))[0]["added_dn"]
@@ -117,7 +116,7 @@ def test_the_interval_is_over_frames_not_over_patches(inputs: ReportInputs) -> N
 
 
 def test_saturated_patches_have_rows_of_their_own_at_the_highest_level(inputs: ReportInputs) -> None:
-    _, estimates = noise_tables(inputs)
+    estimates = inputs.result("noise_estimates")
     table = noise.saturated(estimates, 0)
     assert table is not None and "25 DN" in table.caption
     result = rows(table)

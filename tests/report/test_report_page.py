@@ -126,10 +126,10 @@ def test_an_empty_run_still_gives_a_report_that_says_so(tmp_path: Path) -> None:
 
 
 def test_a_broken_stage_output_is_refused_by_name(tmp_path: Path, report_inputs: ReportInputs) -> None:
-    (tmp_path / "noise").mkdir()
-    (tmp_path / "noise" / "summary.parquet").write_bytes(b"not parquet")
+    (tmp_path / "noise/sim-pca").mkdir(parents=True)
+    (tmp_path / "noise/sim-pca/summary.parquet").write_bytes(b"not parquet")
     with pytest.raises(InputError, match=r"summary\.parquet: not a Parquet table"):
-        build(dataclasses.replace(report_inputs, noise=tmp_path / "noise"), tmp_path / "out")
+        build(dataclasses.replace(report_inputs, data=tmp_path), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

@@ -24,9 +24,15 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     """The committed records, and stages that have written that their data are absent."""
     root = tmp_path_factory.mktemp("real_noise")
     for name in RECORDINGS:
-        store.write_json(root / name / "recording.json", {"ran": False, "source": "nobody"})
-    folders = {name: root / name for name in RECORDINGS}
-    return ReportInputs(paper=REPO / "data/paper", recorded=REPO / "reports/recorded", real_noise=folders)
+        store.write_json(root / "real_noise" / name / "recording.json", {"ran": False, "source": "nobody"})
+    listed = {"real_noise": RECORDINGS}
+    return ReportInputs(paper=REPO / "data/paper", recorded=REPO / "reports/recorded", data=root, members=listed)
+
+
+def recordings(inputs: ReportInputs) -> dict[str, real_noise_records.Recording]:
+    """Every recording by its name."""
+    made = real_noise_records.recordings(inputs.folders("real_noise"), inputs.recorded)
+    return {part.name: part for part in made}
 
 
 def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportInputs) -> None:
@@ -40,8 +46,7 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
     assert isinstance(table, Table)
     first = table.rows[0]
     assert first["recording"] == "CC" and first["estimator"] == "Adaptive"
-    recorded = {part.name: part for part in real_noise_records.recordings(inputs.real_noise, inputs.recorded)}
-    selected = recorded["cc"].summary.set_index("estimator").loc["adaptive"]
+    selected = recordings(inputs)["cc"].summary.set_index("estimator").loc["adaptive"]
     error = first["true_mae_dn"]
     assert isinstance(error, Estimate)
     assert error.value == selected["true_mae_dn"] and error.low == selected["true_mae_low_dn"]
@@ -61,13 +66,13 @@ def test_examples_show_both_answers_and_the_reason_to_abstain(inputs: ReportInpu
 
 
 def test_a_stage_that_has_run_takes_the_place_of_the_record(inputs: ReportInputs, tmp_path: Path) -> None:
-    recorded = {part.name: part for part in real_noise_records.recordings(inputs.real_noise, inputs.recorded)}["cc"]
+    recorded = recordings(inputs)["cc"]
     patches = recorded.patches[recorded.patches["picture"] == recorded.patches["picture"].iloc[0]]
-    store.write_json(tmp_path / "cc/recording.json", {"ran": True, "source": "my camera"})
-    store.write_table(tmp_path / "cc/patches.parquet", patches, REAL_NOISE_PATCHES)
-    store.write_table(tmp_path / "cc/summary.parquet", recorded.summary, REAL_NOISE_SUMMARY)
-    changed = dataclasses.replace(inputs, real_noise={**inputs.real_noise, "cc": tmp_path / "cc"})
-    parts = real_noise_records.recordings(changed.real_noise, changed.recorded)
+    store.write_json(tmp_path / "real_noise/cc/recording.json", {"ran": True, "source": "my camera"})
+    store.write_table(tmp_path / "real_noise/cc/patches.parquet", patches, REAL_NOISE_PATCHES)
+    store.write_table(tmp_path / "real_noise/cc/summary.parquet", recorded.summary, REAL_NOISE_SUMMARY)
+    changed = dataclasses.replace(inputs, data=tmp_path)
+    parts = real_noise_records.recordings(changed.folders("real_noise"), changed.recorded)
     assert [(part.name, part.stage) for part in parts] == [("cc", "real_noise@cc"), ("polyu", ""), ("flea3", "")]
     assert parts[0].source == "my camera" and len(parts[0].patches) == len(patches)
     section = real_noise.section(changed)

@@ -13,12 +13,10 @@ from functools import cached_property
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from pipeline.experiments import blur_records
-from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, NOISE_FILE, with_records
 from pipeline.report import detection_results, ledger_sources
 from pipeline.report.display_names import counted, listing, word
-from pipeline.report.inputs import ReportInputs, combined_tables, denoised_cells, noise_tables, published_table
-from pipeline.stage_files import optional
+from pipeline.report.inputs import ReportInputs, published_table
+from pipeline.report.tables import where
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,11 +109,9 @@ class Evidence:
         """Raw blur cells under noise (`pipeline.experiments.tables.BLUR_CELLS`), improved estimation among them."""
         import pandas as pd
 
-        ran = self._with_records(combined_tables(self.inputs)[0], COMBINED_FILES[0])
-        smoothed = self._with_records(denoised_cells(self.inputs), DENOISED_FILE)
+        ran, smoothed = map(self.inputs.result_with_records, ("combined_blur", "denoised_blur"))
         smoothed = smoothed.assign(experiment=smoothed["experiment"].replace(SAME_EXPERIMENT))
-        cells = pd.concat([ran, smoothed], ignore_index=True)
-        cells = cells[~cells["calibrated"].astype(bool)]
+        cells = where(pd.concat([ran, smoothed], ignore_index=True), calibrated=False)
         return cells.drop_duplicates(
             ["dataset", "estimator", "experiment", "kernel_size_px", "target_sigma_dn", "filter_px"]
         )
@@ -123,12 +119,12 @@ class Evidence:
     @cached_property
     def curves(self) -> pd.DataFrame:
         """Example curves of blur under noise (`pipeline.experiments.tables.CURVES`)."""
-        return self._with_records(combined_tables(self.inputs)[2], COMBINED_FILES[2])
+        return self.inputs.result_with_records("combined_curves")
 
     @cached_property
     def noise(self) -> pd.DataFrame:
         """`pipeline.tables.NOISE_SUMMARY`."""
-        return self._with_records(noise_tables(self.inputs)[0], NOISE_FILE)
+        return self.inputs.result_with_records("noise_summary")
 
     @cached_property
     def detection(self) -> list[Results]:
@@ -149,18 +145,6 @@ class Evidence:
         times = patch_times(self.inputs)
         rows = times[(times["name"] == "cnn_mtf") & times["preprocessing_ms"].notna()]
         return None if rows.empty else (float(rows["preprocessing_ms"].iloc[0]), float(rows["batched_ms"].iloc[0]))
-
-    @cached_property
-    def recorded(self) -> dict[str, pd.DataFrame]:
-        """Dataset -> Table I recorded on it."""
-        return {one.dataset: one.summary for one in blur_records.read(self.inputs.recorded)}
-
-    def _with_records(self, ran: pd.DataFrame, file: str) -> pd.DataFrame:
-        return with_records(ran, self.inputs.recorded, file)
-
-    def table(self, name: str) -> Any:
-        """A table of the stages of control, by its path below their folder; None where it has not run."""
-        return optional(self.inputs.control, name)
 
 
 def descriptions() -> list[dict[str, Any]]:

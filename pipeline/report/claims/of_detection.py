@@ -23,7 +23,6 @@ from pipeline.report.display_names import word
 from pipeline.report.inputs import published_table
 from pipeline.report.sections import order_study
 from pipeline.report.tables import records
-from pipeline.stage_files import optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,8 +123,7 @@ def _regression(evidence: Evidence) -> Measurement | None:
 
 
 def _grid(evidence: Evidence) -> Measurement | None:
-    folder = evidence.inputs.detection
-    fits = optional(None if folder is None else folder / "refit", "fits.json")
+    fits = evidence.inputs.read("refit/fits.json")
     if not fits:
         return None
     miss = max(float(one["largest_miss_of_grid"]) for one in fits.values())
@@ -134,7 +132,7 @@ def _grid(evidence: Evidence) -> Measurement | None:
 
 
 def _framework_wins(evidence: Evidence) -> Measurement | None:
-    table = evidence.table("worked_examples/precision.parquet")
+    table = evidence.inputs.read("worked_examples/precision.parquet")
     if table is None:
         return None
     at = {row["controller"]: row for row in records(table)}
@@ -171,7 +169,7 @@ def _framework_wins_elsewhere(evidence: Evidence) -> Measurement | None:
 
 
 def _trade(evidence: Evidence) -> Measurement | None:
-    steps = evidence.table("worked_examples/steps.parquet")
+    steps = evidence.inputs.read("worked_examples/steps.parquet")
     if steps is None:
         return None
     at = steps[steps["example"] == "sim_yolov4_car"].set_index("step")["detection_score"]
@@ -183,7 +181,7 @@ def _trade(evidence: Evidence) -> Measurement | None:
 def order(evidence: Evidence, *, conclusion: Conclusion) -> Measurement | None:
     """A conclusion of the order study, under the detector's order and in linear light."""
     setting = (DETECTOR, LINEAR)
-    conditions, effects = (evidence.table(f"order_study/{name}.parquet") for name in ("study", "effects"))
+    conditions, effects = (evidence.inputs.read(f"order_study/{name}.parquet") for name in ("study", "effects"))
     if conditions is None or effects is None:
         return None
     study = Study(conditions, effects)

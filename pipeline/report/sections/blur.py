@@ -31,7 +31,6 @@ from pipeline.report.sections.blur_amae import ANY_STAGE, PAGE, STAGE
 from pipeline.report.spec import Block, NotRun, Run, Section, missing, pairs_of, runs_by_estimator, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, as_recorded
-from pipeline.stage_files import benchmark_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -138,18 +137,12 @@ def unseen(inputs: ReportInputs) -> Table | None:
     Raises:
         InputError: the record holds something else.
     """
-    content = benchmark_record(inputs.unseen, ("kernels", "results"), "python benchmarks/unseen_kernels.py")
+    content = inputs.benchmark("unseen_kernels", ("kernels", "results"), "python benchmarks/unseen_kernels.py")
     return None if content is None else blur_amae.unseen_kernels(content)
 
 
 def _runs(summary: pd.DataFrame, inputs: ReportInputs) -> list[Run]:
-    members = inputs.blur_members or ()
-    planned = [
-        member.removeprefix(f"{dataset}-")
-        for dataset in inputs.datasets
-        for member in members
-        if member.startswith(f"{dataset}-")
-    ]
+    planned = [name for dataset, name in inputs.pairs("blur") if dataset in inputs.datasets]
     recorded = [
         (dataset, name) for dataset, names in blur_records.estimators(inputs.recorded).items() for name in names
     ]

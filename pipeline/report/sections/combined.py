@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, joined, records_with
+from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, records_with
 from pipeline.report import style
 from pipeline.report.display_names import ESTIMATORS, EXPERIMENTS, in_order, word
 from pipeline.report.figures import PAPER, PAPER_DASH, add_legend, lines, ordinal_legend
-from pipeline.report.inputs import ReportInputs, at_frequencies, denoised_cells, paper_table
-from pipeline.report.inputs import combined_tables as read_tables
+from pipeline.report.inputs import ReportInputs, at_frequencies, published
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import combined_tables
 from pipeline.report.sections.combined_tables import DENOISED_STAGE, OURS_FIRST, PAGE, STAGE
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TITLE = "Blur and noise at once"
+TABLES = ("combined_blur", "combined_noise", "combined_curves")
 STEPS = {
     "scene": "light",
     "photon": "photon noise",
@@ -232,7 +232,7 @@ def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame | None
 
 
 def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_order: bool) -> list[Block]:
-    folder = inputs.combined[dataset]
+    folder = inputs.folders("combined")[dataset]
     example = described(folder, "example.json", ("dataset", "kernel_size_px", "experiments"))
     if example is None or not example["experiments"]:
         return []
@@ -244,7 +244,7 @@ def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_o
     estimator = in_order(curves["estimator"], OURS_FIRST)[:1]
     selected = curves[curves["estimator"].isin(estimator) & ~curves["calibrated"]]
     if len(selected):
-        drawing = example_figure(selected, arrays, example, paper_table(inputs, "photon_linear_motion_mtf.csv"))
+        drawing = example_figure(selected, arrays, example, published(inputs, "photon_linear_motion_mtf.csv"))
         words = {"dataset": dataset, "estimator": estimator[0], "px": example["kernel_size_px"]}
         blocks.append(PAGE.figure("combined_example", drawing, stages, name="combined_example_{dataset}", **words))
     return blocks
@@ -256,7 +256,7 @@ def _figures(blur: pd.DataFrame, noise: pd.DataFrame, datasets: Sequence[str], i
         drawing, stage = noise_figure(noise, dataset), STAGE.format(dataset=dataset)
         blocks.append(PAGE.figure("combined_noise", drawing, [stage], name="combined_noise_{dataset}", dataset=dataset))
     estimator = in_order(blur["estimator"], OURS_FIRST)[:1]
-    stages, paper = [STAGE.format(dataset=name) for name in datasets], paper_table(inputs, "photon_defocus_amae.csv")
+    stages, paper = [STAGE.format(dataset=name) for name in datasets], published(inputs, "photon_defocus_amae.csv")
     for is_calibrated, name, how in ((False, "combined_amae", ""), (True, "combined_amae_calibrated", ", calibrated")):
         selected = blur[blur["estimator"].isin(estimator) & (blur["calibrated"] == is_calibrated)]
         if len(selected):
@@ -267,7 +267,7 @@ def _figures(blur: pd.DataFrame, noise: pd.DataFrame, datasets: Sequence[str], i
 
 def _errors(dataset: str, blur: pd.DataFrame, inputs: ReportInputs) -> list[Table]:
     """The table of errors of each experiment on one dataset."""
-    paper = paper_table(inputs, "photon_defocus_amae.csv")
+    paper = published(inputs, "photon_defocus_amae.csv")
     return [
         combined_tables.error(dataset, name, blur, paper if name == "photon_defocus" else None)
         for name in in_order(blur.loc[blur["dataset"] == dataset, "experiment"], EXPERIMENTS)
@@ -276,8 +276,7 @@ def _errors(dataset: str, blur: pd.DataFrame, inputs: ReportInputs) -> list[Tabl
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Blur and noise at once on every dataset, and the supplement's denoising."""
-    blur, noise, curves = read_tables(inputs)
-    cells = denoised_cells(inputs)
+    blur, noise, curves, cells = map(inputs.result, (*TABLES, "denoised_blur"))
     ran, smoothed = (in_order(one["dataset"], inputs.datasets) for one in (blur, cells))
     known, known_denoised = (
         [one.dataset for one in records_with(inputs.recorded, name)] for name in (COMBINED_FILES[0], DENOISED_FILE)
@@ -290,12 +289,12 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     if ran:
         blocks += [*_figures(blur, noise, ran, inputs), combined_tables.overview(blur)]
     blocks += [table for dataset in ran for table in _errors(dataset, blur, inputs)]
-    paper = paper_table(inputs, "improved_blur.csv")
+    paper = published(inputs, "improved_blur.csv")
     blocks += [combined_tables.denoised(dataset, cells, paper) for dataset in smoothed]
     blocks += [combined_tables.abstentions(blur, noise)] if ran else []
     items = ("photon_defocus_amae", "photon_linear_motion_mtf", "improved_blur")
-    published, published_runs = beside_ours(items, ledger, inputs)
-    blocks += [*published, *missing(TITLE, runs), *missing("Denoised blur", denoised_runs)]
+    beside, published_runs = beside_ours(items, ledger, inputs)
+    blocks += [*beside, *missing(TITLE, runs), *missing("Denoised blur", denoised_runs)]
     return Section("combined", TITLE, (PAGE.text("introduction"),), blocks, [*runs, *denoised_runs, *published_runs])
 
 
@@ -307,10 +306,10 @@ def _of_record(
     selected = curves[(curves["dataset"] == dataset) & ~curves["calibrated"] & (curves["axis"] == "HV")]
     selected = selected[(selected["filter_px"] == 0) & (selected["experiment"] != "")]
     if len(selected):
-        drawing = curves_figure(selected, dataset, paper_table(inputs, "photon_linear_motion_mtf.csv"))
+        drawing = curves_figure(selected, dataset, published(inputs, "photon_linear_motion_mtf.csv"))
         name, px = "recorded_combined_curves_{dataset}", selected["kernel_size_px"].iloc[0]
         blocks.append(PAGE.figure("recorded_curves", drawing, name=name, dataset=dataset, px=px))
-    theirs = paper_table(inputs, "photon_defocus_amae.csv")
+    theirs = published(inputs, "photon_defocus_amae.csv")
     for name in in_order(blur.loc[blur["dataset"] == dataset, "estimator"], ESTIMATORS):
         cells = blur[(blur["dataset"] == dataset) & (blur["estimator"] == name) & ~blur["calibrated"]]
         drawing, file = amae_figure(cells, [dataset], theirs), "recorded_combined_amae_{dataset}_{estimator}"
@@ -329,11 +328,11 @@ def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section 
     blocks: list[Block] = []
     if records:
         blocks.append(PAGE.table("recorded_combined_sources", [one.described("blur_patches") for one in records]))
-        blur, noise, curves = (joined(inputs.recorded, name) for name in COMBINED_FILES)
+        blur, noise, curves = map(inputs.recorded_result, TABLES)
         blur = blur[blur["experiment"] != ""]
         for record in records:
             blocks += _of_record(record.dataset, blur, noise, curves, inputs)
         blocks.append(as_recorded(combined_tables.abstentions(blur, noise)))
-    paper, cells = paper_table(inputs, "improved_blur.csv"), joined(inputs.recorded, DENOISED_FILE)
+    paper, cells = published(inputs, "improved_blur.csv"), inputs.recorded_result("denoised_blur")
     blocks += [as_recorded(combined_tables.denoised(record.dataset, cells, paper)) for record in denoised]
     return Section("combined_recorded", f"{TITLE} on recorded frames", (PAGE.text("recorded"),), blocks)

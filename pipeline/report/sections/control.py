@@ -55,11 +55,12 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
 
 def _scenario_runs(inputs: ReportInputs, ran: set[str]) -> list[Run]:
     """One line of the overview for all scenarios, naming those that did not run."""
-    missing = [name for name in inputs.scenarios if name not in ran]
+    scenarios = inputs.folders("closed_loop")
+    missing = [name for name in scenarios if name not in ran]
     if not missing and ran:
         return [Run("Closed loop", "", True, "", inputs.line("closed_loop"))]
     if ran:
-        words = f"{len(ran)} of {len(inputs.scenarios)} scenarios"
+        words = f"{len(ran)} of {len(scenarios)} scenarios"
         return [Run("Closed loop", "", True, words, inputs.line("closed_loop"))] + [
             Run(f"Closed loop: {scenario_word(name)}", "", False, STAGE_ABSENT, inputs.line(f"closed_loop@{name}"))
             for name in missing

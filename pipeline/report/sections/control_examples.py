@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.report import style
 from pipeline.report.figures import PAPER_DASH, add_legend
-from pipeline.report.inputs import ReportInputs, paper_table
+from pipeline.report.inputs import ReportInputs, published
 from pipeline.report.sections.control_tables import CONTROL
 from pipeline.report.spec import Block
 from pipeline.report.style import Drawing, Look
@@ -177,7 +177,7 @@ def rmse_ms(ours: pd.DataFrame, paper: pd.DataFrame) -> float:
 
 def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     """Figures and table of the examples, and their sentences for the verdict; empty where the stage has not run."""
-    folder = inputs.of_control(STAGE)
+    folder = inputs.folder(STAGE)
     steps = optional(folder, "steps.parquet", EXAMPLE_STEPS)
     if steps is None:
         return [], []
@@ -192,12 +192,12 @@ def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
                     "control_example", drawing, [STAGE], name=name, number=number, rule=rule, label=about["label"]
                 )
             )
-    parts.append(step_table(steps, paper_table(inputs, "worked_examples.csv")))
+    parts.append(step_table(steps, published(inputs, "worked_examples.csv")))
     ours, precision = (
         optional(folder, "response.parquet", RESPONSE),
         optional(folder, "precision.parquet", CONTROLLER_AP),
     )
-    paper, theirs = (paper_table(inputs, f"controller_{name}.csv") for name in ("response", "ap"))
+    paper, theirs = (published(inputs, f"controller_{name}.csv") for name in ("response", "ap"))
     if paper is not None and theirs is not None:
         parts.append(CONTROL.figure("control_response", response(ours, paper, precision, theirs), [STAGE]))
     return parts, _findings(ours, paper, precision)

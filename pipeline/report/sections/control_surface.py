@@ -14,7 +14,6 @@ from pipeline.report.sections.control_tables import CONTROL
 from pipeline.report.spec import Block
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, estimate, pivot
-from pipeline.stage_files import optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,7 +88,7 @@ def knot_table(knots: pd.DataFrame) -> Table:
 
 def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     """Heat map and table, and the sentence for the verdict; empty where the stage has not run."""
-    knots = optional(inputs.of_control(STAGE), "knots.parquet", KNOTS)
+    knots = inputs.read(f"{STAGE}/knots.parquet", KNOTS)
     if knots is None:
         return [], []
     every = knots[knots["fold"] == ALL_VIEWPOINTS].reset_index(drop=True)

@@ -14,13 +14,12 @@ from pipeline.datasets.power_spectrum import power_spectrum
 from pipeline.grouped_statistics import robust_by
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.display_names import word
+from pipeline.report.display_names import in_order, word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Section, missing, overview
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, estimate, pivot, records
-from pipeline.stage_files import existing, optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -133,20 +132,20 @@ def samples_figure(samples: Sequence[DatasetSample]) -> Drawing:
 def _samples(inputs: ReportInputs) -> list[DatasetSample]:
     samples = []
     for dataset in inputs.datasets:
-        folder = inputs.index.get(dataset)
-        arrays = optional(folder, "samples.npz") or {}
+        arrays = inputs.read(f"index/{dataset}/samples.npz") or {}
         frames = {name.removeprefix(PREFIX): array for name, array in arrays.items() if name.startswith(PREFIX)}
         if frames:
-            patches = optional(folder, "patches.parquet", tables.PATCHES)
-            samples.append(DatasetSample(dataset, frames, optional(folder, "samples.json") or {}, patches))
+            patches = inputs.read(f"index/{dataset}/patches.parquet", tables.PATCHES)
+            boxes = inputs.read(f"index/{dataset}/samples.json") or {}
+            samples.append(DatasetSample(dataset, frames, boxes, patches))
     return samples
 
 
 def _sizes(frames: Mapping[str, pd.DataFrame], inputs: ReportInputs) -> Table:
     rows = []
     for dataset, group in frames.items():
-        patches = optional(inputs.index[dataset], "patches.parquet", tables.PATCHES)
-        quarantine = optional(inputs.index[dataset], "quarantine.parquet", tables.QUARANTINE)
+        patches = inputs.read(f"index/{dataset}/patches.parquet", tables.PATCHES)
+        quarantine = inputs.read(f"index/{dataset}/quarantine.parquet", tables.QUARANTINE)
         purposes = patches["purpose"].value_counts().to_dict() if patches is not None else {}
         sizes = group.groupby(["width_px", "height_px"]).size().sort_values(ascending=False, kind="stable")
         size = "\u00a0×\u00a0".join(str(side) for side in sizes.index[0]) if len(sizes) else ""
@@ -175,9 +174,9 @@ def _statistics(frames: Mapping[str, pd.DataFrame], seed: int) -> Table:
 
 def _quarantine(inputs: ReportInputs) -> Table | None:
     rows = []
-    for dataset in inputs.datasets:
-        selected = optional(inputs.index.get(dataset), "quarantine.parquet", tables.QUARANTINE)
-        for reason, files in selected.groupby("reason", sort=True)["file"] if selected is not None else ():
+    quarantine = inputs.each("index", "quarantine.parquet", tables.QUARANTINE)
+    for dataset in in_order(quarantine, inputs.datasets):
+        for reason, files in quarantine[dataset].groupby("reason", sort=True)["file"]:
             names = sorted(PurePath(str(name)).name for name in files)
             examples = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
             rows.append({"dataset": dataset, "reason": str(reason), "files": len(names), "examples": examples})
@@ -186,8 +185,8 @@ def _quarantine(inputs: ReportInputs) -> Table | None:
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Datasets: figure, sizes, statistics, quarantine."""
-    index = {name: optional(inputs.index.get(name), "frames.parquet", tables.FRAMES) for name in inputs.datasets}
-    frames = {name: group for name, group in index.items() if group is not None}
+    index = inputs.each("index", "frames.parquet", tables.FRAMES)
+    frames = {name: index[name] for name in in_order(index, inputs.datasets)}
     runs = overview("Datasets", STAGE, frames, inputs)
     blocks: list[Block] = []
     samples = _samples(inputs)
@@ -199,6 +198,6 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     quarantine = _quarantine(inputs)
     blocks += [] if quarantine is None else [quarantine]
     text = []
-    if quarantine is None and any(existing(folder / "quarantine.parquet") for folder in inputs.index.values()):
+    if quarantine is None and inputs.each("index", "quarantine.parquet"):
         text.append(PAGE.text("none_in_quarantine"))
     return Section("datasets", "Datasets", text, [*blocks, *missing("Dataset figure and statistics", runs)], runs)

@@ -18,7 +18,6 @@ from pipeline.report.sections.detection_figures import PAGE
 from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, overview
 from pipeline.report.tables import Cell, Estimate, Table, estimate, format_number, pivot, records
-from pipeline.stage_files import optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -203,9 +202,8 @@ def _recorded(sweeps: Sequence[Recorded]) -> list[Block]:
 
 def _refit(inputs: ReportInputs) -> list[Block]:
     """The published grids fitted anew."""
-    folder = None if inputs.detection is None else inputs.detection / "refit"
-    fitted = optional(folder, "coefficients.parquet", iso_exposure.COEFFICIENTS)
-    numbers = optional(folder, "fits.json")
+    fitted = inputs.read("refit/coefficients.parquet", iso_exposure.COEFFICIENTS)
+    numbers = inputs.read("refit/fits.json")
     if fitted is None or not numbers:
         return []
     words = "; ".join(
@@ -218,7 +216,7 @@ def _refit(inputs: ReportInputs) -> list[Block]:
 
 
 def _runs(results: Sequence[Results], sweeps: Sequence[Recorded], inputs: ReportInputs) -> list[Run]:
-    planned = sorted(inputs.detection_members)
+    planned = sorted(inputs.pairs("curves"))
     names = {*(dataset for dataset, _ in planned), *(set(inputs.absent) & set(DATASETS))}
     runs = [
         run

@@ -44,7 +44,7 @@ def _upright(inputs: ReportInputs) -> list[str]:
 def _light(inputs: ReportInputs) -> str:
     """That image formation acts on encoded grey levels, and what linear light changes."""
     sentence = PAGE.text("encoded")
-    study = optional(inputs.of_control("order_study"), "study.parquet")
+    study = inputs.read("order_study/study.parquet")
     if study is None:
         return sentence
     selected = study[(study["order"] == "paper") & (study["target_sigma_dn"] == study["target_sigma_dn"].max())]

@@ -158,7 +158,7 @@ def photon_transfer(curve: Mapping[str, Any]) -> Drawing:
 
 
 def _galleries(dataset: str, inputs: ReportInputs) -> list[Block]:
-    folder = inputs.corrupt[dataset]
+    folder = inputs.folders("corrupt")[dataset]
     gallery = described(folder, "gallery.json", ("chain", "effects"))
     if gallery is None:
         return []
@@ -191,16 +191,13 @@ def _levels(dataset: str, corruption: pd.DataFrame, seed: int) -> Table:
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Image formation: galleries, the table of levels per dataset, and the sensor."""
-    corruption = {
-        name: group
-        for name in inputs.datasets
-        if (group := optional(inputs.corrupt.get(name), "corruption.parquet", tables.CORRUPTION)) is not None
-    }
+    tables_of = inputs.each("corrupt", "corruption.parquet", tables.CORRUPTION)
+    corruption = {name: tables_of[name] for name in in_order(tables_of, inputs.datasets)}
     runs = overview("Image formation", STAGE, corruption, inputs)
     blocks: list[Block] = [block for dataset in corruption for block in _galleries(dataset, inputs)]
     blocks += [_levels(dataset, group, inputs.seed) for dataset, group in corruption.items()]
-    curve = described(inputs.sensor, "photon_transfer.json", CURVE_KEYS)
-    sensor = single("Sensor", SENSOR_STAGE, existing(inputs.sensor) is not None, inputs)
+    curve = described(inputs.folder("sensor"), "photon_transfer.json", CURVE_KEYS)
+    sensor = single("Sensor", SENSOR_STAGE, existing(inputs.folder("sensor")) is not None, inputs)
     if curve is None:
         blocks.append(NotRun("Photon transfer of the sensor", "stage absent", sensor.line))
     else:

@@ -11,7 +11,6 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Run, Section
 from pipeline.report.tables import Estimate
-from pipeline.stage_files import benchmark_record
 
 PAGE = Descriptions("frame_ranking")
 COMMAND = "python benchmarks/flags.py"
@@ -33,7 +32,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     Raises:
         InputError: the record holds something else.
     """
-    content = benchmark_record(inputs.flags, ("results",), COMMAND)
+    content = inputs.benchmark("flags", ("results",), COMMAND)
     if content is None:
         return None
     rows: list[dict[str, Any]] = []
@@ -45,7 +44,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
                 counts = {name: measures[ours][name] for name in ("pictures", "scenes")} if measures else {}
                 rows += [{"quantity": quantity, "dataset": PICTURES[pictures], **counts, **cells}] if measures else []
     except (KeyError, TypeError, AttributeError):
-        raise InputError(f"{inputs.flags}: a rank correlation is missing; make it again: {COMMAND}") from None
+        raise InputError(f"flags.json: a rank correlation is missing; make it again: {COMMAND}") from None
     table = PAGE.table("frame_ranking", rows)
     return Section("frame_ranking", TITLE, (PAGE.text("introduction"),), [table], [Run(TITLE, "", True, "", COMMAND)])
 

@@ -18,7 +18,7 @@ from pipeline.camera.mtf import GENERIC_LENS
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.display_names import BLURS, ESTIMATORS, counted, in_order, listing, word
-from pipeline.report.inputs import ReportInputs, members, mode_note, relative_mtf
+from pipeline.report.inputs import ReportInputs, mode_note, relative_mtf
 from pipeline.report.sections.blur_amae import PAGE, STAGE
 from pipeline.report.spec import Block, NotRun
 from pipeline.report.style import Drawing
@@ -229,7 +229,7 @@ def _errors(entries: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
 def _galleries(inputs: ReportInputs) -> dict[str, list[tuple[Gallery, Mapping[str, Any]]]]:
     """Dataset -> its galleries with their descriptions, in the estimators' order."""
     pairs = []
-    for folder in members(inputs.blur, inputs.blur_members):
+    for folder in inputs.folders("blur").values():
         about = described(folder, "gallery.json", ("dataset", "estimator", "frame", "patch", "kernels"))
         if about is not None:
             arrays = optional(folder, "gallery.npz") or {}

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.experiments.frame_records import NOISE_FILE, joined, records_with
+from pipeline.experiments.frame_records import NOISE_FILE, records_with
 from pipeline.experiments.patch_errors import SATURATED, agreement, patch_errors, saturated_patches
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, ESTIMATORS, counted, in_order, listing, word
 from pipeline.report.figures import abstentions, legend_of
-from pipeline.report.inputs import ReportInputs, members, noise_tables, paper_table, published
+from pipeline.report.inputs import ReportInputs, published
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Section, missing, pairs_of, runs_by_estimator
 from pipeline.report.style import Drawing
@@ -169,7 +169,7 @@ def maps(galleries: Sequence[NoiseMaps]) -> Drawing:
 def _maps(inputs: ReportInputs) -> list[Block]:
     """Local noise over a frame, of every dataset whose stage stored maps."""
     galleries: dict[str, list[tuple[NoiseMaps, str]]] = {}
-    for folder in members(inputs.noise, inputs.noise_members):
+    for folder in inputs.folders("noise").values():
         about = described(folder, "maps.json", ("dataset", "estimator", "frame", "effects", "target_sigma_dn"))
         if about is not None:
             arrays = optional(folder, "maps.npz") or {}
@@ -247,14 +247,15 @@ def _abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Noise estimation on every dataset."""
-    summary, estimates = noise_tables(inputs)
-    runs = runs_by_estimator("Noise", "noise", pairs_of(summary), pairs_of(joined(inputs.recorded, NOISE_FILE)), inputs)
+    summary, estimates = inputs.result("noise_summary"), inputs.result("noise_estimates")
+    known = pairs_of(inputs.recorded_result("noise_summary"))
+    runs = runs_by_estimator("Noise", "noise", pairs_of(summary), known, inputs)
     blocks: list[Block] = []
     if not summary.empty:
         stages = sorted(STAGE.format(dataset=dataset, estimator=name) for dataset, name in pairs_of(summary))
         datasets = in_order(summary["dataset"], inputs.datasets)
         blocks.append(PAGE.figure("noise", curves(summary, datasets), stages))
-        reference = paper_table(inputs, "noise_reference.csv")
+        reference = published(inputs, "noise_reference.csv")
         blocks += [medians(name, summary, reference) for name in datasets]
         blocks += [*_maps(inputs), single_patches(estimates, inputs.seed)]
         clipped = saturated(estimates, inputs.seed)
@@ -268,7 +269,7 @@ def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section 
     records = records_with(inputs.recorded, NOISE_FILE)
     if not records:
         return None
-    summary, datasets = joined(inputs.recorded, NOISE_FILE), [one.dataset for one in records]
+    summary, datasets = inputs.recorded_result("noise_summary"), [one.dataset for one in records]
     counts = [
         f"{word(one.dataset)}: {counted(len(one.frames), 'frame')},"
         f" {counted(int(one.frames['noise_tiles'].sum()), 'tile')} of 128 px"

@@ -17,7 +17,8 @@ from pipeline.report.ledger import LedgerRow
 from pipeline.report.ledger_sources import sharp_mtf, star_curve
 from pipeline.report.spec import Block, NotRun, Section, overview, single
 from pipeline.report.style import Drawing
-from pipeline.stage_files import existing, optional
+from pipeline.report.tables import where
+from pipeline.stage_files import existing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -151,10 +152,10 @@ def star_figure(image: np.ndarray, curves: Mapping[str, np.ndarray], paper: pd.D
 
 
 def _bank(inputs: ReportInputs) -> list[Block]:
-    bank = optional(inputs.psf, "kernels.parquet", tables.KERNELS)
+    bank = inputs.read("psf/kernels.parquet", tables.KERNELS)
     if bank is None:
         return [NotRun("Bank of blur kernels", "stage absent", inputs.line(BANK_STAGE))]
-    kernels = optional(inputs.psf, "kernels.npz") or {}
+    kernels = inputs.read("psf/kernels.npz") or {}
     blocks: list[Block] = []
     for source in sorted(set(bank["source"])):
         drawing, origin = kernel_sheet(bank, kernels, source), SOURCES.get(source, source)
@@ -166,14 +167,13 @@ def _star(inputs: ReportInputs) -> list[Block]:
     curves = star_curve(inputs)
     if curves is None:
         return [NotRun("Siemens star of Sim", "stage absent", inputs.line(STAR_STAGE))]
-    image = (optional(inputs.star, "star.npz") or {}).get("image")
+    image = (inputs.read("star/star.npz") or {}).get("image")
     if image is None:
-        raise InputError(f"{inputs.star}/star.npz: expected an array 'image'; run the stage again")
+        raise InputError(f"{inputs.data}/star/star.npz: expected an array 'image'; run the stage again")
     paper = published(inputs, "uncorrupted_mtf.csv")
-    if paper is not None:
-        paper = paper[(paper["dataset"] == "sim") & (paper["estimator"] == "ground_truth")]
+    paper = where(paper, dataset="sim", estimator="ground_truth")
     ours = sharp_mtf(inputs)
-    theirs = {} if paper is None else dict(zip(paper["frequency"], paper["mtf"], strict=True))
+    theirs = dict(zip(paper["frequency"], paper["mtf"], strict=True))
     cells = {"paper": lambda row: theirs.get(row["frequency"])}
     sharpness = PAGE.table("sim_sharpness", [] if ours is None else ours, cells=cells)
     return [PAGE.figure("sim_star", star_figure(image, curves, paper), [STAR_STAGE]), sharpness]
@@ -182,7 +182,7 @@ def _star(inputs: ReportInputs) -> list[Block]:
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Optics: kernels and star."""
     runs = [
-        single("Blur kernels", BANK_STAGE, existing(inputs.psf) is not None, inputs),
-        *overview("Siemens star", STAR_STAGE, ["sim"] if existing(inputs.star) else [], inputs, ["sim"]),
+        single("Blur kernels", BANK_STAGE, existing(inputs.folder("psf")) is not None, inputs),
+        *overview("Siemens star", STAR_STAGE, ["sim"] if existing(inputs.folder("star")) else [], inputs, ["sim"]),
     ]
     return Section("optics", "Optics: blur kernels and sharpness", (), [*_bank(inputs), *_star(inputs)], runs)

@@ -19,7 +19,6 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections.control_tables import CONTROL
 from pipeline.report.spec import Block
 from pipeline.report.tables import Table, estimate, format_number, records
-from pipeline.stage_files import optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,8 +86,7 @@ def finding(study: Study) -> str:
 
 def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     """Both tables and the sentence for the verdict; empty where the stage has not run."""
-    folder = inputs.of_control(STAGE)
-    study, effects = optional(folder, "study.parquet"), optional(folder, "effects.parquet")
+    study, effects = (inputs.read(f"{STAGE}/{name}.parquet") for name in ("study", "effects"))
     if study is None or effects is None:
         return [], []
     both = Study(study, effects)

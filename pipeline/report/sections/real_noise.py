@@ -156,10 +156,11 @@ def crops(made: Examples) -> Drawing:
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
     """Noise of real cameras, or None where nothing of it is known."""
-    where = inputs.real_noise, inputs.recorded
+    stages = inputs.folders("real_noise")
+    where = stages, inputs.recorded
     parts, made = real_noise_records.recordings(*where), real_noise_records.sensor(*where)
     pairs = {part.name for part in parts}
-    runs = [_run(inputs, name, name in pairs or (made is not None and name == SENSOR)) for name in inputs.real_noise]
+    runs = [_run(inputs, name, name in pairs or (made is not None and name == SENSOR)) for name in stages]
     if not parts and made is None and not runs:
         return None
     examples = real_noise_records.examples(inputs.recorded)
@@ -167,11 +168,11 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
     if examples is not None:
         blocks.append(PAGE.figure("real_noise_examples", crops(examples), source=examples.source))
     if parts:
-        stages = tuple(part.stage for part in parts if part.stage)
+        made_by = tuple(part.stage for part in parts if part.stage)
         estimators = in_order(
             (name for part in parts for name in part.patches["estimator"].unique() if name in SHOWN), SHOWN
         )
-        figure = PAGE.figure("real_noise", scatter(parts, estimators), stages)
+        figure = PAGE.figure("real_noise", scatter(parts, estimators), made_by)
         blocks += [figure, errors(parts), _sources(parts)]
     if made is not None:
         figure = PAGE.figure("real_sensor", sensor_figure(made), [made.stage] if made.stage else ())
@@ -193,6 +194,6 @@ def _sources(parts: Sequence[Recording]) -> Table:
 
 
 def _run(inputs: ReportInputs, name: str, is_recorded: bool) -> Run:
-    ran = real_noise_records.stage_has_run(inputs.real_noise, name)
+    ran = real_noise_records.stage_has_run(inputs.folders("real_noise"), name)
     line = f"dvc exp run -S real_noise.recordings.{name}.folder=/path real_noise@{name} report"
     return Run(TITLE, recording_word(name), ran, "" if ran else "data absent", line, is_recorded)

@@ -14,11 +14,10 @@ import pandas as pd
 from pipeline.errors import InputError
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import ESTIMATORS, word
-from pipeline.report.inputs import ReportInputs, paper_table
+from pipeline.report.inputs import ReportInputs, published_table
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import STAGE_ABSENT, NotRun, Run, Section
 from pipeline.report.tables import Table, ordered, records
-from pipeline.stage_files import benchmark_record
 
 PAGE = Descriptions("runtime")
 COMMAND = "python benchmarks/estimators.py"
@@ -40,9 +39,8 @@ def record(inputs: ReportInputs) -> Mapping[str, Any] | None:
     Raises:
         InputError: the file holds something else.
     """
-    content: Mapping[str, Any] | None = benchmark_record(
-        inputs.runtime, ("machine", "results", "frame_px", "patch_px"), COMMAND
-    )
+    keys = ("machine", "results", "frame_px", "patch_px")
+    content: Mapping[str, Any] | None = inputs.benchmark("estimators", keys, COMMAND)
     return content
 
 
@@ -64,7 +62,7 @@ def patch_times(inputs: ReportInputs) -> pd.DataFrame:
             try:
                 one, batched = (entry[key]["processor_median_ms"] for key in ("one_patch", "batched"))
             except (KeyError, TypeError):
-                raise InputError(f"{inputs.runtime}: no times of '{name}'; make the record again: {COMMAND}") from None
+                raise InputError(f"estimators.json: no times of '{name}'; make the record again: {COMMAND}") from None
             frame = entry.get("frame") or {}
             rows.append(
                 {
@@ -86,8 +84,7 @@ def patch_times(inputs: ReportInputs) -> pd.DataFrame:
 
 def _paper_ms(inputs: ReportInputs) -> dict[str, float]:
     """Published milliseconds per patch; the paper's blur network counts a batch of four."""
-    published = paper_table(inputs, "runtime.csv")
-    last = {str(row["estimator"]): row for row in ([] if published is None else records(published))}
+    last = {str(row["estimator"]): row for row in records(published_table(inputs.paper / "runtime.csv"))}
     return {
         name: 1e3 * float(row["seconds"]) / (4 if str(row["unit"]).startswith("batch of 4") else 1)
         for name, row in last.items()
