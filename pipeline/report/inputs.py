@@ -69,7 +69,7 @@ class ReportInputs:
         recorded: folder whose sub-folders hold detection (`pipeline.recording.detection`), blur
             (`pipeline.recording.blur`), noise (`pipeline.recording.real_noise`) and sensor constants
             (`pipeline.recording.sensor`) measured on pictures that are not kept.
-        benchmarks: folder of records on declared hardware (``benchmarks/results``).
+        benchmarks: name of a benchmark -> its record on declared hardware (``benchmarks/results/<name>.json``).
         absent: dataset without data -> the command that runs it.
         detectors_absent: detector without weights -> the line that would get them and run it.
         lock: ``dvc.lock``, for the hashes of what went in.
@@ -89,7 +89,7 @@ class ReportInputs:
     ablation: Path | None = None
     ablations: Sequence[str] = ()
     recorded: Path | None = None
-    benchmarks: Path | None = None
+    benchmarks: Mapping[str, Path] = field(default_factory=dict)
     absent: Mapping[str, str] = field(default_factory=dict)
     detectors_absent: Mapping[str, str] = field(default_factory=dict)
     lock: Path | None = None
@@ -151,12 +151,11 @@ class ReportInputs:
         """The record of a benchmark, or None where it was not made (`pipeline.stage_files.benchmark_record`).
 
         Args:
-            name: stem of its file.
+            name: of the benchmark.
             keys: that it must have.
             command: that makes it.
         """
-        path = None if self.benchmarks is None else self.benchmarks / f"{name}.json"
-        return benchmark_record(path, keys, command)
+        return benchmark_record(self.benchmarks.get(name), keys, command)
 
     def line(self, stage: str) -> str:
         """The command that runs a stage again, or `NO_STAGE` where this version has no such stage."""

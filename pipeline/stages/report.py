@@ -54,7 +54,12 @@ def run(run: Run) -> None:
         ablation=run.inputs / "reports/metrics/ablation",
         ablations=tuple(matrix.ablations),
         recorded=run.project / "reports/recorded",
-        benchmarks=run.project / "benchmarks/results",
+        benchmarks={
+            "control": run.project / "benchmarks/results/control.json",
+            "estimators": run.project / "benchmarks/results/estimators.json",
+            "flags": run.project / "benchmarks/results/flags.json",
+            "unseen_kernels": run.project / "benchmarks/results/unseen_kernels.json",
+        },
         absent={name: line for name, line in params.report.not_run.items() if name not in listed},
         detectors_absent={
             name: line for name, line in params.report.not_run_detectors.items() if name not in matrix.detectors

@@ -112,7 +112,11 @@ def test_improved_estimation_on_recorded_frames_decides_claims_on_noise_and_on_s
 
 
 def test_the_records_of_the_repository_decide_claims_and_the_table_shows_them() -> None:
-    inputs = dataclasses.replace(NOTHING, recorded=REPO / "reports/recorded", benchmarks=REPO / "benchmarks/results")
+    inputs = dataclasses.replace(
+        NOTHING,
+        recorded=REPO / "reports/recorded",
+        benchmarks={"estimators": REPO / "benchmarks/results/estimators.json"},
+    )
     pairs = claims.measurements(inputs)
     measured = [one for _, one in pairs if one.verdict != NOT_MEASURED]
     assert len(measured) >= 8 and {one.verdict for one in measured} <= set(VERDICTS)

@@ -133,13 +133,13 @@ def test_settling_is_stated_for_drives_with_a_step_of_light(tmp_path: Path, inpu
 def test_decision_times_come_from_the_record(tmp_path: Path, inputs: ReportInputs) -> None:
     path = tmp_path / "control.json"
     store.write_json(path, {"machine": {}, "decision": {"shim": {"processor_median_ms": 1.25}}})
-    times = decision_ms(dataclasses.replace(inputs, benchmarks=tmp_path))
+    times = decision_ms(dataclasses.replace(inputs, benchmarks={"control": path}))
     assert times == {"shim": 1.25}
     rows = control_tables.measures(scenario_results(inputs), times).rows
     assert {row["decision_ms"] for row in rows if row["policy"] == "Shim"} == {1.25}
     store.write_json(path, {"decision": {}})
     with pytest.raises(InputError, match=r"benchmarks/control\.py"):
-        decision_ms(dataclasses.replace(inputs, benchmarks=tmp_path))
+        decision_ms(dataclasses.replace(inputs, benchmarks={"control": path}))
 
 
 def test_a_film_strip_shows_state_estimates_and_pictures(inputs: ReportInputs, tmp_path: Path) -> None:

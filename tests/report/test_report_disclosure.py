@@ -89,7 +89,11 @@ def test_no_text_of_the_report_names_the_papers_networks_past_their_share() -> N
 
 
 def test_claims_on_the_papers_networks_carry_the_share() -> None:
-    inputs = dataclasses.replace(TRAINED, recorded=REPO / "reports/recorded", benchmarks=REPO / "benchmarks/results")
+    inputs = dataclasses.replace(
+        TRAINED,
+        recorded=REPO / "reports/recorded",
+        benchmarks={"estimators": REPO / "benchmarks/results/estimators.json"},
+    )
     with qualified(training_budget.names(inputs)):
         texts = [measured.text for _, measured in claims.measurements(inputs)]
     assert sum("CNN (at most" in text for text in texts) >= 2

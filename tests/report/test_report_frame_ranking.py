@@ -17,7 +17,7 @@ RECORD = REPO / "benchmarks/results/flags.json"
 
 
 def test_the_committed_record_is_shown_whole() -> None:
-    section = frame_ranking.section(ReportInputs(paper=REPO / "data/paper", benchmarks=RECORD.parent))
+    section = frame_ranking.section(ReportInputs(paper=REPO / "data/paper", benchmarks={"flags": RECORD}))
     assert section is not None
     (table,) = section.blocks
     assert isinstance(table, Table)
@@ -31,7 +31,7 @@ def test_the_committed_record_is_shown_whole() -> None:
 
 
 def test_without_a_record_there_is_no_section_and_a_broken_one_is_named(tmp_path: Path) -> None:
-    inputs = ReportInputs(paper=REPO / "data/paper", benchmarks=tmp_path)
+    inputs = ReportInputs(paper=REPO / "data/paper", benchmarks={"flags": tmp_path / "flags.json"})
     assert frame_ranking.section(inputs) is None
     assert frame_ranking.section(ReportInputs(paper=REPO / "data/paper")) is None
     (tmp_path / "flags.json").write_text('{"results": {"sim": {"blur": {"mtf": {"spearman": 1}}}}}')

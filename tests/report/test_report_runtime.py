@@ -18,7 +18,7 @@ from pipeline.report.spec import NotRun
 from pipeline.report.tables import Table
 
 RECORD = REPO / "benchmarks/results/estimators.json"
-INPUTS = ReportInputs(paper=REPO / "data/paper", benchmarks=RECORD.parent)
+INPUTS = ReportInputs(paper=REPO / "data/paper", benchmarks={"estimators": RECORD})
 
 
 def test_the_committed_record_holds_every_estimator() -> None:
@@ -54,7 +54,7 @@ def test_the_ledger_takes_them_as_not_comparable() -> None:
 
 
 def test_without_a_record_the_line_that_makes_it_is_shown(tmp_path: Path) -> None:
-    (block,) = runtime.section(dataclasses.replace(INPUTS, benchmarks=tmp_path)).blocks
+    (block,) = runtime.section(dataclasses.replace(INPUTS, benchmarks={"estimators": tmp_path / "absent.json"})).blocks
     assert isinstance(block, NotRun) and block.line == COMMAND
     script = REPO / COMMAND.removeprefix("python ")
     assert script.is_file()
@@ -64,6 +64,6 @@ def test_without_a_record_the_line_that_makes_it_is_shown(tmp_path: Path) -> Non
 def test_another_file_is_refused_by_name(tmp_path: Path, content: object) -> None:
     if isinstance(content, dict) and "results" in content:
         content |= {"frame_px": [1, 1], "patch_px": {}}
-    store.write_json(tmp_path / "estimators.json", content)
-    with pytest.raises(InputError, match=r"estimators\.json.*benchmarks/estimators\.py"):
-        runtime.section(dataclasses.replace(INPUTS, benchmarks=tmp_path))
+    store.write_json(tmp_path / "times.json", content)
+    with pytest.raises(InputError, match=r"times\.json.*benchmarks/estimators\.py"):
+        runtime.section(dataclasses.replace(INPUTS, benchmarks={"estimators": tmp_path / "times.json"}))

@@ -46,7 +46,7 @@ def test_peers_stand_beside_the_network_on_the_same_patches(content: dict) -> No
 
 
 def test_no_record_is_no_table_and_another_file_is_refused(tmp_path: Path) -> None:
-    nothing = ReportInputs(paper=REPO / "data/paper", benchmarks=tmp_path)
+    nothing = ReportInputs(paper=REPO / "data/paper", benchmarks={"unseen_kernels": tmp_path / "absent.json"})
     assert blur.unseen(nothing) is None
     (tmp_path / "other.json").write_text('{"machine": {}}')
     with pytest.raises(InputError, match=r"other\.json: expected an object with kernels, results"):

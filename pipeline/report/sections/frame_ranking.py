@@ -44,7 +44,9 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
                 counts = {name: measures[ours][name] for name in ("pictures", "scenes")} if measures else {}
                 rows += [{"quantity": quantity, "dataset": PICTURES[pictures], **counts, **cells}] if measures else []
     except (KeyError, TypeError, AttributeError):
-        raise InputError(f"flags.json: a rank correlation is missing; make it again: {COMMAND}") from None
+        raise InputError(
+            f"{inputs.benchmarks['flags']}: a rank correlation is missing; make it again: {COMMAND}"
+        ) from None
     table = PAGE.table("frame_ranking", rows)
     return Section("frame_ranking", TITLE, (PAGE.text("introduction"),), [table], [Run(TITLE, "", True, "", COMMAND)])
 

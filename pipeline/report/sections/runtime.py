@@ -62,7 +62,8 @@ def patch_times(inputs: ReportInputs) -> pd.DataFrame:
             try:
                 one, batched = (entry[key]["processor_median_ms"] for key in ("one_patch", "batched"))
             except (KeyError, TypeError):
-                raise InputError(f"estimators.json: no times of '{name}'; make the record again: {COMMAND}") from None
+                where = inputs.benchmarks["estimators"]
+                raise InputError(f"{where}: no times of '{name}'; make the record again: {COMMAND}") from None
             frame = entry.get("frame") or {}
             rows.append(
                 {
