@@ -8,7 +8,7 @@ from pipeline.report import page, provenance, style, table_formats, training_bud
 from pipeline.report.display_names import qualified
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import Score, score, summary_table, to_table
-from pipeline.report.ledger_items import TITLES, all_rows
+from pipeline.report.ledger_items import TITLES, NO_REAL_FRAMES, all_rows
 from pipeline.report.provenance import Provenance
 from pipeline.report.sections import (
     blur,
@@ -96,7 +96,7 @@ def _build(inputs: ReportInputs, out: Path) -> Score:
                 written = style.save(block.drawing.figure, folder / block.name, block.drawing.values)
                 svgs[block.name] = written[0].read_text(encoding="utf-8")
     with replacing_folder(out / "tables") as folder:
-        for block in [*blocks, to_table(rows), summary_table(rows, TITLES)]:
+        for block in [*blocks, to_table(rows), summary_table(rows, TITLES, NO_REAL_FRAMES)]:
             if isinstance(block, Table):
                 table_formats.save(block, folder)
     text = page.render(sections, rows, _origins(sections, inputs), svgs, inputs.profile, inputs.code_version)

@@ -27,6 +27,8 @@ KINDS = {
     DEFINITION: "constants, closed forms and configured sizes",
     REFERENCE: "the authors' program, run by us",
 }
+RENDERED = {"sim", "sim_authors"}  # datasets whose frames no camera took
+ALL_ITEMS = "All items"
 PAGE = Descriptions("ledger")
 CLOSE_WITHIN = 2.0  # "close" is within this many tolerances
 FAR_FRACTION = 0.25  # of the published value: a match further away is owed to a wide interval
@@ -254,21 +256,36 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}") if math.isfinite(value) else value
 
 
-def summary_table(rows: Sequence[LedgerRow], titles: Mapping[str, str]) -> Table:
+def _frames(rows: Sequence[LedgerRow], no_real_frames: Mapping[str, str]) -> str:
+    """Datasets of real frames that measured numbers of one item are of, or why there are none."""
+    if rows[0].kind not in (EXPERIMENT, REFERENCE):
+        return ""
+    names = {row.dataset for row in rows if row.dataset and math.isfinite(row.ours)} - RENDERED
+    return ", ".join(sorted(map(word, names))) or no_real_frames.get(rows[0].item, "")
+
+
+def summary_table(rows: Sequence[LedgerRow], titles: Mapping[str, str], no_real_frames: Mapping[str, str]) -> Table:
     """How many rows of each item, and of each kind of evidence, have each verdict.
 
     Args:
         rows: of all items.
         titles: item -> the paper's name of it, in the order shown.
+        no_real_frames: item -> why ours are of no real frames, where they are not.
     """
     groups = [
         (title, kind, [row for row in rows if row.item == item and row.kind == kind])
         for item, title in titles.items()
         for kind in KINDS
     ]
-    groups += [("All items", kind, [row for row in rows if row.kind == kind]) for kind in KINDS]
+    groups += [(ALL_ITEMS, kind, [row for row in rows if row.kind == kind]) for kind in KINDS]
     lines = [
-        {"item": title, "kind": kind, "numbers": len(group), **score(group).counts}
+        {
+            "item": title,
+            "kind": kind,
+            "numbers": len(group),
+            **score(group).counts,
+            "frames": "" if title == ALL_ITEMS else _frames(group, no_real_frames),
+        }
         for title, kind, group in groups
         if group
     ]

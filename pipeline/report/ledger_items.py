@@ -124,6 +124,7 @@ class Item:
         kinds: another kind -> condition of its rows.
         intervals: column of a number -> columns of our 95 % interval of it.
         printed: whether the paper prints the numbers, or condition of the rows that it prints.
+        no_real_frames: why ours are of no real frames, where they are not.
     """
 
     name: str
@@ -145,6 +146,7 @@ class Item:
     kinds: Mapping[str, Condition] = field(default_factory=dict)
     intervals: Mapping[str, Sequence[str]] = field(default_factory=dict)
     printed: bool | Condition = True
+    no_real_frames: str = ""
 
     def stage_of(self, row: Row) -> str:
         """The stage that makes ours of a row."""
@@ -172,6 +174,8 @@ def _items() -> tuple[Item, ...]:
 
 ITEMS = _items()
 TITLES = {item.name: item.title for item in ITEMS}
+NO_REAL_FRAMES = {item.name: item.no_real_frames for item in ITEMS}
+"""Item -> why ours are of no real frames."""
 
 
 def _text(value: Any) -> str:

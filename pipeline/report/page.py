@@ -13,7 +13,7 @@ from typing import Any
 from pipeline.report import style, svg, templates
 from pipeline.report.display_names import DATASETS, in_order, listing, word
 from pipeline.report.ledger import VERDICTS, LedgerRow, score, summary_table, to_table
-from pipeline.report.ledger_items import ITEMS, PICTURES_ONLY, TITLES
+from pipeline.report.ledger_items import ITEMS, PICTURES_ONLY, TITLES, NO_REAL_FRAMES
 from pipeline.report.provenance import Provenance
 from pipeline.report.spec import Figure, NotRun, Run, Section
 from pipeline.report.table_formats import to_html
@@ -111,7 +111,7 @@ def render(
             score=score(rows),
             verdicts=VERDICTS,
             ledger=_ledger_parts(rows),
-            ledger_summary=to_html(summary_table(rows, TITLES)),
+            ledger_summary=to_html(summary_table(rows, TITLES, NO_REAL_FRAMES)),
             pictures_only=PICTURES_ONLY,
             runs=runs,
             states=Counter(run.state for run in runs),

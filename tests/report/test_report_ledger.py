@@ -287,11 +287,25 @@ def test_tables_of_the_ledger_hold_every_row() -> None:
     rows = all_rows(NOTHING)
     assert len(to_table(rows).rows) == len(rows)
     assert to_table(rows).columns[0].name == "item"
-    summary = summary_table(rows, {item.name: item.title for item in ITEMS})
+    no_real_frames = {item.name: item.no_real_frames for item in ITEMS}
+    summary = summary_table(rows, {item.name: item.title for item in ITEMS}, no_real_frames)
     numbers = {(line["item"], line["kind"]): int(line["numbers"]) for line in summary.rows}  # type: ignore[arg-type]
     assert sum(number for (item, _), number in numbers.items() if item == "All items") == len(rows)
     assert sum(number for (item, _), number in numbers.items() if item != "All items") == len(rows)
     assert format_number(0.0) == "0"
+
+
+def test_every_measured_item_names_its_real_frames_or_why_it_has_none() -> None:
+    rows = all_rows(dataclasses.replace(NOTHING, recorded=REPO / "reports/recorded"))
+    titles, no_real_frames = (
+        {item.name: getattr(item, part) for item in ITEMS} for part in ("title", "no_real_frames")
+    )
+    lines = {(line["item"], line["kind"]): line["frames"] for line in summary_table(rows, titles, no_real_frames).rows}
+    measured = {key: frames for key, frames in lines.items() if key[1] == "experiment" and key[0] != "All items"}
+    assert measured and all(measured.values())
+    assert measured["Table I: AMAE of blur estimators", "experiment"] == "KITTI, Udacity"
+    assert "no dataset has" in str(measured["Fig. built-in control and framework: AP", "experiment"])
+    assert not any(frames for (item, kind), frames in lines.items() if kind == "consistency" or item == "All items")
 
 
 def test_missing_published_file_is_named(tmp_path: Path) -> None:
