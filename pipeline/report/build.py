@@ -8,7 +8,7 @@ from pipeline.report import page, provenance, style, table_formats, training_bud
 from pipeline.report.display_names import qualified
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import Score, score, summary_table, to_table
-from pipeline.report.ledger_items import TITLES, NO_REAL_FRAMES, all_rows
+from pipeline.report.ledger_items import NO_REAL_FRAMES, TITLES, all_rows
 from pipeline.report.provenance import Provenance
 from pipeline.report.sections import (
     blur,
