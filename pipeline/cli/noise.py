@@ -21,6 +21,10 @@ COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reaso
 @click.option(
     "--tile", "tile_px", default=128, show_default=True, type=click.IntRange(16, 4096), help="side of a tile, pixels"
 )
+@click.option(
+    "--tiles", "most_tiles", default=54, show_default=True, type=click.IntRange(min=1),
+    help="most tiles of a frame; where more would cover it, an even selection",
+)  # fmt: skip
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 @click.option("--csv", "table", type=click.Path(path_type=Path), help="also write one row per tile here")
 @click.option(
@@ -28,8 +32,9 @@ COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reaso
     help="folder for pictures with the tiles' noise drawn in; those of the last run there go",
 )  # fmt: skip
 def command(
-    paths: tuple[Path, ...], estimator: str, tile_px: int, every: int, table: Path | None, maps: Path | None
-) -> None:
+    paths: tuple[Path, ...], estimator: str, tile_px: int, most_tiles: int, every: int, table: Path | None,
+    maps: Path | None,
+) -> None:  # fmt: skip
     """Estimate the noise of PATHS: pictures, videos, or folders of them.
 
     Prints, per frame, the robust median over its tiles with their range, in grey levels (DN, 0..255), and how many
@@ -42,7 +47,8 @@ def command(
     from pipeline.cli.outputs import OutputFolder, RowFile, refuse_input
     from pipeline.cli.overlay import noise_overlay
     from pipeline.cli.pictures import expand, named, readable, result_stem
-    from pipeline.datasets.patches import cut, tiles
+    from pipeline.condition.frame_tiles import frame_tiles
+    from pipeline.datasets.patches import cut
     from pipeline.errors import InputError
     from pipeline.statistics import robust
     from pipeline.store import write_image
@@ -61,7 +67,7 @@ def command(
             try:
                 if image is None:
                     raise InputError(problem)
-                squares = tiles(image.shape, min(tile_px, *image.shape), "cover")
+                squares = frame_tiles(image.shape, tile_px, most_tiles)
                 estimate = method.estimate(cut(image, squares))
             except InputError as error:
                 failed += 1

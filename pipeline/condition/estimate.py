@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pipeline import blur, noise
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
+from pipeline.condition.frame_tiles import MOST_TILES, frame_tiles
 from pipeline.condition.summary import Summary, summarise
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
@@ -120,9 +121,11 @@ class ConditionMonitor:
         noise_name: noise estimator of `pipeline.noise`.
         blur_options, noise_options: theirs.
         tile_px: side of the tiles that noise is estimated on; smaller frames get one tile of their smaller side.
+        most_tiles: of them in a frame; a frame that more would cover gets an even selection
+            (`pipeline.condition.frame_tiles`).
 
     Raises:
-        InputError: unknown names or options, weights that are absent, or a tile under 16 px.
+        InputError: unknown names or options, weights that are absent, a tile under 16 px, or no tile at all.
     """
 
     def __init__(
@@ -133,14 +136,17 @@ class ConditionMonitor:
         blur_options: Mapping[str, Any] | None = None,
         noise_options: Mapping[str, Any] | None = None,
         tile_px: int = 128,
+        most_tiles: int = MOST_TILES,
     ) -> None:
         if tile_px < LEAST_TILE_PX:
             raise InputError(f"condition monitor: tile_px={tile_px}, expected at least {LEAST_TILE_PX}")
+        if most_tiles < 1:
+            raise InputError(f"condition monitor: most_tiles={most_tiles}, expected at least 1")
         self.blur_name, self.noise_name = blur_name, noise_name
         self.blur_options, self.noise_options = dict(blur_options or {}), dict(noise_options or {})
         self.blur_estimator = blur.create(blur_name, **self.blur_options)
         self.noise_estimator = noise.create(noise_name, **self.noise_options)
-        self.tile_px = tile_px
+        self.tile_px, self.most_tiles = tile_px, most_tiles
         estimators = {"blur": self.blur_estimator, "noise": self.noise_estimator}
         self.weights_released = {name: bool(getattr(made, "released", True)) for name, made in estimators.items()}
         """Of ``blur`` and ``noise``: False where the estimator runs on weights that are not the released ones."""
@@ -187,8 +193,7 @@ class ConditionMonitor:
         """
         picture = _checked(image)
         squares = tiles(picture.shape, PATCH_PX, "cover")
-        side = min(self.tile_px, *picture.shape)
-        small = tiles(picture.shape, side, "cover")
+        small = frame_tiles(picture.shape, self.tile_px, self.most_tiles)
         return Condition(self._blur(cut(picture, squares), squares), self._noise(cut(picture, small), small, picture))
 
     def patches(self, patches: NDArray[np.floating]) -> Condition:

@@ -36,6 +36,7 @@ CELLS_PER_SIDE = 24
 LEAST_CELL_PX = 8
 SMOOTHING_PX = 1.5
 STRUCTURE_DN = 1.5  # standard deviation within a cell below which it shows no structure
+BLOCK_PIXELS = 65_536  # counted at once
 DARK_RATIO = 0.35  # to the median of the cells with structure
 
 
@@ -113,39 +114,45 @@ def measure(image: NDArray[np.floating]) -> FrameMeasures:
     Args:
         image: (H, W) float in [0, 1].
     """
-    target_sigmas_dn = 255.0 * np.asarray(image, dtype=np.float32)
-    bright, median = _percentiles(target_sigmas_dn, (99, 50))
+    levels = 255.0 * np.asarray(image, dtype=np.float32)
+    counts = _histogram(levels)
     # half a level of slack: grey levels of 8 bits come as multiples of 1/255, rounded to float32
-    saturated = float(np.mean(target_sigmas_dn >= SATURATED_DN - 0.5))
-    return FrameMeasures(float(bright), float(median), saturated, obstructed_fraction(target_sigmas_dn))
+    if counts is None:
+        bright, median = (float(value) for value in np.percentile(levels, (99, 50)))
+        saturated = float(np.mean(levels >= SATURATED_DN - 0.5))
+    else:
+        bright, median = (_percentile(counts, percent) for percent in (99, 50))
+        saturated = float(counts[int(SATURATED_DN) :].sum() / levels.size)
+    return FrameMeasures(bright, median, saturated, obstructed_fraction(levels))
 
 
-def _percentiles(target_sigmas_dn: NDArray[np.float32], percents: tuple[float, ...]) -> list[float]:
-    """`numpy.percentile` of a frame, ten times as fast where its levels are whole numbers, as those of 8 bits are."""
-    whole = np.rint(target_sigmas_dn)
-    # multiples of 1/255, rounded to float32 and multiplied by 255, miss whole numbers by less than this
-    if (
-        target_sigmas_dn.size == 0
-        or np.abs(target_sigmas_dn - whole).max() > 1e-4
-        or whole.min() < 0
-        or whole.max() > 255
-    ):
-        return [float(value) for value in np.percentile(target_sigmas_dn, percents)]
-    counts = np.bincount(whole.astype(np.uint8).ravel(), minlength=256)
+def _histogram(levels: NDArray[np.float32]) -> NDArray[np.int64] | None:
+    """Number of pixels (256,) of each grey level, where all are whole numbers, as those of 8 bits are; else None."""
+    if levels.size == 0 or not (levels.min() > -0.5 and levels.max() < 255.5):
+        return None
+    counts = np.zeros(256, np.int64)
+    for lines in np.array_split(levels, max(1, levels.size // BLOCK_PIXELS)):
+        whole = np.rint(lines)
+        # multiples of 1/255, rounded to float32 and multiplied by 255, miss whole numbers by less than this
+        if np.abs(lines - whole).max(initial=0) > 1e-4:
+            return None
+        counts += np.bincount(whole.astype(np.uint8).ravel(), minlength=256)
+    return counts
+
+
+def _percentile(counts: NDArray[np.int64], percent: float) -> float:
+    """`numpy.percentile` of grey levels by their histogram."""
     last = np.cumsum(counts) - 1  # index, in sorted order, of the last pixel of each level
-    result = []
-    for percent in percents:
-        index = percent / 100 * (target_sigmas_dn.size - 1)
-        low, high = (int(np.searchsorted(last, end)) for end in (np.floor(index), np.ceil(index)))
-        result.append(low + (index - np.floor(index)) * (high - low))
-    return result
+    index = percent / 100 * last[-1]
+    low, high = (int(np.searchsorted(last, end)) for end in (np.floor(index), np.ceil(index)))
+    return float(low + (index - np.floor(index)) * (high - low))
 
 
-def obstructed_fraction(target_sigmas_dn: NDArray[np.floating]) -> float:
+def obstructed_fraction(levels_dn: NDArray[np.floating]) -> float:
     """Share of a frame in its largest connected area that is dark and shows no structure.
 
     Args:
-        target_sigmas_dn: (H, W) grey levels, DN.
+        levels_dn: (H, W) grey levels, DN.
 
     Returns:
         0..1; 0 where nothing in the frame has structure, because an obstruction cannot be distinguished from darkness
@@ -153,16 +160,17 @@ def obstructed_fraction(target_sigmas_dn: NDArray[np.floating]) -> float:
     """
     import cv2
 
-    levels = np.asarray(target_sigmas_dn, dtype=np.float32)
+    levels = np.asarray(levels_dn, dtype=np.float32)
     side = max(LEAST_CELL_PX, round(min(levels.shape) / CELLS_PER_SIDE))
     rows, columns = levels.shape[0] // side, levels.shape[1] // side
     if not rows or not columns:
         return 0.0
     smooth = np.asarray(cv2.GaussianBlur(levels, (0, 0), SMOOTHING_PX), dtype=np.float32)
-    mean, deviation = (
-        statistic(_cells(picture, side, rows, columns), axis=2)
-        for statistic, picture in ((np.mean, levels), (np.std, smooth))
-    )
+    mean, deviation = np.empty((rows, columns), np.float32), np.empty((rows, columns), np.float32)
+    for row in range(rows):  # one row of cells at a time stays in the processor's cache
+        lines = slice(row * side, (row + 1) * side)
+        mean[row] = _cells(levels[lines], side, columns).mean(axis=1)
+        deviation[row] = _cells(smooth[lines], side, columns).std(axis=1)
     flat = deviation < STRUCTURE_DN
     if flat.all():
         return 0.0
@@ -172,7 +180,7 @@ def obstructed_fraction(target_sigmas_dn: NDArray[np.floating]) -> float:
     return float(largest / dark.size)
 
 
-def _cells(picture: NDArray[np.float32], side: int, rows: int, columns: int) -> NDArray[np.float32]:
-    """Pixels of square cells: (rows, columns, side * side)."""
-    inside = picture[: rows * side, : columns * side].reshape(rows, side, columns, side)
-    return inside.swapaxes(1, 2).reshape(rows, columns, side * side)
+def _cells(lines: NDArray[np.float32], side: int, columns: int) -> NDArray[np.float32]:
+    """Pixels of the square cells of a row: (columns, side * side)."""
+    inside = lines[:, : columns * side].reshape(side, columns, side)
+    return inside.swapaxes(0, 1).reshape(columns, side * side)

@@ -21,8 +21,9 @@ is of use however wide it is relative to the answer, unless detail that a codec 
 flicker unseen. Where the interval reaches zero the noise is not detected, and the answer moves towards zero by as much
 as the interval would reach below it.
 
-`NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. A patch that is
-plainly white and not coded skips the second network, so that such frames cost little more than `cellwise`.
+`NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. Each network runs
+where it has a weight: a patch that is plainly white and not coded skips the second one, a patch that is coded or
+clearly correlated the first.
 
 The constants were chosen on the development pictures of two sets of real camera noise (CC and PolyU), on frames with
 white noise, and on such frames behind JPEG and video codecs.
@@ -39,7 +40,7 @@ from numpy.typing import NDArray
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.noise.base import Measured
 from pipeline.noise.block_quantisation import at_corner, present
-from pipeline.noise.cell_mapper import CellMapper
+from pipeline.noise.cell_mapper import CELL_PX, CellMapper
 from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
 from pipeline.noise.correlated import RELEASED as RELEASED_CORRELATED
@@ -122,18 +123,27 @@ class Adaptive(CellMapper):
         self, stack: NDArray[np.floating], reason: NDArray[np.object_]
     ) -> tuple[Measured, NDArray[np.float32]]:
         """See `pipeline.noise.cell_mapper.CellMapper.measure_cells`; writes its own reasons to abstain."""
-        white, cells = self.white.measure_cells(stack, reason)
-        assert white.low_dn is not None and white.high_dn is not None
-        sigma, low, high = white.sigma_dn.copy(), white.low_dn.copy(), white.high_dn.copy()
-        white_sigma, correlation = sigma.copy(), np.zeros(len(sigma))
-        is_white = np.ones(len(sigma), bool)
-        requested = np.flatnonzero(~self._plainly_white(stack, white.low_dn))
+        count, (height, width) = len(stack), (side // CELL_PX for side in stack.shape[1:])
+        sigma, low, high, white_sigma, correlation = np.zeros((5, count))
+        cells = np.zeros((count, height, width), np.float32)
+        is_white = np.ones(count, bool)
+
+        def answer_white(indices: NDArray[np.intp]) -> None:
+            if len(indices):
+                white, cells[indices] = self.white.measure_cells(stack[indices], reason[indices])
+                sigma[indices], low[indices], high[indices] = white.sigma_dn, white.low_dn, white.high_dn
+                white_sigma[indices] = white.sigma_dn
+
+        looks_white = _looks_white(stack)
+        answer_white(np.flatnonzero(looks_white))
+        requested = np.flatnonzero(~(looks_white & (low > PLAIN_SIGMA_DN)))
         if len(requested):
             answer = self.correlated.predict(stack[requested])
             answer = replace(answer, reach=REAL_CAMERAS * answer.reach)
             quantised = present(answer.statistics[:, QUANTISED_START:], stack[0].size)
             traces = compressed(answer.statistics)
             coded = traces | quantised
+            answer_white(requested[~looks_white[requested] & ~decided(answer, coded)])
             weight = weights(sigma[requested], high[requested], answer, coded)
             processed = np.interp(answer.correlation, PROCESSED, (0.0, 1.0))
             level, reach = np.log1p(answer.sigma_dn) + COARSE_PART * processed, answer.reach
@@ -156,13 +166,28 @@ class Adaptive(CellMapper):
         reason[wide & (high >= WEAK_DN) & is_white & (reason == "")] = UNCERTAIN
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
 
-    def _plainly_white(self, stack: NDArray[np.floating], low_dn: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Patches whose noise is certainly there, white and not coded, for which the second network need not run."""
-        plain = low_dn > PLAIN_SIGMA_DN
-        for index in np.flatnonzero(plain):
-            pixels = np.rint(stack[index] * np.float32(FULL_SCALE_DN)).astype(np.float32)
-            plain[index] = whiteness(pixels) < PLAINLY_WHITE and not at_corner(pixels)
-        return plain
+
+def _looks_white(stack: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Patches (N, H, W) whose flat areas vary without correlation, and that are not coded."""
+    result = np.zeros(len(stack), bool)
+    for index, patch in enumerate(stack):
+        pixels = np.rint(patch * np.float32(FULL_SCALE_DN)).astype(np.float32)
+        result[index] = whiteness(pixels) < PLAINLY_WHITE and not at_corner(pixels)
+    return result
+
+
+def decided(answer: Prediction, coded: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Patches that the network for correlated noise answers alone (weight 1), whatever `cellwise` estimates.
+
+    Args:
+        answer: of that network.
+        coded: (N,) whether they show the traces of a codec.
+
+    Returns:
+        (N,).
+    """
+    sure = (answer.reach <= UNSURE_ABOVE) | (answer.correlation >= CLEARLY_CORRELATED)
+    return coded | (sure & (answer.correlation >= CORRELATED_ABOVE))
 
 
 def weights(

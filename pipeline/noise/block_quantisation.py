@@ -136,6 +136,9 @@ def _vanished_8(picture: Float, top: int, left: int) -> float:
 def _blocks(picture: Float, side: int, top: int, left: int) -> Float:
     """Blocks as rows (n, side^2), copied four pixels at once, as one number of 16 bytes."""
     rows, columns = (picture.shape[0] - top) // side, (picture.shape[1] - left) // side
-    cut = np.ascontiguousarray(picture[top : top + side * rows, left : left + side * columns])
-    fours = cut.view(np.complex128).reshape(rows, side, columns, side // 4).transpose(0, 2, 1, 3)
+    line, pixel = picture.strides
+    fours = np.ndarray(
+        (rows, columns, side, side // 4), np.complex128, picture, top * line + left * pixel,
+        (side * line, side * pixel, line, 4 * pixel),
+    )  # fmt: skip
     return np.ascontiguousarray(fours).view(np.float32).reshape(-1, side**2)

@@ -98,6 +98,8 @@ def whiteness(patch_dn: Float) -> float:
 
 def _windows(picture: Float, spacing: int, step: int) -> tuple[Float, Float]:
     """Windows as rows (n, 16) about their means, and the means (n,)."""
+    if spacing == step:  # they lie side by side in the picture of every step-th pixel
+        picture, spacing, step = np.ascontiguousarray(picture[::step, ::step]), 1, 1
     reach = (SIDE - 1) * spacing
     down, right = ((side - reach - 1) // step + 1 for side in picture.shape)
     if spacing == 1:  # the four pixels of a window's line are copied at once, as one number of 16 bytes

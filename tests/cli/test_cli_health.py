@@ -246,6 +246,28 @@ def test_health_and_noise_agree_by_default(tmp_path):
     assert abs(float(noise.output.splitlines()[1].split()[0]) - row["sigma_dn"]) < 0.006
 
 
+def test_health_and_noise_take_the_same_tiles_of_a_large_frame(tmp_path):
+    noise_dn = stream(0, "large frame").normal(0, 6, (640, 1280))
+    path = tmp_path / "large.png"
+    cv2.imwrite(str(path), np.rint(np.linspace(60, 190, 1280) + noise_dn).clip(0, 255).astype(np.uint8))
+    for options, tiles in (((), 50), (("--tiles", 12), 12)):
+        done = call(path, "--out", tmp_path / "out", *options)
+        assert done.exit_code == 0, done.output
+        (row,) = json.loads((tmp_path / "out/health.json").read_text())["pictures"]
+        noise = CliRunner().invoke(main, ["noise", str(path), *map(str, options), "--csv", str(tmp_path / "tiles.csv")])
+        assert row["noise_patches"] == tiles == len((tmp_path / "tiles.csv").read_text().splitlines()) - 1
+        assert abs(float(noise.output.splitlines()[1].split()[0]) - row["sigma_dn"]) < 0.006
+        assert row["sigma_dn"] == pytest.approx(6, abs=0.4)
+
+
+def test_both_commands_state_the_monitor_s_number_of_tiles():
+    from pipeline.cli import health, noise
+    from pipeline.condition.frame_tiles import MOST_TILES
+
+    for command in (health.command, noise.command):
+        assert next(option for option in command.params if option.name == "most_tiles").default == MOST_TILES
+
+
 def test_best_quality_estimates_blur_by_the_fused_estimator(tmp_path, monkeypatch):
     from pipeline.blur import fused, fusion_gate
     from pipeline.learning import weights

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from data_makers import picture
 
-from pipeline.condition.frame_flags import FrameInspector, _percentiles
+from pipeline.condition.frame_flags import SATURATED_DN, FrameInspector, measure
 from pipeline.streams import stream
 
 IMAGE = picture("flags").astype(np.float32) / np.float32(255)
@@ -88,10 +88,13 @@ def test_equal_pictures_and_equal_frames_of_two_streams_are_not_frozen():
     assert [inspector.inspect(IMAGE, f"{number}.mp4").repeats for number in range(5)] == [0] * 5
 
 
-@pytest.mark.parametrize("shape", [(30, 41), (192, 256), (1, 7)])
-def test_percentiles_of_whole_levels_are_those_of_numpy(shape):
+@pytest.mark.parametrize("shape", [(30, 41), (192, 256), (1, 7), (400, 700)])
+def test_measures_of_grey_levels_are_those_of_numpy(shape):
     draws = stream(0, "frame flags", "percentiles", str(shape))
-    levels = draws.integers(0, 256, shape).astype(np.float32)
-    fractions = draws.uniform(0, 255, shape).astype(np.float32)
-    for levels_dn in (levels, 255 * (levels / np.float32(255)), fractions, levels + 300):
-        assert np.allclose(_percentiles(levels_dn, (99, 50)), np.percentile(levels_dn, (99, 50)), rtol=1e-6)
+    whole = (draws.integers(0, 256, shape) / 255).astype(np.float32)
+    between = draws.uniform(0, 1, shape).astype(np.float32)
+    for image in (whole, between, np.where(between > 0.9, whole, between)):
+        levels = 255.0 * image
+        measures = measure(image)
+        assert (measures.bright_dn, measures.median_dn) == pytest.approx(np.percentile(levels, (99, 50)), rel=1e-6)
+        assert measures.saturated_fraction == pytest.approx(np.mean(levels >= SATURATED_DN - 0.5), abs=1e-12)

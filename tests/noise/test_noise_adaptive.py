@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from numpy.lib.stride_tricks import sliding_window_view
@@ -14,7 +15,8 @@ from pipeline.camera.processing.develop import grey
 from pipeline.condition import ConditionMonitor
 from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
-from pipeline.noise.adaptive import COMPRESSED, UNCERTAIN, Adaptive
+from pipeline.noise.adaptive import COMPRESSED, UNCERTAIN, Adaptive, decided, weights
+from pipeline.noise.correlated import Prediction
 from pipeline.streams import stream
 
 ADAPTIVE = noise.create("adaptive")
@@ -107,6 +109,37 @@ def test_strong_noise_behind_jpeg_is_read_with_an_interval_that_holds_it(quality
     assert not estimate.abstained.any()
     assert estimate.sigma_dn == pytest.approx(np.full(4, truth), rel=0.2)
     assert ((estimate.low_dn <= truth) & (truth <= estimate.high_dn)).all()
+
+
+def test_cellwise_runs_only_where_it_has_a_weight(monkeypatch):
+    """Coded and clearly correlated patches are answered alike whatever `cellwise` would estimate."""
+    coded = cv2.imdecode(cv2.imencode(".jpg", flat(8).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 60])[1], 0)
+    patches = stack(flat(5, 0.9), coded.astype(np.float32), flat(9))
+    estimator = Adaptive()
+    expected, counted, measure = estimator.estimate(patches), [], estimator.white.measure_cells
+
+    def counting(part, reason):
+        counted.append(len(part))
+        return measure(part, reason)
+
+    monkeypatch.setattr(estimator.white, "measure_cells", counting)
+    assert estimator.estimate(patches).sigma_dn == pytest.approx(expected.sigma_dn, rel=1e-6)
+    assert sum(counted) == 1
+
+
+def test_what_is_decided_has_the_whole_weight():
+    draw = stream(5, "weights")
+    count = 400
+    coded = draw.random(count) < 0.2
+    answer = Prediction(
+        draw.uniform(0, 20, count), draw.uniform(0, 2, count), np.zeros(count), draw.uniform(-0.2, 0.9, count),
+        np.zeros((count, 1, 1), np.float32), np.zeros((count, 1), np.float32),
+    )  # fmt: skip
+    known = decided(answer, coded)
+    white_dn = draw.uniform(0, 20, count)
+    for first in (np.zeros(count), white_dn):
+        assert (weights(first, first * 1.2, answer, coded)[known] == 1).all()
+    assert 0.3 < known.mean() < 0.8
 
 
 def test_answers_do_not_depend_on_the_batch():

@@ -1,0 +1,58 @@
+"""Tiles of a frame that its noise is estimated on: all of a frame of common size, an even selection of a larger one.
+
+Noise of a frame is the median over its tiles. Beyond some tens of them the median hardly changes, because neighbouring
+tiles share brightness, texture and what the camera did to them, while time grows with their number: 135 tiles cover a
+full-HD frame, and 6 x 9 of them, spread over it evenly, give the same median within a tenth of a DN, unless most of
+them abstain (``benchmarks/health.py``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.datasets.patches import Patch, tiles
+from pipeline.errors import InputError
+
+MOST_TILES = 54
+STEP_PX = 8  # tiles begin at multiples of it, where the blocks of a codec begin
+
+
+def frame_tiles(frame_shape: Sequence[int], size_px: int, most: int = MOST_TILES) -> list[Patch]:
+    """Square tiles of a frame, row by row from the top.
+
+    Where no more than `most` cover the frame, those (`pipeline.datasets.patches.tiles`). Else a grid of fewer rows and
+    columns, in about the same ratio, whose tiles lie apart at even distances from border to border.
+
+    Args:
+        frame_shape: (H, W).
+        size_px: side of a tile; smaller frames get one tile of their smaller side.
+        most: number of tiles, at least 1.
+
+    Returns:
+        tiles inside the frame.
+
+    Raises:
+        InputError: `most` under 1, or a size that is none.
+    """
+    if most < 1:
+        raise InputError(f"tiles of a frame: at most {most} wanted, expected at least 1")
+    side = min(size_px, *frame_shape)
+    every = tiles(frame_shape, side, "cover")
+    if len(every) <= most:
+        return every
+    rows = len({tile.y_px for tile in every})
+    columns = len(every) // rows
+    chosen = min(
+        ((down, min(columns, most // down)) for down in range(1, min(rows, most) + 1)),
+        key=lambda grid: max(rows / grid[0], columns / grid[1]),  # the wider of the distances
+    )
+    height, width = frame_shape
+    return [Patch(x, y, side) for y in _starts(height - side, chosen[0]) for x in _starts(width - side, chosen[1])]
+
+
+def _starts(last: int, count: int) -> list[int]:
+    """Even starts from 0 to `last`, at multiples of `STEP_PX` but for the last; the middle where there is one."""
+    even = np.linspace(0, last, count) if count > 1 else np.array([last / 2])
+    return [last if start == last and count > 1 else int(start) // STEP_PX * STEP_PX for start in even]

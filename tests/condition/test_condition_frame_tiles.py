@@ -1,0 +1,61 @@
+"""Tiles of a frame for its noise: all of a small frame, an even selection of a large one, always inside."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.condition import ConditionMonitor
+from pipeline.condition.frame_tiles import MOST_TILES, STEP_PX, frame_tiles
+from pipeline.datasets.patches import cut, tiles
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+
+@pytest.mark.parametrize("shape", [(370, 1224), (768, 896), (128, 128), (90, 300)])
+def test_a_frame_of_few_tiles_is_covered(shape):
+    assert frame_tiles(shape, 128) == tiles(shape, min(128, *shape), "cover")
+
+
+@pytest.mark.parametrize("shape", [(1080, 1920), (1200, 1920), (2160, 3840), (1920, 1080), (400, 9000), (3000, 3000)])
+@pytest.mark.parametrize("most", [1, 2, 7, 30, MOST_TILES])
+def test_a_large_frame_gets_an_even_selection(shape, most):
+    chosen = frame_tiles(shape, 128, most)
+    assert most / 2 <= len(chosen) <= most and len(set(chosen)) == len(chosen)
+    for starts, length in (
+        (sorted({tile.y_px for tile in chosen}), shape[0]),
+        (sorted({tile.x_px for tile in chosen}), shape[1]),
+    ):
+        assert starts[0] >= 0 and starts[-1] <= length - 128
+        assert all(start % STEP_PX == 0 for start in starts[:-1])
+        if len(starts) > 1:
+            assert starts[0] == 0 and starts[-1] == length - 128
+            steps = np.diff(starts)
+            assert steps.max() - steps.min() <= 2 * STEP_PX
+    assert [(tile.y_px, tile.x_px) for tile in chosen] == sorted((tile.y_px, tile.x_px) for tile in chosen)
+
+
+def test_full_hd_is_sampled_alike_along_and_across():
+    chosen = frame_tiles((1080, 1920), 128)
+    assert len({tile.y_px for tile in chosen}) == 6 and len({tile.x_px for tile in chosen}) == 9
+
+
+def test_bad_numbers_are_refused():
+    with pytest.raises(InputError, match="at least 1"):
+        frame_tiles((1080, 1920), 128, 0)
+    with pytest.raises(InputError, match="most_tiles"):
+        ConditionMonitor(most_tiles=0)
+
+
+def test_the_monitor_gives_the_same_noise_by_a_selection_as_by_all_tiles():
+    """Noise of 6 DN on a ramp, which the network for correlated noise need not see; the map knows where tiles lie."""
+    draw = stream(0, "frame tiles")
+    ramp = np.linspace(60, 190, 1152)[None].repeat(768, axis=0)
+    frame = (np.rint(ramp + draw.normal(0, 6, ramp.shape)).clip(0, 255) / 255).astype(np.float32)
+    every, selected = (ConditionMonitor(most_tiles=most).frame(frame).noise for most in (1000, 12))
+    assert len(every.patches) == 54 and len(selected.patches) == 12 and selected.grid == (3, 4)
+    assert selected.summary.value == pytest.approx(every.summary.value, abs=0.1)
+    known = np.isfinite(selected.map_dn)
+    assert selected.map_dn.shape == every.map_dn.shape == (96, 144) and known.mean() == pytest.approx(12 / 54, abs=0.01)
+    assert np.array_equal(selected.estimate.sigma_dn.shape, (12,))
+    assert cut(frame, selected.patches).shape == (12, 1, 128, 128)
