@@ -180,8 +180,8 @@ class Score:
             return f"None of {sum(counts.values()):,} published measurements has been compared yet."
         return (
             f"Of {_compared(counts):,} published measurements compared with ours, {counts[MATCH]:,} agree within both "
-            f"sides' uncertainty, in {counts[BETTER]:,} ours is better, {counts[CLOSE]:,} are close and "
-            f"{counts[DIFFERS]:,} differ."
+            f"sides' uncertainty, in {counts[BETTER]:,} the paper's method as we run it does better, on other frames, "
+            f"{counts[CLOSE]:,} are close and {counts[DIFFERS]:,} differ."
         ) + self._reservation
 
     @property
