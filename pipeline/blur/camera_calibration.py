@@ -5,18 +5,21 @@ is fitted that brings its estimates to the truth:
 
     logit(M) ~ A logit(m) + b,        A: 16 x 16 E, b: 16   (two directions x eight frequencies, E networks)
 
-by least absolute error, with A drawn towards the mean of the E networks that an ensemble joins (the identity where
-E = 1). Division by the sharp frames' own MTF (`Estimator.divided`) is right where an estimator errs by a factor; this
-also mends errors that grow with blur, leak from one frequency into another, or take the camera's sharpening for
-sharpness, and it weights the networks by how well they do on this camera. The result is the MTF relative to the
-camera's sharp frames.
+by least absolute error, with A drawn towards the mean of the E networks that an ensemble joins, the identity where
+E = 1 (`pipeline.blur.affine_logits`). Division by the sharp frames' own MTF (`Estimator.divided`) is right where an
+estimator errs by a factor; this also mends errors that grow with blur, leak from one frequency into another, or take
+the camera's sharpening for sharpness, and it weights the networks by how well they do on this camera. The result is the
+MTF relative to the camera's sharp frames.
 
-A map is only as good as the scenes that it was fitted on. It is cross-validated over groups of sharp patches, and drawn
-back to the estimator's uncalibrated output x0 as far as the held-out scenes demand,
+A map is only as good as the scenes that it was fitted on. It is cross-validated over groups of sharp patches: how
+strongly A is drawn to its start, and how far the map is drawn back to the estimator's uncalibrated output x0,
 
-    logit(M) = w (A logit(m) + b) + (1 - w) x0,        w in {0, 1/4, 1/2, 3/4, 1} of least held-out error,
+    logit(M) = w (A logit(m) + b) + (1 - w) x0,        w in {0, 1/4, 1/2, 3/4, 1}.
 
-so that a calibration which does not carry over to other scenes is none. Intervals are widened by the held-out errors.
+Of all whose held-out error exceeds the least by no more than one standard error of the difference (over sharp patches)
+the strongest draw is taken, and of those the greatest w; so a calibration which does not carry over to other scenes is
+none. Some cameras need much of A off the diagonal, for others most of that is the scenes': one strength for all was up
+to a tenth worse on either. Intervals are widened by the held-out errors.
 
 Kernels are of the family that networks are trained on (`pipeline.learning.kernels`, with irises, halos and rendered
 lenses; without those, kernels with a halo were read 40 % worse calibrated than not), none of the study's own. Ours; the
@@ -34,6 +37,8 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.blur import affine_logits
+from pipeline.blur.affine_logits import logit, sigmoid
 from pipeline.blur.base import FREQUENCIES, BlurEstimate, BlurEstimator, as_patches
 from pipeline.camera.mtf import CAMERA
 from pipeline.errors import InputError
@@ -41,18 +46,16 @@ from pipeline.errors import InputError
 VALUES = 2 * FREQUENCIES
 KERNELS = "with_optics"
 MOST_MEMBERS = 8
-NEAREST = 0.004  # to 0 and 1 that a logit is taken of
 SAMPLES = 1200
 AT_ONCE = 64
-ROUNDS = 600
-BATCH = 256
-RATE = 3e-3
-TOWARDS_START = 1e-3
 COVERAGE = 0.95
 LEAST_SAMPLES = 100
 FOLDS = 4
-WEIGHTS = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Weights of the map beside the uncalibrated output, of which cross-validation takes one."""
+STRENGTHS = (1.0, 0.1, 0.01, 0.001)
+"""Of the draw of A towards its start, strongest first; cross-validation takes one."""
+WEIGHTS = (1.0, 0.75, 0.5, 0.25, 0.0)
+"""Of the map beside the uncalibrated output, greatest first; cross-validation takes one."""
+FEW_PATCHES = 3  # up to which the standard error is over samples: so few patches do not give one
 
 
 class CameraMap(Protocol):
@@ -113,8 +116,8 @@ class Calibration:
 
     def __call__(self, mtf: NDArray[np.floating]) -> NDArray[np.float64]:
         """Corrected MTFs: (N, 2, 8) in (0, 1), of those estimated, (N, 2, 8) or (N, E, 2, 8); NaN stays."""
-        mapped = _logit(mtf.reshape(len(mtf), -1)) @ self.matrix.T + self.offset
-        return _sigmoid(mapped).reshape(len(mtf), 2, FREQUENCIES)
+        mapped = logit(mtf.reshape(len(mtf), -1)) @ self.matrix.T + self.offset
+        return sigmoid(mapped).reshape(len(mtf), 2, FREQUENCIES)
 
     def answer(self, estimator: BlurEstimator, patches: Any) -> BlurEstimate:
         """The MTF added to the camera's sharp frames; see `corrected`."""
@@ -237,7 +240,7 @@ def affine_calibration(
         sharp_patches: (N, 1, 192, 192) float in [0, 1] of the camera's sharp frames, like those it will be asked about;
             some tens, of different scenes, are enough.
         samples: blurred patches to fit on; every sharp patch is used about equally often.
-        seed: of kernels and of the fit's order.
+        seed: of the kernels.
 
     Raises:
         InputError: not such patches, fewer than 100 samples, or hardly any that the estimator can measure.
@@ -268,17 +271,16 @@ def affine_calibration(
             f"sharp_patches: only {usable.sum()} of {samples} blurred samples can be measured (flat or saturated); "
             "give patches with structure, from sharp frames"
         )
-    logits, known = _logit(read[usable]), truth[usable]
+    logits, known = logit(read[usable]), truth[usable]
     patch = (np.arange(samples) % len(sharp))[usable]
-    held_out = _held_out(logits, known, _groups(patch, len(sharp)), seed)
-    plain = logits[:, :VALUES]
-    errors = [np.abs(_sigmoid(weight * held_out + (1 - weight) * plain) - known) for weight in WEIGHTS]
-    best = int(np.argmin([error.mean() for error in errors]))
-    matrix, offset = _affine(logits, known, seed)
-    identity = np.eye(VALUES, logits.shape[1])
-    matrix, offset = WEIGHTS[best] * matrix + (1 - WEIGHTS[best]) * identity, WEIGHTS[best] * offset
-    percent = (100 * float(errors[0].mean()), 100 * float(errors[best].mean()))
-    return Calibration(matrix, offset, _widening(results, usable, errors[best]), int(usable.sum()), percent)
+    held_out = _held_out(logits, known, _groups(patch, len(sharp)))
+    scene = patch if len(sharp) > FEW_PATCHES else np.arange(len(known))
+    index, weight, error = _chosen(held_out, logits[:, :VALUES], known, scene)
+    matrix, offset = affine_logits.fit(logits, known, STRENGTHS[: index + 1])[index]
+    matrix = weight * matrix + (1 - weight) * np.eye(VALUES, logits.shape[1])
+    before = np.abs(sigmoid(logits[:, :VALUES]) - known).mean()
+    percent = (100 * float(before), 100 * float(error.mean()))
+    return Calibration(matrix, weight * offset, _widening(results, usable, error), int(usable.sum()), percent)
 
 
 @lru_cache(maxsize=2)
@@ -300,16 +302,43 @@ def _groups(patch: NDArray[np.int_], count: int) -> NDArray[np.int_]:
     return np.arange(len(patch)) % FOLDS if count == 1 else patch * min(FOLDS, count) // count
 
 
-def _held_out(
-    read: NDArray[np.float64], truth: NDArray[np.float64], groups: NDArray[np.int_], seed: int
-) -> NDArray[np.float64]:
-    """(N, 16) logits of every sample by the map calibrated on the other groups."""
-    result = np.empty_like(truth)
+def _held_out(read: NDArray[np.float64], truth: NDArray[np.float64], groups: NDArray[np.int_]) -> NDArray[np.float64]:
+    """(S, N, 16) logits of every sample by the maps of each strength that were calibrated on the other groups."""
+    result = np.empty((len(STRENGTHS), *truth.shape))
     for group in np.unique(groups):
         out = groups == group
-        matrix, offset = _affine(read[~out], truth[~out], seed)
-        result[out] = read[out] @ matrix.T + offset
+        for index, (matrix, offset) in enumerate(affine_logits.fit(read[~out], truth[~out], STRENGTHS)):
+            result[index, out] = read[out] @ matrix.T + offset
     return result
+
+
+def _chosen(
+    held_out: NDArray[np.float64], plain: NDArray[np.float64], truth: NDArray[np.float64], scene: NDArray[np.int_]
+) -> tuple[int, float, NDArray[np.float64]]:
+    """Which strength and weight to take, and the held-out absolute errors (N, 16) with them.
+
+    Args:
+        held_out: see `_held_out`.
+        plain: (N, 16) logits of the uncalibrated output.
+        truth: (N, 16).
+        scene: (N,) what each sample shows; the standard error is over scenes.
+    """
+    errors = {
+        (index, weight): np.abs(sigmoid(weight * mapped + (1 - weight) * plain) - truth)
+        for index, mapped in enumerate(held_out)
+        for weight in WEIGHTS
+    }
+    least = min(errors.values(), key=np.mean).mean(axis=1)
+    samples = np.bincount(scene)
+    seen = samples > 0
+
+    def as_good(error: NDArray[np.float64]) -> bool:
+        more = error.mean(axis=1) - least
+        by_scene = np.bincount(scene, more)[seen] / samples[seen]
+        return bool(more.mean() <= by_scene.std(ddof=1) / np.sqrt(len(by_scene)))
+
+    index, weight = next(key for key, error in errors.items() if as_good(error))
+    return index, weight, errors[index, weight]
 
 
 def _widening(found: Sequence[BlurEstimate], usable: NDArray[np.bool_], error: NDArray[np.float64]) -> float:
@@ -318,42 +347,3 @@ def _widening(found: Sequence[BlurEstimate], usable: NDArray[np.bool_], error: N
         return float("nan")
     half = np.concatenate([(np.asarray(item.high) - np.asarray(item.low)) / 2 for item in found]).reshape(-1, VALUES)
     return float(np.quantile(error / np.maximum(half[usable], 1e-3), COVERAGE))
-
-
-def _sigmoid(logits: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(1 / (1 + np.exp(-logits)))
-
-
-def _logit(mtf: NDArray[np.floating]) -> NDArray[np.float64]:
-    """log(m / (1 - m)), away from 0 and 1."""
-    inside = np.clip(np.asarray(mtf, np.float64), NEAREST, 1 - NEAREST)
-    return np.asarray(np.log(inside / (1 - inside)))
-
-
-def _affine(
-    read: NDArray[np.float64], truth: NDArray[np.float64], seed: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A and b that minimise mean |sigmoid(A read + b) - truth| + a little |A - A0|^2, by Adam from A0.
-
-    A0 is the mean of the networks, [I / E, ..., I / E].
-    """
-    import torch
-
-    from pipeline.streams import stream
-
-    generator = stream(seed, "camera fit order")
-    inputs, targets = torch.from_numpy(read), torch.from_numpy(truth)
-    members = read.shape[1] // VALUES
-    start = (torch.eye(VALUES, dtype=torch.float64) / members).repeat(1, members)
-    matrix, offset = start.clone().requires_grad_(), torch.zeros(VALUES, dtype=torch.float64).requires_grad_()
-    optimiser = torch.optim.Adam([matrix, offset], lr=RATE)
-    for turn in range(ROUNDS):
-        for group in optimiser.param_groups:
-            group["lr"] = RATE * (1 - turn / ROUNDS)
-        batch = torch.from_numpy(generator.integers(len(inputs), size=BATCH))
-        error = (torch.sigmoid(inputs[batch] @ matrix.T + offset) - targets[batch]).abs().mean()
-        loss = error + TOWARDS_START * (matrix - start).square().sum() / VALUES
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-    return matrix.detach().numpy(), offset.detach().numpy()

@@ -5,6 +5,7 @@ import pytest
 
 from pipeline import blur
 from pipeline.blur import camera_calibration
+from pipeline.blur.affine_logits import logit
 from pipeline.blur.base import BlurEstimate
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
 from pipeline.camera import mtf
@@ -221,3 +222,18 @@ def test_calibration_does_no_harm_under_halos_and_irises():
             for way in (estimator, calibrated)
         )
         assert relative <= 1.1 * raw
+
+
+def test_of_maps_that_hold_out_as_well_the_strongest_draw_is_taken():
+    """Held-out logits: a right map drawn strongly, one that is no better, and one that is much worse."""
+    generator = stream(11, "test choice")
+    truth = generator.uniform(0.2, 0.8, (240, 16))
+    plain, right = logit(truth) + 2.0, logit(truth) + generator.normal(0, 0.1, truth.shape)
+    alike = right + generator.normal(0, 0.02, truth.shape)
+    scene = np.arange(240) % 24
+    index, weight, error = camera_calibration._chosen(np.stack([right, alike]), plain, truth, scene)
+    assert (index, weight) == (0, 1.0) and error.shape == truth.shape
+    index, _, error = camera_calibration._chosen(np.stack([right + 1.0, right]), plain, truth, scene)
+    assert index == 1 and error.mean() < 0.03
+    _, weight, _ = camera_calibration._chosen(np.stack([right + 4.0, right - 4.0]), right, truth, scene)
+    assert weight == 0.0
