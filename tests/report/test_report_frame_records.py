@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import NOT_RUN
 from pipeline.report.ledger_items import ITEMS, rows_of
 from pipeline.report.sections import combined, factors, noise
+from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import Figure
 from pipeline.report.tables import Estimate, Table
 
@@ -101,6 +103,15 @@ def test_the_overview_shows_them_as_recorded(inputs: ReportInputs) -> None:
     assert states[("Blur and noise at once", "udacity")] == "recorded"
     assert states[("Blur and noise at once", "kitti")] == "absent"
     assert "recorded" in {run.state for run in noise.section(inputs).runs}
+
+
+def test_published_items_that_only_records_measured_are_recorded_not_ran(inputs: ReportInputs) -> None:
+    names = ["photon_defocus_amae", "improved_blur", "yolov7_direction_ap"]
+    ledger = [row for name in names for row in rows_of(BY_NAME[name], inputs)]
+    states = [run.state for run in beside_ours(names, ledger, inputs)[1]]
+    assert states == ["recorded", "recorded", "absent"]
+    there = replace(inputs, absent={})  # Udacity is configured: its stages made the rows
+    assert [run.state for run in beside_ours(names, ledger, there)[1]] == ["ran", "ran", "absent"]
 
 
 @pytest.mark.parametrize("name", ["photon_defocus_amae", "improved_blur"])

@@ -37,5 +37,7 @@ def beside_ours(
         if missing:
             blocks.append(NotRun(f"{item.title} ({counted(len(missing), 'published number')})", why, line))
         partly = f"{len(done):,} of {len(selected):,} numbers" if done and missing else ""
-        runs.append(Run(item.title, "", bool(done), partly or ("" if done else why), line))
+        measured_on = {row.dataset for row in done if row.dataset}
+        recorded = bool(measured_on) and measured_on <= set(inputs.absent)  # data that no stage had
+        runs.append(Run(item.title, "", bool(done) and not recorded, partly or ("" if done else why), line, recorded))
     return blocks, runs
