@@ -28,13 +28,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.control.order_conclusions import Conclusion
+    from pipeline.report.detection_results import Results
 
 BUILT_IN = ("prosilica", "mean_intensity")
 
 
+def _results(evidence: Evidence) -> list[Results]:
+    """Every sweep, recorded ones among them."""
+    return [*evidence.detection, *(record.results for record in detection_results.recorded(evidence.inputs))]
+
+
 def _sweeps(evidence: Evidence) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Dataset and average precision of every detector and class, recorded ones among them."""
-    for one in [*evidence.detection, *(record.results for record in detection_results.recorded(evidence.inputs))]:
+    """Dataset and average precision of every detector and class."""
+    for one in _results(evidence):
         for label in one.labels:
             yield one.dataset, one.precision[one.precision["label"] == label]
 
@@ -81,7 +87,7 @@ def _both_cost_more(evidence: Evidence) -> Measurement | None:
 
 def _not_monotonic(evidence: Evidence) -> Measurement | None:
     pairs, on, rises, certain, bins = [], [], 0, 0, 0
-    for one in evidence.detection:
+    for one in _results(evidence):
         for _, group in one.heat[one.heat["count"] > 0].groupby("label"):
             pairs.append((bool(group["certainly"].any()), False))
             on.append(one.dataset)
@@ -96,8 +102,7 @@ def _direction_matters(evidence: Evidence) -> Measurement | None:
     paper = published_table(evidence.inputs.paper / "yolov7_direction_ap.csv")
     quiet = paper[paper["sigma_dn"] == 0].groupby("kernel_size_px")["ap_percent"]
     theirs = float((quiet.max() - quiet.min()).max())
-    sweeps = [*evidence.detection, *(one.results for one in detection_results.recorded(evidence.inputs))]
-    parts = [one.spread.assign(dataset=one.dataset) for one in sweeps if one.spread is not None]
+    parts = [one.spread.assign(dataset=one.dataset) for one in _results(evidence) if one.spread is not None]
     rows = [row for part in parts for row in records(part[part["target_sigma_dn"] == 0])]
     if not rows:
         return None
