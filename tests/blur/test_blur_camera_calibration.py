@@ -237,3 +237,37 @@ def test_of_maps_that_hold_out_as_well_the_strongest_draw_is_taken():
     assert index == 1 and error.mean() < 0.03
     _, weight, _ = camera_calibration._chosen(np.stack([right + 4.0, right - 4.0]), right, truth, scene)
     assert weight == 0.0
+
+
+def test_windows_of_one_picture_are_trusted_less_than_other_scenes(truth):
+    """An estimator that one map mends: of two windows that overlap the map keeps a fixed weight, of two scenes all."""
+    pictures = [images.picture(index, 5, "test image", 255).astype(np.float32) / 255 for index in range(2)]
+    windows = np.stack([pictures[0][:192, :192], pictures[0][63:, 63:]])[:, None]
+    scenes = np.stack([picture[:192, :192] for picture in pictures])[:, None]
+
+    def wrong(values):
+        return odds(values, 0.5, 1.0)
+
+    one, two = (
+        camera_calibration.calibrate(Bent(truth, wrong), patches, samples=SAMPLES) for patches in (windows, scenes)
+    )
+    _, weight = camera_calibration.ONE_SCENE
+    assert one.offset.mean() == pytest.approx(weight * np.log(2), rel=0.15)
+    assert two.offset.mean() == pytest.approx(np.log(2), rel=0.15)
+
+
+def test_scenes_that_cannot_be_measured_do_not_count(sharp, truth):
+    """Of three patches only one gives estimates: a single scene."""
+
+    class OneOfThree(Bent):
+        def estimate(self, patches):
+            position = np.arange(self.asked, self.asked + len(patches)) % 3
+            result = super().estimate(patches)
+            result.mtf[position != 2] = np.nan
+            abstained = position != 2
+            return BlurEstimate(result.mtf, abstained, np.where(abstained, "flat", ""))
+
+    made = camera_calibration.calibrate(
+        OneOfThree(truth, lambda values: odds(values, 0.5, 1.0)), sharp[:3], samples=SAMPLES
+    )
+    assert made.samples == SAMPLES // 3 and made.error_percent[1] < made.error_percent[0]
