@@ -14,24 +14,32 @@ and the answer is a mean of their ln(1 + sigma) with weight w of the second:
     w = 0                  where the second network is not sure at all, and nothing points to processing
 
 Traces of a codec are steps at block edges, vanished fine detail (`compressed`) and quantised transform blocks
-(`pipeline.noise.block_quantisation`). Where the interval of ln(1 + sigma) is too wide to be of use the patch is
-abstained from: as ``"compressed"`` behind a codec, which removes weak noise and leaves its own, else as
-``"uncertain"``: fine texture, foliage for example, that hides noise or resembles it. An interval that ends below 2.5 DN
-is of use however wide it is relative to the answer, unless detail that a codec quantises anew from shot to shot may
-flicker unseen. Where the interval reaches zero the noise is not detected, and the answer moves towards zero by as much
-as the interval would reach below it.
+(`pipeline.noise.block_quantisation`). Where the interval reaches zero the noise is not detected, and the answer moves
+towards zero by as much as the interval would reach below it.
+
+A patch is abstained from, as ``"compressed"`` where a codec shows, else as ``"uncertain"``, where
+
+    (1 - w) reach_1 + w reach_2  >  (1 - w) widest_1 + w widest_2
+
+with the reach of both intervals of ln(1 + sigma). What is wide depends on what shows that the picture was processed:
+behind a codec, smooth grain is probably noise; where nothing shows one, it may as well be asphalt, gravel or foliage,
+which rendered pictures have and which no statistic of one patch separates from noise that was smoothed. An interval
+that ends below 2.5 DN is of use however wide it is relative to the answer, unless detail that a codec quantises anew
+from shot to shot may flicker unseen. An answer of zero is not given where a codec that left detail shows, be it by
+traces too weak for anything else: H.264 removes weak noise, and its own error changes from shot to shot.
 
 `NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. Each network runs
 where it has a weight: a patch that is plainly white and not coded skips the second one, a patch that is coded or
 clearly correlated the first.
 
 The constants were chosen on the development pictures of two sets of real camera noise (CC and PolyU), on frames with
-white noise, and on such frames behind JPEG and video codecs.
+white noise, and on such frames behind JPEG and video codecs; `WIDEST_REACH` on *Sim* and on procedural scenes through
+cameras without a codec, and checked on KITTI, Udacity and the *Sim* of the paper's authors.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +47,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.noise.base import Measured
-from pipeline.noise.block_quantisation import at_corner, present
+from pipeline.noise.block_quantisation import at_corner, present, suspected
 from pipeline.noise.cell_mapper import CELL_PX, CellMapper
 from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
@@ -62,7 +70,6 @@ DISAGREEMENT_WIDTH = 0.15  # of ln(1 + sigma), over which disagreeing intervals 
 MIN_REACH = 0.05  # of the interval of cellwise, for that comparison
 PLAINLY_WHITE = 0.1  # lag-1 correlation of flat windows below which ...
 PLAIN_SIGMA_DN = 1.0  # ... noise that certainly exceeds this is white
-LEAST_WEIGHT = 0.02  # of the second network, from which it takes part in the answer
 REAL_CAMERAS = 1.5
 """How much wider the second network's intervals must be on real cameras than on the simulated ones that set them."""
 
@@ -71,16 +78,17 @@ COARSE_PART = 0.04
 cameras have more of than the simulated ones, is taken for the picture."""
 
 PROCESSED = (0.4, 0.5)  # correlation of adjacent pixels over which it sets in
-WIDEST_REACH = 0.7
-"""Half-width of the interval of ln(1 + sigma) beyond which there is no answer: a factor of 2 either way. Crowns of
-rendered trees, which the second network may take for strong noise, lie beyond it."""
+WIDEST_REACH = 0.22
+"""Half-width of the interval of ln(1 + sigma) beyond which there is no answer where nothing shows a codec: 25 % either
+way. Asphalt and cobbles of rendered scenes, which the second network takes for noise of 5 to 17 DN, lie beyond it."""
 
 WIDEST_WHITE_REACH = 0.9
-"""The same, upwards, where `cellwise` decides: beyond it, on foliage and gravel, its answer is far too low."""
+"""The same, upwards, for `cellwise`: beyond it, on foliage and gravel, its answer is far too low."""
 
 WIDEST_COMPRESSED_REACH = 0.47  # the same behind a strong codec: a factor of 1.6
 WIDEST_QUANTISED_REACH = 0.65  # the same where only quantised transform blocks show a codec
 WEAK_DN = 2.5  # where the interval ends below, noise is certainly weak
+UNDETECTED_DN, UNDETECTED_LOW_DN = 0.5, 0.05  # an answer and lower end below these are an answer of zero
 SMOOTH = 0.9  # fraction of vanished coefficients of quantised blocks above which no detail is left to flicker
 VANISHED_COEFFICIENTS = 0.85  # of high-frequency DCT coefficients: a codec has removed them
 GRID_STEP = 0.12  # ln of the step at block edges over that elsewhere
@@ -91,8 +99,8 @@ class Adaptive(CellMapper):
 
     Args:
         cellwise_weights, correlated_weights: weight files of the two networks; None for the released ones.
-        widest_reach, widest_compressed_reach: half-width of the interval of ln(1 + sigma) beyond which a patch is
-            abstained from, without and with the traces of a strong codec.
+        widest_reach, widest_compressed_reach: half-width of the second network's interval of ln(1 + sigma) beyond which
+            a patch is abstained from, without a codec and with the traces of a strong one.
         widest_white_reach: the same where the noise is white, for the upper half of the interval.
         saturated_fraction: of saturated pixels, (0, 1], from which a patch is refused.
 
@@ -126,7 +134,6 @@ class Adaptive(CellMapper):
         count, (height, width) = len(stack), (side // CELL_PX for side in stack.shape[1:])
         sigma, low, high, white_sigma, correlation = np.zeros((5, count))
         cells = np.zeros((count, height, width), np.float32)
-        is_white = np.ones(count, bool)
 
         def answer_white(indices: NDArray[np.intp]) -> None:
             if len(indices):
@@ -137,34 +144,40 @@ class Adaptive(CellMapper):
         looks_white = _looks_white(stack)
         answer_white(np.flatnonzero(looks_white))
         requested = np.flatnonzero(~(looks_white & (low > PLAIN_SIGMA_DN)))
-        if len(requested):
-            answer = self.correlated.predict(stack[requested])
-            answer = replace(answer, reach=REAL_CAMERAS * answer.reach)
-            quantised = present(answer.statistics[:, QUANTISED_START:], stack[0].size)
-            traces = compressed(answer.statistics)
-            coded = traces | quantised
-            answer_white(requested[~looks_white[requested] & ~decided(answer, coded)])
-            weight = weights(sigma[requested], high[requested], answer, coded)
-            processed = np.interp(answer.correlation, PROCESSED, (0.0, 1.0))
-            level, reach = np.log1p(answer.sigma_dn) + COARSE_PART * processed, answer.reach
-            sigma[requested] = _between(sigma[requested], np.maximum(level - np.maximum(reach - level, 0), 0), weight)
-            low[requested] = _between(low[requested], np.maximum(level - reach, 0.0), weight)
-            high[requested] = _between(high[requested], level + reach, weight)
-            white_sigma[requested] = _between(white_sigma[requested], np.log1p(answer.white_sigma_dn), weight)
-            correlation[requested] = answer.correlation
-            scale = sigma[requested] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
-            adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
-            cells[requested] = np.where(weight[:, None, None] >= 0.5, adapted, cells[requested])
-            widest = np.where(quantised, min(WIDEST_QUANTISED_REACH, self.widest_reach), self.widest_reach)
-            widest = np.where(traces, self.widest_compressed_reach, widest)
-            weak = (high[requested] < WEAK_DN) & (~quantised | (answer.statistics[:, -1] > SMOOTH))
-            unsure = (reach > widest) & ~weak & (weight > LEAST_WEIGHT) & (reason[requested] == "")
-            reason[requested[unsure & coded]] = COMPRESSED
-            reason[requested[unsure & ~coded]] = UNCERTAIN
-            is_white[requested] = weight < 0.5
-        wide = np.log1p(high) - np.log1p(sigma) > self.widest_white_reach
-        reason[wide & (high >= WEAK_DN) & is_white & (reason == "")] = UNCERTAIN
+        answer = self.correlated.predict(stack[requested])
+        answer = replace(answer, reach=REAL_CAMERAS * answer.reach)
+        traces = codec_traces(answer.statistics, stack.shape[1] * stack.shape[2])
+        answer_white(requested[~looks_white[requested] & ~decided(answer, traces.coded)])
+        weight = weights(sigma[requested], high[requested], answer, traces.coded)
+
+        reach, widest = np.log1p(high) - np.log1p(sigma), np.full(count, self.widest_white_reach)
+        reach[requested] += weight * (answer.reach - reach[requested])
+        widest[requested] += weight * (self._widest(traces) - widest[requested])
+
+        processed = np.interp(answer.correlation, PROCESSED, (0.0, 1.0))
+        level, apart = np.log1p(answer.sigma_dn) + COARSE_PART * processed, answer.reach
+        sigma[requested] = _between(sigma[requested], np.maximum(level - np.maximum(apart - level, 0), 0), weight)
+        low[requested] = _between(low[requested], np.maximum(level - apart, 0.0), weight)
+        high[requested] = _between(high[requested], level + apart, weight)
+        white_sigma[requested] = _between(white_sigma[requested], np.log1p(answer.white_sigma_dn), weight)
+        correlation[requested] = answer.correlation
+        scale = sigma[requested] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
+        adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
+        cells[requested] = np.where(weight[:, None, None] >= 0.5, adapted, cells[requested])
+
+        coded, flickering, hiding = np.zeros((3, count), bool)
+        coded[requested], flickering[requested] = traces.coded, traces.quantised & traces.detail
+        hiding[requested] = (traces.quantised | traces.suspected) & traces.detail
+        wide = (reach > widest) & ((high >= WEAK_DN) | flickering)
+        hidden = hiding & (sigma < UNDETECTED_DN) & (low < UNDETECTED_LOW_DN)
+        unsure = (wide | hidden) & (reason == "")
+        reason[unsure] = np.where((coded | hidden)[unsure], COMPRESSED, UNCERTAIN)
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
+
+    def _widest(self, traces: Traces) -> NDArray[np.float64]:
+        """Reach of the second network's interval beyond which there is no answer, (N,)."""
+        uncoded_or_quantised = np.where(traces.quantised, WIDEST_QUANTISED_REACH, self.widest_reach)
+        return np.asarray(np.where(traces.strong, self.widest_compressed_reach, uncoded_or_quantised))
 
 
 def _looks_white(stack: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -211,6 +224,39 @@ def weights(
     ramp = np.clip((answer.correlation - WHITE_BELOW) / (CORRELATED_ABOVE - WHITE_BELOW), 0, 1)
     lost = (answer.reach > UNSURE_ABOVE) & (answer.correlation < CLEARLY_CORRELATED)
     return np.where(coded, 1.0, np.where(lost, 0.0, np.maximum(ramp, apart * sure)))
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Traces of a codec in N patches.
+
+    Attributes:
+        strong: (N,) steps at block edges or vanished fine detail (`compressed`).
+        quantised: (N,) quantised transform blocks (`pipeline.noise.block_quantisation.present`).
+        suspected: (N,) likewise, but too weak to be sure of (`pipeline.noise.block_quantisation.suspected`).
+        detail: (N,) whether coefficients are left in the blocks, which may change from shot to shot.
+    """
+
+    strong: NDArray[np.bool_]
+    quantised: NDArray[np.bool_]
+    suspected: NDArray[np.bool_]
+    detail: NDArray[np.bool_]
+
+    @property
+    def coded(self) -> NDArray[np.bool_]:
+        """(N,) whether a codec shows."""
+        return self.strong | self.quantised
+
+
+def codec_traces(statistics: NDArray[np.float32], pixels: int) -> Traces:
+    """Traces of a codec.
+
+    Args:
+        statistics: (N, COUNT), see `correlated_features.statistics`.
+        pixels: of a patch.
+    """
+    numbers, strong = statistics[:, QUANTISED_START:], compressed(statistics)
+    return Traces(strong, present(numbers, pixels), suspected(numbers, pixels) & ~strong, numbers[:, -1] <= SMOOTH)
 
 
 def compressed(statistics: NDArray[np.float32]) -> NDArray[np.bool_]:

@@ -31,6 +31,9 @@ LEAST_EXCESS = 0.1
 STANDARD_ERRORS = 1.0
 """Of the excess, beyond `LEAST_EXCESS`."""
 
+SUSPECTED_ERRORS = 2.0
+"""Standard errors that both excesses exceed where a codec is suspected."""
+
 INDEPENDENT = 1000.0  # observations in a patch of 128 px; coefficients of one block vanish together
 
 
@@ -98,9 +101,26 @@ def present(numbers: NDArray[np.floating], pixels: int) -> NDArray[np.bool_]:
     Returns:
         (N,).
     """
-    excess, vanished = numbers[:, :2], np.maximum(numbers[:, 2:], 1e-6)
-    deviation = np.sqrt(2 * (1 - vanished) / (vanished * INDEPENDENT * pixels / 128**2))
-    return np.asarray((excess > LEAST_EXCESS + STANDARD_ERRORS * deviation).any(axis=1))
+    return np.asarray((numbers[:, :2] > LEAST_EXCESS + STANDARD_ERRORS * _deviation(numbers, pixels)).any(axis=1))
+
+
+def suspected(numbers: NDArray[np.floating], pixels: int) -> NDArray[np.bool_]:
+    """Whether both excesses of a patch are larger than chance mostly gives: weak traces, as H.264 leaves them.
+
+    Args:
+        numbers: (N, 4) as `BlockQuantisation.numbers`.
+        pixels: of a patch.
+
+    Returns:
+        (N,).
+    """
+    return np.asarray((numbers[:, :2] > SUSPECTED_ERRORS * _deviation(numbers, pixels)).all(axis=1))
+
+
+def _deviation(numbers: NDArray[np.floating], pixels: int) -> NDArray[np.floating]:
+    """Standard errors of both excesses (N, 2)."""
+    vanished = np.maximum(numbers[:, 2:], 1e-6)
+    return np.asarray(np.sqrt(2 * (1 - vanished) / (vanished * INDEPENDENT * pixels / 128**2)))
 
 
 @lru_cache(maxsize=2)

@@ -25,7 +25,7 @@ from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.errors import InputError
 from pipeline.noise.base import Measured
 from pipeline.noise.cell_mapper import CELL_PX, CellMapper
-from pipeline.noise.correlated_features import LEAST_PX, statistics
+from pipeline.noise.correlated_features import COUNT, LEAST_PX, statistics
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
@@ -99,7 +99,7 @@ class Correlated(CellMapper):
         height, width = (side // CELL_PX for side in stack.shape[1:])
         cells = pixels[:, : height * CELL_PX, : width * CELL_PX]
         brightness = cells.reshape(-1, height, CELL_PX, width, CELL_PX).mean(axis=(2, 4))
-        seen = np.stack([statistics(patch) for patch in pixels]) if len(pixels) else np.empty((0, 1), np.float32)
+        seen = np.stack([statistics(patch) for patch in pixels]) if len(pixels) else np.empty((0, COUNT), np.float32)
         if not len(pixels):
             nothing = np.empty(0)
             return Prediction(nothing, nothing, nothing, nothing, np.empty((0, height, width), np.float32), seen)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -15,7 +17,16 @@ from pipeline.camera.processing.develop import grey
 from pipeline.condition import ConditionMonitor
 from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
-from pipeline.noise.adaptive import COMPRESSED, UNCERTAIN, Adaptive, decided, weights
+from pipeline.noise.adaptive import (
+    COMPRESSED,
+    REAL_CAMERAS,
+    UNCERTAIN,
+    WIDEST_QUANTISED_REACH,
+    WIDEST_REACH,
+    Adaptive,
+    decided,
+    weights,
+)
 from pipeline.noise.correlated import Prediction
 from pipeline.streams import stream
 
@@ -109,6 +120,38 @@ def test_strong_noise_behind_jpeg_is_read_with_an_interval_that_holds_it(quality
     assert not estimate.abstained.any()
     assert estimate.sigma_dn == pytest.approx(np.full(4, truth), rel=0.2)
     assert ((estimate.low_dn <= truth) & (truth <= estimate.high_dn)).all()
+
+
+def test_grain_without_a_codec_is_answered_only_where_the_network_is_sure(monkeypatch):
+    """Asphalt and gravel look like noise that was smoothed; behind a codec a camera is the likelier cause."""
+    grain = flat(6, 0.9)
+    coded = cv2.imdecode(cv2.imencode(".jpg", grain.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 85])[1], 0)
+    patches, estimator = stack(grain, coded.astype(np.float32)), Adaptive()
+    answer, reasons = estimator.correlated.predict(patches[:, 0]), []
+    for reach in (0.9 * WIDEST_REACH, 1.5 * WIDEST_REACH, 1.1 * WIDEST_QUANTISED_REACH):
+        given = replace(answer, reach=np.full(2, reach / REAL_CAMERAS))
+        monkeypatch.setattr(estimator.correlated, "predict", lambda part, given=given: given)
+        reasons.append(tuple(estimator.estimate(patches).reason))
+    assert reasons == [("", ""), (UNCERTAIN, ""), (UNCERTAIN, COMPRESSED)]
+
+
+@pytest.mark.parametrize("rate", [23, 28])
+def test_weak_noise_behind_h264_is_not_read_as_zero(rate):
+    """Noise of 2 DN: the codec removes it, while its own error differs from shot to shot by 2 to 5 DN."""
+    scene = data.camera().astype(np.float64)
+    shots = []
+    for number in range(4):
+        draw = stream(1, "weak noise", rate, number)
+        frames = [np.rint(scene + draw.normal(0, 2, scene.shape)).clip(0, 255).astype(np.uint8) for _ in range(3)]
+        video = [np.repeat(frame[..., None], 3, axis=2) for frame in frames]
+        shots.append(codec.store(video[-1], codec.Codec("h264", rate), video[:-1]).mean(axis=2).round())
+    decoded = np.stack(shots)
+    corners = [(y, x) for y in range(0, 512, 128) for x in range(0, 512, 128)]
+    tiles = np.stack([decoded[:, y : y + 128, x : x + 128] for y, x in corners])
+    truth = np.sqrt(tiles.var(axis=1, ddof=1).mean(axis=(1, 2)))
+    estimate = ADAPTIVE.estimate(stack(*tiles[:, 0].astype(np.float32)))
+    assert ((truth > 1.5) & (estimate.sigma_dn < 0.5)).mean() <= 0.07
+    assert (estimate.reason[truth > 1.5] == COMPRESSED).mean() > 0.6
 
 
 def test_cellwise_runs_only_where_it_has_a_weight(monkeypatch):

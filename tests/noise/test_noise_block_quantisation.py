@@ -5,7 +5,7 @@ import pytest
 from skimage import data
 
 from pipeline.camera.processing.codec import Codec, store
-from pipeline.noise.block_quantisation import at_corner, block_quantisation, present
+from pipeline.noise.block_quantisation import at_corner, block_quantisation, present, suspected
 from pipeline.streams import stream
 
 
@@ -61,3 +61,17 @@ def test_the_quick_look_sees_a_grid_that_begins_at_the_corner_only():
 def test_traces_are_judged_from_their_numbers():
     traces = [block_quantisation(frame[:128, :128]) for frame in (coded("jpeg", 80, 5), picture(5).astype(np.float32))]
     assert present(np.array([trace.numbers for trace in traces]), 128 * 128).tolist() == [True, False]
+
+
+def test_weak_traces_raise_a_suspicion_that_chance_seldom_raises():
+    pixels = 128 * 128
+    vanished = 0.6
+    deviation = np.sqrt(2 * (1 - vanished) / (vanished * 1000))
+    numbers = deviation * np.array([[2.2, 2.2], [2.2, 1.0], [0.5, 3.0], [3.0, 3.0]])
+    numbers = np.column_stack([numbers, np.full((4, 2), vanished)])
+    assert suspected(numbers, pixels).tolist() == [True, False, False, True]
+    assert not present(numbers, pixels)[:2].any()
+    assert not suspected(numbers, pixels // 4)[:2].any()  # of fewer blocks chance makes more
+    plain = picture(2).astype(np.float32)
+    tiles = [plain[y : y + 128, x : x + 128] for y in (0, 64, 128) for x in (0, 64, 128)]
+    assert suspected(np.array([block_quantisation(tile).numbers for tile in tiles]), pixels).mean() < 0.2
