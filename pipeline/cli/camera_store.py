@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import InputError, did_you_mean
+from pipeline.errors import InputError, did_you_mean, printable
 
 if TYPE_CHECKING:
     from pipeline.condition import ConditionMonitor
@@ -113,7 +113,7 @@ def load(name: str) -> StoredCamera:
         if camera.sharp_mtf is not None:
             _matrix(camera.sharp_mtf)
     except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
-        raise InputError(f"{path}: not the calibration of a camera ({error}); calibrate it anew") from None
+        raise InputError(f"{path}: not the calibration of a camera ({printable(error)}); calibrate it anew") from None
     return camera
 
 
@@ -145,7 +145,7 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
             monitor.blur_estimator = CalibratedEstimator(monitor.blur_estimator, Calibration.from_content(camera.fit))
         except (KeyError, TypeError, ValueError) as error:
             path = path_of(camera.name)
-            raise InputError(f"{path}: not the calibration of a camera ({error}); calibrate it anew") from None
+            raise InputError(f"{path}: not the calibration of a camera ({printable(error)}); calibrate it anew") from None
         return
     if not isinstance(monitor.blur_estimator, Estimator):
         raise InputError(f"--camera {camera.name}: the estimator {monitor.blur_name} cannot be divided by an MTF")
