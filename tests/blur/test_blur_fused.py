@@ -6,11 +6,12 @@ import pytest
 from pipeline import blur
 from pipeline.blur import fusion_gate
 from pipeline.blur.base import Estimator
-from pipeline.blur.fused import Fused
+from pipeline.blur.fused import Fused, deconvolution_pays
 from pipeline.blur.fusion_camera import FusionMap
 from pipeline.blur.fusion_members import Deconvolution, join_members
 from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus
+from pipeline.camera.psf.linear_motion import create as motion
 from pipeline.errors import InputError
 from pipeline.learning import images, weights
 from pipeline.streams import stream
@@ -37,7 +38,11 @@ def sharp():
 
 @pytest.fixture(scope="module")
 def blurred(sharp):
-    return np.rint(convolve(sharp, defocus(9.0)) * 255).astype(np.float32) / 255
+    return rounded(convolve(sharp, motion(9.0, 30.0)))
+
+
+def rounded(patches):
+    return np.rint(patches * 255).astype(np.float32) / 255
 
 
 class Counting(Deconvolution):
@@ -100,10 +105,26 @@ def test_patches_can_be_deconvolved_one_by_one(gate_file, blurred):
 
 
 def test_by_default_a_patch_with_another_blur_is_deconvolved_alone(gate_file, sharp, blurred):
-    other = np.rint(convolve(sharp[:1], defocus(21.0)) * 255).astype(np.float32) / 255
+    other = rounded(convolve(sharp[:1], motion(21.0, 120.0)))
     estimator = make(gate_file)
     estimator.estimate(np.concatenate([blurred, other]))
     assert sorted(estimator.deconvolution.sizes) == [1, len(blurred)]
+
+
+def test_patches_that_the_spectral_network_is_sure_of_are_left_to_it(gate_file, sharp):
+    """Defocus by a disc, which it reads within half a point."""
+    patches = rounded(convolve(sharp, defocus(17.0)))
+    estimator = make(gate_file)
+    sure = estimator.spectral.predict(patches)[1].mean(axis=(1, 2)) < 0.013
+    fused, spectral = estimator.estimate(patches), estimator.spectral.estimate(patches)
+    assert sure.any() and sum(estimator.deconvolution.sizes) <= (~sure).sum()
+    assert np.allclose(fused.mtf[sure], spectral.mtf[sure])
+
+
+def test_deconvolution_pays_where_there_is_blur_and_doubt():
+    mtf = np.stack([np.full((2, 8), value) for value in (0.9, 0.5, 0.3, 0.3, 0.3)])
+    scale = np.stack([np.full((2, 8), value) for value in (0.05, 0.05, 0.05, 0.0165, 0.01)])
+    assert deconvolution_pays(mtf, scale) == pytest.approx([0.0, 0.5, 1.0, 0.5, 0.0])
 
 
 def test_flat_patches_are_abstained_from(gate_file, blurred):
