@@ -113,8 +113,12 @@ def load(name: str) -> StoredCamera:
         if camera.sharp_mtf is not None:
             _matrix(camera.sharp_mtf)
     except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
-        raise InputError(f"{path}: not the calibration of a camera ({printable(error)}); calibrate it anew") from None
+        raise _damaged(path, error) from None
     return camera
+
+
+def _damaged(path: Path, error: Exception) -> InputError:
+    return InputError(f"{path}: not the calibration of a camera ({printable(error)}); calibrate it anew")
 
 
 def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
@@ -144,8 +148,7 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
         try:
             monitor.blur_estimator = CalibratedEstimator(monitor.blur_estimator, Calibration.from_content(camera.fit))
         except (KeyError, TypeError, ValueError) as error:
-            path = path_of(camera.name)
-            raise InputError(f"{path}: not the calibration of a camera ({printable(error)}); calibrate it anew") from None
+            raise _damaged(path_of(camera.name), error) from None
         return
     if not isinstance(monitor.blur_estimator, Estimator):
         raise InputError(f"--camera {camera.name}: the estimator {monitor.blur_name} cannot be divided by an MTF")

@@ -142,7 +142,7 @@ def test_unknown_and_damaged_calibrations_are_refused(home):
     with pytest.raises(InputError, match="not calibrated"):
         camera_store.load("front")
     camera_store.path_of("front").parent.mkdir(parents=True)
-    for text in ("{", "[]", json.dumps({"name": "front"}), json.dumps({"of two\r\nlines": 1})):
+    for text in ("{", "[]", json.dumps({"name": "front"}), json.dumps({"size_px": [1, 1], "of two\r\nlines": 1})):
         camera_store.path_of("front").write_text(text)
         with pytest.raises(InputError, match=r"\A.*not the calibration of a camera[^\r\n]*\Z"):
             camera_store.load("front")
