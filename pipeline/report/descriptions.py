@@ -15,8 +15,10 @@ A table is a caption, columns, notes and the stage that made its numbers; its ro
         notes: [Shown always.]
         further_notes: {code: Shown where asked for.}
     figures:
-      noise_maps: Caption of a figure.
+      noise_patches: Caption of a figure.
       noise:
+        name: noise_{dataset}             # of its files; the key where left out
+        stage: noise@{dataset}-<estimator>
         caption: Caption of a figure.
         alt: "Estimates over the target level: {words}."   # for readers who do not see the figure
         words: "{estimator:word} {median:.1f} DN"          # one of its phrases
@@ -145,8 +147,8 @@ class Descriptions:
         Args:
             key: under ``figures``; also the figure's name where none is given.
             drawing: see `Figure`.
-            stages: see `Figure`.
-            name: of its files; words are filled in.
+            stages: see `Figure`; that of the description by default.
+            name: of its files, where the description's does not suit.
             after: sentences that follow the caption.
             words: to fill in.
 
@@ -154,8 +156,10 @@ class Descriptions:
             InputError: there is no such caption.
         """
         entry = self._entry("figures", key)
-        caption = filled(entry if isinstance(entry, str) else entry["caption"], words)
-        return Figure(filled(name or key, words), drawing, f"{caption} {after}".strip(), tuple(stages))
+        about = {"caption": entry} if isinstance(entry, str) else entry
+        caption, made_by = filled(about["caption"], words), [about["stage"]] if "stage" in about else []
+        stages = tuple(stages) or tuple(filled(stage, words) for stage in made_by)
+        return Figure(filled(name or about.get("name", key), words), drawing, f"{caption} {after}".strip(), stages)
 
     def phrases(self, key: str, rows: pd.DataFrame | Iterable[Row]) -> list[str]:
         """The phrase of a figure's alternative text for each of some rows."""

@@ -125,7 +125,7 @@ def test_the_figure_of_amae_draws_each_cell(summary: pd.DataFrame) -> None:
 
 
 def test_table_one_sets_the_papers_value_beside_each_cell(summary: pd.DataFrame, paper: pd.DataFrame) -> None:
-    table = blur_amae.table_one("sim", blur_amae.without_unknown_lenses(summary), paper, False, {})
+    table = blur_amae.table_one("sim", blur_amae.without_unknown_lenses(summary), paper, False)
     assert [row["blur"] for row in table.rows] == [
         *(f"{kind} {size}" for kind in "DLN" for size in (3, 7, 11, 15, 21)), "Mean"
     ]  # fmt: skip
@@ -155,16 +155,16 @@ def test_sharp_frames_are_evaluated_against_their_lens(
         assert row.low_percent <= row.amae_percent <= row.high_percent
         assert row.count + row.abstained == 8
     shown = blur_amae.without_unknown_lenses(summary, errors)
-    first = blur_amae.table_one("sim", shown, paper, False, {}).rows[0]
+    first = blur_amae.table_one("sim", shown, paper, False).rows[0]
     assert first["blur"] == "None (sharp)" and isinstance(first["pmp"], Estimate)
     assert first["pmp"].value == errors.set_index("estimator")["amae_percent"]["pmp"]
-    assert blur_amae.table_one("kitti", shown, paper, False, {}).rows[0]["blur"] == "D 3"
+    assert blur_amae.table_one("kitti", shown, paper, False).rows[0]["blur"] == "D 3"
 
 
 def test_means_of_table_one_are_over_the_same_kernels(
     summary: pd.DataFrame, paper: pd.DataFrame, published: dict
 ) -> None:
-    mean = blur_amae.table_one("sim", summary, paper, False, {}).rows[-1]
+    mean = blur_amae.table_one("sim", summary, paper, False).rows[-1]
     selected = summary[(summary["dataset"] == "sim") & ~summary["calibrated"] & (summary["blur_kind"] != "sharp")]
     pmp = selected[selected["estimator"] == "pmp"]
     assert isinstance(mean["pmp"], Estimate)
@@ -176,11 +176,11 @@ def test_means_of_table_one_are_over_the_same_kernels(
 
 
 def test_calibrated_answers_stand_in_a_table_of_their_own(summary: pd.DataFrame, paper: pd.DataFrame) -> None:
-    table = blur_amae.table_one("kitti", summary, paper, True, {})
+    table = blur_amae.table_one("kitti", summary, paper, True)
     assert [row["blur"] for row in table.rows] == ["D 3", "D 21", "L 3", "L 21", "N 3", "N 21", "Mean"]
     cells = [cell for row in table.rows for cell in row.values() if isinstance(cell, Estimate)]
     assert all(cell.reference is None for cell in cells)  # the paper calibrates nothing
-    raw = blur_amae.table_one("kitti", summary, paper, False, {}).rows[-1]["spectral"]
+    raw = blur_amae.table_one("kitti", summary, paper, False).rows[-1]["spectral"]
     selected = table.rows[-1]["spectral"]
     assert isinstance(raw, Estimate) and isinstance(selected, Estimate) and selected.value < 0.5 * raw.value
 

@@ -73,7 +73,7 @@ def test_the_network_is_best_where_its_whole_interval_is_lower(tmp_path: Path) -
         for size, network, width in ((3.0, 1.0, 0.5), (7.0, 9.0, 0.5), (11.0, 4.0, 3.0))
         for name, value in (("cnn", network), ("pmp", 5.0), ("gbb", 6.0))
     ]
-    table = pd.DataFrame(cells, columns=["kernel_size_px", "estimator", "amae_percent", "low", "high"])
+    table = pd.DataFrame(cells, columns=["kernel_size_px", "estimator", "amae_percent", "low_percent", "high_percent"])
     evidence = Evidence(NOTHING)
     evidence.amae = table.assign(measured_on="kitti", dataset="kitti", blur_kind="defocus", paper=1.0)
     measured = of_blur.MEASURES["network_is_best"](evidence)

@@ -68,23 +68,23 @@ def test_the_table_sets_the_papers_numbers_beside_raw_answers(inputs: ReportInpu
     blur = inputs.result("combined_blur")
     paper = published_table(REPO / "data/paper/photon_defocus_amae.csv")
     table = combined_tables.error("udacity", "photon_defocus", blur, paper)
-    rows = {(row["way"], row["size"]): row for row in table.rows}
+    rows = {(row["variant"], row["size"]): row for row in table.rows}
     cell = rows["raw", "3"]["level_25"]
     assert isinstance(cell, Estimate) and cell.value == pytest.approx(amae(3, 25, 0, False)) and cell.reference == 5.6
     mean = rows["raw", "Mean"]["level_25"]
     assert mean.value == pytest.approx(np.mean([amae(size, 25, 0, False) for size in (3, 11)]))
     assert mean.reference == pytest.approx((5.6 + 0.5) / 2)
     assert rows["calibrated", "3"]["level_25"].reference is None
-    assert not any("smoothed" in way for way, _ in rows)  # no patch was read as noisy
+    assert not any("smoothed" in variant for variant, _ in rows)  # no patch was read as noisy
     behind = combined_tables.error("udacity", "defocus_dcsn", blur)
-    ways = [row["way"] for row in behind.rows]
-    assert ways == [way for way in ("raw", "calibrated", "raw, smoothed 7 px") for _ in range(3)]
+    variants = [row["variant"] for row in behind.rows]
+    assert variants == [variant for variant in ("raw", "calibrated", "raw, smoothed 7 px") for _ in range(3)]
     assert "level_0" not in behind.rows[-1]
 
 
 def test_the_overview_is_the_mean_over_sizes(inputs: ReportInputs) -> None:
     table = combined_tables.overview(inputs.result("combined_blur"))
-    rows = {(row["dataset"], row["experiment"], row["way"]): row for row in table.rows}
+    rows = {(row["dataset"], row["experiment"], row["variant"]): row for row in table.rows}
     assert len(table.rows) == 2 * (2 * 3 + 2 * 2)  # datasets x (behind the optics: three ways, before them: two)
     row = rows["Sim", "Linear motion, then DCSN", "raw, smoothed 7 px"]
     assert row["level_10"] == pytest.approx(np.mean([amae(size, 10, 7, False) for size in (3, 11)]))

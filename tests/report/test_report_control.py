@@ -21,7 +21,6 @@ from pipeline.report.sections import (
     control,
     control_examples,
     control_films,
-    control_losses,
     control_surface,
     control_tables,
     order_study,
@@ -96,7 +95,7 @@ def test_an_interval_that_includes_zero_does_not_count_as_better(tmp_path: Path)
     assert "in 0 of 1 scenarios" in control_tables.findings(results)[0]
     cause = "(not above Mean intensity and Shim, nor is the oracle above Mean intensity)"
     assert f"Not in: dusk drive {cause}." in control_tables.findings(results)[0]
-    rows = {row["other"]: row for row in control_losses.losses(results).rows}
+    rows = {row["other"]: row for row in control_tables.losses(results).rows}
     assert set(rows) == {"Mean intensity", "Shim"}
     assert rows["Shim"]["where"] == "behind in no frame" and rows["Shim"]["oracle"].low > 0
 
@@ -109,7 +108,7 @@ def test_where_a_rival_is_not_beaten_the_costliest_frame_and_its_settings_are_na
     steps.loc[lost, "ap_percent"] -= 60.0
     store.write_table(path, steps, STEPS)
     results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
-    (row,) = [row for row in control_losses.losses(results).rows if row["other"] == "Shim"]
+    (row,) = [row for row in control_tables.losses(results).rows if row["other"] == "Shim"]
     points = 60 - (made.AP["iopc_continuous"] - made.AP["shim"])
     settings = "2.0 ms, ISO 400 against 2.0 ms, ISO 400"
     assert row["where"] == f"{points:.1f} points in frame 3, at the fall of light: {settings}"

@@ -85,16 +85,14 @@ class Evidence:
 
     @cached_property
     def amae(self) -> pd.DataFrame:
-        """Raw AMAE of Table I: ``amae_percent`` with ``low``, ``high``, ``measured_on``; the paper's as ``paper``."""
-        import pandas as pd
-
+        """Raw AMAE of Table I (`pipeline.experiments.tables.BLUR_SUMMARY`), ``measured_on``; ``paper``: the paper's."""
         ours = ledger_sources.blur_amae(self.inputs)
         keys = ["dataset", "estimator", "blur_kind", "kernel_size_px"]
         paper = published_table(self.inputs.paper / "blur_amae.csv").rename(columns={"amae_percent": "paper"})
+        paper = paper.astype({"kernel_size_px": float})
         if ours is None:
-            return pd.DataFrame({name: [] for name in [*keys, "amae_percent", "low", "high", "measured_on", "paper"]})
-        ours = ours.rename(columns={"low_percent": "low", "high_percent": "high"})
-        return ours.merge(paper.astype({"kernel_size_px": float}), how="left", on=keys)
+            return paper.iloc[:0].assign(amae_percent=0.0, low_percent=0.0, high_percent=0.0, measured_on="")
+        return ours.merge(paper, how="left", on=keys)
 
     @cached_property
     def sharp(self) -> pd.DataFrame:
@@ -178,6 +176,18 @@ def verdict_of_counts(supporting: int, opposing: int, total: int) -> str:
     if opposing >= (NEARLY_ALL if supporting else HALF) * total > 0:
         return CONTRADICTED
     return UNDECIDED if supporting + opposing < HALF * total else PARTLY
+
+
+def sides(first: Any, second: Any, ends: tuple[str, str] = ("low_percent", "high_percent")) -> tuple[bool, bool]:
+    """Whether the interval of a first cell lies wholly below that of a second one, and whether wholly above.
+
+    Args:
+        first: row of a table.
+        second: likewise.
+        ends: columns of the lower and upper end.
+    """
+    low, high = ends
+    return bool(first[high] < second[low]), bool(first[low] > second[high])
 
 
 def of_cells(cells: Iterable[tuple[bool, bool]], what: str, on: Iterable[Any], text: str = "") -> Measurement | None:

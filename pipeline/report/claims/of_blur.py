@@ -15,9 +15,10 @@ from pipeline.report.claims.claim import (
     names_of,
     of_cells,
     of_number,
+    sides,
 )
 from pipeline.report.display_names import word
-from pipeline.report.tables import format_number, records
+from pipeline.report.tables import format_number, records, where
 
 NETWORK, DECONVOLUTION = "cnn", ("pmp", "gbb")
 FREQUENCY = 0.3
@@ -27,19 +28,13 @@ PREPROCESSING_PERCENT = 90.0
 def _network_is_best(evidence: Evidence) -> Measurement | None:
     cells, pairs, paper = evidence.amae, [], []
     for _, group in cells.groupby(["measured_on", "blur_kind", "kernel_size_px"]):
-        ours = group.set_index("estimator")
-        others = [name for name in DECONVOLUTION if name in ours.index]
-        if NETWORK not in ours.index or not others:
+        at = group.set_index("estimator")
+        rest = at[at.index.isin(DECONVOLUTION)]
+        if NETWORK not in at.index or rest.empty:
             continue
-        rest = ours.loc[others]
-        pairs.append(
-            (
-                bool(ours.loc[NETWORK, "high"] < rest["low"].min()),
-                bool((rest["high"] < ours.loc[NETWORK, "low"]).any()),
-            )
-        )
+        pairs.append(sides(at.loc[NETWORK], rest[["low_percent", "high_percent"]].min()))
         if rest["paper"].notna().any():
-            paper.append(ours.loc[NETWORK, "paper"] < rest["paper"].min())
+            paper.append(at.loc[NETWORK, "paper"] < rest["paper"].min())
     text = f"In the paper's own numbers the network is lowest in {sum(paper)} of {len(paper)} of them."
     return of_cells(pairs, "cell", cells["measured_on"], text)
 
@@ -48,17 +43,14 @@ def _amae_over_size(
     evidence: Evidence, *, first_px: float, then_px: float, estimators: Sequence[str], blur: str, rises: bool
 ) -> Measurement | None:
     """That the AMAE of a blur rises, or falls, from one kernel size to another."""
-    cells = evidence.amae
-    cells = cells[cells["estimator"].isin(estimators) & (cells["blur_kind"] == blur)]
+    cells = where(evidence.amae, estimator=list(estimators), blur_kind=blur)
     pairs, means = [], []
     for _, group in cells.groupby(["measured_on", "estimator"]):
         at = group.set_index("kernel_size_px")
-        if not {first_px, then_px} <= set(at.index):
-            continue
-        first, then = at.loc[first_px], at.loc[then_px]
-        rise, fall = bool(then["low"] > first["high"]), bool(then["high"] < first["low"])
-        pairs.append((rise, fall) if rises else (fall, rise))
-        means.append((first["amae_percent"], then["amae_percent"]))
+        if {first_px, then_px} <= set(at.index):
+            first, then = at.loc[first_px], at.loc[then_px]
+            pairs.append(sides(first, then) if rises else sides(then, first))
+            means.append((first["amae_percent"], then["amae_percent"]))
     before, after = np.mean(means, axis=0) if means else (math.nan, math.nan)
     text = (
         f"Mean AMAE {format_number(before, 1)} % at {first_px:g} px and {format_number(after, 1)} % at {then_px:g} px."
@@ -67,34 +59,31 @@ def _amae_over_size(
 
 
 def _defocus_is_easiest(evidence: Evidence) -> Measurement | None:
-    cells = evidence.amae[evidence.amae["estimator"] == NETWORK]
+    cells = where(evidence.amae, estimator=NETWORK)
     pairs, on = [], []
     for (dataset, _), group in cells.groupby(["measured_on", "kernel_size_px"]):
-        at = group.set_index("blur_kind")
-        if "defocus" not in at.index or len(at) < 2:
-            continue
-        motion = at.drop(index="defocus")
-        disc = at.loc["defocus"]
-        pairs.append((disc["high"] < motion["low"].min(), disc["low"] > motion["high"].min()))
-        on.append(dataset)
+        disc, motion = where(group, blur_kind="defocus"), group[group["blur_kind"] != "defocus"]
+        if len(disc) and len(motion):
+            ends = {"low_percent": motion["low_percent"].min(), "high_percent": motion["high_percent"].max()}
+            pairs.append(sides(disc.iloc[0], ends))
+            on.append(dataset)
     means = cells.groupby("blur_kind")["amae_percent"].mean()
     text = f"Mean AMAE: {', '.join(f'{word(str(blur))} {mean:.1f} %' for blur, mean in means.items())}."
     return of_cells(pairs, "dataset-size pair", on, text)
 
 
 def _sharp_frames(evidence: Evidence) -> Measurement | None:
-    cells = evidence.sharp
-    if cells.empty:
+    if evidence.sharp.empty:
         return None
-    cells = cells[np.isclose(cells["frequency"], FREQUENCY)]
+    cells = evidence.sharp[np.isclose(evidence.sharp["frequency"], FREQUENCY)]
     pairs, words, on = [], [], []
     for dataset, group in cells.groupby("measured_on", sort=False):
         at = group.set_index("estimator")
-        others = [name for name in DECONVOLUTION if name in at.index]
-        if NETWORK not in at.index or not others:
+        rest = at.loc[[name for name in DECONVOLUTION if name in at.index]]
+        if NETWORK not in at.index or rest.empty:
             continue
-        network, rest = at.loc[NETWORK], at.loc[others]
-        pairs += [(row["high"] < network["low"], row["low"] > network["high"]) for row in records(rest)]
+        network = at.loc[NETWORK]
+        pairs += [sides(row, network, ("low", "high")) for row in records(rest)]
         words.append(
             f"{names_of([dataset])}: {word(NETWORK)} {network['mtf']:.2f}, PMP and GBB {rest['mtf'].mean():.2f}"
         )
@@ -108,10 +97,10 @@ def _many_times_faster(evidence: Evidence) -> Measurement | None:
     if not {"cnn_mtf", *DECONVOLUTION} <= set(times):
         return None
     ratios = [times[name] / times["cnn_mtf"] for name in DECONVOLUTION]
+    network, fastest = 1e3 * times["cnn_mtf"], 1e3 * min(times[name] for name in DECONVOLUTION)
     text = (
-        f"{min(ratios):.1f} and {max(ratios):.1f} times: {1e3 * times['cnn_mtf']:.0f} ms for four patches by the "
-        "network, "
-        f"{1e3 * min(times[name] for name in DECONVOLUTION):.0f} ms and more for one by PMP and GBB, one core."
+        f"{min(ratios):.1f} and {max(ratios):.1f} times: {network:.0f} ms for four patches by the network, "
+        f"{fastest:.0f} ms and more for one by PMP and GBB, one core."
     )
     return of_number(min(ratios), min(ratios), max(ratios), 50.0, text, ())
 

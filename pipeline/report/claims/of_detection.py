@@ -17,6 +17,7 @@ from pipeline.report.claims.claim import (
     Measures,
     of_cells,
     of_number,
+    sides,
 )
 from pipeline.report.control_results import policy_word, scenario_results
 from pipeline.report.display_names import word
@@ -47,17 +48,12 @@ def _sweeps(evidence: Evidence) -> Iterator[tuple[str, pd.DataFrame]]:
 
 def _falls(evidence: Evidence, *, cause: str) -> Measurement | None:
     """That AP falls with the strongest noise or the longest blur, the other absent."""
-    column, other = {"noise": ("target_sigma_dn", "kernel_size_px"), "blur": ("kernel_size_px", "target_sigma_dn")}[
-        cause
-    ]
+    column, other = ("target_sigma_dn", "kernel_size_px") if cause == "noise" else ("kernel_size_px", "target_sigma_dn")
     pairs, on, ends = [], [], []
     for dataset, table in _sweeps(evidence):
         selected = table[table[other] == 0]
         clean, worst = selected[selected[column] == 0].iloc[0], selected[selected[column] == selected[column].max()]
-        pairs += [
-            (row["high_percent"] < clean["low_percent"], row["low_percent"] > clean["high_percent"])
-            for row in records(worst)
-        ]
+        pairs += [sides(row, clean) for row in records(worst)]
         on.append(dataset)
         ends.append((clean["ap_percent"], worst["ap_percent"].mean()))
     if not pairs:
@@ -74,13 +70,9 @@ def _both_cost_more(evidence: Evidence) -> Measurement | None:
         noisy = next(row for key, row in cells.items() if key[0] == 0 and key[2] == level)
         for (px, angle, dn), both in cells.items():
             if (px, dn) == (size, level) and (size, angle, 0.0) in cells:
-                single = (noisy, cells[size, angle, 0.0])
-                pairs.append(
-                    (
-                        both["high_percent"] < min(row["low_percent"] for row in single),
-                        both["low_percent"] > min(row["high_percent"] for row in single),
-                    )
-                )
+                blurred = cells[size, angle, 0.0]
+                lowest = {end: min(noisy[end], blurred[end]) for end in ("low_percent", "high_percent")}
+                pairs.append(sides(both, lowest))
                 on.append(dataset)
     return of_cells(pairs, "direction", on)
 
@@ -142,11 +134,8 @@ def _framework_wins(evidence: Evidence) -> Measurement | None:
         return None
     at = {row["controller"]: row for row in records(table)}
     ours, others = at["proposed"], [at["camera_default"], at["fixed_parameters"]]
-    verdict = UNDECIDED
-    if all(ours["low_percent"] > row["high_percent"] for row in others):
-        verdict = SUPPORTED
-    elif any(ours["high_percent"] < row["low_percent"] for row in others):
-        verdict = CONTRADICTED
+    below, above = zip(*(sides(ours, row) for row in others), strict=True)
+    verdict = SUPPORTED if all(above) else CONTRADICTED if any(below) else UNDECIDED
     text = ", ".join(
         f"{name} {row['car_ap_percent']:.0f} % ({row['low_percent']:.0f} to {row['high_percent']:.0f})"
         for name, row in (("framework", ours), ("built-in", others[0]), ("fixed", others[1]))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pipeline.report.claims.claim import UNDECIDED, Evidence, Measurement, Measures, of_cells, of_number
+from pipeline.report.claims.claim import UNDECIDED, Evidence, Measurement, Measures, of_cells, of_number, sides
 from pipeline.report.display_names import word
 from pipeline.report.inputs import published_table
 from pipeline.report.ledger_sources import levels
-from pipeline.report.tables import Row, records
+from pipeline.report.tables import records, where
 from pipeline.stage_files import any_table, existing
 
 if TYPE_CHECKING:
@@ -21,12 +21,14 @@ NOISY_DN, FOLLOWS_DN = 10.0, 2.0
 PAPER_NOISE = ("cnn", "pca", "bf")
 PAPER_BLUR = ("cnn", "pmp", "gbb")
 REAL_FRACTION = 0.25
-CELL = ["dataset", "estimator", "kernel_size_px", "target_sigma_dn"]
+KERNEL = ["experiment", "dataset", "estimator", "kernel_size_px"]
+CELL = (*KERNEL, "target_sigma_dn")
 
 
-def _of_experiment(evidence: Evidence, experiment: str) -> pd.DataFrame:
-    cells = evidence.combined
-    return cells[(cells["experiment"] == experiment) & cells["amae_percent"].notna()]
+def _of_experiments(evidence: Evidence, *experiments: str) -> pd.DataFrame:
+    """Cells of experiments, of patches as they are."""
+    cells = where(evidence.combined, experiment=list(experiments), filter_px=0)
+    return cells[cells["amae_percent"].notna()]
 
 
 def _by_estimator(cells: pd.DataFrame) -> str:
@@ -65,8 +67,7 @@ def _of_paper(counted: pd.DataFrame, pairs: list[tuple[bool, bool]], what: str, 
 
 def _prevents(evidence: Evidence, *, experiment: str) -> Measurement | None:
     """That noise of 10 DN and more prevents the estimation of a blur."""
-    cells = _of_experiment(evidence, experiment)
-    cells = cells[cells["filter_px"] == 0]
+    cells = _of_experiments(evidence, experiment)
     noisy = cells[cells["target_sigma_dn"] >= NOISY_DN]
     pairs = [
         (row["low_percent"] > PREVENTED_PERCENT, row["high_percent"] < PREVENTED_PERCENT) for row in records(noisy)
@@ -77,35 +78,30 @@ def _prevents(evidence: Evidence, *, experiment: str) -> Measurement | None:
 def _disturbs(evidence: Evidence) -> Measurement | None:
     import pandas as pd
 
-    cells = pd.concat([_of_experiment(evidence, name) for name in ("photon_linear", "photon_defocus")])
-    cells = cells[cells["filter_px"] == 0]
-    pairs, loudest = [], []
-    for _, group in cells.groupby(["experiment", "dataset", "estimator", "kernel_size_px"]):
-        at = group.sort_values("target_sigma_dn")
-        if len(at) > 1:
-            quiet, loud = at.iloc[0], at.iloc[-1]
-            pairs.append((loud["low_percent"] > quiet["high_percent"], loud["high_percent"] < quiet["low_percent"]))
-            loudest.append(at.iloc[-1:])
-    return _of_paper(pd.concat(loudest), pairs, "kernel", _by_estimator(cells)) if pairs else None
+    cells = _of_experiments(evidence, "photon_linear", "photon_defocus")
+    groups = [group.sort_values("target_sigma_dn") for _, group in cells.groupby(KERNEL) if len(group) > 1]
+    if not groups:
+        return None
+    pairs = [sides(group.iloc[0], group.iloc[-1]) for group in groups]
+    loudest = pd.concat([group.iloc[-1:] for group in groups])
+    return _of_paper(loudest, pairs, "kernel", _by_estimator(cells))
 
 
 def _defocus_under_photon_noise(evidence: Evidence) -> Measurement | None:
-    cells = _of_experiment(evidence, "photon_defocus")
-    cells = cells[cells["filter_px"] == 0]
+    cells = _of_experiments(evidence, "photon_defocus")
     bound = float(published_table(evidence.inputs.paper / "photon_defocus_amae.csv")["amae_percent"].max())
     pairs = [(row["high_percent"] <= bound, row["low_percent"] > bound) for row in records(cells)]
     return _of_paper(cells, pairs, "cell", _by_estimator(cells))
 
 
 def _overestimates(evidence: Evidence) -> Measurement | None:
-    curves = evidence.curves
-    curves = curves[(curves["experiment"] == "photon_linear") & ~curves["calibrated"].astype(bool)]
-    curves = curves[(curves["axis"] == "HV") & (curves["filter_px"] == 0) & (curves["frequency_index"] == 4)]
+    of_paper = {"experiment": "photon_linear", "calibrated": False, "filter_px": 0}
+    curves = where(evidence.curves, axis="HV", frequency_index=4, **of_paper)
     pairs, words, on = [], [], []
     for (dataset, name), group in curves.groupby(["dataset", "estimator"]):
         at = group.sort_values("target_sigma_dn")
         quiet, loud = at.iloc[0], at.iloc[-1]
-        pairs.append((loud["minimum"] > quiet["maximum"], loud["maximum"] < quiet["minimum"]))
+        pairs.append(sides(quiet, loud, ("minimum", "maximum")))
         words.append(f"{word(str(name))} on {word(str(dataset))} {quiet['median']:.2f} to {loud['median']:.2f}")
         on.append(dataset)
     return of_cells(pairs, "curve", on, f"Median at 0.3 of Nyquist: {', '.join(words)}. Ranges over patches decide.")
@@ -114,24 +110,17 @@ def _overestimates(evidence: Evidence) -> Measurement | None:
 def _smoothing(evidence: Evidence) -> Measurement | None:
     import pandas as pd
 
-    cells = evidence.combined
-    cells = cells[cells["experiment"].isin(["linear_dcsn", "defocus_dcsn"]) & (cells["target_sigma_dn"] >= NOISY_DN)]
-    plain = {(row["experiment"], *(row[name] for name in CELL)): row for row in records(cells) if row["filter_px"] == 0}
-    pairs, smoothed = [], []
-    for row in records(cells[cells["filter_px"] > 0]):
-        beside: Row | None = plain.get((row["experiment"], *(row[name] for name in CELL)))
-        if beside is not None:
-            better = row["high_percent"] < beside["low_percent"]
-            pairs.append((better, row["low_percent"] > beside["high_percent"]))
-            smoothed.append(row)
-    if not pairs:
-        return None
-    return _of_paper(pd.DataFrame(smoothed), pairs, "cell", "Beside the same cell without the disc.")
+    cells = where(evidence.combined, experiment=["linear_dcsn", "defocus_dcsn"])
+    cells = cells[cells["target_sigma_dn"] >= NOISY_DN]
+    plain = {tuple(row[name] for name in CELL): row for row in records(where(cells, filter_px=0))}
+    smoothed = [row for row in records(cells[cells["filter_px"] > 0]) if tuple(row[name] for name in CELL) in plain]
+    pairs = [sides(row, plain[tuple(row[name] for name in CELL)]) for row in smoothed]
+    text = "Beside the same cell without the disc."
+    return _of_paper(pd.DataFrame(smoothed, columns=cells.columns), pairs, "cell", text)
 
 
 def _follows(evidence: Evidence) -> Measurement | None:
-    cells = evidence.noise
-    cells = cells[cells["estimator"].isin(PAPER_NOISE)]
+    cells = where(evidence.noise, estimator=list(PAPER_NOISE))
     pairs = []
     for row in records(cells):
         below, above = row["low_dn"] - row["unclipped_median_dn"], row["high_dn"] - row["unclipped_median_dn"]

@@ -22,15 +22,14 @@ from pipeline.report.inputs import (
     mode_note,
     mode_of,
     published,
-    relative_mtf,
 )
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.ledger_sources import lenses, star_curve
 from pipeline.report.sections import blur_amae, kernel_gallery
-from pipeline.report.sections.blur_amae import ANY_STAGE, PAGE, STAGE
+from pipeline.report.sections.blur_amae import ANY_STAGE, PAGE
 from pipeline.report.spec import Block, NotRun, Run, Section, missing, pairs_of, runs_by_estimator, single
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Table, as_recorded
+from pipeline.report.tables import Table, as_recorded, where
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +42,7 @@ STAR: style.Look = {"color": style.INK, "linewidth": 1.0}
 def uncorrupted(
     curves: pd.DataFrame,
     datasets: Sequence[str],
-    paper: pd.DataFrame | None = None,
+    paper: pd.DataFrame,
     stars: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
 ) -> Drawing:
     """The paper's figure of uncorrupted datasets: median and range of the inliers over the eight frequencies.
@@ -54,12 +53,8 @@ def uncorrupted(
         paper: columns dataset, estimator, statistic, frequency, mtf: the paper's, horizontal.
         stars: dataset -> (K,) frequency as fraction of Nyquist and (K,) MTF, where a dataset's own is known.
     """
-    import pandas as pd
-
-    stars, theirs = stars or {}, pd.DataFrame({"dataset": [], "estimator": [], "at": [], "mtf": []})
-    if paper is not None:
-        of_medians = (paper["statistic"] == "median") & (paper["estimator"] != "ground_truth")
-        theirs = at_frequencies(paper[of_medians & paper["dataset"].isin(list(datasets))])
+    stars, theirs = stars or {}, where(paper, statistic="median", dataset=list(datasets))
+    theirs = at_frequencies(theirs[theirs["estimator"] != "ground_truth"])
     estimators = in_order(curves["estimator"], ESTIMATORS)
     looks = style.series_looks(in_order([*estimators, *theirs["estimator"]], ESTIMATORS), linestyle="-")
 
@@ -70,11 +65,21 @@ def uncorrupted(
             inside = frequency <= 0.62
             axes.plot(frequency[inside], mtf[inside], zorder=4, **STAR)
         if axis == "H":
-            beside = theirs[theirs["dataset"] == dataset]
-            lines(axes, beside, "estimator", looks, "at", "mtf", change=PAPER, zorder=2, part="paper", key=key)
+            lines(
+                axes,
+                where(theirs, dataset=dataset),
+                "estimator",
+                looks,
+                "at",
+                "mtf",
+                change=PAPER,
+                zorder=2,
+                part="paper",
+                key=key,
+            )
 
     def counts(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        abstentions(axes, rows[rows["frequency_index"] == 0], key, estimators, at_top=False)
+        abstentions(axes, where(rows, frequency_index=0), key, estimators, at_top=False)
 
     is_starred = any(name in stars for name in datasets)
     return PAGE.grid(
@@ -106,7 +111,7 @@ def _uncorrupted_alt(
 
 
 def _stages(rows: pd.DataFrame) -> tuple[str, ...]:
-    return tuple(STAGE.format(dataset=dataset, estimator=estimator) for dataset, estimator in sorted(pairs_of(rows)))
+    return tuple(f"blur@{dataset}-{estimator}" for dataset, estimator in sorted(pairs_of(rows)))
 
 
 def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> Block:
@@ -121,12 +126,12 @@ def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInp
 
 
 def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block]:
-    paper, relative = published(inputs, "blur_amae.csv"), relative_mtf(summary)
-    blocks: list[Block] = [*blur_amae.figures(summary, datasets, paper, _stages, relative, modes=inputs.modes)]
+    paper = published(inputs, "blur_amae.csv")
+    blocks: list[Block] = [*blur_amae.figures(summary, datasets, paper, _stages, modes=inputs.modes)]
     if not blocks:
         return [NotRun("Table I: AMAE of blur estimators", "stage absent", inputs.line(ANY_STAGE))]
     for dataset in datasets:
-        blocks += blur_amae.tables_one(dataset, summary, paper, relative, inputs.modes)
+        blocks += blur_amae.tables_one(dataset, summary, paper, inputs.modes)
     extra = (blur_amae.beside_the_best(summary, paper), unseen(inputs))
     return [*blocks, *(one for one in extra if one is not None)]
 
@@ -199,16 +204,15 @@ def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section 
         drawing = uncorrupted(pd.concat(curves, ignore_index=True), datasets, published(inputs, "uncorrupted_mtf.csv"))
         blocks.append(PAGE.figure("recorded_uncorrupted_mtf", drawing, after=mode_note(modes, settings)))
     summary = pd.concat([one.summary for one in records], ignore_index=True)
-    theirs, relative = published(inputs, "blur_amae.csv"), relative_mtf(summary)
+    theirs = published(inputs, "blur_amae.csv")
     exact = {(one.dataset, paper): name for one in records for paper, name in one.exact.items()}
-    paper = theirs
-    if theirs is not None:  # beside our exact programs, on datasets where these were run
-        pairs = zip(theirs["dataset"], theirs["estimator"], strict=True)
-        paper = theirs.assign(estimator=[exact.get(pair, pair[1]) for pair in pairs])
-    blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), relative, "recorded", modes)
+    pairs = zip(theirs["dataset"], theirs["estimator"], strict=True)
+    # The paper's numbers stand beside our exact programs, on datasets where these were run.
+    paper = theirs.assign(estimator=[exact.get(pair, pair[1]) for pair in pairs])
+    blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), "recorded", modes)
     for one in records:
         blurred = blur_amae.without_unknown_lenses(one.summary)
-        shown = blur_amae.tables_one(one.dataset, blurred, paper, relative, modes)
+        shown = blur_amae.tables_one(one.dataset, blurred, paper, modes)
         few = PAGE.text("few_frames", frames=len(one.provenance["frames"]))
         blocks += [as_recorded(table, *subsets(one), few) for table in shown]
     selected = summary[~summary["estimator"].isin(set(exact.values()))]

@@ -16,7 +16,7 @@ from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, DATASETS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import PAPER, beside_the_paper, lines
-from pipeline.report.inputs import mode_note
+from pipeline.report.inputs import mode_note, relative_mtf
 from pipeline.report.spec import Figure
 from pipeline.report.style import Drawing
 from pipeline.report.tables import (
@@ -30,13 +30,13 @@ from pipeline.report.tables import (
     pivot,
     reasons_of,
     records,
+    where,
 )
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-STAGE = "blur@{dataset}-{estimator}"
 ANY_STAGE = "blur@<dataset>-<estimator>"
 SHORT = {"defocus": "D", "linear_motion": "L", "nonlinear_motion": "N"}
 RELATIVE = {CAMERA: "relative_to_camera", GENERIC_LENS: "relative_to_generic_lens"}
@@ -46,7 +46,7 @@ OTHER_FRAMES = "Frames differ from the paper's; on Sim they are of another rende
 BLUR = ["dataset", "blur_kind", "kernel_size_px"]
 
 
-def with_paper(summary: pd.DataFrame, paper: pd.DataFrame | None) -> pd.DataFrame:
+def with_paper(summary: pd.DataFrame, paper: pd.DataFrame) -> pd.DataFrame:
     """The summary with the paper's Table I in a column ``paper_percent``, beside raw estimates only.
 
     Args:
@@ -54,11 +54,9 @@ def with_paper(summary: pd.DataFrame, paper: pd.DataFrame | None) -> pd.DataFram
         paper: columns dataset, estimator, blur, size_px, amae_percent; rows that did not run are appended for the
             summary's datasets, with NaN for ours.
     """
-    if paper is None:
-        return summary.assign(paper_percent=math.nan)
     keys = [*BLUR, "estimator", "calibrated"]
     theirs = paper.rename(columns={"amae_percent": "paper_percent"}).assign(calibrated=False)
-    theirs = theirs[theirs["dataset"].isin(summary["dataset"])].astype({"kernel_size_px": float})
+    theirs = where(theirs, dataset=list(summary["dataset"])).astype({"kernel_size_px": float})
     return summary.merge(theirs[[*keys, "paper_percent"]], how="outer", on=keys)
 
 
@@ -76,15 +74,16 @@ def without_unknown_lenses(summary: pd.DataFrame, errors: pd.DataFrame | None = 
 
 
 def _notes(
-    relative: Mapping[str, str], modes: Mapping[str, str], estimators: Sequence[str], is_calibrated: bool
+    summary: pd.DataFrame, modes: Mapping[str, str], estimators: Sequence[str], is_calibrated: bool
 ) -> list[str]:
     """What the MTF of the estimators shown is relative to, where that is not the system, and their modes."""
+    relative = relative_mtf(summary)
     shown = {name: relative[name] for name in estimators if name in relative}
     notes = [PAGE.text(RELATIVE[to], name=name) for name, to in shown.items() if is_calibrated == (to == CAMERA)]
     return [*notes, *filter(None, [mode_note(modes, estimators)])]
 
 
-def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame | None = None) -> Drawing:
+def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) -> Drawing:
     """AMAE over the kernel size: datasets down, kinds of blur across.
 
     Args:
@@ -92,20 +91,17 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame |
         datasets: rows of the figure; one without numbers is shown as not run.
         paper: columns dataset, estimator, blur, size_px, amae_percent: Table I.
     """
-    import pandas as pd
-
-    columns = ["dataset", "estimator", "blur_kind", "kernel_size_px", "paper_amae_percent"]
-    theirs = pd.DataFrame({name: [] for name in columns})
-    if paper is not None:
-        theirs = paper.rename(columns={"amae_percent": "paper_amae_percent"})
-        theirs = theirs[theirs["dataset"].isin(list(datasets))]
+    theirs = where(paper.rename(columns={"amae_percent": "paper_amae_percent"}), dataset=list(datasets))
     estimators = in_order([*summary["estimator"], *theirs["estimator"]], ESTIMATORS)
     looks = style.series_looks(estimators, linestyle="-")  # dashes distinguish the paper's curves, not estimators
     top = float(np.nanmax([*summary["amae_percent"], *theirs["paper_amae_percent"], 10.0]))
 
     def papers(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        beside, dashed = theirs[(theirs["dataset"] + " " + theirs["blur_kind"]) == key], {"change": PAPER, "zorder": 2}
-        lines(axes, beside, "estimator", looks, *columns[3:], part="paper", key=key, **dashed)  # type: ignore[arg-type]
+        dataset, kind = key.split(" ")
+        lines(
+            axes, where(theirs, dataset=dataset, blur_kind=kind), "estimator", looks, "kernel_size_px",
+            "paper_amae_percent", change=PAPER, zorder=2, part="paper", key=key,
+        )  # fmt: skip
 
     means = summary.groupby("estimator")["amae_percent"].agg(["mean", "max"])
     means = means.loc[[name for name in estimators if name in means.index]].reset_index()
@@ -124,9 +120,8 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame |
 def figures(
     summary: pd.DataFrame,
     datasets: Sequence[str],
-    paper: pd.DataFrame | None,
+    paper: pd.DataFrame,
     stages: Callable[[pd.DataFrame], tuple[str, ...]],
-    relative: Mapping[str, str],
     prefix: str = "",
     modes: Mapping[str, str] | None = None,
 ) -> list[Figure]:
@@ -137,7 +132,6 @@ def figures(
         datasets: in their order.
         paper: the paper's Table I.
         stages: (rows shown) -> stages that made them.
-        relative: estimator -> what its MTF is relative to (`pipeline.report.inputs.relative_mtf`).
         prefix: before names and captions, e.g. ``"recorded"``.
         modes: see `ReportInputs`.
     """
@@ -146,7 +140,7 @@ def figures(
         selected = summary[(summary["blur_kind"] != SHARP) & (summary["calibrated"] == is_calibrated)]
         if selected.empty:
             continue
-        notes = _notes(relative, modes or {}, in_order(selected["estimator"], ESTIMATORS), is_calibrated)
+        notes = _notes(summary, modes or {}, in_order(selected["estimator"], ESTIMATORS), is_calibrated)
         figure = PAGE.figure(
             "blur_amae", curves(selected, datasets, paper), stages(selected), after=" ".join(notes), name=key,
             division=", each estimate divided by the camera's own for sharp frames" if is_calibrated else "",
@@ -169,21 +163,19 @@ def _blur(row: Row) -> str:
 def tables_one(
     dataset: str,
     summary: pd.DataFrame,
-    paper: pd.DataFrame | None,
-    relative: Mapping[str, str],
+    paper: pd.DataFrame,
     modes: Mapping[str, str] | None = None,
 ) -> list[Table]:
     """Table I of one dataset, of raw and of calibrated estimates, where there are any; arguments of `table_one`."""
-    known = summary.loc[summary["dataset"] == dataset, "calibrated"].unique()
-    return [table_one(dataset, summary, paper, is_calibrated, relative, modes) for is_calibrated in sorted(known)]
+    known = where(summary, dataset=dataset)["calibrated"].unique()
+    return [table_one(dataset, summary, paper, is_calibrated, modes) for is_calibrated in sorted(known)]
 
 
 def table_one(
     dataset: str,
     summary: pd.DataFrame,
-    paper: pd.DataFrame | None,
+    paper: pd.DataFrame,
     is_calibrated: bool,
-    relative: Mapping[str, str],
     modes: Mapping[str, str] | None = None,
 ) -> Table:
     """Table I of one dataset: a row for each kind and size of blur, a column for each estimator, and their means.
@@ -193,11 +185,10 @@ def table_one(
         summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
         paper: the paper's Table I, shown beside raw estimates, which are what the paper prints.
         is_calibrated: show estimates divided by those for sharp frames.
-        relative: estimator -> what its MTF is relative to.
         modes: see `ReportInputs`.
     """
-    cells = with_paper(summary[summary["dataset"] == dataset], paper)
-    cells = ordered(cells[cells["calibrated"] == is_calibrated], blur_kind=[SHARP, *BLURS], kernel_size_px=())
+    cells = where(with_paper(where(summary, dataset=dataset), paper), calibrated=is_calibrated)
+    cells = ordered(cells, blur_kind=[SHARP, *BLURS], kernel_size_px=())
     cells = cells[cells["blur_kind"] != SHARP] if is_calibrated else cells
     estimators = in_order(cells["estimator"], ESTIMATORS)
     rows = pivot(cells, ["blur_kind", "kernel_size_px"], "estimator", amae)
@@ -211,7 +202,7 @@ def table_one(
         return word(min(values, key=lambda name: values[name])) if len(values) > 1 else ""
 
     also = ["sharp"] if (cells["blur_kind"] == SHARP).any() else []
-    notes = _notes(relative, modes or {}, estimators, is_calibrated)
+    notes = _notes(summary, modes or {}, estimators, is_calibrated)
     if cells["paper_percent"].notna().any():
         notes.append(PAGE.text("paper_sim" if dataset == "sim" else "paper"))
     return PAGE.table(
@@ -221,7 +212,7 @@ def table_one(
     )  # fmt: skip
 
 
-def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame | None, frames: str = OTHER_FRAMES) -> Table | None:
+def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame, frames: str = OTHER_FRAMES) -> Table | None:
     """Estimators of this project beside the paper's CNN and the best of its three, per dataset and blur.
 
     Args:
@@ -233,7 +224,7 @@ def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame | None, frames: s
         None where no dataset of the paper ran.
     """
     theirs: dict[tuple[Any, ...], dict[str, float]] = {}
-    for row in [] if paper is None else records(paper):
+    for row in records(paper):
         theirs.setdefault(tuple(row[name] for name in BLUR), {})[row["estimator"]] = row["amae_percent"]
     ours = in_order(set(summary["estimator"]) - {name for cell in theirs.values() for name in cell}, ESTIMATORS)
     blurred = summary[(summary["blur_kind"] != SHARP) & summary["estimator"].isin(ours)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from pipeline.report.sections.combined_tables import DENOISED_STAGE, OURS_FIRST,
 from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import Block, Section, missing, overview
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Table, as_recorded, ordered
+from pipeline.report.tables import Table, as_recorded, ordered, where
 from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def order_figure(arrays: Mapping[str, np.ndarray], example: Mapping[str, Any]) -
 
 @style.styled
 def example_figure(
-    curves: pd.DataFrame, arrays: Mapping[str, np.ndarray], example: Mapping[str, Any], paper: pd.DataFrame | None
+    curves: pd.DataFrame, arrays: Mapping[str, np.ndarray], example: Mapping[str, Any], paper: pd.DataFrame
 ) -> Drawing:
     """One blur under growing noise: the patch, and the median MTF over all patches; one row per experiment.
 
@@ -95,8 +95,7 @@ def example_figure(
     thin = {level: look | {"linewidth": 0.9, "markersize": 2.2} for level, look in looks.items()}
     mean = curves[curves["axis"] == "HV"]
     filters = sorted(set(mean["filter_px"]))[:2]
-    has_paper = paper is not None and any(entry["experiment"] == "photon_linear" for entry in entries)
-    theirs = at_frequencies(paper[paper["series"] == "cnn"]) if paper is not None and has_paper else None
+    theirs = at_frequencies(where(paper, series="cnn"))
     figure = style.new_figure(style.TWO_COLUMNS_IN, 1.5 * len(entries) + 0.5)
     widths = [1.0] * PICTURES + [1.55] * len(filters)
     panels = figure.subplots(len(entries), len(widths), squeeze=False, width_ratios=widths)
@@ -107,10 +106,10 @@ def example_figure(
             panels[down, cell].set_xlabel(f"σ {levels[number]:g} DN", fontsize=5.6, labelpad=1.5)
         panels[down, 0].set_ylabel(word(experiment), fontsize=6.0)
         for axes, filter_px in zip(panels[down, PICTURES:], filters, strict=True):
-            rows = mean[(mean["experiment"] == experiment) & (mean["filter_px"] == filter_px)]
+            rows = where(mean, experiment=experiment, filter_px=filter_px)
             lines(axes, rows, "target_sigma_dn", thin, "frequency", "median")
             _truth(axes, rows)
-            if theirs is not None and experiment == "photon_linear" and filter_px == 0:
+            if experiment == "photon_linear" and filter_px == 0:
                 lines(axes, theirs, "sigma_dn", thin, "at", "mtf", change=THIN_PAPER, zorder=2)
             axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xticks=np.arange(0, 0.61, 0.2), yticks=np.arange(0, 1.01, 0.5))
             if down == 0:
@@ -119,8 +118,8 @@ def example_figure(
             if down == len(entries) - 1:
                 axes.set_xlabel("frequency [fraction of Nyquist]", fontsize=6.0)
         panels[down, PICTURES].set_ylabel("MTF", labelpad=1)
-    legend = [*ordinal_legend(looks, "DN", "no noise"), ("ground truth", TRUTH)]
-    add_legend(figure, legend if theirs is None else [*legend, THE_CNN])
+    beside = [THE_CNN] if any(entry["experiment"] == "photon_linear" for entry in entries) else []
+    add_legend(figure, [*ordinal_legend(looks, "DN", "no noise"), ("ground truth", TRUTH), *beside])
     keys = ["experiment", "filter_px", "target_sigma_dn", "axis", "frequency_index"]
     values = curves[[*keys, "frequency", "true_mtf", "median", "minimum", "maximum", "count"]].sort_values(keys)
     distances = _distances(mean[mean["filter_px"] == 0], max(looks), ["experiment"])
@@ -174,7 +173,7 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
     )  # fmt: skip
 
 
-def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame | None = None) -> Drawing:
+def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) -> Drawing:
     """Error of the blur estimate over the noise level, coloured by kernel size: datasets down, experiments across.
 
     Args:
@@ -184,10 +183,10 @@ def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFram
     """
     plain = cells[cells["filter_px"] == 0]
     looks = style.ordinal_looks(plain["kernel_size_px"])
-    theirs = paper if (plain["experiment"] == "photon_defocus").any() else None
+    theirs = paper if (plain["experiment"] == "photon_defocus").any() else paper.iloc[:0]
 
     def papers(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        if theirs is not None and key.endswith(" photon_defocus"):
+        if key.endswith(" photon_defocus"):
             change = PAPER | {"linewidth": 0.8}
             lines(axes, theirs, "kernel_size_px", looks, "sigma_dn", "amae_percent", change=change, zorder=2)
 
@@ -195,16 +194,15 @@ def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFram
     means = plain.groupby(["experiment", "target_sigma_dn"])["amae_percent"].mean().unstack()
     means = means.rename(columns={levels[0]: "first", levels[-1]: "last"}).reset_index()
     alt = PAGE.alt("combined_amae", ordered(means, experiment=EXPERIMENTS), least=levels[0], most=levels[-1])
-    top = float(np.nanmax([*plain["amae_percent"], *([] if theirs is None else theirs["amae_percent"]), 5.0]))
-    legend = ordinal_legend(looks, "px", "no blur")
+    top = float(np.nanmax([*plain["amae_percent"], *theirs["amae_percent"], 5.0]))
     return PAGE.grid(
         "combined_amae", plain, alt, looks, down=datasets, over=papers,
         axes={"xlim": (0, levels[-1]), "ylim": (0, 1.05 * top)},
-        legend=legend if theirs is None else [*legend, THE_CNN],
+        legend=[*ordinal_legend(looks, "px", "no blur"), *([THE_CNN] if len(theirs) else [])],
     )  # fmt: skip
 
 
-def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame | None) -> Drawing:
+def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame) -> Drawing:
     """Estimated MTF of one blur under growing noise: estimators down, experiments across.
 
     Args:
@@ -213,10 +211,10 @@ def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame | None
         paper: columns series, sigma_dn, frequency, mtf: the paper's photon noise with linear motion.
     """
     looks = style.ordinal_looks(curves["target_sigma_dn"])
-    theirs = None if paper is None else at_frequencies(paper[paper["series"] == "cnn"])
+    theirs = at_frequencies(where(paper, series="cnn"))
 
     def papers(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        if theirs is not None and key.endswith(" photon_linear"):
+        if key.endswith(" photon_linear"):
             lines(axes, theirs, "sigma_dn", looks, "at", "mtf", change=THIN_PAPER, zorder=2)
 
     def truth(axes: Axes, rows: pd.DataFrame, key: str) -> None:
@@ -224,45 +222,36 @@ def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame | None
 
     distances = _distances(curves, curves["target_sigma_dn"].max(), ["estimator", "experiment"])
     alt = PAGE.alt("recorded_curves", distances, dataset=dataset, px=curves["kernel_size_px"].iloc[0])
-    legend = [*ordinal_legend(looks, "DN", "no noise"), ("ground truth", TRUTH)]
-    return PAGE.grid(
-        "recorded_curves", curves, alt, looks, under=papers, over=truth,
-        legend=legend if theirs is None else [*legend, THE_CNN],
-    )  # fmt: skip
+    legend = [*ordinal_legend(looks, "DN", "no noise"), ("ground truth", TRUTH), THE_CNN]
+    return PAGE.grid("recorded_curves", curves, alt, looks, under=papers, over=truth, legend=legend)
 
 
-def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_order: bool) -> list[Block]:
+def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_order: bool) -> Iterator[Block]:
     folder = inputs.folders("combined")[dataset]
     example = described(folder, "example.json", ("dataset", "kernel_size_px", "experiments"))
     if example is None or not example["experiments"]:
-        return []
-    arrays, stages = optional(folder, "example.npz") or {}, (STAGE.format(dataset=dataset),)
-    blocks: list[Block] = []
+        return
+    arrays = optional(folder, "example.npz") or {}
     if with_order:
-        drawing, name = order_figure(arrays, example), "combined_order_{dataset}"
-        blocks.append(PAGE.figure("combined_order", drawing, stages, name=name, dataset=dataset))
-    estimator = in_order(curves["estimator"], OURS_FIRST)[:1]
-    selected = curves[curves["estimator"].isin(estimator) & ~curves["calibrated"]]
-    if len(selected):
-        drawing = example_figure(selected, arrays, example, published(inputs, "photon_linear_motion_mtf.csv"))
-        words = {"dataset": dataset, "estimator": estimator[0], "px": example["kernel_size_px"]}
-        blocks.append(PAGE.figure("combined_example", drawing, stages, name="combined_example_{dataset}", **words))
-    return blocks
-
-
-def _figures(blur: pd.DataFrame, noise: pd.DataFrame, datasets: Sequence[str], inputs: ReportInputs) -> list[Block]:
-    blocks: list[Block] = []
-    for dataset in in_order(noise["dataset"], datasets):
-        drawing, stage = noise_figure(noise, dataset), STAGE.format(dataset=dataset)
-        blocks.append(PAGE.figure("combined_noise", drawing, [stage], name="combined_noise_{dataset}", dataset=dataset))
-    estimator = in_order(blur["estimator"], OURS_FIRST)[:1]
-    stages, paper = [STAGE.format(dataset=name) for name in datasets], published(inputs, "photon_defocus_amae.csv")
-    for is_calibrated, name, how in ((False, "combined_amae", ""), (True, "combined_amae_calibrated", ", calibrated")):
-        selected = blur[blur["estimator"].isin(estimator) & (blur["calibrated"] == is_calibrated)]
+        yield PAGE.figure("combined_order", order_figure(arrays, example), dataset=dataset)
+    for estimator in in_order(curves["estimator"], OURS_FIRST)[:1]:
+        selected = where(curves, estimator=estimator, calibrated=False)
         if len(selected):
-            drawing = amae_figure(selected, datasets, paper)
-            blocks.append(PAGE.figure("combined_amae", drawing, stages, name=name, estimator=estimator[0], how=how))
-    return blocks
+            drawing = example_figure(selected, arrays, example, published(inputs, "photon_linear_motion_mtf.csv"))
+            words = {"dataset": dataset, "estimator": estimator, "px": example["kernel_size_px"]}
+            yield PAGE.figure("combined_example", drawing, **words)
+
+
+def _figures(blur: pd.DataFrame, noise: pd.DataFrame, datasets: Sequence[str], inputs: ReportInputs) -> Iterator[Block]:
+    for dataset in in_order(noise["dataset"], datasets):
+        yield PAGE.figure("combined_noise", noise_figure(noise, dataset), dataset=dataset)
+    stages, paper = [STAGE.format(dataset=name) for name in datasets], published(inputs, "photon_defocus_amae.csv")
+    for estimator in in_order(blur["estimator"], OURS_FIRST)[:1]:
+        for is_calibrated, suffix, how in ((False, "", ""), (True, "_calibrated", ", calibrated")):
+            selected = where(blur, estimator=estimator, calibrated=is_calibrated)
+            if len(selected):
+                drawing, name = amae_figure(selected, datasets, paper), f"combined_amae{suffix}"
+                yield PAGE.figure("combined_amae", drawing, stages, name=name, estimator=estimator, how=how)
 
 
 def _errors(dataset: str, blur: pd.DataFrame, inputs: ReportInputs) -> list[Table]:
@@ -270,7 +259,7 @@ def _errors(dataset: str, blur: pd.DataFrame, inputs: ReportInputs) -> list[Tabl
     paper = published(inputs, "photon_defocus_amae.csv")
     return [
         combined_tables.error(dataset, name, blur, paper if name == "photon_defocus" else None)
-        for name in in_order(blur.loc[blur["dataset"] == dataset, "experiment"], EXPERIMENTS)
+        for name in in_order(where(blur, dataset=dataset)["experiment"], EXPERIMENTS)
     ]
 
 
@@ -300,24 +289,20 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
 
 def _of_record(
     dataset: str, blur: pd.DataFrame, noise: pd.DataFrame, curves: pd.DataFrame, inputs: ReportInputs
-) -> list[Block]:
+) -> Iterator[Block]:
     """Figures and tables of one recorded dataset."""
-    blocks: list[Block] = []
-    selected = curves[(curves["dataset"] == dataset) & ~curves["calibrated"] & (curves["axis"] == "HV")]
-    selected = selected[(selected["filter_px"] == 0) & (selected["experiment"] != "")]
+    selected = where(curves, dataset=dataset, calibrated=False, axis="HV", filter_px=0)
+    selected = selected[selected["experiment"] != ""]
     if len(selected):
         drawing = curves_figure(selected, dataset, published(inputs, "photon_linear_motion_mtf.csv"))
-        name, px = "recorded_combined_curves_{dataset}", selected["kernel_size_px"].iloc[0]
-        blocks.append(PAGE.figure("recorded_curves", drawing, name=name, dataset=dataset, px=px))
+        yield PAGE.figure("recorded_curves", drawing, dataset=dataset, px=selected["kernel_size_px"].iloc[0])
     theirs = published(inputs, "photon_defocus_amae.csv")
-    for name in in_order(blur.loc[blur["dataset"] == dataset, "estimator"], ESTIMATORS):
-        cells = blur[(blur["dataset"] == dataset) & (blur["estimator"] == name) & ~blur["calibrated"]]
-        drawing, file = amae_figure(cells, [dataset], theirs), "recorded_combined_amae_{dataset}_{estimator}"
-        blocks.append(PAGE.figure("recorded_amae", drawing, name=file, dataset=dataset, estimator=name))
+    for name in in_order(where(blur, dataset=dataset)["estimator"], ESTIMATORS):
+        drawing = amae_figure(where(blur, dataset=dataset, estimator=name, calibrated=False), [dataset], theirs)
+        yield PAGE.figure("recorded_amae", drawing, dataset=dataset, estimator=name)
     if (noise["dataset"] == dataset).any():
-        drawing, name = noise_figure(noise, dataset), "recorded_combined_noise_{dataset}"
-        blocks.append(PAGE.figure("recorded_noise", drawing, name=name, dataset=dataset))
-    return [*blocks, *map(as_recorded, _errors(dataset, blur, inputs))]
+        yield PAGE.figure("recorded_noise", noise_figure(noise, dataset), dataset=dataset)
+    yield from map(as_recorded, _errors(dataset, blur, inputs))
 
 
 def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.grouped_statistics import weighted_mean
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, ESTIMATORS, EXPERIMENTS, word
-from pipeline.report.tables import Cell, Row, Table, amae, estimate, format_number, mean_cell, ordered, pivot
+from pipeline.report.tables import Cell, Row, Table, amae, estimate, format_number, mean_cell, ordered, pivot, where
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,10 +17,10 @@ STAGE = "combined@{dataset}"
 DENOISED_STAGE = "denoised_blur@{dataset}"
 PAPERS_DATASET = "udacity"
 OURS_FIRST = ["spectral", *(name for name in ESTIMATORS if name != "spectral")]
-ANSWER = ["estimator", "filter_px", "calibrated"]
+VARIANT = ["estimator", "filter_px", "calibrated"]
 
 
-def _answer(row: Row) -> str:
+def _variant(row: Row) -> str:
     how = "calibrated" if row["calibrated"] else "raw"
     return f"{how}, smoothed {row['filter_px']:g} px" if row["filter_px"] else how
 
@@ -40,7 +40,7 @@ def _shown(cells: pd.DataFrame, *by: str) -> pd.DataFrame:
 
 
 def error(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFrame | None = None) -> Table:
-    """AMAE of one dataset and experiment: a row per estimator, answer and kernel size, a column per level, and means.
+    """AMAE of one dataset and experiment: a row per estimator, variant and kernel size, a column per level, and means.
 
     Args:
         dataset: name.
@@ -48,7 +48,7 @@ def error(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFram
         cells: `pipeline.experiments.tables.BLUR_CELLS`.
         paper: columns sigma_dn, size_px, amae_percent: its CNN on Udacity, beside raw estimates of the first estimator.
     """
-    selected = cells[(cells["dataset"] == dataset) & (cells["experiment"] == experiment)]
+    selected = where(cells, dataset=dataset, experiment=experiment)
     levels = _level_columns(selected)
     selected = ordered(
         _shown(selected, "estimator"), estimator=OURS_FIRST, filter_px=(), calibrated=(), kernel_size_px=()
@@ -57,15 +57,15 @@ def error(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFram
         theirs = paper.rename(columns={"sigma_dn": "target_sigma_dn", "amae_percent": "paper_percent"})
         theirs = theirs[["target_sigma_dn", "kernel_size_px", "paper_percent"]].astype(float)
         theirs = theirs.assign(estimator=selected["estimator"].iloc[0], filter_px=0.0, calibrated=False)
-        selected = selected.merge(theirs, how="left", on=[*ANSWER, "target_sigma_dn", "kernel_size_px"])
+        selected = selected.merge(theirs, how="left", on=[*VARIANT, "target_sigma_dn", "kernel_size_px"])
     rows: list[dict[str, Any]] = []
-    for _, group in selected.groupby(ANSWER, sort=False):
-        lines = pivot(group, [*ANSWER, "kernel_size_px"], "target_sigma_dn", amae, _level)
+    for _, group in selected.groupby(VARIANT, sort=False):
+        lines = pivot(group, [*VARIANT, "kernel_size_px"], "target_sigma_dn", amae, _level)
         complete = [name for name in levels if all(name in line for line in lines)]
         means = {name: mean_cell([line[name] for line in lines]) for name in complete}
         rows += [*lines, {**lines[0], **dict.fromkeys(levels), **means, "kernel_size_px": None}]
     cells_of = {
-        "way": _answer,
+        "variant": _variant,
         "size": lambda row: "Mean" if row["kernel_size_px"] is None else _number(row["kernel_size_px"]),
     }
     beside = [] if paper is None else ["paper" if dataset == PAPERS_DATASET else "paper_elsewhere"]
@@ -77,12 +77,12 @@ def _number(value: float) -> str:
 
 
 def overview(cells: pd.DataFrame) -> Table:
-    """Every estimator's error over the noise level, mean over kernel sizes: a row per dataset, experiment and answer.
+    """Every estimator's error over the noise level, mean over kernel sizes: a row per dataset, experiment and variant.
 
     Args:
         cells: `pipeline.experiments.tables.BLUR_CELLS`.
     """
-    index = ["dataset", "experiment", *ANSWER]
+    index = ["dataset", "experiment", *VARIANT]
     shown = _shown(cells, "dataset", "experiment", "estimator")
     shown = ordered(
         shown, dataset=DATASETS, experiment=EXPERIMENTS, estimator=OURS_FIRST, filter_px=(), calibrated=()
@@ -95,11 +95,11 @@ def overview(cells: pd.DataFrame) -> Table:
         return ", ".join(_number(size) for size in sorted(sizes[tuple(row[name] for name in index)]))
 
     return PAGE.table(
-        "combined_overview", rows, cells={"way": _answer, "sizes": mean_over}, across=_level_columns(cells)
+        "combined_overview", rows, cells={"variant": _variant, "sizes": mean_over}, across=_level_columns(cells)
     )
 
 
-def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame | None) -> Table:
+def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame) -> Table:
     """The supplement's table: blur d1, noise, disc d2; as it is, smoothed, and as propagation of errors predicts.
 
     Args:
@@ -110,11 +110,10 @@ def denoised(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame | None) -> T
     selected = cells[(cells["dataset"] == dataset) & (cells["target_sigma_dn"] > 0)]
     selected = selected.sort_values(["estimator", "filter_px", "kernel_size_px", "target_sigma_dn", "calibrated"])
     errors = ["mae_h_percent", "mae_v_percent", "amae_percent", "expected_amae_percent"]
-    if paper is not None:
-        theirs = paper.rename(columns={"d2_px": "filter_px", "d1_px": "kernel_size_px", "sigma_dn": "target_sigma_dn"})
-        keys = ["filter_px", "kernel_size_px", "target_sigma_dn"]
-        theirs = theirs[[*keys, *errors]].astype(float).rename(columns={name: f"paper_{name}" for name in errors})
-        selected = selected.merge(theirs.assign(calibrated=False), how="left", on=[*keys, "calibrated"])
+    theirs = paper.rename(columns={"d2_px": "filter_px", "d1_px": "kernel_size_px", "sigma_dn": "target_sigma_dn"})
+    keys = ["filter_px", "kernel_size_px", "target_sigma_dn"]
+    theirs = theirs[[*keys, *errors]].astype(float).rename(columns={name: f"paper_{name}" for name in errors})
+    selected = selected.merge(theirs.assign(calibrated=False), how="left", on=[*keys, "calibrated"])
     expected = estimate("expected_amae_percent", "", "", "", "paper_expected_amae_percent")
     made = {
         "estimator": lambda row: word(str(row["estimator"])) + (", calibrated" if row["calibrated"] else ""),

@@ -10,7 +10,6 @@ from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import (
     control_examples,
     control_films,
-    control_losses,
     control_surface,
     control_tables,
     order_study,
@@ -38,7 +37,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
         blocks += [
             control_tables.overview(results),
             control_tables.pairs(results),
-            *(table for table in [control_losses.losses(results)] if table.rows),
+            *(table for table in [control_tables.losses(results)] if table.rows),
             control_tables.measures(results, decision_ms(inputs)),
             *control_films.figures(results),
         ]

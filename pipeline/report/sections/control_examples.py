@@ -14,7 +14,7 @@ from pipeline.report.inputs import ReportInputs, published
 from pipeline.report.sections.control_tables import CONTROL
 from pipeline.report.spec import Block
 from pipeline.report.style import Drawing, Look
-from pipeline.report.tables import Estimate, Row, Table, format_number, records
+from pipeline.report.tables import Table, estimate, format_number, records, where
 from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
@@ -98,21 +98,12 @@ def pictures(example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray]
     return Drawing(figure, alt, pd.DataFrame(rows).drop(columns="example"))
 
 
-def step_table(steps: pd.DataFrame, paper: pd.DataFrame | None) -> Table:
+def step_table(steps: pd.DataFrame, paper: pd.DataFrame) -> Table:
     """Every setting of both examples, the paper's numbers beside ours."""
-    theirs = {} if paper is None else {(row["example"], row["step"]): row for row in records(paper)}
-
-    def beside(name: str) -> Any:
-        def cell(row: Row) -> Estimate:
-            reference = theirs.get((row["example"], row["step"]), {}).get(name)
-            known = isinstance(reference, (int, float)) and np.isfinite(reference)
-            return Estimate(float(row[name]), reference=float(reference) if known and reference is not None else None)
-
-        return cell
-
+    beside = steps.merge(paper, how="left", on=["example", "step"], suffixes=("", "_paper"))
     words = {"example": lambda row: "1" if row["example"] == FIRST else "2", "step": lambda row: step_word(row["step"])}
-    cells = {name: beside(name) for name in BESIDE_THE_PAPER} | words
-    return CONTROL.table("control_examples", steps, cells=cells)
+    cells = {name: estimate(name, "", "", "", f"{name}_paper") for name in BESIDE_THE_PAPER}
+    return CONTROL.table("control_examples", beside, cells=cells | words)
 
 
 @style.styled
@@ -130,7 +121,7 @@ def response(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame, t
     for axes, quantity, label in ((panels[0], "exposure_ms", "exposure time [ms]"), (panels[1], "iso", "gain [ISO]")):
         for name, look in RESPONSES.items():
             for rows, change in ((paper, PUBLISHED), (ours, {})):
-                selected = rows[(rows["controller"] == name) & (rows["quantity"] == quantity)].sort_values("time_ms")
+                selected = where(rows, controller=name, quantity=quantity).sort_values("time_ms")
                 axes.plot(selected["time_ms"] / 1e3, selected["value"], **(look | change))
         axes.set(xlabel="time [s]", xlim=(0, 5))
         axes.set_ylim(0, None)
@@ -167,11 +158,7 @@ def rmse_ms(ours: pd.DataFrame, paper: pd.DataFrame) -> float:
     """Root mean square difference of the built-in controller's exposure time to the published one, ms."""
     keys = ["controller", "quantity", "time_ms"]
     both = ours.merge(paper, on=keys, suffixes=("", "_paper"))
-    selected = both[
-        (both["controller"] == "camera_default")
-        & (both["quantity"] == "exposure_ms")
-        & (both["time_ms"] <= LAST_ON_GRID_MS)
-    ]
+    selected = where(both[both["time_ms"] <= LAST_ON_GRID_MS], controller="camera_default", quantity="exposure_ms")
     return float(np.sqrt(((selected["value"] - selected["value_paper"]) ** 2).mean()))
 
 
@@ -185,31 +172,25 @@ def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     arrays, about = optional(folder, "pictures.npz"), described(folder, "pictures.json", ("label", "box", "steps"))
     if arrays is not None and about is not None:
         for number, example in (("1", FIRST), ("2", SECOND)):
-            rule = CONTROL.text(f"rule_{number}")
-            drawing, name = pictures(example, steps, arrays, about), f"control_example_{number}"
-            parts.append(
-                CONTROL.figure(
-                    "control_example", drawing, [STAGE], name=name, number=number, rule=rule, label=about["label"]
-                )
-            )
+            words = {"number": number, "rule": CONTROL.text(f"rule_{number}"), "label": about["label"]}
+            parts.append(CONTROL.figure("control_example", pictures(example, steps, arrays, about), **words))
     parts.append(step_table(steps, published(inputs, "worked_examples.csv")))
     ours, precision = (
         optional(folder, "response.parquet", RESPONSE),
         optional(folder, "precision.parquet", CONTROLLER_AP),
     )
     paper, theirs = (published(inputs, f"controller_{name}.csv") for name in ("response", "ap"))
-    if paper is not None and theirs is not None:
-        parts.append(CONTROL.figure("control_response", response(ours, paper, precision, theirs), [STAGE]))
+    parts.append(CONTROL.figure("control_response", response(ours, paper, precision, theirs)))
     return parts, _findings(ours, paper, precision)
 
 
-def _findings(ours: pd.DataFrame, paper: pd.DataFrame | None, precision: pd.DataFrame) -> list[str]:
+def _findings(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame) -> list[str]:
     values = [float(precision.loc[precision["controller"] == name, "car_ap_percent"].iloc[0]) for name in CONTROLLERS]
     holds = values[0] < values[1] < values[2]
     order = (" < " if holds else ", ").join(f"{value:.1f}" for value in values)
-    sentences = [CONTROL.text("order", order=order, holds="holds" if holds else "does not hold")]
-    if paper is not None:
-        error = rmse_ms(ours, paper)
-        within = "within" if error <= AGREE_MS else "beyond"
-        sentences.append(CONTROL.text("law", error=error, within=within, bound=AGREE_MS))
-    return sentences
+    error = rmse_ms(ours, paper)
+    within = "within" if error <= AGREE_MS else "beyond"
+    return [
+        CONTROL.text("order", order=order, holds="holds" if holds else "does not hold"),
+        CONTROL.text("law", error=error, within=within, bound=AGREE_MS),
+    ]

@@ -147,9 +147,5 @@ def _alt(result: ScenarioResult, rows: pd.DataFrame, policies: list[str]) -> str
 def figures(results: list[ScenarioResult]) -> list[Figure]:
     """The film strips of all scenarios."""
     return [
-        CONTROL.figure(
-            "control_film", strip(one), [f"closed_loop@{one.name}"], name=f"control_{one.name}",
-            scenario=scenario_word(one.name),
-        )
-        for one in results
-    ]  # fmt: skip
+        CONTROL.figure("control_film", strip(one), file=one.name, scenario=scenario_word(one.name)) for one in results
+    ]

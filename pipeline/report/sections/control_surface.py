@@ -92,4 +92,4 @@ def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     if knots is None:
         return [], []
     every = knots[knots["fold"] == ALL_VIEWPOINTS].reset_index(drop=True)
-    return [CONTROL.figure("control_surface", heat_map(every), [STAGE]), knot_table(every)], []
+    return [CONTROL.figure("control_surface", heat_map(every)), knot_table(every)], []

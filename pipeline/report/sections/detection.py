@@ -17,7 +17,7 @@ from pipeline.report.sections import detection_figures
 from pipeline.report.sections.detection_figures import PAGE
 from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, overview
-from pipeline.report.tables import Cell, Estimate, Table, estimate, format_number, pivot, records
+from pipeline.report.tables import Cell, Estimate, Table, estimate, format_number, pivot, records, where
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,15 +57,11 @@ def corners(dataset: str, results: Sequence[Results]) -> Table:
 
 def _corner(one: Results, label: str, size_px: float, sigma_dn: float) -> Cell:
     """AP under one blur and noise; its mean over directions, with the interval of that mean, under directed blur."""
-
-    def at(table: pd.DataFrame) -> pd.DataFrame:
-        of_label = table[table["label"] == label]
-        return of_label[(of_label["kernel_size_px"] == size_px) & (of_label["target_sigma_dn"] == sigma_dn)]
-
-    cells = at(one.precision)
+    condition = {"label": label, "kernel_size_px": size_px, "target_sigma_dn": sigma_dn}
+    cells = where(one.precision, **condition)
     if len(cells) < 2:
         return AP(records(cells)[0]) if len(cells) else None
-    means = [] if one.spread is None else records(at(one.spread))
+    means = [] if one.spread is None else records(where(one.spread, **condition))
     low, high = (means[0][f"mean_{end}_percent"] if means else math.nan for end in ("low", "high"))
     return Estimate(float(cells["ap_percent"].mean()), low, high)
 
@@ -93,10 +89,8 @@ def by_direction(one: Results) -> Table | None:
 def spread(dataset: str, results: Sequence[Results]) -> Table | None:
     """Largest effect of the blur direction: best less worst angle, without noise."""
     cells = _joined(results, "spread")
-    cells = cells[cells["target_sigma_dn"] == 0] if len(cells) else cells
-    if cells.empty:
-        return None
-    return PAGE.table("spread", cells, dataset=dataset)
+    cells = where(cells, target_sigma_dn=0) if len(cells) else cells
+    return PAGE.table("spread", cells, dataset=dataset) if len(cells) else None
 
 
 def fits(dataset: str, results: Sequence[Results]) -> Table:
@@ -125,12 +119,11 @@ def _curves(dataset: str, results: Sequence[Results], inputs: ReportInputs) -> l
     blocks: list[Block] = [corners(dataset, results)]
     isolated, heat = _joined(results, "isolated"), _joined(results, "heat")
     stages = _stages("curves", results)
-    for name, rows, draw in (("iopc", isolated, detection_figures.iopc), ("iopc_heat", heat, detection_figures.heat)):
-        if len(rows):
-            needed = _needed(heat) if name == "iopc_heat" else ""
-            blocks.append(
-                PAGE.figure(name, draw(rows), stages, name=f"{name}_{dataset}", after=needed, dataset=dataset)
-            )
+    if len(isolated):
+        blocks.append(PAGE.figure("iopc", detection_figures.iopc(isolated), stages, dataset=dataset))
+    if len(heat):
+        drawing, needed = detection_figures.heat(heat), _needed(heat)
+        blocks.append(PAGE.figure("iopc_heat", drawing, stages, after=needed, dataset=dataset))
     for one in results:
         for label in sorted(set(one.refused) & set(one.labels)):
             title = f"Surface of {word(one.detector)} for {word(label)} on {word(dataset)} ({one.refused[label]})"
@@ -142,9 +135,9 @@ def _directions(dataset: str, results: Sequence[Results]) -> list[Block]:
     cells = _joined(results, "directions")
     blocks: list[Block] = []
     for label in sorted(set(cells["label"])) if len(cells) else ():
-        name, drawing = f"direction_{dataset}_{label}".replace(" ", "_"), detection_figures.direction(cells, label)
-        stages = _stages("direction", results)
-        blocks.append(PAGE.figure("direction", drawing, stages, name=name, dataset=dataset, label=label))
+        words = {"dataset": dataset, "label": label, "class": label.replace(" ", "_")}
+        drawing = detection_figures.direction(cells, label)
+        blocks.append(PAGE.figure("direction", drawing, _stages("direction", results), **words))
     parts = [spread(dataset, results), *map(by_direction, results)] if blocks else []
     return [*blocks, *(part for part in parts if part is not None)]
 
@@ -167,8 +160,7 @@ def _regression(dataset: str, results: Sequence[Results]) -> list[Block]:
     blocks: list[Block] = [fits(dataset, results)]
     if cells:
         drawing = detection_figures.regression(pd.concat(cells, ignore_index=True), titles)
-        stages, name = _stages("regression", results), "regression_{dataset}"
-        blocks.insert(0, PAGE.figure("regression", drawing, stages, name=name, dataset=dataset))
+        blocks.insert(0, PAGE.figure("regression", drawing, _stages("regression", results), dataset=dataset))
         blocks.append(PAGE.table("regression_coefficients", pd.concat(result), dataset=dataset))
     return blocks
 
@@ -184,14 +176,13 @@ def _recorded(sweeps: Sequence[Recorded]) -> list[Block]:
         shown = corners(selected.dataset, [selected])
         caption = f"Recorded: average precision of {title} at the corners of the sweep, {count}."
         blocks.append(replace(shown, name=f"recorded_{one.name}_ap", caption=caption, stage=""))
-        words = {"title": title, "count": count, "source": about["source"].rstrip(".")}
+        words = {"title": title, "count": count, "source": about["source"].rstrip("."), "record": one.name}
         words["weights"] = about["detector"]["sha256"][:12]
-        drawing, name = detection_figures.iopc(selected.isolated), f"recorded_{one.name}_iopc"
-        blocks.append(PAGE.figure("recorded_iopc", drawing, name=name, **words))
+        blocks.append(PAGE.figure("recorded_iopc", detection_figures.iopc(selected.isolated), **words))
         if len(selected.heat):
             rises = _needed(selected.heat) if "objects_needed" in selected.heat else PAGE.text("each_cell")
-            drawing, name = detection_figures.heat(selected.heat), f"recorded_{one.name}_iopc_heat"
-            blocks.append(PAGE.figure("recorded_iopc_heat", drawing, name=name, after=rises, title=title))
+            drawing = detection_figures.heat(selected.heat)
+            blocks.append(PAGE.figure("recorded_iopc_heat", drawing, after=rises, title=title, record=one.name))
         for block in _directions(selected.dataset, [selected]):
             if not isinstance(block, NotRun):
                 name, caption = f"recorded_{one.name}_{block.name}", f"Recorded, {count}: {block.caption}"

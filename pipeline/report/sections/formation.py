@@ -6,7 +6,7 @@ Photon transfer: Janesick, *Photon Transfer* (SPIE 2007); EMVA Standard 1288.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -157,21 +157,17 @@ def photon_transfer(curve: Mapping[str, Any]) -> Drawing:
     return Drawing(figure, alt, pd.DataFrame({"mean_dn": mean, "variance_dn2": variance}))
 
 
-def _galleries(dataset: str, inputs: ReportInputs) -> list[Block]:
+def _galleries(dataset: str, inputs: ReportInputs) -> Iterator[Block]:
     folder = inputs.folders("corrupt")[dataset]
     gallery = described(folder, "gallery.json", ("chain", "effects"))
     if gallery is None:
-        return []
-    arrays, stages = optional(folder, "gallery.npz") or {}, (STAGE.format(dataset=dataset),)
-    blocks: list[Block] = []
+        return
+    arrays = optional(folder, "gallery.npz") or {}
     if gallery["chain"]:
         steps = " ".join(str(entry.get("caption", "")) for entry in gallery["chain"]).strip()
-        drawing, name = chain(arrays, gallery["chain"]), "formation_chain_{dataset}"
-        blocks.append(PAGE.figure("formation_chain", drawing, stages, name=name, after=steps, dataset=dataset))
+        yield PAGE.figure("formation_chain", chain(arrays, gallery["chain"]), after=steps, dataset=dataset)
     if gallery["effects"]:
-        drawing, name = effects(arrays, gallery["effects"]), "formation_effects_{dataset}"
-        blocks.append(PAGE.figure("formation_effects", drawing, stages, name=name, dataset=dataset))
-    return blocks
+        yield PAGE.figure("formation_effects", effects(arrays, gallery["effects"]), dataset=dataset)
 
 
 def _levels(dataset: str, corruption: pd.DataFrame, seed: int) -> Table:
@@ -201,6 +197,6 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     if curve is None:
         blocks.append(NotRun("Photon transfer of the sensor", "stage absent", sensor.line))
     else:
-        blocks.append(PAGE.figure("photon_transfer", photon_transfer(curve), [SENSOR_STAGE]))
+        blocks.append(PAGE.figure("photon_transfer", photon_transfer(curve)))
     text = [PAGE.text("introduction")]
     return Section("formation", "Image formation", text, [*blocks, *missing("Image formation", runs)], [sensor, *runs])

@@ -19,9 +19,10 @@ from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.display_names import BLURS, ESTIMATORS, counted, in_order, listing, word
 from pipeline.report.inputs import ReportInputs, mode_note, relative_mtf
-from pipeline.report.sections.blur_amae import PAGE, STAGE
+from pipeline.report.sections.blur_amae import PAGE
 from pipeline.report.spec import Block, NotRun
 from pipeline.report.style import Drawing
+from pipeline.report.tables import ordered, where
 from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
@@ -194,11 +195,7 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
             for name, curve in curves.items() for axis, number in np.ndindex(*true_mtf.shape)
         ]  # fmt: skip
     _legend(sheet.figure, names)
-    values = pd.DataFrame(rows)
-    order = {kind: number for number, kind in enumerate(kinds)}
-    values = values.sort_values(["blur_kind", "kernel_size_px"],
-        key=lambda one: one.map(order) if one.name == "blur_kind" else one,
-                                kind="stable")  # fmt: skip
+    values = ordered(pd.DataFrame(rows), blur_kind=kinds, kernel_size_px=())
     alt = f"One patch under {counted(len(first), 'blur kernel')} with the kernels estimated in it: {_errors(entries)}."
     return Drawing(sheet.figure, alt, values, style.switches(names))
 
@@ -228,17 +225,14 @@ def _errors(entries: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
 
 def _galleries(inputs: ReportInputs) -> dict[str, list[tuple[Gallery, Mapping[str, Any]]]]:
     """Dataset -> its galleries with their descriptions, in the estimators' order."""
-    pairs = []
-    for folder in inputs.folders("blur").values():
+    galleries: dict[str, list[tuple[Gallery, Mapping[str, Any]]]] = {}
+    order = in_order((name for _, name in inputs.pairs("blur")), ESTIMATORS)
+    for dataset, name in sorted(inputs.pairs("blur"), key=lambda pair: order.index(pair[1])):
+        folder = inputs.folders("blur")[f"{dataset}-{name}"]
         about = described(folder, "gallery.json", ("dataset", "estimator", "frame", "patch", "kernels"))
         if about is not None:
-            arrays = optional(folder, "gallery.npz") or {}
-            pairs.append((Gallery(about["estimator"], arrays, about["kernels"]), about))
-    galleries: dict[str, list[tuple[Gallery, Mapping[str, Any]]]] = {}
-    for name in in_order((gallery.estimator for gallery, _ in pairs), ESTIMATORS):
-        for gallery, about in pairs:
-            if gallery.estimator == name:
-                galleries.setdefault(about["dataset"], []).append((gallery, about))
+            gallery = Gallery(about["estimator"], optional(folder, "gallery.npz") or {}, about["kernels"])
+            galleries.setdefault(about["dataset"], []).append((gallery, about))
     for dataset, group in galleries.items():
         if len({(about["frame"], about["patch"]) for _, about in group}) > 1:
             raise InputError(
@@ -251,13 +245,9 @@ def _other_curves(
     estimates: pd.DataFrame, about: Mapping[str, Any], hidden: set[str]
 ) -> dict[str, dict[str, np.ndarray]]:
     """Estimator -> kernel -> (2, 8) MTF of the gallery's patch, of estimators that are not hidden."""
-    here = estimates[
-        (estimates["dataset"] == about["dataset"])
-        & (estimates["frame"] == about["frame"])
-        & (estimates["patch"] == about["patch"])
-        & estimates["kernel"].isin([entry["kernel"] for entry in about["kernels"]])
-        & ~estimates["estimator"].isin(list(hidden))
-    ].sort_values(["axis", "frequency"])
+    here = where(estimates, **{name: about[name] for name in ("dataset", "frame", "patch")})
+    here = where(here, kernel=[entry["kernel"] for entry in about["kernels"]])
+    here = here[~here["estimator"].isin(list(hidden))].sort_values(["axis", "frequency"])
     curves: dict[str, dict[str, np.ndarray]] = {}
     for (estimator, kernel), rows in here.groupby(["estimator", "kernel"], sort=True):
         curve = rows["mtf"].to_numpy(float).reshape(2, len(mtf.FREQUENCIES))
@@ -278,14 +268,14 @@ def blocks(estimates: pd.DataFrame, datasets: Sequence[str], inputs: ReportInput
     for dataset in datasets:
         pairs = galleries.get(dataset)
         if not pairs:
-            line = inputs.line(STAGE.format(dataset=dataset, estimator="pmp"))
+            line = inputs.line(f"blur@{dataset}-pmp")
             made.append(NotRun(f"Gallery of kernel estimates on {word(dataset)}", "stage absent", line))
             continue
         names = [gallery.estimator for gallery, _ in pairs]
         # Relative to a generic lens, a network's MTF is nearly that of the system, and curves are many.
         hidden = {*names, *(name for name, to in relative_mtf(estimates).items() if to == GENERIC_LENS)}
         drawing = draw([gallery for gallery, _ in pairs], _other_curves(estimates, pairs[0][1], hidden))
-        stages = [STAGE.format(dataset=dataset, estimator=name) for name in names]
-        name, mode = "kernel_estimates_{dataset}", mode_note(inputs.modes, names)
-        made.append(PAGE.figure("kernel_estimates", drawing, stages, name=name, after=mode, dataset=dataset))
+        stages = [f"blur@{dataset}-{name}" for name in names]
+        after = mode_note(inputs.modes, names)
+        made.append(PAGE.figure("kernel_estimates", drawing, stages, after=after, dataset=dataset))
     return made

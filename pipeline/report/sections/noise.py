@@ -19,7 +19,7 @@ from pipeline.report.inputs import ReportInputs, published
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Section, missing, pairs_of, runs_by_estimator
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Cell, Row, Table, as_recorded, estimate, ordered, reasons_of
+from pipeline.report.tables import Cell, Row, Table, as_recorded, estimate, ordered, reasons_of, where
 from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-STAGE = "noise@{dataset}-{estimator}"
 PAGE = Descriptions("noise")
 PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
 PRESENT: style.Look = {"color": style.INK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
@@ -180,13 +179,13 @@ def _maps(inputs: ReportInputs) -> list[Block]:
         pairs = sorted(galleries[dataset], key=lambda pair: pair[0].estimator)
         if len({(frame, tuple(one.effects), one.target_sigma_dn) for one, frame in pairs}) > 1:
             raise InputError(f"noise maps of '{dataset}' show different frames; run the stage noise again for all")
-        stages = [STAGE.format(dataset=dataset, estimator=one.estimator) for one, _ in pairs]
+        stages = [f"noise@{dataset}-{one.estimator}" for one, _ in pairs]
         drawing = maps([one for one, _ in pairs])
-        blocks.append(PAGE.figure("noise_maps", drawing, stages, name="noise_maps_{dataset}", dataset=dataset))
+        blocks.append(PAGE.figure("noise_maps", drawing, stages, dataset=dataset))
     return blocks
 
 
-def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame | None) -> Table:
+def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame) -> Table:
     """Median estimates of one dataset: a row for each noise source and level, a column for each estimator.
 
     Args:
@@ -195,14 +194,12 @@ def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame | None)
         reference: columns dataset, noise_source, target_sigma_dn, estimator, sigma_dn: by the authors' program.
     """
     keys = ["dataset", "noise_source", "target_sigma_dn", "estimator"]
-    selected = ordered(summary[summary["dataset"] == dataset], noise_source=EFFECTS, target_sigma_dn=())
+    selected = ordered(where(summary, dataset=dataset), noise_source=EFFECTS, target_sigma_dn=())
     selected = selected.assign(inliers=selected["count"] - selected["rejected"])
-    if reference is not None:
-        selected = selected.merge(reference.drop_duplicates(keys)[[*keys, "sigma_dn"]], how="left", on=keys)
+    selected = selected.merge(reference.drop_duplicates(keys)[[*keys, "sigma_dn"]], how="left", on=keys)
     levels = selected.groupby(keys[1:3])[["unclipped_median_dn", "clipped_median_dn"]].transform("median")
     selected = selected.assign(added_dn=levels["unclipped_median_dn"], present_dn=levels["clipped_median_dn"])
-    known = "sigma_dn" in selected and bool(selected["sigma_dn"].notna().any())
-    return PAGE.table("noise", selected, also=["code"] if known else [], dataset=dataset)
+    return PAGE.table("noise", selected, also=["code"] if selected["sigma_dn"].notna().any() else [], dataset=dataset)
 
 
 def single_patches(estimates: pd.DataFrame, seed: int) -> Table:
@@ -252,15 +249,14 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     runs = runs_by_estimator("Noise", "noise", pairs_of(summary), known, inputs)
     blocks: list[Block] = []
     if not summary.empty:
-        stages = sorted(STAGE.format(dataset=dataset, estimator=name) for dataset, name in pairs_of(summary))
+        stages = sorted(f"noise@{dataset}-{name}" for dataset, name in pairs_of(summary))
         datasets = in_order(summary["dataset"], inputs.datasets)
         blocks.append(PAGE.figure("noise", curves(summary, datasets), stages))
         reference = published(inputs, "noise_reference.csv")
         blocks += [medians(name, summary, reference) for name in datasets]
         blocks += [*_maps(inputs), single_patches(estimates, inputs.seed)]
         clipped = saturated(estimates, inputs.seed)
-        blocks += [] if clipped is None else [clipped]
-        blocks.append(_abstentions(summary, estimates))
+        blocks += [*([] if clipped is None else [clipped]), _abstentions(summary, estimates)]
     return Section("noise", "Noise estimation", (), [*blocks, *missing("Noise estimation", runs)], runs)
 
 

@@ -54,7 +54,7 @@ def kernel_sheet(bank: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: 
     Raises:
         InputError: the table has no such rows, or names a kernel without a picture.
     """
-    bank = bank[bank["source"] == source]
+    bank = where(bank, source=source)
     if bank.empty:
         raise InputError(f"kernels.parquet: no kernel with source '{source}'; expected 'generated' or 'paper'")
     absent = sorted(set(bank["kernel"]) - set(kernels))
@@ -159,7 +159,7 @@ def _bank(inputs: ReportInputs) -> list[Block]:
     blocks: list[Block] = []
     for source in sorted(set(bank["source"])):
         drawing, origin = kernel_sheet(bank, kernels, source), SOURCES.get(source, source)
-        blocks.append(PAGE.figure("kernels", drawing, [BANK_STAGE], name=f"kernels_{source}", origin=origin))
+        blocks.append(PAGE.figure("kernels", drawing, source=source, origin=origin))
     return blocks
 
 
@@ -176,7 +176,7 @@ def _star(inputs: ReportInputs) -> list[Block]:
     theirs = dict(zip(paper["frequency"], paper["mtf"], strict=True))
     cells = {"paper": lambda row: theirs.get(row["frequency"])}
     sharpness = PAGE.table("sim_sharpness", [] if ours is None else ours, cells=cells)
-    return [PAGE.figure("sim_star", star_figure(image, curves, paper), [STAR_STAGE]), sharpness]
+    return [PAGE.figure("sim_star", star_figure(image, curves, paper)), sharpness]
 
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
