@@ -43,6 +43,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
+import pandas as pd
+
 from pipeline.errors import InputError, did_you_mean
 from pipeline.report.display_names import ORDERS, in_order, listing, word
 from pipeline.report.figures import Facet, Panel, lines, small_multiples
@@ -52,7 +54,6 @@ from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Cell, Column, Row, Table, estimate, named, ordered, pivot, records, table
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 Cells = dict[str, Callable[[Row], Cell]]

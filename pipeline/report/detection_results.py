@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from pipeline.curves import directions, iso_exposure, precision
 from pipeline.report.display_names import DATASETS, DETECTORS, in_order
 from pipeline.report.inputs import ReportInputs
 from pipeline.stage_files import any_table, existing, optional
 from pipeline.store import Schema, read_json
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 DIRECTION, SPREAD = "direction", "direction_spread"
 """Names of the tables of blur directions in a record."""
@@ -109,8 +108,6 @@ class Recorded:
 
 def recorded(inputs: ReportInputs) -> list[Recorded]:
     """Every recorded sweep, by the name of its folder."""
-    import pandas as pd
-
     folder = existing(inputs.recorded)
     records = []
     for path in sorted(folder.glob("*/precision.csv")) if folder is not None else []:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline.report import style
 from pipeline.report.display_names import short_word, word
@@ -19,7 +20,6 @@ from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import format_number
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import pandas as pd
 
 from pipeline import tables
 from pipeline.camera.mtf import FREQUENCIES, SYSTEM
@@ -18,9 +20,6 @@ from pipeline.report.display_names import DATASETS, PAPER_NAMES, in_order, listi
 from pipeline.report.tables import where
 from pipeline.stage_files import any_table, benchmark_record, existing, optional
 from pipeline.store import Schema
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PUBLISHED_COLUMNS = {
     "blur": "blur_kind",
@@ -132,8 +131,6 @@ class ReportInputs:
 
     def result(self, name: str) -> pd.DataFrame:
         """One of `RESULTS` over all members of its stage; empty, with its columns, where none has run."""
-        import pandas as pd
-
         about = RESULTS[name]
         parts = list(self.each(about.stage, about.file, about.schema).values())
         empty = pd.DataFrame({column: [] for column in about.schema.columns})
@@ -226,8 +223,6 @@ def published_table(path: Path) -> pd.DataFrame:
 
 def published(inputs: ReportInputs, file: str) -> pd.DataFrame:
     """`published_table`, with the numbers of the paper's Sim also under our name of its authors' frames."""
-    import pandas as pd
-
     table = published_table(inputs.paper / file)
     if "dataset" not in table:
         return table

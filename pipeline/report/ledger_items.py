@@ -12,9 +12,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline.errors import InputError
 from pipeline.report import ledger_causes, ledger_sources
@@ -31,9 +32,6 @@ from pipeline.report.ledger import (
     tolerance_of_both,
 )
 from pipeline.report.tables import Row, records, where
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 UNEXPLAINED = "not explained yet"
 UNITS = {
@@ -185,8 +183,6 @@ def _text(value: Any) -> str:
 
 def _long(item: Item, table: pd.DataFrame, number: str) -> pd.DataFrame:
     """One row per number: the table's columns, ``key`` (text), ``column`` (of the number) and the number."""
-    import pandas as pd
-
     rows = [
         {**row, "key": "\t".join(_text(row[name]) for name in item.keys), "column": column, number: row[column]}
         for row in records(table)
@@ -198,8 +194,6 @@ def _long(item: Item, table: pd.DataFrame, number: str) -> pd.DataFrame:
 
 def _ours(item: Item, inputs: ReportInputs) -> pd.DataFrame:
     """Ours by key and column of the number, with ``low``, ``high`` and ``measured_on``; empty where nothing has run."""
-    import pandas as pd
-
     columns = ["key", "column", "ours", "low", "high", "measured_on"]
     table = item.ours.read(inputs)
     if table is None:

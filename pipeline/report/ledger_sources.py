@@ -7,9 +7,9 @@ the dataset where that is not the column ``dataset``.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from pipeline import tables
 from pipeline.camera.mtf import FREQUENCIES
@@ -23,9 +23,6 @@ from pipeline.report.display_names import PAPER_NAMES
 from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, published_table
 from pipeline.report.tables import records, where
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
 COMBINED_DATASET, NETWORK, COMBINED_ESTIMATOR = "udacity", "cnn", "spectral"
 """All that the paper prints of blur and noise at once is of its network on Udacity; without it, ours is the second."""
@@ -35,8 +32,6 @@ PAPER_FRAMES = 150
 
 def formation(inputs: ReportInputs) -> pd.DataFrame | None:
     """Constants and moments of our sensor: quantity, value."""
-    import pandas as pd
-
     numbers = inputs.read("sensor/formation.json")
     if numbers is None:
         return None
@@ -53,8 +48,6 @@ def levels(inputs: ReportInputs) -> pd.DataFrame | None:
 
     The standard deviation is taken over a frame before the 8-bit range clips it; level 0 must be exact.
     """
-    import pandas as pd
-
     parts = list(inputs.each("corrupt", "corruption.parquet", tables.CORRUPTION).values())
     if not parts:
         return None
@@ -70,8 +63,6 @@ def expected_levels(inputs: ReportInputs) -> pd.DataFrame:
 
     Datasets that have not run are listed with the paper's effects.
     """
-    import pandas as pd
-
     selected = levels(inputs)
     ran = [] if selected is None else records(selected)
     absent = [name for name in inputs.datasets if name not in {row["dataset"] for row in ran}]
@@ -84,8 +75,6 @@ def expected_levels(inputs: ReportInputs) -> pd.DataFrame:
 
 def sizes(inputs: ReportInputs) -> pd.DataFrame | None:
     """Frames and patches of each dataset: dataset, quantity, value."""
-    import pandas as pd
-
     rows: list[tuple[str, str, float]] = []
     for dataset, frames in inputs.each("index", "frames.parquet", tables.FRAMES).items():
         if len(frames):
@@ -140,8 +129,6 @@ def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:
 
     The measured curve is interpolated linearly, from one at frequency zero on; frequencies beyond it are left out.
     """
-    import pandas as pd
-
     curves = star_curve(inputs)
     if curves is None:
         return None
@@ -158,8 +145,6 @@ def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
     Returns:
         dataset, estimator, statistic, frequency, mtf.
     """
-    import pandas as pd
-
     known = [part for part in (sharp_mtf(inputs), _horizontal(sharp_curves(blur_estimates(inputs), inputs.seed)))
              if part is not None and len(part)]  # fmt: skip
     recorded = [_horizontal(one.as_the_paper_ran(one.sharp)) for one in blur_records.read(inputs.recorded)]
@@ -205,8 +190,6 @@ def _with_records(ran: pd.DataFrame | None, recorded: list[pd.DataFrame]) -> pd.
     A run of a stage on KITTI or Udacity wins over the record. The paper's Sim is the authors' own: a record of their
     frames wins over the Sim rendered here, which cannot be compared.
     """
-    import pandas as pd
-
     parts = [part.assign(measured_on=part["dataset"]) for part in (ran, *recorded) if part is not None and len(part)]
     if not parts:
         return None
@@ -260,8 +243,6 @@ def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
 
     The paper's curves are means of horizontal and vertical of its diagonal kernel, as the ground truth shows.
     """
-    import pandas as pd
-
     curves = where(_on_udacity(inputs, "combined_curves"), experiment="photon_linear", filter_px=0, axis="HV")
     selected = where(curves, kernel_size_px=11, angle_deg=45)
     if selected.empty:

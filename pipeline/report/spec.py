@@ -26,15 +26,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from pipeline.report.display_names import DATASETS, ESTIMATORS, in_order, word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline.errors import InputError, did_you_mean
 from pipeline.report.display_names import in_order, word
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -251,7 +249,7 @@ def pivot(
     return list(wide.values())
 
 
-def where(frame: pd.DataFrame, **values: Any) -> pd.DataFrame:
+def where(frame: pd.DataFrame, /, **values: Any) -> pd.DataFrame:
     """Rows of a data frame whose columns have these values, or one of a list of them.
 
     Args:

@@ -13,14 +13,14 @@ from functools import cached_property
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from pipeline.report import detection_results, ledger_sources
 from pipeline.report.display_names import counted, listing, word
 from pipeline.report.inputs import ReportInputs, published_table
 from pipeline.report.tables import where
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from pipeline.report.detection_results import Results
 
 SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED = "supported", "partly", "not decided", "contradicted"
@@ -97,16 +97,12 @@ class Evidence:
     @cached_property
     def sharp(self) -> pd.DataFrame:
         """Horizontal MTF of sharp frames: medians with their interval."""
-        import pandas as pd
-
         table = ledger_sources.uncorrupted(self.inputs)
         return pd.DataFrame() if table is None else table[table["statistic"] == "median"]
 
     @cached_property
     def combined(self) -> pd.DataFrame:
         """Raw blur cells under noise (`pipeline.experiments.tables.BLUR_CELLS`), improved estimation among them."""
-        import pandas as pd
-
         ran, smoothed = map(self.inputs.result_with_records, ("combined_blur", "denoised_blur"))
         smoothed = smoothed.assign(experiment=smoothed["experiment"].replace(SAME_EXPERIMENT))
         cells = where(pd.concat([ran, smoothed], ignore_index=True), calibrated=False)

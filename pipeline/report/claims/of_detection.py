@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import pandas as pd
+
 from pipeline.control.order_conclusions import DETECTOR, ENCODED, LINEAR, PAPER, Study
 from pipeline.control.scenario_result import OURS
 from pipeline.report import detection_results
@@ -26,8 +28,6 @@ from pipeline.report.sections import order_study
 from pipeline.report.tables import records
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from pipeline.control.order_conclusions import Conclusion
     from pipeline.report.detection_results import Results
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import pandas as pd
 
 from pipeline.report.claims.claim import UNDECIDED, Evidence, Measurement, Measures, of_cells, of_number, sides
 from pipeline.report.display_names import word
@@ -10,9 +10,6 @@ from pipeline.report.inputs import published_table
 from pipeline.report.ledger_sources import levels
 from pipeline.report.tables import records, where
 from pipeline.stage_files import any_table, existing
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PREVENTED_PERCENT = 10.0
 """AMAE from which an estimate counts as prevented: half of what answering without a look at the patch gives."""
@@ -76,8 +73,6 @@ def _prevents(evidence: Evidence, *, experiment: str) -> Measurement | None:
 
 
 def _disturbs(evidence: Evidence) -> Measurement | None:
-    import pandas as pd
-
     cells = _of_experiments(evidence, "photon_linear", "photon_defocus")
     groups = [group.sort_values("target_sigma_dn") for _, group in cells.groupby(KERNEL) if len(group) > 1]
     if not groups:
@@ -108,8 +103,6 @@ def _overestimates(evidence: Evidence) -> Measurement | None:
 
 
 def _smoothing(evidence: Evidence) -> Measurement | None:
-    import pandas as pd
-
     cells = where(evidence.combined, experiment=["linear_dcsn", "defocus_dcsn"])
     cells = cells[cells["target_sigma_dn"] >= NOISY_DN]
     plain = {tuple(row[name] for name in CELL): row for row in records(where(cells, filter_px=0))}

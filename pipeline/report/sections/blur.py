@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from pipeline.camera.mtf import FREQUENCIES, SYSTEM
 from pipeline.experiments import blur_records
@@ -32,7 +33,6 @@ from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, as_recorded, where
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 TITLE = "Blur estimation"
@@ -188,8 +188,6 @@ def subsets(record: BlurRecord) -> list[str]:
 
 def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
     """Blur estimation on pictures recorded by ``camera-monitor blur record``, or None without a record."""
-    import pandas as pd
-
     records = blur_records.read(inputs.recorded)
     if not records:
         return None

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline.camera.mtf import CAMERA, GENERIC_LENS
 from pipeline.experiments.condition import SHARP
@@ -34,7 +35,6 @@ from pipeline.report.tables import (
 )
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 ANY_STAGE = "blur@<dataset>-<estimator>"
@@ -67,8 +67,6 @@ def without_unknown_lenses(summary: pd.DataFrame, errors: pd.DataFrame | None = 
         summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
         errors: `pipeline.experiments.sharp_curves.sharp_errors`.
     """
-    import pandas as pd
-
     blurred = summary[summary["blur_kind"] != SHARP]
     return blurred if errors is None or errors.empty else pd.concat([errors, blurred], ignore_index=True)
 

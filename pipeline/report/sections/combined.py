@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, records_with
 from pipeline.report import style
@@ -22,7 +23,6 @@ from pipeline.report.tables import Table, as_recorded, ordered, where
 from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 TITLE = "Blur and noise at once"

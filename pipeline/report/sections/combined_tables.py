@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from pipeline.grouped_statistics import weighted_mean
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, ESTIMATORS, EXPERIMENTS, word
 from pipeline.report.tables import Cell, Row, Table, amae, estimate, format_number, mean_cell, ordered, pivot, where
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PAGE = Descriptions("combined")
 STAGE = "combined@{dataset}"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.report import style
@@ -16,9 +17,6 @@ from pipeline.report.spec import Block
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Table, estimate, format_number, records, where
 from pipeline.stage_files import described, optional
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 STAGE = "worked_examples"
 FIRST, SECOND = "sim_yolov4_car", "robot"
@@ -58,7 +56,6 @@ def pictures(example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray]
         arrays: of ``pictures.npz``.
         about: ``pictures.json``, see `pipeline.control.example_pictures.gallery`.
     """
-    import pandas as pd
     from matplotlib.patches import Rectangle
 
     shown = [entry for entry in about["steps"] if entry["example"] == example]

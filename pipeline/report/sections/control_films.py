@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pandas as pd
+
 from pipeline.control.scenario_result import ScenarioResult
 from pipeline.report import style
 from pipeline.report.control_results import POLICIES, policy_word, scenario_word
@@ -15,7 +17,6 @@ from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import format_number, records
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 LOOKS: dict[str, Look] = {

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from pipeline.control.scenario_result import rises
 from pipeline.control.tables import KNOTS
 from pipeline.report import style
@@ -16,7 +18,6 @@ from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, estimate, pivot
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 STAGE = "control_surface"

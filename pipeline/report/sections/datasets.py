@@ -8,6 +8,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline import tables
 from pipeline.datasets.power_spectrum import power_spectrum
@@ -22,7 +23,6 @@ from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, estimate, pivot, records
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 PAGE = Descriptions("datasets")
@@ -84,8 +84,6 @@ def samples_figure(samples: Sequence[DatasetSample]) -> Drawing:
     Args:
         samples: datasets in the order shown, each with at least one frame.
     """
-    import pandas as pd
-
     across = max(1, min(MAX_FRAMES, max(len(sample.frames) for sample in samples)))
     width = style.TWO_COLUMNS_IN
     heights = []
@@ -165,8 +163,6 @@ def _sizes(frames: Mapping[str, pd.DataFrame], inputs: ReportInputs) -> Table:
 
 
 def _statistics(frames: Mapping[str, pd.DataFrame], seed: int) -> Table:
-    import pandas as pd
-
     long = pd.concat([group.melt(["dataset"], list(STATISTICS), "statistic") for group in frames.values()])
     cells = robust_by(long, ["dataset", "statistic"], "value", seed, "report", "frames")
     return PAGE.table("dataset_statistics", pivot(cells, ["dataset"], "statistic", MEDIAN))

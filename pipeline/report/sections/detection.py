@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from pipeline.curves import iso_exposure
 from pipeline.report import detection_results
@@ -19,17 +21,12 @@ from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, overview
 from pipeline.report.tables import Cell, Estimate, Table, estimate, format_number, pivot, records, where
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 AP = estimate("ap_percent", "low_percent", "high_percent")
 RISE = " ↑"
 
 
 def _joined(results: Sequence[Results], part: str) -> pd.DataFrame:
     """One part of several detectors' results, with a column ``detector``; classes without an object are left out."""
-    import pandas as pd
-
     parts = [
         selected[selected["label"].isin(one.labels)].assign(detector=one.detector)
         for one in results
@@ -143,8 +140,6 @@ def _directions(dataset: str, results: Sequence[Results]) -> list[Block]:
 
 
 def _regression(dataset: str, results: Sequence[Results]) -> list[Block]:
-    import pandas as pd
-
     if not any(one.fits for one in results):
         return []
     cells, result, titles = [], [], {}

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
@@ -15,7 +16,6 @@ from pipeline.report.style import Drawing
 from pipeline.report.tables import records
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 PAGE = Descriptions("detection")

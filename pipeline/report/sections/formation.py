@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline import tables
 from pipeline.errors import InputError, did_you_mean
@@ -23,9 +24,6 @@ from pipeline.report.spec import Block, NotRun, Section, missing, overview, sing
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Row, Table
 from pipeline.stage_files import described, existing, optional
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PAGE = Descriptions("formation")
 STAGE, SENSOR_STAGE = "corrupt@{dataset}", "sensor"
@@ -53,8 +51,6 @@ def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]
     Raises:
         InputError: an entry names an absent array.
     """
-    import pandas as pd
-
     pictures = [_crop(arrays, entry, CHAIN_PX) for entry in entries]
     changes = [after - before for before, after in itertools.pairwise(pictures)]
     span = max([float(np.percentile(np.abs(change), 99.5)) for change in changes if change.size] + [1.0])
@@ -89,8 +85,6 @@ def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any
     Raises:
         InputError: an entry names an absent array.
     """
-    import pandas as pd
-
     sources = in_order((str(entry["noise_source"]) for entry in entries), EFFECTS)
     levels = sorted({float(entry["target_sigma_dn"]) for entry in entries})
     crops = {
@@ -136,8 +130,6 @@ def photon_transfer(curve: Mapping[str, Any]) -> Drawing:
     Raises:
         InputError: the two lists differ in length.
     """
-    import pandas as pd
-
     if len(curve["mean_dn"]) != len(curve["variance_dn2"]):
         raise InputError("photon_transfer.json: mean_dn and variance_dn2 must be equally long; run the stage sensor")
     mean, variance = np.asarray(curve["mean_dn"], dtype=float), np.asarray(curve["variance_dn2"], dtype=float)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline.camera import mtf
 from pipeline.camera.mtf import GENERIC_LENS
@@ -26,7 +27,6 @@ from pipeline.report.tables import ordered, where
 from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
@@ -133,8 +133,6 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
     Raises:
         InputError: no gallery, an array is missing, or the galleries are not of the same kernels.
     """
-    import pandas as pd
-
     if not galleries:
         raise InputError("no gallery of kernel estimates; run the stage blur for a kernel estimator")
     entries = {gallery.estimator: {str(one["kernel"]): one for one in gallery.kernels} for gallery in galleries}

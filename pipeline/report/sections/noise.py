@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline.errors import InputError
 from pipeline.experiments.frame_records import NOISE_FILE, records_with
@@ -23,7 +24,6 @@ from pipeline.report.tables import Cell, Row, Table, as_recorded, estimate, orde
 from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
@@ -134,8 +134,6 @@ def maps(galleries: Sequence[NoiseMaps]) -> Drawing:
     Raises:
         InputError: an array is missing.
     """
-    import pandas as pd
-
     effects, columns = list(galleries[0].effects), 2 + len(galleries)
     height, width = galleries[0].of(effects[0])[0].shape
     tall = style.TWO_COLUMNS_IN / (columns + 0.25) * height / width

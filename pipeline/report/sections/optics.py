@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from pipeline import tables
 from pipeline.errors import InputError
@@ -21,7 +22,6 @@ from pipeline.report.tables import where
 from pipeline.stage_files import existing
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 PAGE = Descriptions("optics")
@@ -120,8 +120,6 @@ def star_figure(image: np.ndarray, curves: Mapping[str, np.ndarray], paper: pd.D
         curves: ``frequency`` as fractions of Nyquist, ``measured`` contrast and the contrast by ``formula``, each (K,).
         paper: columns frequency, mtf: the star of the paper's Sim.
     """
-    import pandas as pd
-
     figure = style.new_figure(style.TWO_COLUMNS_IN, 2.7)
     left, right = figure.subplots(1, 2, width_ratios=[1, 1.5])
     picture, _ = style.shrunk(np.asarray(image), 512)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from pipeline.control.order_conclusions import (
     CONCLUSIONS,
@@ -19,9 +21,6 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections.control_tables import CONTROL
 from pipeline.report.spec import Block
 from pipeline.report.tables import Table, estimate, format_number, records
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 STAGE = "order_study"
 MEASURES = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 
 from pipeline.experiments import real_noise_records
 from pipeline.experiments.real_noise_records import Examples, Recording, Sensor
@@ -44,8 +45,6 @@ def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> Drawing:
         parts: recordings, at least one.
         estimators: columns of the figure.
     """
-    import pandas as pd
-
     figure = style.new_figure(style.TWO_COLUMNS_IN, 1.45 * len(parts) + 0.35)
     grid = figure.subplots(len(parts), len(estimators), squeeze=False, sharex="row", sharey="row")
     values, words = [], []
@@ -79,8 +78,6 @@ def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> Drawing:
 
 def errors(parts: Sequence[Recording]) -> Table:
     """Errors, coverage and abstentions of every estimator on every recording."""
-    import pandas as pd
-
     rows = pd.concat([part.summary.assign(recording=part.name) for part in parts], ignore_index=True)
     rows = ordered(rows, recording=[part.name for part in parts], estimator=ORDER)
     return PAGE.table("real_noise_errors", rows, cells={"recording": lambda row: recording_word(row["recording"])})
