@@ -18,7 +18,7 @@ from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
 from pipeline.experiments.tables import BLUR_CELLS, BLUR_ESTIMATES, BLUR_SUMMARY, CURVES, NOISE_CELLS
 from pipeline.report.display_names import DATASETS, PAPER_NAMES, in_order, listing, word
 from pipeline.report.tables import where
-from pipeline.stage_files import any_table, benchmark_record, existing, optional
+from pipeline.stage_files import any_table, benchmark_record, described, existing, optional
 from pipeline.store import Schema
 
 PUBLISHED_COLUMNS = {
@@ -128,6 +128,32 @@ class ReportInputs:
         """Member of a stage -> a file of it, of those members that have it."""
         contents = {name: optional(folder, file, schema) for name, folder in self.folders(stage).items()}
         return {name: content for name, content in contents.items() if content is not None}
+
+    def galleries(
+        self, stage: str, file: str, alike: Sequence[str], also: Sequence[str] = ()
+    ) -> dict[str, list[tuple[Any, Any]]]:
+        """Pictures that members of a stage stored, one estimator each: dataset -> their descriptions and arrays.
+
+        Args:
+            stage: name.
+            file: stem of the description (``.json``) and of the arrays (``.npz``).
+            alike: keys of the description in which the members of a dataset must agree.
+            also: further keys that it must have.
+
+        Raises:
+            InputError: a description lacks a key, or members show different things.
+        """
+        stored: dict[str, list[tuple[Any, Any]]] = {}
+        for folder in self.folders(stage).values():
+            about = described(folder, f"{file}.json", ("dataset", "estimator", *alike, *also))
+            if about is not None:
+                stored.setdefault(about["dataset"], []).append((about, optional(folder, f"{file}.npz") or {}))
+        for dataset, shown in stored.items():
+            if any(about[key] != shown[0][0][key] for about, _ in shown for key in alike):
+                raise InputError(
+                    f"{file}.json of '{dataset}' show different frames or patches; run the stage {stage} again for all"
+                )
+        return stored
 
     def result(self, name: str) -> pd.DataFrame:
         """One of `RESULTS` over all members of its stage; empty, with its columns, where none has run."""

@@ -15,7 +15,7 @@ from pipeline.report import training_budget
 from pipeline.report.display_names import counted, word
 from pipeline.report.inputs import EXACT, ReportInputs
 from pipeline.report.ledger_sources import COMBINED_DATASET, COMBINED_ESTIMATOR, PAPER_FRAMES, combined_estimator
-from pipeline.report.tables import Row, format_number
+from pipeline.report.tables import Row, format_number, where
 from pipeline.report.tables import records as records_of
 
 if TYPE_CHECKING:
@@ -166,12 +166,8 @@ def _lens(row: Row, record: BlurRecord | None) -> str:
     """How much of a higher error is the camera's lens, where that is most of it; empty else."""
     if record is None or not row["ours"] > row["paper"]:
         return ""
-    cells = record.summary[
-        (record.summary["estimator"] == row["estimator"])
-        & (record.summary["blur_kind"] == row["blur_kind"])
-        & (record.summary["kernel_size_px"] == row["kernel_size_px"])
-        & record.summary["calibrated"].astype(bool)
-    ]
+    kernel = {name: row[name] for name in ("estimator", "blur_kind", "kernel_size_px")}
+    cells = where(record.summary, calibrated=True, **kernel)
     if len(cells) != 1:
         return ""
     remaining = float(cells["amae_percent"].iloc[0])

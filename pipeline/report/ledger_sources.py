@@ -157,7 +157,7 @@ def _horizontal(curves: pd.DataFrame) -> pd.DataFrame:
     Records from before intervals were computed have their range only, from which follows a narrower interval, as if
     patches were independent.
     """
-    known = curves[curves["axis"] == "H"]
+    known = where(curves, axis="H")
     error = median_error_of_range((known["max"] - known["min"]).to_numpy(float), known["count"].to_numpy(float))
     for name, end in (("low", known["median"] - error), ("high", known["median"] + error)):
         known = known.assign(**{name: known[name].fillna(end) if name in known else end})

@@ -291,10 +291,10 @@ def test_galleries_of_different_patches_are_refused(inputs: ReportInputs, tmp_pa
         shutil.copytree(inputs.data / f"blur/sim-{name}", tmp_path / f"blur/sim-{name}")
     content = store.read_json(tmp_path / "blur/sim-gbb/gallery.json")
     store.write_json(tmp_path / "blur/sim-gbb/gallery.json", {**content, "frame": "another"})
-    with pytest.raises(InputError, match="show different patches"):
+    with pytest.raises(InputError, match="show different frames or patches"):
         blur.section(dataclasses.replace(inputs, data=tmp_path))
     store.write_json(tmp_path / "blur/sim-gbb/gallery.json", {"kernels": []})
-    with pytest.raises(InputError, match="expected an object with dataset, estimator, frame"):
+    with pytest.raises(InputError, match="expected an object with dataset, estimator, frame, patch"):
         blur.section(dataclasses.replace(inputs, data=tmp_path))
 
 

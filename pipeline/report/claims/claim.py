@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -111,16 +110,6 @@ class Evidence:
         )
 
     @cached_property
-    def curves(self) -> pd.DataFrame:
-        """Example curves of blur under noise (`pipeline.experiments.tables.CURVES`)."""
-        return self.inputs.result_with_records("combined_curves")
-
-    @cached_property
-    def noise(self) -> pd.DataFrame:
-        """`pipeline.tables.NOISE_SUMMARY`."""
-        return self.inputs.result_with_records("noise_summary")
-
-    @cached_property
     def detection(self) -> list[Results]:
         """Every detector on every dataset."""
         return detection_results.read(self.inputs)
@@ -130,23 +119,6 @@ class Evidence:
         """Published name of an estimator -> seconds of the processor, in the paper's unit; empty without a record."""
         times = ledger_sources.run_times(self.inputs)
         return {} if times is None else dict(zip(times["estimator"], times["seconds"], strict=True))
-
-    @cached_property
-    def preprocessing(self) -> tuple[float, float] | None:
-        """Milliseconds per patch of the paper's blur network: before its first layer, and in all."""
-        from pipeline.report.sections.runtime import patch_times
-
-        times = patch_times(self.inputs)
-        rows = times[(times["name"] == "cnn_mtf") & times["preprocessing_ms"].notna()]
-        return None if rows.empty else (float(rows["preprocessing_ms"].iloc[0]), float(rows["batched_ms"].iloc[0]))
-
-
-def descriptions() -> list[dict[str, Any]]:
-    """The entries of ``claims.yaml``, in their order: fields of `Claim`, ``measure`` by name, with its ``options``."""
-    import yaml
-
-    text = resources.files("pipeline.report.claims").joinpath("claims.yaml").read_text(encoding="utf-8")
-    return list(yaml.safe_load(text))
 
 
 def names_of(datasets: Iterable[Any]) -> str:

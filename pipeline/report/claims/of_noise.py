@@ -91,7 +91,7 @@ def _defocus_under_photon_noise(evidence: Evidence) -> Measurement | None:
 
 def _overestimates(evidence: Evidence) -> Measurement | None:
     of_paper = {"experiment": "photon_linear", "calibrated": False, "filter_px": 0}
-    curves = where(evidence.curves, axis="HV", frequency_index=4, **of_paper)
+    curves = where(evidence.inputs.result_with_records("combined_curves"), axis="HV", frequency_index=4, **of_paper)
     pairs, words, on = [], [], []
     for (dataset, name), group in curves.groupby(["dataset", "estimator"]):
         at = group.sort_values("target_sigma_dn")
@@ -113,7 +113,7 @@ def _smoothing(evidence: Evidence) -> Measurement | None:
 
 
 def _follows(evidence: Evidence) -> Measurement | None:
-    cells = where(evidence.noise, estimator=list(PAPER_NOISE))
+    cells = where(evidence.inputs.result_with_records("noise_summary"), estimator=list(PAPER_NOISE))
     pairs = []
     for row in records(cells):
         below, above = row["low_dn"] - row["unclipped_median_dn"], row["high_dn"] - row["unclipped_median_dn"]

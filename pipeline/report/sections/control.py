@@ -53,15 +53,12 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
 
 
 def _scenario_runs(inputs: ReportInputs, ran: set[str]) -> list[Run]:
-    """One line of the overview for all scenarios, naming those that did not run."""
+    """One line of the overview for all scenarios, and one for each that did not run where others did."""
     scenarios = inputs.folders("closed_loop")
-    missing = [name for name in scenarios if name not in ran]
-    if not missing and ran:
-        return [Run("Closed loop", "", True, "", inputs.line("closed_loop"))]
-    if ran:
-        words = f"{len(ran)} of {len(scenarios)} scenarios"
-        return [Run("Closed loop", "", True, words, inputs.line("closed_loop"))] + [
-            Run(f"Closed loop: {scenario_word(name)}", "", False, STAGE_ABSENT, inputs.line(f"closed_loop@{name}"))
-            for name in missing
-        ]
-    return [Run("Closed loop", "", False, STAGE_ABSENT, inputs.line("closed_loop"))]
+    missing = [name for name in scenarios if name not in ran] if ran else []
+    partly = f"{len(ran)} of {len(scenarios)} scenarios" if missing else ""
+    line = inputs.line("closed_loop")
+    return [Run("Closed loop", "", bool(ran), partly if ran else STAGE_ABSENT, line)] + [
+        Run(f"Closed loop: {scenario_word(name)}", "", False, STAGE_ABSENT, inputs.line(f"closed_loop@{name}"))
+        for name in missing
+    ]

@@ -24,7 +24,6 @@ from pipeline.report.sections.blur_amae import PAGE
 from pipeline.report.spec import Block, NotRun
 from pipeline.report.style import Drawing
 from pipeline.report.tables import ordered, where
-from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -221,24 +220,6 @@ def _errors(entries: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
     return listing(words)
 
 
-def _galleries(inputs: ReportInputs) -> dict[str, list[tuple[Gallery, Mapping[str, Any]]]]:
-    """Dataset -> its galleries with their descriptions, in the estimators' order."""
-    galleries: dict[str, list[tuple[Gallery, Mapping[str, Any]]]] = {}
-    order = in_order((name for _, name in inputs.pairs("blur")), ESTIMATORS)
-    for dataset, name in sorted(inputs.pairs("blur"), key=lambda pair: order.index(pair[1])):
-        folder = inputs.folders("blur")[f"{dataset}-{name}"]
-        about = described(folder, "gallery.json", ("dataset", "estimator", "frame", "patch", "kernels"))
-        if about is not None:
-            gallery = Gallery(about["estimator"], optional(folder, "gallery.npz") or {}, about["kernels"])
-            galleries.setdefault(about["dataset"], []).append((gallery, about))
-    for dataset, group in galleries.items():
-        if len({(about["frame"], about["patch"]) for _, about in group}) > 1:
-            raise InputError(
-                f"galleries of '{dataset}' show different patches; run the stage blur again for all of them"
-            )
-    return galleries
-
-
 def _other_curves(
     estimates: pd.DataFrame, about: Mapping[str, Any], hidden: set[str]
 ) -> dict[str, dict[str, np.ndarray]]:
@@ -261,18 +242,19 @@ def blocks(estimates: pd.DataFrame, datasets: Sequence[str], inputs: ReportInput
         datasets: in their order.
         inputs: of the report.
     """
-    galleries = _galleries(inputs)
+    stored = inputs.galleries("blur", "gallery", ("frame", "patch"), ("kernels",))
     made: list[Block] = []
     for dataset in datasets:
-        pairs = galleries.get(dataset)
-        if not pairs:
+        if dataset not in stored:
             line = inputs.line(f"blur@{dataset}-pmp")
             made.append(NotRun(f"Gallery of kernel estimates on {word(dataset)}", "stage absent", line))
             continue
-        names = [gallery.estimator for gallery, _ in pairs]
+        shown = [Gallery(about["estimator"], arrays, about["kernels"]) for about, arrays in stored[dataset]]
+        galleries = {gallery.estimator: gallery for gallery in shown}
+        names = in_order(galleries, ESTIMATORS)
         # Relative to a generic lens, a network's MTF is nearly that of the system, and curves are many.
         hidden = {*names, *(name for name, to in relative_mtf(estimates).items() if to == GENERIC_LENS)}
-        drawing = draw([gallery for gallery, _ in pairs], _other_curves(estimates, pairs[0][1], hidden))
+        drawing = draw([galleries[name] for name in names], _other_curves(estimates, stored[dataset][0][0], hidden))
         stages = [f"blur@{dataset}-{name}" for name in names]
         after = mode_note(inputs.modes, names)
         made.append(PAGE.figure("kernel_estimates", drawing, stages, after=after, dataset=dataset))

@@ -21,7 +21,6 @@ from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Section, missing, pairs_of, runs_by_estimator
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Cell, Row, Table, as_recorded, estimate, ordered, reasons_of, where
-from pipeline.stage_files import described, optional
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -165,21 +164,13 @@ def maps(galleries: Sequence[NoiseMaps]) -> Drawing:
 
 def _maps(inputs: ReportInputs) -> list[Block]:
     """Local noise over a frame, of every dataset whose stage stored maps."""
-    galleries: dict[str, list[tuple[NoiseMaps, str]]] = {}
-    for folder in inputs.folders("noise").values():
-        about = described(folder, "maps.json", ("dataset", "estimator", "frame", "effects", "target_sigma_dn"))
-        if about is not None:
-            arrays = optional(folder, "maps.npz") or {}
-            one = NoiseMaps(about["estimator"], arrays, about["effects"], about["target_sigma_dn"])
-            galleries.setdefault(about["dataset"], []).append((one, about["frame"]))
+    stored = inputs.galleries("noise", "maps", ("frame", "effects", "target_sigma_dn"))
     blocks: list[Block] = []
-    for dataset in in_order(galleries, inputs.datasets):
-        pairs = sorted(galleries[dataset], key=lambda pair: pair[0].estimator)
-        if len({(frame, tuple(one.effects), one.target_sigma_dn) for one, frame in pairs}) > 1:
-            raise InputError(f"noise maps of '{dataset}' show different frames; run the stage noise again for all")
-        stages = [f"noise@{dataset}-{one.estimator}" for one, _ in pairs]
-        drawing = maps([one for one, _ in pairs])
-        blocks.append(PAGE.figure("noise_maps", drawing, stages, dataset=dataset))
+    for dataset in in_order(stored, inputs.datasets):
+        shown = sorted(stored[dataset], key=lambda pair: str(pair[0]["estimator"]))
+        made = [NoiseMaps(one["estimator"], arrays, one["effects"], one["target_sigma_dn"]) for one, arrays in shown]
+        stages = [f"noise@{dataset}-{one.estimator}" for one in made]
+        blocks.append(PAGE.figure("noise_maps", maps(made), stages, dataset=dataset))
     return blocks
 
 
