@@ -22,7 +22,7 @@ A table is a caption, columns, notes and the stage that made its numbers; its ro
         caption: Caption of a figure.
         alt: "Estimates over the target level: {words}."   # for readers who do not see the figure
         words: "{estimator:word} {median:.1f} DN"          # one of its phrases
-        grid: {down: dataset, across: noise_source, ...}   # small multiples, see `Descriptions.grid`
+        grid: {down: dataset, across: noise_source, ...}   # small multiples, see `figures.grid`
     texts:
       introduction: A paragraph.
 
@@ -40,7 +40,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
 from importlib import resources
 from typing import TYPE_CHECKING, Any, cast
 
@@ -48,13 +47,13 @@ import pandas as pd
 
 from pipeline.errors import InputError, did_you_mean
 from pipeline.report.display_names import ORDERS, in_order, listing, word
-from pipeline.report.figures import Facet, Panel, lines, small_multiples
+from pipeline.report.figures import grid
 from pipeline.report.spec import Figure
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Cell, Column, Row, Table, estimate, named, ordered, pivot, records, table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 Cells = dict[str, Callable[[Row], Cell]]
 """Column -> what makes its cells from a row."""
@@ -104,11 +103,6 @@ def _column(name: str, about: Mapping[str, Any], cell: Callable[[Row], Cell] | N
         return named(name, title, str(about["word"]))
     wide = bool(about.get("wide", False))
     return Column(name, title, str(about.get("unit", "")), about.get("decimals"), cell or _cell(about), wide)
-
-
-def _heading(headings: str | Mapping[str, str], value: Any) -> str:
-    """The heading of a value: of a mapping, or a text with the value filled in."""
-    return headings.format(value) if isinstance(headings, str) else headings[value]
 
 
 class Descriptions:
@@ -182,68 +176,9 @@ class Descriptions:
         joined = {"words": listing(phrases), "clauses": "; ".join(phrases)}
         return filled(self._entry("figures", key)["alt"], {**joined, **words})
 
-    def grid(
-        self,
-        key: str,
-        frame: pd.DataFrame,
-        alt: str,
-        looks: Mapping[Any, Look],
-        *,
-        down: Sequence[Any] = (),
-        across: Sequence[Any] = (),
-        under: Panel | None = None,
-        over: Panel | None = None,
-        axes: Mapping[str, Any] | None = None,
-        values: pd.DataFrame | None = None,
-        **more: Any,
-    ) -> Drawing:
-        """A figure of small multiples (`pipeline.report.figures.small_multiples`) as described.
-
-        The description has ``down`` and ``across`` (columns of the facets), ``headings`` (of the values across, their
-        display names by default), ``lines`` (arguments of `pipeline.report.figures.lines`: ``by``, ``x``, ``y``,
-        ``band`` ...; no lines without it), ``values`` (columns of the numbers plotted), ``sort`` (columns by which
-        these are sorted), ``axes`` and ``axes_across`` (settings of every panel, and by value across), and other
-        arguments of `small_multiples`, such as its labels ``x`` (one, or by value across) and ``y``.
-
-        Args:
-            key: under ``figures``.
-            frame: long table.
-            alt: alternative text.
-            looks: look of each series of the lines.
-            down: values of the facet of the rows, in order; those of the frame by default.
-            across: likewise of the columns.
-            under: draws into each panel before the lines.
-            over: draws after them; may return what the colour bar is of.
-            axes: further settings of every panel.
-            values: numbers plotted, where these are not the frame.
-            more: further arguments of `small_multiples`.
-        """
-        about = dict(self._entry("figures", key)["grid"])
-        drawn, kept, by = (about.pop(name, None) for name in ("lines", "values", "sort"))
-        limits, each = {**about.pop("axes", {}), **(axes or {})}, about.pop("axes_across", {})
-        headings = about.pop("headings", {})
-        if isinstance(about.get("x"), dict):
-            about["x"] = about["x"].get
-        rows, columns = (
-            Facet(column, chosen or in_order(frame[column], ORDERS.get(column, ())))
-            for column, chosen in ((about.pop("down"), down), (about.pop("across"), across))
-        )
-        if headings:
-            columns = replace(columns, label=lambda value: _heading(headings, value))
-
-        def panel(spot: Axes, shown: pd.DataFrame, name: str) -> Any:
-            if under is not None:
-                under(spot, shown, name)
-            if drawn is not None:
-                lines(spot, shown, looks=looks, key=name, **drawn)
-            return None if over is None else over(spot, shown, name)
-
-        plotted = frame if values is None else values
-        plotted = plotted[kept] if kept else plotted
-        plotted = plotted.sort_values(by) if by else plotted
-        settings = (lambda value: {**limits, **each[value]}) if each else limits
-        arguments: dict[str, Any] = {"axes": settings, "alt": alt, "values": plotted} | about | more
-        return small_multiples(frame, rows, columns, panel, **arguments)
+    def grid(self, key: str, frame: pd.DataFrame, alt: str, looks: Mapping[Any, Look], **more: Any) -> Drawing:
+        """The small multiples that a figure describes under ``grid``; arguments of `pipeline.report.figures.grid`."""
+        return grid(self._entry("figures", key)["grid"], frame, alt, looks, **more)
 
     def headings(self, key: str, values: Iterable[Any]) -> dict[str, str]:
         """Name -> heading of the columns that stand for ``"*"``, one for each value of what is spread over them."""

@@ -1,23 +1,23 @@
 """One mechanism for figures of small multiples: rows and columns of panels, and what one panel draws.
 
-`small_multiples` selects the rows of a data frame for each panel and places titles, axis labels, the legend, a colour
-bar and the note on panels without data. `lines` draws one line per series, with its band. A section describes its
-figures in its YAML file and draws them by `pipeline.report.descriptions.Descriptions.grid`.
+`grid` selects the rows of a data frame for each panel and places titles, axis labels, the legend, a colour bar and the
+note on panels without data, as a description says; `lines` draws one line per series, with its band. A section
+describes its figures in its YAML file and draws them by `pipeline.report.descriptions.Descriptions.grid`.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from pipeline.report import style
-from pipeline.report.display_names import short_word, word
+from pipeline.report.display_names import ORDERS, in_order, short_word, word
 from pipeline.report.style import Drawing, Look
-from pipeline.report.tables import format_number
+from pipeline.report.tables import format_number, where
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,86 +31,92 @@ Panel = Callable[["Axes", "pd.DataFrame", str], Any]
 Legend = Sequence[tuple[str, Look]]
 
 
-@dataclass(frozen=True)
-class Facet:
-    """One direction of the grid.
-
-    Attributes:
-        column: of the data frame.
-        values: one row or column of panels each, in order.
-        label: title of a value.
-    """
-
-    column: str
-    values: Sequence[Any]
-    label: Callable[[Any], str] = word
-
-
 @style.styled
-def small_multiples(
+def grid(
+    about: Mapping[str, Any],
     frame: pd.DataFrame,
-    down: Facet,
-    across: Facet,
-    panel: Panel,
-    *,
-    x: str | Callable[[Any], str],
-    y: str,
     alt: str,
-    axes: Mapping[str, Any] | Callable[[Any], Mapping[str, Any]] | None = None,
-    legend: Legend = (),
-    bar: str = "",
+    looks: Mapping[Any, Look],
+    *,
+    down: Sequence[Any] = (),
+    across: Sequence[Any] = (),
+    under: Panel | None = None,
+    over: Panel | None = None,
+    axes: Mapping[str, Any] | None = None,
     values: pd.DataFrame | None = None,
+    legend: Legend = (),
     series: tuple[tuple[str, str, str], ...] = (),
-    panel_in: float = 1.72,
-    margin_in: float = 0.55,
+    y: str = "",
+    panel_in: float = 0.0,
     width_in: float = style.TWO_COLUMNS_IN,
-    title_size: float | None = None,
-    share_x: bool = True,
-    absent: str = "not run",
 ) -> Drawing:
-    """A grid of panels with common axes.
+    """A grid of panels with common axes, each of the rows with one value down and one across.
 
     Args:
-        frame: long table; a panel gets the rows with its values of both facets.
-        down: facet of the rows of the grid.
-        across: facet of its columns.
-        panel: draws the rows of one panel; gets a key that is unique to the panel for SVG ids, and may return a
-            mappable for the colour bar.
-        x: label beneath the lowest panels, or a function of the column's value.
-        y: label beside the first panels, beneath the row's title.
+        about: ``down`` and ``across``: columns of the frame; ``headings``: of the values across (their display names by
+            default; a text to fill in, or by value); ``lines``: arguments of `lines`, such as ``by``, ``x``, ``y`` and
+            ``band`` (none without it); ``x`` (one, or by value across) and ``y``: labels; ``axes`` and ``axes_across``:
+            settings of every panel (`Axes.set`), and by value across; ``bar``: label of a colour bar; ``values`` and
+            ``sort``: columns of the numbers plotted, and those to sort them by; ``panel_in`` and ``margin_in``: height
+            of a row of panels and of everything else, inches; ``title_size`` of the headings; ``share_x``: whether
+            panels share the horizontal axis, as they share the vertical one; ``absent``: text in a panel without rows.
+        frame: long table.
         alt: description for readers who do not see the figure.
-        axes: settings of every panel (`Axes.set`), or a function of the column's value.
+        looks: look of each series of the lines.
+        down: values down, in order; those of the frame by default.
+        across: likewise across.
+        under: draws into each panel before the lines; gets a key that is unique to the panel, for SVG ids.
+        over: draws after them; may return what the colour bar is of.
+        axes: further settings of every panel.
+        values: the numbers plotted, where these are not the frame; see `Drawing`.
         legend: label and look of every entry.
-        bar: label of a colour bar; none where empty.
-        values: the numbers plotted, see `Drawing`.
         series: what a reader may switch off, see `Drawing`.
-        panel_in: height of a row of panels, inches.
-        margin_in: height of everything else, inches.
+        y: label, in place of that of the description.
+        panel_in: in place of that of the description.
         width_in: of the figure.
-        title_size: font size of the column titles.
-        share_x: panels share the horizontal axis; the vertical one is always shared.
-        absent: text in a panel without rows.
     """
-    figure = style.new_figure(width_in, panel_in * len(down.values) + margin_in)
-    grid = figure.subplots(len(down.values), len(across.values), squeeze=False, sharex=share_x, sharey=True)
+    rows, columns = (
+        list(chosen) or in_order(frame[about[side]], ORDERS.get(about[side], ()))
+        for side, chosen in (("down", down), ("across", across))
+    )
+    x = about["x"]
+    height_in = (panel_in or about.get("panel_in", 1.72)) * len(rows) + about.get("margin_in", 0.55)
+    figure = style.new_figure(width_in, height_in)
+    panels = figure.subplots(len(rows), len(columns), squeeze=False, sharex=about.get("share_x", True), sharey=True)
+    size = {"fontsize": about["title_size"]} if "title_size" in about else {}
     mappable = None
-    for row, upper in enumerate(down.values):
-        for column, left in enumerate(across.values):
-            spot = grid[row, column]
-            chosen = frame[(frame[down.column] == upper) & (frame[across.column] == left)]
-            mappable = panel(spot, chosen, f"{upper} {left}") or mappable
-            if chosen.empty:
-                spot.text(0.5, 0.5, absent, transform=spot.transAxes, ha="center", va="center", color=style.MUTED)
-            spot.set(**(axes(left) if callable(axes) else axes or {}))
-            if row == 0:
-                spot.set_title(across.label(left), **({"fontsize": title_size} if title_size else {}))
-            if row == len(down.values) - 1:
-                spot.set_xlabel(x(left) if callable(x) else x)
-        grid[row, 0].set_ylabel(f"{down.label(upper)}\n{y}")
+    for (row, upper), (column, left) in itertools.product(enumerate(rows), enumerate(columns)):
+        spot, key = panels[row, column], f"{upper} {left}"
+        shown = where(frame, **{about["down"]: upper, about["across"]: left})
+        if under is not None:
+            under(spot, shown, key)
+        if "lines" in about:
+            lines(spot, shown, looks=looks, key=key, **about["lines"])
+        if over is not None:
+            mappable = over(spot, shown, key) or mappable
+        if shown.empty:
+            absent = about.get("absent", "not run")
+            spot.text(0.5, 0.5, absent, transform=spot.transAxes, ha="center", va="center", color=style.MUTED)
+        spot.set(**{**about.get("axes", {}), **(axes or {}), **about.get("axes_across", {}).get(left, {})})
+        if row == 0:
+            spot.set_title(_heading(about.get("headings"), left), **size)
+        if row == len(rows) - 1:
+            spot.set_xlabel(x[left] if isinstance(x, dict) else x)
+        if column == 0:
+            spot.set_ylabel(f"{word(upper)}\n{y or about['y']}")
     add_legend(figure, legend)
-    if bar and mappable is not None:
-        style.colour_bar(figure, mappable, grid, bar, shrink=0.9, pad=0.01)
-    return Drawing(figure, alt, values, series)
+    if "bar" in about and mappable is not None:
+        style.colour_bar(figure, mappable, panels, about["bar"], shrink=0.9, pad=0.01)
+    plotted = frame if values is None else values
+    plotted = plotted[about["values"]] if "values" in about else plotted
+    return Drawing(figure, alt, plotted.sort_values(about["sort"]) if "sort" in about else plotted, series)
+
+
+def _heading(headings: str | Mapping[Any, str] | None, value: Any) -> str:
+    """The heading of a value: its display name, a text with the value filled in, or of a mapping."""
+    if headings is None:
+        return word(value)
+    return headings.format(value) if isinstance(headings, str) else headings[value]
 
 
 HANDLE_IN, CHARACTER_IN = 0.5, 0.05

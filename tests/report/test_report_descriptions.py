@@ -153,5 +153,5 @@ def test_every_description_is_used_and_complete(path: Path) -> None:
                 assert set(spread) == {"across", "index"}, key
                 assert all(column.get("title") for name, column in entry["columns"].items() if name != "*"), key
             if part == "figures" and isinstance(entry, dict):
-                assert "caption" in entry and set(entry) <= {"caption", "alt", "words", "grid"}, key
+                assert "caption" in entry and set(entry) <= {"name", "stage", "caption", "alt", "words", "grid"}, key
                 assert ("words" in entry) <= ("alt" in entry), key
