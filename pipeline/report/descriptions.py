@@ -50,7 +50,7 @@ from pipeline.report.display_names import ORDERS, in_order, listing, word
 from pipeline.report.figures import grid
 from pipeline.report.spec import Figure
 from pipeline.report.style import Drawing, Look
-from pipeline.report.tables import Cell, Column, Row, Table, estimate, named, ordered, pivot, records, table
+from pipeline.report.tables import Cell, Column, Row, Table, estimate, ordered, pivot, records
 
 if TYPE_CHECKING:
     pass
@@ -81,28 +81,21 @@ def filled(text: str, words: Mapping[str, Any]) -> str:
     return text.format_map(names).rstrip()
 
 
-def _cell(about: Mapping[str, Any]) -> str | Callable[[Row], Cell]:
-    """What makes the cells of a described column: the name of a column, or a function of the row."""
+def _cell(name: str, about: Mapping[str, Any]) -> Callable[[Row], Cell]:
+    """What makes the cells of a described column from a row."""
+    source = str(about.get("source", name))
+    if "word" in about:
+        return lambda row: word(str(row[about["word"]]))
     if "percent" in about:
         fraction = str(about["percent"])
         return lambda row: 100 * row[fraction] if math.isfinite(row[fraction]) else None
     if "choices" in about:
-        source, choices = about["source"], about["choices"]
-        return lambda row: str(choices.get(row[source], row[source]))
+        return lambda row: str(about["choices"].get(row[source], row[source]))
     if "text" in about:
         return lambda row: filled(about["text"], row)
     if "sum" in about:
         return lambda row: sum(int(row[name]) for name in about["sum"])
-    return estimate(*about["estimate"]) if "estimate" in about else str(about.get("source", ""))
-
-
-def _column(name: str, about: Mapping[str, Any], cell: Callable[[Row], Cell] | None = None) -> Column:
-    """A column of a description; ``cell`` makes its cells where that is no plain value of the row."""
-    title = str(about.get("title", ""))
-    if cell is None and "word" in about:
-        return named(name, title, str(about["word"]))
-    wide = bool(about.get("wide", False))
-    return Column(name, title, str(about.get("unit", "")), about.get("decimals"), cell or _cell(about), wide)
+    return estimate(*about["estimate"]) if "estimate" in about else lambda row: row.get(source)
 
 
 class Descriptions:
@@ -224,24 +217,28 @@ class Descriptions:
         if across is None and "spread" in star:
             spread = star["spread"]
             across = self.headings(key, rows[spread["across"]])
-            cell = Column("*", source=_cell(star)).cell
-            rows = pivot(rows, spread["index"], spread["across"], cell, star.get("key", "{}").format)
+            rows = pivot(rows, spread["index"], spread["across"], _cell("*", star), star.get("key", "{}").format)
         columns: list[Column] = []
         for name, entry in about["columns"].items():
+            unit, decimals = str(entry.get("unit", "")), entry.get("decimals")
             if name == "*":
-                shown = {part: value for part, value in entry.items() if part in ("unit", "decimals")}
-                columns += [_column(one, {**shown, "title": title}) for one, title in (across or {}).items()]
+                columns += [Column(one, title, unit, decimals) for one, title in (across or {}).items()]
             elif name not in without:
-                title = filled(entry.get("title", ""), words)
-                columns.append(_column(name, {**entry, "title": title}, made.get(name)))
+                title, wide = filled(entry.get("title", ""), words), bool(entry.get("wide", False))
+                columns.append(Column(name, title, unit, decimals, wide))
+                made.setdefault(name, _cell(name, entry))
+        lines = []
+        for row in records(rows):
+            cells_of = {one.name: made[one.name](row) if one.name in made else row.get(one.name) for one in columns}
+            lines.append({name: cell for name, cell in cells_of.items() if cell is not None})
         further = about.get("further_notes", {})
         listed = [*about.get("notes", ()), *(further[name] for name in also)]
-        return table(
+        return Table(
             filled(about.get("name", key), words),
             filled(about["caption"], words),
-            rows,
             columns,
-            [*(filled(line, words) for line in listed), *notes],
+            lines,
+            (*(filled(line, words) for line in listed), *notes),
             filled(about.get("stage", ""), words),
             about.get("reference_word", "paper"),
         )

@@ -125,9 +125,9 @@ class ReportInputs:
         return [(dataset, name) for dataset, _, name in (member.partition("-") for member in self.folders(stage))]
 
     def each(self, stage: str, file: str, schema: Schema | None = None) -> dict[str, Any]:
-        """Member of a stage -> a file of it, of those members that have it."""
+        """Member of a stage -> a file of it, of those members that have it, in the paper's order of datasets."""
         contents = {name: optional(folder, file, schema) for name, folder in self.folders(stage).items()}
-        return {name: content for name, content in contents.items() if content is not None}
+        return {name: contents[name] for name in in_order(contents, DATASETS) if contents[name] is not None}
 
     def galleries(
         self, stage: str, file: str, alike: Sequence[str], also: Sequence[str] = ()

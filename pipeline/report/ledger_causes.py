@@ -33,13 +33,11 @@ def blur_amae(inputs: ReportInputs) -> Callable[[Row], str]:
     Returns:
         function of a row (dataset by the paper's name, estimator, blur, size_px, paper, ours): the cause in words.
     """
-    records, percent = blur_records.read(inputs.recorded), training_budget.percents(inputs).get("mtf_cnn")
-    effects = _effects(inputs)
+    records, effects, of_measurement = blur_records.read(inputs.recorded), _effects(inputs), uncorrupted(inputs)
 
     def cause(row: Row) -> str:
         record = _record(row, records)
-        lens = "; ".join(filter(None, [_lens(row, record), effects(row, record)]))
-        return "; ".join([*([lens] if lens else []), *_of_estimator(row, record, percent), _frames(row, record)])
+        return "; ".join(filter(None, [_lens(row, record), effects(row, record), of_measurement(row)]))
 
     return cause
 

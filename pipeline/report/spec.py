@@ -15,7 +15,6 @@ function in `pipeline.report.build.SECTIONS`::
             blocks.append(PAGE.table("control_ap", summary))
         return Section("control", "Camera control", (), [*blocks, *missing("Camera control", runs)], runs)
 
-Without a YAML file, `Figure` and `pipeline.report.tables.table` take the same things as arguments.
 `pipeline.report.tables` defines cells (intervals, counts, the paper's values), `pipeline.report.figures` small
 multiples (``figure`` above), ``ledger.yaml`` the published numbers, ``claims/claims.yaml`` the paper's claims. Files in
 ``tables/`` and ``figures/``, the page, alternative text, provenance and the overview of what ran follow from these

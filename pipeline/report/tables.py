@@ -1,17 +1,9 @@
-"""One description of a table: rows of a data frame, and columns that say what to take from each.
+"""The model of a table: columns, and rows of cells; and the making of its rows from data frames.
 
 A cell is text, a number, or an `Estimate`: a number with its 95 % interval, its sample count and, where there is one,
-the value the paper prints. `table` evaluates the columns, `pivot` spreads the values of one column over several
-columns of the table, `pipeline.report.table_formats` renders. Nothing is rounded here.
-
-    table(
-        "noise_patches", "Noise of single patches.", summary,
-        [
-            named("dataset", "Dataset"),
-            Column("error_dn", "Error", "DN", 2, estimate("error_dn", "error_low_dn", "error_high_dn", "count")),
-        ],
-        stage="noise@<dataset>-<estimator>",
-    )
+the value the paper prints. `estimate` makes one of a row of a data frame, `pivot` spreads the values of one column over
+several columns of the table; `pipeline.report.descriptions` makes tables as a section's YAML file describes them,
+`pipeline.report.table_formats` renders. Nothing is rounded here.
 """
 
 from __future__ import annotations
@@ -25,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.errors import InputError, did_you_mean
-from pipeline.report.display_names import in_order, word
+from pipeline.report.display_names import in_order
 
 
 @dataclass(frozen=True)
@@ -63,7 +55,6 @@ class Column:
         title: heading shown to readers; the name where empty.
         unit: shown in brackets after the title.
         decimals: digits after the point of numbers; None shows up to four significant digits.
-        source: column of the data frame, or a function of its row; the column of the same name where empty.
         wide: the column holds sentences and may take several lines.
     """
 
@@ -71,15 +62,7 @@ class Column:
     title: str = ""
     unit: str = ""
     decimals: int | None = None
-    source: str | Callable[[Row], Cell] = ""
     wide: bool = False
-
-    def cell(self, row: Row) -> Cell:
-        """The cell of one row of the data frame; None where the row has no such value."""
-        if callable(self.source):
-            return self.source(row)
-        value: Cell = row.get(self.source or self.name)
-        return value
 
     @property
     def heading(self) -> str:
@@ -141,33 +124,6 @@ def records(frame: pd.DataFrame | Iterable[Row]) -> list[dict[str, Any]]:
     return [{str(name): cell for name, cell in row.items()} for row in rows]
 
 
-def table(
-    name: str,
-    caption: str,
-    frame: pd.DataFrame | Iterable[Row],
-    columns: Sequence[Column],
-    notes: Sequence[str] = (),
-    stage: str = "",
-    reference_word: str = "paper",
-) -> Table:
-    """A table of a data frame: one line per row, each column evaluated on it.
-
-    Args:
-        name: see `Table`.
-        caption: see `Table`.
-        frame: rows in the order shown.
-        columns: from left to right.
-        notes: footnotes.
-        stage: see `Table`.
-        reference_word: see `Table`.
-    """
-    rows = []
-    for row in records(frame):
-        cells = {column.name: column.cell(row) for column in columns}
-        rows.append({key: cell for key, cell in cells.items() if cell is not None})
-    return Table(name, caption, columns, rows, tuple(notes), stage, reference_word)
-
-
 def as_recorded(shown: Table, *notes: str) -> Table:
     """The same table of numbers that were measured earlier on pictures that are not kept, and that no stage makes.
 
@@ -177,17 +133,6 @@ def as_recorded(shown: Table, *notes: str) -> Table:
     """
     caption, footnotes = f"{shown.caption.rstrip('.')} (recorded).", (*shown.footnotes, *notes)
     return replace(shown, name=f"recorded_{shown.name}", caption=caption, footnotes=footnotes, stage="")
-
-
-def named(name: str, title: str, source: str = "") -> Column:
-    """A column of display names (`pipeline.report.display_names.word`).
-
-    Args:
-        name: see `Column`.
-        title: see `Column`.
-        source: column of names in the data frame; the same name where empty.
-    """
-    return Column(name, title, source=lambda row: word(str(row[source or name])))
 
 
 def estimate(

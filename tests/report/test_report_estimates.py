@@ -1,11 +1,11 @@
-"""Cells of a data frame: columns with intervals, pivots, orders and means."""
+"""Cells of a data frame: estimates with intervals, pivots, orders and means."""
 
 import math
 
 import pandas as pd
 import pytest
 
-from pipeline.report.tables import Column, Estimate, amae, estimate, mean_cell, named, ordered, pivot, table
+from pipeline.report.tables import Estimate, amae, estimate, mean_cell, ordered, pivot
 
 ROW = {"amae_percent": 5.0, "low_percent": 4.0, "high_percent": 6.5, "median_dn": 9.0, "low_dn": 8.0, "high_dn": 9.5,
        "count": 72.0, "paper_percent": 5.2}  # fmt: skip
@@ -23,10 +23,6 @@ def test_a_pivot_keeps_the_order_of_rows_and_leaves_absent_cells_out():
     frame = pd.DataFrame({"kind": ["b", "a", "b"], "name": ["x", "x", "y"], "value": [1.0, 2.0, 3.0]})
     rows = pivot(frame, ["kind"], "name", lambda row: row["value"])
     assert rows == [{"kind": "b", "x": 1.0, "y": 3.0}, {"kind": "a", "x": 2.0}]
-    shown = table(
-        "t", "", rows, [Column("kind"), Column("x"), Column("y"), Column("twice", source=lambda r: 2 * r["x"])]
-    )
-    assert shown.rows == [{"kind": "b", "x": 1.0, "y": 3.0, "twice": 2.0}, {"kind": "a", "x": 2.0, "twice": 4.0}]
 
 
 def test_rows_are_sorted_by_each_columns_own_order():
@@ -39,11 +35,6 @@ def test_rows_are_sorted_by_each_columns_own_order():
         ("mine", 2),
     ]
     assert list(shown.columns) == ["dataset", "size"]
-
-
-def test_display_names_are_looked_up_by_column():
-    assert named("dataset", "Dataset").cell({"dataset": "kitti"}) == "KITTI"
-    assert named("estimator", "Estimator", "method").cell({"method": "pca"}) == "PCA"
 
 
 def test_a_mean_is_of_all_cells_or_of_those_with_a_number():

@@ -15,7 +15,7 @@ from pipeline.datasets.power_spectrum import power_spectrum
 from pipeline.grouped_statistics import robust_by
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.display_names import in_order, word
+from pipeline.report.display_names import word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Section, missing, overview
@@ -129,8 +129,7 @@ def samples_figure(samples: Sequence[DatasetSample]) -> Drawing:
 
 def _samples(inputs: ReportInputs) -> list[DatasetSample]:
     samples = []
-    for dataset in inputs.datasets:
-        arrays = inputs.read(f"index/{dataset}/samples.npz") or {}
+    for dataset, arrays in inputs.each("index", "samples.npz").items():
         frames = {name.removeprefix(PREFIX): array for name, array in arrays.items() if name.startswith(PREFIX)}
         if frames:
             patches = inputs.read(f"index/{dataset}/patches.parquet", tables.PATCHES)
@@ -170,9 +169,8 @@ def _statistics(frames: Mapping[str, pd.DataFrame], seed: int) -> Table:
 
 def _quarantine(inputs: ReportInputs) -> Table | None:
     rows = []
-    quarantine = inputs.each("index", "quarantine.parquet", tables.QUARANTINE)
-    for dataset in in_order(quarantine, inputs.datasets):
-        for reason, files in quarantine[dataset].groupby("reason", sort=True)["file"]:
+    for dataset, selected in inputs.each("index", "quarantine.parquet", tables.QUARANTINE).items():
+        for reason, files in selected.groupby("reason", sort=True)["file"]:
             names = sorted(PurePath(str(name)).name for name in files)
             examples = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
             rows.append({"dataset": dataset, "reason": str(reason), "files": len(names), "examples": examples})
@@ -181,8 +179,7 @@ def _quarantine(inputs: ReportInputs) -> Table | None:
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Datasets: figure, sizes, statistics, quarantine."""
-    index = inputs.each("index", "frames.parquet", tables.FRAMES)
-    frames = {name: index[name] for name in in_order(index, inputs.datasets)}
+    frames = inputs.each("index", "frames.parquet", tables.FRAMES)
     runs = overview("Datasets", STAGE, frames, inputs)
     blocks: list[Block] = []
     samples = _samples(inputs)

@@ -179,8 +179,7 @@ def _levels(dataset: str, corruption: pd.DataFrame, seed: int) -> Table:
 
 def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     """Image formation: galleries, the table of levels per dataset, and the sensor."""
-    tables_of = inputs.each("corrupt", "corruption.parquet", tables.CORRUPTION)
-    corruption = {name: tables_of[name] for name in in_order(tables_of, inputs.datasets)}
+    corruption = inputs.each("corrupt", "corruption.parquet", tables.CORRUPTION)
     runs = overview("Image formation", STAGE, corruption, inputs)
     blocks: list[Block] = [block for dataset in corruption for block in _galleries(dataset, inputs)]
     blocks += [_levels(dataset, group, inputs.seed) for dataset, group in corruption.items()]
