@@ -40,7 +40,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from importlib import resources
 from typing import TYPE_CHECKING, Any, cast
 
 import pandas as pd
@@ -48,6 +47,7 @@ import pandas as pd
 from pipeline.errors import InputError, did_you_mean
 from pipeline.report.display_names import ORDERS, in_order, listing, word
 from pipeline.report.figures import grid
+from pipeline.report.sections import description
 from pipeline.report.spec import Figure
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Cell, Column, Row, Table, estimate, ordered, pivot, records
@@ -57,13 +57,6 @@ if TYPE_CHECKING:
 
 Cells = dict[str, Callable[[Row], Cell]]
 """Column -> what makes its cells from a row."""
-
-
-def content(name: str) -> Any:
-    """The content of one of the report's YAML files, by its path in the package without suffix."""
-    import yaml
-
-    return yaml.safe_load(resources.files("pipeline.report").joinpath(f"{name}.yaml").read_text(encoding="utf-8"))
 
 
 class _Word(str):
@@ -110,7 +103,7 @@ class Descriptions:
 
     @functools.cached_property
     def _content(self) -> dict[str, dict[str, Any]]:
-        return cast("dict[str, dict[str, Any]]", content(f"sections/{self.section}"))
+        return cast("dict[str, dict[str, Any]]", description(self.section))
 
     def _entry(self, part: str, key: str) -> Any:
         entries = self._content.get(part, {})

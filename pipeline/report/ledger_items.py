@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,6 @@ import pandas as pd
 
 from pipeline.errors import InputError
 from pipeline.report import ledger_causes, ledger_sources
-from pipeline.report.descriptions import content
 from pipeline.report.display_names import word
 from pipeline.report.inputs import PUBLISHED_COLUMNS, ReportInputs, published_table
 from pipeline.report.ledger import (
@@ -160,7 +160,9 @@ class Item:
 
 
 def _items() -> tuple[Item, ...]:
-    entries = content("ledger")
+    import yaml
+
+    entries = yaml.safe_load(resources.files(__package__).joinpath("ledger.yaml").read_text(encoding="utf-8"))
     for entry in entries:
         entry["tolerance"], entry["ours"] = Tolerance(**entry.get("tolerance", {})), Source(**entry["ours"])
         for part in ("barriers", "whys"):

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from functools import partial
 
 from pipeline.control.order_conclusions import CONCLUSIONS
-from pipeline.report.claims import of_blur, of_detection, of_noise
+from pipeline.report.claims import descriptions, of_blur, of_detection, of_noise
 from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence, Measurement
-from pipeline.report.descriptions import Descriptions, content
+from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import LedgerRow
@@ -26,7 +26,7 @@ def all_claims() -> list[Claim]:
     """The claims of ``claims/claims.yaml``, then the conclusions that the order study decides."""
     claims = [
         Claim(measure=partial(MEASURES[entry.pop("measure")], **entry.pop("options", {})), **entry)
-        for entry in content("claims/claims")
+        for entry in descriptions()
     ]
     reservation = PAGE.text("order_study")
     return claims + [
