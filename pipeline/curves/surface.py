@@ -110,7 +110,8 @@ class Surface:
         blur = rise_z(cells.ap_percent[:, ::-1], cells.draws[:, :, ::-1], 1, tolerance)[:, ::-1]
         comparisons = int((~np.isnan(noise)).sum() + (~np.isnan(blur)).sum())
         critical = critical_value(CERTAIN_TAIL / max(comparisons, 1), self.scenes)
-        result: Floats = np.fmax(noise, blur) / critical
+        with np.errstate(invalid="ignore"):  # a single scene, whose draws do not scatter: nothing is known
+            result: Floats = np.fmax(noise, blur) / critical
         return result
 
     def query(self, sigma_dn: ArrayLike, mtf: ArrayLike) -> Answer:

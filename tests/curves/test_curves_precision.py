@@ -133,6 +133,16 @@ def test_surface_curves_and_directions_are_wider_for_few_scenes(
     assert (np.array(widths[1]) > 1.4 * np.array(widths[0])).all()  # the bounds 0 and 100 cut some of it
 
 
+@pytest.mark.filterwarnings("error")
+def test_one_scene_has_averages_but_no_interval_and_no_certain_rise() -> None:
+    table, draws = precision.average_precision(*sweep_tables(scenes=1), ["car"], JUDGE, 1)
+    assert (table["scenes"] == 1).all() and table["ap_percent"].notna().all()
+    assert table[["low_percent", "high_percent"]].isna().all(axis=None)
+    surface = precision.surface(table, draws["car"], SECTION, 1)
+    value, low, high = surface.at(5.0, 0.9)
+    assert 0 < value < 100 and np.isnan([low, high]).all() and not surface.certainly_non_monotonic().any()
+
+
 def test_direction_is_told_apart_and_rises_are_marked(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:
     table, draws = judged
     cars = table[table["label"] == "car"].reset_index(drop=True)
