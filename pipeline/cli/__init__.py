@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, printable
 from pipeline.signals import handled
 
 COMMANDS = {
@@ -67,18 +67,19 @@ class _Lazy(click.Group):
             with handled(ENDING_SIGNALS, _interrupt):
                 return super().invoke(ctx)
         except InputError as error:
-            click.echo(f"error: {error}", err=True)
+            lines = [printable(line) for line in str(error).split("\n")]  # names of files may hold any character
+            click.echo("error: " + "\n".join(lines), err=True)
             raise SystemExit(2) from None
         except click.UsageError as error:
             if type(error).__name__ == "NoArgsIsHelpError":  # a group called without a command shows its help
                 raise
             hint = f"; see {error.ctx.command_path} --help" if error.ctx is not None else ""
-            click.echo(f"error: {error.format_message().rstrip('.')}{hint}", err=True)
+            click.echo(f"error: {printable(error.format_message().rstrip('.'))}{hint}", err=True)
             raise SystemExit(2) from None
         except BrokenPipeError:
             raise  # click ends quietly: whoever read the output has enough
         except OSError as error:
-            file = f"{error.filename}: " if error.filename else ""
+            file = printable(f"{error.filename}: ") if error.filename else ""
             click.echo(f"error: {file}{error.strerror or error}", err=True)
             raise SystemExit(2) from None
         except KeyboardInterrupt:

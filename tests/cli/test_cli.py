@@ -89,6 +89,8 @@ def test_noise_sets_a_broken_file_aside_and_fails(tmp_path):
         (["corrupt", "{}", "--out", "{}/out", "--sigma-dn", "-3"], "--sigma-dn"),
         (["dataset", "kity", "{}"], "did you mean 'kitti'"),
         (["dataset", "kitti", "{}/nothing"], "nothing"),
+        (["health", "absent\r\x85.png"], r"absent\r\x85.png: no such file"),
+        (["dataset", "kitti", "{}", "one\r\x85more"], r"one\r\x85more"),
     ],
 )
 def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):
