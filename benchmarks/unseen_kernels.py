@@ -212,7 +212,7 @@ def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
 
     @style.styled
     def drawing() -> Drawing:
-        left_in, right_in, gap_in, top_in = 0.42, 0.04, 0.03, 0.5
+        left_in, right_in, gap_in, top_in = 0.42, 0.04, 0.03, 0.62
         cell_in = style.sheet_cell_in(columns, margins_in=left_in + right_in, gap_in=gap_in)
         figure, axes = style.sheet(
             columns, [cell_in, *[0.85] * len(names)], left_in=left_in, right_in=right_in, gap_in=gap_in, top_in=top_in,
@@ -226,13 +226,13 @@ def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
             axis.set_title(f"{kernel.size_px:g} px", fontsize=5.2, fontweight="normal", pad=2)
             if position in begins:
                 location = axis.get_position().x0
-                figure.text(location, 1 - 0.3 / height_in, kernel.kind, fontweight="bold", fontsize=6.5)
+                figure.text(location, 1 - 0.42 / height_in, kernel.kind, fontweight="bold", fontsize=6.5)
         looks = {
             answer: style.series_look(answer, look) | {"linestyle": "none"}
             for answer, look in zip(ANSWERS, (3, 5, 0, 1), strict=True)
         }
         handles = [Line2D([], [], label=f"{answer}: {ANSWERS[answer]}", **looks[answer]) for answer in ANSWERS]
-        figure.legend(handles=handles, loc="upper center", ncols=4, borderpad=0.2, handletextpad=0.1)
+        figure.legend(handles=handles, loc="upper center", ncols=2, borderpad=0.2, handletextpad=0.1)
         for row, name in enumerate(names, start=1):
             for other in axes[row, 1:]:
                 other.remove()
