@@ -29,6 +29,7 @@ PHOTOGRAPH_PX = 4096
 
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _ALONG = re.compile(r"translate\((-?[\d.]+) 0\)")
+_CLIP_PATH = re.compile(r'(id="|href="#|url\(#)(p[0-9a-f]{10})(?=["\)])')
 _REFERENCE = re.compile(r"url\(#([^)]+)\)|^#(.+)$")
 
 
@@ -69,7 +70,7 @@ def compact(text: str) -> str:
         text: an SVG file.
 
     Returns:
-        an SVG file; ids that begin with `SERIES` or that something refers to are kept.
+        an SVG file; ids that begin with `SERIES` or that something refers to are kept, those of clip paths numbered.
     """
     for prefix, name in (("", SVG), ("xlink", XLINK)):
         ET.register_namespace(prefix, name)
@@ -85,7 +86,10 @@ def compact(text: str) -> str:
     for element in root.iter():
         _shorten(element, referenced)
     _unwrap(root)
-    return ET.tostring(root, encoding="unicode") + "\n"
+    # matplotlib names a clip path by a hash of its position, whose last digits a layout does not repeat: here by order.
+    names: dict[str, str] = {}
+    text = ET.tostring(root, encoding="unicode") + "\n"
+    return _CLIP_PATH.sub(lambda match: match[1] + names.setdefault(match[2], f"p{len(names)}"), text)
 
 
 def _shorten(element: ET.Element, referenced: set[str]) -> None:

@@ -42,6 +42,12 @@ def test_compact_rounds_and_keeps_what_is_referred_to() -> None:
     assert 'transform="translate(1.23 2) scale(0.015625)"' in text  # a factor is no coordinate
 
 
+def test_clip_paths_are_named_by_their_order_not_by_their_position() -> None:
+    first, second = (svg.compact(FIGURE.replace('"a"', f'"{name}"').replace("#a", f"#{name}"))
+                     for name in ("p0123456789", "pabcdef0123"))  # fmt: skip
+    assert first == second and 'id="p0"' in first and "url(#p0)" in first
+
+
 def test_compact_twice_is_compact_once() -> None:
     once = svg.compact(FIGURE)
     assert svg.compact(once) == once
