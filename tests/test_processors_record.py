@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 def test_the_table_is_the_record() -> None:
     record = json.loads((ROOT / "benchmarks/results/processors.json").read_text(encoding="utf-8"))
     page = (ROOT / "docs/reproduce.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(\w+)` \| (\w+) \| (\w+) \|$", page, flags=re.MULTILINE)
+    rows = re.findall(r"^\| `([\w@-]+)` \| (\w+) \| (\w+) \|$", page, flags=re.MULTILINE)
     shown = {name: {"EPYC-Rome": first, "Haswell": second} for name, first, second in rows}
     stages = record["stages"].items()
     assert shown == {name: {processor: one["result"] for processor, one in results.items()} for name, results in stages}
