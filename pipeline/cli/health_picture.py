@@ -68,7 +68,7 @@ def _blur(axes: Axes, image: NDArray[np.float32], condition: Condition) -> None:
     rows, columns = condition.blur.grid
     halves = half_contrast(condition.blur.map_mtf)
     reported = int((~np.isnan(halves).any(axis=-1)).sum()) if rows else 0
-    _over(axes, image, f"Blur: {reported} of {rows * columns} patches tell; frequency of half contrast, H | V")
+    _over(axes, image, f"Blur: {reported} of {rows * columns} patches measured; frequency of half contrast, H | V")
     if not rows:
         return
     halves = np.minimum(halves, SHARPEST)
