@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pipeline.cli import main
 from pipeline.condition import ConditionMonitor
 from pipeline.condition.frame_tiles import MOST_TILES, STEP_PX, frame_tiles
 from pipeline.datasets.patches import cut, tiles
@@ -59,3 +60,9 @@ def test_the_monitor_gives_the_same_noise_by_a_selection_as_by_all_tiles():
     assert selected.map_dn.shape == every.map_dn.shape == (96, 144) and known.mean() == pytest.approx(12 / 54, abs=0.01)
     assert np.array_equal(selected.estimate.sigma_dn.shape, (12,))
     assert cut(frame, selected.patches).shape == (12, 1, 128, 128)
+
+
+@pytest.mark.parametrize("name", ["health", "noise"])
+def test_the_commands_take_as_many_tiles_by_default_as_the_monitor(name):
+    (option,) = [one for one in main.get_command(None, name).params if one.name == "most_tiles"]
+    assert option.default == MOST_TILES
