@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"})
 CHANNEL_ORDERS = ("rgb", "authors")
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk with its checksum
+DEFLATE_RATIO = 1032  # PNG's compression cannot shrink data further
 SMALLEST_PX = 16  # below this neither side holds enough pixels for any filter in this package
 
 _ALPHA_MODES = {"LA", "RGBA", "PA", "La", "RGBa"}
@@ -181,6 +182,10 @@ def _decode(path: str | Path, data: bytes) -> Picture:
                 pages = getattr(opened, "n_frames", 1)
                 if opened.format in _PAGED_FORMATS and pages > 1:
                     raise BadPicture(path, f"holds {pages} pages or frames, expected one")
+                if opened.format == "PNG" and data[12:16] != b"IHDR":
+                    raise BadPicture(path, "its PNG header is broken")
+                if opened.format == "PNG":
+                    _refuse_empty_png(path, data, opened)
                 opened.load()
                 if opened.format == "PNG" and PNG_END not in data:
                     raise BadPicture(path, "truncated: the PNG end marker is missing")
@@ -201,6 +206,23 @@ def _decode(path: str | Path, data: bytes) -> Picture:
             raise BadPicture(path, f"{defect} ({error})") from None
 
 
+def _png_row_bits(data: bytes, opened: Image.Image) -> int:
+    """Bits of a row of pixels by the header of a PNG file."""
+    depth, colour = data[24], data[25]  # the IHDR chunk comes first
+    return opened.width * depth * {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}.get(colour, 1)
+
+
+def _refuse_empty_png(path: str | Path, data: bytes, opened: Image.Image) -> None:
+    """Refuse, before memory is taken for its pixels, a file too small for what its header states.
+
+    Raises:
+        BadPicture: no compression makes so many pixels so small.
+    """
+    expected = opened.height * _png_row_bits(data, opened) // 8
+    if expected > DEFLATE_RATIO * len(data):
+        raise BadPicture(path, f"truncated: {len(data)} bytes cannot hold the {expected} its header states")
+
+
 def _refuse_incomplete_png(path: str | Path, data: bytes, opened: Image.Image) -> None:
     """Refuse what Pillow fills in silently: a missing palette, and rows whose compressed data end early.
 
@@ -213,8 +235,7 @@ def _refuse_incomplete_png(path: str | Path, data: bytes, opened: Image.Image) -
         raise BadPicture(path, "its colour palette is missing")
     if opened.info.get("interlace") or np.asarray(opened)[-1].any():
         return
-    depth, channels = data[24], {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[data[25]]
-    expected = opened.height * (1 + (opened.width * depth * channels + 7) // 8)  # each row begins with its filter
+    expected = opened.height * (1 + (_png_row_bits(data, opened) + 7) // 8)  # each row begins with its filter
     content, start = zlib.decompressobj(), 8
     count = 0
     while start + 8 <= len(data):

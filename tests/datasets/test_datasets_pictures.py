@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import pickle
 import re
+import struct
+import zlib
 
 import cv2
 import numpy as np
@@ -13,6 +15,7 @@ from data_makers import picture
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from PIL.PngImagePlugin import PngImageFile
 
 from pipeline.datasets.pictures import (
     BadPicture,
@@ -177,6 +180,19 @@ def test_broken_files_say_why(tmp_path):
         read_grey(tmp_path / "absent.png")
     with pytest.raises(BadPicture, match="cannot be read"):
         read_grey(tmp_path)
+
+
+@pytest.mark.parametrize("colour", [0, 6])
+def test_a_small_png_with_a_huge_header_is_not_decoded(tmp_path, monkeypatch, colour):
+    """A file of 8 by 8 pixels whose header states 13000 by 13000 of 16 bits, which would take gigabytes."""
+    header = struct.pack(">IIBBBBB", 13_000, 13_000, 16, colour, 0, 0, 0)
+    chunk = b"IHDR" + header
+    whole = encoded(GREY, "PNG")
+    path = tmp_path / "huge.png"
+    path.write_bytes(whole[:12] + chunk + struct.pack(">I", zlib.crc32(chunk)) + whole[33:])
+    monkeypatch.setattr(PngImageFile, "load", lambda _: pytest.fail("pixels were decoded"))
+    with pytest.raises(BadPicture, match="cannot hold"):
+        read_grey(path)
 
 
 def test_pages_are_refused(tmp_path):
