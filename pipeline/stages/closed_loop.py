@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
+from pipeline.stages import CONTROL_USES
 
 READS = ["seed", "control", "detection.evaluation", "detection.detectors"]
 
 
-@stage("closed_loop", reads=READS, job=["scenario"])
+@stage("closed_loop", reads=READS, job=["scenario"], uses=CONTROL_USES)
 def run(run: Run) -> None:
     """Drive; write steps, the policies' scores, paired differences, film strips and metrics."""
     from functools import partial

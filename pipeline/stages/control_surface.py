@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.config.entry import Run, stage
+from pipeline.stages import CONTROL_USES
 
 if TYPE_CHECKING:
     from pipeline.control.measured_surface import Exposures, SurfaceDesign
@@ -16,7 +17,7 @@ READS = ["seed", "control", "detection.evaluation", "detection.detectors"]
 ARRAYS = frozenset({"condition", "boxes", "score", "label", "true_sigma", "sigma", "mtf"})
 
 
-@stage("control_surface", reads=READS)
+@stage("control_surface", reads=READS, uses=CONTROL_USES)
 def run(run: Run) -> None:
     """Detect and estimate in every view under every condition; write surfaces of each fold, of the others, of all."""
     from functools import partial
@@ -32,8 +33,7 @@ def run(run: Run) -> None:
     detector = params.detection.detectors[section.detector]
     options = {"weights": detector.weights, **detector.options}
     every = folds(views(run.inputs / "data/sim"), section.viewpoints, section.folds)
-    moments = set(section.surface.moments)
-    every_view = [view for fold in every for view in fold if view.moment in moments]
+    every_view = [view for fold in every for view in fold if view.moment in section.surface.moments]
     designs, camera = setup.designs(section.surface), setup.camera(section.camera)
     settings = [measured_surface.exposures(every_view, camera, design) for design in designs]
     work = [(view, number) for number in range(len(designs)) for view in every_view]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
+from pipeline.stages import CONTROL_USES
 
 READS = ["seed", "camera", "control", "datasets.sim", "detection.evaluation", "detection.detectors"]
 
 
-@stage("order_study", reads=READS)
+@stage("order_study", reads=READS, uses=CONTROL_USES)
 def run(run: Run) -> None:
     """Corrupt, estimate and detect under both orders and in both lights; write the table."""
     import json

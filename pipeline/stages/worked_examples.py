@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
+from pipeline.stages import CONTROL_USES
 
 READS = ["seed", "control", "detection.evaluation", "detection.detectors"]
 
 
-@stage("worked_examples", reads=READS)
+@stage("worked_examples", reads=READS, uses=CONTROL_USES)
 def run(run: Run) -> None:
     """See the views at every setting of the examples; write steps, response, average precision and pictures."""
     from functools import partial

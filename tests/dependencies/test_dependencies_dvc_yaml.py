@@ -1,11 +1,14 @@
 """Code dependencies in ``dvc.yaml``: complete, nothing beside, and written without touching other lines."""
 
+import importlib
+import inspect
 import re
 from pathlib import Path
 
 import pytest
 import yaml
 
+from pipeline.condition.estimate import ConditionMonitor
 from pipeline.dependencies import dvc_yaml
 from pipeline.dependencies.closure import closure
 
@@ -55,6 +58,19 @@ def test_stages_of_one_noise_estimator_do_not_depend_on_another():
     assert not any("cellwise" in path or path.startswith(("data/weights", "pipeline/learning")) for path in pca)
     assert {"pipeline/noise/cellwise_net.py", "data/weights/sigma_cellwise.safetensors"} <= cellwise
     assert "pipeline/noise/pca.py" not in cellwise
+
+
+@pytest.mark.parametrize("name", ["closed_loop", "control_surface", "order_study", "worked_examples"])
+def test_control_depends_on_what_the_condition_monitor_creates(name):
+    defaults = {key: value.default for key, value in inspect.signature(ConditionMonitor).parameters.items()}
+    stage = importlib.import_module(GROUPS[name].module).run
+    assert stage.uses["pipeline.blur"] == (defaults["blur_name"],)
+    assert stage.uses["pipeline.noise"] == (defaults["noise_name"],)
+    files = dvc_yaml.files_of(GROUPS[name], PARAMS)
+    assert "data/weights/mtf_spectral_processed.safetensors" in files
+    assert "data/weights/detector_compact.safetensors" in files
+    others = {"mtf_fusion.safetensors", "mtf_cnn.safetensors", "sigma_cnn.safetensors"}
+    assert not {f"data/weights/{other}" for other in others} & files
 
 
 def test_trainings_do_not_depend_on_sections_they_do_not_read():
