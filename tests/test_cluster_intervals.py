@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from pipeline.cluster_intervals import bias_corrected, critical_value, small_sample_factor
+from pipeline.cluster_intervals import bias_corrected, cluster_mean, critical_value, small_sample_factor
 from pipeline.detection.average_precision import area, evaluate
 from pipeline.detection.base import Detections
 from pipeline.detection.matching import GroundTruth
@@ -41,6 +42,28 @@ def test_a_difference_may_be_negative_although_no_resample_is():
     """Three clusters, all resampled differences above 0: that is no proof of a difference above 0."""
     low, high = bias_corrected(np.linspace(0.2, 4.0, 200), 2.1, 3)
     assert low < 0 < high
+
+
+def test_a_mean_over_clusters_has_the_interval_of_the_clusters():
+    frames = pd.Series(np.repeat(np.arange(8), 50))
+    values = frames.astype(float)  # patches of a frame err alike
+    mean, low, high, count = cluster_mean(values, frames, stream(0, "clusters"))
+    assert (mean, count) == (3.5, 400) and low < 2.1 and high > 4.9
+    apart = cluster_mean(values, pd.Series(np.arange(400)), stream(0, "patches"))
+    assert apart[2] - apart[1] < 0.5 * (high - low)
+
+
+def test_one_cluster_gives_no_interval_and_no_value_no_mean():
+    mean, low, high, count = cluster_mean(pd.Series([1.0, 3.0, math.nan]), pd.Series(list("aaa")), stream(0, "one"))
+    assert (mean, count) == (2.0, 2) and math.isnan(low) and math.isnan(high)
+    assert cluster_mean(pd.Series([math.nan]), pd.Series(["a"]), stream(0, "none"))[3] == 0
+
+
+def test_the_interval_of_a_mean_over_clusters_keeps_within_its_bounds():
+    values, frames = pd.Series([100.0, 100.0, 100.0, 90.0, 60.0]), pd.Series(list("aabbc"))
+    mean, low, high, _ = cluster_mean(values, frames, stream(0, "bounds"), bounds=(0.0, 100.0))
+    assert (mean, high) == (90.0, 100.0) and 0.0 <= low < 60.0
+    assert cluster_mean(values, frames, stream(0, "bounds"))[2] > 100.0
 
 
 def _scene(generator, present):

@@ -17,7 +17,6 @@ from pipeline.statistics import REJECT_BEYOND_MAD
 from pipeline.streams import KeyPart, stream
 
 if TYPE_CHECKING:
-    import pandas as pd
     from numpy.typing import NDArray
 
 FIRST_NAMES = {"camera_calibrated": "fitted", "generic_lens": "typical"}
@@ -107,37 +106,6 @@ def frame_interval(
     resampled, estimate = np.concatenate(results), float(statistic(values[:, None])[0])
     bounds = (-math.inf if np.fmin.reduce(resampled, initial=estimate) < 0 else 0.0, math.inf)
     return bias_corrected(resampled, estimate, len(names), bounds)
-
-
-def cluster_mean(
-    values: pd.Series,
-    clusters: pd.Series,
-    generator: np.random.Generator,
-    draws: int = 500,
-    bounds: tuple[float, float] = (-math.inf, math.inf),
-) -> tuple[float, float, float, int]:
-    """Mean over values with a 95 % interval from a bootstrap over clusters, whose members err together.
-
-    Args:
-        values: (N,) numbers; NaN are left out.
-        clusters: (N,) names, e.g. the frame of each patch.
-        generator: random stream of the bootstrap.
-        draws: resamples.
-        bounds: least and greatest value possible, which the interval does not leave.
-
-    Returns:
-        mean, lower and upper end, number of values; NaN without values, no interval with fewer than two clusters.
-    """
-    known = values.notna()
-    if not known.any():
-        return math.nan, math.nan, math.nan, 0
-    groups = values[known].groupby(clusters[known])
-    sums, sizes = groups.sum().to_numpy(float), groups.size().to_numpy(float)
-    mean, (low, high) = float(values[known].mean()), NO_INTERVAL
-    if len(sums) > 1:
-        picks = generator.integers(len(sums), size=(draws, len(sums)))
-        low, high = bias_corrected(sums[picks].sum(axis=1) / sizes[picks].sum(axis=1), mean, len(sums), bounds)
-    return mean, low, high, int(known.sum())
 
 
 def median_error_of_range(width: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.float64]:

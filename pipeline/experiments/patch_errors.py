@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.experiments.intervals import cluster_mean, frame_interval, median
+from pipeline.cluster_intervals import cluster_mean
+from pipeline.experiments.intervals import frame_interval, median
 from pipeline.experiments.summarise import coverage
 from pipeline.streams import stream
 

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cluster_intervals import bias_corrected
+from pipeline.cluster_intervals import cluster_mean
 from pipeline.datasets.pictures import SUFFIXES, read_grey8
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -232,11 +232,11 @@ def summarise(table: pd.DataFrame, seed: int = 1, draws: int = 500) -> pd.DataFr
         for truth in ("true", "cleaned"):
             error = answered["sigma_dn"] - answered[f"{truth}_sigma_dn"]
             draw = stream(seed, "real noise", str(name), truth)
-            low, high = _cluster_interval(error.abs(), answered["picture"], draws, draw)
+            mae, low, high, _ = cluster_mean(error.abs(), answered["picture"], draw, draws, bounds=(0.0, math.inf))
             inside = bounded[f"{truth}_sigma_dn"].between(bounded["low_dn"], bounded["high_dn"])
             row |= {
                 f"{truth}_mean_dn": group[f"{truth}_sigma_dn"].mean(),
-                f"{truth}_mae_dn": error.abs().mean(),
+                f"{truth}_mae_dn": mae,
                 f"{truth}_mae_low_dn": low,
                 f"{truth}_mae_high_dn": high,
                 f"{truth}_bias_dn": error.mean(),
@@ -258,18 +258,6 @@ def estimators(kinds: Mapping[str, tuple[str, Mapping[str, Any]]]) -> dict[str, 
     from pipeline.noise import create
 
     return {name: create(kind, **options) for name, (kind, options) in kinds.items()}
-
-
-def _cluster_interval(
-    errors: pd.Series[Any], pictures: pd.Series[Any], draws: int, generator: np.random.Generator
-) -> tuple[float, float]:
-    """95 % interval of a mean of absolute errors, pictures resampled with all their patches."""
-    sums = errors.groupby(pictures).agg(["sum", "count"]).to_numpy(dtype=float)
-    if not len(sums):
-        return float("nan"), float("nan")
-    picks = generator.integers(len(sums), size=(draws, len(sums)))
-    means = sums[picks, 0].sum(axis=1) / sums[picks, 1].sum(axis=1)
-    return bias_corrected(means, float(errors.mean()), len(sums), bounds=(0.0, math.inf))
 
 
 def _lag_1(residual: NDArray[np.float64]) -> NDArray[np.float64]:

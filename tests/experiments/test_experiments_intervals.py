@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-import pandas as pd
 import pytest
 
 from pipeline.cluster_intervals import bias_corrected, small_sample_factor
-from pipeline.experiments.intervals import cluster_mean, frame_interval, median, median_error_of_range, robust_median
+from pipeline.experiments.intervals import frame_interval, median, median_error_of_range, robust_median
 from pipeline.statistics import bootstrap_interval, robust
 from pipeline.streams import stream
 
@@ -87,28 +84,6 @@ def test_intervals_of_few_frames_hold_the_true_value_about_as_often_as_they_clai
         factor, middle = small_sample_factor(frames), np.median(values)
         plain += middle + (low - middle) / factor <= 0 <= middle + (high - middle) / factor
     assert held >= 0.9 * 400 and plain < held
-
-
-def test_a_mean_over_clusters_has_the_interval_of_the_clusters():
-    frames = pd.Series(np.repeat(np.arange(8), 50))
-    values = frames.astype(float)  # patches of a frame err alike
-    mean, low, high, count = cluster_mean(values, frames, stream(0, "clusters"))
-    assert (mean, count) == (3.5, 400) and low < 2.1 and high > 4.9
-    apart = cluster_mean(values, pd.Series(np.arange(400)), stream(0, "patches"))
-    assert apart[2] - apart[1] < 0.5 * (high - low)
-
-
-def test_one_cluster_gives_no_interval_and_no_value_no_mean():
-    mean, low, high, count = cluster_mean(pd.Series([1.0, 3.0, math.nan]), pd.Series(list("aaa")), stream(0, "one"))
-    assert (mean, count) == (2.0, 2) and math.isnan(low) and math.isnan(high)
-    assert cluster_mean(pd.Series([math.nan]), pd.Series(["a"]), stream(0, "none"))[3] == 0
-
-
-def test_the_interval_of_a_mean_over_clusters_keeps_within_its_bounds():
-    values, frames = pd.Series([100.0, 100.0, 100.0, 90.0, 60.0]), pd.Series(list("aabbc"))
-    mean, low, high, _ = cluster_mean(values, frames, stream(0, "bounds"), bounds=(0.0, 100.0))
-    assert (mean, high) == (90.0, 100.0) and 0.0 <= low < 60.0
-    assert cluster_mean(values, frames, stream(0, "bounds"))[2] > 100.0
 
 
 def test_the_error_of_a_median_follows_from_the_range():
