@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.cluster_intervals import bias_corrected
 from pipeline.control.views import View
-from pipeline.detection.average_precision import evaluate
+from pipeline.detection.average_precision import evaluate, mean_over_classes
 from pipeline.detection.base import Detections
 from pipeline.detection.classes import CLASS_MAPS, ClassMap
 from pipeline.detection.matching import Rule
@@ -76,28 +76,13 @@ def average_precision(
     """
     truths = [criteria.words.truth(view.boxes, criteria.min_height_px, criteria.min_visible_fraction) for view in seen]
     words = generator.integers(0, 2**63, dtype=np.uint64)
-    values, draws, viewpoints, objects = [], [], [], 0
-    for label in criteria.words.classes:
-        result = evaluate(
+    by_class = [
+        evaluate(
             detections, truths, [label], criteria.rule, criteria.iou_threshold, stream(int(words), "viewpoints"),
             criteria.bootstrap_draws, [view.viewpoint for view in seen],
-        )[label]  # fmt: skip
-        objects += result.objects
-        if result.objects:
-            values.append(100.0 * result.average_precision)
-            draws.append(100.0 * result.draws)
-            viewpoints.append(result.clusters)
-    if not values:
-        nan = float("nan")
-        return Score(nan, nan, nan, 0, np.full(criteria.bootstrap_draws, nan), 0)
-    drawn, mean = _mean_of_known(np.stack(draws)), min(float(np.mean(values)), 100.0)
-    low, high = bias_corrected(drawn, mean, min(viewpoints), bounds=(0.0, 100.0))
-    return Score(mean, low, high, objects, drawn, min(viewpoints))
-
-
-def _mean_of_known(draws: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(B,) mean over classes; a resample without an object of a class has no value for it."""
-    known = np.isfinite(draws)
-    count = known.sum(axis=0)
-    total = np.where(known, draws, 0.0).sum(axis=0)
-    return np.clip(np.where(count > 0, total / np.maximum(count, 1), np.nan), 0.0, 100.0)
+        )[label]
+        for label in criteria.words.classes
+    ]  # fmt: skip
+    mean = mean_over_classes(by_class)
+    low, high = bias_corrected(mean.draws, mean.ap_percent, mean.clusters, bounds=(0.0, 100.0))
+    return Score(mean.ap_percent, low, high, mean.objects, mean.draws, mean.clusters)

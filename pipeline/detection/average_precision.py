@@ -12,7 +12,7 @@ Intervals are those of a bootstrap over scenes (`pipeline.cluster_intervals`), w
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -116,6 +116,43 @@ def evaluate(
     group_of = np.unique(np.asarray(groups if groups is not None else range(len(truths))), return_inverse=True)[1]
     rest = (detections, truths, rule, iou_threshold, generator, draws, group_of)
     return {label: _evaluate_class(label, *rest) for label in labels}
+
+
+@dataclass(frozen=True, eq=False)
+class MeanResult:
+    """Average precision as a mean over classes.
+
+    Attributes:
+        ap_percent: mean over the classes that have an object, 0 to 100; NaN if none has.
+        draws: (B,) percent, of the same resamples; a class without an object in a resample is left out of it.
+        clusters: images, or groups of them, that hold an object, of the class with the fewest: what an interval rests
+            on; 0 without any object.
+        objects: to be found, of all classes.
+    """
+
+    ap_percent: float
+    draws: NDArray[np.float64]
+    clusters: int
+    objects: int
+
+
+def mean_over_classes(results: Collection[ClassResult]) -> MeanResult:
+    """Mean of the average precision over the classes that have an object, with its bootstrap draws.
+
+    Args:
+        results: at least one, judged with equal generators, so that their draws are of the same images.
+    """
+    known = [result for result in results if result.objects]
+    draws = 100.0 * np.stack([result.draws for result in results])
+    held = np.isfinite(draws)
+    count, total = held.sum(axis=0), np.where(held, draws, 0.0).sum(axis=0)
+    mean = float(np.mean([100.0 * result.average_precision for result in known])) if known else float("nan")
+    return MeanResult(
+        min(mean, 100.0) if known else mean,  # a sum of rounded shares may exceed 1 in the last digit
+        np.clip(np.where(count > 0, total / np.maximum(count, 1), np.nan), 0.0, 100.0),
+        min((result.clusters for result in known), default=0),
+        sum(result.objects for result in known),
+    )
 
 
 def mean_average_precision(results: Iterable[ClassResult]) -> float:

@@ -14,7 +14,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.camera import mtf as mtf_of
 from pipeline.camera.corruption import corrupt
@@ -24,7 +23,7 @@ from pipeline.camera.truth import LIGHTS, ORDERS
 from pipeline.cluster_intervals import bias_corrected
 from pipeline.datasets.frame import Frame
 from pipeline.datasets.selection import scene_of
-from pipeline.detection.average_precision import evaluate
+from pipeline.detection.average_precision import MeanResult, evaluate, mean_over_classes
 from pipeline.detection.base import Detections
 from pipeline.detection.classes import ClassMap
 from pipeline.experiments.intervals import frame_interval, median
@@ -80,21 +79,6 @@ EFFECTS = Schema(
     },
     {"change": "percent points"},
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Precision:
-    """Average precision of one condition.
-
-    Attributes:
-        ap_percent: mean over the classes.
-        draws: (B,) percent, of resampled scenes.
-        scenes: that hold an object, of the class with the fewest.
-    """
-
-    ap_percent: float
-    draws: NDArray[np.float64]
-    scenes: int
 
 
 @dataclass(frozen=True)
@@ -164,7 +148,7 @@ def precisions(
     words: ClassMap,
     criteria: EvaluationSettings,
     seed: int,
-) -> list[Precision]:
+) -> list[MeanResult]:
     """Average precision under every condition; the draws resample the same scenes, so that differences are paired.
 
     Args:
@@ -185,10 +169,7 @@ def precisions(
             detected, truths, words.classes, criteria.rule, criteria.iou_threshold, stream(seed, "order study"),
             criteria.bootstrap_draws, scenes,
         )  # fmt: skip
-        known = [result for result in results.values() if result.objects]
-        draws = 100.0 * np.mean([result.draws for result in known], axis=0) if known else np.array([np.nan])
-        mean = 100.0 * float(np.mean([result.average_precision for result in known])) if known else float("nan")
-        scores.append(Precision(mean, draws, min((result.clusters for result in known), default=0)))
+        scores.append(mean_over_classes(list(results.values())))
     return scores
 
 
@@ -205,7 +186,7 @@ class Study:
 
     measured: Sequence[Sequence[Mapping[str, Any]]]
     conditions: Sequence[Corruption]
-    scores: Sequence[Precision]
+    scores: Sequence[MeanResult]
     seed: int
 
     def table(self) -> pd.DataFrame:
@@ -215,7 +196,7 @@ class Study:
         rows = []
         for number, (item, score) in enumerate(zip(self.conditions, self.scores, strict=True)):
             parts = [each[number] for each in self.measured]
-            low, high = bias_corrected(score.draws, score.ap_percent, score.scenes, bounds=(0.0, 100.0))
+            low, high = bias_corrected(score.draws, score.ap_percent, score.clusters, bounds=(0.0, 100.0))
             row: dict[str, Any] = {
                 "order": item.order,
                 "light": item.light,
@@ -274,7 +255,7 @@ class Study:
                 rows.append(_effect(head, "amae_percent", np.nanmean(first), np.nanmean(last), ends))
                 first, last = values[before].mean(), values[after].mean()
                 resampled = draws[after].mean(axis=0) - draws[before].mean(axis=0)
-                ends = bias_corrected(resampled, float(last - first), min(score.scenes for score in self.scores))
+                ends = bias_corrected(resampled, float(last - first), min(score.clusters for score in self.scores))
                 rows.append(_effect(head, "ap_percent", first, last, ends))
         return EFFECTS.conform(pd.DataFrame(rows, columns=list(EFFECTS.columns)))
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.detection.average_precision import evaluate, mean_average_precision
+from pipeline.detection.average_precision import evaluate, mean_average_precision, mean_over_classes
 from pipeline.detection.base import Detections
 from pipeline.detection.matching import GroundTruth
 from pipeline.detection.text_files import read_detections
@@ -249,6 +249,26 @@ def test_a_class_without_objects_is_nan_with_a_count() -> None:
     assert np.isnan(result["car"].recall).all()
     assert np.isnan(mean_average_precision(result.values()))
     assert evaluate([], [], ["car"])["car"].images == 0
+
+
+def test_a_mean_over_classes_leaves_out_those_without_objects() -> None:
+    """A car in each of four images, found in all but one; a person in one of them, found; no truck."""
+    cars, claims = [("car", 0, 0, 10, 10, False)], [("car", 0.9, 0, 0, 10, 10)]
+    truths = [truth(*cars, ("person", 50, 0, 60, 10, False)), *(truth(*cars) for _ in range(3))]
+    detections = [found(*claims, ("person", 0.8, 50, 0, 60, 10)), found(*claims), found(*claims), Detections.none()]
+
+    def judged(labels: list[str]):
+        return list(evaluate(detections, truths, labels, generator=stream(0, "bootstrap"), draws=200).values())
+
+    car, person, _ = classes = judged(["car", "person", "truck"])
+    mean = mean_over_classes(classes)
+    assert mean.ap_percent == pytest.approx(100 * (0.75 + 1) / 2) and (mean.objects, mean.clusters) == (5, 1)
+    alone = np.isnan(person.draws)  # resamples without the person: the cars' alone
+    assert alone.any() and not alone.all() and not np.isnan(mean.draws).any()
+    np.testing.assert_allclose(mean.draws[alone], 100 * car.draws[alone])
+    np.testing.assert_allclose(mean.draws[~alone], 50 * (car.draws + person.draws)[~alone])
+    none = mean_over_classes(judged(["truck"]))
+    assert np.isnan(none.ap_percent) and np.isnan(none.draws).all() and (none.objects, none.clusters) == (0, 0)
 
 
 def test_objects_without_detections_are_zero() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.frame import Box, Frame
+from pipeline.detection.average_precision import MeanResult
 from pipeline.detection.classes import CLASS_MAPS
 from pipeline.experiments import order_study
 from pipeline.store import write_image
@@ -51,7 +52,7 @@ def _made(amae_of, ap_of, frames=6):
     offset = np.linspace(-4, 4, frames)
     results = [[{"amae_percent": amae_of(one) + shift} for one in chosen] for shift in offset]
     draws = np.linspace(-20, 20, 50)
-    return results, chosen, [order_study.Precision(ap_of(one), ap_of(one) + draws, 8) for one in chosen]
+    return results, chosen, [MeanResult(ap_of(one), ap_of(one) + draws, 8, 8) for one in chosen]
 
 
 def test_effects_are_paired_so_that_differences_between_frames_do_not_widen_them():
@@ -68,5 +69,5 @@ def test_effects_are_paired_so_that_differences_between_frames_do_not_widen_them
 def test_effects_of_one_noise_level_are_not_stated():
     chosen = order_study.conditions([0, 11], [15])
     result = [[{"amae_percent": 3.0} for _ in chosen]] * 2
-    scores = [order_study.Precision(50.0, np.full(5, 50.0), 8) for _ in chosen]
+    scores = [MeanResult(50.0, np.full(5, 50.0), 8, 8) for _ in chosen]
     assert set(order_study.Study(result, chosen, scores, 1).effects()["cause"]) == {"motion"}
