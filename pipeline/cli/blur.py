@@ -69,3 +69,22 @@ def record_command(
         means = ", ".join(f"{way} {numbers['mean_amae_percent']:.2f} %" for way, numbers in sorted(ways.items()))
         click.echo(f"{name}: mean AMAE {means}")
     click.echo(f"written to {out}")
+
+
+@command.command("summarise")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option(
+    "--kept", type=click.Path(path_type=Path), help="finished frames that --keep stored while it was measured"
+)
+def summarise_command(folder: Path, kept: Path | None) -> None:
+    """Compute the statistics of the record in FOLDER again from the estimates behind it; nothing is measured.
+
+    For a record that was measured before a change of intervals. The provenance names the estimators.
+    """
+    from pipeline.cli.outputs import refuse_unwritable
+    from pipeline.recording.blur_statistics import summarise_again
+
+    refuse_unwritable(folder, "FOLDER")
+    changed = summarise_again(folder, kept)
+    click.echo(f"changed: {', '.join(changed)}" if changed else "nothing changed")
+    click.echo(f"written to {folder}")

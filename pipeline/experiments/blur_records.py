@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.experiments.frame_records import folders_with, provenance_of
-from pipeline.experiments.tables import BLUR_SUMMARY
+from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY
 from pipeline.stage_files import any_table
 
 if TYPE_CHECKING:
@@ -18,11 +18,17 @@ SUMMARY_FILE, SHARP_FILE, PATCHES_FILE = "summary.csv", "sharp.csv", "patches.cs
 """By the first of these a record of blur is known among others."""
 
 METRICS_FILE = "metrics.json"
+ESTIMATES_FILE = "estimates.parquet"
+"""Estimates of every patch, which statistics can be computed from again; older records have none."""
+
 EXACT = "exact"
 """Mode of PMP and GBB that gives what the original programs give."""
 
 SUBSETS = "subsets"
 """Key of the provenance: estimator -> frames and patches that it was run on, where these are fewer than all."""
+
+SUMMARISED = "summarised_again"
+"""Key of the provenance: estimators whose statistics were computed again after they had been measured."""
 
 KEYS = {"source", "dataset", "frames", "kernels", "blur"}
 """Of the provenance of a record."""
@@ -117,3 +123,17 @@ def read_folder(folder: Path) -> BlurRecord:
     summary = BLUR_SUMMARY.conform(table, str(folder / SUMMARY_FILE))
     patches = len(any_table(folder / PATCHES_FILE))
     return BlurRecord(str(provenance["dataset"]), provenance, summary, any_table(folder / SHARP_FILE), patches)
+
+
+def estimates_of(folder: Path) -> pd.DataFrame:
+    """Estimates of every patch that a record keeps: `pipeline.experiments.tables.BLUR_ESTIMATES`, empty without any.
+
+    Raises:
+        InputError: the file is broken.
+    """
+    import pandas as pd
+
+    path = folder / ESTIMATES_FILE
+    if path.exists():
+        return BLUR_ESTIMATES.conform(any_table(path), str(path))
+    return BLUR_ESTIMATES.conform(pd.DataFrame({column: [] for column in BLUR_ESTIMATES.columns}))

@@ -122,12 +122,31 @@ def measure(
         exact = run(chosen, conditions, [method], camera=camera, seed=seed, executor=executor, label=label(name))
         measurements = rounded(exact)
         estimates.append(written(measurements, "mtf", BLUR_ESTIMATES))
-        variants = {bool((measurements["relative_to"] == CAMERA).all()): measurements}
-        if (measurements["relative_to"] == SYSTEM).all():  # a relative MTF is not divided again
-            variants[True] = divided_by_sharp(measurements)
-        for calibrated, table in variants.items():
-            parts.append(summarise(table, seed, draws, calibrated=calibrated))
+        parts.append(raw_and_divided(measurements, seed, draws))
     return TableOne(pd.concat(estimates, ignore_index=True), pd.concat(parts, ignore_index=True), calibrations)
+
+
+def raw_and_divided(measurements: pd.DataFrame, seed: int, draws: int) -> pd.DataFrame:
+    """Cells of Table I of one estimator: as it estimates, and calibrated by division.
+
+    Args:
+        measurements: of the MTF (`pipeline.experiments.tables.MEASUREMENTS`), those of sharp frames among them.
+        seed: root of the bootstrap's streams.
+        draws: bootstrap resamples; 0 for none.
+
+    Returns:
+        `pipeline.experiments.tables.BLUR_SUMMARY`; see `TableOne.summary` for which of both an estimator has.
+
+    Raises:
+        InputError: no estimate for sharp frames to divide by.
+    """
+    import pandas as pd
+
+    variants = {bool((measurements["relative_to"] == CAMERA).all()): measurements}
+    if (measurements["relative_to"] == SYSTEM).all():  # a relative MTF is not divided again
+        variants[True] = divided_by_sharp(measurements)
+    parts = [summarise(table, seed, draws, calibrated=calibrated) for calibrated, table in variants.items()]
+    return pd.concat(parts, ignore_index=True)
 
 
 def summarise(measurements: pd.DataFrame, seed: int, draws: int, *, calibrated: bool = False) -> pd.DataFrame:

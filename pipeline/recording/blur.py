@@ -6,6 +6,8 @@ kernels and weights are named by their SHA-256; no picture is kept.
     summary.csv      AMAE of every kind and size of blur, raw and calibrated (`BLUR_SUMMARY`)
     sharp.csv        what is read from sharp frames (`pipeline.experiments.sharp_curves.sharp_curves`)
     patches.csv      where the patches lie
+    estimates.parquet  estimates of every patch (`BLUR_ESTIMATES`), from which `pipeline.recording.blur_statistics`
+                     computes the statistics again
     metrics.json     estimator -> `pipeline.experiments.metrics.table_one_metrics`
     provenance.json  source, dataset, frames, kernels, weights, settings
 """
@@ -26,18 +28,22 @@ from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError, did_you_mean
 from pipeline.experiments import table_one
 from pipeline.experiments.blur_records import (
+    ESTIMATES_FILE,
     KEYS,
     METRICS_FILE,
     PATCHES_FILE,
     SHARP_FILE,
     SUBSETS,
+    SUMMARISED,
     SUMMARY_FILE,
+    estimates_of,
     read_folder,
 )
 from pipeline.experiments.frame_records import PROVENANCE_FILE, provenance_of
 from pipeline.experiments.frames import TestFrame, with_patches
 from pipeline.experiments.metrics import table_one_metrics
 from pipeline.experiments.sharp_curves import sharp_curves
+from pipeline.experiments.tables import BLUR_ESTIMATES
 from pipeline.recording.frames import indexed
 from pipeline.recording.kept_results import Map, keyed
 from pipeline.recording.provenance import blur_weights, provenance, write_csv
@@ -127,20 +133,27 @@ def record(
     metrics = {name: table_one_metrics(one.summary) for name, one in zip(estimators, measured, strict=True)}
     # A relative MTF of sharp frames is no curve of theirs: with no other estimator there are no rows.
     parts = [one.estimates[one.estimates["relative_to"] == SYSTEM] for one in measured]
-    summary = pd.concat([one.summary for one in measured], ignore_index=True)
+    summary, estimates = (
+        pd.concat(tables, ignore_index=True)
+        for tables in ([one.summary for one in measured], [one.estimates for one in measured])
+    )
     sharp = sharp_curves(pd.concat(parts, ignore_index=True), config.seed)
     kept: dict[str, Any] = {}
     if earlier is not None:
         summary = pd.concat([earlier.summary, summary], ignore_index=True)
         sharp = pd.concat([earlier.sharp, sharp], ignore_index=True)
+        estimates = pd.concat([earlier.estimates, estimates], ignore_index=True)
         kept = earlier.metrics
         metadata["weights"] |= earlier.metadata["weights"]
         metadata[SUBSETS] |= earlier.metadata.get(SUBSETS, {})
         metadata["blur"]["estimators"] |= earlier.metadata["blur"]["estimators"]
+        if earlier.metadata.get(SUMMARISED):
+            metadata[SUMMARISED] = earlier.metadata[SUMMARISED]
     with store.replacing_folder(out) as folder:
         write_csv(folder / SUMMARY_FILE, summary)
         write_csv(folder / SHARP_FILE, sharp)
         write_csv(folder / PATCHES_FILE, _patches(frames))
+        store.write_table(folder / ESTIMATES_FILE, estimates, BLUR_ESTIMATES)
         store.write_json(folder / METRICS_FILE, kept | metrics)
         store.write_json(folder / PROVENANCE_FILE, metadata)
     return metrics
@@ -153,12 +166,14 @@ class Others:
     Attributes:
         metadata: its provenance, of those estimators.
         summary, sharp: see `pipeline.experiments.blur_records.BlurRecord`.
+        estimates: of those that it keeps estimates of (`pipeline.experiments.tables.BLUR_ESTIMATES`).
         metrics: estimator -> metrics.
     """
 
     metadata: dict[str, Any]
     summary: pd.DataFrame
     sharp: pd.DataFrame
+    estimates: pd.DataFrame
     metrics: dict[str, Any]
 
 
@@ -191,10 +206,13 @@ def others(folder: Path, metadata: Mapping[str, Any]) -> Others | None:
     for part in (earlier["weights"], earlier["blur"]["estimators"], earlier.get(SUBSETS, {})):
         for name in set(part) - set(names):
             del part[name]
+    if SUMMARISED in earlier:
+        earlier[SUMMARISED] = [name for name in earlier[SUMMARISED] if name in names]
     known = read_folder(folder)
-    summary, sharp = (table[table["estimator"].isin(names)] for table in (known.summary, known.sharp))
+    tables = (known.summary, known.sharp, estimates_of(folder))
+    summary, sharp, estimates = (table[table["estimator"].isin(names)] for table in tables)
     metrics = {name: item for name, item in store.read_json(folder / METRICS_FILE).items() if name in names}
-    return Others(earlier, summary, sharp, metrics)
+    return Others(earlier, summary, sharp, estimates, metrics)
 
 
 def _provenance(

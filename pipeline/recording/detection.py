@@ -20,7 +20,7 @@ from pipeline.experiments import detect, iopc
 from pipeline.experiments.condition import sweep_kernels
 from pipeline.experiments.summarise import condition_medians
 from pipeline.recording.kept_results import Map, keyed
-from pipeline.recording.provenance import blur_weights, noise_weights, write_csv
+from pipeline.recording.provenance import blur_weights, inputs_of, noise_weights, write_csv
 from pipeline.report import style
 from pipeline.report.detection_results import DIRECTION, SPREAD
 from pipeline.report.sections import detection_figures
@@ -96,7 +96,7 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
                 "source": source,
                 "dataset": dataset,
                 "kind": kind,
-                "frames": {frame.name: file_sha256(frame.path) for frame in frames},
+                **inputs_of(frames),
                 "detector": {"kind": section.kind, "file": Path(section.weights).name, "options": section.options}
                 | {"sha256": detector_sha256},
                 "sweep": settings.sweep.model_dump(),

@@ -13,10 +13,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.dependencies.closure import fingerprint
+from pipeline.errors import InputError
 from pipeline.executor import run_map
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 Map = Callable[..., list[Any]]
 
@@ -63,6 +67,22 @@ def keyed(mapped: Map, module: str, weights: Mapping[str, Any]) -> Map:
         weights: SHA-256 of the weight files in use, nested in any way.
     """
     return replace(mapped, key=fingerprint(module, weights)) if isinstance(mapped, KeptMap) else mapped
+
+
+def kept_tables(folder: Path) -> list[dict[str, NDArray[Any]]]:
+    """Every kept result, of whatever code and weights, by file name: columns by name.
+
+    Args:
+        folder: of a `KeptMap`.
+
+    Raises:
+        InputError: there is no such folder, or a file is broken.
+    """
+    from pipeline import store
+
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; give the one that --keep wrote")
+    return [store.read_arrays(path) for path in sorted(folder.glob("*.npz"))]
 
 
 def _load_or_compute(function: Callable[[Any], Any], folder: Path, key: str, item: Any) -> Any:

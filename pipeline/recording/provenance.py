@@ -6,6 +6,7 @@ No path of the machine that measured is kept: of a file its name, of a folder no
 from __future__ import annotations
 
 import hashlib
+import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -56,14 +57,51 @@ def provenance(
         "source": source,
         "dataset": dataset,
         "kind": config.datasets[dataset].kind,
-        "frames": {frame.name: file_sha256(frame.path) for frame in listed},
-        "previous": {path.name: file_sha256(path) for frame in listed for path in frame.previous},
-        "kernels": {kernel.name: kernel_sha256(kernel) for kernel in kernels},
+        **inputs_of(listed, {kernel.name: kernel_sha256(kernel) for kernel in kernels}),
         "weights": dict(weights),
         "settings": without_folders(settings),
         "camera": config.camera.described(),
         "seed": config.seed,
     }
+
+
+def inputs_of(frames: Sequence[Frame], kernels: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Pictures, labels and kernels that were measured, by their content: the revision of a source that has none.
+
+    Args:
+        frames: measured.
+        kernels: name -> SHA-256.
+
+    Returns:
+        name -> SHA-256 as ``frames``, ``previous``, ``labels`` (boxes as they are read) and ``kernels``, and
+        ``inputs_sha256``, one hash of all of these (`content_sha256`).
+    """
+    files: dict[str, Mapping[str, str]] = {
+        "frames": {frame.name: file_sha256(frame.path) for frame in frames},
+        "previous": {path.name: file_sha256(path) for frame in frames for path in frame.previous},
+        "labels": {frame.name: _labels_sha256(frame) for frame in frames if frame.boxes},
+        "kernels": dict(kernels or {}),
+    }
+    return {**files, "inputs_sha256": content_sha256(files)}
+
+
+INPUTS = ("frames", "previous", "labels", "kernels")
+"""Keys of a provenance that `content_sha256` is of."""
+
+
+def content_sha256(about: Mapping[str, Any]) -> str:
+    """One hash of all pictures, labels and kernels of a record: of the JSON of their hashes, keys sorted.
+
+    Args:
+        about: a provenance, or `inputs_of`; keys that it lacks are left out.
+    """
+    files = {name: about[name] for name in INPUTS if about.get(name)}
+    return hashlib.sha256(json.dumps(files, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def _labels_sha256(frame: Frame) -> str:
+    rows = [[box.label, *(repr(float(v)) for v in (box.x1, box.y1, box.x2, box.y2)), box.ignore] for box in frame.boxes]
+    return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
 
 
 def kernel_sha256(kernel: Kernel) -> str:
@@ -84,7 +122,12 @@ def without_folders(content: Any) -> Any:
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:
     """A table as CSV with six digits: enough to compare, and the same on every machine but for rounding."""
-    store.write_text(path, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+    store.write_text(path, csv_text(table))
+
+
+def csv_text(table: pd.DataFrame) -> str:
+    """The text that `write_csv` writes."""
+    return str(table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
 
 
 def blur_weights(kind: str, options: Mapping[str, Any] | None = None) -> Weights:

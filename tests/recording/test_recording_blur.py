@@ -122,12 +122,12 @@ def test_no_place_of_the_machine_and_no_picture_is_kept(root: Path, recorded: Pa
     assert store.read_json(tmp_path / "out/provenance.json")["blur"]["estimators"]["spectral"]["options"] == {
         "weights": weights.name
     }
-    names = ["metrics.json", "patches.csv", "provenance.json", "sharp.csv", "summary.csv"]
+    names = ["estimates.parquet", "metrics.json", "patches.csv", "provenance.json", "sharp.csv", "summary.csv"]
     for folder in (recorded / "mine-blur", tmp_path / "out"):
         assert sorted(path.name for path in folder.iterdir()) == names
         for path in folder.iterdir():
-            text = path.read_text(encoding="utf-8")
-            assert str(root) not in text and str(REPO) not in text
+            content = path.read_bytes()
+            assert str(root).encode() not in content and str(REPO).encode() not in content
 
 
 def test_the_same_again_gives_the_same_bytes(root: Path, recorded: Path, tmp_path: Path) -> None:
@@ -177,6 +177,10 @@ def test_an_estimator_joins_those_recorded(root: Path, recorded: Path, tmp_path:
     for name in ("summary.csv", "sharp.csv", "patches.csv"):
         selected, both = (sorted((item / name).read_text().splitlines()) for item in (out, together))
         assert selected == both
+    for name in ESTIMATORS:
+        selected, both = (blur_records.estimates_of(item) for item in (out, together))
+        rows = (table[table["estimator"] == name].reset_index(drop=True) for table in (selected, both))
+        pd.testing.assert_frame_equal(*rows)
 
 
 def test_only_what_was_measured_alike_can_join(root: Path, recorded: Path, tmp_path: Path) -> None:

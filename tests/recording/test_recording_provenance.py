@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import json
 import shutil
 from pathlib import Path
 
 import pytest
+from data_makers import make_folder
 
 from pipeline import blur, noise
 from pipeline.condition import ConditionMonitor
+from pipeline.datasets import open_dataset
 from pipeline.errors import InputError
 from pipeline.experiments.settings import EstimatorSettings
-from pipeline.recording.provenance import blur_weights, configured_weights, monitor_weights, noise_weights
+from pipeline.recording.provenance import (
+    blur_weights,
+    configured_weights,
+    content_sha256,
+    inputs_of,
+    monitor_weights,
+    noise_weights,
+)
 from pipeline.weight_files import active_folder
 
 WEIGHTS = Path(__file__).resolve().parents[2] / "data/weights"
@@ -129,3 +139,34 @@ def test_estimators_of_an_experiment_by_name_without_those_that_have_none() -> N
     of_noise = {"pca": EstimatorSettings(kind="pca")}
     assert configured_weights(of_blur, of_noise) == {"blur": {"ours": expected(["mtf_cnn.safetensors"])}}
     assert configured_weights({}, of_noise) == {}
+
+
+def test_one_hash_stands_for_all_pictures_labels_and_kernels(tmp_path: Path) -> None:
+    """The same content anywhere has the same hash; a byte of a picture, a box or a kernel changes it."""
+
+    def about(root: Path, **kernels: str) -> dict:
+        return inputs_of(list(open_dataset("folder", "mine", root).frames()), kernels)
+
+    root = make_folder(tmp_path / "mine", 2)
+    shutil.copytree(root, tmp_path / "elsewhere")
+    first = about(root, disc="0" * 64)
+    assert set(first["frames"]) == set(first["labels"]) and len(first["frames"]) == 2
+    assert first["frames"] == {path.stem: digest(path) for path in (root / "images").iterdir()}
+    assert first == about(tmp_path / "elsewhere", disc="0" * 64) and first["inputs_sha256"] == content_sha256(first)
+    hashes = {first["inputs_sha256"], about(root, disc="1" * 64)["inputs_sha256"], about(root)["inputs_sha256"]}
+    label = next((root / "labels").iterdir())
+    label.write_text(label.read_text() + "\ncar 10 10 40 40\n")
+    hashes.add(about(root, disc="0" * 64)["inputs_sha256"])
+    picture = next((root / "images").iterdir())
+    picture.write_bytes(picture.read_bytes() + b"\0")
+    hashes.add(about(root, disc="0" * 64)["inputs_sha256"])
+    assert len(hashes) == 5
+
+
+RECORDS = sorted((Path(__file__).resolve().parents[2] / "reports/recorded").glob("*/provenance.json"))
+
+
+@pytest.mark.parametrize("path", RECORDS, ids=lambda path: path.parent.name)
+def test_every_record_holds_the_hash_of_what_was_measured(path: Path) -> None:
+    about = json.loads(path.read_text(encoding="utf-8"))
+    assert about["inputs_sha256"] == content_sha256(about) and about["frames"]
