@@ -11,11 +11,15 @@ difference of the two is free of start-up:
     processor_fps   cores over the processor time a frame: what as many free cores give at most
     peak_mb         largest memory on a quarter of the frames and on all
 
-``every tile`` is ``--tiles 1000``: noise on all 135 tiles of a frame instead of 54. ``stand-ins`` are the variance of
-the Laplacian (OpenCV) and scikit-image's ``estimate_sigma``, decoding included: what they cost, not what they know.
+``every tile and patch`` is ``--tiles 1000 --patches 1000``: noise on all 135 tiles of a frame instead of 54, blur on
+all 60 patches instead of 28. ``colour`` are the frames as colour JPEG. ``stand-ins`` are the variance of the Laplacian
+(OpenCV) and scikit-image's ``estimate_sigma``, decoding included: what they cost, not what they know.
 
 ``median`` compares the frame's noise from the selected tiles with that from all of them, on the pictures without JPEG
 and with, for noise of several strengths: mean absolute error to the noise added, and the largest difference.
+``blur median`` compares the frame's MTF from the selected patches with that from all of them, for blur of several
+strengths, the same everywhere or growing from the middle to the corners (``uneven``): mean and largest absolute
+difference, half the width of the selection's 95 % interval, and the fraction of values of all patches within it.
 """
 
 from __future__ import annotations
@@ -49,6 +53,7 @@ QUALITY = 92
 EVERY_TILE = 1000
 LEVELS_DN = (2.0, 5.0, 10.0, 20.0)
 MEDIAN_QUALITIES = (0, 80)  # of JPEG; 0: not coded
+BLURS_PX = (0.0, 1.0, 2.0, 4.0)  # standard deviation of a Gaussian
 
 
 def pictures() -> list[NDArray[np.float32]]:
@@ -70,6 +75,13 @@ def noisy(picture: NDArray[np.float32], sigma_dn: float, number: int, quality: i
     levels = picture + np.float32(sigma_dn) * draw.standard_normal(picture.shape, dtype=np.float32)
     frame = np.clip(np.rint(levels), 0, 255).astype(np.uint8)
     return _decoded(_jpeg(frame, quality)) if quality else frame
+
+
+def coloured(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A grey frame as a colour frame (1080, 1920, 3) of smoothly varying hue."""
+    across = np.linspace(-1, 1, frame.shape[1], dtype=np.float32)[None, :, None]
+    tint = np.float32(12) * across * np.array([1, -0.2, -0.8], np.float32)
+    return np.clip(np.rint(frame[..., None] + tint), 0, 255).astype(np.uint8)
 
 
 def _jpeg(frame: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
@@ -165,6 +177,48 @@ def medians() -> list[dict[str, Any]]:
     return rows
 
 
+def blurred(picture: NDArray[np.float32], blur_px: float, uneven: bool) -> NDArray[np.float32]:
+    """The picture blurred everywhere, or from nothing in the middle to all of it in the corners, as 8 bit in [0, 1]."""
+    wide = np.asarray(cv2.GaussianBlur(picture, (0, 0), blur_px), np.float32) if blur_px else picture
+    if uneven:
+        down, across = (np.linspace(-1, 1, side, dtype=np.float32) for side in picture.shape)
+        weight = ((down[:, None] ** 2 + across[None] ** 2) / 2).astype(np.float32)
+        wide = (1 - weight) * picture + weight * wide
+    return np.asarray(np.rint(np.clip(wide, 0, 255)) / np.float32(255), dtype=np.float32)
+
+
+def blur_medians() -> list[dict[str, Any]]:
+    """The frame's MTF by the selected patches and by all."""
+    from pipeline import blur
+    from pipeline.condition.frame_tiles import MOST_PATCHES, frame_tiles
+    from pipeline.condition.summary import summarise
+    from pipeline.datasets.patches import cut
+
+    estimator = blur.create("spectral")
+    rows = []
+    for blur_px, uneven in [(blur_px, False) for blur_px in BLURS_PX] + [(BLURS_PX[-1], True)]:
+        differences, reaches, within = [], [], []
+        for picture in pictures():
+            frame = blurred(picture, blur_px, uneven)
+            selected, every = (
+                summarise(estimate.mtf, estimate.low, estimate.high)
+                for most in (MOST_PATCHES, EVERY_TILE)
+                for estimate in [estimator.estimate(cut(frame, frame_tiles(frame.shape, 192, most)))]
+            )
+            differences.append(np.abs(selected.value - every.value))
+            reaches.append((selected.high - selected.low) / 2)
+            within.append((selected.low <= every.value) & (every.value <= selected.high))
+        rows.append({
+            "blur_px": blur_px, "uneven": uneven,
+            "mean_difference_percent": round(100 * float(np.mean(differences)), 2),
+            "largest_difference_percent": round(100 * float(np.max(differences)), 2),
+            "half_interval_percent": round(100 * float(np.mean(reaches)), 2),
+            "within_interval_fraction": round(float(np.mean(within)), 3),
+        })  # fmt: skip
+        print(rows[-1], flush=True)
+    return rows
+
+
 def main() -> None:
     """Make frames, run, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -175,16 +229,19 @@ def main() -> None:
     common.hold_loaded_libraries()
     with tempfile.TemporaryDirectory() as name:
         folder, made = Path(name), pictures()
-        files = []
+        grey, colour = ([folder / f"{kind}{number:04d}.jpg" for number in range(arguments.frames)] for kind in "gc")
         for number in range(arguments.frames):
-            files.append(folder / f"{number:04d}.jpg")
             frame = noisy(made[number % PICTURES], SIGMA_DN, number, 0)
-            files[-1].write_bytes(_jpeg(frame, QUALITY).tobytes())
+            grey[number].write_bytes(_jpeg(frame, QUALITY).tobytes())
+            colour[number].write_bytes(_jpeg(coloured(frame), QUALITY).tobytes())
         results: dict[str, Any] = {}
-        for title, options in {"health": (), "health, every tile": ("--tiles", str(EVERY_TILE))}.items():
+        every = ("--tiles", str(EVERY_TILE), "--patches", str(EVERY_TILE))
+        for title, files, options in (
+            ("health", grey, ()), ("health, colour", colour, ()), ("health, every tile and patch", grey, every),
+        ):  # fmt: skip
             results[title] = throughput(files, folder, options, arguments.cores)
             print(title, results[title], flush=True)
-        results["stand-ins, processor ms"] = stand_ins(files)
+        results["stand-ins, processor ms"] = stand_ins(grey)
     record = {
         "machine": common.machine("torch", "opencv-python-headless", "scikit-image"),
         "frame_px": [WIDTH_PX, HEIGHT_PX],
@@ -194,6 +251,7 @@ def main() -> None:
         "sigma_dn": SIGMA_DN,
         "results": results,
         "median": medians(),
+        "blur median": blur_medians(),
     }
     common.write("health", record, arguments.out)
 

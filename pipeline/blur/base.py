@@ -124,7 +124,8 @@ def unusable(patches: NDArray[np.float32]) -> NDArray[np.str_]:
     if len(patches) == 0:
         return np.empty(0, dtype=np.str_)
     pixels = patches.reshape(len(patches), -1)
-    flat = pixels.std(axis=1, dtype=np.float64) * FULL_SCALE_DN < FLAT_DN
+    # One patch at a time stays in the processor's cache.
+    flat = np.array([patch.std(dtype=np.float64) for patch in pixels]) * FULL_SCALE_DN < FLAT_DN
     return np.select([is_saturated(pixels) & ~flat, flat], [SATURATED, "flat"], default="")
 
 

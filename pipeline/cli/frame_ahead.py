@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from pipeline.cli.frame_analysis import Estimated, FrameAnalysis
 
+WAITING = 1
+"""Frames decoded that no thread estimates yet."""
+
 MOST_THREADS = 8
 """A frame takes about 100 MB while it is estimated."""
 
@@ -22,7 +25,9 @@ MOST_THREADS = 8
 def estimated_ahead(
     analysis: FrameAnalysis, frames: Iterable[tuple[str, NDArray[np.float32] | None, str]], threads: int | None = None
 ) -> Generator[tuple[str, NDArray[np.float32], Callable[[], Estimated]], None, None]:
-    """Estimate frames in threads, as many ahead as there are threads.
+    """Estimate frames in threads, as many at once as there are threads, with one more decoded and waiting.
+
+    Without it a thread that is done waits until the next frame is decoded, which the caller's thread does.
 
     The libraries that estimate leave Python's lock while they compute, so that threads fill the cores; processes would
     each load torch and the weights anew.
@@ -44,7 +49,7 @@ def estimated_ahead(
     try:
         for name, image, problem in frames:
             waiting.append((name, image, pool.submit(_estimate, analysis, image, problem)))  # type: ignore[arg-type]
-            if len(waiting) > threads:
+            if len(waiting) > threads + WAITING:
                 yield _first(waiting)
         while waiting:
             yield _first(waiting)

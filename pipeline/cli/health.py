@@ -52,6 +52,10 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
     help="most tiles of a frame for its noise, as in camera-monitor noise; if more would cover it, an even selection",
 )  # fmt: skip
 @click.option(
+    "--patches", "most_patches", default=28, show_default=True, type=click.IntRange(min=1),
+    help="most patches of a frame for its blur, likewise",
+)  # fmt: skip
+@click.option(
     "--sharp", multiple=True, type=click.Path(path_type=Path),
     help="pictures of the same camera, known to be sharp (may be repeated): blur is then relative to them",
 )  # fmt: skip
@@ -88,8 +92,8 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 @click.option("--no-trend", is_flag=True, help="no alarm where the condition of a video or folder worsens over time")
 def command(
     paths: tuple[Path, ...], out: Path | None, maps: bool, blur_name: str, quality: str, noise_name: str,
-    most_tiles: int, sharp: tuple[Path, ...], calibrate_estimator: bool, generic_lens: bool, camera_name: str | None,
-    as_json: bool, as_lines: bool,
+    most_tiles: int, most_patches: int, sharp: tuple[Path, ...], calibrate_estimator: bool, generic_lens: bool,
+    camera_name: str | None, as_json: bool, as_lines: bool,
     alarm_sigma_dn: float | None, alarm_mtf50: float | None,
     alarm_flags: bool, every: int, exposure: str | None, iso: float | None, surface: Path | None,
     reference_frames: int, no_trend: bool,
@@ -161,8 +165,9 @@ def command(
             stack.enter_context(HealthFiles(out, [*files, *sharp_files], run, maps=maps)) if out is not None else None
         )
         monitor = ConditionMonitor(
-            blur_name, noise_name, blur_options={"output": "relative"} if generic_lens else None, most_tiles=most_tiles
-        )
+            blur_name, noise_name, blur_options={"output": "relative"} if generic_lens else None,
+            most_tiles=most_tiles, most_patches=most_patches,
+        )  # fmt: skip
         about["weights_released"] = monitor.weights_released
         about["weights_sha256"] = monitor_weights(monitor)
         sharp_sizes: set[tuple[int, ...]] = (

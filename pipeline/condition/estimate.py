@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pipeline import blur, noise
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
-from pipeline.condition.frame_tiles import MOST_TILES, frame_tiles
+from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
 from pipeline.condition.summary import Summary, summarise
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
@@ -123,9 +123,10 @@ class ConditionMonitor:
         tile_px: side of the tiles that noise is estimated on; smaller frames get one tile of their smaller side.
         most_tiles: of them in a frame; a frame that more would cover gets an even selection
             (`pipeline.condition.frame_tiles`).
+        most_patches: likewise of the patches of 192 px that blur is estimated on.
 
     Raises:
-        InputError: unknown names or options, weights that are absent, a tile under 16 px, or no tile at all.
+        InputError: unknown names or options, weights that are absent, a tile under 16 px, or no tile or patch at all.
     """
 
     def __init__(
@@ -137,16 +138,19 @@ class ConditionMonitor:
         noise_options: Mapping[str, Any] | None = None,
         tile_px: int = 128,
         most_tiles: int = MOST_TILES,
+        most_patches: int = MOST_PATCHES,
     ) -> None:
         if tile_px < LEAST_TILE_PX:
             raise InputError(f"condition monitor: tile_px={tile_px}, expected at least {LEAST_TILE_PX}")
         if most_tiles < 1:
             raise InputError(f"condition monitor: most_tiles={most_tiles}, expected at least 1")
+        if most_patches < 1:
+            raise InputError(f"condition monitor: most_patches={most_patches}, expected at least 1")
         self.blur_name, self.noise_name = blur_name, noise_name
         self.blur_options, self.noise_options = dict(blur_options or {}), dict(noise_options or {})
         self.blur_estimator = blur.create(blur_name, **self.blur_options)
         self.noise_estimator = noise.create(noise_name, **self.noise_options)
-        self.tile_px, self.most_tiles = tile_px, most_tiles
+        self.tile_px, self.most_tiles, self.most_patches = tile_px, most_tiles, most_patches
         estimators = {"blur": self.blur_estimator, "noise": self.noise_estimator}
         self.weights_released = {name: bool(getattr(made, "released", True)) for name, made in estimators.items()}
         """Of ``blur`` and ``noise``: False where the estimator runs on weights that are not the released ones."""
@@ -192,7 +196,8 @@ class ConditionMonitor:
             InputError: not such a frame, or smaller than the noise estimator needs.
         """
         picture = _checked(image)
-        squares = tiles(picture.shape, PATCH_PX, "cover")
+        large_enough = min(picture.shape) >= PATCH_PX
+        squares = frame_tiles(picture.shape, PATCH_PX, self.most_patches) if large_enough else []
         small = frame_tiles(picture.shape, self.tile_px, self.most_tiles)
         return Condition(self._blur(cut(picture, squares), squares), self._noise(cut(picture, small), small, picture))
 

@@ -21,6 +21,7 @@ recognised in a single frame.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,7 +119,7 @@ def measure(image: NDArray[np.floating]) -> FrameMeasures:
     counts = _histogram(levels)
     # half a level of slack: grey levels of 8 bits come as multiples of 1/255, rounded to float32
     if counts is None:
-        bright, median = (float(value) for value in np.percentile(levels, (99, 50)))
+        bright, median = _percentiles(levels, (99, 50))
         saturated = float(np.mean(levels >= SATURATED_DN - 0.5))
     else:
         bright, median = (_percentile(counts, percent) for percent in (99, 50))
@@ -136,8 +137,33 @@ def _histogram(levels: NDArray[np.float32]) -> NDArray[np.int64] | None:
         # multiples of 1/255, rounded to float32 and multiplied by 255, miss whole numbers by less than this
         if np.abs(lines - whole).max(initial=0) > 1e-4:
             return None
-        counts += np.bincount(whole.astype(np.uint8).ravel(), minlength=256)
+        counts += _counts(whole.astype(np.uint8))
     return counts
+
+
+def _counts(levels: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Number of pixels (256,) of each grey level in lines (h, W) of fewer than 2^24 pixels."""
+    import cv2
+
+    return np.asarray(cv2.calcHist([levels], [0], None, [256], [0, 256]), dtype=np.int64).ravel()
+
+
+def _percentiles(levels: NDArray[np.float32], percents: Sequence[float]) -> list[float]:
+    """`numpy.percentile` of grey levels (H, W), 0..255: only pixels within a level of each are sorted."""
+    if levels.size == 0 or not (levels.min() >= 0 and levels.max() < 256):
+        return [float(value) for value in np.percentile(levels, percents)]
+    whole = levels.astype(np.uint8)
+    counts = sum(_counts(lines) for lines in np.array_split(whole, max(1, levels.size // BLOCK_PIXELS)))
+    last = np.cumsum(counts) - 1  # index, in sorted order, of the last pixel of each whole level
+    results = []
+    for percent in percents:
+        index = percent / 100 * last[-1]
+        low, high = (int(np.searchsorted(last, end)) for end in (np.floor(index), np.ceil(index)))
+        near = np.sort(levels[(whole == low) | (whole == high)])
+        first = int(last[low - 1]) + 1 if low else 0
+        below, above = (float(near[int(end) - first]) for end in (np.floor(index), np.ceil(index)))
+        results.append(below + float(index - np.floor(index)) * (above - below))
+    return results
 
 
 def _percentile(counts: NDArray[np.int64], percent: float) -> float:

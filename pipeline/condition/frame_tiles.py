@@ -1,9 +1,12 @@
-"""Tiles of a frame that its noise is estimated on: all of a frame of common size, an even selection of a larger one.
+"""Squares of a frame that it is estimated on: all of a frame of common size, an even selection of a larger one.
 
-Noise of a frame is the median over its tiles. Beyond some tens of them the median hardly changes, because neighbouring
-tiles share brightness, texture and what the camera did to them, while time grows with their number: 135 tiles cover a
-full-HD frame, and 6 x 9 of them, spread over it evenly, give the same median within a tenth of a DN, unless most of
-them abstain (``benchmarks/health.py``).
+Noise and blur of a frame are medians over its tiles and its patches. Beyond some tens of them a median hardly changes,
+because neighbouring squares share brightness, texture, lens and what the camera did to them, while time grows with
+their number (``benchmarks/health.py`` compares selections with all):
+
+    noise   135 tiles of 128 px cover a full-HD frame; 6 x 9 of them give the same median within a tenth of a DN,
+            unless most of them abstain
+    blur    60 patches of 192 px cover it; 4 x 7 of them give the same MTF well within its interval
 """
 
 from __future__ import annotations
@@ -16,6 +19,11 @@ from pipeline.datasets.patches import Patch, tiles
 from pipeline.errors import InputError
 
 MOST_TILES = 54
+"""Of 128 px, for noise."""
+
+MOST_PATCHES = 28
+"""Of 192 px, for blur: as many as cover a frame of 1280 x 720 px."""
+
 STEP_PX = 8  # tiles begin at multiples of it, where the blocks of a codec begin
 
 

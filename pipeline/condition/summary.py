@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.mtf import FREQUENCIES
-from pipeline.statistics import inliers, robust
+from pipeline.statistics import bootstrap_interval, inliers
 from pipeline.streams import stream
 
 Floats = NDArray[np.float64]
@@ -87,21 +87,18 @@ def summarise(
     for position in np.ndindex(shape):
         column = np.asarray(values[(slice(None), *position)], dtype=np.float64)
         ends = [end[(slice(None), *position)] for end in (low, high) if end is not None]
-        kept = inliers(column)
-        told_ends = len(ends) == 2 and kept.any() and all(np.isfinite(end[kept]).all() for end in ends)
-        statistic = robust(column, stream(0, "condition", *position), 1 if told_ends else BOOTSTRAP_DRAWS)
-        interval = (statistic.low, statistic.high)
-        if told_ends:
-            interval = (float(np.median(ends[0][kept])), float(np.median(ends[1][kept])))
+        inside = inliers(column)
+        kept, answered = column[inside], int(np.isfinite(column).sum())
+        if not len(kept):
+            interval = (np.nan, np.nan)
+        elif len(ends) == 2 and all(np.isfinite(end[inside]).all() for end in ends):
+            interval = (float(np.median(ends[0][inside])), float(np.median(ends[1][inside])))
+        else:
+            interval = bootstrap_interval(kept, stream(0, "condition", *position), draws=BOOTSTRAP_DRAWS)
+        middle, least, greatest = (np.median(kept), kept.min(), kept.max()) if len(kept) else (np.nan, np.nan, np.nan)
         numbers = (
-            statistic.median,
-            *interval,
-            statistic.minimum,
-            statistic.maximum,
-            statistic.count,
-            statistic.rejected,
-            statistic.abstained,
-        )
+            middle, *interval, least, greatest, answered, answered - len(kept), len(column) - answered,
+        )  # fmt: skip
         for name, number in zip(names, numbers, strict=True):
             result[name][position] = number
     return Summary(**result)

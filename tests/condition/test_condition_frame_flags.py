@@ -74,6 +74,18 @@ def test_measures_are_in_grey_levels():
     assert flags.saturated_fraction == np.mean(picture("flags") >= 250)
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (1, 2), (37, 53), (300, 700)])
+@pytest.mark.parametrize("scale", [0.0, 0.01, 0.5, 1.0])
+def test_measures_of_pictures_that_are_not_of_whole_levels_are_numpys(shape, scale):
+    """As colour pictures are when they become grey, which is not rounded."""
+    image = np.asarray(scale * stream(0, "flags", *shape).random(shape, dtype=np.float32), dtype=np.float32)
+    levels = 255 * image
+    measures = measure(image)
+    assert measures.bright_dn == pytest.approx(np.percentile(levels, 99), abs=1e-4)
+    assert measures.median_dn == pytest.approx(np.median(levels), abs=1e-4)
+    assert measures.saturated_fraction == np.mean(levels >= SATURATED_DN - 0.5)
+
+
 def test_a_stream_freezes_after_three_repeats_and_thaws():
     inspector = FrameInspector()
     frames = [noise(100.0)] * 5 + [noise(101.0)] * 2

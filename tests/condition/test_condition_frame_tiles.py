@@ -1,13 +1,15 @@
-"""Tiles of a frame for its noise: all of a small frame, an even selection of a large one, always inside."""
+"""Tiles for noise and patches for blur: all of a small frame, an even selection of a large one, always inside."""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
+from data_makers import picture
 
 from pipeline.cli import main
 from pipeline.condition import ConditionMonitor
-from pipeline.condition.frame_tiles import MOST_TILES, STEP_PX, frame_tiles
+from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, STEP_PX, frame_tiles
 from pipeline.datasets.patches import cut, tiles
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -46,6 +48,8 @@ def test_bad_numbers_are_refused():
         frame_tiles((1080, 1920), 128, 0)
     with pytest.raises(InputError, match="most_tiles"):
         ConditionMonitor(most_tiles=0)
+    with pytest.raises(InputError, match="most_patches"):
+        ConditionMonitor(most_patches=0)
 
 
 def test_the_monitor_gives_the_same_noise_by_a_selection_as_by_all_tiles():
@@ -60,6 +64,32 @@ def test_the_monitor_gives_the_same_noise_by_a_selection_as_by_all_tiles():
     assert selected.map_dn.shape == every.map_dn.shape == (96, 144) and known.mean() == pytest.approx(12 / 54, abs=0.01)
     assert np.array_equal(selected.estimate.sigma_dn.shape, (12,))
     assert cut(frame, selected.patches).shape == (12, 1, 128, 128)
+
+
+@pytest.mark.parametrize("shape", [(720, 1280), (768, 896), (370, 1224), (192, 192)])
+def test_blur_of_a_common_frame_is_estimated_on_all_of_it(shape):
+    assert frame_tiles(shape, 192, MOST_PATCHES) == tiles(shape, 192, "cover")
+
+
+def test_the_monitor_gives_the_same_blur_by_a_selection_of_patches_as_by_all():
+    """One blur over a picture of 35 patches, six of which are selected; the map is that of the six."""
+    frame = np.tile(picture("blur of a selection"), (3, 3))[:960, :1344].astype(np.float32)
+    frame = (np.rint(cv2.GaussianBlur(frame, (0, 0), 1.5)) / 255).astype(np.float32)
+    every, selected = (
+        ConditionMonitor(noise_name="immerkaer", most_patches=most).frame(frame).blur for most in (1000, 6)
+    )
+    assert every.grid == (5, 7) and selected.grid == (2, 3) and selected.map_mtf.shape == (2, 3, 2, 8)
+    assert np.abs(selected.summary.value - every.summary.value).max() < 0.03
+    assert (selected.summary.low <= every.summary.value).all() and (every.summary.value <= selected.summary.high).all()
+
+
+def test_blur_of_a_frame_smaller_than_a_patch_is_abstained_from():
+    assert ConditionMonitor(noise_name="immerkaer").frame(np.full((191, 500), 0.5, np.float32)).blur.grid == (0, 0)
+
+
+def test_health_takes_as_many_patches_by_default_as_the_monitor():
+    (option,) = [one for one in main.get_command(None, "health").params if one.name == "most_patches"]
+    assert option.default == MOST_PATCHES
 
 
 @pytest.mark.parametrize("name", ["health", "noise"])
