@@ -53,7 +53,15 @@ from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
 from pipeline.noise.correlated import RELEASED as RELEASED_CORRELATED
 from pipeline.noise.correlated import Correlated, Prediction
-from pipeline.noise.correlated_features import GRID_START, LEAST_PX, QUANTISED_START, whiteness
+from pipeline.noise.correlated_features import (
+    GRID_START,
+    LEAST_PX,
+    QUANTISED_START,
+    Moments,
+    fine_windows,
+    moments,
+    whiteness,
+)
 
 RELEASED_BESIDE = {"cellwise_weights": RELEASED_CELLWISE, "correlated_weights": RELEASED_CORRELATED}
 """Option -> the released weights that it stands for; for records of what was measured with what."""
@@ -141,10 +149,10 @@ class Adaptive(CellMapper):
                 sigma[indices], low[indices], high[indices] = white.sigma_dn, white.low_dn, white.high_dn
                 white_sigma[indices] = white.sigma_dn
 
-        looks_white = _looks_white(stack)
+        looks_white, known = _looks_white(stack)
         answer_white(np.flatnonzero(looks_white))
         requested = np.flatnonzero(~(looks_white & (low > PLAIN_SIGMA_DN)))
-        answer = self.correlated.predict(stack[requested])
+        answer = self.correlated.predict(stack[requested], [known[index] for index in requested])
         answer = replace(answer, reach=REAL_CAMERAS * answer.reach)
         traces = codec_traces(answer.statistics, stack.shape[1] * stack.shape[2])
         answer_white(requested[~looks_white[requested] & ~decided(answer, traces.coded)])
@@ -180,13 +188,15 @@ class Adaptive(CellMapper):
         return np.asarray(np.where(traces.strong, self.widest_compressed_reach, uncoded_or_quantised))
 
 
-def _looks_white(stack: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """Patches (N, H, W) whose flat areas vary without correlation, and that are not coded."""
-    result = np.zeros(len(stack), bool)
+def _looks_white(stack: NDArray[np.floating]) -> tuple[NDArray[np.bool_], list[Moments | None]]:
+    """Patches (N, H, W) whose flat areas vary without correlation, and that are not coded; the others' moments."""
+    result, known = np.zeros(len(stack), bool), []
     for index, patch in enumerate(stack):
-        pixels = np.rint(patch * np.float32(FULL_SCALE_DN)).astype(np.float32)
-        result[index] = whiteness(pixels) < PLAINLY_WHITE and not at_corner(pixels)
-    return result
+        pixels = np.rint(patch * np.float32(FULL_SCALE_DN)).astype(np.uint8)
+        fine = fine_windows(pixels)
+        result[index] = whiteness(pixels, fine) < PLAINLY_WHITE and not at_corner(pixels)
+        known.append(None if result[index] else moments(pixels, fine))
+    return result, known
 
 
 def decided(answer: Prediction, coded: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Float = NDArray[np.float32]
+Grey = NDArray[np.uint8]
 
 VANISHED_DN = 0.5
 LEAST_PX = 24
@@ -33,6 +34,9 @@ STANDARD_ERRORS = 1.0
 
 SUSPECTED_ERRORS = 2.0
 """Standard errors that both excesses exceed where a codec is suspected."""
+
+_LINES = {4: np.uint32, 8: np.uint64}
+"""Numbers that hold the pixels of a block's line."""
 
 INDEPENDENT = 1000.0  # observations in a patch of 128 px; coefficients of one block vanish together
 
@@ -60,13 +64,13 @@ class BlockQuantisation:
         return self.excess_4, self.excess_8, self.vanished_4, self.vanished_8
 
 
-def block_quantisation(patch_dn: Float) -> BlockQuantisation:
+def block_quantisation(patch_dn: Float | Grey) -> BlockQuantisation:
     """Traces of quantised blocks.
 
     Args:
         patch_dn: (H, W) whole grey levels 0..255, sides of at least 24 px.
     """
-    picture = np.ascontiguousarray(patch_dn, dtype=np.float32)
+    picture = np.ascontiguousarray(patch_dn, dtype=np.uint8)
     by_phase = _phases_of_4(picture)
     best = np.unravel_index(int(by_phase.argmax()), by_phase.shape)
     top, left = int(best[0]), int(best[1])
@@ -79,13 +83,13 @@ def block_quantisation(patch_dn: Float) -> BlockQuantisation:
     return BlockQuantisation(excess_4, excess_8, on_4, on_8, bool(present(numbers, picture.size)[0]))
 
 
-def at_corner(patch_dn: Float) -> bool:
+def at_corner(patch_dn: Float | Grey) -> bool:
     """Whether blocks are quantised on a grid that begins at the patch's upper left corner; faster than searching it.
 
     Args:
         patch_dn: as for `block_quantisation`.
     """
-    picture = np.ascontiguousarray(patch_dn, dtype=np.float32)
+    picture = np.ascontiguousarray(patch_dn, dtype=np.uint8)
     on, off = ((_vanished_4(picture, start, start), _vanished_8(picture, start, start)) for start in (0, 2))
     numbers = np.array([[np.log(on[0] / off[0]), np.log(on[1] / off[1]), *on]])
     return bool(present(numbers, picture.size)[0])
@@ -140,25 +144,24 @@ def _fraction(windows: Float, side: int) -> float:
     return float((vanished + PRIOR) / (coefficients.size + 2 * PRIOR))
 
 
-def _phases_of_4(picture: Float) -> NDArray[np.float64]:
+def _phases_of_4(picture: Grey) -> NDArray[np.float64]:
     """(4, 4) fraction of vanished coefficients of 4 x 4 blocks by the grid's first row and column."""
     return np.array([[_vanished_4(picture, y, x) for x in range(4)] for y in range(4)])
 
 
-def _vanished_4(picture: Float, top: int, left: int) -> float:
+def _vanished_4(picture: Grey, top: int, left: int) -> float:
     return _fraction(_blocks(picture, 4, top, left), 4)
 
 
-def _vanished_8(picture: Float, top: int, left: int) -> float:
+def _vanished_8(picture: Grey, top: int, left: int) -> float:
     return _fraction(_blocks(picture, 8, top, left), 8)
 
 
-def _blocks(picture: Float, side: int, top: int, left: int) -> Float:
-    """Blocks as rows (n, side^2), copied four pixels at once, as one number of 16 bytes."""
+def _blocks(picture: Grey, side: int, top: int, left: int) -> Float:
+    """Blocks as rows (n, side^2); a line of a block is copied at once, as one number of 4 or 8 bytes."""
     rows, columns = (picture.shape[0] - top) // side, (picture.shape[1] - left) // side
     line, pixel = picture.strides
-    fours = np.ndarray(
-        (rows, columns, side, side // 4), np.complex128, picture, top * line + left * pixel,
-        (side * line, side * pixel, line, 4 * pixel),
-    )  # fmt: skip
-    return np.ascontiguousarray(fours).view(np.float32).reshape(-1, side**2)
+    lines = np.ndarray(
+        (rows, columns, side), _LINES[side], picture, top * line + left * pixel, (side * line, side * pixel, line)
+    )
+    return np.ascontiguousarray(lines).view(np.uint8).reshape(-1, side**2).astype(np.float32)

@@ -15,6 +15,7 @@ places of equal brightness.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +26,7 @@ from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.errors import InputError
 from pipeline.noise.base import Measured
 from pipeline.noise.cell_mapper import CELL_PX, CellMapper
-from pipeline.noise.correlated_features import COUNT, LEAST_PX, statistics
+from pipeline.noise.correlated_features import LEAST_PX, Moments, moments, statistics_of
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
@@ -89,8 +90,13 @@ class Correlated(CellMapper):
         low, high = np.maximum(np.expm1(level - answer.reach), 0.0), np.expm1(level + answer.reach)
         return Measured(answer.sigma_dn, low, high, answer.white_sigma_dn, answer.correlation), answer.cells_dn
 
-    def predict(self, stack: NDArray[np.floating]) -> Prediction:
-        """The network's answers for patches (N, H, W) in [0, 1], before abstentions."""
+    def predict(self, stack: NDArray[np.floating], known: Sequence[Moments | None] | None = None) -> Prediction:
+        """The network's answers before abstentions.
+
+        Args:
+            stack: (N, H, W) in [0, 1].
+            known: (N,) moments of the patches where they are known already.
+        """
         import torch
 
         from pipeline.noise.correlated_net import cell_map
@@ -99,7 +105,8 @@ class Correlated(CellMapper):
         height, width = (side // CELL_PX for side in stack.shape[1:])
         cells = pixels[:, : height * CELL_PX, : width * CELL_PX]
         brightness = cells.reshape(-1, height, CELL_PX, width, CELL_PX).mean(axis=(2, 4))
-        seen = np.stack([statistics(patch) for patch in pixels]) if len(pixels) else np.empty((0, COUNT), np.float32)
+        known = known or [None] * len(pixels)
+        seen = statistics_of([part or moments(patch) for patch, part in zip(pixels, known, strict=True)])
         if not len(pixels):
             nothing = np.empty(0)
             return Prediction(nothing, nothing, nothing, nothing, np.empty((0, height, width), np.float32), seen)

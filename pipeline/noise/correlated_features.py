@@ -16,10 +16,12 @@ A saturated pixel has lost its noise, so windows with more than one are left out
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +29,7 @@ from pipeline.noise.base import WHITE_DN
 from pipeline.noise.block_quantisation import block_quantisation
 
 Float = NDArray[np.float32]
+Grey = NDArray[np.uint8]
 
 SIDE = 4
 SPACINGS_PX = (1, 2, 3, 4, 6)
@@ -37,16 +40,47 @@ LAGS = ((0, 1), (1, 0), (1, 1), (0, 2), (2, 0), (2, 2))
 BANDS = 5
 LEAST_WINDOWS = 200
 _AVERAGE = np.full(SIDE**2, 1 / SIDE**2, np.float32)
+_EVERY_BYTE = np.uint64(0x0101010101010101)
 LEAST_PX = 48
 CELL_PX = 8
+LARGEST_STEP_DN = 12
 POWER_FLOOR_DN2 = 0.02
 
 COUNT = len(SPACINGS_PX) * len(FLATTEST) * len(RANKS) + len(FLATTEST) * len(LAGS) + 2 * BANDS + 9 + 2 + 4
 REFERENCE = (SPACINGS_PX.index(2) * len(FLATTEST) + 2) * len(RANKS) + 1
 """Index of the statistic that answers are relative to: the second-least eigenvalue, spacing 2, flattest 60 %."""
 LAG_START = len(SPACINGS_PX) * len(FLATTEST) * len(RANKS)
+LAG_STOP = LAG_START + len(FLATTEST) * len(LAGS)
 GRID_START = COUNT - 15
 QUANTISED_START = COUNT - 4
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of a patch.
+
+    Attributes:
+        values: (n, 16) grey levels about each window's mean, DN.
+        means: (n,) DN.
+        power: (n,) sum of the squared values, DN squared.
+    """
+
+    values: Float
+    means: Float
+    power: Float
+
+
+@dataclass(frozen=True)
+class Moments:
+    """What `statistics_of` needs of a patch.
+
+    Attributes:
+        covariances: (spacings, fractions, 16, 16) of its flattest windows, DN squared.
+        others: (COUNT - LAG_STOP,) the statistics that do not depend on them.
+    """
+
+    covariances: NDArray[np.float64]
+    others: NDArray[np.float64]
 
 
 def statistics(patch_dn: Float) -> Float:
@@ -58,76 +92,110 @@ def statistics(patch_dn: Float) -> Float:
     Returns:
         (COUNT,) float32.
     """
-    picture = np.ascontiguousarray(patch_dn, dtype=np.float32)
-    covariances = np.empty((len(SPACINGS_PX), len(FLATTEST), SIDE**2, SIDE**2))
+    return statistics_of([moments(patch_dn)])[0]
+
+
+def moments(patch_dn: Float | Grey, fine: Windows | None = None) -> Moments:
+    """What is measured of each patch; many are turned into statistics at once.
+
+    Args:
+        patch_dn: (H, W) whole grey levels 0..255, sides of at least 48 px.
+        fine: its windows of adjacent pixels where they are known already, see `fine_windows`.
+    """
+    picture = np.ascontiguousarray(patch_dn, dtype=np.uint8)
+    saturated = _is_saturated(picture)
+    products = np.empty((len(SPACINGS_PX), len(FLATTEST), SIDE**2, SIDE**2), np.float32)
+    ends = np.empty((len(SPACINGS_PX), len(FLATTEST)), int)
     bands: NDArray[np.float64] | None = None
-    for index, spacing in enumerate(SPACINGS_PX):
-        windows, means = _windows(picture, spacing, STEPS_PX[index])
-        variance = np.einsum("ij,ij->i", windows, windows)
-        count = len(windows)
-        ends = [max(int(fraction * count), 1) for fraction in FLATTEST]
-        order = np.argpartition(variance, [end - 1 for end in ends[:-1]])
-        total, begin = np.zeros((SIDE**2, SIDE**2)), 0
-        for number, end in enumerate(ends):
-            part = windows.take(order[begin:end], axis=0)
-            total = total + part.T @ part
-            covariances[index, number], begin = total / end, end
+    for index, (spacing, step) in enumerate(zip(SPACINGS_PX, STEPS_PX, strict=True)):
+        windows = fine if spacing == 1 and fine is not None else _windows(picture, spacing, step, saturated)
+        count, begin = len(windows.values), 0
+        ends[index] = [max(int(fraction * count), 1) for fraction in FLATTEST]
+        # Numbers that are not negative have the order of their bits, which are compared faster.
+        order = np.argpartition(windows.power.view(np.int32), ends[index, :-1] - 1)
+        values = windows.values.take(order, axis=0)
+        for number, end in enumerate(ends[index]):
+            part = values[begin:end]
+            np.matmul(part.T, part, out=products[index, number])
+            begin = end
         if spacing == 2:
-            bands = _bands(variance / SIDE**2, means)
+            bands = _bands(windows.power / np.float32(SIDE**2), windows.means)
     assert bands is not None
+    covariances = products.astype(np.float64).cumsum(axis=1)
+    covariances /= ends[:, :, None, None]
+    clipped = [np.count_nonzero(picture <= 1) / picture.size, np.count_nonzero(picture >= WHITE_DN - 1) / picture.size]
+    others = [*bands, *compression(picture), *clipped, *block_quantisation(picture).numbers]
+    return Moments(covariances, np.array(others))
+
+
+def statistics_of(patches: Sequence[Moments]) -> Float:
+    """All statistics of patches: (N, COUNT)."""
+    if not patches:
+        return np.empty((0, COUNT), np.float32)
+    covariances = np.stack([patch.covariances for patch in patches])
     values = np.maximum(np.linalg.eigvalsh(covariances)[..., 1:], 0)[..., RANKS]  # the mean has no variance
-    parts = [0.5 * np.log(values + POWER_FLOOR_DN2).ravel(), _lags(covariances[0]), bands, compression(picture)]
-    clipped = [(picture <= 1).mean(), (picture >= WHITE_DN - 1).mean()]
-    return np.concatenate([*parts, clipped, block_quantisation(picture).numbers]).astype(np.float32)
+    deviations = 0.5 * np.log(values + POWER_FLOOR_DN2).reshape(len(patches), -1)
+    lags = _lags(covariances[:, 0].reshape(-1, SIDE**2, SIDE**2), len(LAGS)).reshape(len(patches), -1)
+    others = np.stack([patch.others for patch in patches])
+    return np.concatenate([deviations, lags, others], axis=1, dtype=np.float32, casting="same_kind")
 
 
-def whiteness(patch_dn: Float) -> float:
+def fine_windows(patch_dn: Float | Grey) -> Windows:
+    """Windows of adjacent pixels, for `whiteness` and `moments` of the same patch."""
+    picture = np.ascontiguousarray(patch_dn, dtype=np.uint8)
+    return _windows(picture, SPACINGS_PX[0], STEPS_PX[0], _is_saturated(picture))
+
+
+def whiteness(patch_dn: Float | Grey, fine: Windows | None = None) -> float:
     """Lag-1 correlation of the flattest tenth of a patch: 0 for white noise, 0.3 to 0.8 behind a camera's processing.
 
     Args:
         patch_dn: (H, W) whole grey levels 0..255.
+        fine: its windows of adjacent pixels where they are known already, see `fine_windows`.
 
     Returns:
         mean over both directions, -1 to 1; texture and edges that no flat area is free of raise it.
     """
-    windows, _ = _windows(np.ascontiguousarray(patch_dn, dtype=np.float32), 1, STEPS_PX[0])
-    variance = np.einsum("ij,ij->i", windows, windows)
-    flat = windows[np.argpartition(variance, len(windows) // 10)[: max(len(windows) // 10, 1)]]
-    return float(_lags((flat.T @ flat / len(flat))[None].astype(np.float64))[:2].mean())
+    windows = fine_windows(patch_dn) if fine is None else fine
+    count = len(windows.values)
+    flattest = np.argpartition(windows.power, count // 10)[: max(count // 10, 1)]
+    flat = windows.values.take(flattest, axis=0)
+    return float(_lags((flat.T @ flat / len(flat))[None].astype(np.float64), 2).mean())
 
 
-def _windows(picture: Float, spacing: int, step: int) -> tuple[Float, Float]:
-    """Windows as rows (n, 16) about their means, and the means (n,)."""
-    if spacing == step:  # they lie side by side in the picture of every step-th pixel
-        picture, spacing, step = np.ascontiguousarray(picture[::step, ::step]), 1, 1
-    reach = (SIDE - 1) * spacing
-    down, right = ((side - reach - 1) // step + 1 for side in picture.shape)
-    if spacing == 1:  # the four pixels of a window's line are copied at once, as one number of 16 bytes
-        line, pixel = picture.strides
-        fours = np.ndarray((down, right, SIDE), np.complex128, picture, 0, (line * step, pixel * step, line))
-        windows = np.ascontiguousarray(fours).view(np.float32).reshape(-1, SIDE**2)
+def _is_saturated(picture: Grey) -> bool:
+    return bool(picture.min() <= 1 or picture.max() >= WHITE_DN - 1)
+
+
+def _windows(picture: Grey, spacing: int, step: int, saturated: bool) -> Windows:
+    """Windows of a picture; those with more than one saturated pixel are left out if `saturated`."""
+    pixels = _pixels(picture, spacing, step)
+    if saturated:
+        black_or_white = ((pixels <= 1) | (pixels >= WHITE_DN - 1)).view(np.uint64)
+        halves = (black_or_white * _EVERY_BYTE) >> np.uint64(56)  # how many bytes are 1, in the uppermost
+        kept = halves[:, 0] + halves[:, 1] <= 1
+        if np.count_nonzero(kept) > LEAST_WINDOWS:
+            pixels = pixels.take(np.flatnonzero(kept), axis=0)
+    values = pixels.astype(np.float32)
+    means = values @ _AVERAGE
+    values -= means[:, None]
+    return Windows(values, means, np.einsum("ij,ij->i", values, values))
+
+
+def _pixels(picture: Grey, spacing: int, step: int) -> Grey:
+    """The pixels of windows as rows, (n, 16); the four of a window's line are copied at once, as one number."""
+    if spacing % step == 0:  # they lie closer together in the picture of every step-th pixel
+        picture, spacing, step = np.ascontiguousarray(picture[::step, ::step]), spacing // step, 1
+    down, right = ((side - (SIDE - 1) * spacing - 1) // step + 1 for side in picture.shape)
+    if spacing == 1:
+        lines, pitch, apart = picture, picture.shape[1], step
     else:
-        apart = np.empty((down, right, SIDE**2), np.float32)
-        for number, pixels in enumerate(_shifted(picture, spacing, step, down, right)):
-            apart[:, :, number] = pixels
-        windows = apart.reshape(-1, SIDE**2)
-    if picture.min() <= 1 or picture.max() >= WHITE_DN - 1:
-        saturated = ((picture <= 1) | (picture >= WHITE_DN - 1)).view(np.uint8)
-        count = sum(_shifted(saturated, spacing, step, down, right), np.zeros((down, right), np.uint8))
-        kept = (count <= 1).ravel()
-        if kept.sum() > LEAST_WINDOWS:
-            windows = windows[kept]
-    means = windows @ _AVERAGE
-    windows -= means[:, None]
-    return windows, means
-
-
-def _shifted(picture: NDArray[Any], spacing: int, step: int, down: int, right: int) -> Iterator[NDArray[Any]]:
-    """For each of a window's pixels: that pixel of all windows, (down, right)."""
-    rows, columns = (slice(0, (count - 1) * step + 1, step) for count in (down, right))
-    for top in range(0, SIDE * spacing, spacing):
-        for left in range(0, SIDE * spacing, spacing):
-            yield picture[top:, left:][rows, columns]
+        lines, apart = np.empty((len(picture), right, SIDE), np.uint8), SIDE
+        for number in range(SIDE):
+            lines[:, :, number] = picture[:, number * spacing :][:, : (right - 1) * step + 1 : step]
+        pitch = right * SIDE
+    fours = np.ndarray((down, right, SIDE), np.uint32, lines, 0, (pitch * step, apart, pitch * spacing))
+    return np.ascontiguousarray(fours).view(np.uint8).reshape(-1, SIDE**2)
 
 
 @lru_cache(maxsize=1)
@@ -141,26 +209,26 @@ def _lag_pairs() -> tuple[tuple[NDArray[Any], NDArray[Any]], ...]:
     return tuple(pairs)
 
 
-def _lags(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Correlations at the lags, per covariance (M, 16, 16): (M * 6,).
+def _lags(covariances: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Correlations at the first lags, per covariance (M, 16, 16): (M, count).
 
     The mean of 16 correlated pixels was taken off each window, which lowers all correlations alike; the network knows
     such windows only.
     """
     power = np.trace(covariances, axis1=1, axis2=2) / SIDE**2 + POWER_FLOOR_DN2
-    columns = [covariances[:, first, second].mean(axis=1) / power for first, second in _lag_pairs()]
-    return np.stack(columns, axis=1).ravel()
+    columns = [covariances[:, first, second].mean(axis=1) / power for first, second in _lag_pairs()[:count]]
+    return np.stack(columns, axis=1)
 
 
 def _bands(variance: Float, means: Float) -> NDArray[np.float64]:
     """Noise by brightness: log of the relative deviation of the flattest tenth, and the share of windows, per band."""
     overall = _flattest(variance)
-    band = np.minimum((means * (BANDS / (WHITE_DN + 1))).astype(int), BANDS - 1)
+    band = np.minimum((means * (BANDS / (WHITE_DN + 1))).astype(np.uint8), BANDS - 1)
     ratios, shares = np.zeros(BANDS), np.zeros(BANDS)
-    for number in range(BANDS):
-        inside = variance[band == number]
-        shares[number] = len(inside) / len(variance)
-        if len(inside) >= LEAST_WINDOWS // 4:
+    for number, count in enumerate(np.bincount(band, minlength=BANDS).tolist()):
+        shares[number] = count / len(variance)
+        if LEAST_WINDOWS // 4 <= count < len(variance):
+            inside = variance[band == number]
             ratios[number] = 0.5 * np.log((_flattest(inside) + POWER_FLOOR_DN2) / (overall + POWER_FLOOR_DN2))
     return np.concatenate([ratios, shares])
 
@@ -178,39 +246,52 @@ def _dct_matrix() -> Float:
     return matrix.astype(np.float32)
 
 
-def compression(picture: Float) -> NDArray[np.float64]:
+@lru_cache(maxsize=1)
+def _frequencies() -> tuple[NDArray[np.intp], ...]:
+    """Indices of the DCT coefficients of a block in three ranges of frequency."""
+    order = np.add.outer(np.arange(CELL_PX), np.arange(CELL_PX)).ravel()
+    return tuple(np.flatnonzero((order >= low) & (order <= high)) for low, high in ((2, 4), (5, 8), (9, 14)))
+
+
+def compression(patch_dn: Float | Grey) -> NDArray[np.float64]:
     """Traces of block coding.
 
     Args:
-        picture: (H, W) DN, at least 24 px each.
+        patch_dn: (H, W) whole grey levels 0..255, at least 24 px each.
 
     Returns:
         (9,): per direction (columns, then rows) the log of the mean step over the strongest grid line relative to the
         median line, the same of the second-strongest, and how many fewer steps vanish there; then the fraction of DCT
         coefficients below 1 DN in three ranges of frequency, blocks aligned to that grid.
     """
+    picture = np.ascontiguousarray(patch_dn, dtype=np.uint8)
     numbers, starts = [], []
     for axis in (1, 0):
-        steps = np.abs(np.diff(picture, axis=axis))
-        steps = steps if axis == 1 else steps.T
-        usable = steps.shape[1] // CELL_PX * CELL_PX
-        # Sums over lines first, as one product, then over the lines of equal phase.
-        lines = np.ones(len(steps), np.float32)
-        mean = (lines @ np.minimum(steps[:, :usable], 12)).reshape(-1, CELL_PX).sum(axis=0)
-        equal = (lines @ (steps[:, :usable] < 0.5).astype(np.float32)).reshape(-1, CELL_PX).sum(axis=0)
-        size = len(steps) * usable / CELL_PX
-        mean, equal = mean / size + 0.02, equal / size
+        steps = cv2.absdiff(picture[:, 1:], picture[:, :-1]) if axis == 1 else cv2.absdiff(picture[1:], picture[:-1])
+        size = picture.size / picture.shape[axis] * (steps.shape[axis] // CELL_PX)
+        mean, equal = (
+            _by_phase(values, axis) / size
+            for values in (np.minimum(steps, LARGEST_STEP_DN), (steps == 0).view(np.uint8))
+        )
+        mean = mean + 0.02
         ranked, equals = np.sort(mean), np.sort(equal)
         strongest = int(mean.argmax())
         starts.append((strongest + 1) % CELL_PX)
         numbers += [np.log(ranked[-1] / ranked[3]), np.log(ranked[-2] / ranked[3]), equals[3] - equal[strongest]]
     left, top = starts
     rows, columns = ((side - start) // CELL_PX for side, start in zip(picture.shape, (top, left), strict=True))
-    blocks = picture[top : top + rows * CELL_PX, left : left + columns * CELL_PX]
-    blocks = blocks.reshape(rows, CELL_PX, columns, CELL_PX).transpose(0, 2, 1, 3)
+    blocks = picture[top : top + rows * CELL_PX, left : left + columns * CELL_PX].astype(np.float32)
     matrix = _dct_matrix()
-    coefficients = np.abs(matrix @ blocks @ matrix.T)
-    small = (coefficients < 1).reshape(-1, CELL_PX, CELL_PX).mean(axis=0)
-    order = np.add.outer(np.arange(CELL_PX), np.arange(CELL_PX))
-    numbers += [small[(order >= low) & (order <= high)].mean() for low, high in ((2, 4), (5, 8), (9, 14))]
+    coefficients = matrix @ blocks.reshape(rows, CELL_PX, columns * CELL_PX)
+    coefficients = coefficients.reshape(rows, CELL_PX, columns, CELL_PX).transpose(0, 2, 1, 3) @ matrix.T
+    small = (np.abs(coefficients, out=coefficients) < 1).view(np.uint8).reshape(rows, -1)
+    count = np.add.reduce(small, axis=0, dtype=np.uint16).reshape(columns, -1).sum(axis=0)
+    vanished = count / (rows * columns)
+    numbers += [vanished[indices].mean() for indices in _frequencies()]
     return np.array(numbers)
+
+
+def _by_phase(steps: Grey, axis: int) -> Float:
+    """Sums (8,) of steps along an axis, by their position modulo 8 px."""
+    sums = cv2.reduce(steps, 1 - axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S).ravel()
+    return sums[: len(sums) // CELL_PX * CELL_PX].reshape(-1, CELL_PX).sum(axis=0).astype(np.float32)

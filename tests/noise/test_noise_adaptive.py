@@ -130,7 +130,7 @@ def test_grain_without_a_codec_is_answered_only_where_the_network_is_sure(monkey
     answer, reasons = estimator.correlated.predict(patches[:, 0]), []
     for reach in (0.9 * WIDEST_REACH, 1.5 * WIDEST_REACH, 1.1 * WIDEST_QUANTISED_REACH):
         given = replace(answer, reach=np.full(2, reach / REAL_CAMERAS))
-        monkeypatch.setattr(estimator.correlated, "predict", lambda part, given=given: given)
+        monkeypatch.setattr(estimator.correlated, "predict", lambda *_, given=given: given)
         reasons.append(tuple(estimator.estimate(patches).reason))
     assert reasons == [("", ""), (UNCERTAIN, ""), (UNCERTAIN, COMPRESSED)]
 

@@ -32,6 +32,35 @@ def test_statistics_have_their_length_and_are_finite_for_any_patch():
         assert values.shape == (correlated_features.COUNT,) and np.isfinite(values).all()
 
 
+def test_statistics_of_many_patches_are_those_of_each_wherever_their_fine_windows_come_from():
+    bright = flat(9, blur_px=0.8, level=250.0)  # some windows saturated
+    patches = [flat(5), flat(0), bright, bright[:96, :77].copy()]
+    assert 0 < (bright >= 254).mean() < 0.5
+    alone = np.stack([correlated_features.statistics(patch) for patch in patches])
+    measured = []
+    for patch in patches:
+        fine = correlated_features.fine_windows(patch)
+        assert correlated_features.whiteness(patch, fine) == correlated_features.whiteness(patch)
+        measured.append(correlated_features.moments(patch.astype(np.uint8), fine))
+    assert np.array_equal(correlated_features.statistics_of(measured), alone)
+
+
+def test_windows_hold_the_pixels_at_their_spacing_and_leave_saturated_ones_out():
+    generator = stream(1, "windows")
+    picture = generator.integers(2, 250, (61, 70)).astype(np.uint8)
+    picture[20:, 30:34] = 255
+    for spacing, step in zip(correlated_features.SPACINGS_PX, correlated_features.STEPS_PX, strict=True):
+        reach = 3 * spacing + 1
+        corners = [(y, x) for y in range(0, 62 - reach, step) for x in range(0, 71 - reach, step)]
+        rows = np.stack([picture[y : y + reach : spacing, x : x + reach : spacing].ravel() for y, x in corners])
+        kept = rows[(rows >= 254).sum(axis=1) <= 1].astype(float)
+        kept = kept if len(kept) > correlated_features.LEAST_WINDOWS else rows.astype(float)
+        windows = correlated_features._windows(picture, spacing, step, saturated=True)
+        assert np.array_equal(windows.means, kept.mean(axis=1))
+        assert np.array_equal(windows.values, kept - kept.mean(axis=1, keepdims=True))
+        assert windows.power == pytest.approx(16 * kept.var(axis=1), rel=1e-5)
+
+
 def test_the_reference_statistic_is_near_white_noise():
     values = correlated_features.statistics(flat(6))
     assert np.exp(values[correlated_features.REFERENCE]) == pytest.approx(6, rel=0.25)
