@@ -73,6 +73,7 @@ class PageFrames:
             image: (H, W) float in [0, 1].
             condition: its blur and noise.
         """
+        import cv2
         import numpy as np
 
         from pipeline.cli.health_verdict import badness
@@ -82,7 +83,7 @@ class PageFrames:
         self._count += 1
         if not (shown or kept):
             return
-        picture = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
+        picture = np.asarray(cv2.convertScaleAbs(image, alpha=255), dtype=np.uint8)  # rounded, limited to 0..255
         if shown:
             self.thumbnails.append(_thumbnail(row, picture, THUMBNAIL_PX))
             if len(self.thumbnails) > MOST_THUMBNAILS:
