@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 from functools import partial
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from pipeline.experiments import blur_records
 from pipeline.experiments.blur_records import BlurRecord
 from pipeline.experiments.condition import SHARP
 from pipeline.recording.blur import record
+from pipeline.recording.blur_statistics import summarise_again
 from pipeline.report.inputs import ReportInputs
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -96,10 +98,22 @@ def test_sources_and_hashes_are_named_and_no_place(records: dict[str, BlurRecord
         name for name in records[dataset].estimators if not name.startswith(("pmp", "gbb"))
     }
     folder = INPUTS.recorded / f"{dataset}-blur"
-    assert sorted(path.suffix for path in folder.iterdir()) == [".csv"] * 3 + [".json"] * 2
-    for path in folder.iterdir():
-        text = path.read_text(encoding="utf-8")
-        assert not [index for index in ("/work", "/home", "/root", "/tmp", "/data", "\\\\") if index in text], path
+    assert sorted(path.suffix for path in folder.iterdir()) == [".csv"] * 3 + [".json"] * 2 + [".parquet"]
+    texts = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir() if path.suffix != ".parquet"}
+    texts["estimates"] = blur_records.estimates_of(folder).to_csv()
+    for name, text in texts.items():
+        assert not [index for index in ("/work", "/home", "/root", "/tmp", "/data", "\\\\") if index in text], name
+
+
+@pytest.mark.parametrize("dataset", DATASETS)
+def test_intervals_are_those_of_the_estimates_that_are_kept(tmp_path: Path, dataset: str) -> None:
+    """Nothing in a record changes when its statistics are computed again."""
+    folder = tmp_path / "record"
+    shutil.copytree(INPUTS.recorded / f"{dataset}-blur", folder)
+    assert summarise_again(folder) == []
+    for path in (INPUTS.recorded / f"{dataset}-blur").glob("*.[cj]s*"):
+        assert path.read_bytes() == (folder / path.name).read_bytes(), path.name
+    assert {"pmp_exact", "gbb_exact"} <= set(blur_records.estimates_of(folder)["estimator"])
 
 
 @pytest.mark.shared

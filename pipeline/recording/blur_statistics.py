@@ -78,7 +78,7 @@ def summarise_again(folder: Path, kept: Path | None = None) -> list[str]:
         rows = estimates[estimates["estimator"] == name]
         cells = table_one.raw_and_divided(measurements_of(rows, "mtf"), seed, draws)
         _refuse_others(record, name, cells, folder)
-        curves = sharp_curves(rows[rows["relative_to"] == SYSTEM], seed)
+        curves = sharp_curves(rows[rows["relative_to"] == SYSTEM], seed)[list(sharp.columns)]
         if any(_text(table, name) != _text(anew, name) for table, anew in ((summary, cells), (sharp, curves))):
             changed.append(name)
         summary, sharp = _exchanged(summary, cells, name), _exchanged(sharp, curves, name)

@@ -71,6 +71,15 @@ def test_the_statistics_are_those_of_the_measurement(recorded: Path, narrowed: P
     assert summarise_again(narrowed) == [] and store.read_json(narrowed / "provenance.json") == after
 
 
+def test_columns_in_another_order_are_no_change(recorded: Path, narrowed: Path) -> None:
+    """As in records made before the interval stood beside its median."""
+    shutil.copytree(recorded / "mine-blur", narrowed, dirs_exist_ok=True)
+    table = pd.read_csv(narrowed / "sharp.csv")
+    table[list(table.columns[::-1])].to_csv(narrowed / "sharp.csv", index=False, float_format="%.6g")
+    before = (narrowed / "sharp.csv").read_bytes()
+    assert summarise_again(narrowed) == [] and (narrowed / "sharp.csv").read_bytes() == before
+
+
 def test_finished_frames_take_the_place_of_estimates_that_a_record_lacks(recorded: Path, narrowed: Path) -> None:
     (narrowed / "estimates.parquet").unlink()
     with pytest.raises(InputError, match="no estimates.parquet to compute statistics from; measure it again"):
