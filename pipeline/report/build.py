@@ -51,7 +51,7 @@ SECTIONS = (
     training.section,
     runtime.section,
 )
-"""Every section in the paper's order: a function of the inputs and the ledger, None where it has nothing to show."""
+"""Every section in the paper's order: a function of the inputs, None where it has nothing to show."""
 
 
 def _origins(sections: list[Section], inputs: ReportInputs) -> list[Provenance]:
@@ -87,7 +87,7 @@ def build(inputs: ReportInputs, out_dir: str | Path) -> Score:
 
 def _build(inputs: ReportInputs, out: Path) -> Score:
     rows = all_rows(inputs)
-    sections = [one for make in SECTIONS if (one := make(inputs, rows)) is not None]
+    sections = [one for make in SECTIONS if (one := make(inputs)) is not None]
     blocks = [block for section in sections for block in section.blocks]
     svgs = {}
     with replacing_folder(out / "figures") as folder:

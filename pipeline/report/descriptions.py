@@ -45,7 +45,7 @@ from typing import Any, cast
 import pandas as pd
 
 from pipeline.errors import InputError, did_you_mean
-from pipeline.report.display_names import ORDERS, in_order, listing, word
+from pipeline.report.display_names import NAMES, in_order, listing, word
 from pipeline.report.figures import grid
 from pipeline.report.sections import description
 from pipeline.report.spec import Figure
@@ -111,10 +111,6 @@ class Descriptions:
     def text(self, key: str, **words: Any) -> str:
         """A paragraph.
 
-        Args:
-            key: under ``texts``.
-            words: to fill in.
-
         Raises:
             InputError: there is no such text.
         """
@@ -148,13 +144,7 @@ class Descriptions:
         return [filled(phrase, row) for row in records(rows)]
 
     def alt(self, key: str, rows: pd.DataFrame | Iterable[Row], **words: Any) -> str:
-        """The alternative text of a figure, its phrases for each of some rows in ``{words}``.
-
-        Args:
-            key: under ``figures``.
-            rows: of each phrase.
-            words: to fill in.
-        """
+        """The alternative text of a figure, its phrases for each of some rows in ``{words}``."""
         phrases = self.phrases(key, rows)
         joined = {"words": listing(phrases), "clauses": "; ".join(phrases)}
         return filled(self._entry("figures", key)["alt"], {**joined, **words})
@@ -167,7 +157,7 @@ class Descriptions:
         """Name -> heading of the columns that stand for ``"*"``, one for each value of what is spread over them."""
         about = self._entry("tables", key)["columns"]["*"]
         name, heading = about.get("key", "{}"), about.get("heading")
-        known = in_order(values, ORDERS.get(about.get("spread", {}).get("across", "estimator"), ()))
+        known = in_order(values, NAMES.get(about.get("spread", {}).get("across", "estimator"), ()))
         return {name.format(value): heading.format(value) if heading else word(str(value)) for value in known}
 
     def table(
@@ -202,7 +192,7 @@ class Descriptions:
         if unknown:
             raise InputError(f"{self.section}.yaml: tables.{key} has no column '{min(unknown)}'")
         if "order" in about:
-            rows = ordered(rows, **{name: ORDERS.get(name, ()) for name in about["order"]})
+            rows = ordered(rows, **{name: NAMES.get(name, ()) for name in about["order"]})
         star = about["columns"].get("*", {})
         if across is None and "spread" in star:
             spread = star["spread"]

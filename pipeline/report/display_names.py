@@ -1,77 +1,25 @@
-"""Display names of datasets, estimators, noise sources, kinds of blur and detectors, and small helpers of prose."""
+"""Display names (``display_names.yaml``) and small helpers of prose."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from importlib import resources
 from typing import Any
 
-DATASETS = {
-    "sim": "Sim",
-    "photos": "Photos",
-    "kitti": "KITTI",
-    "udacity": "Udacity",
-    "sim_authors": "Sim (authors’)",
-}
+from pipeline.report.yaml_files import content
+
+NAMES: Mapping[str, Mapping[str, str]] = content(resources.files(__package__), "display_names.yaml")
+"""What names are of, e.g. ``dataset``, a column of tables -> name -> display name, in the order of listing."""
+
+DATASETS, ESTIMATORS, EFFECTS = NAMES["dataset"], NAMES["estimator"], NAMES["noise_source"]
+BLURS, EXPERIMENTS, DETECTORS, POLICIES = (NAMES[key] for key in ("blur_kind", "experiment", "detector", "policy"))
 PAPER_NAMES = {"sim_authors": "sim"}
 """Our names of the paper's datasets where they differ: ``sim`` is rendered here, ``sim_authors`` are its own frames."""
 
-ESTIMATORS = {
-    "pca": "PCA",
-    "bf": "B+F",
-    "cnn": "CNN",
-    "cellwise": "Cell-wise",
-    "wavelet": "Wavelet",
-    "immerkaer": "Immerkær",
-    "correlated": "Correlated",
-    "adaptive": "Adaptive",
-    "pca_stride_2": "PCA, every 2nd pixel",
-    "pmp": "PMP",
-    "gbb": "GBB",
-    "pmp_exact": "PMP, exact",
-    "gbb_exact": "GBB, exact",
-    "spectral": "Spectral",
-    "generic_lens": "Spectral, generic lens",
-    "camera_calibrated": "Spectral, camera-calibrated",
-    "fused": "Fused, camera-calibrated",
-    "ground_truth": "Ground truth",
-}
-EFFECTS = {
-    "photon": "Photon",
-    "dcsn": "DCSN",
-    "readout": "Readout",
-    "combined": "Combined",
-    "sensor": "Dark current + readout",
-}
-BLURS = {"defocus": "Defocus", "linear_motion": "Linear motion", "nonlinear_motion": "Non-linear motion"}
-EXPERIMENTS = {
-    "defocus_dcsn": "Defocus, then DCSN",
-    "linear_dcsn": "Linear motion, then DCSN",
-    "photon_linear": "Photon noise, then linear motion",
-    "photon_defocus": "Photon noise, then defocus",
-}
-DETECTORS = {
-    "compact": "Compact",
-    "compact_two_stage": "Compact, two stages",
-    "yolox": "YOLOX",
-    "yolov4": "YOLOv4",
-    "yolov7": "YOLOv7",
-    "faster_rcnn": "Faster R-CNN",
-}
-CLASSES = {"car": "Car", "person": "Person", "bicycle": "Bicycle", "pedestrian": "Pedestrian"}
-ORDERS: Mapping[str, Iterable[str]] = {
-    "dataset": DATASETS,
-    "estimator": ESTIMATORS,
-    "noise_source": EFFECTS,
-    "blur_kind": BLURS,
-    "experiment": EXPERIMENTS,
-    "detector": DETECTORS,
-}
-"""Column of a table -> the order of its values wherever they are listed."""
-
 _QUALIFIED: ContextVar[Mapping[str, str]] = ContextVar("qualified names")
-_WORDS = {**EXPERIMENTS, **DETECTORS, **CLASSES, **DATASETS, **ESTIMATORS, **EFFECTS, **BLURS}
+_WORDS = {name: word for names in NAMES.values() for name, word in names.items()}
 
 
 def word(name: str) -> str:
@@ -86,11 +34,7 @@ def short_word(name: str) -> str:
 
 @contextmanager
 def qualified(names: Mapping[str, str]) -> Iterator[None]:
-    """Replaces the words for some names while a report is built.
-
-    Args:
-        names: name -> its word with what has to be known at every place where it stands.
-    """
+    """While a report is built, replaces the words of some names by ones that state what has to be known everywhere."""
     token = _QUALIFIED.set(names)
     try:
         yield

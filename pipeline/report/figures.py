@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from pipeline.report import style
-from pipeline.report.display_names import ORDERS, in_order, short_word, word
+from pipeline.report.display_names import NAMES, in_order, short_word, word
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import format_number, where
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 PAPER_DASH = (0, (3, 1.6))
 PAPER: Look = {"linestyle": PAPER_DASH, "linewidth": 0.9, "marker": ""}
@@ -76,7 +76,7 @@ def grid(
         width_in: of the figure.
     """
     rows, columns = (
-        list(chosen) or in_order(frame[about[side]], ORDERS.get(about[side], ()))
+        list(chosen) or in_order(frame[about[side]], NAMES.get(about[side], ()))
         for side, chosen in (("down", down), ("across", across))
     )
     x = about["x"]
@@ -125,8 +125,6 @@ HANDLE_IN, CHARACTER_IN = 0.5, 0.05
 
 def add_legend(figure: Figure, legend: Legend) -> None:
     """One legend above all panels."""
-    from matplotlib.lines import Line2D
-
     if legend:
         handles = [Line2D([], [], label=label, **look) for label, look in legend]
         longest = max(len(label) for label, _ in legend)
@@ -190,6 +188,12 @@ def lines(
             )  # fmt: skip
 
 
+def small_mtf_axes(axes: Axes) -> None:
+    """Limits and small ticks of a panel of MTF curves over the paper's frequencies, beneath a picture."""
+    axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xticks=[0, 0.3, 0.6], yticks=[0, 0.5, 1])
+    axes.tick_params(labelsize=4.8, pad=1, length=1.5)
+
+
 LIGHT_BELOW = 55.0  # percent up to which a number in a cell is white
 
 
@@ -210,8 +214,6 @@ def cell_map(axes: Axes, percent: np.ndarray, x: Sequence[str], y: Sequence[str]
     Returns:
         what a colour bar is of.
     """
-    import matplotlib as mpl
-
     colours = mpl.colormaps["viridis"].with_extremes(bad=style.PAPER)
     image = axes.pcolormesh(np.ma.masked_invalid(percent), vmin=0, vmax=100, cmap=colours, linewidth=0)
     for (row, column), value in np.ndenumerate(percent):
@@ -231,13 +233,7 @@ RING: Look = {
 
 
 def beside_the_paper(looks: Mapping[str, Look], ours: Sequence[str], has_paper: bool) -> list[tuple[str, Look]]:
-    """Legend of estimators: solid where they ran, dashed where only the paper has them.
-
-    Args:
-        looks: estimator -> look, in the order shown.
-        ours: estimators that ran.
-        has_paper: the paper's values are shown.
-    """
+    """Legend of estimators: solid where they ran, dashed where only the paper has them."""
     entries = [
         (word(name), look) if name in ours else (f"{word(name)} (paper's only)", look | PAPER)
         for name, look in looks.items()
@@ -246,13 +242,7 @@ def beside_the_paper(looks: Mapping[str, Look], ours: Sequence[str], has_paper: 
 
 
 def ordinal_legend(looks: Mapping[float, Look], unit: str, zero: str) -> list[tuple[str, Look]]:
-    """Legend of an ordered quantity (`style.ordinal_looks`).
-
-    Args:
-        looks: value -> look.
-        unit: of the values.
-        zero: label of the value zero.
-    """
+    """Legend of an ordered quantity (`style.ordinal_looks`)."""
     return [(f"{format_number(value)} {unit}" if value else zero, look) for value, look in looks.items()]
 
 
@@ -262,15 +252,7 @@ def legend_of(looks: Mapping[str, Look]) -> list[tuple[str, Look]]:
 
 
 def abstentions(axes: Axes, rows: pd.DataFrame, key: str, estimators: Sequence[str], *, at_top: bool = True) -> None:
-    """Text in a corner of the panel: how many patches each estimator abstained from, where it did.
-
-    Args:
-        axes: to draw into.
-        rows: of the panel: estimator, abstained, count (of estimates).
-        key: of the panel.
-        estimators: in the order listed.
-        at_top: the upper left corner, otherwise the lower left.
-    """
+    """Text in a corner of the panel: how many patches each estimator abstained from, where it did."""
     counts = rows.groupby("estimator")[["abstained", "count"]].sum()
     shown = [name for name in estimators if name in counts.index and counts["abstained"][name]]
     for line, name in enumerate(shown):

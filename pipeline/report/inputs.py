@@ -101,12 +101,7 @@ class ReportInputs:
     seed: int = 0
 
     def read(self, path: str, schema: Schema | None = None) -> Any:
-        """A file of a stage, or None where it has not run (`pipeline.stage_files.optional`).
-
-        Args:
-            path: below the folder of the stages' outputs.
-            schema: of a Parquet table.
-        """
+        """A file of a stage, or None where it has not run (`pipeline.stage_files.optional`)."""
         return optional(self.data, path, schema)
 
     def folder(self, stage: str) -> Path | None:
@@ -134,11 +129,7 @@ class ReportInputs:
     ) -> dict[str, list[tuple[Any, Any]]]:
         """Pictures that members of a stage stored, one estimator each: dataset -> their descriptions and arrays.
 
-        Args:
-            stage: name.
-            file: stem of the description (``.json``) and of the arrays (``.npz``).
-            alike: keys of the description in which the members of a dataset must agree.
-            also: further keys that it must have.
+        Descriptions of a dataset have to agree in the keys ``alike``.
 
         Raises:
             InputError: a description lacks a key, or members show different things.
@@ -162,6 +153,10 @@ class ReportInputs:
         empty = pd.DataFrame({column: [] for column in about.schema.columns})
         return pd.concat(parts, ignore_index=True) if parts else about.schema.conform(empty)
 
+    def noiseless(self, name: str) -> pd.DataFrame:
+        """Rows of one of `RESULTS` without added noise."""
+        return where(self.result(name), target_sigma_dn=0).reset_index(drop=True)
+
     def recorded_result(self, name: str) -> pd.DataFrame:
         """One of `RESULTS` over all records of recorded frames; empty, with its columns, where there are none."""
         return joined(self.recorded, RESULTS[name].recorded)
@@ -171,13 +166,7 @@ class ReportInputs:
         return with_records(self.result(name), self.recorded, RESULTS[name].recorded)
 
     def benchmark(self, name: str, keys: Iterable[str], command: str) -> Any:
-        """The record of a benchmark, or None where it was not made (`pipeline.stage_files.benchmark_record`).
-
-        Args:
-            name: of the benchmark.
-            keys: that it must have.
-            command: that makes it.
-        """
+        """The record of a benchmark, or None where it was not made (`pipeline.stage_files.benchmark_record`)."""
         return benchmark_record(self.benchmarks.get(name), keys, command)
 
     def line(self, stage: str) -> str:
@@ -205,11 +194,7 @@ class ReportInputs:
 
 
 def relative_mtf(table: pd.DataFrame) -> dict[str, str]:
-    """Estimators whose MTF, before any division, is not that of the system -> what it is relative to.
-
-    Args:
-        table: `pipeline.experiments.tables.BLUR_SUMMARY` or `BLUR_ESTIMATES`.
-    """
+    """Estimators whose MTF, before any division, is not that of the system -> what it is relative to."""
     ordered = table.sort_values("calibrated", kind="stable") if "calibrated" in table else table
     first = ordered.groupby("estimator", sort=False)["relative_to"].first()
     return {str(name): str(to) for name, to in first.items() if to != SYSTEM}
@@ -236,9 +221,6 @@ def mode_note(modes: Mapping[str, str], estimators: Iterable[str]) -> str:
 def published_table(path: Path) -> pd.DataFrame:
     """A file of published numbers, its columns named as ours.
 
-    Args:
-        path: of the file.
-
     Raises:
         InputError: there is no such file, or it is broken.
     """
@@ -259,13 +241,3 @@ def published(inputs: ReportInputs, file: str) -> pd.DataFrame:
 def at_frequencies(table: pd.DataFrame) -> pd.DataFrame:
     """Published curves with ``at``: the frequency that the paper names in their column ``frequency``, exactly."""
     return table.assign(at=[FREQUENCIES[NOMINAL_FREQUENCIES.index(value)] for value in table["frequency"]])
-
-
-def blur_summary(inputs: ReportInputs) -> pd.DataFrame:
-    """Blur summaries of all datasets and estimators, without noise: `pipeline.experiments.tables.BLUR_SUMMARY`."""
-    return where(inputs.result("blur_summary"), target_sigma_dn=0).reset_index(drop=True)
-
-
-def blur_estimates(inputs: ReportInputs) -> pd.DataFrame:
-    """Blur estimates of every patch, without added noise: `pipeline.experiments.tables.BLUR_ESTIMATES`."""
-    return where(inputs.result("blur_estimates"), target_sigma_dn=0).reset_index(drop=True)

@@ -38,10 +38,8 @@ FAR_FRACTION = 0.25  # of the published value: a match further away is owed to a
 class Tolerance:
     """How far ours may lie from the published value where ours has no interval: the largest of the bounds.
 
-    Attributes:
-        absolute: in the row's unit, at least 0.
-        relative: fraction of the published value's magnitude, at least 0.
-        std_devs: number of standard deviations that the paper prints beside the value, at least 0.
+    They are in the row's unit, as a fraction of the published value's magnitude, and as a number of the standard
+    deviations that the paper prints beside the value.
     """
 
     absolute: float = 0.0
@@ -57,15 +55,8 @@ class Tolerance:
 def tolerance_of_both(paper: float, paper_error: float, ours: float, low: float, high: float) -> float:
     """Tolerance from both sides' uncertainty: a difference within it means that the two intervals overlap.
 
-    Args:
-        paper: the published value.
-        paper_error: its uncertainty: half a unit of its last digit, and half its 95 % interval where one is known.
-        ours: our value.
-        low: lower end of our 95 % interval.
-        high: upper end.
-
-    Returns:
-        our interval's reach towards the published value plus the published value's error, in the unit of the value.
+    Our 95 % interval's reach towards the published value, plus the published value's error: half a unit of its last
+    digit, and half its 95 % interval where one is known.
     """
     return max(high - ours if paper > ours else ours - low, 0.0) + paper_error
 
@@ -136,13 +127,9 @@ class LedgerRow:
 
 @dataclass(frozen=True)
 class Score:
-    """How many rows have each verdict.
+    """How many rows have each verdict, over all and by kind; rows whose number the paper prints.
 
-    Attributes:
-        counts: verdict -> rows, in the order of `VERDICTS`.
-        kinds: kind -> the same counts of its rows.
-        printed: rows whose number the paper prints.
-        far_matches: experiments that agree although ours is more than a quarter of the published value away.
+    ``far_matches`` are experiments that agree although ours is more than a quarter of the published value away.
     """
 
     counts: Mapping[str, int]
@@ -178,21 +165,10 @@ class Score:
         counts = self.experiments
         if not _compared(counts):
             return f"None of {sum(counts.values()):,} published measurements has been compared yet."
-        return (
-            f"Of {_compared(counts):,} published measurements compared with ours, {counts[MATCH]:,} agree within both "
-            f"sides' uncertainty, in {counts[BETTER]:,} the paper's method as we run it does better, on other frames, "
-            f"{counts[CLOSE]:,} are close and {counts[DIFFERS]:,} differ."
-        ) + self._reservation
-
-    @property
-    def _reservation(self) -> str:
-        """How many agree by the width of an interval only."""
-        if not self.far_matches:
-            return ""
-        return (
-            f" Of those that agree, {self.far_matches:,} lie more than {100 * FAR_FRACTION:g} % of the "
-            "published number away, within intervals that few frames make wide."
-        )
+        numbers = {verdict: f"{counts[verdict]:,}" for verdict in COMPARED}
+        headline = PAGE.text("headline", compared=f"{_compared(counts):,}", **numbers)
+        far = {"far": f"{self.far_matches:,}", "percent": 100 * FAR_FRACTION}
+        return f"{headline} {PAGE.text('far_matches', **far)}" if self.far_matches else headline
 
     @property
     def rest(self) -> str:
@@ -203,11 +179,11 @@ class Score:
             for kind, group in self.kinds.items()
             if kind != EXPERIMENT and _compared(group)
         ]
-        return (
-            f"The ledger has {self.total:,} rows, {self.printed:,} of them numbers that the paper prints. Of its "
-            f"measurements {counts[NOT_RUN]:,} are not run and {counts[NOT_COMPARABLE]:,} cannot be compared."
-            + (f" Not counted as evidence, but in agreement: {', '.join(others)}." if others else "")
-        )
+        rest = PAGE.text(
+            "rest", total=f"{self.total:,}", printed=f"{self.printed:,}", not_run=f"{counts[NOT_RUN]:,}",
+            not_comparable=f"{counts[NOT_COMPARABLE]:,}",
+        )  # fmt: skip
+        return rest + (f" Not counted as evidence, but in agreement: {', '.join(others)}." if others else "")
 
 
 def _compared(counts: Mapping[str, int]) -> int:
@@ -228,25 +204,16 @@ def score(rows: Iterable[LedgerRow]) -> Score:
 def to_table(rows: Sequence[LedgerRow], name: str = "ledger", caption: str = "") -> Table:
     """The ledger's rows as a table: paper, ours with its interval, difference, tolerance, verdict, cause, dataset.
 
-    Args:
-        rows: in the order shown.
-        name: of the table; ``item`` and ``kind`` are columns only where rows have several.
-        caption: of the table.
+    Columns ``item`` and ``kind`` are shown only where rows have several.
     """
-    shown = {
-        "item": len({row.item for row in rows}) > 1,
-        "kind": len({row.kind for row in rows}) > 1,
-        "unit": any(row.unit for row in rows),
-        "low": any(math.isfinite(row.low) for row in rows),
-        "high": any(math.isfinite(row.low) for row in rows),
-    }
     lines = [
-        asdict(row)
-        | {"difference": _rounded(row.difference), "tolerance": _rounded(row.tolerance), "verdict": row.verdict}
-        | {"dataset": word(row.dataset) if row.dataset else ""}
+        {**asdict(row), "difference": _rounded(row.difference), "tolerance": _rounded(row.tolerance),
+         "verdict": row.verdict, "dataset": word(row.dataset) if row.dataset else ""}
         for row in rows
-    ]
-    without = [column for column, is_shown in shown.items() if not is_shown]
+    ]  # fmt: skip
+    without = [name for name in ("item", "kind") if len({line[name] for line in lines}) < 2]
+    without += [] if any(row.unit for row in rows) else ["unit"]
+    without += [] if any(math.isfinite(row.low) for row in rows) else ["low", "high"]
     title, close = caption or PAGE.text("caption"), format_number(CLOSE_WITHIN)
     return PAGE.table("ledger", lines, without=without, name=name, title=title, close_within=close)
 
@@ -267,10 +234,8 @@ def _frames(rows: Sequence[LedgerRow], no_real_frames: Mapping[str, str]) -> str
 def summary_table(rows: Sequence[LedgerRow], titles: Mapping[str, str], no_real_frames: Mapping[str, str]) -> Table:
     """How many rows of each item, and of each kind of evidence, have each verdict.
 
-    Args:
-        rows: of all items.
-        titles: item -> the paper's name of it, in the order shown.
-        no_real_frames: item -> why ours are of no real frames, where they are not.
+    ``titles``: item -> the paper's name of it, in the order shown; ``no_real_frames``: item -> why ours are of no real
+    frames.
     """
     groups = [
         (title, kind, [row for row in rows if row.item == item and row.kind == kind])
@@ -279,17 +244,10 @@ def summary_table(rows: Sequence[LedgerRow], titles: Mapping[str, str], no_real_
     ]
     groups += [(ALL_ITEMS, kind, [row for row in rows if row.kind == kind]) for kind in KINDS]
     lines = [
-        {
-            "item": title,
-            "kind": kind,
-            "numbers": len(group),
-            **score(group).counts,
-            "frames": "" if title == ALL_ITEMS else _frames(group, no_real_frames),
-        }
-        for title, kind, group in groups
-        if group
-    ]
+        {"item": title, "kind": kind, "numbers": len(group), **score(group).counts,
+         "frames": "" if title == ALL_ITEMS else _frames(group, no_real_frames)}
+        for title, kind, group in groups if group
+    ]  # fmt: skip
     verdicts = {verdict: verdict.capitalize() for verdict in VERDICTS}
-    return PAGE.table(
-        "ledger_summary", lines, across=verdicts, notes=[f"{kind}: {is_of}." for kind, is_of in KINDS.items()]
-    )
+    notes = [f"{kind}: {is_of}." for kind, is_of in KINDS.items()]
+    return PAGE.table("ledger_summary", lines, across=verdicts, notes=notes)

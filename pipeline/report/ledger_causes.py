@@ -8,18 +8,16 @@ divided out.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.experiments import blur_records, frame_records
+from pipeline.experiments.blur_records import BlurRecord
 from pipeline.report import training_budget
 from pipeline.report.display_names import counted, word
 from pipeline.report.inputs import EXACT, ReportInputs
 from pipeline.report.ledger_sources import COMBINED_DATASET, COMBINED_ESTIMATOR, PAPER_FRAMES, combined_estimator
 from pipeline.report.tables import Row, format_number, where
 from pipeline.report.tables import records as records_of
-
-if TYPE_CHECKING:
-    from pipeline.experiments.blur_records import BlurRecord
 
 PAPER_KERNEL_PX = 25
 """Of PMP and GBB in the authors' programs (their text has 31)."""
@@ -28,11 +26,7 @@ LENS_SHARE = 0.5  # of an error that is the lens's when dividing out its MTF rem
 
 
 def blur_amae(inputs: ReportInputs) -> Callable[[Row], str]:
-    """Causes of differences in Table I.
-
-    Returns:
-        function of a row (dataset by the paper's name, estimator, blur, size_px, paper, ours): the cause in words.
-    """
+    """A function from a row of Table I in the ledger to the causes of its difference, in words."""
     records, effects, of_measurement = blur_records.read(inputs.recorded), _effects(inputs), uncorrupted(inputs)
 
     def cause(row: Row) -> str:
@@ -43,11 +37,7 @@ def blur_amae(inputs: ReportInputs) -> Callable[[Row], str]:
 
 
 def uncorrupted(inputs: ReportInputs) -> Callable[[Row], str]:
-    """Causes of differences in the MTF of sharp frames.
-
-    Returns:
-        function of a row (dataset by the paper's name, estimator): the cause in words.
-    """
+    """A function from a row of the MTF of sharp frames to the causes of its difference, in words."""
     records, percent = blur_records.read(inputs.recorded), training_budget.percents(inputs).get("mtf_cnn")
 
     def cause(row: Row) -> str:
@@ -60,11 +50,7 @@ def uncorrupted(inputs: ReportInputs) -> Callable[[Row], str]:
 
 
 def combined(inputs: ReportInputs) -> Callable[[Row], str]:
-    """Causes of differences with blur and noise at once.
-
-    Returns:
-        function of a row: the cause in words.
-    """
+    """A function from a row of blur and noise at once to the causes of its difference, in words."""
     percent = training_budget.percents(inputs).get("mtf_cnn")
     records = frame_records.records_with(inputs.recorded, frame_records.COMBINED_FILES[0])
     record = next((one for one in records if one.dataset == COMBINED_DATASET), None)
@@ -83,20 +69,19 @@ def combined(inputs: ReportInputs) -> Callable[[Row], str]:
 
 def _record(row: Row, records: Sequence[BlurRecord]) -> BlurRecord | None:
     """The record that ours comes from, None where a stage made it."""
-    return next(
-        (
-            one
-            for one in records
-            if one.dataset == row["measured_on"] and one.name_of(row["estimator"]) in one.estimators
-        ),
-        None,
-    )
+    of_dataset = (one for one in records if one.dataset == row["measured_on"])
+    return next((one for one in of_dataset if one.name_of(row["estimator"]) in one.estimators), None)
+
+
+def _options(row: Row, record: BlurRecord | None) -> dict[str, Any]:
+    """Options that the estimator of a row was recorded with."""
+    settings = {} if record is None else record.provenance["blur"]["estimators"][record.name_of(row["estimator"])]
+    return dict(settings.get("options", {}))
 
 
 def _of_estimator(row: Row, record: BlurRecord | None, percent: float | None) -> list[str]:
     """How our estimator differs from the paper's of that name, which saw ``percent`` of the paper's samples."""
-    settings = {} if record is None else record.provenance["blur"]["estimators"][record.name_of(row["estimator"])]
-    options, causes = settings.get("options", {}), []
+    options, causes = _options(row, record), []
     if options.get("mode") not in (None, "exact"):
         causes.append(f"ours in {options['mode']} mode, the paper's program as published")
     if options.get("kernel_size") not in (None, PAPER_KERNEL_PX):
@@ -123,16 +108,14 @@ JPEG_FRAMES = "udacity"
 
 def _effects(inputs: ReportInputs) -> Callable[[Row, BlurRecord | None], str]:
     """What each choice in which the two measurements differ does to the AMAE of a row, as the factorial measured it."""
-    tables = frame_records.records_with(inputs.recorded, frame_records.FACTOR_FILES[1])
     known: dict[tuple[Any, ...], dict[str, Row]] = {}
-    for table in tables:
-        for effect in records_of(table.table(frame_records.FACTOR_FILES[1])):
+    for record in frame_records.records_with(inputs.recorded, frame_records.FACTOR_FILES[1]):
+        for effect in records_of(record.table(frame_records.FACTOR_FILES[1])):
             key = tuple(effect[name] for name in ("estimator", "factor", "blur_kind", "kernel_size_px"))
-            known.setdefault(key, {})[table.dataset] = effect
+            known.setdefault(key, {})[record.dataset] = effect
 
     def words(row: Row, record: BlurRecord | None) -> str:
-        settings = {} if record is None else record.provenance["blur"]["estimators"][record.name_of(row["estimator"])]
-        options = settings.get("options", {})
+        options = _options(row, record)
         applies = {
             "storage": row["dataset"] == JPEG_FRAMES,
             "boundary": True,

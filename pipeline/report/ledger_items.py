@@ -32,6 +32,7 @@ from pipeline.report.ledger import (
     tolerance_of_both,
 )
 from pipeline.report.tables import Row, records, where
+from pipeline.report.yaml_files import content
 
 UNEXPLAINED = "not explained yet"
 UNITS = {
@@ -160,9 +161,7 @@ class Item:
 
 
 def _items() -> tuple[Item, ...]:
-    import yaml
-
-    entries = yaml.safe_load(resources.files(__package__).joinpath("ledger.yaml").read_text(encoding="utf-8"))
+    entries = content(resources.files(__package__), "ledger.yaml")
     for entry in entries:
         entry["tolerance"], entry["ours"] = Tolerance(**entry.get("tolerance", {})), Source(**entry["ours"])
         for part in ("barriers", "whys"):

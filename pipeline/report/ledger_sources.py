@@ -20,8 +20,8 @@ from pipeline.experiments.intervals import median_error_of_range
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.report import detection_results
 from pipeline.report.display_names import PAPER_NAMES
-from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, published_table
-from pipeline.report.tables import records, where
+from pipeline.report.inputs import ReportInputs, published_table
+from pipeline.report.tables import ordered, records, where
 
 PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
 COMBINED_DATASET, NETWORK, COMBINED_ESTIMATOR = "udacity", "cnn", "spectral"
@@ -36,10 +36,8 @@ def formation(inputs: ReportInputs) -> pd.DataFrame | None:
     if numbers is None:
         return None
     if not isinstance(numbers, dict) or not all(isinstance(value, (int, float)) for value in numbers.values()):
-        raise InputError(
-            f"{inputs.data}/sensor/formation.json: expected one JSON object that maps quantities to numbers; "
-            "run the stage again"
-        )
+        expected = "expected one JSON object that maps quantities to numbers; run the stage again"
+        raise InputError(f"{inputs.data}/sensor/formation.json: {expected}")
     return pd.DataFrame({"quantity": list(numbers), "value": [float(value) for value in numbers.values()]})
 
 
@@ -52,10 +50,9 @@ def levels(inputs: ReportInputs) -> pd.DataFrame | None:
     if not parts:
         return None
     rows = pd.concat(parts, ignore_index=True)
-    miss = (
-        100.0 * (rows["unclipped_sigma_dn"] - rows["target_sigma_dn"]).abs() / rows["target_sigma_dn"].clip(lower=1.0)
-    )
-    return rows.assign(miss_percent=miss).groupby(["dataset", "noise_source"], as_index=False)[["miss_percent"]].max()
+    miss = (rows["unclipped_sigma_dn"] - rows["target_sigma_dn"]).abs() / rows["target_sigma_dn"].clip(lower=1.0)
+    groups = rows.assign(miss_percent=100.0 * miss).groupby(["dataset", "noise_source"], as_index=False)
+    return groups[["miss_percent"]].max()
 
 
 def expected_levels(inputs: ReportInputs) -> pd.DataFrame:
@@ -68,9 +65,8 @@ def expected_levels(inputs: ReportInputs) -> pd.DataFrame:
     absent = [name for name in inputs.datasets if name not in {row["dataset"] for row in ran}]
     rows = [(row["dataset"], row["noise_source"]) for row in ran]
     rows += [(dataset, noise_source) for dataset in absent for noise_source in PAPER_EFFECTS]
-    order = {dataset: number for number, dataset in enumerate(inputs.datasets)}
-    rows.sort(key=lambda row: order.get(row[0], len(order)))  # stable: effects keep their order
-    return pd.DataFrame(rows, columns=["dataset", "noise_source"]).assign(miss_percent=0.0)
+    pairs = pd.DataFrame(rows, columns=["dataset", "noise_source"])
+    return ordered(pairs, dataset=inputs.datasets).assign(miss_percent=0.0)  # stable: effects keep their order
 
 
 def sizes(inputs: ReportInputs) -> pd.DataFrame | None:
@@ -104,18 +100,15 @@ def star_curve(inputs: ReportInputs) -> dict[str, np.ndarray] | None:
     names = ("frequency", "measured", "formula")
     curves = {name: np.asarray(content.get(name, []), dtype=float) for name in names}
     if len({values.shape for values in curves.values()}) != 1 or not curves["frequency"].size:
-        raise InputError(
-            f"{inputs.data}/star/star.json: expected equally long lists {', '.join(names)}; run the stage again"
-        )
+        expected = f"expected equally long lists {', '.join(names)}; run the stage again"
+        raise InputError(f"{inputs.data}/star/star.json: {expected}")
     return curves
 
 
 def lenses(inputs: ReportInputs) -> dict[str, np.ndarray]:
     """Dataset -> (8,) MTF of its lens and pixels at `pipeline.camera.mtf.FREQUENCIES`, where it is known: our Sim's."""
     curves = star_curve(inputs)
-    if curves is None:
-        return {}
-    return {"sim": np.interp(FREQUENCIES, *_from_zero(curves))}
+    return {} if curves is None else {"sim": np.interp(FREQUENCIES, *_from_zero(curves))}
 
 
 def _from_zero(curves: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -140,13 +133,9 @@ def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:
 
 
 def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
-    """MTF of uncorrupted frames, horizontal, as the paper publishes it: the star's, and of each estimator.
-
-    Returns:
-        dataset, estimator, statistic, frequency, mtf.
-    """
-    known = [part for part in (sharp_mtf(inputs), _horizontal(sharp_curves(blur_estimates(inputs), inputs.seed)))
-             if part is not None and len(part)]  # fmt: skip
+    """Horizontal MTF of uncorrupted frames, the star's and each estimator's: the columns of `sharp_mtf`."""
+    ours = _horizontal(sharp_curves(inputs.noiseless("blur_estimates"), inputs.seed))
+    known = [part for part in (sharp_mtf(inputs), ours) if part is not None and len(part)]
     recorded = [_horizontal(one.as_the_paper_ran(one.sharp)) for one in blur_records.read(inputs.recorded)]
     return _with_records(pd.concat(known, ignore_index=True) if known else None, recorded)
 
@@ -179,7 +168,10 @@ def published_uncorrupted(inputs: ReportInputs) -> pd.DataFrame:
 
 def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:
     """Table I, `pipeline.experiments.tables.BLUR_SUMMARY` of every blur estimator, raw, records among them."""
-    parts = [blur_summary(inputs), *(one.as_the_paper_ran(one.summary) for one in blur_records.read(inputs.recorded))]
+    parts = [
+        inputs.noiseless("blur_summary"),
+        *(one.as_the_paper_ran(one.summary) for one in blur_records.read(inputs.recorded)),
+    ]
     raw = [where(part[part["blur_kind"] != SHARP], calibrated=False) for part in parts]
     return _with_records(raw[0], raw[1:])
 
@@ -249,11 +241,10 @@ def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
         return None
     nominal = [NOMINAL_FREQUENCIES[index] for index in selected["frequency_index"]]
     selected = selected.assign(frequency=nominal, sigma_dn=selected["target_sigma_dn"])
-    truth = selected[selected["target_sigma_dn"] == selected["target_sigma_dn"].min()].assign(
-        series="ground_truth", sigma_dn=float("nan")
-    )
-    parts = [truth.assign(mtf=truth["true_mtf"]), selected.assign(series="cnn", mtf=selected["median"])]
-    return pd.concat(parts, ignore_index=True)[["series", "sigma_dn", "frequency", "mtf"]]
+    truth = where(selected, target_sigma_dn=selected["target_sigma_dn"].min())
+    truth = truth.assign(series="ground_truth", sigma_dn=math.nan, mtf=truth["true_mtf"])
+    ours = selected.assign(series="cnn", mtf=selected["median"])
+    return pd.concat([truth, ours], ignore_index=True)[["series", "sigma_dn", "frequency", "mtf"]]
 
 
 def combined_estimator(inputs: ReportInputs) -> str:
@@ -263,14 +254,10 @@ def combined_estimator(inputs: ReportInputs) -> str:
 
 
 def directions(inputs: ReportInputs) -> pd.DataFrame | None:
-    """AP by noise, direction and length: of YOLOv7 where it has run, else of the first detector that has.
-
-    Returns:
-        `pipeline.curves.directions.TABLE`.
-    """
-    results = [one for one in detection_results.read(inputs) if one.directions is not None and "car" in one.labels]
-    if not results:
-        return None
-    chosen = next((one for one in results if one.detector == "yolov7"), results[0])
-    assert chosen.directions is not None
-    return chosen.directions.assign(measured_on=chosen.dataset)
+    """`pipeline.curves.directions.TABLE` of YOLOv7 where it has run, else of the first detector that has."""
+    tables = [
+        (one.detector != "yolov7", one.directions.assign(measured_on=one.dataset))
+        for one in detection_results.read(inputs)
+        if one.directions is not None and "car" in one.labels
+    ]
+    return min(tables, key=lambda pair: pair[0])[1] if tables else None

@@ -89,14 +89,6 @@ def render(
 ) -> str:
     """The whole page.
 
-    Args:
-        sections: in order.
-        rows: the whole ledger.
-        origins: of every figure and table.
-        svgs: figure name -> its SVG file.
-        profile: that ran.
-        code_version: of the package.
-
     Returns:
         HTML.
     """

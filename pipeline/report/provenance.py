@@ -17,14 +17,9 @@ SHOWN_HASH = 10  # letters of a hash that are shown
 
 @dataclass(frozen=True)
 class Provenance:
-    """The origin of the figures of one stage.
+    """The origin of the figures of one stage of DVC, and the command that makes them again.
 
-    Attributes:
-        items: names of the figures.
-        stage: of DVC.
-        line: command that makes it again.
-        inputs: path -> hash of what the stage read; empty where ``dvc.lock`` does not hold the stage.
-        parameters: of the stage, as one line of JSON each.
+    ``inputs``: path -> hash of what it read, empty where ``dvc.lock`` does not hold it; parameters as a line of JSON.
     """
 
     items: Sequence[str]
@@ -68,11 +63,8 @@ def shown_path(path: str) -> str:
 def origin(items: Sequence[str], stage: str, stages: Mapping[str, Any], inputs: ReportInputs) -> Provenance:
     """The origin of the figures of one stage.
 
-    Args:
-        items: names of the figures.
-        stage: of DVC, e.g. ``"noise@sim-pca"``.
-        stages: from `read_lock`.
-        inputs: of the report.
+    ``items`` are names of figures, ``stage`` a member such as ``"noise@sim-pca"``, ``stages`` the content of the lock
+    file.
     """
     entry = stages.get(inputs.in_graph(stage)) or {}
     hashes = {}

@@ -36,14 +36,7 @@ from pipeline.report.tables import Table
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure on the page.
-
-    Attributes:
-        name: stem of its files, and its anchor.
-        drawing: the figure, its alternative text and values.
-        caption: a short title and what to look for.
-        stages: the DVC stages whose outputs it shows.
-    """
+    """A figure on the page: stem of its files and anchor, drawing, caption, the DVC stages whose outputs it shows."""
 
     name: str
     drawing: Drawing
@@ -53,13 +46,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class NotRun:
-    """Something the page would show if it had been run.
-
-    Attributes:
-        title: the figure, table or experiment.
-        why: ``"data absent"``, ``"weights absent"`` or ``"stage absent"``.
-        line: the command that would run it.
-    """
+    """Something the page would show if it had been run; why it was not, e.g. ``"data absent"``, and the command."""
 
     title: str
     why: str
@@ -68,15 +55,9 @@ class NotRun:
 
 @dataclass(frozen=True)
 class Run:
-    """One line of the overview: an experiment on a dataset, and whether it ran.
+    """One line of the overview: an experiment on a dataset, whether it ran, else why not, and the command that runs it.
 
-    Attributes:
-        experiment: in words.
-        dataset: its name; empty for an experiment that belongs to none.
-        ran: whether it ran.
-        why: cause of its absence.
-        line: the command that would run it.
-        recorded: whether it was measured earlier on pictures that are not kept (``reports/recorded``).
+    An experiment may belong to no dataset. ``recorded``: measured earlier on pictures that are not kept.
     """
 
     experiment: str
@@ -98,15 +79,9 @@ STAGE_ABSENT = "stage absent"
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the page.
+    """A section of the page: anchor, heading, paragraphs, and then figures, tables and notes of absence.
 
-    Attributes:
-        key: anchor.
-        title: heading.
-        text: paragraphs before the blocks.
-        blocks: figures, tables and notes of absence, in order.
-        runs: its entries in the overview.
-        findings: sentences of the verdict, built from the section's numbers.
+    ``runs`` are its lines of the overview, ``findings`` sentences of the verdict, built from its numbers.
     """
 
     key: str
@@ -127,13 +102,8 @@ def overview(
 ) -> list[Run]:
     """The overview's lines of one experiment, over every dataset of the report.
 
-    Args:
-        experiment: in words.
-        stage: name of its stage, with ``{dataset}``.
-        ran: datasets it ran on.
-        inputs: of the report.
-        datasets: those that it could run on; all of the report where None.
-        recorded: those that it was recorded on, listed in any case.
+    ``stage`` names its stage, with ``{dataset}``; ``datasets`` are those that it could run on, all of the report by
+    default; those that it was recorded on are listed in any case.
     """
     done, known = set(ran), set(recorded)
     names = inputs.datasets if datasets is None else list(datasets)
@@ -161,13 +131,8 @@ def runs_by_estimator(
 ) -> list[Run]:
     """The overview's lines of an experiment by estimator, over every dataset of the report.
 
-    Args:
-        title: of the experiment, in words.
-        stage: name of its group of stages.
-        ran: pairs of dataset and estimator.
-        recorded: likewise, of records.
-        inputs: of the report.
-        planned: estimators that are listed in any case.
+    ``stage`` names its group of stages; pairs are of dataset and estimator; estimators that are planned are listed in
+    any case.
     """
     done, known = list(ran), list(recorded)
     names = in_order([*planned, *(name for _, name in [*done, *known])], ESTIMATORS) or ["<estimator>"]
@@ -183,23 +148,14 @@ def runs_by_estimator(
 
 
 def single(experiment: str, stage: str, ran: bool, inputs: ReportInputs) -> Run:
-    """The overview's line of an experiment that belongs to no dataset.
-
-    Args:
-        experiment: in words.
-        stage: its name.
-        ran: whether it has.
-        inputs: of the report.
-    """
+    """The overview's line of an experiment that belongs to no dataset."""
     return Run(experiment, "", ran, "" if ran else STAGE_ABSENT, inputs.line(stage))
 
 
 def missing(title: str, runs: Sequence[Run]) -> list[NotRun]:
     """One note for each dataset and command of an experiment that did not run.
 
-    Args:
-        title: of the whole experiment, which stands for every run where the data are absent.
-        runs: from `overview`.
+    ``title`` is of the whole experiment, which stands for every run where the data are absent.
     """
     notes: dict[tuple[str, str], NotRun] = {}
     for run in runs:

@@ -11,6 +11,7 @@ import functools
 import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -18,6 +19,7 @@ import numpy as np
 
 from pipeline.report.display_names import word
 from pipeline.report.svg import compact
+from pipeline.report.yaml_files import content
 from pipeline.store import replacing, write_text
 
 if TYPE_CHECKING:
@@ -29,62 +31,11 @@ ONE_COLUMN_IN = 3.46
 TWO_COLUMNS_IN = 7.16
 PNG_DPI = 150
 
-# Neutral colours; the page replaces them by its own, which follow light or dark.
-INK, MUTED, GRID, PAPER = "#1b1f24", "#6b7280", "#d9dde3", "#ffffff"
-PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31")
+_STYLE = content(resources.files(__package__), "style.yaml")
+INK, MUTED, GRID, PAPER = (_STYLE["colours"][name] for name in ("ink", "muted", "grid", "paper"))
+PALETTE: Sequence[str] = _STYLE["palette"]
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 _DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)), (0, (8, 2)), (0, (3, 1)), (0, (1, 2)))
-# Each position in the palette belongs to one estimator, so that it has the same colour in every figure.
-_POSITIONS = {
-    "pca": 0, "bf": 1, "cnn": 2, "cellwise": 3, "wavelet": 4, "immerkaer": 5, "adaptive": 6,
-    "pmp": 0, "gbb": 1, "spectral": 3, "camera_calibrated": 4, "generic_lens": 5, "fused": 6,
-    "sim": 0, "photos": 4, "kitti": 1, "udacity": 2, "sim_authors": 3,
-    "H": 0, "V": 1,
-}  # fmt: skip
-
-RC: dict[str, Any] = {
-    "font.family": "DejaVu Sans",
-    "mathtext.fontset": "dejavusans",
-    "font.size": 7.0,
-    "axes.titlesize": 7.5,
-    "axes.titleweight": "bold",
-    "axes.labelsize": 7.0,
-    "xtick.labelsize": 6.2,
-    "ytick.labelsize": 6.2,
-    "legend.fontsize": 6.4,
-    "figure.titlesize": 8.0,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.titlecolor": INK,
-    "axes.edgecolor": MUTED,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "axes.facecolor": PAPER,
-    "figure.facecolor": PAPER,
-    "savefig.facecolor": PAPER,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": GRID,
-    "grid.linewidth": 0.5,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "lines.linewidth": 1.1,
-    "lines.markersize": 2.8,
-    "legend.frameon": False,
-    "axes.unicode_minus": True,
-    "image.interpolation": "none",
-    "image.cmap": "gray",
-    "svg.fonttype": "path",
-    "svg.hashsalt": "camera-condition-pipeline",
-    "path.simplify": True,
-}
 
 Look = dict[str, Any]
 """Keyword arguments of matplotlib's ``plot``: colour, marker, line style."""
@@ -119,19 +70,15 @@ def styled(draw: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]
 
         with mpl.rc_context():
             mpl.rcdefaults()  # a user's matplotlibrc must not change the bytes
-            mpl.rcParams.update(RC)  # type: ignore[arg-type]  # checked by matplotlib itself
+            for group, settings in _STYLE["rc"].items():
+                mpl.rc(group, **settings)
             return draw(*args, **kwargs)
 
     return wrapper
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
-    """An empty figure on the Agg canvas, outside pyplot's global list, with constrained layout.
-
-    Args:
-        width_in: width in inches.
-        height_in: height in inches.
-    """
+    """An empty figure on the Agg canvas, outside pyplot's global list, with constrained layout."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -194,7 +141,7 @@ def sheet_cell_in(
 
 def series_look(name: str, position: int = 0) -> Look:
     """Colour, marker and line style of a series: fixed for the project's names, else by position."""
-    index = _POSITIONS.get(name, position) % len(PALETTE)
+    index = _STYLE["positions"].get(name, position) % len(PALETTE)
     return {"color": PALETTE[index], "marker": _MARKERS[index], "linestyle": _DASHES[index]}
 
 
@@ -239,17 +186,17 @@ def bare(axes: Axes) -> None:
 
 
 def picture(axes: Axes, image: np.ndarray, lowest: float = 0.0, highest: float = 255.0, **more: Any) -> None:
-    """A grey picture, pixel for pixel, with nothing beside it.
-
-    Args:
-        axes: to draw into.
-        image: (H, W).
-        lowest: value drawn in black.
-        highest: value drawn in white.
-        more: for matplotlib's ``imshow``.
-    """
+    """A grey picture, pixel for pixel, with nothing beside it."""
     axes.imshow(image, cmap="gray", vmin=lowest, vmax=highest, **more)
     bare(axes)
+
+
+def outline(axes: Axes, box: Sequence[float], **look: Any) -> None:
+    """The outline of a box of a picture: left, top, right and bottom."""
+    from matplotlib.patches import Rectangle
+
+    left, top, right, bottom = box
+    axes.add_patch(Rectangle((left, top), right - left, bottom - top, fill=False, **look))
 
 
 def middle(image: np.ndarray, height_px: int, width_px: int) -> np.ndarray:

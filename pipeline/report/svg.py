@@ -36,9 +36,6 @@ _REFERENCE = re.compile(r"url\(#([^)]+)\)|^#(.+)$")
 def encoded(picture: bytes) -> str:
     """A PNG as a data URL of the smallest suitable kind.
 
-    Args:
-        picture: a PNG file.
-
     Returns:
         JPEG for large opaque grey pictures, else PNG, grey or with a palette of 256 colours.
     """
@@ -65,9 +62,6 @@ def _rounded(text: str) -> str:
 
 def compact(text: str) -> str:
     """A figure of matplotlib with the same look in fewer bytes.
-
-    Args:
-        text: an SVG file.
 
     Returns:
         an SVG file; ids that begin with `SERIES` or that something refers to are kept, those of clip paths numbered.
@@ -126,10 +120,6 @@ def _unwrap(parent: ET.Element) -> None:
 
 def inline(svgs: Mapping[str, str], alts: Mapping[str, str]) -> tuple[str, dict[str, str]]:
     """Figures as elements of one page.
-
-    Args:
-        svgs: name of a figure -> its file, written by `pipeline.report.style.save`.
-        alts: name -> description for readers who do not see it.
 
     Returns:
         one invisible element with the outlines of letters and the styles that figures share, to stand before them; name

@@ -22,13 +22,9 @@ from pipeline.report.display_names import in_order
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its uncertainty.
+    """A number in the column's unit, its 95 % interval, its sample count, and the published value beside it.
 
-    Attributes:
-        value: in the column's unit; NaN where there is no result.
-        low, high: 95 % interval, NaN where the method has none.
-        count: how many samples it rests on; None where that is not known.
-        reference: the published value beside it; None where there is none.
+    NaN stands for no result and for no interval, None for an unknown count and for nothing published.
     """
 
     value: float
@@ -100,12 +96,9 @@ class Table:
         names = [column.name for column in self.columns]
         if len(set(names)) != len(names):
             raise InputError(f"table '{self.name}': two columns share a name in {names}; give each its own")
-        for row in self.rows:
-            for key in row:
-                if key not in names:
-                    raise InputError(
-                        f"table '{self.name}': unknown column '{key}' in a row; {did_you_mean(key, names)}"
-                    )
+        for key in {key: None for row in self.rows for key in row}:
+            if key not in names:
+                raise InputError(f"table '{self.name}': unknown column '{key}' in a row; {did_you_mean(key, names)}")
 
     def is_numeric(self, column: Column) -> bool:
         """Whether every filled cell of a column is a number or an estimate."""
@@ -125,41 +118,31 @@ def records(frame: pd.DataFrame | Iterable[Row]) -> list[dict[str, Any]]:
 
 
 def as_recorded(shown: Table, *notes: str) -> Table:
-    """The same table of numbers that were measured earlier on pictures that are not kept, and that no stage makes.
-
-    Args:
-        shown: a table of a section.
-        notes: that follow its own.
-    """
+    """A table of numbers that were measured earlier on pictures that are not kept, marked so, with further notes."""
     caption, footnotes = f"{shown.caption.rstrip('.')} (recorded).", (*shown.footnotes, *notes)
     return replace(shown, name=f"recorded_{shown.name}", caption=caption, footnotes=footnotes, stage="")
 
 
-def estimate(
-    value: str, low: str, high: str, count: str | Callable[[Row], int | None] = "", reference: str = ""
-) -> Callable[[Row], Cell]:
+def estimate(value: str, low: str, high: str, count: str = "", reference: str = "") -> Callable[[Row], Cell]:
     """A function from a row to an `Estimate`; None for a row without the value's column.
 
     Args:
         value: column of the number.
         low: column of the lower end of its interval; an absent one gives no interval.
         high: column of the upper end.
-        count: column, or a function of the row.
+        count: column of the sample count; none where empty.
         reference: column of the published value; an absent one gives none.
     """
 
     def cell(row: Row) -> Cell:
         if value not in row:
             return None
-        number = count(row) if callable(count) else row[count] if count else None
-        beside = row.get(reference)
-        return Estimate(
-            row[value],
-            row.get(low, math.nan),
-            row.get(high, math.nan),
-            None if number is None or not math.isfinite(number) else int(number),
-            None if beside is None or not math.isfinite(beside) else beside,
+        number, beside = (
+            known if known is not None and math.isfinite(known) else None
+            for known in (row[count] if count else None, row.get(reference))
         )
+        ends = row.get(low, math.nan), row.get(high, math.nan)
+        return Estimate(row[value], *ends, None if number is None else int(number), beside)
 
     return cell
 
@@ -169,50 +152,33 @@ amae = estimate("amae_percent", "low_percent", "high_percent", "count", "paper_p
 
 
 def pivot(
-    frame: pd.DataFrame,
-    index: Sequence[str],
-    across: str,
-    cell: Callable[[Row], Cell],
-    key: Callable[[Any], str] = str,
+    frame: pd.DataFrame, index: Sequence[str], across: str, cell: Callable[[Row], Cell], key: Callable[[Any], str] = str
 ) -> list[dict[str, Any]]:
-    """Rows of a wide table: one per combination of the index columns, in order of appearance.
+    """Rows of a wide table: one per combination of the index columns of a long one, in order of appearance.
 
     Args:
         frame: long table.
-        index: columns that identify a row.
-        across: column whose values become columns.
+        index: columns that identify a row; they are columns of the wide table, too.
+        across: column whose values become columns, named by ``key``.
         cell: makes the cell from a row of the frame.
         key: name of the column of one value.
-
-    Returns:
-        dictionaries of the index columns and one cell for each value of `across` that the combination has.
     """
-    wide: dict[tuple[Any, ...], dict[str, Any]] = {}
+    wide: dict[str, dict[str, Any]] = {}
     for row in records(frame):
-        results = tuple(row[name] for name in index)
-        wide.setdefault(results, {name: row[name] for name in index})[key(row[across])] = cell(row)
+        head = {name: row[name] for name in index}
+        wide.setdefault(repr(head), head)[key(row[across])] = cell(row)
     return list(wide.values())
 
 
 def where(frame: pd.DataFrame, /, **values: Any) -> pd.DataFrame:
-    """Rows of a data frame whose columns have these values, or one of a list of them.
-
-    Args:
-        frame: any.
-        values: column -> value or list of values.
-    """
+    """Rows of a data frame whose columns have these values, or one of a list of them."""
     for name, value in values.items():
         frame = frame[frame[name].isin(value if isinstance(value, list) else [value])]
     return frame
 
 
 def ordered(frame: pd.DataFrame, **orders: Iterable[Any]) -> pd.DataFrame:
-    """A data frame sorted by several columns, each in an order of its own (`display_names.in_order`).
-
-    Args:
-        frame: any.
-        orders: column -> its values in order; others follow alphabetically, an empty order sorts by value.
-    """
+    """A data frame sorted by several columns, each in an order of its own (`display_names.in_order`)."""
     ranks = {}
     for number, (name, order) in enumerate(orders.items()):
         values = in_order(frame[name], order)
@@ -223,8 +189,7 @@ def ordered(frame: pd.DataFrame, **orders: Iterable[Any]) -> pd.DataFrame:
 def reasons_of(estimates: pd.DataFrame) -> Callable[[Row], str]:
     """A function from a row (dataset, estimator) to the reasons of its abstentions with their counts, in words.
 
-    Args:
-        estimates: dataset, estimator, abstained, reason; a row for each patch.
+    ``estimates`` has dataset, estimator, abstained and reason, a row for each patch.
     """
     groups = estimates[estimates["abstained"]].groupby(["dataset", "estimator"])["reason"]
     counts = {key: reasons.value_counts().sort_index() for key, reasons in groups}
@@ -239,9 +204,7 @@ def reasons_of(estimates: pd.DataFrame) -> Callable[[Row], str]:
 def mean_cell(cells: Sequence[Cell], *, complete: bool = True) -> Cell:
     """The mean of cells, beside the mean of the paper's values where every averaged cell has one.
 
-    Args:
-        cells: numbers and estimates.
-        complete: give None unless every cell is a finite number; otherwise average those that are.
+    None where a cell is no finite number, unless `complete` is off: then it is the mean of those that are.
     """
     estimates = [cell if isinstance(cell, Estimate) else Estimate(_number(cell)) for cell in cells]
     finite = [cell for cell in estimates if math.isfinite(cell.value)]

@@ -20,7 +20,7 @@ from pipeline.errors import InputError
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves, sharp_errors
 from pipeline.report import ledger_sources
 from pipeline.report.build import build
-from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, published_table
+from pipeline.report.inputs import ReportInputs, published_table
 from pipeline.report.ledger_items import ITEMS, rows_of
 from pipeline.report.sections import blur, blur_amae, kernel_gallery
 from pipeline.report.sections.kernel_gallery import Gallery
@@ -43,7 +43,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
 
 @pytest.fixture(scope="module")
 def summary(inputs: ReportInputs) -> pd.DataFrame:
-    return blur_summary(inputs)
+    return inputs.noiseless("blur_summary")
 
 
 @pytest.fixture(scope="module")
@@ -62,13 +62,13 @@ def artists(figure: object, prefix: str) -> list:
 
 def test_members_of_other_runs_are_left_out(inputs: ReportInputs) -> None:
     one = dataclasses.replace(inputs, members={"blur": ("sim-pmp",)})
-    assert blur_summary(one)[["dataset", "estimator"]].drop_duplicates().values.tolist() == [["sim", "pmp"]]
-    assert blur_summary(dataclasses.replace(inputs, members={}))["estimator"].nunique() == 3
-    assert blur_estimates(dataclasses.replace(inputs, data=None)).empty
+    assert one.noiseless("blur_summary")[["dataset", "estimator"]].drop_duplicates().values.tolist() == [["sim", "pmp"]]
+    assert dataclasses.replace(inputs, members={}).noiseless("blur_summary")["estimator"].nunique() == 3
+    assert dataclasses.replace(inputs, data=None).noiseless("blur_estimates").empty
 
 
 def test_sharp_curves_are_robust_medians_of_sharp_patches(inputs: ReportInputs) -> None:
-    estimates = blur_estimates(inputs)
+    estimates = inputs.noiseless("blur_estimates")
     curves = sharp_curves(estimates)
     assert len(curves) == 2 * 3 * 2 * 8 and (curves["abstained"] == 1).all()
     assert (curves["count"] + curves["abstained"] == 8).all()
@@ -84,7 +84,7 @@ def test_sharp_curves_are_robust_medians_of_sharp_patches(inputs: ReportInputs) 
 
 
 def test_a_curve_of_nothing_but_abstentions_is_nan(inputs: ReportInputs) -> None:
-    estimates = blur_estimates(inputs).assign(mtf=np.nan, abstained=True)
+    estimates = inputs.noiseless("blur_estimates").assign(mtf=np.nan, abstained=True)
     curves = sharp_curves(estimates)
     assert curves["median"].isna().all() and (curves["count"] == 0).all() and (curves["rejected"] == 0).all()
 
@@ -94,7 +94,7 @@ def test_nominal_frequencies_are_the_bins_in_order() -> None:
 
 
 def test_the_figure_of_sharp_curves_shows_ours_theirs_and_the_star(inputs: ReportInputs) -> None:
-    curves = sharp_curves(blur_estimates(inputs))
+    curves = sharp_curves(inputs.noiseless("blur_estimates"))
     paper = published_table(REPO / "data/paper/uncorrupted_mtf.csv")
     star = (np.array([0.1, 0.5, 0.9]), np.array([0.98, 0.8, 0.4]))
     drawing = blur.uncorrupted(curves, ["sim", "kitti", "udacity"], paper, {"sim": star})
@@ -144,7 +144,7 @@ def test_table_one_sets_the_papers_value_beside_each_cell(summary: pd.DataFrame,
 def test_sharp_frames_are_evaluated_against_their_lens(
     inputs: ReportInputs, summary: pd.DataFrame, paper: pd.DataFrame
 ) -> None:
-    estimates, lens = blur_estimates(inputs), ledger_sources.lenses(inputs)
+    estimates, lens = inputs.noiseless("blur_estimates"), ledger_sources.lenses(inputs)
     errors = sharp_errors(estimates, lens, 1, 50)
     assert set(errors["dataset"]) == {"sim"} == set(lens)  # the lens of a photograph is not known
     curves = sharp_curves(estimates, draws=0)
@@ -204,7 +204,7 @@ def test_ours_stands_beside_the_papers_best_of_three(summary: pd.DataFrame, pape
 
 
 def test_abstentions_are_counted_once_a_patch(inputs: ReportInputs, summary: pd.DataFrame) -> None:
-    table = blur_amae.abstentions(summary, blur_estimates(inputs))
+    table = blur_amae.abstentions(summary, inputs.noiseless("blur_estimates"))
     kernels = 1 + len(bank(SIZES))
     assert len(table.rows) == 6
     for row in table.rows:

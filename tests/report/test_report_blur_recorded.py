@@ -20,7 +20,7 @@ from pipeline.experiments.sharp_curves import sharp_curves
 from pipeline.experiments.tables import BLUR_SUMMARY
 from pipeline.report import ledger_sources
 from pipeline.report.build import build
-from pipeline.report.inputs import ReportInputs, blur_estimates, blur_summary, published, published_table, relative_mtf
+from pipeline.report.inputs import ReportInputs, published, published_table, relative_mtf
 from pipeline.report.ledger_items import ITEMS, rows_of
 from pipeline.report.sections import blur, detection
 from pipeline.report.spec import Figure
@@ -34,8 +34,8 @@ ESTIMATORS = ("spectral", "pmp")
 
 def write(folder: Path, made: ReportInputs, dataset: str) -> None:
     """A record as `pipeline.recording.blur` writes it, of made-up stage outputs."""
-    selected = blur_summary(made)
-    estimates = blur_estimates(made)
+    selected = made.noiseless("blur_summary")
+    estimates = made.noiseless("blur_estimates")
     curves = sharp_curves(estimates[estimates["dataset"] == dataset])
     for name, table in (("summary", selected[selected["dataset"] == dataset]), ("sharp", curves)):
         store.write_text(folder / f"{name}.csv", table.to_csv(index=False))
@@ -93,7 +93,8 @@ def test_tables_hold_the_record_and_the_papers_own_values(
     assert isinstance(table, Table) and "Sim (authors’)" in table.caption and table.stage == ""
     row = next(row for row in table.rows if row["blur"] == "D 3")
     cell, absent = row["pmp"], row["cnn"]
-    summary = blur_summary(made).set_index(["dataset", "estimator", "blur_kind", "kernel_size_px", "calibrated"])
+    keys = ["dataset", "estimator", "blur_kind", "kernel_size_px", "calibrated"]
+    summary = made.noiseless("blur_summary").set_index(keys)
     kept = summary.loc[("sim_authors", "pmp", "defocus", 3.0, False)]
     assert isinstance(cell, Estimate) and cell.value == pytest.approx(kept["amae_percent"], rel=1e-6)
     assert cell.reference == 13.9  # the paper's Sim
@@ -141,7 +142,7 @@ def test_the_ledger_counts_recorded_numbers(inputs: ReportInputs, made: ReportIn
     rows = [row for row in rows_of(BY_NAME["blur_amae"], inputs) if math.isfinite(row.ours)]
     assert len(rows) == 2 * 6  # PMP is the one of the paper's names; both datasets, six kernels
     assert all(row.comparable for row in rows)  # the paper's Sim are the authors' frames
-    summary = blur_summary(made)
+    summary = made.noiseless("blur_summary")
     for name, dataset in (("Sim", "sim_authors"), ("KITTI", "kitti")):
         row = next(one for one in rows if one.quantity == f"{name}, PMP, Defocus, 21 px")
         selected = summary[(summary["dataset"] == dataset) & (summary["estimator"] == "pmp") & ~summary["calibrated"]]

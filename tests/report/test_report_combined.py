@@ -17,7 +17,7 @@ from pipeline.report.build import build
 from pipeline.report.inputs import ReportInputs, published_table
 from pipeline.report.ledger import NOT_RUN
 from pipeline.report.ledger_items import ITEMS, rows_of
-from pipeline.report.sections import combined, combined_tables
+from pipeline.report.sections import combined
 from pipeline.report.spec import Figure, NotRun
 from pipeline.report.tables import Estimate, Table
 
@@ -33,12 +33,8 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> ReportInputs:
     return add_combined(nothing, root, ("sim", "udacity"))
 
 
-def ledger(inputs: ReportInputs) -> list:
-    return [row for name in PUBLISHED for row in rows_of(BY_NAME[name], inputs)]
-
-
 def test_the_section_shows_every_dataset_and_says_what_did_not_run(inputs: ReportInputs) -> None:
-    section = combined.section(inputs, ledger(inputs))
+    section = combined.section(inputs)
     figures = [block.name for block in section.blocks if isinstance(block, Figure)]
     assert figures == [
         "combined_order_sim", "combined_example_sim", "combined_example_udacity", "combined_noise_sim",
@@ -59,7 +55,7 @@ def test_the_section_shows_every_dataset_and_says_what_did_not_run(inputs: Repor
 
 def test_nothing_run_is_said_with_its_line(inputs: ReportInputs, tmp_path: Path) -> None:
     nothing = dataclasses.replace(inputs, data=tmp_path, stages=frozenset({"combined", "denoised_blur"}))
-    section = combined.section(nothing, ledger(nothing))
+    section = combined.section(nothing)
     assert all(isinstance(block, NotRun) for block in section.blocks)
     assert {"dvc repro combined@sim", "dvc repro denoised_blur@udacity"} <= {block.line for block in section.blocks}
 
@@ -67,7 +63,7 @@ def test_nothing_run_is_said_with_its_line(inputs: ReportInputs, tmp_path: Path)
 def test_the_table_sets_the_papers_numbers_beside_raw_answers(inputs: ReportInputs) -> None:
     blur = inputs.result("combined_blur")
     paper = published_table(REPO / "data/paper/photon_defocus_amae.csv")
-    table = combined_tables.error("udacity", "photon_defocus", blur, paper)
+    table = combined.error_table("udacity", "photon_defocus", blur, paper)
     rows = {(row["variant"], row["size"]): row for row in table.rows}
     cell = rows["raw", "3"]["level_25"]
     assert isinstance(cell, Estimate) and cell.value == pytest.approx(amae(3, 25, 0, False)) and cell.reference == 5.6
@@ -76,14 +72,14 @@ def test_the_table_sets_the_papers_numbers_beside_raw_answers(inputs: ReportInpu
     assert mean.reference == pytest.approx((5.6 + 0.5) / 2)
     assert rows["calibrated", "3"]["level_25"].reference is None
     assert not any("smoothed" in variant for variant, _ in rows)  # no patch was read as noisy
-    behind = combined_tables.error("udacity", "defocus_dcsn", blur)
+    behind = combined.error_table("udacity", "defocus_dcsn", blur)
     variants = [row["variant"] for row in behind.rows]
     assert variants == [variant for variant in ("raw", "calibrated", "raw, smoothed 7 px") for _ in range(3)]
     assert "level_0" not in behind.rows[-1]
 
 
 def test_the_overview_is_the_mean_over_sizes(inputs: ReportInputs) -> None:
-    table = combined_tables.overview(inputs.result("combined_blur"))
+    table = combined.overview_table(inputs.result("combined_blur"))
     rows = {(row["dataset"], row["experiment"], row["variant"]): row for row in table.rows}
     assert len(table.rows) == 2 * (2 * 3 + 2 * 2)  # datasets x (behind the optics: three ways, before them: two)
     row = rows["Sim", "Linear motion, then DCSN", "raw, smoothed 7 px"]
@@ -93,7 +89,7 @@ def test_the_overview_is_the_mean_over_sizes(inputs: ReportInputs) -> None:
 
 def test_the_supplements_table_has_the_papers_twelve_rows(inputs: ReportInputs) -> None:
     cells = blur_cells("udacity", experiments=("linear_dcsn",), filters=(7.0, 11.0), sizes=(3.0, 7.0, 11.0))
-    table = combined_tables.denoised("udacity", cells, published_table(REPO / "data/paper/improved_blur.csv"))
+    table = combined.denoised_table("udacity", cells, published_table(REPO / "data/paper/improved_blur.csv"))
     beside = [row for row in table.rows if row["amae"].reference is not None]
     assert len(beside) == 12
     row = next(row for row in beside if (row["filter"], row["size"], row["level"]) == ("11", "7", "25"))

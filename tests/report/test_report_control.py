@@ -15,16 +15,9 @@ from pipeline.control.tables import STEPS
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.build import build
-from pipeline.report.control_results import decision_ms, scenario_results
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.sections import (
-    control,
-    control_examples,
-    control_films,
-    control_surface,
-    control_tables,
-    order_study,
-)
+from pipeline.report.sections import closed_loop, control, control_examples, control_surface, order_study
+from pipeline.report.sections.closed_loop import decision_ms, scenario_results
 from pipeline.report.spec import Figure, NotRun, Section
 from pipeline.report.tables import Estimate, Table
 
@@ -90,12 +83,12 @@ def test_an_interval_that_includes_zero_does_not_count_as_better(tmp_path: Path)
     made.make_scenario(tmp_path, "dusk_drive", 1000.0, 25.0)
     results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
     assert not results[0].beats_all("iopc_continuous")
-    (row,) = [row for row in control_tables.pairs(results).rows if row["policy"] == "IOPC continuous"]
+    (row,) = [row for row in closed_loop.pairs(results).rows if row["policy"] == "IOPC continuous"]
     assert row["better"] == "than Fixed and Shin 2019"
-    assert "in 0 of 1 scenarios" in control_tables.findings(results)[0]
+    assert "in 0 of 1 scenarios" in closed_loop.findings(results)[0]
     cause = "(not above Mean intensity and Shim, nor is the oracle above Mean intensity)"
-    assert f"Not in: dusk drive {cause}." in control_tables.findings(results)[0]
-    rows = {row["other"]: row for row in control_tables.losses(results).rows}
+    assert f"Not in: dusk drive {cause}." in closed_loop.findings(results)[0]
+    rows = {row["other"]: row for row in closed_loop.losses(results).rows}
     assert set(rows) == {"Mean intensity", "Shim"}
     assert rows["Shim"]["where"] == "behind in no frame" and rows["Shim"]["oracle"].low > 0
 
@@ -108,7 +101,7 @@ def test_where_a_rival_is_not_beaten_the_costliest_frame_and_its_settings_are_na
     steps.loc[lost, "ap_percent"] -= 60.0
     store.write_table(path, steps, STEPS)
     results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
-    (row,) = [row for row in control_tables.losses(results).rows if row["other"] == "Shim"]
+    (row,) = [row for row in closed_loop.losses(results).rows if row["other"] == "Shim"]
     points = 60 - (made.AP["iopc_continuous"] - made.AP["shim"])
     settings = "2.0 ms, ISO 400 against 2.0 ms, ISO 400"
     assert row["where"] == f"{points:.1f} points in frame 3, at the fall of light: {settings}"
@@ -126,7 +119,7 @@ def test_settling_is_stated_for_drives_with_a_step_of_light(tmp_path: Path, inpu
     made.make_scenario(tmp_path, "tunnel", 500.0, 5.0, light_factor=1 / 16)
     results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
     assert results[0].has_light_step and not any(one.has_light_step for one in scenario_results(inputs))
-    assert control_tables.findings(results)[-1].endswith("a step of light, frames: tunnel 2.")
+    assert closed_loop.findings(results)[-1].endswith("a step of light, frames: tunnel 2.")
 
 
 def test_decision_times_come_from_the_record(tmp_path: Path, inputs: ReportInputs) -> None:
@@ -134,7 +127,7 @@ def test_decision_times_come_from_the_record(tmp_path: Path, inputs: ReportInput
     store.write_json(path, {"machine": {}, "decision": {"shim": {"processor_median_ms": 1.25}}})
     times = decision_ms(dataclasses.replace(inputs, benchmarks={"control": path}))
     assert times == {"shim": 1.25}
-    rows = control_tables.measures(scenario_results(inputs), times).rows
+    rows = closed_loop.measures(scenario_results(inputs), times).rows
     assert {row["decision_ms"] for row in rows if row["policy"] == "Shim"} == {1.25}
     store.write_json(path, {"decision": {}})
     with pytest.raises(InputError, match=r"benchmarks/control\.py"):
@@ -143,7 +136,7 @@ def test_decision_times_come_from_the_record(tmp_path: Path, inputs: ReportInput
 
 def test_a_film_strip_shows_state_estimates_and_pictures(inputs: ReportInputs, tmp_path: Path) -> None:
     result = scenario_results(inputs)[0]
-    drawing = control_films.strip(result)
+    drawing = closed_loop.strip(result)
     values = drawing.values
     assert values is not None and set(values["policy"]) == {"mean_intensity", "iopc_continuous", "oracle"}
     ours = values[values["policy"] == "iopc_continuous"]
@@ -190,7 +183,7 @@ def test_the_paper_stands_beside_the_steps(section: Section) -> None:
 def test_the_surface_names_knots_that_rise(tmp_path: Path, section: Section) -> None:
     assert _table(section, "control_surface").footnotes[0].startswith("AP falls with noise and with motion")
     made.make_surface(tmp_path, raised=True)
-    blocks, _ = control_surface.blocks(ReportInputs(paper=made.PAPER, data=tmp_path))
+    blocks = control_surface.blocks(ReportInputs(paper=made.PAPER, data=tmp_path))
     (table,) = [block for block in blocks if isinstance(block, Table)]
     assert "at 10 DN and 15 px" in table.footnotes[0]
 

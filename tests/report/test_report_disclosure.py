@@ -85,7 +85,7 @@ def test_no_text_of_the_report_names_the_papers_networks_past_their_share() -> N
     folder = REPO / "pipeline/report"
     sources = [path for kind in ("py", "yaml", "html") for path in folder.rglob(f"*.{kind}")]
     naming = {path.name for path in sources if OUR_NETWORK.search(path.read_text(encoding="utf-8"))}
-    assert naming == {"display_names.py"}
+    assert naming == {"display_names.yaml"}
 
 
 def test_claims_on_the_papers_networks_carry_the_share() -> None:

@@ -13,7 +13,7 @@ ROW = {"amae_percent": 5.0, "low_percent": 4.0, "high_percent": 6.5, "median_dn"
 
 def test_a_row_gives_its_value_interval_count_and_reference():
     assert estimate("amae_percent", "low_percent", "high_percent")(ROW) == Estimate(5.0, 4.0, 6.5)
-    assert estimate("median_dn", "low_dn", "high_dn", lambda row: 70)(ROW) == Estimate(9.0, 8.0, 9.5, 70)
+    assert estimate("median_dn", "low_dn", "high_dn", "count")(ROW) == Estimate(9.0, 8.0, 9.5, 72)
     assert amae(ROW) == Estimate(5.0, 4.0, 6.5, 72, 5.2)
     assert amae(ROW | {"paper_percent": math.nan, "count": math.nan}) == Estimate(5.0, 4.0, 6.5)
     assert amae({"median_dn": 9.0}) is None

@@ -5,9 +5,9 @@ from __future__ import annotations
 from importlib import resources
 from typing import Any
 
+from pipeline.report.yaml_files import content
+
 
 def descriptions() -> list[dict[str, Any]]:
     """The entries of ``claims.yaml``: fields of `Claim`, ``measure`` by name, with its ``options``."""
-    import yaml
-
-    return list(yaml.safe_load(resources.files(__package__).joinpath("claims.yaml").read_text(encoding="utf-8")))
+    return list(content(resources.files(__package__), "claims.yaml"))

@@ -10,17 +10,15 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 
 from pipeline.report import detection_results, ledger_sources
+from pipeline.report.detection_results import Results
 from pipeline.report.display_names import counted, listing, word
 from pipeline.report.inputs import ReportInputs, published_table
 from pipeline.report.tables import where
-
-if TYPE_CHECKING:
-    from pipeline.report.detection_results import Results
 
 SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED = "supported", "partly", "not decided", "contradicted"
 NOT_MEASURED = "not measured"
@@ -32,15 +30,9 @@ SAME_EXPERIMENT = {"linear_motion_dcsn": "linear_dcsn"}
 
 @dataclass(frozen=True)
 class Measurement:
-    """What we measured of a claim.
+    """What we measured of a claim: in words, and the number that decides with its 95 % interval, where there is one.
 
-    Attributes:
-        text: in words, with numbers.
-        verdict: one of `VERDICTS`.
-        value: the number that decides, where there is one; NaN else.
-        low: lower end of its 95 % interval.
-        high: upper end.
-        on: datasets it was measured on, in words.
+    ``verdict`` is one of `VERDICTS`, ``on`` names the datasets in words.
     """
 
     text: str
@@ -54,19 +46,21 @@ class Measurement:
 Measures = dict[str, Callable[..., Measurement | None]]
 """Name in ``claims.yaml`` -> function of the evidence and options."""
 
+
+def measures(*functions: Callable[..., Measurement | None]) -> Measures:
+    """Functions by the names that ``claims.yaml`` has for them, which are their own without the underscore."""
+    return {function.__name__.removeprefix("_"): function for function in functions}
+
+
 Measure = Callable[["Evidence"], Measurement | None]
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of the paper.
+    """A sentence of the paper in our words, and the section, table or figure it is from.
 
-    Attributes:
-        source: section, table or figure.
-        sentence: in our words, with the paper's numbers.
-        measure: gives our measurement; None where what it needs has not run.
-        reservation: why the measurement might not decide the claim.
-        stage: that would produce the measurement.
+    ``measure`` gives our measurement, None where what it needs has not run; ``stage`` would produce it; the reservation
+    is why it might not decide the claim.
     """
 
     source: str
@@ -128,16 +122,10 @@ def names_of(datasets: Iterable[Any]) -> str:
 
 
 def verdict_of_counts(supporting: int, opposing: int, total: int) -> str:
-    """Verdict of a claim about many cells.
+    """Verdict of a claim about many cells, by how many lie with their whole interval on the claimed or the other side.
 
-    Args:
-        supporting: cells whose interval lies on the claimed side.
-        opposing: cells whose interval lies on the other side.
-        total: cells in all.
-
-    Returns:
-        supported or contradicted where nine cells of ten are; contradicted too where half are and none supports; not
-        decided where fewer than half are either, else partly.
+    Supported or contradicted where nine cells of ten are; contradicted too where half are and none supports; not
+    decided where fewer than half are either, else partly.
     """
     if supporting >= NEARLY_ALL * total:
         return SUPPORTED
@@ -147,13 +135,7 @@ def verdict_of_counts(supporting: int, opposing: int, total: int) -> str:
 
 
 def sides(first: Any, second: Any, ends: tuple[str, str] = ("low_percent", "high_percent")) -> tuple[bool, bool]:
-    """Whether the interval of a first cell lies wholly below that of a second one, and whether wholly above.
-
-    Args:
-        first: row of a table.
-        second: likewise.
-        ends: columns of the lower and upper end.
-    """
+    """Whether the interval of a first row lies wholly below that of a second one, and whether wholly above."""
     low, high = ends
     return bool(first[high] < second[low]), bool(first[low] > second[high])
 
@@ -179,16 +161,9 @@ def of_cells(cells: Iterable[tuple[bool, bool]], what: str, on: Iterable[Any], t
 def of_number(
     value: float, low: float, high: float, threshold: float, text: str, on: Iterable[Any], *, above: bool = True
 ) -> Measurement:
-    """The measurement of a claim about one number: decided where its interval lies on one side of a threshold.
+    """The measurement of a claim that a number is above (or below) a threshold: decided where its interval is.
 
-    Args:
-        value: measured.
-        low: lower end of its 95 % interval; the value itself where it has none.
-        high: upper end.
-        threshold: that the claim states.
-        text: in words.
-        on: datasets.
-        above: whether the claim is that the number lies above.
+    A number without an interval is both its ends.
     """
     sides = (low > threshold, high < threshold) if above else (high < threshold, low > threshold)
     verdict = SUPPORTED if sides[0] else CONTRADICTED if sides[1] else UNDECIDED

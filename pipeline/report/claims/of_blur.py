@@ -7,16 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.report.claims.claim import (
-    SUPPORTED,
-    Evidence,
-    Measurement,
-    Measures,
-    names_of,
-    of_cells,
-    of_number,
-    sides,
-)
+from pipeline.report.claims import claim
+from pipeline.report.claims.claim import Evidence, Measurement
 from pipeline.report.display_names import word
 from pipeline.report.sections.runtime import patch_times
 from pipeline.report.tables import format_number, records, where
@@ -33,11 +25,11 @@ def _network_is_best(evidence: Evidence) -> Measurement | None:
         rest = at[at.index.isin(DECONVOLUTION)]
         if NETWORK not in at.index or rest.empty:
             continue
-        pairs.append(sides(at.loc[NETWORK], rest[["low_percent", "high_percent"]].min()))
+        pairs.append(claim.sides(at.loc[NETWORK], rest[["low_percent", "high_percent"]].min()))
         if rest["paper"].notna().any():
             paper.append(at.loc[NETWORK, "paper"] < rest["paper"].min())
     text = f"In the paper's own numbers the network is lowest in {sum(paper)} of {len(paper)} of them."
-    return of_cells(pairs, "cell", cells["measured_on"], text)
+    return claim.of_cells(pairs, "cell", cells["measured_on"], text)
 
 
 def _amae_over_size(
@@ -50,13 +42,13 @@ def _amae_over_size(
         at = group.set_index("kernel_size_px")
         if {first_px, then_px} <= set(at.index):
             first, then = at.loc[first_px], at.loc[then_px]
-            pairs.append(sides(first, then) if rises else sides(then, first))
+            pairs.append(claim.sides(first, then) if rises else claim.sides(then, first))
             means.append((first["amae_percent"], then["amae_percent"]))
     before, after = np.mean(means, axis=0) if means else (math.nan, math.nan)
     text = (
         f"Mean AMAE {format_number(before, 1)} % at {first_px:g} px and {format_number(after, 1)} % at {then_px:g} px."
     )
-    return of_cells(pairs, "dataset-estimator pair", cells["measured_on"], text)
+    return claim.of_cells(pairs, "dataset-estimator pair", cells["measured_on"], text)
 
 
 def _defocus_is_easiest(evidence: Evidence) -> Measurement | None:
@@ -65,11 +57,11 @@ def _defocus_is_easiest(evidence: Evidence) -> Measurement | None:
     for (dataset, _), group in cells.groupby(["measured_on", "kernel_size_px"]):
         disc, motion = where(group, blur_kind="defocus"), group[group["blur_kind"] != "defocus"]
         if len(disc) and len(motion):
-            pairs.append(sides(disc.iloc[0], motion[["low_percent", "high_percent"]].min()))
+            pairs.append(claim.sides(disc.iloc[0], motion[["low_percent", "high_percent"]].min()))
             on.append(dataset)
     means = cells.groupby("blur_kind")["amae_percent"].mean()
     text = f"Mean AMAE: {', '.join(f'{word(str(blur))} {mean:.1f} %' for blur, mean in means.items())}."
-    return of_cells(pairs, "dataset-size pair", on, text)
+    return claim.of_cells(pairs, "dataset-size pair", on, text)
 
 
 def _sharp_frames(evidence: Evidence) -> Measurement | None:
@@ -83,13 +75,13 @@ def _sharp_frames(evidence: Evidence) -> Measurement | None:
         if NETWORK not in at.index or rest.empty:
             continue
         network = at.loc[NETWORK]
-        pairs += [sides(row, network, ("low", "high")) for row in records(rest)]
+        pairs += [claim.sides(row, network, ("low", "high")) for row in records(rest)]
         words.append(
-            f"{names_of([dataset])}: {word(NETWORK)} {network['mtf']:.2f}, PMP and GBB {rest['mtf'].mean():.2f}"
+            f"{claim.names_of([dataset])}: {word(NETWORK)} {network['mtf']:.2f}, PMP and GBB {rest['mtf'].mean():.2f}"
         )
         on.append(dataset)
     text = f"Median MTF at {FREQUENCY:g} of Nyquist, horizontal: {'; '.join(words)}."
-    return of_cells(pairs, "dataset-estimator pair", on, text)
+    return claim.of_cells(pairs, "dataset-estimator pair", on, text)
 
 
 def _many_times_faster(evidence: Evidence) -> Measurement | None:
@@ -102,7 +94,7 @@ def _many_times_faster(evidence: Evidence) -> Measurement | None:
         f"{min(ratios):.1f} and {max(ratios):.1f} times: {network:.0f} ms for four patches by the network, "
         f"{fastest:.0f} ms and more for one by PMP and GBB, one core."
     )
-    return of_number(min(ratios), min(ratios), max(ratios), 50.0, text, ())
+    return claim.of_number(min(ratios), min(ratios), max(ratios), 50.0, text, ())
 
 
 def _preprocessing(evidence: Evidence) -> Measurement | None:
@@ -117,7 +109,7 @@ def _preprocessing(evidence: Evidence) -> Measurement | None:
         f"{percent:.1f} %: {before:.1f} of {whole:.0f} ms for four patches, one core; in the paper 98 % of 240 ms. "
         f"{PREPROCESSING_PERCENT:g} % and more counts."
     )
-    return of_number(percent, percent, percent, PREPROCESSING_PERCENT, text, ())
+    return claim.of_number(percent, percent, percent, PREPROCESSING_PERCENT, text, ())
 
 
 def _published_times(evidence: Evidence) -> Measurement | None:
@@ -126,16 +118,13 @@ def _published_times(evidence: Evidence) -> Measurement | None:
         return None
     held = all(times[name] <= seconds for name, seconds in paper.items())
     text = f"PCA {1e3 * times['pca']:.2f} ms, B+F {1e3 * times['bf']:.2f} ms a patch, on one core."
-    measured = Measurement(text, SUPPORTED)
-    return measured if held else of_number(times["bf"], times["bf"], times["bf"], paper["bf"], text, (), above=False)
+    measured = Measurement(text, claim.SUPPORTED)
+    return (
+        measured if held else claim.of_number(times["bf"], times["bf"], times["bf"], paper["bf"], text, (), above=False)
+    )
 
 
-MEASURES: Measures = {
-    "network_is_best": _network_is_best,
-    "amae_over_size": _amae_over_size,
-    "defocus_is_easiest": _defocus_is_easiest,
-    "sharp_frames": _sharp_frames,
-    "many_times_faster": _many_times_faster,
-    "preprocessing": _preprocessing,
-    "published_times": _published_times,
-}
+MEASURES = claim.measures(
+    _network_is_best, _amae_over_size, _defocus_is_easiest, _sharp_frames, _many_times_faster, _preprocessing,
+    _published_times,
+)  # fmt: skip

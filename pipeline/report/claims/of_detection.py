@@ -3,33 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from pipeline.control.order_conclusions import DETECTOR, ENCODED, LINEAR, PAPER, Study
+from pipeline.control.order_conclusions import DETECTOR, ENCODED, LINEAR, PAPER, Conclusion, Study
 from pipeline.control.scenario_result import OURS
 from pipeline.report import detection_results
-from pipeline.report.claims.claim import (
-    CONTRADICTED,
-    SUPPORTED,
-    UNDECIDED,
-    Evidence,
-    Measurement,
-    Measures,
-    of_cells,
-    of_number,
-    sides,
-)
-from pipeline.report.control_results import policy_word, scenario_results
+from pipeline.report.claims import claim
+from pipeline.report.claims.claim import Evidence, Measurement
+from pipeline.report.detection_results import Results
 from pipeline.report.display_names import word
 from pipeline.report.inputs import published_table
 from pipeline.report.sections import order_study
+from pipeline.report.sections.closed_loop import scenario_results
 from pipeline.report.tables import records
-
-if TYPE_CHECKING:
-    from pipeline.control.order_conclusions import Conclusion
-    from pipeline.report.detection_results import Results
 
 BUILT_IN = ("prosilica", "mean_intensity")
 
@@ -53,13 +40,13 @@ def _falls(evidence: Evidence, *, cause: str) -> Measurement | None:
     for dataset, table in _sweeps(evidence):
         selected = table[table[other] == 0]
         clean, worst = selected[selected[column] == 0].iloc[0], selected[selected[column] == selected[column].max()]
-        pairs += [sides(row, clean) for row in records(worst)]
+        pairs += [claim.sides(row, clean) for row in records(worst)]
         on.append(dataset)
         ends.append((clean["ap_percent"], worst["ap_percent"].mean()))
     if not pairs:
         return None
     before, after = (sum(end[number] for end in ends) / len(ends) for number in (0, 1))
-    return of_cells(pairs, "condition", on, f"Mean AP {before:.0f} to {after:.0f} %.")
+    return claim.of_cells(pairs, "condition", on, f"Mean AP {before:.0f} to {after:.0f} %.")
 
 
 def _both_cost_more(evidence: Evidence) -> Measurement | None:
@@ -72,9 +59,9 @@ def _both_cost_more(evidence: Evidence) -> Measurement | None:
             if (px, dn) == (size, level) and (size, angle, 0.0) in cells:
                 blurred = cells[size, angle, 0.0]
                 lowest = {end: min(noisy[end], blurred[end]) for end in ("low_percent", "high_percent")}
-                pairs.append(sides(both, lowest))
+                pairs.append(claim.sides(both, lowest))
                 on.append(dataset)
-    return of_cells(pairs, "direction", on)
+    return claim.of_cells(pairs, "direction", on)
 
 
 def _not_monotonic(evidence: Evidence) -> Measurement | None:
@@ -87,7 +74,7 @@ def _not_monotonic(evidence: Evidence) -> Measurement | None:
             certain += int(group["certainly"].sum())
             bins += len(group)
     text = f"{rises} of {bins} bins exceed a milder neighbour, {certain} certainly, corrected for their number."
-    return of_cells(pairs, "surface", on, text)
+    return claim.of_cells(pairs, "surface", on, text)
 
 
 def _direction_matters(evidence: Evidence) -> Measurement | None:
@@ -104,7 +91,7 @@ def _direction_matters(evidence: Evidence) -> Measurement | None:
         f"{best['kernel_size_px']:g} px); in the paper's table {theirs:.0f} points."
     )
     value, low, high = (best[name] for name in ("spread_percent", "low_percent", "high_percent"))
-    return of_number(value, low, high, 5.0, text, [best["dataset"]])
+    return claim.of_number(value, low, high, 5.0, text, [best["dataset"]])
 
 
 def _regression(evidence: Evidence) -> Measurement | None:
@@ -116,7 +103,7 @@ def _regression(evidence: Evidence) -> Measurement | None:
         return None
     values = [r2 for _, r2 in fits]
     text = f"R² of {min(values):.3f} to {max(values):.3f}; the paper's {bound:.3f} and more counts."
-    return of_cells([(r2 >= bound, r2 < bound) for r2 in values], "fit", [dataset for dataset, _ in fits], text)
+    return claim.of_cells([(r2 >= bound, r2 < bound) for r2 in values], "fit", [dataset for dataset, _ in fits], text)
 
 
 def _grid(evidence: Evidence) -> Measurement | None:
@@ -125,7 +112,7 @@ def _grid(evidence: Evidence) -> Measurement | None:
         return None
     miss = max(float(one["largest_miss_of_grid"]) for one in fits.values())
     text = f"Largest difference from the printed grid: {miss:.3f} points."
-    return of_number(miss, miss, miss, 0.1, text, (), above=False)
+    return claim.of_number(miss, miss, miss, 0.1, text, (), above=False)
 
 
 def _framework_wins(evidence: Evidence) -> Measurement | None:
@@ -134,8 +121,8 @@ def _framework_wins(evidence: Evidence) -> Measurement | None:
         return None
     at = {row["controller"]: row for row in records(table)}
     ours, others = at["proposed"], [at["camera_default"], at["fixed_parameters"]]
-    below, above = zip(*(sides(ours, row) for row in others), strict=True)
-    verdict = SUPPORTED if all(above) else CONTRADICTED if any(below) else UNDECIDED
+    below, above = zip(*(claim.sides(ours, row) for row in others), strict=True)
+    verdict = claim.SUPPORTED if all(above) else claim.CONTRADICTED if any(below) else claim.UNDECIDED
     text = ", ".join(
         f"{name} {row['car_ap_percent']:.0f} % ({row['low_percent']:.0f} to {row['high_percent']:.0f})"
         for name, row in (("framework", ours), ("built-in", others[0]), ("fixed", others[1]))
@@ -154,12 +141,12 @@ def _framework_wins_elsewhere(evidence: Evidence) -> Measurement | None:
                     pairs.append((difference[1] > 0, difference[2] < 0))
                     words.append(difference[0])
     text = (
-        f"Difference of AP {min(words):+.0f} to {max(words):+.0f} points ({', '.join(map(policy_word, OURS))} less "
-        f"{', '.join(map(policy_word, BUILT_IN))})."
+        f"Difference of AP {min(words):+.0f} to {max(words):+.0f} points ({', '.join(map(word, OURS))} less "
+        f"{', '.join(map(word, BUILT_IN))})."
         if words
         else ""
     )
-    return of_cells(pairs, "comparison", ["sim"], text)
+    return claim.of_cells(pairs, "comparison", ["sim"], text)
 
 
 def _trade(evidence: Evidence) -> Measurement | None:
@@ -169,7 +156,7 @@ def _trade(evidence: Evidence) -> Measurement | None:
     at = steps[steps["example"] == "sim_yolov4_car"].set_index("step")["detection_score"]
     before, after = float(at["corrupted"]), float(at["final"])
     text = f"Score of the car {before:.2f} to {after:.2f}; the paper's 0.25 to 0.50."
-    return Measurement(text, SUPPORTED if after > before else CONTRADICTED, after, on=word("sim"))
+    return Measurement(text, claim.SUPPORTED if after > before else claim.CONTRADICTED, after, on=word("sim"))
 
 
 def order(evidence: Evidence, *, conclusion: Conclusion) -> Measurement | None:
@@ -179,20 +166,13 @@ def order(evidence: Evidence, *, conclusion: Conclusion) -> Measurement | None:
     if conditions is None or effects is None:
         return None
     study = Study(conditions, effects)
-    verdicts = {True: SUPPORTED, False: CONTRADICTED, None: UNDECIDED}
+    verdicts = {True: claim.SUPPORTED, False: claim.CONTRADICTED, None: claim.UNDECIDED}
     text = f"{order_study.evidence(study, conclusion, setting)}; in the paper's order and light "
     text += order_study.evidence(study, conclusion, (PAPER, ENCODED))
     return Measurement(f"{text}.", verdicts[study.holds(conclusion, setting)], on=word("sim"))
 
 
-MEASURES: Measures = {
-    "falls": _falls,
-    "both_cost_more": _both_cost_more,
-    "not_monotonic": _not_monotonic,
-    "direction_matters": _direction_matters,
-    "regression": _regression,
-    "grid": _grid,
-    "trade": _trade,
-    "framework_wins": _framework_wins,
-    "framework_wins_elsewhere": _framework_wins_elsewhere,
-}
+MEASURES = claim.measures(
+    _falls, _both_cost_more, _not_monotonic, _direction_matters, _regression, _grid, _trade, _framework_wins,
+    _framework_wins_elsewhere,
+)  # fmt: skip

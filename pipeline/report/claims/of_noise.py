@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
-from pipeline.report.claims.claim import UNDECIDED, Evidence, Measurement, Measures, of_cells, of_number, sides
+from pipeline.report.claims import claim
+from pipeline.report.claims.claim import Evidence, Measurement
 from pipeline.report.display_names import word
 from pipeline.report.inputs import published_table
 from pipeline.report.ledger_sources import levels
@@ -40,11 +41,7 @@ def _by_estimator(cells: pd.DataFrame) -> str:
 def _of_paper(counted: pd.DataFrame, pairs: list[tuple[bool, bool]], what: str, text: str) -> Measurement | None:
     """A claim about the paper's estimators, by their cells that have an interval; those of ours are stated in words.
 
-    Args:
-        counted: dataset, estimator, ``low_percent`` of each cell.
-        pairs: of each, whether it supports and whether it opposes the claim.
-        what: a cell in words.
-        text: more numbers.
+    ``counted`` holds dataset, estimator and ``low_percent`` of each cell; for the rest see `claim.of_cells`.
     """
     known = counted["low_percent"].notna().to_numpy()
     papers = counted["estimator"].isin(PAPER_BLUR).to_numpy()
@@ -57,9 +54,9 @@ def _of_paper(counted: pd.DataFrame, pairs: list[tuple[bool, bool]], what: str, 
         supporting, opposing = (sum(bool(pair[number]) for pair in ours) for number in (0, 1))
         text = f"{text} Ours, not counted ({names}): {supporting} for, {opposing} against, of {len(ours)}."
     if not chosen:
-        return Measurement(f"No {what} of the paper's estimators has an interval. {text}".strip(), UNDECIDED)
+        return Measurement(f"No {what} of the paper's estimators has an interval. {text}".strip(), claim.UNDECIDED)
     text = f"Of the paper's estimators. {text}".strip()
-    return of_cells(chosen, what, counted.loc[papers & known, "dataset"], text)
+    return claim.of_cells(chosen, what, counted.loc[papers & known, "dataset"], text)
 
 
 def _prevents(evidence: Evidence, *, experiment: str) -> Measurement | None:
@@ -77,7 +74,7 @@ def _disturbs(evidence: Evidence) -> Measurement | None:
     groups = [group.sort_values("target_sigma_dn") for _, group in cells.groupby(KERNEL) if len(group) > 1]
     if not groups:
         return None
-    pairs = [sides(group.iloc[0], group.iloc[-1]) for group in groups]
+    pairs = [claim.sides(group.iloc[0], group.iloc[-1]) for group in groups]
     loudest = pd.concat([group.iloc[-1:] for group in groups])
     return _of_paper(loudest, pairs, "kernel", _by_estimator(cells))
 
@@ -96,10 +93,12 @@ def _overestimates(evidence: Evidence) -> Measurement | None:
     for (dataset, name), group in curves.groupby(["dataset", "estimator"]):
         at = group.sort_values("target_sigma_dn")
         quiet, loud = at.iloc[0], at.iloc[-1]
-        pairs.append(sides(quiet, loud, ("minimum", "maximum")))
+        pairs.append(claim.sides(quiet, loud, ("minimum", "maximum")))
         words.append(f"{word(str(name))} on {word(str(dataset))} {quiet['median']:.2f} to {loud['median']:.2f}")
         on.append(dataset)
-    return of_cells(pairs, "curve", on, f"Median at 0.3 of Nyquist: {', '.join(words)}. Ranges over patches decide.")
+    return claim.of_cells(
+        pairs, "curve", on, f"Median at 0.3 of Nyquist: {', '.join(words)}. Ranges over patches decide."
+    )
 
 
 def _smoothing(evidence: Evidence) -> Measurement | None:
@@ -107,7 +106,7 @@ def _smoothing(evidence: Evidence) -> Measurement | None:
     cells = cells[cells["target_sigma_dn"] >= NOISY_DN]
     plain = {tuple(row[name] for name in CELL): row for row in records(where(cells, filter_px=0))}
     smoothed = [row for row in records(cells[cells["filter_px"] > 0]) if tuple(row[name] for name in CELL) in plain]
-    pairs = [sides(row, plain[tuple(row[name] for name in CELL)]) for row in smoothed]
+    pairs = [claim.sides(row, plain[tuple(row[name] for name in CELL)]) for row in smoothed]
     text = "Beside the same cell without the disc."
     return _of_paper(pd.DataFrame(smoothed, columns=cells.columns), pairs, "cell", text)
 
@@ -120,7 +119,7 @@ def _follows(evidence: Evidence) -> Measurement | None:
         pairs.append((below > -FOLLOWS_DN and above < FOLLOWS_DN, above < -FOLLOWS_DN or below > FOLLOWS_DN))
     errors = (cells["median_dn"] - cells["unclipped_median_dn"]).groupby(cells["estimator"]).agg(["min", "max"])
     words = [f"{word(str(name))} {row['min']:+.1f} to {row['max']:+.1f} DN" for name, row in errors.iterrows()]
-    return of_cells(pairs, "cell", cells["dataset"], f"Median less noise added: {', '.join(words)}.")
+    return claim.of_cells(pairs, "cell", cells["dataset"], f"Median less noise added: {', '.join(words)}.")
 
 
 def _real_cameras(evidence: Evidence) -> Measurement | None:
@@ -136,7 +135,7 @@ def _real_cameras(evidence: Evidence) -> Measurement | None:
         pairs.append((row["true_mae_high_dn"] < bound, row["true_mae_low_dn"] > bound))
         words.append(f"{word(row['estimator'])} {row['true_mae_dn']:.1f} of {row['true_mean_dn']:.1f} DN")
     text = f"Mean error of the noise present: {', '.join(words)}. Within {100 * REAL_FRACTION:.0f} % counts."
-    return of_cells(pairs, "dataset-estimator pair", [row["dataset"] for row in rows], text)
+    return claim.of_cells(pairs, "dataset-estimator pair", [row["dataset"] for row in rows], text)
 
 
 def _levels(evidence: Evidence) -> Measurement | None:
@@ -145,16 +144,9 @@ def _levels(evidence: Evidence) -> Measurement | None:
         return None
     worst = float(misses["miss_percent"].max())
     text = f"Largest deviation from the target before clipping: {worst:.3f} %."
-    return of_number(worst, worst, worst, 2.0, text, misses["dataset"], above=False)
+    return claim.of_number(worst, worst, worst, 2.0, text, misses["dataset"], above=False)
 
 
-MEASURES: Measures = {
-    "levels": _levels,
-    "follows": _follows,
-    "real_cameras": _real_cameras,
-    "prevents": _prevents,
-    "disturbs": _disturbs,
-    "defocus_under_photon_noise": _defocus_under_photon_noise,
-    "overestimates": _overestimates,
-    "smoothing": _smoothing,
-}
+MEASURES = claim.measures(
+    _levels, _follows, _real_cameras, _prevents, _disturbs, _defocus_under_photon_noise, _overestimates, _smoothing,
+)  # fmt: skip

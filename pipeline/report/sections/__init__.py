@@ -5,9 +5,9 @@ from __future__ import annotations
 from importlib import resources
 from typing import Any
 
+from pipeline.report.yaml_files import content
+
 
 def description(section: str) -> Any:
     """The content of a section's YAML file."""
-    import yaml
-
-    return yaml.safe_load(resources.files(__package__).joinpath(f"{section}.yaml").read_text(encoding="utf-8"))
+    return content(resources.files(__package__), f"{section}.yaml")

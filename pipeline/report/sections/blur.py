@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from pipeline.camera.mtf import FREQUENCIES, SYSTEM
 from pipeline.experiments import blur_records
@@ -15,25 +15,13 @@ from pipeline.experiments.sharp_curves import sharp_curves, sharp_errors
 from pipeline.report import style
 from pipeline.report.display_names import ESTIMATORS, counted, in_order, listing, word
 from pipeline.report.figures import PAPER, abstentions, beside_the_paper, lines
-from pipeline.report.inputs import (
-    ReportInputs,
-    at_frequencies,
-    blur_estimates,
-    blur_summary,
-    mode_note,
-    mode_of,
-    published,
-)
-from pipeline.report.ledger import LedgerRow
+from pipeline.report.inputs import ReportInputs, at_frequencies, mode_note, mode_of, published
 from pipeline.report.ledger_sources import lenses, star_curve
 from pipeline.report.sections import blur_amae, kernel_gallery
 from pipeline.report.sections.blur_amae import ANY_STAGE, PAGE
 from pipeline.report.spec import Block, NotRun, Run, Section, missing, pairs_of, runs_by_estimator, single
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Table, as_recorded, where
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from pipeline.report.tables import Table, as_recorded, records, where
 
 TITLE = "Blur estimation"
 STAR: style.Look = {"color": style.INK, "linewidth": 1.0}
@@ -47,11 +35,9 @@ def uncorrupted(
 ) -> Drawing:
     """The paper's figure of uncorrupted datasets: median and range of the inliers over the eight frequencies.
 
-    Args:
-        curves: `pipeline.experiments.sharp_curves.sharp_curves`.
-        datasets: rows of the figure; one without numbers is shown as not run.
-        paper: columns dataset, estimator, statistic, frequency, mtf: the paper's, horizontal.
-        stars: dataset -> (K,) frequency as fraction of Nyquist and (K,) MTF, where a dataset's own is known.
+    ``curves`` as of `sharp_curves`; ``paper`` holds its published curves, horizontal; ``stars``: dataset -> (K,)
+    frequency as fraction of Nyquist and (K,) MTF, where its own is known. A dataset without numbers is shown as not
+    run.
     """
     stars, theirs = stars or {}, where(paper, statistic="median", dataset=list(datasets))
     theirs = at_frequencies(theirs[theirs["estimator"] != "ground_truth"])
@@ -65,18 +51,8 @@ def uncorrupted(
             inside = frequency <= 0.62
             axes.plot(frequency[inside], mtf[inside], zorder=4, **STAR)
         if axis == "H":
-            lines(
-                axes,
-                where(theirs, dataset=dataset),
-                "estimator",
-                looks,
-                "at",
-                "mtf",
-                change=PAPER,
-                zorder=2,
-                part="paper",
-                key=key,
-            )
+            curve = where(theirs, dataset=dataset)
+            lines(axes, curve, "estimator", looks, "at", "mtf", change=PAPER, zorder=2, part="paper", key=key)
 
     def counts(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         abstentions(axes, where(rows, frequency_index=0), key, estimators, at_top=False)
@@ -96,18 +72,13 @@ def _uncorrupted_alt(
 ) -> str:
     if curves.empty:
         return PAGE.text("uncorrupted_not_run")
-    last = curves[(curves["frequency_index"] == curves["frequency_index"].max()) & (curves["axis"] == "H")]
+    last = where(curves, frequency_index=curves["frequency_index"].max(), axis="H")
     medians = last.groupby("estimator")["median"].agg(["min", "max", "size"]).loc[list(estimators)].reset_index()
-    ends = [f"{row.min:.2f} to {row.max:.2f}" if row.size > 1 else f"{row.min:.2f}" for row in medians.itertuples()]
-    sentences = [
-        PAGE.text("star_alt", dataset=dataset, mtf=np.interp(FREQUENCIES[-1], frequency, mtf))
-        for dataset, (frequency, mtf) in stars.items()
-    ]
-    datasets = listing(word(name) for name in curves["dataset"].unique())
-    after = "".join(f" {sentence}" for sentence in sentences)
-    return PAGE.alt(
-        "uncorrupted_mtf", medians.assign(ends=ends), datasets=datasets, highest=FREQUENCIES[-1], after=after
-    )
+    ends = [f"{row['min']:.2f}" + (f" to {row['max']:.2f}" if row["size"] > 1 else "") for row in records(medians)]
+    at_last = {dataset: np.interp(FREQUENCIES[-1], *star) for dataset, star in stars.items()}
+    after = "".join(f" {PAGE.text('star_alt', dataset=dataset, mtf=mtf)}" for dataset, mtf in at_last.items())
+    words = {"datasets": listing(map(word, curves["dataset"].unique())), "highest": FREQUENCIES[-1], "after": after}
+    return PAGE.alt("uncorrupted_mtf", medians.assign(ends=ends), **words)
 
 
 def _stages(rows: pd.DataFrame) -> tuple[str, ...]:
@@ -148,22 +119,19 @@ def unseen(inputs: ReportInputs) -> Table | None:
 
 def _runs(summary: pd.DataFrame, inputs: ReportInputs) -> list[Run]:
     planned = [name for dataset, name in inputs.pairs("blur") if dataset in inputs.datasets]
-    recorded = [
-        (dataset, name) for dataset, names in blur_records.estimators(inputs.recorded).items() for name in names
-    ]
-    ran = pairs_of(summary)
+    ran, recorded = pairs_of(summary), blur_records.estimators(inputs.recorded)
     listed = {*planned, *(name for _, name in ran)}
-    known = [(dataset, name) for dataset, name in recorded if name in listed]
+    known = [(dataset, name) for dataset, names in recorded.items() for name in names if name in listed]
     return runs_by_estimator("Blur", "blur", ran, known, inputs, planned)
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """Blur estimation on every dataset."""
-    summary, introduction = blur_summary(inputs), PAGE.text("introduction")
+    summary, introduction = inputs.noiseless("blur_summary"), PAGE.text("introduction")
     if summary.empty:
         run = single(TITLE, ANY_STAGE, False, inputs)
         return Section("blur", TITLE, (introduction,), [NotRun(PAGE.text("parts"), run.why, run.line)], [run])
-    estimates = blur_estimates(inputs)
+    estimates = inputs.noiseless("blur_estimates")
     datasets = in_order(summary["dataset"], inputs.datasets)
     runs = _runs(summary, inputs)
     # A relative MTF of sharp frames is no curve of theirs.
@@ -186,29 +154,29 @@ def subsets(record: BlurRecord) -> list[str]:
     return [f"{listing(words)}, the others on {whole[1]} of {whole[0]} frames."] if words else []
 
 
-def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+def recorded(inputs: ReportInputs) -> Section | None:
     """Blur estimation on pictures recorded by ``camera-monitor blur record``, or None without a record."""
-    records = blur_records.read(inputs.recorded)
-    if not records:
+    known = blur_records.read(inputs.recorded)
+    if not known:
         return None
-    datasets = [one.dataset for one in records]
-    settings = {name: selected for one in records for name, selected in one.provenance["blur"]["estimators"].items()}
+    datasets = [one.dataset for one in known]
+    settings = {name: selected for one in known for name, selected in one.provenance["blur"]["estimators"].items()}
     modes = {name: mode for name, selected in settings.items() if (mode := mode_of(selected))}
-    names = {one.dataset: "; ".join(map(word, in_order(one.estimators, ESTIMATORS))) for one in records}
-    sources = [{**one.described(), "estimators": names[one.dataset]} for one in records]
+    names = {one.dataset: "; ".join(map(word, in_order(one.estimators, ESTIMATORS))) for one in known}
+    sources = [{**one.described(), "estimators": names[one.dataset]} for one in known]
     blocks: list[Block] = [PAGE.table("recorded_blur_sources", sources)]
-    curves = [one.sharp for one in records if len(one.sharp)]
+    curves = [one.sharp for one in known if len(one.sharp)]
     if curves:
         drawing = uncorrupted(pd.concat(curves, ignore_index=True), datasets, published(inputs, "uncorrupted_mtf.csv"))
         blocks.append(PAGE.figure("recorded_uncorrupted_mtf", drawing, after=mode_note(modes, settings)))
-    summary = pd.concat([one.summary for one in records], ignore_index=True)
+    summary = pd.concat([one.summary for one in known], ignore_index=True)
     theirs = published(inputs, "blur_amae.csv")
-    exact = {(one.dataset, paper): name for one in records for paper, name in one.exact.items()}
+    exact = {(one.dataset, paper): name for one in known for paper, name in one.exact.items()}
     pairs = zip(theirs["dataset"], theirs["estimator"], strict=True)
     # The paper's numbers stand beside our exact programs, on datasets where these were run.
     paper = theirs.assign(estimator=[exact.get(pair, pair[1]) for pair in pairs])
     blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), "recorded", modes)
-    for one in records:
+    for one in known:
         blurred = blur_amae.without_unknown_lenses(one.summary)
         shown = blur_amae.tables_one(one.dataset, blurred, paper, modes)
         few = PAGE.text("few_frames", frames=len(one.provenance["frames"]))
@@ -216,6 +184,6 @@ def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section 
     selected = summary[~summary["estimator"].isin(set(exact.values()))]
     beside = blur_amae.beside_the_best(selected, theirs, "")
     if beside is not None:
-        counts = listing(f"{len(one.provenance['frames'])} of {word(one.dataset)}" for one in records)
+        counts = listing(f"{len(one.provenance['frames'])} of {word(one.dataset)}" for one in known)
         blocks.append(as_recorded(beside, PAGE.text("few_frames", frames=counts)))
     return Section("blur_recorded", "Blur estimation on recorded pictures", (PAGE.text("recorded"),), blocks)

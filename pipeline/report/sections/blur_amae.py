@@ -2,40 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from pipeline.camera.mtf import CAMERA, GENERIC_LENS
 from pipeline.experiments.condition import SHARP
 from pipeline.grouped_statistics import weighted_mean
-from pipeline.report import style
+from pipeline.report import style, tables
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, DATASETS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import PAPER, beside_the_paper, lines
 from pipeline.report.inputs import mode_note, relative_mtf
 from pipeline.report.spec import Figure
 from pipeline.report.style import Drawing
-from pipeline.report.tables import (
-    Estimate,
-    Row,
-    Table,
-    amae,
-    format_number,
-    mean_cell,
-    ordered,
-    pivot,
-    reasons_of,
-    records,
-    where,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from pipeline.report.tables import Estimate, Row, Table, amae, mean_cell, ordered, pivot, where
 
 ANY_STAGE = "blur@<dataset>-<estimator>"
 SHORT = {"defocus": "D", "linear_motion": "L", "nonlinear_motion": "N"}
@@ -49,10 +36,7 @@ BLUR = ["dataset", "blur_kind", "kernel_size_px"]
 def with_paper(summary: pd.DataFrame, paper: pd.DataFrame) -> pd.DataFrame:
     """The summary with the paper's Table I in a column ``paper_percent``, beside raw estimates only.
 
-    Args:
-        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
-        paper: columns dataset, estimator, blur, size_px, amae_percent; rows that did not run are appended for the
-            summary's datasets, with NaN for ours.
+    Rows of the paper's that did not run are appended for the datasets of the summary, with NaN for ours.
     """
     keys = [*BLUR, "estimator", "calibrated"]
     theirs = paper.rename(columns={"amae_percent": "paper_percent"}).assign(calibrated=False)
@@ -63,9 +47,7 @@ def with_paper(summary: pd.DataFrame, paper: pd.DataFrame) -> pd.DataFrame:
 def without_unknown_lenses(summary: pd.DataFrame, errors: pd.DataFrame | None = None) -> pd.DataFrame:
     """The summary with sharp frames evaluated against their lens, and left out where that is not known.
 
-    Args:
-        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
-        errors: `pipeline.experiments.sharp_curves.sharp_errors`.
+    ``errors`` as of `pipeline.experiments.sharp_curves.sharp_errors`.
     """
     blurred = summary[summary["blur_kind"] != SHARP]
     return blurred if errors is None or errors.empty else pd.concat([errors, blurred], ignore_index=True)
@@ -84,10 +66,7 @@ def _notes(
 def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) -> Drawing:
     """AMAE over the kernel size: datasets down, kinds of blur across.
 
-    Args:
-        summary: `pipeline.experiments.tables.BLUR_SUMMARY`, without sharp frames, all raw or all calibrated.
-        datasets: rows of the figure; one without numbers is shown as not run.
-        paper: columns dataset, estimator, blur, size_px, amae_percent: Table I.
+    A summary without sharp frames, all raw or all calibrated; a dataset without numbers is shown as not run.
     """
     theirs = where(paper.rename(columns={"amae_percent": "paper_amae_percent"}), dataset=list(datasets))
     estimators = in_order([*summary["estimator"], *theirs["estimator"]], ESTIMATORS)
@@ -101,8 +80,8 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) 
             "paper_amae_percent", change=PAPER, zorder=2, part="paper", key=key,
         )  # fmt: skip
 
-    means = summary.groupby("estimator")["amae_percent"].agg(["mean", "max"])
-    means = means.loc[[name for name in estimators if name in means.index]].reset_index()
+    means = summary.groupby("estimator", as_index=False)["amae_percent"].agg(["mean", "max"])
+    means = ordered(means, estimator=ESTIMATORS)
     shown = ["dataset", "blur_kind", "kernel_size_px", "estimator"]
     values = summary[[*shown, "calibrated", "amae_percent", "low_percent", "high_percent", "count", "abstained"]]
     return PAGE.grid(
@@ -125,13 +104,8 @@ def figures(
 ) -> list[Figure]:
     """A figure of raw estimates and one of calibrated ones, where there are any.
 
-    Args:
-        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
-        datasets: in their order.
-        paper: the paper's Table I.
-        stages: (rows shown) -> stages that made them.
-        prefix: before names and captions, e.g. ``"recorded"``.
-        modes: see `ReportInputs`.
+    ``stages`` gives the stages that made the rows shown; ``prefix`` stands before names and captions, e.g.
+    ``"recorded"``.
     """
     drawn = []
     for is_calibrated, key in ((False, "blur_amae"), (True, "blur_amae_calibrated")):
@@ -155,7 +129,7 @@ def _blur(row: Row) -> str:
     """``"D 3"``, as the paper abbreviates."""
     if row["blur_kind"] in (MEAN, SHARP):
         return MEAN if row["blur_kind"] == MEAN else "None (sharp)"
-    return f"{SHORT.get(row['blur_kind'], word(row['blur_kind']))} {format_number(row['kernel_size_px'])}"
+    return f"{SHORT.get(row['blur_kind'], word(row['blur_kind']))} {tables.format_number(row['kernel_size_px'])}"
 
 
 def tables_one(
@@ -178,12 +152,7 @@ def table_one(
 ) -> Table:
     """Table I of one dataset: a row for each kind and size of blur, a column for each estimator, and their means.
 
-    Args:
-        dataset: name.
-        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
-        paper: the paper's Table I, shown beside raw estimates, which are what the paper prints.
-        is_calibrated: show estimates divided by those for sharp frames.
-        modes: see `ReportInputs`.
+    The paper's numbers stand beside raw estimates, which are what it prints.
     """
     cells = where(with_paper(where(summary, dataset=dataset), paper), calibrated=is_calibrated)
     cells = ordered(cells, blur_kind=[SHARP, *BLURS], kernel_size_px=())
@@ -195,9 +164,9 @@ def table_one(
     rows.append({"blur_kind": MEAN, **{name: cell for name, cell in means.items() if cell is not None}})
 
     def best(row: Row) -> str:
-        values = {name: cell.value for name in estimators if isinstance(cell := row.get(name), Estimate)}
-        values = {name: value for name, value in values.items() if math.isfinite(value)}
-        return word(min(values, key=lambda name: values[name])) if len(values) > 1 else ""
+        cells = {name: cell for name in estimators if isinstance(cell := row.get(name), Estimate)}
+        known = {name: cell.value for name, cell in cells.items() if math.isfinite(cell.value)}
+        return word(min(known, key=lambda name: known[name])) if len(known) > 1 else ""
 
     also = ["sharp"] if (cells["blur_kind"] == SHARP).any() else []
     notes = _notes(summary, modes or {}, estimators, is_calibrated)
@@ -213,91 +182,79 @@ def table_one(
 def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame, frames: str = OTHER_FRAMES) -> Table | None:
     """Estimators of this project beside the paper's CNN and the best of its three, per dataset and blur.
 
-    Args:
-        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
-        paper: the paper's Table I.
-        frames: how ours differ from the paper's, a sentence.
+    ``frames`` states how ours differ from the paper's. None where no dataset of the paper ran.
 
     Returns:
         None where no dataset of the paper ran.
     """
-    theirs: dict[tuple[Any, ...], dict[str, float]] = {}
-    for row in records(paper):
-        theirs.setdefault(tuple(row[name] for name in BLUR), {})[row["estimator"]] = row["amae_percent"]
-    ours = in_order(set(summary["estimator"]) - {name for cell in theirs.values() for name in cell}, ESTIMATORS)
+    theirs = paper.pivot(index=BLUR, columns="estimator", values="amae_percent")
+    ours = in_order(set(summary["estimator"]) - set(theirs.columns), ESTIMATORS)
     blurred = summary[(summary["blur_kind"] != SHARP) & summary["estimator"].isin(ours)]
     blurred = ordered(blurred, dataset=DATASETS, blur_kind=BLURS, kernel_size_px=())
     calibrated = blurred["calibrated"].astype(bool)
     both = calibrated & blurred["estimator"].isin(blurred.loc[~calibrated, "estimator"])
     blurred = blurred.assign(column=blurred["estimator"] + np.where(both, "_calibrated", ""))
-    wide = [row for row in pivot(blurred, BLUR, "column", amae) if tuple(row[name] for name in BLUR) in theirs]
+    wide: dict[str, list[dict[str, Any]]] = {}
+    for row in pivot(blurred, BLUR, "column", amae):
+        key = tuple(row[name] for name in BLUR)
+        if key in theirs.index:
+            cells = theirs.loc[key].dropna()
+            best = {"cnn": cells.get("cnn"), "best": cells.min(), "which": ESTIMATORS[str(cells.idxmin())]}
+            wide.setdefault(row["dataset"], []).append(row | best)
     rows: list[dict[str, Any]] = []
-    for dataset in in_order((row["dataset"] for row in wide), DATASETS):
-        selected = []
-        for row in (row for row in wide if row["dataset"] == dataset):
-            cells = theirs[tuple(row[name] for name in BLUR)]
-            value, best = min((value, name) for name, value in cells.items())
-            selected.append({**row, "cnn": cells.get("cnn"), "best": value, "which": ESTIMATORS[best]})
+    for dataset, selected in wide.items():
         averaged = [name for name in selected[0] if name not in BLUR]
         means = {name: mean_cell([row.get(name) for row in selected]) for name in averaged}
         rows += [*selected, {**means, "dataset": dataset, "blur_kind": MEAN}]
     if not rows:
         return None
-    across: dict[str, str] = {}
-    for name in ours:
-        across |= {name: word(name), f"{name}_calibrated": f"{word(name)}, calibrated"}
-    across = {key: title for key, title in across.items() if any(row.get(key) is not None for row in rows)}
+    titles = {
+        f"{name}{after}": word(name) + how
+        for name in ours
+        for after, how in (("", ""), ("_calibrated", ", calibrated"))
+    }
+    across = {key: title for key, title in titles.items() if any(row.get(key) is not None for row in rows)}
     return PAGE.table("blur_beside_the_best", rows, cells={"blur": _blur}, across=across, frames=frames)
 
 
 def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
-    """Abstentions with their reasons, error of a single patch, and coverage of the intervals.
-
-    Args:
-        summary: `pipeline.experiments.tables.BLUR_SUMMARY`.
-        estimates: `pipeline.experiments.tables.BLUR_ESTIMATES`.
-    """
+    """Abstentions with their reasons, error of a single patch, and coverage of the intervals."""
     # An estimator that is calibrated to its camera has calibrated estimates only.
     calibrated_only = summary.groupby(["dataset", "estimator"])["calibrated"].transform("all")
     raw = summary[~summary["calibrated"] | calibrated_only]
     raw = ordered(raw, dataset=raw["dataset"].unique(), estimator=ESTIMATORS)
     rows = []
     for (dataset, estimator), row in raw.groupby(["dataset", "estimator"], sort=False):
-        blurred = row[row["blur_kind"] != SHARP]
-        counts = {name: int(row[name].sum()) for name in ("count", "abstained")}
-        errors = {
-            "patch_error_percent": weighted_mean(blurred, "patch_error_percent"),
-            "coverage_percent": 100 * weighted_mean(blurred, "coverage"),
-        }
+        blurred, counts = (
+            row[row["blur_kind"] != SHARP],
+            {name: int(row[name].sum()) for name in ("count", "abstained")},
+        )
+        error, coverage = (weighted_mean(blurred, name) for name in ("patch_error_percent", "coverage"))
+        errors = {"patch_error_percent": error, "coverage_percent": 100 * coverage}
         rows.append({"dataset": dataset, "estimator": estimator, **counts, **errors})
     patch = ["dataset", "estimator", "kernel", "frame", "patch"]
     refused = estimates[estimates["abstained"]].drop_duplicates(patch)
-    return PAGE.table("blur_abstentions", rows, cells={"reasons": reasons_of(refused)})
+    return PAGE.table("blur_abstentions", rows, cells={"reasons": tables.reasons_of(refused)})
 
 
 def unseen_kernels(content: Mapping[str, Any]) -> Table:
     """AMAE of kernels of a kind that no network was trained on, as ``benchmarks/unseen_kernels.py`` recorded it.
 
-    Args:
-        content: ``kernels`` and ``results`` (dataset -> patches, estimator -> answer -> AMAE, and ``few`` patches).
+    ``content`` is its JSON: ``kernels`` and ``results`` (dataset -> patches, estimator -> answer -> AMAE, and ``few``
+    patches).
     """
-    groups = ("out of focus", "aberrated", "shaken")
-    answers = {
-        "raw": "",
-        "generic_lens": ", generic lens",
-        "calibrated": ", calibrated",
-        "camera_calibrated": ", camera-calibrated",
-    }
+    # Divided estimates of a kernel estimator are not shown: its own of sharp frames is not its camera's.
+    answers = [("spectral", "raw"), ("spectral", "generic_lens"), ("spectral", "calibrated"),
+               ("spectral", "camera_calibrated"), ("pmp", "raw"), ("gbb", "raw")]  # fmt: skip
+    how = {"raw": "", "generic_lens": ", generic lens", "calibrated": ", calibrated"}
+    how["camera_calibrated"] = ", camera-calibrated"
+    results = content["results"]
     rows = []
-    for dataset in in_order(content["results"], DATASETS):
-        for part in (content["results"][dataset], content["results"][dataset].get("few", {})):
-            for estimator in ("spectral", "pmp", "gbb"):
-                # Divided estimates of a kernel estimator are not shown: its own of sharp frames is not its camera's.
-                for answer in answers if estimator == "spectral" else ("raw",):
-                    result = part.get(estimator, {}).get(answer)
-                    if result is not None:
-                        head = {"dataset": dataset, "estimator": word(estimator) + answers[answer]}
-                        means = {group: float(result["mean_of_group_percent"][group]) for group in groups}
-                        mean = float(result["mean_amae_percent"])
-                        rows.append({**head, "patches": part["patches"], **means, "mean": mean})
+    for dataset in in_order(results, DATASETS):
+        for part, (name, answer) in itertools.product((results[dataset], results[dataset].get("few", {})), answers):
+            result = part.get(name, {}).get(answer)
+            if result is not None:
+                head = {"dataset": dataset, "estimator": word(name) + how[answer], "patches": part["patches"]}
+                means = {group: float(mean) for group, mean in result["mean_of_group_percent"].items()}
+                rows.append({**head, **means, "mean": float(result["mean_amae_percent"])})
     return PAGE.table("blur_unseen_kernels", rows, count=len(content["kernels"]))

@@ -13,7 +13,6 @@ from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections.order_study import STAGE
 from pipeline.report.spec import Section
 from pipeline.report.tables import Estimate, Table
@@ -79,7 +78,7 @@ def finding(pairs: Sequence[tuple[Claim, Measurement]]) -> str:
     return f"Of {len(pairs)} claims of the paper, or implied by it, {listing(parts)} (table of claims)."
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """The table of claims."""
     pairs = measurements(inputs)
     return Section("claims", "Claims", [PAGE.text("introduction")], [claims_table(pairs)], findings=[finding(pairs)])

@@ -3,38 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, records_with
+from pipeline.grouped_statistics import weighted_mean
 from pipeline.report import style
-from pipeline.report.display_names import ESTIMATORS, EXPERIMENTS, in_order, word
+from pipeline.report.descriptions import Descriptions
+from pipeline.report.display_names import DATASETS, ESTIMATORS, EXPERIMENTS, in_order, word
 from pipeline.report.figures import PAPER, PAPER_DASH, add_legend, lines, ordinal_legend
 from pipeline.report.inputs import ReportInputs, at_frequencies, published
-from pipeline.report.ledger import LedgerRow
-from pipeline.report.sections import combined_tables
-from pipeline.report.sections.combined_tables import DENOISED_STAGE, OURS_FIRST, PAGE, STAGE
 from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import Block, Section, missing, overview
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Table, as_recorded, ordered, where
+from pipeline.report.tables import (
+    Cell,
+    Row,
+    Table,
+    amae,
+    as_recorded,
+    estimate,
+    format_number,
+    mean_cell,
+    ordered,
+    pivot,
+    where,
+)  # fmt: skip
 from pipeline.stage_files import described, optional
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+PAGE = Descriptions("combined")
+STAGE = "combined@{dataset}"
+DENOISED_STAGE = "denoised_blur@{dataset}"
+PAPERS_DATASET = "udacity"
+OURS_FIRST = ["spectral", *(name for name in ESTIMATORS if name != "spectral")]
+VARIANT = ["estimator", "filter_px", "calibrated"]
 TITLE = "Blur and noise at once"
 TABLES = ("combined_blur", "combined_noise", "combined_curves")
 STEPS = {
-    "scene": "light",
-    "photon": "photon noise",
-    "optics": "optics (blur)",
-    "dark": "dark current",
-    "readout": "readout noise",
-    "frame": "8-bit frame",
-}
+    "scene": "light", "photon": "photon noise", "optics": "optics (blur)", "dark": "dark current",
+    "readout": "readout noise", "frame": "8-bit frame",
+}  # fmt: skip
 PICTURES = 3  # in a row of the example
 LEFT_IN = 0.5
 TRUTH: style.Look = {"color": style.INK, "linewidth": 1.3}
@@ -47,9 +58,7 @@ THIN_PAPER = PAPER | {"linewidth": 0.7}
 def order_figure(arrays: Mapping[str, np.ndarray], example: Mapping[str, Any]) -> Drawing:
     """One patch after each step of image formation; one row for each order that occurs among the experiments.
 
-    Args:
-        arrays: ``step_<experiment>_<step>``.
-        example: ``example.json`` of the stage `combined`.
+    ``arrays`` holds ``step_<experiment>_<step>``.
     """
     rows: dict[tuple[str, ...], str] = {}
     for entry in example["experiments"]:
@@ -84,11 +93,7 @@ def example_figure(
 ) -> Drawing:
     """One blur under growing noise: the patch, and the median MTF over all patches; one row per experiment.
 
-    Args:
-        curves: rows of `pipeline.experiments.tables.CURVES` of one dataset and estimator, raw.
-        arrays: ``level_<experiment>_<number>``.
-        example: ``example.json`` of the stage `combined`.
-        paper: columns series, sigma_dn, frequency, mtf: the paper's photon noise with linear motion.
+    ``curves`` of one dataset and estimator, raw; ``arrays`` holds ``level_<experiment>_<number>``.
     """
     entries: Sequence[Mapping[str, Any]] = example["experiments"]
     looks = style.ordinal_looks(curves["target_sigma_dn"])
@@ -129,7 +134,7 @@ def example_figure(
     return Drawing(figure, alt, values.drop(columns="frequency_index"))
 
 
-def _truth(axes: Axes, rows: pd.DataFrame) -> None:
+def _truth(axes: Axes, rows: pd.DataFrame, key: str = "") -> None:
     """The ground truth of a panel of curves."""
     truth = rows[rows["target_sigma_dn"] == rows["target_sigma_dn"].min()].sort_values("frequency_index")
     if len(truth):
@@ -148,10 +153,6 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
 
     Noise that comes after the optics stays white and should be estimated at its level. Photon noise is blurred with
     the scene in the paper's order: little of it is left (dashed).
-
-    Args:
-        cells: `pipeline.experiments.tables.NOISE_CELLS`.
-        dataset: name.
     """
     selected = cells[cells["dataset"] == dataset]
     looks = style.ordinal_looks(selected["kernel_size_px"])
@@ -176,10 +177,7 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
 def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) -> Drawing:
     """Error of the blur estimate over the noise level, coloured by kernel size: datasets down, experiments across.
 
-    Args:
-        cells: rows of `pipeline.experiments.tables.BLUR_CELLS` of one estimator, raw or calibrated.
-        datasets: rows of the figure.
-        paper: columns size_px, sigma_dn, amae_percent: the paper's photon noise with defocus, on Udacity.
+    ``cells`` of one estimator, raw or calibrated.
     """
     plain = cells[cells["filter_px"] == 0]
     looks = style.ordinal_looks(plain["kernel_size_px"])
@@ -205,10 +203,7 @@ def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFram
 def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame) -> Drawing:
     """Estimated MTF of one blur under growing noise: estimators down, experiments across.
 
-    Args:
-        curves: `pipeline.experiments.tables.CURVES` of one dataset, raw, mean of both directions, without a filter.
-        dataset: name.
-        paper: columns series, sigma_dn, frequency, mtf: the paper's photon noise with linear motion.
+    ``curves`` raw, mean of both directions, without a filter.
     """
     looks = style.ordinal_looks(curves["target_sigma_dn"])
     theirs = at_frequencies(where(paper, series="cnn"))
@@ -217,13 +212,117 @@ def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame) -> Dr
         if key.endswith(" photon_linear"):
             lines(axes, theirs, "sigma_dn", looks, "at", "mtf", change=THIN_PAPER, zorder=2)
 
-    def truth(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        _truth(axes, rows)
-
     distances = _distances(curves, curves["target_sigma_dn"].max(), ["estimator", "experiment"])
     alt = PAGE.alt("recorded_curves", distances, dataset=dataset, px=curves["kernel_size_px"].iloc[0])
     legend = [*ordinal_legend(looks, "DN", "no noise"), ("ground truth", TRUTH), THE_CNN]
-    return PAGE.grid("recorded_curves", curves, alt, looks, under=papers, over=truth, legend=legend)
+    return PAGE.grid("recorded_curves", curves, alt, looks, under=papers, over=_truth, legend=legend)
+
+
+def _variant(row: Row) -> str:
+    how = "calibrated" if row["calibrated"] else "raw"
+    return f"{how}, smoothed {row['filter_px']:g} px" if row["filter_px"] else how
+
+
+def _level(target_sigma_dn: float) -> str:
+    return f"level_{target_sigma_dn:g}"
+
+
+def _level_columns(cells: pd.DataFrame) -> dict[str, str]:
+    return {_level(level): f"{level:g} DN" for level in sorted(set(cells["target_sigma_dn"]))}
+
+
+def _shown(cells: pd.DataFrame, *by: str) -> pd.DataFrame:
+    """Raw and calibrated estimates, and raw ones with each disc that smoothed any patch (of the same group)."""
+    smoothed = (cells["smoothed_fraction"] > 0).groupby([cells[name] for name in (*by, "filter_px")]).transform("any")
+    return cells[(cells["filter_px"] == 0) | (~cells["calibrated"] & smoothed)]
+
+
+def error_table(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.DataFrame | None = None) -> Table:
+    """AMAE of one dataset and experiment: a row per estimator, variant and kernel size, a column per level, and means.
+
+    The paper's CNN on Udacity stands beside raw estimates of the first estimator.
+    """
+    selected = where(cells, dataset=dataset, experiment=experiment)
+    levels = _level_columns(selected)
+    selected = ordered(
+        _shown(selected, "estimator"), estimator=OURS_FIRST, filter_px=(), calibrated=(), kernel_size_px=()
+    )
+    if paper is not None and len(selected):
+        theirs = paper.rename(columns={"sigma_dn": "target_sigma_dn", "amae_percent": "paper_percent"})
+        theirs = theirs[["target_sigma_dn", "kernel_size_px", "paper_percent"]].astype(float)
+        theirs = theirs.assign(estimator=selected["estimator"].iloc[0], filter_px=0.0, calibrated=False)
+        selected = selected.merge(theirs, how="left", on=[*VARIANT, "target_sigma_dn", "kernel_size_px"])
+    rows: list[dict[str, Any]] = []
+    for _, group in selected.groupby(VARIANT, sort=False):
+        lines = pivot(group, [*VARIANT, "kernel_size_px"], "target_sigma_dn", amae, _level)
+        complete = [name for name in levels if all(name in line for line in lines)]
+        means = {name: mean_cell([line[name] for line in lines]) for name in complete}
+        rows += [*lines, {**lines[0], **dict.fromkeys(levels), **means, "kernel_size_px": None}]
+    cells_of = {
+        "variant": _variant,
+        "size": lambda row: "Mean" if row["kernel_size_px"] is None else format_number(row["kernel_size_px"]),
+    }
+    beside = [] if paper is None else ["paper" if dataset == PAPERS_DATASET else "paper_elsewhere"]
+    return PAGE.table("error", rows, cells=cells_of, across=levels, also=beside, dataset=dataset, experiment=experiment)
+
+
+def overview_table(cells: pd.DataFrame) -> Table:
+    """Each estimator's error over the noise level, mean over kernel sizes: a row per dataset, experiment, variant."""
+    index = ["dataset", "experiment", *VARIANT]
+    shown = _shown(cells, "dataset", "experiment", "estimator")
+    shown = ordered(
+        shown, dataset=DATASETS, experiment=EXPERIMENTS, estimator=OURS_FIRST, filter_px=(), calibrated=()
+    )  # fmt: skip
+    sizes = shown.groupby(index)["kernel_size_px"].unique()
+    means = shown.groupby([*index, "target_sigma_dn"], sort=False, as_index=False)[["amae_percent"]].mean()
+    rows = pivot(means, index, "target_sigma_dn", lambda row: float(row["amae_percent"]), _level)
+
+    def mean_over(row: Row) -> str:
+        return ", ".join(format_number(size) for size in sorted(sizes[tuple(row[name] for name in index)]))
+
+    return PAGE.table(
+        "combined_overview", rows, cells={"variant": _variant, "sizes": mean_over}, across=_level_columns(cells)
+    )
+
+
+def denoised_table(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame) -> Table:
+    """The supplement's table: blur d1, noise, disc d2; as it is, smoothed, and as propagation of errors predicts."""
+    selected = cells[(cells["dataset"] == dataset) & (cells["target_sigma_dn"] > 0)]
+    selected = selected.sort_values(["estimator", "filter_px", "kernel_size_px", "target_sigma_dn", "calibrated"])
+    errors = ["mae_h_percent", "mae_v_percent", "amae_percent", "expected_amae_percent"]
+    theirs = paper.rename(columns={"d2_px": "filter_px", "d1_px": "kernel_size_px", "sigma_dn": "target_sigma_dn"})
+    keys = ["filter_px", "kernel_size_px", "target_sigma_dn"]
+    theirs = theirs[[*keys, *errors]].astype(float).rename(columns={name: f"paper_{name}" for name in errors})
+    selected = selected.merge(theirs.assign(calibrated=False), how="left", on=[*keys, "calibrated"])
+    expected = estimate("expected_amae_percent", "", "", "", "paper_expected_amae_percent")
+    made = {
+        "estimator": lambda row: word(str(row["estimator"])) + (", calibrated" if row["calibrated"] else ""),
+        "filter": lambda row: format_number(row["filter_px"]) if row["filter_px"] else "none",
+        "size": lambda row: format_number(row["kernel_size_px"]),
+        "level": lambda row: format_number(row["target_sigma_dn"]),
+        "expected": lambda row: expected(row) if row["filter_px"] else None,
+    }
+    return PAGE.table("denoised", selected, cells=made, dataset=dataset)
+
+
+def abstention_table(blur: pd.DataFrame, noise: pd.DataFrame) -> Table:
+    """Abstentions of each estimator, error of a single patch, and coverage of the intervals."""
+    rows: list[dict[str, Any]] = []
+    keys = ["dataset", "experiment", "estimator", "filter_px"]
+    for cells, error_name in ((blur[~blur["calibrated"]], "patch_error_percent"), (noise, "patch_error_dn")):
+        cells = cells if "filter_px" in cells else cells.assign(filter_px=0.0, smoothed_fraction=0.0)
+        for key, group in cells.groupby(keys, sort=False):
+            if key[3] == 0 or group["smoothed_fraction"].any():
+                error_of: dict[str, Cell] = {error_name: weighted_mean(group, error_name)}
+                totals = {name: int(group[name].sum()) for name in ("count", "abstained")}
+                coverage = 100 * weighted_mean(group, "coverage")
+                rows.append(dict(zip(keys, key, strict=True)) | error_of | totals | {"coverage": coverage})
+
+    def estimator(row: Row) -> str:
+        return word(row["estimator"]) + (f", smoothed {row['filter_px']:g} px" if row["filter_px"] else "")
+
+    made = {"estimator": estimator, "asked": lambda row: row["count"] + row["abstained"]}
+    return PAGE.table("combined_abstentions", rows, cells=made)
 
 
 def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_order: bool) -> Iterator[Block]:
@@ -258,12 +357,12 @@ def _errors(dataset: str, blur: pd.DataFrame, inputs: ReportInputs) -> list[Tabl
     """The table of errors of each experiment on one dataset."""
     paper = published(inputs, "photon_defocus_amae.csv")
     return [
-        combined_tables.error(dataset, name, blur, paper if name == "photon_defocus" else None)
+        error_table(dataset, name, blur, paper if name == "photon_defocus" else None)
         for name in in_order(where(blur, dataset=dataset)["experiment"], EXPERIMENTS)
     ]
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """Blur and noise at once on every dataset, and the supplement's denoising."""
     blur, noise, curves, cells = map(inputs.result, (*TABLES, "denoised_blur"))
     ran, smoothed = (in_order(one["dataset"], inputs.datasets) for one in (blur, cells))
@@ -276,13 +375,13 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     for dataset in ran:  # the order is the same on every dataset
         blocks += _example(dataset, curves[curves["dataset"] == dataset], inputs, with_order=dataset == ran[0])
     if ran:
-        blocks += [*_figures(blur, noise, ran, inputs), combined_tables.overview(blur)]
+        blocks += [*_figures(blur, noise, ran, inputs), overview_table(blur)]
     blocks += [table for dataset in ran for table in _errors(dataset, blur, inputs)]
     paper = published(inputs, "improved_blur.csv")
-    blocks += [combined_tables.denoised(dataset, cells, paper) for dataset in smoothed]
-    blocks += [combined_tables.abstentions(blur, noise)] if ran else []
+    blocks += [denoised_table(dataset, cells, paper) for dataset in smoothed]
+    blocks += [abstention_table(blur, noise)] if ran else []
     items = ("photon_defocus_amae", "photon_linear_motion_mtf", "improved_blur")
-    beside, published_runs = beside_ours(items, ledger, inputs)
+    beside, published_runs = beside_ours(items, inputs)
     blocks += [*beside, *missing(TITLE, runs), *missing("Denoised blur", denoised_runs)]
     return Section("combined", TITLE, (PAGE.text("introduction"),), blocks, [*runs, *denoised_runs, *published_runs])
 
@@ -305,7 +404,7 @@ def _of_record(
     yield from map(as_recorded, _errors(dataset, blur, inputs))
 
 
-def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+def recorded(inputs: ReportInputs) -> Section | None:
     """The same of frames recorded by ``camera-monitor record combined`` and ``denoised-blur``; None without them."""
     records, denoised = records_with(inputs.recorded, COMBINED_FILES[0]), records_with(inputs.recorded, DENOISED_FILE)
     if not records and not denoised:
@@ -317,7 +416,7 @@ def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section 
         blur = blur[blur["experiment"] != ""]
         for record in records:
             blocks += _of_record(record.dataset, blur, noise, curves, inputs)
-        blocks.append(as_recorded(combined_tables.abstentions(blur, noise)))
+        blocks.append(as_recorded(abstention_table(blur, noise)))
     paper, cells = published(inputs, "improved_blur.csv"), inputs.recorded_result("denoised_blur")
-    blocks += [as_recorded(combined_tables.denoised(record.dataset, cells, paper)) for record in denoised]
+    blocks += [as_recorded(denoised_table(record.dataset, cells, paper)) for record in denoised]
     return Section("combined_recorded", f"{TITLE} on recorded frames", (PAGE.text("recorded"),), blocks)

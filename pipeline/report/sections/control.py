@@ -2,54 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from pipeline.report.control_results import decision_ms, scenario_results, scenario_word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import LedgerRow
-from pipeline.report.sections import (
-    control_examples,
-    control_films,
-    control_surface,
-    control_tables,
-    order_study,
-)
+from pipeline.report.sections import closed_loop, control_examples, control_surface, order_study
+from pipeline.report.sections.closed_loop import scenario_word
 from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, single
 
-PUBLISHED = ("worked_examples", "controller_ap", "controller_response")
 
-
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """Everything on control that has run, and the commands for the rest."""
-    blocks: list[Block] = []
-    findings: list[str] = []
-    runs: list[Run] = []
-    for title, stage, part in (
-        ("Worked examples of control", control_examples.STAGE, control_examples.blocks),
-        ("Surface for control", control_surface.STAGE, control_surface.blocks),
-    ):
-        shown, sentences = part(inputs)
-        blocks, findings = [*blocks, *shown], [*findings, *sentences]
-        runs.append(single(title, stage, bool(shown), inputs))
-    results = scenario_results(inputs)
+    (examples, of_examples), surface = control_examples.blocks(inputs), control_surface.blocks(inputs)
+    results, (study, of_study) = closed_loop.scenario_results(inputs), order_study.blocks(inputs)
+    loop: list[Block] = []
     if results:
-        blocks += [
-            control_tables.overview(results),
-            control_tables.pairs(results),
-            *(table for table in [control_tables.losses(results)] if table.rows),
-            control_tables.measures(results, decision_ms(inputs)),
-            *control_films.figures(results),
-        ]
-        findings += control_tables.findings(results)
-    runs += _scenario_runs(inputs, {one.name for one in results})
-    shown, sentences = order_study.blocks(inputs)
-    blocks, findings = [*blocks, *shown], [*findings, *sentences]
-    runs.append(single("Order of photon noise and blur", order_study.STAGE, bool(shown), inputs))
-    blocks += [NotRun(run.experiment, run.why, run.line) for run in runs if not run.ran]
-    beside, published_runs = beside_ours(PUBLISHED, ledger, inputs)
-    text = [control_tables.CONTROL.text("introduction")]
-    return Section("control", "Camera control", text, [*blocks, *beside], [*runs, *published_runs], findings)
+        loop += [closed_loop.overview(results), closed_loop.pairs(results)]
+        loop += [table for table in [closed_loop.losses(results)] if table.rows]
+        loop += [closed_loop.measures(results, closed_loop.decision_ms(inputs)), *closed_loop.films(results)]
+    runs = [
+        single("Worked examples of control", control_examples.STAGE, bool(examples), inputs),
+        single("Surface for control", control_surface.STAGE, bool(surface), inputs),
+        *_scenario_runs(inputs, {one.name for one in results}),
+        single("Order of photon noise and blur", order_study.STAGE, bool(study), inputs),
+    ]
+    absent = [NotRun(run.experiment, run.why, run.line) for run in runs if not run.ran]
+    beside, published_runs = beside_ours(("worked_examples", "controller_ap", "controller_response"), inputs)
+    blocks = [*examples, *surface, *loop, *study, *absent, *beside]
+    findings = [*of_examples, *closed_loop.findings(results), *of_study]
+    text = [closed_loop.CONTROL.text("introduction")]
+    return Section("control", "Camera control", text, blocks, [*runs, *published_runs], findings)
 
 
 def _scenario_runs(inputs: ReportInputs, ran: set[str]) -> list[Run]:

@@ -12,10 +12,10 @@ from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.report import style
 from pipeline.report.figures import PAPER_DASH, add_legend
 from pipeline.report.inputs import ReportInputs, published
-from pipeline.report.sections.control_tables import CONTROL
+from pipeline.report.sections.closed_loop import CONTROL
 from pipeline.report.spec import Block
 from pipeline.report.style import Drawing, Look
-from pipeline.report.tables import Table, estimate, format_number, records, where
+from pipeline.report.tables import Table, estimate, format_number, ordered, records, where
 from pipeline.stage_files import described, optional
 
 STAGE = "worked_examples"
@@ -50,14 +50,8 @@ def step_word(step: str) -> str:
 def pictures(example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray], about: Mapping[str, Any]) -> Drawing:
     """One object at every step of an example, with its true box (dashed) and the detector's box and score.
 
-    Args:
-        example: name.
-        steps: `pipeline.control.tables.EXAMPLE_STEPS`.
-        arrays: of ``pictures.npz``.
-        about: ``pictures.json``, see `pipeline.control.example_pictures.gallery`.
+    ``steps`` is an `EXAMPLE_STEPS`; ``about`` describes ``arrays``, see `pipeline.control.example_pictures.gallery`.
     """
-    from matplotlib.patches import Rectangle
-
     shown = [entry for entry in about["steps"] if entry["example"] == example]
     built_in = [entry for entry in shown if entry["step"].startswith("built_in_")]
     shown = [entry for entry in shown if entry not in built_in[:-1]]
@@ -66,20 +60,12 @@ def pictures(example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray]
     cell_in = style.sheet_cell_in(len(shown))
     figure, axes = style.sheet(len(shown), [cell_in * height / width], top_in=0.34, bottom_in=0.42)
     rows, words = [], []
-    left, top, right, bottom = about["box"]
     for panel, entry in zip(axes[0], shown, strict=True):
         row = known[entry["step"]]
         style.picture(panel, arrays[entry["array"]])
-        dashed = Rectangle(
-            (left, top), right - left, bottom - top, fill=False, edgecolor=style.PALETTE[4], linewidth=0.9,
-            linestyle=(0, (3, 2)),
-        )  # fmt: skip
-        panel.add_patch(dashed)
+        style.outline(panel, about["box"], edgecolor=style.PALETTE[4], linewidth=0.9, linestyle=(0, (3, 2)))
         if entry["box"] is not None:
-            x1, y1, x2, y2 = entry["box"]
-            panel.add_patch(
-                Rectangle((x1, y1), x2 - x1, y2 - y1, fill=False, edgecolor=style.PALETTE[5], linewidth=1.1)
-            )
+            style.outline(panel, entry["box"], edgecolor=style.PALETTE[5], linewidth=1.1)
         settings = f"{format_number(row['exposure_ms'], 1)} ms, ISO {row['iso']:.0f}"
         title = step_word(entry["step"])
         panel.set_title(f"{title[:1].upper()}{title[1:]}\n{settings}", fontsize=6.6, pad=3)
@@ -98,20 +84,15 @@ def pictures(example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray]
 def step_table(steps: pd.DataFrame, paper: pd.DataFrame) -> Table:
     """Every setting of both examples, the paper's numbers beside ours."""
     beside = steps.merge(paper, how="left", on=["example", "step"], suffixes=("", "_paper"))
-    words = {"example": lambda row: "1" if row["example"] == FIRST else "2", "step": lambda row: step_word(row["step"])}
     cells = {name: estimate(name, "", "", "", f"{name}_paper") for name in BESIDE_THE_PAPER}
-    return CONTROL.table("control_examples", beside, cells=cells | words)
+    return CONTROL.table("control_examples", beside, cells=cells | {"step": lambda row: step_word(row["step"])})
 
 
 @style.styled
 def response(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame, theirs: pd.DataFrame) -> Drawing:
     """Exposure time and gain over time, published and replayed, and the AP of the three controllers.
 
-    Args:
-        ours: `pipeline.control.tables.RESPONSE`.
-        paper: published response, the same columns.
-        precision: `pipeline.control.tables.CONTROLLER_AP`.
-        theirs: published: ``controller``, ``car_ap_percent``.
+    ``ours`` is a `RESPONSE`, as is ``paper``; ``precision`` a `CONTROLLER_AP`, ``theirs`` its published counterpart.
     """
     figure = style.new_figure(style.TWO_COLUMNS_IN, 2.35)
     panels = figure.subplots(1, 3, width_ratios=[1.5, 1.0, 0.9])
@@ -123,28 +104,26 @@ def response(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame, t
         axes.set(xlabel="time [s]", xlim=(0, 5))
         axes.set_ylim(0, None)
         axes.set_title(label, fontsize=6.8)
-    values = {str(row["controller"]): row for row in records(precision)}
-    printed = {str(row["controller"]): float(row["car_ap_percent"]) for row in records(theirs)}
-    names = [name for name in CONTROLLERS if name in values]
-    for index, name in enumerate(names):
-        row = values[name]
-        colour = RESPONSES.get(name, {"color": style.MUTED})["color"]
-        span = [[row["car_ap_percent"] - row["low_percent"]], [row["high_percent"] - row["car_ap_percent"]]]
-        span = np.maximum(np.nan_to_num(np.asarray(span, dtype=float)), 0.0)
-        panels[2].errorbar([index - 0.12], [row["car_ap_percent"]], yerr=span, color=colour, marker="o", capsize=2)
-        if name in printed:
-            panels[2].plot([index + 0.12], [printed[name]], marker="D", color=colour, markerfacecolor="none")
-    panels[2].set_xticks(range(len(names)), [CONTROLLERS[name].replace(" ", "\n") for name in names])
-    panels[2].set(xlim=(-0.5, len(names) - 0.5), ylim=(0, 103))
+    both = precision.merge(theirs, how="left", on="controller", suffixes=("", "_paper"))
+    shown = records(ordered(both[both["controller"].isin(list(CONTROLLERS))], controller=CONTROLLERS))
+    for index, row in enumerate(shown):
+        colour = RESPONSES.get(row["controller"], {"color": style.MUTED})["color"]
+        ap, ends = row["car_ap_percent"], (row["low_percent"], row["high_percent"])
+        span = np.maximum(np.nan_to_num([[ap - ends[0]], [ends[1] - ap]]), 0.0)
+        panels[2].errorbar([index - 0.12], [ap], yerr=span, color=colour, marker="o", capsize=2)
+        if np.isfinite(row["car_ap_percent_paper"]):
+            paper_ap = row["car_ap_percent_paper"]
+            panels[2].plot([index + 0.12], [paper_ap], marker="D", color=colour, markerfacecolor="none")
+    panels[2].set_xticks(range(len(shown)), [CONTROLLERS[row["controller"]].replace(" ", "\n") for row in shown])
+    panels[2].set(xlim=(-0.5, len(shown) - 0.5), ylim=(0, 103))
     panels[2].set_title("AP of cars [%]", fontsize=6.8)
     published = {"color": style.MUTED, "marker": "D", "markerfacecolor": "none"} | PUBLISHED
     legend = [(CONTROLLERS[name], look) for name, look in RESPONSES.items()]
     add_legend(figure, [*legend, ("published (dashed, diamond)", published)])
     words = [
-        {"controller": CONTROLLERS[name], "ours": values[name]["car_ap_percent"], "paper": printed[name]}
-        for name in names
-        if name in printed
-    ]
+        {"controller": CONTROLLERS[row["controller"]], "ours": row["car_ap_percent"], "paper": theirs_of}
+        for row in shown if np.isfinite(theirs_of := row["car_ap_percent_paper"])
+    ]  # fmt: skip
     alt = CONTROL.alt("control_response", words, error=rmse_ms(ours, paper), until_s=LAST_ON_GRID_MS / 1e3)
     keys = ["controller", "quantity", "time_ms"]
     merged = ours.merge(paper, on=keys, how="outer", suffixes=("", "_paper"))
@@ -172,10 +151,8 @@ def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
             words = {"number": number, "rule": CONTROL.text(f"rule_{number}"), "label": about["label"]}
             parts.append(CONTROL.figure("control_example", pictures(example, steps, arrays, about), **words))
     parts.append(step_table(steps, published(inputs, "worked_examples.csv")))
-    ours, precision = (
-        optional(folder, "response.parquet", RESPONSE),
-        optional(folder, "precision.parquet", CONTROLLER_AP),
-    )
+    ours = optional(folder, "response.parquet", RESPONSE)
+    precision = optional(folder, "precision.parquet", CONTROLLER_AP)
     paper, theirs = (published(inputs, f"controller_{name}.csv") for name in ("response", "ap"))
     parts.append(CONTROL.figure("control_response", response(ours, paper, precision, theirs)))
     return parts, _findings(ours, paper, precision)
@@ -186,8 +163,7 @@ def _findings(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame) 
     holds = values[0] < values[1] < values[2]
     order = (" < " if holds else ", ").join(f"{value:.1f}" for value in values)
     error = rmse_ms(ours, paper)
-    within = "within" if error <= AGREE_MS else "beyond"
     return [
         CONTROL.text("order", order=order, holds="holds" if holds else "does not hold"),
-        CONTROL.text("law", error=error, within=within, bound=AGREE_MS),
+        CONTROL.text("law", error=error, within="within" if error <= AGREE_MS else "beyond", bound=AGREE_MS),
     ]

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from pipeline import tables
 from pipeline.datasets.power_spectrum import power_spectrum
@@ -17,13 +18,9 @@ from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Section, missing, overview
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Table, estimate, pivot, records
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from pipeline.report.tables import Table, estimate, pivot, records, where
 
 PAGE = Descriptions("datasets")
 STAGE = "index@{dataset}"
@@ -35,18 +32,12 @@ STATISTICS = (
 )  # fmt: skip
 """Columns of the table of frames."""
 
-MEDIAN = estimate("median", "low", "high", "count")
-
 
 @dataclass(frozen=True)
 class DatasetSample:
-    """Sample frames of one dataset.
+    """Sample frames of one dataset by their name: (H, W) uint8; and their boxes, ``{label, x1, y1, x2, y2, ignore}``.
 
-    Attributes:
-        name: of the dataset.
-        frames: frame name -> (H, W) uint8.
-        boxes: frame name -> list of ``{label, x1, y1, x2, y2, ignore}``.
-        patches: columns frame, purpose, x_px, y_px, size_px; None where there is no such table.
+    ``patches`` is a `pipeline.tables.PATCHES`, None where there is none.
     """
 
     name: str
@@ -56,33 +47,27 @@ class DatasetSample:
 
 
 def _picture(axes: Axes, sample: DatasetSample, frame: str) -> None:
-    from matplotlib.patches import Rectangle
-
     picture, scale = style.shrunk(sample.frames[frame], SHOWN_PX)
     style.picture(axes, picture)
     axes.set(xlim=(-0.5, picture.shape[1] - 0.5), ylim=(picture.shape[0] - 0.5, -0.5))
 
-    def outline(x: float, y: float, width: float, height: float, **look: Any) -> None:
-        corner = (x * scale - 0.5, y * scale - 0.5)
-        axes.add_patch(Rectangle(corner, width * scale, height * scale, fill=False, **look))
+    def outline(left: float, top: float, right: float, bottom: float, **look: Any) -> None:
+        style.outline(axes, [scale * edge - 0.5 for edge in (left, top, right, bottom)], **look)
 
     if sample.patches is not None:
-        here = sample.patches[(sample.patches["frame"] == frame) & (sample.patches["purpose"] == "blur")]
-        for patch in records(here):
-            side = patch["size_px"]
-            outline(patch["x_px"], patch["y_px"], side, side, edgecolor=style.PALETTE[5], lw=0.7, ls=(0, (2.5, 1.5)))
+        for patch in records(where(sample.patches, frame=frame, purpose="blur")):
+            x, y, side = patch["x_px"], patch["y_px"], patch["size_px"]
+            outline(x, y, x + side, y + side, edgecolor=style.PALETTE[5], lw=0.7, ls=(0, (2.5, 1.5)))
     for box in sample.boxes.get(frame, ()):
         colour, dash = (style.MUTED, ":") if box.get("ignore") else (style.PALETTE[4], "-")
-        width, height = box["x2"] - box["x1"], box["y2"] - box["y1"]
-        outline(box["x1"], box["y1"], width, height, edgecolor=colour, lw=0.8, linestyle=dash)
+        outline(*(box[edge] for edge in ("x1", "y1", "x2", "y2")), edgecolor=colour, lw=0.8, linestyle=dash)
 
 
 @style.styled
 def samples_figure(samples: Sequence[DatasetSample]) -> Drawing:
     """One row of frames per dataset (boxes solid, blur patches dashed), then spectrum and histogram of all.
 
-    Args:
-        samples: datasets in the order shown, each with at least one frame.
+    Every sample has at least one frame.
     """
     across = max(1, min(MAX_FRAMES, max(len(sample.frames) for sample in samples)))
     width = style.TWO_COLUMNS_IN
@@ -102,17 +87,14 @@ def samples_figure(samples: Sequence[DatasetSample]) -> Drawing:
         for axes, frame in zip(pictures[number], names, strict=False):
             _picture(axes, sample, frame)
         pictures[number][0].set_title(word(sample.name), loc="left", pad=3)
-        look = style.series_look(sample.name, number)
+        look = style.series_look(sample.name, number) | {"label": word(sample.name)}
         spectra = [power_spectrum(sample.frames[frame]) for frame in names]
         frequency, power = spectra[0][0], np.exp(np.log(np.maximum([one for _, one in spectra], 1e-9)).mean(axis=0))
         counts = np.sum([np.bincount(sample.frames[frame].ravel(), minlength=256) for frame in names], axis=0)
         percent = 100 * counts.astype(float).reshape(64, 4).sum(axis=1) / max(int(counts.sum()), 1)
-        spectrum_axes.loglog(
-            frequency, power, color=look["color"], linestyle=look["linestyle"], label=word(sample.name),
-            gid=style.series_id(sample.name, "spectrum"),
-        )  # fmt: skip
+        spectrum_axes.loglog(frequency, power, **look | {"marker": ""}, gid=style.series_id(sample.name, "spectrum"))
         histogram_axes.stairs(
-            percent, np.arange(0, 257, 4), color=look["color"], label=word(sample.name), linewidth=1.0,
+            percent, np.arange(0, 257, 4), color=look["color"], label=look["label"], linewidth=1.0,
             gid=style.series_id(sample.name, "histogram"),
         )  # fmt: skip
         for curve, x, y in (("spectrum", frequency, power), ("histogram_percent", np.arange(0, 256, 4), percent)):
@@ -146,25 +128,21 @@ def _sizes(frames: Mapping[str, pd.DataFrame], inputs: ReportInputs) -> Table:
         purposes = patches["purpose"].value_counts().to_dict() if patches is not None else {}
         sizes = group.groupby(["width_px", "height_px"]).size().sort_values(ascending=False, kind="stable")
         size = "\u00a0×\u00a0".join(str(side) for side in sizes.index[0]) if len(sizes) else ""
-        rows.append(
-            {
-                "dataset": dataset,
-                "frames": len(group),
-                "size_px": size + (" and others" if len(sizes) > 1 else ""),
-                "objects": int(group["objects"].sum()),
-                "ignored": int(group["objects_ignored"].sum()),
-                "blur_patches": int(purposes.get("blur", 0)),
-                "noise_patches": int(purposes.get("noise", 0)),
-                "quarantined": None if quarantine is None else len(quarantine),
-            }
-        )
+        objects, ignored = (int(group[name].sum()) for name in ("objects", "objects_ignored"))
+        blur, noise = (int(purposes.get(name, 0)) for name in ("blur", "noise"))
+        rows.append({
+            "dataset": dataset, "frames": len(group), "size_px": size + (" and others" if len(sizes) > 1 else ""),
+            "objects": objects, "ignored": ignored, "blur_patches": blur, "noise_patches": noise,
+            "quarantined": None if quarantine is None else len(quarantine),
+        })  # fmt: skip
     return PAGE.table("dataset_sizes", rows)
 
 
 def _statistics(frames: Mapping[str, pd.DataFrame], seed: int) -> Table:
     long = pd.concat([group.melt(["dataset"], list(STATISTICS), "statistic") for group in frames.values()])
     cells = robust_by(long, ["dataset", "statistic"], "value", seed, "report", "frames")
-    return PAGE.table("dataset_statistics", pivot(cells, ["dataset"], "statistic", MEDIAN))
+    rows = pivot(cells, ["dataset"], "statistic", estimate("median", "low", "high", "count"))
+    return PAGE.table("dataset_statistics", rows)
 
 
 def _quarantine(inputs: ReportInputs) -> Table | None:
@@ -177,7 +155,7 @@ def _quarantine(inputs: ReportInputs) -> Table | None:
     return PAGE.table("quarantine", rows) if rows else None
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """Datasets: figure, sizes, statistics, quarantine."""
     frames = inputs.each("index", "frames.parquet", tables.FRAMES)
     runs = overview("Datasets", STAGE, frames, inputs)

@@ -14,7 +14,6 @@ from pipeline.report import detection_results
 from pipeline.report.detection_results import Recorded, Results
 from pipeline.report.display_names import DATASETS, DETECTORS, counted, in_order, word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections import detection_figures
 from pipeline.report.sections.detection_figures import PAGE
 from pipeline.report.sections.published import beside_ours
@@ -73,13 +72,11 @@ def by_direction(one: Results) -> Table | None:
         return format_number(row["ap_percent"], 1) + mark if math.isfinite(row["ap_percent"]) else None
 
     selected = one.directions.sort_values(["target_sigma_dn", "angle_deg"], kind="stable")
-    selected = selected.assign(
-        column=[f"{label}_{size:g}" for label, size in zip(selected["label"], selected["kernel_size_px"], strict=True)]
-    )
+    column = selected["label"] + selected["kernel_size_px"].map("_{:g}".format)
     labels = [label for label in one.labels if (selected["label"] == label).any()]
     sizes = sorted(set(selected["kernel_size_px"]))
     across = {f"{label}_{px:g}": f"{word(label)} {px:g} px" for label in labels for px in sizes}
-    rows = pivot(selected, ["target_sigma_dn", "angle_deg"], "column", cell)
+    rows = pivot(selected.assign(column=column), ["target_sigma_dn", "angle_deg"], "column", cell)
     return PAGE.table("by_direction", rows, across=across, dataset=one.dataset, detector=one.detector)
 
 
@@ -92,11 +89,8 @@ def spread(dataset: str, results: Sequence[Results]) -> Table | None:
 
 def fits(dataset: str, results: Sequence[Results]) -> Table:
     """Goodness of each fit, and the calibration of its axes."""
-    rows = [
-        {"detector": one.detector, "label": label, **numbers}
-        for one in results
-        for label, numbers in sorted(one.fits.items())
-    ]
+    pairs = [(one, label) for one in results for label in sorted(one.fits)]
+    rows = [{"detector": one.detector, "label": label, **one.fits[label]} for one, label in pairs]
     known = results[0].calibration if results else {}
     return PAGE.table(
         "regression_fits", rows, cells={"reason": lambda row: f"no fit: {row['reason']}" if "reason" in row else None},
@@ -144,14 +138,14 @@ def _regression(dataset: str, results: Sequence[Results]) -> list[Block]:
         return []
     cells, result, titles = [], [], {}
     for one in results:
-        for label in one.labels if one.fitted is not None and one.coefficients is not None else ():
-            assert one.fitted is not None and one.coefficients is not None
-            rows = one.fitted[one.fitted["label"] == label]
+        if one.fitted is None or one.coefficients is None:
+            continue
+        for label in one.labels:
+            rows, name = where(one.fitted, label=label), f"{one.detector} {label}"
             if len(rows):
-                name, title = f"{one.detector} {label}", f"{word(one.detector)}, {word(label).lower()}"
-                titles[name] = title
+                titles[name] = f"{word(one.detector)}, {word(label).lower()}"
                 cells.append(rows.assign(fit=name))
-                result.append(one.coefficients[one.coefficients["label"] == label].assign(fit=title))
+                result.append(where(one.coefficients, label=label).assign(fit=titles[name]))
     blocks: list[Block] = [fits(dataset, results)]
     if cells:
         drawing = detection_figures.regression(pd.concat(cells, ignore_index=True), titles)
@@ -220,7 +214,7 @@ def _runs(results: Sequence[Results], sweeps: Sequence[Recorded], inputs: Report
     return runs
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """Detection on every dataset, then the paper's published numbers beside ours."""
     results = detection_results.read(inputs)
     sweeps = detection_results.recorded(inputs)
@@ -228,11 +222,7 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     blocks: list[Block] = []
     for dataset in in_order((one.dataset for one in results), DATASETS):
         selected = [one for one in results if one.dataset == dataset]
-        blocks += [
-            *_curves(dataset, selected, inputs),
-            *_directions(dataset, selected),
-            *_regression(dataset, selected),
-        ]
+        blocks += _curves(dataset, selected, inputs) + _directions(dataset, selected) + _regression(dataset, selected)
     if not results:
         blocks.append(NotRun(PAGE.text("parts"), STAGE_ABSENT, inputs.line("curves@<dataset>-<detector>")))
     notes = {
@@ -242,6 +232,6 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
     }
     blocks += [*reversed(notes.values()), *_recorded(sweeps), *_refit(inputs)]
     items = ("yolov7_direction_ap", "regression_coefficients", "fitted_ap_grid")
-    published, published_runs = beside_ours(items, ledger, inputs)
+    published, published_runs = beside_ours(items, inputs)
     title = "Object detection under blur and noise"
     return Section("detection", title, (PAGE.text("introduction"),), [*blocks, *published], [*runs, *published_runs])

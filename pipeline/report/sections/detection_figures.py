@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DETECTORS, in_order, listing
 from pipeline.report.figures import RING, cell_map, ink_on, legend_of, lines
 from pipeline.report.style import Drawing
-from pipeline.report.tables import records
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from pipeline.report.tables import ordered, records, where
 
 PAGE = Descriptions("detection")
 CAUSES = {"sigma_dn": "noise", "mtf": "blur"}
@@ -27,14 +25,13 @@ def iopc(curves: pd.DataFrame) -> Drawing:
 
     A ring marks a point whose AP exceeds that of its less noisy or sharper neighbour.
 
-    Args:
-        curves: `pipeline.curves.precision.ISOLATED` with a column ``detector``.
+    ``curves``: `pipeline.curves.precision.ISOLATED` with a column ``detector``.
     """
     looks = style.series_looks(in_order(curves["detector"], DETECTORS))
 
     def joined(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         for name, look in looks.items():
-            own = rows[rows["detector"] == name].sort_values("quantity_value")
+            own = where(rows, detector=name).sort_values("quantity_value")
             ends = np.flatnonzero(~own["joined"].to_numpy(bool)) + 1  # where the curve is interrupted
             for part in filter(len, np.split(np.arange(len(own)), ends)):
                 lines(
@@ -43,15 +40,14 @@ def iopc(curves: pd.DataFrame) -> Drawing:
                 )  # fmt: skip
 
     words: list[dict[str, Any]] = []
-    for (label, name), own in curves.groupby(["label", "detector"]):
+    for (label, name), own in ordered(curves, label=(), detector=DETECTORS).groupby(["label", "detector"], sort=False):
         parts = []
         for quantity, cause in CAUSES.items():
-            line = own[own["quantity"] == quantity].sort_values("quantity_value", ascending=quantity == "sigma_dn")
+            line = where(own, quantity=quantity).sort_values("quantity_value", ascending=quantity == "sigma_dn")
             if len(line):
                 first, last = line["ap_percent"].iloc[0], line["ap_percent"].iloc[-1]
                 parts.append(f"{first:.0f} to {last:.0f} % under {cause}")
         words.append({"label": label, "detector": name, "parts": listing(parts)})
-    words.sort(key=lambda row: (row["label"], list(looks).index(row["detector"])))
     return PAGE.grid(
         "iopc", curves, PAGE.alt("iopc", words), looks, across=list(CAUSES), over=joined,
         legend=[*legend_of(looks), ("better than its sharper or less noisy neighbour", RING)],
@@ -80,8 +76,7 @@ def heat(cells: pd.DataFrame) -> Drawing:
     A cell is the mean of its conditions. A triangle marks cells whose AP exceeds that of a less noisy or sharper one, a
     filled triangle those that do so with certainty (`pipeline.curves.surface.Surface.certainty`).
 
-    Args:
-        cells: `pipeline.curves.precision.HEAT` with a column ``detector``.
+    ``cells``: `pipeline.curves.precision.HEAT` with a column ``detector``.
     """
     for name in ("sigma_bin_dn", "mtf_bin"):  # bins that no panel measured would be empty stripes
         cells = cells[cells[name].isin(cells.loc[cells["count"] > 0, name])]
@@ -100,23 +95,17 @@ def heat(cells: pd.DataFrame) -> Drawing:
 def direction(cells: pd.DataFrame, label: str) -> Drawing:
     """AP over the length of the blur, one line per direction: detectors down, noise levels across.
 
-    Args:
-        cells: `pipeline.curves.directions.TABLE` with a column ``detector``.
-        label: the class shown.
+    ``cells``: `pipeline.curves.directions.TABLE` with a column ``detector``.
     """
     rows = cells[cells["label"] == label]
     angles = sorted(set(rows["angle_deg"]))
     looks = {angle: style.series_look("", position) | {"linestyle": "-"} for position, angle in enumerate(angles)}
     quiet = rows[rows["target_sigma_dn"] == rows["target_sigma_dn"].min()]
     groups = quiet[quiet["kernel_size_px"] == rows["kernel_size_px"].max()].groupby("detector")
-    words = [
-        {
-            "detector": name,
-            "best": own.loc[own["ap_percent"].idxmax()],
-            "worst": own.loc[own["ap_percent"].idxmin()],
-        }
-        for name, own in groups
-    ]
+    words = []
+    for name, own in groups:
+        best, worst = (own.loc[end] for end in (own["ap_percent"].idxmax(), own["ap_percent"].idxmin()))
+        words.append({"detector": name, "best": best, "worst": worst})
     return PAGE.grid(
         "direction", rows, PAGE.alt("direction", words, label=label), looks, y=PAGE.text("ap_of", label=label),
         axes={"xticks": sorted(set(rows["kernel_size_px"]))},
@@ -161,9 +150,7 @@ def _limits(values: pd.Series) -> tuple[float, float]:
 def regression(fitted: pd.DataFrame, titles: Mapping[str, str]) -> Drawing:
     """Two panels per fit: fitted AP over ISO and exposure time (dots: measured cells), and measured less fitted.
 
-    Args:
-        fitted: `pipeline.curves.iso_exposure.FITTED` with a column ``fit``.
-        titles: fit -> its title, in the order shown.
+    ``fitted``: `pipeline.curves.iso_exposure.FITTED` with a column ``fit``, a key of ``titles``.
     """
     known = fitted[fitted["ap_percent"].notna()]
     reach = max(1.0, float(np.nanmax(np.abs(known["residual"]))))

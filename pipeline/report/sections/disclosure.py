@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from pipeline.learning.learning_curve import read
 from pipeline.report import training_budget
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import counted
 from pipeline.report.inputs import ReportInputs, mode_note
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.sections.training import network_title
 from pipeline.report.spec import Section
 from pipeline.report.tables import format_number
@@ -59,7 +56,7 @@ def _light(inputs: ReportInputs) -> str:
     return f"{sentence} At the strongest photon noise the mean AMAE is {amae}, AP {precision} (order study)."
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """Choices and shortcuts, with their size where it was measured."""
     fast = mode_note(inputs.modes, inputs.modes)
     text = [*_networks(inputs), *([fast] if fast else []), *_upright(inputs)]

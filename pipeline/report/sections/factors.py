@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 from pipeline.experiments.factors import ALL
@@ -10,7 +9,6 @@ from pipeline.experiments.frame_records import FACTOR_FILES, FrameRecord, record
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, ESTIMATORS, counted, word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Section
 from pipeline.report.tables import Table, ordered, records
 
@@ -42,7 +40,7 @@ def _fast_modes(record: FrameRecord) -> list[str]:
     return [PAGE.text("fast_mode", **row, **words) for row in records(rows.drop(columns="dataset"))]
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+def section(inputs: ReportInputs) -> Section | None:
     """The factorial of every dataset it was recorded on; None where it was not."""
     recorded = records_with(inputs.recorded, FACTOR_FILES[1])
     blocks = [table for record in recorded for table in _tables(record)]

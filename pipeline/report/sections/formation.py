@@ -19,7 +19,6 @@ from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, in_order, listing, word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, NotRun, Section, missing, overview, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Row, Table
@@ -44,9 +43,8 @@ def _crop(arrays: Mapping[str, np.ndarray], entry: Mapping[str, Any], side_px: i
 def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]) -> Drawing:
     """The chain of image formation in its configured order, each step with its change against the step before.
 
-    Args:
-        arrays: name -> (H, W), uint8 or float in [0, 1].
-        entries: ``{"array", "title", "caption"}`` in order; the first is the input.
+    ``entries`` are ``{"array", "title", "caption"}`` in order, the first the input; ``arrays`` are (H, W), uint8 or
+    float in [0, 1].
 
     Raises:
         InputError: an entry names an absent array.
@@ -78,9 +76,7 @@ def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]
 def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]) -> Drawing:
     """Noise sources down, levels across; beneath each patch the standard deviation added to this part of the frame.
 
-    Args:
-        arrays: name -> (H, W), uint8 or float in [0, 1].
-        entries: ``{"array", "noise_source", "target_sigma_dn"}``.
+    ``entries`` are ``{"array", "noise_source", "target_sigma_dn"}``; ``arrays`` are (H, W), uint8 or float in [0, 1].
 
     Raises:
         InputError: an entry names an absent array.
@@ -111,9 +107,8 @@ def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any
         added = float("nan") if clean is None or clean.shape != picture.shape else float((picture - clean).std())
         if level > 0 and np.isfinite(added):
             spot.set_xlabel(f"{added:.1f} DN added", fontsize=5.8, labelpad=1.5)
-        rows.append(
-            {"noise_source": noise_source, "target_sigma_dn": level, "mean_dn": picture.mean(), "added_std_dn": added}
-        )
+        numbers = {"mean_dn": picture.mean(), "added_std_dn": added}
+        rows.append({"noise_source": noise_source, "target_sigma_dn": level, **numbers})
     shown = listing(f"{level:g}" for level in levels)
     alt = PAGE.alt("formation_effects", [{"noise_source": name} for name in sources], levels=shown)
     return Drawing(figure, alt, pd.DataFrame(rows))
@@ -123,9 +118,8 @@ def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any
 def photon_transfer(curve: Mapping[str, Any]) -> Drawing:
     """Variance over mean of evenly lit frames: points, the fitted line, and the line that the sensor's gain implies.
 
-    Args:
-        curve: ``mean_dn`` and ``variance_dn2`` (equally long), ``slope_dn_per_e`` and ``offset_dn2`` of the fit, and
-            ``gain_dn_per_e`` of the sensor.
+    ``curve`` has equally long ``mean_dn`` and ``variance_dn2``, ``slope_dn_per_e`` and ``offset_dn2`` of the fit, and
+    ``gain_dn_per_e`` of the sensor.
 
     Raises:
         InputError: the two lists differ in length.
@@ -138,9 +132,8 @@ def photon_transfer(curve: Mapping[str, Any]) -> Drawing:
     axes = figure.subplots()
     ends = np.array([0.0, mean.max() * 1.05])
     axes.plot(ends, gain * ends + offset, color=style.INK, linewidth=0.9, label=f"sensor: {gain:.5f} DN/e⁻")
-    axes.plot(
-        ends, slope * ends + offset, color=style.PALETTE[1], linestyle=(0, (4, 2)), label=f"fit: {slope:.5f} DN/e⁻"
-    )
+    dashed: style.Look = {"color": style.PALETTE[1], "linestyle": (0, (4, 2))}
+    axes.plot(ends, slope * ends + offset, label=f"fit: {slope:.5f} DN/e⁻", **dashed)
     axes.plot(mean, variance, color=style.PALETTE[0], marker="o", linestyle="none", label="simulated frames")
     axes.set(xlabel="mean [DN]", ylabel="variance [DN²]", xlim=(0, None), ylim=(0, None))
     axes.legend(loc="upper left")
@@ -177,7 +170,7 @@ def _levels(dataset: str, corruption: pd.DataFrame, seed: int) -> Table:
     return PAGE.table("noise_levels", cells, cells={"off_percent": deviation}, dataset=dataset)
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """Image formation: galleries, the table of levels per dataset, and the sensor."""
     corruption = inputs.each("corrupt", "corruption.parquet", tables.CORRUPTION)
     runs = overview("Image formation", STAGE, corruption, inputs)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 from pipeline.errors import InputError
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Run, Section
 from pipeline.report.tables import Estimate
 
@@ -26,7 +24,7 @@ PICTURES = {
 }
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+def section(inputs: ReportInputs) -> Section | None:
     """Spearman's rank correlation with the true blur and noise (``benchmarks/results/flags.json``).
 
     Raises:

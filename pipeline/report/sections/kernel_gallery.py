@@ -9,25 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+from matplotlib.gridspec import SubplotSpec
+from matplotlib.lines import Line2D
 
 from pipeline.camera import mtf
 from pipeline.camera.mtf import GENERIC_LENS
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.display_names import BLURS, ESTIMATORS, counted, in_order, listing, word
+from pipeline.report.figures import small_mtf_axes
 from pipeline.report.inputs import ReportInputs, mode_note, relative_mtf
 from pipeline.report.sections.blur_amae import PAGE
 from pipeline.report.spec import Block, NotRun
 from pipeline.report.style import Drawing
 from pipeline.report.tables import ordered, where
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Canvas
 
 SHOWN_PX = 96  # side of the middle of a patch that is shown
 LARGEST_CELL_IN, CURVES_IN = 0.8, 0.56
@@ -37,12 +38,9 @@ GROUP_GAP_IN, CELL_GAP_IN, UNDER_PICTURES_IN, UNDER_ROW_IN = 0.2, 0.04, 0.16, 0.
 
 @dataclass(frozen=True)
 class Gallery:
-    """Kernels that one estimator estimates in one patch of a dataset.
+    """Kernels that one estimator estimates in one patch of a dataset (`pipeline.experiments.kernel_gallery`).
 
-    Attributes:
-        estimator: its name.
-        arrays: ``patch_<kernel>``, ``truth_<kernel>``, ``estimate_<kernel>`` (`pipeline.experiments.kernel_gallery`).
-        kernels: descriptions of the kernels, as the stage wrote them.
+    ``arrays`` holds ``patch_<kernel>``, ``truth_<kernel>`` and ``estimate_<kernel>``.
     """
 
     estimator: str
@@ -61,34 +59,14 @@ class Gallery:
         return np.asarray(self.arrays[name])
 
 
-class _Sheet:
-    """Positions of axes: groups of picture cells with two panels of curves beneath, in inches from the upper left."""
-
-    def __init__(self, groups: int, rows: int, cells: int) -> None:
-        inner = style.TWO_COLUMNS_IN - LEFT_IN - RIGHT_IN - (groups - 1) * GROUP_GAP_IN
-        self.cell_in = min(LARGEST_CELL_IN, (inner / groups - (cells - 1) * CELL_GAP_IN) / cells)
-        self.group_in = cells * self.cell_in + (cells - 1) * CELL_GAP_IN
-        self.row_in = self.cell_in + UNDER_PICTURES_IN + CURVES_IN + UNDER_ROW_IN
-        self.width_in = LEFT_IN + RIGHT_IN + groups * self.group_in + (groups - 1) * GROUP_GAP_IN
-        self.height_in = TOP_IN + rows * self.row_in - UNDER_ROW_IN + BOTTOM_IN
-        self.figure: Canvas = style.new_figure(self.width_in, self.height_in)
-        self.figure.set_layout_engine("none")
-
-    def left_in(self, group: int) -> float:
-        return LEFT_IN + group * (self.group_in + GROUP_GAP_IN)
-
-    def picture(self, group: int, row: int, cell: int) -> Axes:
-        start = self.left_in(group) + cell * (self.cell_in + CELL_GAP_IN)
-        return self._axes(start, TOP_IN + row * self.row_in, self.cell_in, self.cell_in)
-
-    def curves(self, group: int, row: int, half: int) -> Axes:
-        wide = (self.group_in - CELL_GAP_IN) / 2
-        upper = TOP_IN + row * self.row_in + self.cell_in + UNDER_PICTURES_IN
-        return self._axes(self.left_in(group) + half * (wide + CELL_GAP_IN), upper, wide, CURVES_IN)
-
-    def _axes(self, left: float, upper: float, wide: float, tall: float) -> Axes:
-        lower = 1 - (upper + tall) / self.height_in
-        return self.figure.add_axes((left / self.width_in, lower, wide / self.width_in, tall / self.height_in))
+def _panels(figure: Canvas, group: SubplotSpec, pictures: int, cell_in: float) -> tuple[list[Axes], list[Axes]]:
+    """Square pictures side by side, and beneath them two panels of curves, in one cell of the figure's grid."""
+    wide_in = pictures * cell_in + (pictures - 1) * CELL_GAP_IN
+    heights = cell_in, CURVES_IN
+    parts = group.subgridspec(2, 1, height_ratios=heights, hspace=2 * UNDER_PICTURES_IN / sum(heights))
+    across = parts[0].subgridspec(1, pictures, wspace=CELL_GAP_IN / cell_in)
+    halves = parts[1].subgridspec(1, 2, wspace=2 * CELL_GAP_IN / (wide_in - CELL_GAP_IN))
+    return [figure.add_subplot(across[n]) for n in range(pictures)], [figure.add_subplot(halves[n]) for n in (0, 1)]
 
 
 def _kernel(axes: Axes, kernel: np.ndarray, side_px: int) -> None:
@@ -117,17 +95,14 @@ def _curves(axes: Axes, truth: np.ndarray, estimates: Mapping[str, np.ndarray], 
                 mtf.FREQUENCIES, curve, color=style.series_look(name, position)["color"], linewidth=0.9, zorder=3,
                 gid=style.series_id(name, key),
             )  # fmt: skip
-    axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xticks=[0, 0.3, 0.6], yticks=[0, 0.5, 1])
-    axes.tick_params(labelsize=4.8, pad=1, length=1.5)
+    small_mtf_axes(axes)
 
 
 @style.styled
 def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndarray]] | None = None) -> Drawing:
-    """One figure of a dataset's galleries, all of the same patch.
+    """One figure of a dataset's galleries, all of the same patch, in the order shown.
 
-    Args:
-        galleries: of the kernel estimators, at least one, in the order shown.
-        others: estimator -> kernel -> (2, 8) MTF of the same patch, NaN where abstained: estimators without kernels.
+    ``others``: estimator without kernels -> kernel -> (2, 8) MTF of the same patch, NaN where abstained.
 
     Raises:
         InputError: no gallery, an array is missing, or the galleries are not of the same kernels.
@@ -144,18 +119,29 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
     kinds = in_order((str(entry["blur_kind"]) for entry in first.values()), BLURS)
     sizes = sorted({float(entry["kernel_size_px"]) for entry in first.values()})
     names = in_order([*entries, *(others or {})], ESTIMATORS)
-    sheet = _Sheet(len(kinds), len(sizes), 2 + len(galleries))
     headings = ["corrupted", "true", *map(word, entries)]
+    gaps_in, groups, cells_in_group = (len(kinds) - 1) * GROUP_GAP_IN, len(kinds), len(headings)
+    group_in = (style.TWO_COLUMNS_IN - LEFT_IN - RIGHT_IN - gaps_in) / groups
+    cell_in = min(LARGEST_CELL_IN, (group_in - (cells_in_group - 1) * CELL_GAP_IN) / cells_in_group)
+    group_in, row_in = cells_in_group * (cell_in + CELL_GAP_IN) - CELL_GAP_IN, cell_in + UNDER_PICTURES_IN + CURVES_IN
+    width_in = LEFT_IN + groups * group_in + gaps_in + RIGHT_IN
+    height_in = TOP_IN + len(sizes) * row_in + (len(sizes) - 1) * UNDER_ROW_IN + BOTTOM_IN
+    figure = style.new_figure(width_in, height_in)
+    figure.set_layout_engine("none")
+    grid = figure.add_gridspec(
+        len(sizes), groups, left=LEFT_IN / width_in, right=1 - RIGHT_IN / width_in, bottom=BOTTOM_IN / height_in,
+        top=1 - TOP_IN / height_in, wspace=GROUP_GAP_IN / group_in, hspace=UNDER_ROW_IN / row_in,
+    )  # fmt: skip
     rows: list[dict[str, Any]] = []
     for across, kind in enumerate(kinds):
-        middle = (sheet.left_in(across) + sheet.group_in / 2) / sheet.width_in
-        sheet.figure.text(middle, 1 - 0.25 / sheet.height_in, word(kind), ha="center", fontsize=7.5, fontweight="bold")
+        middle = (LEFT_IN + across * (group_in + GROUP_GAP_IN) + group_in / 2) / width_in
+        figure.text(middle, 1 - 0.25 / height_in, word(kind), ha="center", fontsize=7.5, fontweight="bold")
     for kernel, entry in first.items():
         across, down = kinds.index(str(entry["blur_kind"])), sizes.index(float(entry["kernel_size_px"]))
         truth = galleries[0].array("truth", kernel)
         widest = min(gallery.array("estimate", kernel).shape[0] for gallery in galleries)
         side_px = max(min(int(2 * sizes[down]) + 1, widest), 11, truth.shape[0])
-        cells = [sheet.picture(across, down, cell) for cell in range(len(headings))]
+        cells, halves = _panels(figure, grid[down, across], len(headings), cell_in)
         patch = galleries[0].array("patch", kernel)
         style.picture(cells[0], style.middle(patch, SHOWN_PX, SHOWN_PX))
         _kernel(cells[1], truth, side_px)
@@ -167,8 +153,7 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
             curves[gallery.estimator] = np.array(about["mtf"], dtype=float)  # null becomes NaN
         curves = {key: curves[key] for key in names if key in curves}
         true_mtf = np.array(entry["true_mtf"], dtype=float)
-        for half, axis in enumerate("HV"):
-            panel = sheet.curves(across, down, half)
+        for half, (axis, panel) in enumerate(zip("HV", halves, strict=True)):
             _curves(panel, true_mtf[half], {key: curve[half] for key, curve in curves.items()}, f"{kernel} {axis}")
             panel.text(0.03, 0.06, axis, transform=panel.transAxes, ha="left", va="bottom", fontsize=5.2)
             if half or across:
@@ -183,23 +168,19 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
         if down == 0:
             for cell, heading in zip(cells, headings, strict=True):
                 cell.set_title(heading, fontsize=5.8, fontweight="normal", pad=2.5)
+        head = {"kernel": kernel, "blur_kind": entry["blur_kind"], "kernel_size_px": sizes[down]}
         rows += [
-            {
-                "kernel": kernel, "blur_kind": entry["blur_kind"], "kernel_size_px": sizes[down], "estimator": name,
-                "axis": "HV"[axis],
-                "frequency": mtf.FREQUENCIES[number], "true_mtf": true_mtf[axis, number], "mtf": curve[axis, number],
-            }
+            {**head, "estimator": name, "axis": "HV"[axis], "frequency": mtf.FREQUENCIES[number],
+             "true_mtf": true_mtf[axis, number], "mtf": curve[axis, number]}
             for name, curve in curves.items() for axis, number in np.ndindex(*true_mtf.shape)
         ]  # fmt: skip
-    _legend(sheet.figure, names)
+    _legend(figure, names)
     values = ordered(pd.DataFrame(rows), blur_kind=kinds, kernel_size_px=())
     alt = f"One patch under {counted(len(first), 'blur kernel')} with the kernels estimated in it: {_errors(entries)}."
-    return Drawing(sheet.figure, alt, values, style.switches(names))
+    return Drawing(figure, alt, values, style.switches(names))
 
 
 def _legend(figure: Canvas, names: Sequence[str]) -> None:
-    from matplotlib.lines import Line2D
-
     handles = [Line2D([], [], color=style.INK, linewidth=1.2, label="true")]
     for name, look in style.series_looks(names).items():
         handles.append(Line2D([], [], color=look["color"], linewidth=0.9, label=word(name)))
@@ -235,13 +216,7 @@ def _other_curves(
 
 
 def blocks(estimates: pd.DataFrame, datasets: Sequence[str], inputs: ReportInputs) -> list[Block]:
-    """One gallery per dataset, or a note on the stage that would make it.
-
-    Args:
-        estimates: `pipeline.experiments.tables.BLUR_ESTIMATES`.
-        datasets: in their order.
-        inputs: of the report.
-    """
+    """One gallery per dataset, or a note on the stage that would make it."""
     stored = inputs.galleries("blur", "gallery", ("frame", "patch"), ("kernels",))
     made: list[Block] = []
     for dataset in datasets:

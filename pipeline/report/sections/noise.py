@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.experiments.frame_records import NOISE_FILE, records_with
@@ -17,14 +20,9 @@ from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, ESTIMATORS, counted, in_order, listing, word
 from pipeline.report.figures import abstentions, legend_of
 from pipeline.report.inputs import ReportInputs, published
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Section, missing, pairs_of, runs_by_estimator
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Cell, Row, Table, as_recorded, estimate, ordered, reasons_of, where
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from numpy.typing import NDArray
 
 PAGE = Descriptions("noise")
 PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
@@ -38,9 +36,7 @@ TOP_PERCENTILE = 99.0  # of the noise added, shown in the last colour
 def curves(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
     """The paper's figure: median and range of the inliers over the target level; datasets down, noise sources across.
 
-    Args:
-        summary: `pipeline.tables.NOISE_SUMMARY`.
-        datasets: rows of the figure; one without numbers is shown as not run.
+    A dataset without numbers is shown as not run.
     """
     effects = in_order([*PAPER_EFFECTS, *summary["noise_source"]], EFFECTS)
     looks = style.series_looks(in_order(summary["estimator"], ESTIMATORS))
@@ -55,12 +51,9 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
             present = rows.groupby("target_sigma_dn")["clipped_median_dn"].median()
             axes.plot(present.index, present.to_numpy(), zorder=2, **PRESENT)
 
-    def counts(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        abstentions(axes, rows, key, list(looks))
-
     return PAGE.grid(
         "noise", summary, _curves_alt(summary, list(looks)), looks,
-        down=datasets, across=effects, under=levels, over=counts,
+        down=datasets, across=effects, under=levels, over=partial(abstentions, estimators=list(looks)),
         axes={"xlim": (0, right), "ylim": (0, top + 3), "yticks": np.arange(0, top + 1, 5),
               "xticks": np.arange(0, right + 1, 5)},
         legend=[*legend_of(looks), ("noise present", PRESENT), ("target level", DIAGONAL)],
@@ -82,13 +75,9 @@ def _curves_alt(summary: pd.DataFrame, estimators: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class NoiseMaps:
-    """Maps of one frame by one estimator.
+    """Maps of one frame by one estimator, under each noise source at one target standard deviation over the frame.
 
-    Attributes:
-        estimator: its name.
-        arrays: ``<noise_source>_seen`` (H, W) uint8, ``<noise_source>_added`` and ``<noise_source>_found`` (h, w) DN.
-        effects: in the order shown.
-        target_sigma_dn: target standard deviation over the frame.
+    ``arrays``: ``<noise_source>_seen`` (H, W) uint8, ``<noise_source>_added`` and ``<noise_source>_found`` (h, w) DN.
     """
 
     estimator: str
@@ -127,8 +116,7 @@ def _map_panel(axes: Axes, frame: NDArray[np.uint8], cells: NDArray[np.floating]
 def maps(galleries: Sequence[NoiseMaps]) -> Drawing:
     """Rows: noise sources. Columns: the frame, the noise added, the noise estimated by each estimator.
 
-    Args:
-        galleries: of one frame, at least one; all with the same effects.
+    The galleries are of one frame, with the same effects.
 
     Raises:
         InputError: an array is missing.
@@ -154,12 +142,9 @@ def maps(galleries: Sequence[NoiseMaps]) -> Drawing:
     titles = ["Frame", "Noise added", *(f"Estimated by {word(one.estimator)}" for one in galleries)]
     for axes, title in zip(panels[0], titles, strict=True):
         axes.set_title(title, loc="left")
-    patterns = [
-        {"pattern": f", correlation {row['correlation']:.2f}" if np.isfinite(row["correlation"]) else ""}
-        for row in rows
-    ]
-    alt = PAGE.alt("noise_maps", [row | pattern for row, pattern in zip(rows, patterns, strict=True)])
-    return Drawing(figure, alt, pd.DataFrame(rows))
+    patterns = [f", correlation {row['correlation']:.2f}" if np.isfinite(row["correlation"]) else "" for row in rows]
+    values = pd.DataFrame(rows)
+    return Drawing(figure, PAGE.alt("noise_maps", values.assign(pattern=patterns)), values)
 
 
 def _maps(inputs: ReportInputs) -> list[Block]:
@@ -177,10 +162,7 @@ def _maps(inputs: ReportInputs) -> list[Block]:
 def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame) -> Table:
     """Median estimates of one dataset: a row for each noise source and level, a column for each estimator.
 
-    Args:
-        dataset: name.
-        summary: `pipeline.tables.NOISE_SUMMARY`.
-        reference: columns dataset, noise_source, target_sigma_dn, estimator, sigma_dn: by the authors' program.
+    ``reference`` is by the authors' program.
     """
     keys = ["dataset", "noise_source", "target_sigma_dn", "estimator"]
     selected = ordered(where(summary, dataset=dataset), noise_source=EFFECTS, target_sigma_dn=())
@@ -192,46 +174,27 @@ def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame) -> Tab
 
 
 def single_patches(estimates: pd.DataFrame, seed: int) -> Table:
-    """Error of single patches against both ground truths, coverage of the intervals, abstentions.
+    """Error of single patches against both ground truths, coverage of the intervals, abstentions."""
 
-    Args:
-        estimates: `pipeline.tables.NOISE_ESTIMATES`.
-        seed: root of the bootstrap's random streams.
-    """
-    errors = patch_errors(estimates, seed)
-    has_interval = "coverage_percent" in errors
+    def quantity(name: str, cell: Callable[[Row], Cell], counted_by: str) -> Callable[[Row], Cell]:
+        return lambda row: cell(row) if np.isfinite(row.get(f"{counted_by}_count", np.nan)) else None
 
-    def quantity(name: str) -> Callable[[Row], Cell]:
-        whole = estimate(name, f"{name}_low", f"{name}_high", f"{name}_count")
-        return lambda row: whole(row) if np.isfinite(row.get(f"{name}_count", np.nan)) else None
-
-    def width(row: Row) -> Cell:
-        return row["width_dn"] if has_interval and np.isfinite(row["coverage_percent_count"]) else None
-
-    quantities = ("present_dn", "added_dn", "coverage_percent", "clean_percent")
-    cells = {name: quantity(name) for name in quantities} | {"width_dn": width}
-    return PAGE.table("noise_patches", errors, cells=cells)
+    names = ("present_dn", "added_dn", "coverage_percent", "clean_percent")
+    whole = {name: estimate(name, f"{name}_low", f"{name}_high", f"{name}_count") for name in names}
+    cells = {name: quantity(name, cell, name) for name, cell in whole.items()}
+    cells["width_dn"] = quantity("width_dn", lambda row: row["width_dn"], "coverage_percent")
+    return PAGE.table("noise_patches", patch_errors(estimates, seed), cells=cells)
 
 
 def saturated(estimates: pd.DataFrame, seed: int) -> Table | None:
-    """Estimates at the highest level in patches that are nearly all black or white; None without such patches.
-
-    Args:
-        estimates: `pipeline.tables.NOISE_ESTIMATES`.
-        seed: root of the bootstrap's random streams.
-    """
+    """Estimates at the highest level in patches that are nearly all black or white; None without such patches."""
     cells = saturated_patches(estimates, seed)
     if cells.empty:
         return None
     return PAGE.table("noise_saturated", cells, level=float(cells["target_sigma_dn"].iloc[0]), percent=100 * SATURATED)
 
 
-def _abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
-    sums = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)[["count", "rejected", "abstained"]]
-    return PAGE.table("noise_abstentions", sums.sum(), cells={"reasons": reasons_of(estimates)})
-
-
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """Noise estimation on every dataset."""
     summary, estimates = inputs.result("noise_summary"), inputs.result("noise_estimates")
     known = pairs_of(inputs.recorded_result("noise_summary"))
@@ -245,11 +208,13 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
         blocks += [medians(name, summary, reference) for name in datasets]
         blocks += [*_maps(inputs), single_patches(estimates, inputs.seed)]
         clipped = saturated(estimates, inputs.seed)
-        blocks += [*([] if clipped is None else [clipped]), _abstentions(summary, estimates)]
+        sums = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)[["count", "rejected", "abstained"]]
+        blocks += [] if clipped is None else [clipped]
+        blocks.append(PAGE.table("noise_abstentions", sums.sum(), cells={"reasons": reasons_of(estimates)}))
     return Section("noise", "Noise estimation", (), [*blocks, *missing("Noise estimation", runs)], runs)
 
 
-def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+def recorded(inputs: ReportInputs) -> Section | None:
     """Noise estimation on frames recorded by ``camera-monitor record noise-levels``, or None without a record."""
     records = records_with(inputs.recorded, NOISE_FILE)
     if not records:
@@ -260,10 +225,10 @@ def recorded(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section 
         f" {counted(int(one.frames['noise_tiles'].sum()), 'tile')} of 128 px"
         for one in records
     ]
+    reference = published(inputs, "noise_reference.csv")
     blocks: list[Block] = [
         PAGE.table("recorded_noise_sources", [one.described("noise_tiles") for one in records]),
         PAGE.figure("recorded_noise", curves(summary, datasets), after=f"{'; '.join(counts)}."),
+        *(as_recorded(medians(dataset, summary, reference)) for dataset in datasets),
     ]
-    reference = published(inputs, "noise_reference.csv")
-    blocks += [as_recorded(medians(one.dataset, summary, reference)) for one in records]
     return Section("noise_recorded", "Noise estimation on recorded frames", (PAGE.text("recorded"),), blocks)

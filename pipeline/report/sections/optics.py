@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from pipeline import tables
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, counted, in_order, listing, word
+from pipeline.report.figures import small_mtf_axes
 from pipeline.report.inputs import ReportInputs, published
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.ledger_sources import sharp_mtf, star_curve
 from pipeline.report.spec import Block, NotRun, Section, overview, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import where
 from pipeline.stage_files import existing
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 PAGE = Descriptions("optics")
 BANK_STAGE, STAR_STAGE = "psf_bank", "star"
@@ -38,18 +35,15 @@ def _mtf(axes: Axes, rows: pd.DataFrame) -> None:
             line["frequency"], line["mtf"], color=style.series_look(axis)["color"], linestyle=dash, linewidth=0.9,
             gid=style.series_id(axis, str(rows["kernel"].iloc[0])),
         )  # fmt: skip
-    axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xticks=[0, 0.3, 0.6], yticks=[0, 0.5, 1])
-    axes.tick_params(labelsize=4.8, pad=1, length=1.5)
+    small_mtf_axes(axes)
 
 
 @style.styled
 def kernel_sheet(bank: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: str) -> Drawing:
     """Sizes down, kinds and rotations across; each kernel scaled to its maximum, with its MTF beneath.
 
-    Args:
-        bank: `pipeline.tables.KERNELS`.
-        kernels: kernel name -> (k, k), unit sum.
-        source: which rows of the table to show, ``"generated"`` or ``"paper"``.
+    ``bank`` is a `pipeline.tables.KERNELS`, ``kernels`` its pictures by name; ``source`` is ``"generated"`` or
+    ``"paper"``.
 
     Raises:
         InputError: the table has no such rows, or names a kernel without a picture.
@@ -115,28 +109,25 @@ def _framed(kernel: np.ndarray, side: int) -> np.ndarray:
 def star_figure(image: np.ndarray, curves: Mapping[str, np.ndarray], paper: pd.DataFrame | None = None) -> Drawing:
     """The star beside its MTF: measured, by formula, as published.
 
-    Args:
-        image: (H, W) star, uint8 or float in [0, 1].
-        curves: ``frequency`` as fractions of Nyquist, ``measured`` contrast and the contrast by ``formula``, each (K,).
-        paper: columns frequency, mtf: the star of the paper's Sim.
+    ``image`` is (H, W), uint8 or float in [0, 1]; ``curves`` as of `star_curve`; ``paper``: frequency and MTF of its
+    Sim.
     """
     figure = style.new_figure(style.TWO_COLUMNS_IN, 2.7)
     left, right = figure.subplots(1, 2, width_ratios=[1, 1.5])
     picture, _ = style.shrunk(np.asarray(image), 512)
     style.picture(left, picture, highest=1 if picture.dtype.kind == "f" else 255)
     blue, red = style.PALETTE[:2]
-    looks: dict[str, tuple[str, str, style.Look]] = {
-        "formula": ("formula", "line", {"color": style.INK, "linewidth": 0.9}),
-        "measured": ("measured on the star", "points", {"color": blue, "marker": "o", "linestyle": "none"}),
-        "published": (
-            "the paper's Sim", "line", {"color": red, "marker": "s", "linestyle": (0, (3, 2)), "linewidth": 0.8}
-        ),
-    }  # fmt: skip
-    data = {name: (curves["frequency"], curves[name]) for name in ("formula", "measured")}
+    formula: style.Look = {"color": style.INK, "linewidth": 0.9}
+    measured: style.Look = {"color": blue, "marker": "o", "linestyle": "none"}
+    of_paper: style.Look = {"color": red, "marker": "s", "linestyle": (0, (3, 2)), "linewidth": 0.8}
+    shown = [
+        ("formula", "formula", "line", formula, curves["frequency"], curves["formula"]),
+        ("measured", "measured on the star", "points", measured, curves["frequency"], curves["measured"]),
+    ]
     if paper is not None and not paper.empty:
-        data["published"] = (paper["frequency"].to_numpy(float), paper["mtf"].to_numpy(float))
-    for name, (frequency, mtf) in data.items():
-        label, part, look = looks[name]
+        frequency, mtf = (paper[name].to_numpy(float) for name in ("frequency", "mtf"))
+        shown.append(("published", "the paper's Sim", "line", of_paper, frequency, mtf))
+    for name, label, part, look, frequency, mtf in shown:
         right.plot(frequency, mtf, label=label, gid=style.series_id(name, part), **look)
     right.set(xlabel="spatial frequency [fraction of Nyquist]", ylabel="MTF", ylim=(0, 1.05), xlim=(0, None))
     right.legend(loc="lower left")
@@ -144,8 +135,7 @@ def star_figure(image: np.ndarray, curves: Mapping[str, np.ndarray], paper: pd.D
     worst = int(np.nanargmax(error))
     half = np.interp(0.5, curves["frequency"], curves["measured"])
     alt = PAGE.alt("sim_star", [], half=half, error=error[worst], frequency=curves["frequency"][worst])
-    titles = {"formula": "formula", "measured": "measured", "published": "the paper's Sim"}
-    series = tuple((name, titles[name], str(looks[name][2]["color"])) for name in data)
+    series = tuple((name, label.removesuffix(" on the star"), str(look["color"])) for name, label, _, look, *_ in shown)
     return Drawing(figure, alt, pd.DataFrame(dict(curves)), series)
 
 
@@ -171,13 +161,12 @@ def _star(inputs: ReportInputs) -> list[Block]:
     paper = published(inputs, "uncorrupted_mtf.csv")
     paper = where(paper, dataset="sim", estimator="ground_truth")
     ours = sharp_mtf(inputs)
-    theirs = dict(zip(paper["frequency"], paper["mtf"], strict=True))
-    cells = {"paper": lambda row: theirs.get(row["frequency"])}
+    cells = {"paper": lambda row: dict(zip(paper["frequency"], paper["mtf"], strict=True)).get(row["frequency"])}
     sharpness = PAGE.table("sim_sharpness", [] if ours is None else ours, cells=cells)
     return [PAGE.figure("sim_star", star_figure(image, curves, paper)), sharpness]
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """Optics: kernels and star."""
     runs = [
         single("Blur kernels", BANK_STAGE, existing(inputs.folder("psf")) is not None, inputs),

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import pandas as pd
 
-from pipeline.control.order_conclusions import (
-    CONCLUSIONS,
-    DETECTOR,
-    KEPT_FRACTION,
-    LINEAR,
-    PAPER,
-    SETTINGS,
-    Conclusion,
-    Study,
-)
+from pipeline.control import order_conclusions
+from pipeline.control.order_conclusions import CONCLUSIONS, SETTINGS, Conclusion, Study
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.sections.control_tables import CONTROL
+from pipeline.report.sections.closed_loop import CONTROL
 from pipeline.report.spec import Block
-from pipeline.report.tables import Table, estimate, format_number, records
+from pipeline.report.tables import Cell, Row, Table, estimate, format_number, pivot
 
 STAGE = "order_study"
-MEASURES = {
+MEASURES: dict[str, Callable[[Row], Cell]] = {
+    "present": lambda row: row["clipped_sigma_dn"],
     "amae_percent": estimate("amae_percent", "amae_low_percent", "amae_high_percent"),
     "ap_percent": estimate("ap_percent", "ap_low_percent", "ap_high_percent"),
     "sigma_dn": estimate("estimated_sigma_dn", "sigma_low_dn", "sigma_high_dn"),
@@ -33,14 +26,10 @@ MARKS = {True: "yes", False: "no", None: "not decided"}
 
 def study_table(study: pd.DataFrame) -> Table:
     """Noise present and estimated, AMAE and AP under both orders and in both lights."""
-    rows: dict[tuple[Any, ...], dict[str, Any]] = {}
-    for row in records(study):
-        key = (row["light"], row["motion_px"], row["target_sigma_dn"])
-        cells = rows.setdefault(key, dict(zip(("light", "motion_px", "target_sigma_dn"), key, strict=True)))
-        cells[f"present_{row['order']}"] = row["clipped_sigma_dn"]
-        for name, cell in MEASURES.items():
-            cells[f"{name}_{row['order']}"] = cell(row)
-    return CONTROL.table("order_study", rows.values(), frames=int(study["frames"].max()))
+    keys = ["light", "motion_px", "target_sigma_dn"]
+    wide = [pivot(study, keys, "order", cell, f"{name}_{{}}".format) for name, cell in MEASURES.items()]
+    rows = [{name: cell for part in parts for name, cell in part.items()} for parts in zip(*wide, strict=True)]
+    return CONTROL.table("order_study", rows, frames=int(study["frames"].max()))
 
 
 def evidence(study: Study, conclusion: Conclusion, setting: tuple[str, str]) -> str:
@@ -66,7 +55,7 @@ def conclusion_table(study: Study) -> Table:
         rows.append({"claim": conclusion.claim, **cells, "survival": study.survival(conclusion)})
     motion, sigma = (sorted(set(study.conditions[name])) for name in ("motion_px", "target_sigma_dn"))
     ends = {"shortest_px": motion[0], "longest_px": motion[-1], "least_dn": sigma[0], "most_dn": sigma[-1]}
-    return CONTROL.table("order_study_conclusions", rows, kept_percent=100 * KEPT_FRACTION, **ends)
+    return CONTROL.table("order_study_conclusions", rows, kept_percent=100 * order_conclusions.KEPT_FRACTION, **ends)
 
 
 def finding(study: Study) -> str:
@@ -76,11 +65,8 @@ def finding(study: Study) -> str:
         claim = conclusion.claim.split(":")[0].split(" (")[0]
         by_word.setdefault(study.survival(conclusion), []).append(f"“{claim}”")
     parts = [f"{word}: {listing(claims)}" for word, claims in by_word.items()]
-    return (
-        f"Order of photon noise and blur, under the detector's order and in linear light: {'; '.join(parts)}. Of the "
-        f"photon noise {100 * study.kept((DETECTOR, LINEAR)):.0f} % is left behind the blur, in the paper's order "
-        f"{100 * study.kept((PAPER, LINEAR)):.0f} %."
-    )
+    kept = {order: 100 * study.kept((order, order_conclusions.LINEAR)) for order in ("detector", "paper")}
+    return CONTROL.text("order_of_noise_and_blur", parts="; ".join(parts), **kept)
 
 
 def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:

@@ -6,37 +6,27 @@ from collections.abc import Sequence
 
 from pipeline.report.display_names import counted
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import NOT_RUN, LedgerRow, to_table
-from pipeline.report.ledger_items import ITEMS
+from pipeline.report.ledger import NOT_RUN, to_table
+from pipeline.report.ledger_items import ITEMS, rows_of
 from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run
 
 
-def beside_ours(
-    names: Sequence[str], ledger: Sequence[LedgerRow], inputs: ReportInputs
-) -> tuple[list[Block], list[Run]]:
-    """A table of ours beside the paper's for each item that ran, a note for each that did not, and the overview.
-
-    Args:
-        names: of ledger items, in order.
-        ledger: all its rows.
-        inputs: of the report.
-    """
+def beside_ours(names: Sequence[str], inputs: ReportInputs) -> tuple[list[Block], list[Run]]:
+    """Of each ledger item ours beside the paper's as a table, a note on what did not run, its line of the overview."""
     items = {item.name: item for item in ITEMS}
     blocks: list[Block] = []
     runs: list[Run] = []
-    for name in names:
-        item = items[name]
-        selected = [row for row in ledger if row.item == name]
-        done = [row for row in selected if row.verdict != NOT_RUN]
-        missing = [row for row in selected if row.verdict == NOT_RUN]
-        why, line = STAGE_ABSENT, inputs.line(str(item.stage).replace("{", "<").replace("}", ">"))
+    for item in (items[name] for name in names):
+        rows = rows_of(item, inputs)
+        done, missing = ([row for row in rows if (row.verdict == NOT_RUN) == absent] for absent in (False, True))
+        why, line = STAGE_ABSENT, inputs.line(item.stage.replace("{", "<").replace("}", ">"))
         if missing and missing[0].why:  # of all, the first stands for the item
             why, line = missing[0].why, missing[0].line or line
         if done:
-            blocks.append(to_table(done, f"published_{name}", f"{item.title}: the paper's numbers beside ours."))
+            blocks.append(to_table(done, f"published_{item.name}", f"{item.title}: the paper's numbers beside ours."))
         if missing:
             blocks.append(NotRun(f"{item.title} ({counted(len(missing), 'published number')})", why, line))
-        partly = f"{len(done):,} of {len(selected):,} numbers" if done and missing else ""
+        partly = f"{len(done):,} of {len(rows):,} numbers" if done and missing else ""
         measured_on = {row.dataset for row in done if row.dataset}
         recorded = bool(measured_on) and measured_on <= set(inputs.absent)  # data that no stage had
         runs.append(Run(item.title, "", bool(done) and not recorded, partly or ("" if done else why), line, recorded))

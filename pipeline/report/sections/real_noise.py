@@ -11,13 +11,12 @@ from pipeline.experiments import real_noise_records
 from pipeline.experiments.real_noise_records import Examples, Recording, Sensor
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.display_names import in_order, word
+from pipeline.report.display_names import word
 from pipeline.report.figures import add_legend
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import Block, Run, Section
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Row, Table, ordered, records
+from pipeline.report.tables import Row, Table, ordered, records, where
 
 STAGE = "real_noise@{name}"
 SENSOR = "flea3"
@@ -25,26 +24,15 @@ SENSOR = "flea3"
 
 TITLE = "Noise of real cameras"
 PAGE = Descriptions("real_noise")
-NAMES = {"cc": "CC", "polyu": "PolyU", "flea3": "Flea3 (raw)"}
 ORDER = ("adaptive", "correlated", "cellwise", "pca", "pca_stride_2", "bf", "wavelet")
 BEFORE, NOW = "cellwise", "adaptive"
 LABELS = {BEFORE: "white noise only", NOW: "default"}
 SHOWN = ("adaptive", "cellwise", "pca", "pca_stride_2", "bf")
 
 
-def recording_word(name: str) -> str:
-    """Display name of a recording."""
-    return NAMES.get(name, word(name))
-
-
 @style.styled
 def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> Drawing:
-    """Estimate over cleaned truth, patch by patch: recordings down, estimators across.
-
-    Args:
-        parts: recordings, at least one.
-        estimators: columns of the figure.
-    """
+    """Estimate over cleaned truth, patch by patch: recordings down, estimators across."""
     figure = style.new_figure(style.TWO_COLUMNS_IN, 1.45 * len(parts) + 0.35)
     grid = figure.subplots(len(parts), len(estimators), squeeze=False, sharex="row", sharey="row")
     values, words = [], []
@@ -53,7 +41,7 @@ def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> Drawing:
         top = 1.05 * max(float(part.patches["cleaned_sigma_dn"].max()), float(first.quantile(0.99)))
         for column, name in enumerate(estimators):
             axes = grid[row, column]
-            selected = part.patches[part.patches["estimator"] == name]
+            selected = where(part.patches, estimator=name)
             answered = selected[np.isfinite(selected["sigma_dn"])]
             axes.plot([0, top], [0, top], color=style.MUTED, linewidth=0.6, zorder=1)
             axes.scatter(
@@ -68,11 +56,10 @@ def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> Drawing:
                 axes.set_title(word(name))
             if row == len(parts) - 1:
                 axes.set_xlabel("measured σ [DN]")
-            values.append(
-                selected[["estimator", "picture", "cleaned_sigma_dn", "sigma_dn"]].assign(recording=part.name)
-            )
-            words.append({"estimator": name, "recording": recording_word(part.name), "error": error})
-        grid[row, 0].set_ylabel(f"{recording_word(part.name)}\nestimated σ [DN]")
+            shown = selected[["estimator", "picture", "cleaned_sigma_dn", "sigma_dn"]]
+            values.append(shown.assign(recording=part.name))
+            words.append({"estimator": name, "recording": part.name, "error": error})
+        grid[row, 0].set_ylabel(f"{word(part.name)}\nestimated σ [DN]")
     return Drawing(figure, PAGE.alt("real_noise", words), pd.concat(values, ignore_index=True))
 
 
@@ -80,30 +67,25 @@ def errors(parts: Sequence[Recording]) -> Table:
     """Errors, coverage and abstentions of every estimator on every recording."""
     rows = pd.concat([part.summary.assign(recording=part.name) for part in parts], ignore_index=True)
     rows = ordered(rows, recording=[part.name for part in parts], estimator=ORDER)
-    return PAGE.table("real_noise_errors", rows, cells={"recording": lambda row: recording_word(row["recording"])})
+    return PAGE.table("real_noise_errors", rows)
 
 
 @style.styled
 def sensor_figure(made: Sensor) -> Drawing:
-    """Photon transfer and dark current of a sensor's colour planes.
-
-    Args:
-        made: its constants and the points that they were fitted to.
-    """
+    """Photon transfer and dark current of a sensor's colour planes."""
     planes = list(made.transfer["plane"])
     looks = style.series_looks(planes)
     figure = style.new_figure(style.TWO_COLUMNS_IN, 2.3)
     transfer, dark = figure.subplots(1, 2)
-    for (_, fit), (_, current) in zip(made.transfer.iterrows(), made.dark.iterrows(), strict=True):
-        plane, colour = fit["plane"], looks[fit["plane"]]["color"]
-        selected = made.points[made.points["plane"] == plane]
-        transfer.plot(selected["mean_dn"], selected["variance_dn2"], "o", markersize=2.6, color=colour)
-        ends = np.array([0.0, selected["mean_dn"].max()])
-        transfer.plot(ends, fit["dark_variance_dn2"] + fit["gain_dn_per_e"] * ends, linewidth=0.8, color=colour)
-        means = made.dark_means[made.dark_means["plane"] == plane]
-        dark.plot(means["exposure_s"], means["mean_dn"], "o", markersize=2.6, color=colour)
-        ends = np.array([0.0, means["exposure_s"].max()])
-        dark.plot(ends, current["offset_dn"] + current["slope_dn_per_s"] * ends, linewidth=0.8, color=colour)
+    for axes, points, (x, y), fits, (offset, slope) in (
+        (transfer, made.points, ("mean_dn", "variance_dn2"), made.transfer, ("dark_variance_dn2", "gain_dn_per_e")),
+        (dark, made.dark_means, ("exposure_s", "mean_dn"), made.dark, ("offset_dn", "slope_dn_per_s")),
+    ):
+        for fit in records(fits):
+            selected, colour = where(points, plane=fit["plane"]), looks[fit["plane"]]["color"]
+            axes.plot(selected[x], selected[y], "o", markersize=2.6, color=colour)
+            ends = np.array([0.0, selected[x].max()])
+            axes.plot(ends, fit[offset] + fit[slope] * ends, linewidth=0.8, color=colour)
     transfer.set(xlabel="mean grey value [DN]", ylabel="variance of the noise [DN²]", title="Photon transfer")
     dark.set(xlabel="exposure time [s]", ylabel="mean of a dark frame [DN]", title="Dark current")
     add_legend(figure, [(f"plane {name}", {**look, "linestyle": "-", "marker": "o"}) for name, look in looks.items()])
@@ -115,28 +97,18 @@ def sensor_figure(made: Sensor) -> Drawing:
     return Drawing(figure, alt, made.points)
 
 
-def sensor_table(made: Sensor) -> Table:
-    """Constants of a sensor by colour plane."""
-    return PAGE.table("real_sensor_constants", made.transfer.merge(made.dark, on="plane"), stage=made.stage)
-
-
 def answer(row: Row) -> str:
     """An estimate in words: the median with its interval, or the reason of the abstentions."""
     patches, answered = int(row["patches"]), int(row["answered"])
     reasons = f"; abstained: {row['reasons']}" if row["reasons"] else ""
     if 2 * answered < patches:
         return f"abstained in {patches - answered} of {patches} ({str(row['reasons']).split(':')[0]})"
-    estimate = f"{row['sigma_dn']:.2f} DN ({row['low_dn']:.2f} to {row['high_dn']:.2f})"
-    return f"{estimate}{reasons}"
+    return f"{row['sigma_dn']:.2f} DN ({row['low_dn']:.2f} to {row['high_dn']:.2f}){reasons}"
 
 
 @style.styled
 def crops(made: Examples) -> Drawing:
-    """Crops side by side, with the noise present and both estimates below each.
-
-    Args:
-        made: the examples.
-    """
+    """Crops side by side, with the noise present and both estimates below each."""
     names = list(dict.fromkeys(made.table["example"]))
     figure = style.new_figure(style.TWO_COLUMNS_IN, 3.05)
     words = []
@@ -151,13 +123,13 @@ def crops(made: Examples) -> Drawing:
     return Drawing(figure, f"Crops of three pictures with their noise estimates. {'. '.join(words)}.", made.table)
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section | None:
+def section(inputs: ReportInputs) -> Section | None:
     """Noise of real cameras, or None where nothing of it is known."""
     stages = inputs.folders("real_noise")
-    where = stages, inputs.recorded
-    parts, made = real_noise_records.recordings(*where), real_noise_records.sensor(*where)
-    pairs = {part.name for part in parts}
-    runs = [_run(inputs, name, name in pairs or (made is not None and name == SENSOR)) for name in stages]
+    parts = real_noise_records.recordings(stages, inputs.recorded)
+    made = real_noise_records.sensor(stages, inputs.recorded)
+    known = {part.name for part in parts} | ({SENSOR} if made is not None else set())
+    runs = [_run(inputs, name, name in known) for name in stages]
     if not parts and made is None and not runs:
         return None
     examples = real_noise_records.examples(inputs.recorded)
@@ -166,31 +138,29 @@ def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section |
         blocks.append(PAGE.figure("real_noise_examples", crops(examples), source=examples.source))
     if parts:
         made_by = tuple(part.stage for part in parts if part.stage)
-        estimators = in_order(
-            (name for part in parts for name in part.patches["estimator"].unique() if name in SHOWN), SHOWN
-        )
+        estimators = [name for name in SHOWN if any((part.patches["estimator"] == name).any() for part in parts)]
         figure = PAGE.figure("real_noise", scatter(parts, estimators), made_by)
         blocks += [figure, errors(parts), _sources(parts)]
     if made is not None:
         figure = PAGE.figure("real_sensor", sensor_figure(made), [made.stage] if made.stage else ())
-        blocks += [figure, sensor_table(made)]
+        blocks += [
+            figure,
+            PAGE.table("real_sensor_constants", made.transfer.merge(made.dark, on="plane"), stage=made.stage),
+        ]
     return Section("real_noise", TITLE, (PAGE.text("introduction"),), blocks, runs)
 
 
 def _sources(parts: Sequence[Recording]) -> Table:
+    made = {True: "by its stage", False: "recorded earlier"}
     rows = [
-        {
-            "recording": recording_word(part.name),
-            "pictures": int(part.summary["pictures"].max()),
-            "measured": "by its stage" if part.stage else "recorded earlier",
-            "source": part.source,
-        }
+        {"recording": part.name, "pictures": int(part.summary["pictures"].max()), "measured": made[bool(part.stage)],
+         "source": part.source}
         for part in parts
-    ]
+    ]  # fmt: skip
     return PAGE.table("real_noise_sources", rows)
 
 
 def _run(inputs: ReportInputs, name: str, is_recorded: bool) -> Run:
     ran = real_noise_records.stage_has_run(inputs.folders("real_noise"), name)
     line = f"dvc exp run -S real_noise.recordings.{name}.folder=/path real_noise@{name} report"
-    return Run(TITLE, recording_word(name), ran, "" if ran else "data absent", line, is_recorded)
+    return Run(TITLE, word(name), ran, "" if ran else "data absent", line, is_recorded)

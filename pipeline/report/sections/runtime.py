@@ -6,7 +6,7 @@ would change every report. The report only reads the record (``benchmarks/result
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
@@ -15,7 +15,6 @@ from pipeline.errors import InputError
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import ESTIMATORS, word
 from pipeline.report.inputs import ReportInputs, published_table
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import STAGE_ABSENT, NotRun, Run, Section
 from pipeline.report.tables import Table, ordered, records
 
@@ -33,14 +32,22 @@ REQUIRED_FPS = {("blur", "spectral"): 5.0, ("noise", "cellwise"): 10.0}
 """Whole frames per second that this project requires of its own estimators on two cores."""
 
 
+TIMES = [
+    "task", "estimator", "name", "patch_px", "one_ms", "batched_ms", "preprocessing_ms", "untrained", "clock_fps",
+    "processor_fps",
+]  # fmt: skip
+"""Columns of `patch_times`."""
+
+
 def record(inputs: ReportInputs) -> Mapping[str, Any] | None:
     """The benchmark's record, or None where it was not made.
 
     Raises:
         InputError: the file holds something else.
     """
-    keys = ("machine", "results", "frame_px", "patch_px")
-    content: Mapping[str, Any] | None = inputs.benchmark("estimators", keys, COMMAND)
+    content: Mapping[str, Any] | None = inputs.benchmark(
+        "estimators", ("machine", "results", "frame_px", "patch_px"), COMMAND
+    )
     return content
 
 
@@ -56,7 +63,7 @@ def patch_times(inputs: ReportInputs) -> pd.DataFrame:
         InputError: the file holds something else.
     """
     content = record(inputs) or {"results": {}}
-    rows: list[dict[str, Any]] = []
+    rows: list[tuple[Any, ...]] = []
     for task in TASKS:
         for name, entry in content["results"].get(task, {}).items():
             try:
@@ -65,22 +72,11 @@ def patch_times(inputs: ReportInputs) -> pd.DataFrame:
                 where = inputs.benchmarks["estimators"]
                 raise InputError(f"{where}: no times of '{name}'; make the record again: {COMMAND}") from None
             frame = entry.get("frame") or {}
-            rows.append(
-                {
-                    "task": task,
-                    "estimator": name,
-                    "name": PUBLISHED.get((task, name), ""),
-                    "patch_px": content["patch_px"][task],
-                    "one_ms": one,
-                    "batched_ms": batched,
-                    "preprocessing_ms": entry.get("preprocessing", {}).get("processor_median_ms"),
-                    "untrained": entry.get("weights") == "untrained",
-                    "clock_fps": frame.get("clock_fps"),
-                    "processor_fps": frame.get("processor_fps"),
-                }
-            )
-    columns = ["task", "estimator", "name", "patch_px", "one_ms", "batched_ms", "preprocessing_ms", "untrained"]
-    return pd.DataFrame(rows, columns=[*columns, "clock_fps", "processor_fps"], dtype=object)
+            before = entry.get("preprocessing", {}).get("processor_median_ms")
+            head = (task, name, PUBLISHED.get((task, name), ""), content["patch_px"][task], one, batched, before)
+            untrained = entry.get("weights") == "untrained"
+            rows.append((*head, untrained, frame.get("clock_fps"), frame.get("processor_fps")))
+    return pd.DataFrame(rows, columns=TIMES, dtype=object)
 
 
 def _paper_ms(inputs: ReportInputs) -> dict[str, float]:
@@ -119,7 +115,7 @@ def _table(content: Mapping[str, Any], inputs: ReportInputs) -> Table:
     return PAGE.table("runtime", times, cells=cells, notes=notes, machine=machine, width=width, height=height)
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """Run times as recorded; the ledger holds the paper's too, as not comparable across hardware."""
     content = record(inputs)
     run = Run(TITLE, "", content is not None, "" if content is not None else STAGE_ABSENT, COMMAND)

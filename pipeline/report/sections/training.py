@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from pipeline.learning.learning_curve import HELD_OUT, LearningCurve, read
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.ledger import LedgerRow
 from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Estimate, Table
 from pipeline.stage_files import existing, optional
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 PAGE = Descriptions("training")
 STAGES = {"mtf": "train_mtf@{network}", "sigma": "train_sigma@{network}", "detector": "train_detector@{network}"}
@@ -74,8 +71,6 @@ def _panel(axes: Axes, one: LearningCurve) -> None:
         axes.plot([one.chosen], [held_out[one.chosen]], label="released", **point)
     values = np.concatenate([held_out.to_numpy(), training.to_numpy() if training is not None else np.empty(0)])
     if values.size and values.min() > 0 and values.max() > 8 * values.min():
-        from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -86,11 +81,7 @@ def _panel(axes: Axes, one: LearningCurve) -> None:
 
 @style.styled
 def curves_figure(curves: Sequence[LearningCurve]) -> Drawing:
-    """One panel per network: held-out samples over training samples.
-
-    Args:
-        curves: at least one.
-    """
+    """One panel per network: held-out samples over training samples."""
     across = min(ACROSS, len(curves))
     down = -(-len(curves) // across)
     width = max(style.TWO_COLUMNS_IN * across / ACROSS, style.ONE_COLUMN_IN)
@@ -112,24 +103,23 @@ def curves_figure(curves: Sequence[LearningCurve]) -> Drawing:
 
 
 def _networks(curves: Sequence[LearningCurve]) -> Table:
-    rows = []
-    for one in curves:
-        squared, paper = one.at_release(f"{HELD_OUT}mean_squared_error"), PAPER_PARAMETERS.get(one.name)
-        rows.append(
-            {
-                "network": network_title(one),
-                "parameters": one.parameters if paper is None or one.parameters is None
-                else Estimate(one.parameters, reference=paper),
-                "steps": one.steps,
-                "samples": None if one.samples is None else one.steps * one.samples,
-                "released": one.chosen,
-                "measure": measure_heading(one),
-                "held_out": one.at_release(HELD_OUT + one.measure),
-                "training": None if one.training() is None else one.at_release(one.measure),
-                "squared": None if math.isnan(squared)
-                else Estimate(squared, reference=PAPER_SQUARED_ERROR.get(one.name)),
-            }
-        )  # fmt: skip
+    def squared(one: LearningCurve) -> Estimate | None:
+        error = one.at_release(f"{HELD_OUT}mean_squared_error")
+        return None if math.isnan(error) else Estimate(error, reference=PAPER_SQUARED_ERROR.get(one.name))
+
+    def parameters(one: LearningCurve) -> Estimate | int | None:
+        paper = PAPER_PARAMETERS.get(one.name)
+        return Estimate(one.parameters, reference=paper) if paper and one.parameters else one.parameters
+
+    rows = [
+        {
+            "network": network_title(one), "parameters": parameters(one), "steps": one.steps, "released": one.chosen,
+            "samples": None if one.samples is None else one.steps * one.samples, "measure": measure_heading(one),
+            "held_out": one.at_release(HELD_OUT + one.measure), "squared": squared(one),
+            "training": None if one.training() is None else one.at_release(one.measure),
+        }
+        for one in curves
+    ]  # fmt: skip
     return PAGE.table("training", rows)
 
 
@@ -149,7 +139,7 @@ def ablation(inputs: ReportInputs) -> Table | None:
     )  # fmt: skip
 
 
-def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+def section(inputs: ReportInputs) -> Section:
     """Every network with a learning curve beside its weights."""
     curves = read(inputs.weights)
     names = [one.name for one in curves]

@@ -1,0 +1,304 @@
+"""The closed loop: results of its scenarios, tables of policies, measures, paired differences and losses, films."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator
+from numpy.typing import NDArray
+
+from pipeline.control.largest_loss import LargestLoss, largest_loss
+from pipeline.control.scenario_result import BRIGHTNESS_ONLY, OURS, ScenarioResult
+from pipeline.control.state import CameraState
+from pipeline.control.tables import PAIRS, STEPS, SUMMARY
+from pipeline.report import style
+from pipeline.report.descriptions import Descriptions
+from pipeline.report.display_names import POLICIES, in_order, listing, word
+from pipeline.report.figures import add_legend
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.spec import Figure
+from pipeline.report.style import Drawing, Look
+from pipeline.report.tables import Estimate, Table, estimate, format_number, ordered, records, where
+from pipeline.stage_files import optional
+
+CONTROL = Descriptions("control")
+AP = estimate("ap_percent", "low_percent", "high_percent")
+LOOKS: dict[str, Look] = {
+    "mean_intensity": {"color": style.PALETTE[1], "marker": "s"},
+    "iopc_continuous": {"color": style.PALETTE[0], "marker": "o"},
+    "iopc_lamp": {"color": style.PALETTE[3], "marker": "D"},
+    "oracle": {"color": style.MUTED, "marker": ""},
+}
+"""Policies drawn over time; the tables hold all."""
+
+PICTURED = ("mean_intensity", "iopc_continuous")
+PANELS: tuple[tuple[str, str, str, bool], ...] = (
+    ("light", "", "light [daylight = 1]", True),
+    ("exposure_ms", "", "exposure time [ms]", True),
+    ("iso", "", "gain [ISO]", True),
+    ("mean_level", "", "mean level", False),
+    ("speed_px_s", "", "speed [px/s]", False),
+    ("motion_px", "estimated_motion_px", "motion blur [px]", False),
+    ("sigma_dn", "estimated_sigma_dn", "noise σ [DN]", False),
+    ("ap_percent", "", "AP [%]", False),
+)
+"""Column, column of its estimate, label, whether the axis is logarithmic; four in a row."""
+
+ESTIMATED: Look = {"linestyle": "none", "markersize": 3.4, "markerfacecolor": "none", "markeredgewidth": 0.7}
+PICTURE_PX = (120, 168)
+COLUMNS = 4
+
+
+def scenario_word(name: str) -> str:
+    """The word for a scenario."""
+    return name.replace("_", " ").capitalize()
+
+
+def scenario_results(inputs: ReportInputs) -> list[ScenarioResult]:
+    """Every scenario of this run whose stage has run, in order."""
+    results = []
+    for name, folder in inputs.folders("closed_loop").items():
+        steps = optional(folder, "steps.parquet", STEPS)
+        if steps is not None:
+            summary, pairs = optional(folder, "summary.parquet", SUMMARY), optional(folder, "pairs.parquet", PAIRS)
+            results.append(ScenarioResult(name, steps, summary, pairs, _films(folder)))
+    return results
+
+
+def _films(folder: Path) -> dict[str, dict[int, NDArray[np.uint8]]]:
+    """Policy -> number of the step (in the names ``step_<number>`` of its arrays) -> picture."""
+    films = {}
+    for path in sorted(folder.glob("film-*.npz")):
+        steps = {name: array for name, array in (optional(folder, path.name) or {}).items() if name.startswith("step_")}
+        films[path.stem.removeprefix("film-")] = {int(name[5:]): steps[name] for name in sorted(steps)}
+    return films
+
+
+def decision_ms(inputs: ReportInputs) -> dict[str, float]:
+    """Processor time of one decision by registry name of the policy, ms; empty without a record.
+
+    Raises:
+        InputError: the record holds something else.
+    """
+    content = inputs.benchmark("control", ("machine", "decision"), "python benchmarks/control.py")
+    decisions = {} if content is None else content["decision"]
+    return {name: float(times["processor_median_ms"]) for name, times in decisions.items()}
+
+
+def _policies(names: Sequence[str]) -> str:
+    return listing(map(word, names))
+
+
+def _head(one: ScenarioResult) -> dict[str, str]:
+    return {"scenario": scenario_word(one.name), "demanding": "yes" if one.is_demanding else "no"}
+
+
+def overview(results: Sequence[ScenarioResult]) -> Table:
+    """AP of every policy in every scenario."""
+    policies = in_order({name for one in results for name in one.summary["policy"]}, POLICIES)
+    rows = [{**_head(one), **{str(row["policy"]): AP(row) for row in records(one.summary)}} for one in results]
+    return CONTROL.table("control_ap", rows, across={name: word(name) for name in policies})
+
+
+def measures(results: Sequence[ScenarioResult], decision_ms: Mapping[str, float]) -> Table:
+    """Every measure of every policy in every scenario."""
+    kinds = {"iopc_lamp": "iopc_continuous"}
+    rows = [
+        {**row, **_head(one), "decision_ms": decision_ms.get(kinds.get(row["policy"], row["policy"]))}
+        for one in results
+        for row in records(ordered(one.summary, policy=POLICIES))
+    ]
+    return CONTROL.table(
+        "control_measures", rows, cells={"settling_frames": lambda row: _settling(row["settling_frames"])}
+    )
+
+
+def _settling(frames: float) -> str:
+    return format_number(frames, 0) if math.isfinite(frames) else "not settled"
+
+
+def _cause(one: ScenarioResult) -> str:
+    """A scenario that is not won, and the policies whose difference does not exclude 0, beside the oracle's."""
+    best = max(OURS, key=lambda policy: len(one.exceeded(policy)))
+    level, oracle = ([other for other in BRIGHTNESS_ONLY if other not in one.exceeded(p)] for p in (best, "oracle"))
+    also = [other for other in level if other in oracle]
+    text = f"{scenario_word(one.name).lower()} (not above {_policies(level)}"
+    if also:
+        text += ", nor is the oracle" + ("" if also == level else f" above {_policies(also)}")
+    return f"{text})"
+
+
+def pairs(results: Sequence[ScenarioResult]) -> Table:
+    """Paired differences of ours to the policies that know no motion."""
+    rows: list[dict[str, Any]] = []
+    others = (*BRIGHTNESS_ONLY, "prosilica")
+    for one in results:
+        for policy in OURS:
+            differences = {name: one.difference(policy, name) for name in others}
+            cells = {name: Estimate(*difference) for name, difference in differences.items() if difference is not None}
+            if cells:
+                rows.append({**_head(one), "policy": policy, **cells, "better": _better(one, policy)})
+    return CONTROL.table("control_pairs", rows, across={name: f"less {word(name)}" for name in others})
+
+
+def _better(one: ScenarioResult, policy: str) -> str:
+    """Which policies the interval lies above 0 for, and which it lies below 0 for."""
+    if one.beats_all(policy):
+        return "than all four"
+    above, below = one.exceeded(policy), one.exceeding(policy)
+    text = f"than {_policies(above)}" if above else "than none"
+    return text + (f"; worse than {_policies(below)}" if below else "")
+
+
+def losses(results: Sequence[ScenarioResult]) -> Table:
+    """Rivals whose paired difference does not lie above 0, in scenarios with motion in poor light."""
+    rows: list[dict[str, Any]] = []
+    for one in (one for one in results if one.is_demanding):
+        for other in BRIGHTNESS_ONLY:
+            known = {policy: difference for policy in OURS if (difference := one.difference(policy, other)) is not None}
+            if not known or any(difference[1] > 0 for difference in known.values()):
+                continue
+            policy = max(known, key=lambda name: known[name][0])
+            oracle = one.difference("oracle", other)
+            differences = {"difference": Estimate(*known[policy]), "oracle": oracle and Estimate(*oracle)}
+            frame = _words(largest_loss(one.steps, policy, other))
+            rows.append({**_head(one), "policy": policy, "other": other, **differences, "where": frame})
+    return CONTROL.table("control_losses", rows)
+
+
+def _words(loss: LargestLoss | None) -> str:
+    if loss is None:
+        return "behind in no frame"
+    when = f"frame {loss.step}"
+    if loss.change:
+        when += f", {loss.frames_after} after {loss.change}" if loss.frames_after else f", at the {loss.change}"
+    settings = f"{_settings(loss.state)} against {_settings(loss.other_state)}"
+    return f"{loss.loss_percent:.1f} points in {when}: {settings}"
+
+
+def _settings(state: CameraState) -> str:
+    return f"{state.exposure_ms:.1f} ms, ISO {state.iso:.0f}"
+
+
+def findings(results: Sequence[ScenarioResult]) -> list[str]:
+    """Sentences of the verdict on the closed loop, from the tables' numbers."""
+    demanding = [one for one in results if one.is_demanding]
+    sentences = []
+    if demanding:
+        missed = [one for one in demanding if not any(map(one.beats_all, OURS))]
+        won = len(demanding) - len(missed)
+        text = CONTROL.text("won", won=won, demanding=len(demanding))
+        sentences.append(text + (f" Not in: {listing(map(_cause, missed))}." if missed else ""))
+    for policy in OURS:
+        regrets = [regret for one in results if (regret := one.measure(policy, "regret_percent")) is not None]
+        if regrets:
+            text = f"{word(policy)}: median regret to the oracle {np.median(regrets):.1f} AP points"
+            losses = [one.largest_loss_percent(policy) for one in results if one.stands]
+            known = [loss for loss in losses if loss is not None]
+            if known:
+                text += f"; where nothing moves, at most {max(*known, 0.0):.1f} points below any of them"
+            sentences.append(f"{text}.")
+    settled = {one.name: one.measure("iopc_continuous", "settling_frames") for one in results if one.has_light_step}
+    if settled:
+        words = [
+            f"{scenario_word(n).lower()} {_settling(frames)}" for n, frames in settled.items() if frames is not None
+        ]
+        sentences.append(f"Settling of IOPC continuous in drives with a step of light, frames: {listing(words)}.")
+    return sentences
+
+
+def over_time(result: ScenarioResult) -> pd.DataFrame:
+    """Steps of the policies drawn: the state is that of the first fold, AP the mean of the folds."""
+    steps = where(result.steps, policy=list(LOOKS))
+    steps = steps.assign(ap_percent=steps.groupby(["policy", "step"])["ap_percent"].transform("mean"))
+    first = where(steps, fold=steps["fold"].min()).sort_values(["policy", "step"], kind="stable")
+    shown = ["policy", "step", *(name for column, other, _, _ in PANELS for name in (column, other) if name), "action"]
+    return first[shown].reset_index(drop=True)
+
+
+@style.styled
+def strip(result: ScenarioResult) -> Drawing:
+    """One scenario: eight panels over the frame number, and pictures of the leading viewpoint."""
+    rows = over_time(result)
+    policies = in_order(rows["policy"], LOOKS)
+    films = {name: result.films[name] for name in PICTURED if result.films.get(name)}
+    heights = [1.25] * (len(PANELS) // COLUMNS) + [1.28] * len(films)
+    figure = style.new_figure(style.TWO_COLUMNS_IN, sum(heights) + 0.35)
+    grid = figure.add_gridspec(len(heights), COLUMNS, height_ratios=heights)
+    for number, panel in enumerate(PANELS):
+        axes = figure.add_subplot(grid[number])
+        _panel(axes, rows, policies, panel)
+        if number >= len(PANELS) - COLUMNS:
+            axes.set_xlabel("frame", fontsize=6.2)
+    for down, (name, film) in enumerate(films.items()):
+        states = {row["step"]: row for row in records(where(rows, policy=name))}
+        for across, step in enumerate(sorted(film)[:COLUMNS]):
+            axes = figure.add_subplot(grid[len(PANELS) + COLUMNS * down + across])
+            style.picture(axes, style.middle(film[step], *PICTURE_PX))
+            settings = f"{format_number(states[step]['exposure_ms'], 1)} ms, ISO {states[step]['iso']:.0f}"
+            label = f"frame {step}: {settings}, AP {states[step]['ap_percent']:.0f} %"
+            axes.set_xlabel(label, fontsize=5.6, labelpad=2)
+            if across == 0:
+                axes.set_ylabel(word(name), fontsize=6.4)
+    estimated = ESTIMATED | {"color": style.MUTED, "marker": "o"}
+    add_legend(figure, [*((word(name), LOOKS[name]) for name in policies), ("estimated", estimated)])
+    return Drawing(figure, _alt(result, rows, policies), rows)
+
+
+def _panel(axes: Axes, rows: pd.DataFrame, policies: list[str], panel: tuple[str, str, str, bool]) -> None:
+    column, estimated, label, logarithmic = panel
+    scene = bool((rows.groupby("step")[column].nunique() <= 1).all()) and column in ("light", "speed_px_s")
+    for name in policies[:1] if scene else policies:
+        selected = where(rows, policy=name)
+        look = {"color": style.INK, "marker": ""} if scene else LOOKS[name]
+        axes.plot(selected["step"], selected[column], **(look | {"markersize": 2.0}))
+        if estimated and selected[estimated].notna().any():
+            axes.plot(selected["step"], selected[estimated], **(look | ESTIMATED))
+    if logarithmic:
+        axes.set_yscale("log", base=2)
+        if column == "iso":
+            axes.yaxis.set_major_locator(FixedLocator([100.0 * 2.0**stop for stop in range(-2, 9)]))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_number(value)))
+        axes.yaxis.set_minor_locator(NullLocator())
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        low, high = axes.get_ylim()
+        if high < 2 * low:  # a constant still shows ticks
+            axes.set_ylim(low / 1.5, high * 1.5)
+    elif column == "ap_percent":
+        axes.set_ylim(0, 103)
+    else:
+        is_flat = column == "mean_level" or not rows[column].any()  # a zero everywhere still shows its axis
+        axes.set_ylim(0, 1.0 if is_flat else 1.15 * axes.get_ylim()[1])
+    axes.set_title(label, fontsize=6.4, pad=3)
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    axes.set_xlim(-0.3, float(rows["step"].max()) + 0.3)
+
+
+def _alt(result: ScenarioResult, rows: pd.DataFrame, policies: list[str]) -> str:
+    """Light, speed, settings at the first and the last frame, and the mean AP over the frames."""
+    words = []
+    for name in in_order(policies, POLICIES):
+        drive = records(where(rows, policy=name))
+        first, last = (
+            f"{format_number(row['exposure_ms'], 1)} ms at ISO {row['iso']:.0f}" for row in (drive[0], drive[-1])
+        )
+        ap = sum(row["ap_percent"] for row in drive) / len(drive)
+        words.append({"policy": name, "first": first, "last": last, "ap": ap})
+    light, speed, steps = (rows[name] for name in ("light", "speed_px_s", "step"))
+    lights = {"least_light": format_number(light.min()), "most_light": format_number(light.max())}
+    frames = {"frames": steps.max() - steps.min() + 1, "least_speed": speed.min(), "most_speed": speed.max()}
+    scenario = scenario_word(result.name).lower()
+    return CONTROL.alt("control_film", words, scenario=scenario, **lights, **frames)
+
+
+def films(results: list[ScenarioResult]) -> list[Figure]:
+    """The film strips of all scenarios."""
+    return [
+        CONTROL.figure("control_film", strip(one), file=one.name, scenario=scenario_word(one.name)) for one in results
+    ]
