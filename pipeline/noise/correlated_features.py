@@ -40,6 +40,7 @@ LAGS = ((0, 1), (1, 0), (1, 1), (0, 2), (2, 0), (2, 2))
 BANDS = 5
 LEAST_WINDOWS = 200
 _AVERAGE = np.full(SIDE**2, 1 / SIDE**2, np.float32)
+_SUM = np.ones(SIDE**2, np.float32)
 _EVERY_BYTE = np.uint64(0x0101010101010101)
 LEAST_PX = 48
 CELL_PX = 8
@@ -179,7 +180,7 @@ def _windows(picture: Grey, spacing: int, step: int, saturated: bool) -> Windows
     values = pixels.astype(np.float32)
     means = values @ _AVERAGE
     values -= means[:, None]
-    return Windows(values, means, np.einsum("ij,ij->i", values, values))
+    return Windows(values, means, (values * values) @ _SUM)
 
 
 def _pixels(picture: Grey, spacing: int, step: int) -> Grey:
