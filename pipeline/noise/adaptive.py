@@ -28,6 +28,10 @@ that ends below 2.5 DN is of use however wide it is relative to the answer, unle
 from shot to shot may flicker unseen. An answer of zero is not given where a codec that left detail shows, be it by
 traces too weak for anything else: H.264 removes weak noise, and its own error changes from shot to shot.
 
+Nor is there an answer where grain that looks like smoothed noise is finer along columns than along rows
+(`FORESHORTENED`). Noise of a camera has no direction but for row noise; the grain of a road or floor that is seen at a
+slant is compressed vertically, whether the frame was coded or not.
+
 `NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. Each network runs
 where it has a weight: a patch that is plainly white and not coded skips the second one, a patch that is coded or
 clearly correlated the first.
@@ -58,6 +62,7 @@ from pipeline.noise.correlated_features import (
     LEAST_PX,
     QUANTISED_START,
     Moments,
+    anisotropy,
     fine_windows,
     moments,
     whiteness,
@@ -95,6 +100,11 @@ WIDEST_WHITE_REACH = 0.9
 
 WIDEST_COMPRESSED_REACH = 0.47  # the same behind a strong codec: a factor of 1.6
 WIDEST_QUANTISED_REACH = 0.65  # the same where only quantised transform blocks show a codec
+FORESHORTENED = 0.2
+"""Lag-1 correlation along rows less that along columns, in flat windows, beyond which correlated grain belongs to a
+ground plane. Chosen on tiles of simulated cameras with noise, 99 % of which lie below, and on rendered roads, three
+quarters of whose wrong answers lie above."""
+
 WEAK_DN = 2.5  # where the interval ends below, noise is certainly weak
 UNDETECTED_DN, UNDETECTED_LOW_DN = 0.5, 0.05  # an answer and lower end below these are an answer of zero
 SMOOTH = 0.9  # fraction of vanished coefficients of quantised blocks above which no detail is left to flicker
@@ -173,12 +183,18 @@ class Adaptive(CellMapper):
         adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
         cells[requested] = np.where(weight[:, None, None] >= 0.5, adapted, cells[requested])
 
-        coded, flickering, hiding = np.zeros((3, count), bool)
+        coded, flickering, hiding, grain = np.zeros((4, count), bool)
         coded[requested], flickering[requested] = traces.coded, traces.quantised & traces.detail
         hiding[requested] = (traces.quantised | traces.suspected) & traces.detail
         wide = (reach > widest) & ((high >= WEAK_DN) | flickering)
+        grain[requested] = (
+            (weight >= 0.5)
+            & (answer.correlation > WHITE_BELOW)
+            & (anisotropy(answer.statistics) > FORESHORTENED)
+            & (high[requested] >= WEAK_DN)
+        )
         hidden = hiding & (sigma < UNDETECTED_DN) & (low < UNDETECTED_LOW_DN)
-        unsure = (wide | hidden) & (reason == "")
+        unsure = (wide | hidden | grain) & (reason == "")
         reason[unsure] = np.where((coded | hidden)[unsure], COMPRESSED, UNCERTAIN)
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
 

@@ -164,6 +164,19 @@ def whiteness(patch_dn: Float | Grey, fine: Windows | None = None) -> float:
     return float(_lags((flat.T @ flat / len(flat))[None].astype(np.float64), 2).mean())
 
 
+def anisotropy(statistics: Float) -> Float:
+    """How much more grain is correlated along rows than along columns.
+
+    Args:
+        statistics: (N, COUNT).
+
+    Returns:
+        (N,) difference of the lag-1 correlations of the flattest 30 % of windows, -2 to 2.
+    """
+    first = LAG_START + FLATTEST.index(0.3) * len(LAGS)
+    return statistics[:, first + LAGS.index((0, 1))] - statistics[:, first + LAGS.index((1, 0))]
+
+
 def _is_saturated(picture: Grey) -> bool:
     return bool(picture.min() <= 1 or picture.max() >= WHITE_DN - 1)
 
@@ -180,7 +193,7 @@ def _windows(picture: Grey, spacing: int, step: int, saturated: bool) -> Windows
     values = pixels.astype(np.float32)
     means = values @ _AVERAGE
     values -= means[:, None]
-    return Windows(values, means, (values * values) @ _SUM)
+    return Windows(values, means, np.square(values) @ _SUM)
 
 
 def _pixels(picture: Grey, spacing: int, step: int) -> Grey:

@@ -19,6 +19,7 @@ from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
 from pipeline.noise.adaptive import (
     COMPRESSED,
+    FORESHORTENED,
     REAL_CAMERAS,
     UNCERTAIN,
     WIDEST_QUANTISED_REACH,
@@ -28,6 +29,7 @@ from pipeline.noise.adaptive import (
     weights,
 )
 from pipeline.noise.correlated import Prediction
+from pipeline.noise.correlated_features import anisotropy
 from pipeline.streams import stream
 
 ADAPTIVE = noise.create("adaptive")
@@ -207,3 +209,17 @@ def test_no_patches_give_no_answers():
     assert len(ADAPTIVE.estimate(np.zeros((0, 1, 128, 128), np.float32))) == 0
     with pytest.raises(InputError):
         ADAPTIVE.estimate(np.zeros((1, 1, 40, 40), np.float32))
+
+
+def test_grain_that_is_finer_along_columns_is_texture_of_the_ground_not_noise():
+    """A road seen at a slant, stored as JPEG, shows a codec and smooth grain, as a processed picture does."""
+    road = cv2.resize(flat(6, 1.6, side=256), (256, 128), interpolation=cv2.INTER_AREA)[:, 64:192]
+    road = np.rint(120 + (road - road.mean()) * (6 / road.std()))
+    isotropic = flat(6, 0.9)
+    pictures = (road, isotropic, cv2.rotate(road, cv2.ROTATE_90_CLOCKWISE))
+    stored = [cv2.imencode(".jpg", picture.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 90])[1] for picture in pictures]
+    patches = stack(*(cv2.imdecode(data, 0).astype(np.float32) for data in stored))
+    statistics = ADAPTIVE.correlated.predict(patches[:, 0]).statistics
+    across = anisotropy(statistics)
+    assert across[0] > 1.5 * FORESHORTENED and abs(across[1]) < FORESHORTENED / 2 and across[2] < -1.5 * FORESHORTENED
+    assert tuple(ADAPTIVE.estimate(patches).reason[:2]) == (COMPRESSED, "")
