@@ -8,6 +8,7 @@ describes its figures in its YAML file and draws them by `pipeline.report.descri
 from __future__ import annotations
 
 import itertools
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -26,6 +27,9 @@ from pipeline.report.tables import format_number, where
 PAPER_DASH = (0, (3, 1.6))
 PAPER: Look = {"linestyle": PAPER_DASH, "linewidth": 0.9, "marker": ""}
 """Changes to the look of a series for the paper's values."""
+
+ROW_CHARACTERS = 30
+"""In a line of a row's name, which stands along the panel's side."""
 
 Panel = Callable[["Axes", "pd.DataFrame", str], Any]
 Legend = Sequence[tuple[str, Look]]
@@ -103,7 +107,7 @@ def grid(
         if row == len(rows) - 1:
             spot.set_xlabel(x[left] if isinstance(x, dict) else x)
         if column == 0:
-            spot.set_ylabel(f"{word(upper)}\n{y or about['y']}")
+            spot.set_ylabel(f"{textwrap.fill(word(upper), ROW_CHARACTERS)}\n{y or about['y']}")
     add_legend(figure, legend)
     if "bar" in about and mappable is not None:
         style.colour_bar(figure, mappable, panels, about["bar"], shrink=0.9, pad=0.01)

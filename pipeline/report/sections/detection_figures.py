@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from pipeline.report.style import Drawing
 from pipeline.report.tables import ordered, records, where
 
 PAGE = Descriptions("detection")
+LEAST_APART_PX = 4
 CAUSES = {"sigma_dn": "noise", "mtf": "blur"}
 
 
@@ -92,6 +93,15 @@ def heat(cells: pd.DataFrame) -> Drawing:
     )  # fmt: skip
 
 
+def _apart(sizes: Sequence[float]) -> list[float]:
+    """Sizes whose labels do not touch in a narrow panel: at least `LEAST_APART_PX` from the one before."""
+    shown: list[float] = []
+    for size in sizes:
+        if not shown or size - shown[-1] >= LEAST_APART_PX:
+            shown.append(size)
+    return shown
+
+
 def direction(cells: pd.DataFrame, label: str) -> Drawing:
     """AP over the length of the blur, one line per direction: detectors down, noise levels across.
 
@@ -108,7 +118,7 @@ def direction(cells: pd.DataFrame, label: str) -> Drawing:
         words.append({"detector": name, "best": best, "worst": worst})
     return PAGE.grid(
         "direction", rows, PAGE.alt("direction", words, label=label), looks, y=PAGE.text("ap_of", label=label),
-        axes={"xticks": sorted(set(rows["kernel_size_px"]))},
+        axes={"xticks": _apart(sorted(set(rows["kernel_size_px"])))},
         legend=[*((f"{angle:g}°", look) for angle, look in looks.items()),
                 ("better than with less blur or noise", RING)],
     )  # fmt: skip

@@ -32,7 +32,8 @@ from pipeline.report.tables import ordered, where
 
 SHOWN_PX = 96  # side of the middle of a patch that is shown
 LARGEST_CELL_IN, CURVES_IN = 0.8, 0.56
-LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN = 0.46, 0.05, 0.46, 0.3
+# at the top two lines of legend and the headings
+LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN = 0.46, 0.05, 0.58, 0.3
 GROUP_GAP_IN, CELL_GAP_IN, UNDER_PICTURES_IN, UNDER_ROW_IN = 0.2, 0.04, 0.16, 0.24
 
 
@@ -135,7 +136,7 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
     rows: list[dict[str, Any]] = []
     for across, kind in enumerate(kinds):
         middle = (LEFT_IN + across * (group_in + GROUP_GAP_IN) + group_in / 2) / width_in
-        figure.text(middle, 1 - 0.25 / height_in, word(kind), ha="center", fontsize=7.5, fontweight="bold")
+        figure.text(middle, 1 - 0.37 / height_in, word(kind), ha="center", fontsize=7.5, fontweight="bold")
     for kernel, entry in first.items():
         across, down = kinds.index(str(entry["blur_kind"])), sizes.index(float(entry["kernel_size_px"]))
         truth = galleries[0].array("truth", kernel)
@@ -185,7 +186,7 @@ def _legend(figure: Canvas, names: Sequence[str]) -> None:
     for name, look in style.series_looks(names).items():
         handles.append(Line2D([], [], color=look["color"], linewidth=0.9, label=word(name)))
     figure.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=len(handles), borderpad=0.15,
+        handles=handles, loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=-(-len(handles) // 2), borderpad=0.15,
         borderaxespad=0.1,
     )  # fmt: skip
 

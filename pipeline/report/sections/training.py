@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -30,6 +31,7 @@ PAPER_SQUARED_ERROR = {"mtf_cnn": 0.0083}
 """Best validation MSE in the log of the paper's training, 47 of 51 epochs of 160,500 samples less 15 % held out."""
 
 ACROSS = 3  # panels in a row
+TITLE_CHARACTERS = 34  # in a line of a panel's title
 SEEDS = ("base", "seed_2", "seed_3")
 
 
@@ -75,7 +77,8 @@ def _panel(axes: Axes, one: LearningCurve) -> None:
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set(title=network_title(one), xlabel="step", ylabel=measure_heading(one), xlim=(0, 1.03 * one.steps))
+    title = textwrap.fill(network_title(one), TITLE_CHARACTERS)
+    axes.set(title=title, xlabel="step", ylabel=measure_heading(one), xlim=(0, 1.03 * one.steps))
     axes.legend(loc="best", fontsize=5.4)
 
 
