@@ -119,13 +119,13 @@ class Descriptions:
     def figure(
         self, key: str, drawing: Drawing, stages: Iterable[str] = (), *, name: str = "", after: str = "", **words: Any
     ) -> Figure:
-        """A figure with its caption.
+        """A figure with its caption, of the description's stage and name (its key by default) unless given here.
 
         Args:
-            key: under ``figures``; also the figure's name where none is given.
+            key: under ``figures``.
             drawing: see `Figure`.
-            stages: see `Figure`; that of the description by default.
-            name: of its files, where the description's does not suit.
+            stages: see `Figure`.
+            name: of its files.
             after: sentences that follow the caption.
             words: to fill in.
 

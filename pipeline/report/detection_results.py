@@ -20,20 +20,10 @@ DIRECTION, SPREAD = "direction", "direction_spread"
 
 @dataclass(frozen=True)
 class Results:
-    """One detector on one dataset.
+    """One detector on one dataset: the tables of `FILES`, None or empty where their stage has not run.
 
-    Attributes:
-        dataset, detector: names.
-        precision: `pipeline.curves.precision.PRECISION`.
-        heat: `pipeline.curves.precision.HEAT`, empty where there was too little for a surface.
-        isolated: `pipeline.curves.precision.ISOLATED`.
-        refused: label -> why it has no surface.
-        directions: `pipeline.curves.directions.TABLE`, or None.
-        spread: `pipeline.curves.directions.SPREAD`, or None.
-        coefficients: `pipeline.curves.iso_exposure.COEFFICIENTS`, or None.
-        fitted: `pipeline.curves.iso_exposure.FITTED`, or None.
-        fits: label -> numbers of the fit, or its ``reason``.
-        calibration: see `pipeline.curves.iso_exposure.calibration`.
+    ``refused``: label -> why it has no surface; ``fits``: label -> numbers of the fit, or its ``reason``;
+    ``calibration``: see `pipeline.curves.iso_exposure.calibration`.
     """
 
     dataset: str
@@ -88,13 +78,7 @@ def read(inputs: ReportInputs) -> list[Results]:
 
 @dataclass(frozen=True)
 class Recorded:
-    """One sweep recorded on pictures that are not kept (`pipeline.recording.detection`).
-
-    Attributes:
-        name: of its folder, with underscores.
-        results: its tables; those that no record holds are empty or None.
-        provenance: source, frames, weights and settings.
-    """
+    """One sweep recorded on pictures that are not kept (`pipeline.recording.detection`): name of its folder, tables."""
 
     name: str
     results: Results

@@ -154,22 +154,11 @@ def lines(
     part: str = "line",
     key: str = "",
 ) -> None:
-    """One line per series, with its band and rings about marked points.
+    """One line per series that has rows, with its band and rings about marked points.
 
-    Args:
-        axes: to draw into.
-        rows: of the panel; series without rows are skipped.
-        by: column that names the series.
-        looks: series -> look, in the order drawn.
-        x: column of the horizontal axis.
-        y: column of the vertical axis.
-        band: columns of the lower and upper edge of a band.
-        alpha: opacity of the band.
-        ring: boolean columns; a point is ringed where any of them holds.
-        change: changes to every look, e.g. `PAPER`.
-        zorder: of the lines.
-        part: of the panel, in the SVG ids by which a reader switches a series off.
-        key: of the panel, there too.
+    ``by``, ``x`` and ``y`` are columns: of the series, and of the two axes; ``looks``: series -> look, in the order
+    drawn, with a ``change`` to all, e.g. `PAPER`; ``band``: columns of its edges; ``ring``: boolean columns, a point is
+    ringed where any holds; ``part`` and ``key`` (of the panel) are in the SVG ids by which a series is switched off.
     """
     for name, look in looks.items():
         own = rows[rows[by] == name].sort_values(x, kind="stable")
@@ -207,16 +196,9 @@ def ink_on(percent: float) -> str:
 
 
 def cell_map(axes: Axes, percent: np.ndarray, x: Sequence[str], y: Sequence[str]) -> Any:
-    """A heat map from 0 to 100 with its number in every cell.
+    """A heat map of (rows, columns) from 0 to 100 with its number in every cell, white where it is NaN.
 
-    Args:
-        axes: to draw into.
-        percent: (rows, columns), NaN where nothing was measured: white.
-        x: names of the columns.
-        y: names of the rows.
-
-    Returns:
-        what a colour bar is of.
+    ``x`` and ``y`` name columns and rows. Returns what a colour bar is of.
     """
     colours = mpl.colormaps["viridis"].with_extremes(bad=style.PAPER)
     image = axes.pcolormesh(np.ma.masked_invalid(percent), vmin=0, vmax=100, cmap=colours, linewidth=0)

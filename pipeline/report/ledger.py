@@ -63,22 +63,16 @@ def tolerance_of_both(paper: float, paper_error: float, ours: float, low: float,
 
 @dataclass(frozen=True)
 class LedgerRow:
-    """One number of the ledger.
+    """One number of the ledger: of which published item, which quantity in words, the published value and ours.
 
     Attributes:
-        item: name of the published table or figure it belongs to.
-        quantity: which of its numbers, in words.
-        unit: of the number.
-        paper: the published value.
-        ours: ours; NaN where there is none.
+        ours: NaN where there is none.
         tolerance: bound on the difference, in the unit.
         why: cause of a difference, of an impossible comparison, or of an absence.
-        comparable: False where the two must not be compared.
         line: the command that would produce ours.
         kind: one of `KINDS`.
         dataset: on which ours was measured; empty where there is none.
-        low: lower end of our 95 % interval; NaN where ours has none.
-        high: upper end.
+        low, high: our 95 % interval; NaN where ours has none.
         better: ``"lower"`` or ``"higher"`` where that side is the better one and intervals can show it, else empty.
         printed: whether the paper prints the number.
     """

@@ -19,7 +19,7 @@ import pandas as pd
 
 from pipeline.errors import InputError
 from pipeline.report import ledger_causes, ledger_sources
-from pipeline.report.display_names import word
+from pipeline.report.display_names import counted, word
 from pipeline.report.inputs import PUBLISHED_COLUMNS, ReportInputs, published_table
 from pipeline.report.ledger import (
     BETTER,
@@ -29,8 +29,10 @@ from pipeline.report.ledger import (
     NOT_RUN,
     LedgerRow,
     Tolerance,
+    to_table,
     tolerance_of_both,
 )
+from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run
 from pipeline.report.tables import Row, records, where
 from pipeline.report.yaml_files import content
 
@@ -62,12 +64,10 @@ def _holds(condition: Condition, row: Row) -> bool:
 
 @dataclass(frozen=True)
 class Reason:
-    """Why rows cannot be compared, or why they differ.
+    """Why rows cannot be compared, or why they differ, in words (``{profile}`` is filled in).
 
-    Attributes:
-        why: in words; ``{profile}`` is filled in.
-        where: of the rows that it holds for, columns of the published file, ``measured_on``, ``column`` (of the number)
-            or ``profile``; all by default.
+    ``where``: of the rows that it holds for, columns of the published file, ``measured_on``, ``column`` (of the number)
+    or ``profile``; all by default.
     """
 
     why: str
@@ -76,13 +76,9 @@ class Reason:
 
 @dataclass(frozen=True)
 class Source:
-    """Where our side of an item is.
+    """Where our side of an item is: a function of `pipeline.report.ledger_sources`, or a file of a stage.
 
-    Attributes:
-        table: function of `pipeline.report.ledger_sources` that gives it; empty for a file.
-        file: of a stage, below the folder of the stages' outputs.
-        where: of its rows that count.
-        columns: a column of it -> as the published file calls it.
+    ``where``: of its rows that count; ``columns``: a column of it -> as the published file calls it.
     """
 
     table: str = ""
@@ -197,11 +193,11 @@ def _ours(item: Item, inputs: ReportInputs) -> pd.DataFrame:
     table = item.ours.read(inputs)
     if table is None:
         return pd.DataFrame({name: [] for name in columns})
-    absent = [name for name in item.keys if name not in table.columns]
-    if absent:
-        raise InputError(
-            f"results of '{item.name}': column '{absent[0]}' is missing; expected the keys {list(item.keys)}"
-        )
+    for name in item.keys:
+        if name not in table:
+            raise InputError(
+                f"results of '{item.name}': column '{name}' is missing; expected the keys {list(item.keys)}"
+            )
     if "measured_on" not in table:
         table = table.assign(measured_on=table.get("dataset", item.dataset))
     long = _long(item, table, "ours")
@@ -257,25 +253,13 @@ def _row(item: Item, row: Row, has_run: bool, causes: Callable[[Row], str] | Non
         known_error = row.get("paper_error", math.nan)
         error = 0.5 * 10.0 ** -int(row["decimals"]) + (known_error if math.isfinite(known_error) else 0.0)
         tolerance = tolerance_of_both(paper, error, ours, low, high)
+    stage = item.stage_of(row).format_map({**{name: str(row[name]) for name in item.keys}, "dataset": dataset})
+    measured_on = row["measured_on"] if isinstance(row["measured_on"], str) and math.isfinite(ours) else ""
     result = LedgerRow(
-        item=item.name,
-        quantity=_quantity(item, row),
-        unit=unit,
-        paper=paper,
-        ours=ours,
-        tolerance=tolerance,
-        why=barrier,
-        comparable=not barrier,
-        line=inputs.line(
-            item.stage_of(row).format_map({**{name: str(row[name]) for name in item.keys}, "dataset": dataset})
-        ),
-        kind=item.kind_of(row),
-        dataset=row["measured_on"] if isinstance(row["measured_on"], str) and math.isfinite(ours) else "",
-        low=low,
-        high=high,
-        better=item.better if has_interval else "",
-        printed=item.is_printed(row),
-    )
+        item.name, _quantity(item, row), unit, paper, ours, tolerance, why=barrier, comparable=not barrier,
+        line=inputs.line(stage), kind=item.kind_of(row), dataset=measured_on, low=low, high=high,
+        better=item.better if has_interval else "", printed=item.is_printed(row),
+    )  # fmt: skip
     if result.verdict == NOT_RUN:
         if dataset in inputs.absent and "dataset" in row:
             return replace(result, why="data absent", line=inputs.absent[dataset])
@@ -309,3 +293,25 @@ def _quantity(item: Item, row: Row) -> str:
 def all_rows(inputs: ReportInputs) -> list[LedgerRow]:
     """The whole ledger, in the paper's order."""
     return [row for item in ITEMS for row in rows_of(item, inputs)]
+
+
+def beside_ours(names: Sequence[str], inputs: ReportInputs) -> tuple[list[Block], list[Run]]:
+    """Of each ledger item ours beside the paper's as a table, a note on what did not run, its line of the overview."""
+    items = {item.name: item for item in ITEMS}
+    blocks: list[Block] = []
+    runs: list[Run] = []
+    for item in (items[name] for name in names):
+        rows = rows_of(item, inputs)
+        done, missing = ([row for row in rows if (row.verdict == NOT_RUN) == absent] for absent in (False, True))
+        why, line = STAGE_ABSENT, inputs.line(item.stage.replace("{", "<").replace("}", ">"))
+        if missing and missing[0].why:  # of all, the first stands for the item
+            why, line = missing[0].why, missing[0].line or line
+        if done:
+            blocks.append(to_table(done, f"published_{item.name}", f"{item.title}: the paper's numbers beside ours."))
+        if missing:
+            blocks.append(NotRun(f"{item.title} ({counted(len(missing), 'published number')})", why, line))
+        partly = f"{len(done):,} of {len(rows):,} numbers" if done and missing else ""
+        measured_on = {row.dataset for row in done if row.dataset}
+        recorded = bool(measured_on) and measured_on <= set(inputs.absent)  # data that no stage had
+        runs.append(Run(item.title, "", bool(done) and not recorded, partly or ("" if done else why), line, recorded))
+    return blocks, runs

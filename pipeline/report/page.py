@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from pipeline.report import style, svg, templates
@@ -17,7 +18,6 @@ from pipeline.report.ledger_items import ITEMS, NO_REAL_FRAMES, PICTURES_ONLY, T
 from pipeline.report.provenance import Provenance
 from pipeline.report.spec import Figure, NotRun, Run, Section
 from pipeline.report.table_formats import to_html
-from pipeline.report.tables import Table
 
 # The figures' neutral colours, and the blue that is too dark on a dark page, become the page's own.
 _COLOURS = {
@@ -41,20 +41,12 @@ def _ledger_parts(rows: Sequence[LedgerRow]) -> list[dict[str, Any]]:
     parts = []
     for item in ITEMS:
         selected = [row for row in rows if row.item == item.name]
-        if not selected:
-            continue
-        result = score(selected)
-        missing = sorted({(row.why, row.line) for row in selected if row.verdict == "not run"})
-        table = to_table(selected, f"ledger_{item.name}", f"{item.title}.")
-        parts.append(
-            {
-                "title": item.title,
-                "score": result,
-                "any": result.total > result.counts["not run"],
-                "missing": missing,
-                "table": to_html(Table(table.name, table.caption, table.columns, table.rows)),
-            }
-        )
+        if selected:
+            result, table = score(selected), to_table(selected, f"ledger_{item.name}", f"{item.title}.")
+            missing = sorted({(row.why, row.line) for row in selected if row.verdict == "not run"})
+            any_ran, shown = result.total > result.counts["not run"], to_html(replace(table, footnotes=()))
+            part = {"title": item.title, "score": result, "any": any_ran, "missing": missing, "table": shown}
+            parts.append(part)
     return parts
 
 
@@ -95,32 +87,13 @@ def render(
     runs = [run for section in sections for run in section.runs]
     figures = [block for section in sections for block in section.blocks if isinstance(block, Figure)]
     shared, drawn = svg.inline(svgs, {figure.name: figure.drawing.alt for figure in figures})
-    return (
-        templates.environment()
-        .get_template("page.html.j2")
-        .render(
-            sections=sections,
-            score=score(rows),
-            verdicts=VERDICTS,
-            ledger=_ledger_parts(rows),
-            ledger_summary=to_html(summary_table(rows, TITLES, NO_REAL_FRAMES)),
-            pictures_only=PICTURES_ONLY,
-            runs=runs,
-            states=Counter(run.state for run in runs),
-            origins=origins,
-            profile=profile,
-            code_version=code_version,
-            css=templates.text("style.css"),
-            script=templates.text("script.js"),
-            shared=themed(shared),
-            svg=lambda figure: themed(drawn[figure.name]),
-            table=to_html,
-            is_figure=lambda block: isinstance(block, Figure),
-            is_missing=lambda block: isinstance(block, NotRun),
-            word=word,
-            themed=themed,
-            width=lambda figure: round(100 * figure.drawing.figure.get_figwidth() / style.TWO_COLUMNS_IN),
-            matrix=_matrix(runs),
-            not_run=_not_run(runs),
-        )
-    )
+    return templates.environment().get_template("page.html.j2").render(
+        sections=sections, score=score(rows), verdicts=VERDICTS, ledger=_ledger_parts(rows), runs=runs, origins=origins,
+        ledger_summary=to_html(summary_table(rows, TITLES, NO_REAL_FRAMES)), pictures_only=PICTURES_ONLY,
+        states=Counter(run.state for run in runs), profile=profile, code_version=code_version,
+        css=templates.text("style.css"), script=templates.text("script.js"), shared=themed(shared),
+        svg=lambda figure: themed(drawn[figure.name]), table=to_html, word=word, themed=themed,
+        is_figure=lambda block: isinstance(block, Figure), is_missing=lambda block: isinstance(block, NotRun),
+        width=lambda figure: round(100 * figure.drawing.figure.get_figwidth() / style.TWO_COLUMNS_IN),
+        matrix=_matrix(runs), not_run=_not_run(runs),
+    )  # fmt: skip

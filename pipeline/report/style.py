@@ -46,13 +46,10 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure with its words and numbers.
+    """A figure, a description of it with its numbers for readers who do not see it, and the numbers plotted.
 
-    Attributes:
-        figure: the matplotlib figure, drawn in this style.
-        alt: description with numbers from the data, for readers who do not see it.
-        values: the numbers plotted, long format; None where the figure shows pictures only.
-        series: name, word and colour of each series that a reader may switch off; see `series_id`.
+    ``values`` is long, or None where the figure shows pictures only; ``series``: name, word and colour of each series
+    that a reader may switch off, see `series_id`.
     """
 
     figure: Figure
@@ -101,19 +98,8 @@ def sheet(
 ) -> tuple[Figure, np.ndarray]:
     """A contact sheet: axes of exactly these sizes, placed without a layout engine (which is slow for many axes).
 
-    Args:
-        columns: equally wide.
-        row_heights_in: height of each row of axes, inches.
-        width_in: of the figure.
-        left_in: margin.
-        right_in: margin.
-        top_in: margin, for headings.
-        bottom_in: margin.
-        gap_in: between columns.
-        row_gaps_in: beneath each row but the last; `gap_in` where empty.
-
-    Returns:
-        figure, (rows, columns) axes.
+    Columns are equally wide, with ``gap_in`` between them; ``row_gaps_in`` are beneath each row but the last,
+    ``gap_in`` where empty. Returns the figure and (rows, columns) axes.
     """
     gaps = list(row_gaps_in) or [gap_in] * (len(row_heights_in) - 1)
     height_in = top_in + sum(row_heights_in) + sum(gaps) + bottom_in
@@ -236,13 +222,7 @@ def _save_png(figure: Figure, path: Path) -> None:
 def save(figure: Figure, stem: str | Path, values: pd.DataFrame | None = None) -> list[Path]:
     """Write ``stem.svg``, ``stem.png`` and, where values are given, ``stem.csv``; atomically, same bytes each time.
 
-    Args:
-        figure: drawn under `styled`.
-        stem: path without suffix.
-        values: the numbers plotted, written with six significant digits.
-
-    Returns:
-        the files written.
+    The figure was drawn under `styled`; values are written with six significant digits. Returns the files written.
     """
     stem = Path(stem)
     svg, png, csv = (stem.with_name(f"{stem.name}.{suffix}") for suffix in ("svg", "png", "csv"))

@@ -32,18 +32,14 @@ def to_csv(table: Table) -> str:
     """Comma-separated values; an estimate ``x`` also fills ``x_low``, ``x_high``, ``x_count`` and ``x_reference``."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    split = {column.name: table.has_estimates(column) for column in table.columns}
-    heading: list[str] = []
-    for column in table.columns:
-        heading.append(column.name)
-        if split[column.name]:
-            heading += [f"{column.name}_{part}" for part in ("low", "high", "count", "reference")]
-    writer.writerow(heading)
+    split = {column.name for column in table.columns if table.has_estimates(column)}
+    ends = ("", "_low", "_high", "_count", "_reference")
+    writer.writerow([c.name + end for c in table.columns for end in (ends if c.name in split else ("",))])
     for row in table.rows:
         line: list[str] = []
         for column in table.columns:
             cell = row.get(column.name)
-            if split[column.name]:
+            if column.name in split:
                 if not isinstance(cell, Estimate):
                     cell = Estimate(cell if isinstance(cell, (int, float)) else math.nan)
                 parts = (cell.value, cell.low, cell.high, cell.count, cell.reference)
@@ -95,16 +91,9 @@ def _tex_cell(cell: Cell, column: Column, reference_word: str) -> str:
 def to_latex(table: Table) -> str:
     """A ``table`` environment with rules of the LaTeX package booktabs."""
     align = "".join("r" if table.is_numeric(column) else "p{5cm}" if column.wide else "l" for column in table.columns)
-    lines = [
-        r"\begin{table}",
-        r"\centering",
-        rf"\caption{{{tex(table.caption)}}}",
-        rf"\label{{tab:{table.name}}}",
-        rf"\begin{{tabular}}{{{align}}}",
-        r"\toprule",
-        " & ".join(tex(column.heading) for column in table.columns) + r" \\",
-        r"\midrule",
-    ]
+    heading = " & ".join(tex(column.heading) for column in table.columns) + r" \\"
+    lines = [r"\begin{table}", r"\centering", rf"\caption{{{tex(table.caption)}}}", rf"\label{{tab:{table.name}}}"]
+    lines += [rf"\begin{{tabular}}{{{align}}}", r"\toprule", heading, r"\midrule"]
     for row in table.rows:
         cells = (_tex_cell(row.get(column.name), column, table.reference_word) for column in table.columns)
         lines.append(" & ".join(cells) + r" \\")
@@ -124,19 +113,11 @@ def to_html(table: Table) -> str:
             return f"{value:.10g}" if math.isfinite(value) else ""
         return None
 
-    return (
-        environment()
-        .get_template("table.html.j2")
-        .render(
-            table=table,
-            numeric={column.name: table.is_numeric(column) for column in table.columns},
-            is_estimate=lambda cell: isinstance(cell, Estimate),
-            number=format_number,
-            interval=format_interval,
-            line=format_cell,
-            sort_key=sort_key,
-        )
-    )
+    return environment().get_template("table.html.j2").render(
+        table=table, numeric={column.name: table.is_numeric(column) for column in table.columns}, sort_key=sort_key,
+        is_estimate=lambda cell: isinstance(cell, Estimate), number=format_number, interval=format_interval,
+        line=format_cell,
+    )  # fmt: skip
 
 
 def save(table: Table, folder: str | Path) -> list[Path]:

@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.build import build
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.sections import closed_loop, control, control_examples, control_surface, order_study
+from pipeline.report.sections import closed_loop, control, control_examples, order_study
 from pipeline.report.sections.closed_loop import decision_ms, scenario_results
 from pipeline.report.spec import Figure, NotRun, Section
 from pipeline.report.tables import Estimate, Table
@@ -183,7 +183,7 @@ def test_the_paper_stands_beside_the_steps(section: Section) -> None:
 def test_the_surface_names_knots_that_rise(tmp_path: Path, section: Section) -> None:
     assert _table(section, "control_surface").footnotes[0].startswith("AP falls with noise and with motion")
     made.make_surface(tmp_path, raised=True)
-    blocks = control_surface.blocks(ReportInputs(paper=made.PAPER, data=tmp_path))
+    blocks = control.surface_blocks(ReportInputs(paper=made.PAPER, data=tmp_path))
     (table,) = [block for block in blocks if isinstance(block, Table)]
     assert "at 10 DN and 15 px" in table.footnotes[0]
 

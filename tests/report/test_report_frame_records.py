@@ -18,9 +18,8 @@ from pipeline.recording.provenance import write_csv
 from pipeline.report import ledger_causes, ledger_sources
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import NOT_RUN
-from pipeline.report.ledger_items import ITEMS, rows_of
+from pipeline.report.ledger_items import ITEMS, beside_ours, rows_of
 from pipeline.report.sections import combined, factors, noise
-from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import Figure
 from pipeline.report.tables import Estimate, Table
 

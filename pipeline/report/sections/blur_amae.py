@@ -1,4 +1,8 @@
-"""Table I of the paper, AMAE of blur estimators: as tables, as curves over the kernel size, beside the paper's best."""
+"""Table I of the paper, AMAE of blur estimators: as tables, as curves over the kernel size, beside the paper's best.
+
+Throughout, ``summary`` is a `pipeline.experiments.tables.BLUR_SUMMARY`, ``estimates`` a `BLUR_ESTIMATES`; ``paper`` is
+Table I as published: dataset, estimator, blur_kind, kernel_size_px, amae_percent; ``modes``: see `ReportInputs`.
+"""
 
 from __future__ import annotations
 
@@ -133,10 +137,7 @@ def _blur(row: Row) -> str:
 
 
 def tables_one(
-    dataset: str,
-    summary: pd.DataFrame,
-    paper: pd.DataFrame,
-    modes: Mapping[str, str] | None = None,
+    dataset: str, summary: pd.DataFrame, paper: pd.DataFrame, modes: Mapping[str, str] | None = None
 ) -> list[Table]:
     """Table I of one dataset, of raw and of calibrated estimates, where there are any; arguments of `table_one`."""
     known = where(summary, dataset=dataset)["calibrated"].unique()

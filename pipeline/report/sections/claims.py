@@ -58,16 +58,10 @@ def _number(one: Measurement) -> Estimate | None:
 def claims_table(pairs: Sequence[tuple[Claim, Measurement]]) -> Table:
     """The table of claims."""
     rows = [
-        {
-            "source": claim.source,
-            "claim": claim.sentence,
-            "verdict": measured.verdict,
-            "measured": f"{measured.text} On {measured.on}." if measured.on else measured.text,
-            "value": _number(measured),
-            "reservation": claim.reservation,
-        }
-        for claim, measured in pairs
-    ]
+        {"source": claim.source, "claim": claim.sentence, "verdict": one.verdict, "value": _number(one),
+         "measured": f"{one.text} On {one.on}." if one.on else one.text, "reservation": claim.reservation}
+        for claim, one in pairs
+    ]  # fmt: skip
     return PAGE.table("claims", rows)
 
 

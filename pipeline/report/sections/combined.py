@@ -1,4 +1,9 @@
-"""Blur and noise at once: the paper's order of formation, estimates under both, and denoising before estimation."""
+"""Blur and noise at once: the paper's order of formation, estimates under both, and denoising before estimation.
+
+Throughout, ``cells`` and ``blur`` are `pipeline.experiments.tables.BLUR_CELLS` (`noise_figure` and ``noise``:
+`NOISE_CELLS`), ``curves`` a `CURVES`; ``example`` is ``example.json`` of the stage `combined`, ``arrays`` its
+pictures; ``paper`` holds the published numbers of the same experiment, of the paper's network on Udacity.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +21,7 @@ from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, ESTIMATORS, EXPERIMENTS, in_order, word
 from pipeline.report.figures import PAPER, PAPER_DASH, add_legend, lines, ordinal_legend
 from pipeline.report.inputs import ReportInputs, at_frequencies, published
-from pipeline.report.sections.published import beside_ours
+from pipeline.report.ledger_items import beside_ours
 from pipeline.report.spec import Block, Section, missing, overview
 from pipeline.report.style import Drawing
 from pipeline.report.tables import (

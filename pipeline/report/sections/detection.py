@@ -14,9 +14,9 @@ from pipeline.report import detection_results
 from pipeline.report.detection_results import Recorded, Results
 from pipeline.report.display_names import DATASETS, DETECTORS, counted, in_order, word
 from pipeline.report.inputs import ReportInputs
+from pipeline.report.ledger_items import beside_ours
 from pipeline.report.sections import detection_figures
 from pipeline.report.sections.detection_figures import PAGE
-from pipeline.report.sections.published import beside_ours
 from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, overview
 from pipeline.report.tables import Cell, Estimate, Table, estimate, format_number, pivot, records, where
 
@@ -186,11 +186,7 @@ def _refit(inputs: ReportInputs) -> list[Block]:
     numbers = inputs.read("refit/fits.json")
     if fitted is None or not numbers:
         return []
-    words = "; ".join(
-        f"{label.replace('_', ' ')}: R² {one['r2']:.6f}, coefficients within {one['largest_miss_in_std_devs']:.2f} of "
-        f"their printed standard deviations, printed grid within {one['largest_miss_of_grid']:.3f} points"
-        for label, one in sorted(numbers.items())
-    )
+    words = "; ".join(PAGE.text("refit", grid=word(label), **one) for label, one in sorted(numbers.items()))
     titled = fitted.assign(fit=fitted["label"].str.replace("_", " "))
     return [PAGE.table("regression_refit", titled, numbers=words)]
 

@@ -1,4 +1,8 @@
-"""Noise estimation, by stages and on recorded frames: the paper's figure, medians, local maps, errors, abstentions."""
+"""Noise estimation, by stages and on recorded frames: the paper's figure, medians, local maps, errors, abstentions.
+
+Throughout, ``summary`` is a `pipeline.tables.NOISE_SUMMARY` and ``estimates`` a `NOISE_ESTIMATES`; ``seed`` is the root
+of the bootstrap's random streams.
+"""
 
 from __future__ import annotations
 
