@@ -2,12 +2,14 @@
 
     KEEP=1 .ci/smoke                                              # leaves a copy with every stage's outputs
     python benchmarks/processors.py FOLDER [--only STAGE ...] [--processors EPYC-Rome Haswell] [--minutes N]
+                                           [--numpy-without X86_V3]
 
 Each stage of the copy's ``dvc.lock`` is run again by qemu's user mode (``qemu-x86_64``, about 20 times slower), on the
 inputs made natively, and its outputs are compared file by file; then the native ones are put back. A stage that takes
 longer than ``--minutes`` is stopped. The record (``benchmarks/results/processors.json``) keeps, per stage and
 processor, ``same``, ``differs`` with the files, ``stopped``, or ``failed`` with the last line; the rest of it stays.
-FOLDER may be any project folder with ``dvc.lock`` and its outputs, whose ``params.yaml`` has ``executor.workers: 1``:
+``--numpy-without`` switches off kernels of NumPy for the emulated run alone, where the emulator cannot run them; the
+record names them. FOLDER may be any project folder with ``dvc.lock`` and its outputs, whose ``params.yaml`` has ``executor.workers: 1``:
 further processes would run natively.
 """
 
@@ -49,13 +51,15 @@ def hashes(folder: Path, outs: list[str]) -> dict[str, str]:
     }
 
 
-def emulated(folder: Path, entry: dict[str, Any], processor: str, minutes: float) -> dict[str, Any]:
+def emulated(folder: Path, entry: dict[str, Any], processor: str, minutes: float, without: str = "") -> dict[str, Any]:
     """Run a stage on an emulated processor and compare; its native outputs are there again afterwards."""
     outs = [out["path"] for out in entry["outs"]]
     native = hashes(folder, outs)
     module, *words = re.search(r"python -m (\S+)(.*)", " ".join(entry["cmd"].split()))[0].split()[2:]
     interpreter = str(Path(sys.executable).resolve())
     environment = {"PYTHONPATH": f"{folder}:{sysconfig.get_paths()['purelib']}", "OMP_NUM_THREADS": "1"}
+    switched_off = {"numpy_without": without} if without else {}
+    environment |= {"NPY_DISABLE_CPU_FEATURES": without} if without else {}
     with tempfile.TemporaryDirectory() as kept:
         for number, out in enumerate(outs):
             shutil.move(folder / out, Path(kept) / str(number))
@@ -66,16 +70,18 @@ def emulated(folder: Path, entry: dict[str, Any], processor: str, minutes: float
             )  # fmt: skip
             again = hashes(folder, outs)
         except subprocess.TimeoutExpired:
-            return {"result": "stopped", "minutes": minutes}
+            return {"result": "stopped", "minutes": minutes, **switched_off}
         finally:
             for number, out in enumerate(outs):
                 path = folder / out
                 shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
                 shutil.move(Path(kept) / str(number), path)
     if done.returncode:
-        return {"result": "failed", "reason": (done.stderr.strip().splitlines() or ["?"])[-1]}
+        return {"result": "failed", "reason": (done.stderr.strip().splitlines() or ["?"])[-1], **switched_off}
     differing = sorted(name for name in native.keys() | again.keys() if native.get(name) != again.get(name))
-    return {"result": "differs" if differing else "same", "files": len(native), "differing": differing}
+    return {
+        "result": "differs" if differing else "same", "files": len(native), "differing": differing, **switched_off
+    }  # fmt: skip
 
 
 def main() -> None:
@@ -85,6 +91,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=None, help="stages, by name or group")
     parser.add_argument("--processors", nargs="+", default=list(PROCESSORS), help="of qemu-x86_64 -cpu help")
     parser.add_argument("--minutes", type=float, default=30.0, help="per stage and processor")
+    parser.add_argument("--numpy-without", default="", help="features that NumPy is held from, e.g. X86_V3")
     arguments = parser.parse_args()
     folder = arguments.folder.resolve()
     stages = yaml.safe_load((folder / "dvc.lock").read_text(encoding="utf-8"))["stages"]
@@ -94,7 +101,7 @@ def main() -> None:
         if not entry.get("outs") or (arguments.only and not {name, name.partition("@")[0]} & set(arguments.only)):
             continue
         for processor in arguments.processors:
-            answer = emulated(folder, entry, processor, arguments.minutes)
+            answer = emulated(folder, entry, processor, arguments.minutes, arguments.numpy_without)
             print(name, processor, answer["result"], flush=True)
             record["stages"].setdefault(name, {})[processor] = answer
     record["not_run"] = sorted(name for name in stages if name not in record["stages"])
