@@ -23,6 +23,11 @@ to a tenth worse on either. Sharp patches that overlap (`pipeline.blur.overlap`)
 Where all are one scene there is none to hold out, and strength and weight are fixed (`ONE_SCENE`): one scene's map,
 trusted whole, was up to a fifth worse on other scenes of real cameras. Intervals are widened by the held-out errors.
 
+Beside the map of all networks, the last one, which alone was trained on kernels with wide halos, gets a map to itself,
+of the same strength and weight; it takes over where it sees a halo (`pipeline.blur.halo`), unless held-out errors rise
+by more than 1 % in the median scene: by 2 to 42 % with a camera that sharpens strongly, with none of eight others at
+all. Their mean would not do: on a few scenes the network fails whatever the camera.
+
 Kernels are of the family that networks are trained on (`pipeline.learning.kernels`, with irises, halos and rendered
 lenses; without those, kernels with a halo were read 40 % worse calibrated than not), none of the study's own. Ours; the
 paper reads an estimator's answers as they are.
@@ -39,7 +44,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur import affine_logits, overlap
+from pipeline.blur import affine_logits, halo, overlap
 from pipeline.blur.affine_logits import logit, sigmoid
 from pipeline.blur.base import FREQUENCIES, BlurEstimate, BlurEstimator, as_patches
 from pipeline.camera.mtf import CAMERA
@@ -59,6 +64,8 @@ WEIGHTS = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Of the map beside the uncalibrated output, greatest first; cross-validation takes one."""
 ONE_SCENE = (1, 0.75)
 """Index of the strength, and weight, of a calibration to a single scene; chosen on single patches of other cameras."""
+MOST_RISE = 0.01
+"""Of the error by a halo's map, in the median scene, as a share; above it there is no such map."""
 FEW_SCENES = 3  # up to which the standard error is over samples: so few scenes do not give one
 
 
@@ -105,6 +112,7 @@ class Calibration:
             an estimator without intervals.
         samples: how many blurred patches it was fitted on.
         error_percent: mean absolute error on them before, and after where they were held out.
+        alone: (16, 17) matrix and offset of the last network alone (`pipeline.blur.halo`), or None.
     """
 
     matrix: NDArray[np.float64]
@@ -112,6 +120,7 @@ class Calibration:
     widening: float
     samples: int
     error_percent: tuple[float, float]
+    alone: NDArray[np.float64] | None = None
 
     @property
     def members(self) -> int:
@@ -120,8 +129,12 @@ class Calibration:
 
     def __call__(self, mtf: NDArray[np.floating]) -> NDArray[np.float64]:
         """Corrected MTFs: (N, 2, 8) in (0, 1), of those estimated, (N, 2, 8) or (N, E, 2, 8); NaN stays."""
-        mapped = logit(mtf.reshape(len(mtf), -1)) @ self.matrix.T + self.offset
-        return sigmoid(mapped).reshape(len(mtf), 2, FREQUENCIES)
+        logits = logit(mtf.reshape(len(mtf), -1))
+        mapped = sigmoid(logits @ self.matrix.T + self.offset)
+        if self.alone is not None:
+            last = logits[:, -VALUES:] @ self.alone[:, :-1].T + self.alone[:, -1]
+            mapped = halo.mixed(mapped, sigmoid(last))
+        return mapped.reshape(len(mtf), 2, FREQUENCIES)
 
     def answer(self, estimator: BlurEstimator, patches: Any) -> BlurEstimate:
         """The MTF added to the camera's sharp frames; see `corrected`."""
@@ -131,6 +144,8 @@ class Calibration:
         """Everything in it, as JSON can hold it."""
         content = {"matrix": self.matrix.tolist(), "offset": self.offset.tolist(), "samples": self.samples}
         content["widening"] = None if np.isnan(self.widening) else self.widening
+        if self.alone is not None:
+            content["alone"] = self.alone.tolist()
         return {**content, "error_percent": list(self.error_percent)}
 
     def save(self, path: str | Path) -> None:
@@ -150,11 +165,14 @@ class Calibration:
         shapes = [(VALUES, VALUES * count) for count in range(1, MOST_MEMBERS + 1)]
         if matrix.shape not in shapes or offset.shape != (VALUES,):
             raise ValueError(f"matrix {matrix.shape}, offset {offset.shape}")
-        if not (np.isfinite(matrix).all() and np.isfinite(offset).all()):
+        alone = np.array(content["alone"], float) if "alone" in content else None
+        if alone is not None and alone.shape != (VALUES, VALUES + 1):
+            raise ValueError(f"alone {alone.shape}, expected {(VALUES, VALUES + 1)}")
+        if not all(np.isfinite(part).all() for part in (matrix, offset, alone) if part is not None):
             raise ValueError("values that are not finite")
         widening = float("nan") if content["widening"] is None else float(content["widening"])
         before, after = content["error_percent"]
-        return cls(matrix, offset, widening, int(content["samples"]), (float(before), float(after)))
+        return cls(matrix, offset, widening, int(content["samples"]), (float(before), float(after)), alone)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -277,17 +295,52 @@ def affine_calibration(
         )
     logits, known = logit(read[usable]), truth[usable]
     scene = np.unique(overlap.scenes(sharp[:, 0])[(np.arange(samples) % len(sharp))[usable]], return_inverse=True)[1]
+    fitted = _fitted(logits, known, scene)
+    percent = (100 * float(np.abs(sigmoid(logits[:, :VALUES]) - known).mean()), 100 * float(fitted.error.mean()))
+    widening = _widening(results, usable, fitted.error)
+    return Calibration(fitted.matrix, fitted.offset, widening, int(usable.sum()), percent, fitted.alone)
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """Maps of a `Calibration`, and the absolute errors (N, 16) of samples that were held out."""
+
+    matrix: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    alone: NDArray[np.float64] | None
+    error: NDArray[np.float64]
+
+
+def _fitted(logits: NDArray[np.float64], known: NDArray[np.float64], scene: NDArray[np.int_]) -> _Fitted:
+    """The maps, their strength and weight cross-validated.
+
+    Args:
+        logits: (N, 16 E) of the estimates.
+        known: (N, 16) true MTFs.
+        scene: (N,) number, from 0, of what each sample shows.
+    """
     count = int(scene.max()) + 1
-    held_out, plain = _held_out(logits, known, _groups(scene, count)), logits[:, :VALUES]
+    groups, plain, last = _groups(scene, count), logits[:, :VALUES], logits[:, -VALUES:]
+    judged = scene if count > FEW_SCENES else np.arange(len(known))
+    held_out = _held_out(logits, known, groups, STRENGTHS)
     if count == 1:
         index, weight = ONE_SCENE
         error = _errors(held_out[index], plain, known, weight)
     else:
-        index, weight, error = _chosen(held_out, plain, known, scene if count > FEW_SCENES else np.arange(len(known)))
-    matrix, offset = affine_logits.fit(logits, known, STRENGTHS[: index + 1])[index]
+        index, weight, error = _chosen(held_out, plain, known, judged)
+    strengths = STRENGTHS[: index + 1]
+    matrix, offset = affine_logits.fit(logits, known, strengths)[index]
     matrix = weight * matrix + (1 - weight) * np.eye(VALUES, logits.shape[1])
-    percent = (100 * float(_errors(plain, plain, known, 0).mean()), 100 * float(error.mean()))
-    return Calibration(matrix, weight * offset, _widening(results, usable, error), int(usable.sum()), percent)
+    alone = None
+    if logits.shape[1] > VALUES:
+        other = weight * _held_out(last, known, groups, strengths)[index] + (1 - weight) * last
+        joint = weight * held_out[index] + (1 - weight) * plain
+        switched = np.abs(halo.mixed(sigmoid(joint), sigmoid(other)) - known)
+        if _median_rise(switched, error, scene) <= MOST_RISE:
+            single, shift = affine_logits.fit(last, known, strengths)[index]
+            single = weight * single + (1 - weight) * np.eye(VALUES)
+            alone, error = np.concatenate([single, weight * shift[:, None]], axis=1), switched
+    return _Fitted(matrix, weight * offset, alone, error)
 
 
 @lru_cache(maxsize=2)
@@ -309,12 +362,14 @@ def _groups(scene: NDArray[np.int_], count: int) -> NDArray[np.int_]:
     return np.arange(len(scene)) % FOLDS if count == 1 else scene * min(FOLDS, count) // count
 
 
-def _held_out(read: NDArray[np.float64], truth: NDArray[np.float64], groups: NDArray[np.int_]) -> NDArray[np.float64]:
+def _held_out(
+    read: NDArray[np.float64], truth: NDArray[np.float64], groups: NDArray[np.int_], strengths: Sequence[float]
+) -> NDArray[np.float64]:
     """(S, N, 16) logits of every sample by the maps of each strength that were calibrated on the other groups."""
-    result = np.empty((len(STRENGTHS), *truth.shape))
+    result = np.empty((len(strengths), *truth.shape))
     for group in np.unique(groups):
         out = groups == group
-        for index, (matrix, offset) in enumerate(affine_logits.fit(read[~out], truth[~out], STRENGTHS)):
+        for index, (matrix, offset) in enumerate(affine_logits.fit(read[~out], truth[~out], strengths)):
             result[index, out] = read[out] @ matrix.T + offset
     return result
 
@@ -352,6 +407,18 @@ def _chosen(
 
     index, weight = next(key for key, error in errors.items() if as_good(error))
     return index, weight, errors[index, weight]
+
+
+def _median_rise(error: NDArray[np.float64], before: NDArray[np.float64], scene: NDArray[np.int_]) -> float:
+    """How much larger the first error is than the second in the median scene, as a share of the second.
+
+    Args:
+        error: (N, 16) absolute.
+        before: (N, 16), of the same samples.
+        scene: (N,) number, from 0, of what each sample shows.
+    """
+    rise = np.bincount(scene, (error - before).mean(axis=1)) / np.bincount(scene, before.mean(axis=1))
+    return float(np.median(rise))
 
 
 def _widening(found: Sequence[BlurEstimate], usable: NDArray[np.bool_], error: NDArray[np.float64]) -> float:

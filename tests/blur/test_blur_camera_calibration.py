@@ -1,11 +1,14 @@
 """Fitting an estimator to a camera: known distortions are undone, files and bad input are honest."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline import blur
 from pipeline.blur import camera_calibration
-from pipeline.blur.affine_logits import logit
+from pipeline.blur.affine_logits import logit, sigmoid
 from pipeline.blur.base import BlurEstimate
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
 from pipeline.camera import mtf
@@ -271,3 +274,43 @@ def test_scenes_that_cannot_be_measured_do_not_count(sharp, truth):
         OneOfThree(truth, lambda values: odds(values, 0.5, 1.0)), sharp[:3], samples=SAMPLES
     )
     assert made.samples == SAMPLES // 3 and made.error_percent[1] < made.error_percent[0]
+
+
+def fitted(truth, first, second):
+    """A calibration to 25 scenes of an ensemble of two networks, from their logits (500, 16), and what they read."""
+    maps = camera_calibration._fitted(np.concatenate([first, second], axis=1), truth, np.arange(SAMPLES) % 25)
+    members = sigmoid(np.stack([first, second], axis=1)).reshape(SAMPLES, 2, 2, 8)
+    return Calibration(maps.matrix, maps.offset, 1.0, SAMPLES, (0.0, 0.0), maps.alone), members
+
+
+def test_the_network_that_knows_halos_leads_where_it_sees_one(truth, tmp_path):
+    """Two networks with errors of their own; after calibration the first reads spread light far too sharp."""
+    known = truth.reshape(SAMPLES, 16)
+    first, second = (logit(known) + stream(3, "test halo", i).normal(0, 0.2, known.shape) for i in range(2))
+    made, members = fitted(known, first, second)
+    assert made.alone is not None
+    plain = replace(made, alone=None)
+    assert np.abs(made(members) - truth).mean() < 1.02 * np.abs(plain(members) - truth).mean()
+    spread = (truth[..., :3].mean(axis=2) < 0.9).all(axis=1) & (truth.mean(axis=(1, 2)) > 0.2)
+    members[:, 0] = odds(members[:, 0], 8.0, 1.0)
+    followed, ignored = (np.abs(one(members) - truth)[spread].mean() for one in (made, plain))
+    assert spread.sum() > 30 and followed < 0.7 * ignored
+    made.save(tmp_path / "camera.json")
+    assert np.array_equal(Calibration.load(tmp_path / "camera.json")(members), made(members))
+
+
+def test_a_second_network_that_is_wrong_on_a_camera_gets_no_map_to_itself(truth):
+    """It takes every other kernel for a halo."""
+    known = truth.reshape(SAMPLES, 16)
+    wrong = np.where(stream(3, "test halo", 2).random(SAMPLES) < 0.5, -2.0, 0.0)
+    made, _ = fitted(known, logit(known), logit(known) + wrong[:, None])
+    assert made.alone is None and made.members == 2
+
+
+@pytest.mark.parametrize(("field", "value"), [("alone", [[1.0] * 17]), ("alone", [[float("nan")] * 17] * 16)])
+def test_a_file_with_a_broken_second_map_is_refused(sharp, truth, tmp_path, field, value):
+    made = camera_calibration.calibrate(Bent(truth, np.array), sharp, samples=SAMPLES)
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(made.content() | {field: value}))
+    with pytest.raises(InputError, match="not the calibration of a camera"):
+        Calibration.load(path)
