@@ -12,7 +12,7 @@ four answers:
     generic_lens       the MTF relative to a generic lens (`output: relative`)
     calibrated         divided by its answer for the same sharp frames
     camera_calibrated  `pipeline.blur.camera_calibration`, calibrated to the sharp frames of the other half of a
-                       dataset, blurred by kernels of the training family, none of them rendered
+                       dataset, blurred by random kernels of the training family (`with_optics`), none of these
 
 With ``--peers N``, PMP and GBB (fast) too, on one patch of each of N frames evenly spread, beside the spectral
 estimator on the same patches (`few`). The picture shows kernels and AMAE.
