@@ -9,8 +9,8 @@ inputs made natively, and its outputs are compared file by file; then the native
 longer than ``--minutes`` is stopped. The record (``benchmarks/results/processors.json``) keeps, per stage and
 processor, ``same``, ``differs`` with the files, ``stopped``, or ``failed`` with the last line; the rest of it stays.
 ``--numpy-without`` switches off kernels of NumPy for the emulated run alone, where the emulator cannot run them; the
-record names them. FOLDER may be any project folder with ``dvc.lock`` and its outputs, whose ``params.yaml`` has ``executor.workers: 1``:
-further processes would run natively.
+record names them. FOLDER may be any project folder with ``dvc.lock`` and its outputs, whose ``params.yaml`` has
+``executor.workers: 1``: further processes would run natively.
 """
 
 from __future__ import annotations
