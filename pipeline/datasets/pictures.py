@@ -179,21 +179,9 @@ def _decode(path: str | Path, data: bytes) -> Picture:
         warnings.simplefilter("ignore")  # Pillow's remarks on metadata; what matters is raised
         try:
             with Image.open(io.BytesIO(data)) as opened:
-                pages = getattr(opened, "n_frames", 1)
-                if opened.format in _PAGED_FORMATS and pages > 1:
-                    raise BadPicture(path, f"holds {pages} pages or frames, expected one")
-                if opened.format == "PNG" and data[12:16] != b"IHDR":
-                    raise BadPicture(path, "its PNG header is broken")
-                if opened.format == "PNG":
-                    _refuse_empty_png(path, data, opened)
+                _refuse_by_header(path, data, opened)
                 opened.load()
-                if opened.format == "PNG" and PNG_END not in data:
-                    raise BadPicture(path, "truncated: the PNG end marker is missing")
-                if opened.format == "BMP" and len(data) < (size := int.from_bytes(data[2:6], "little")):
-                    # Pillow does not miss the bytes that pad the last row
-                    raise BadPicture(path, f"truncated: {len(data)} bytes, its header states {size}")
-                if opened.format == "PNG":
-                    _refuse_incomplete_png(path, data, opened)
+                _refuse_incomplete(path, data, opened)
                 return Picture(
                     _pixels(path, data, opened), opened.mode in _ALPHA_MODES or "transparency" in opened.info
                 )
@@ -212,39 +200,57 @@ def _png_row_bits(data: bytes, opened: Image.Image) -> int:
     return opened.width * depth * {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}.get(colour, 1)
 
 
-def _refuse_empty_png(path: str | Path, data: bytes, opened: Image.Image) -> None:
-    """Refuse, before memory is taken for its pixels, a file too small for what its header states.
+def _refuse_by_header(path: str | Path, data: bytes, opened: Image.Image) -> None:
+    """Refuse, before memory is taken for its pixels, what the header shows to be unusable.
 
     Raises:
-        BadPicture: no compression makes so many pixels so small.
+        BadPicture: several pages, a broken PNG header, or fewer bytes than any compression needs for the stated size.
     """
+    pages = getattr(opened, "n_frames", 1)
+    if opened.format in _PAGED_FORMATS and pages > 1:
+        raise BadPicture(path, f"holds {pages} pages or frames, expected one")
+    if opened.format != "PNG":
+        return
+    if data[12:16] != b"IHDR":
+        raise BadPicture(path, "its PNG header is broken")
     expected = opened.height * _png_row_bits(data, opened) // 8
     if expected > DEFLATE_RATIO * len(data):
         raise BadPicture(path, f"truncated: {len(data)} bytes cannot hold the {expected} its header states")
 
 
-def _refuse_incomplete_png(path: str | Path, data: bytes, opened: Image.Image) -> None:
-    """Refuse what Pillow fills in silently: a missing palette, and rows whose compressed data end early.
+def _refuse_incomplete(path: str | Path, data: bytes, opened: Image.Image) -> None:
+    """Refuse what Pillow fills in silently in a loaded BMP or PNG.
 
-    Missing rows are black, so the data are counted only where the last row is.
+    Missing rows of a PNG are black, so the data are counted only where the last row is.
 
     Raises:
-        BadPicture: a palette or rows are missing.
+        BadPicture: the padding of a last row, an end marker, a palette or rows are missing.
     """
+    if opened.format == "BMP" and len(data) < (size := int.from_bytes(data[2:6], "little")):
+        raise BadPicture(path, f"truncated: {len(data)} bytes, its header states {size}")
+    if opened.format != "PNG":
+        return
+    if PNG_END not in data:
+        raise BadPicture(path, "truncated: the PNG end marker is missing")
     if opened.mode == "P" and not (opened.palette and opened.palette.palette):
         raise BadPicture(path, "its colour palette is missing")
     if opened.info.get("interlace") or np.asarray(opened)[-1].any():
         return
     expected = opened.height * (1 + (_png_row_bits(data, opened) + 7) // 8)  # each row begins with its filter
-    content, start = zlib.decompressobj(), 8
-    count = 0
+    count = _png_pixel_bytes(data)
+    if count < expected:
+        raise BadPicture(path, f"truncated: {count} bytes of pixels, its header states {expected}")
+
+
+def _png_pixel_bytes(data: bytes) -> int:
+    """Number of decompressed bytes in the IDAT chunks of a PNG file."""
+    content, start, count = zlib.decompressobj(), 8, 0
     while start + 8 <= len(data):
         length, name = int.from_bytes(data[start : start + 4]), data[start + 4 : start + 8]
         if name == b"IDAT":
             count += len(content.decompress(data[start + 8 : start + 8 + length]))
         start += length + 12
-    if count < expected:
-        raise BadPicture(path, f"truncated: {count} bytes of pixels, its header states {expected}")
+    return count
 
 
 def _pixels(path: str | Path, data: bytes, opened: Image.Image) -> np.ndarray:
