@@ -22,6 +22,8 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
+from pipeline.dvc import freed_memory
+
 LIBRARIES = (
     "numpy", "scipy.fft", "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg", "scipy.spatial",
     "scipy.special", "scipy.stats", "pydantic", "yaml", "cv2", "pandas", "pyarrow.parquet", "safetensors.numpy", "tqdm",
@@ -113,6 +115,7 @@ def _run(
         os.sched_setaffinity(0, cores)
     os.environ.clear()
     os.environ.update(environment)
+    freed_memory.keep(os.environ)
     multiprocessing.set_start_method(None, force=True)  # a command's process has no start method chosen
     module, *arguments = words
     sys.argv = [module, *arguments]

@@ -1,0 +1,53 @@
+"""What a stage frees is used again without new pages from the system."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import sys
+
+import pytest
+
+from pipeline.dvc import freed_memory
+
+ROUNDS = """
+import resource
+def take():
+    return [b"x" * (24 << 20) for _ in range(4)]
+take()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(20):
+    take()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+KEEP = "import os\nfrom pipeline.dvc import freed_memory\nassert freed_memory.keep(os.environ)\n"
+
+glibc = pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is not glibc")
+
+
+def page_faults(program: str, **variables: str) -> int:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")} | variables
+    result = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
+    )
+    return int(result.stdout)
+
+
+@glibc
+def test_freed_blocks_are_used_again() -> None:
+    assert page_faults(KEEP + ROUNDS) < 200
+
+
+@glibc
+def test_so_are_those_of_programs_started_with_the_environment() -> None:
+    variables: dict[str, str] = {}
+    freed_memory.keep(variables)
+    assert page_faults(ROUNDS, **variables) < 200
+
+
+def test_a_variable_that_is_set_keeps_its_value() -> None:
+    variables = {"MALLOC_TRIM_THRESHOLD_": "131072"}
+    freed_memory.keep(variables)
+    assert variables["MALLOC_TRIM_THRESHOLD_"] == "131072"
+    assert variables["MALLOC_MMAP_THRESHOLD_"] == str(freed_memory.BLOCK_BYTES)
