@@ -329,18 +329,29 @@ def _fitted(logits: NDArray[np.float64], known: NDArray[np.float64], scene: NDAr
     else:
         index, weight, error = _chosen(held_out, plain, known, judged)
     strengths = STRENGTHS[: index + 1]
-    matrix, offset = affine_logits.fit(logits, known, strengths)[index]
-    matrix = weight * matrix + (1 - weight) * np.eye(VALUES, logits.shape[1])
+    matrix, offset = _map_drawn_back(affine_logits.fit(logits, known, strengths)[index], weight)
     alone = None
     if logits.shape[1] > VALUES:
-        other = weight * _held_out(last, known, groups, strengths)[index] + (1 - weight) * last
-        joint = weight * held_out[index] + (1 - weight) * plain
+        joint = _drawn_back(held_out[index], plain, weight)
+        other = _drawn_back(_held_out(last, known, groups, strengths)[index], last, weight)
         switched = np.abs(halo.mixed(sigmoid(joint), sigmoid(other)) - known)
         if _median_rise(switched, error, scene) <= MOST_RISE:
-            single, shift = affine_logits.fit(last, known, strengths)[index]
-            single = weight * single + (1 - weight) * np.eye(VALUES)
-            alone, error = np.concatenate([single, weight * shift[:, None]], axis=1), switched
-    return _Fitted(matrix, weight * offset, alone, error)
+            single, shift = _map_drawn_back(affine_logits.fit(last, known, strengths)[index], weight)
+            alone, error = np.concatenate([single, shift[:, None]], axis=1), switched
+    return _Fitted(matrix, offset, alone, error)
+
+
+def _drawn_back(mapped: NDArray[np.float64], start: NDArray[np.float64], weight: float) -> NDArray[np.float64]:
+    """What a map gives, or the map itself, at this weight beside its start."""
+    return np.asarray(weight * mapped + (1 - weight) * start)
+
+
+def _map_drawn_back(
+    fitted: tuple[NDArray[np.float64], NDArray[np.float64]], weight: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A and b of a map at this weight beside the uncalibrated output, which is the first network's."""
+    matrix, offset = fitted
+    return _drawn_back(matrix, np.eye(*matrix.shape), weight), weight * offset
 
 
 @lru_cache(maxsize=2)
@@ -378,7 +389,7 @@ def _errors(
     mapped: NDArray[np.float64], plain: NDArray[np.float64], truth: NDArray[np.float64], weight: float
 ) -> NDArray[np.float64]:
     """(N, 16) absolute errors of a map's logits at this weight beside the uncalibrated ones."""
-    return np.asarray(np.abs(sigmoid(weight * mapped + (1 - weight) * plain) - truth))
+    return np.asarray(np.abs(sigmoid(_drawn_back(mapped, plain, weight)) - truth))
 
 
 def _chosen(
