@@ -1,4 +1,4 @@
-"""The same bytes on another processor: one blur, one noise and one deconvolution estimate, natively and emulated.
+"""The same bytes on another processor: estimates of blur, noise and deconvolution, natively and emulated.
 
 The emulated processor is a Haswell (Intel, AVX2, no AVX-512) under qemu's user mode.
 """
@@ -20,9 +20,9 @@ from pipeline import processor
 ROOT = Path(__file__).resolve().parents[1]
 QEMU = shutil.which("qemu-x86_64")
 PROGRAM = """
+from pipeline import blur, noise, processor  # before NumPy, so that it is pinned
 import hashlib, json, sys
 import numpy as np
-from pipeline import blur, noise, processor
 from pipeline.streams import stream
 
 generator = stream(1, "other processor")
@@ -33,9 +33,17 @@ for _ in range(60):
     patch[(xx - x) ** 2 + (yy - y) ** 2 < radius**2] = level
 patch = (patch + np.roll(patch, 1, 1) + np.roll(patch, 2, 1)) / 3 + 0.01 * generator.standard_normal(patch.shape)
 patch = (np.rint(255 * patch.clip(0.02, 0.98)) / 255).astype(np.float32)[None, None]
+
+
+def of_cells(name):
+    level, cells = noise.create(name).measure_cells(patch[:, 0, :128, :128], np.array([""], object))
+    return np.concatenate([level.sigma_dn, level.low_dn, level.high_dn, cells.ravel()])
+
+
 answers = {
     "spectral": blur.create("spectral").estimate(patch).mtf,
-    "cellwise": noise.create("cellwise").estimate(patch[..., :128, :128]).sigma_dn,
+    "cellwise": of_cells("cellwise"),
+    "correlated": of_cells("correlated"),
     "pca": noise.create("pca").estimate(patch[..., :128, :128]).sigma_dn,
     "gbb": blur.create("gbb", mode="fast").estimate(patch).mtf,
 }

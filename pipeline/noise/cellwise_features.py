@@ -52,6 +52,8 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     import torch
     import torch.nn.functional as functional
 
+    from pipeline.learning.elementwise import logarithm, square_root
+
     image = image_dn[:, None]
     fine = _answers(image, _filters())
     square = fine * fine
@@ -65,19 +67,21 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     cosine = functional.conv2d(image - 128, _cosines(), stride=CELL_PX) ** 2
     mean, lowest, highest = _mean(image, CELL_PX), _extreme(image, CELL_PX, -1), _extreme(image, CELL_PX, 1)
     white, black = (_mean(clipped.float(), CELL_PX) for clipped in (image >= WHITE_ABOVE_DN, image <= BLACK_BELOW_DN))
-    base = torch.minimum(power[:, :1].sqrt(), modulus[:, :1])
+    base = torch.minimum(square_root(power[:, :1]), modulus[:, :1])
     powers = [power, half_power, quarter_power, _extreme(quarters, 2, -1), _extreme(quarters, 2, 1), modulus**2]
     powers += [functional.conv2d(cosine, _bands()), cosine[:, 1:].sum(1, keepdim=True) / CELL_PX**2]
     logs = log_power(torch.cat(powers, 1))
-    room = (torch.cat([255 - mean, 255 - lowest, mean, highest], 1) + 0.5).log() * 0.5 - 1
+    room = logarithm(torch.cat([255 - mean, 255 - lowest, mean, highest], 1) + 0.5) * 0.5 - 1
     levels = torch.cat([mean, lowest, highest], 1) / 128 - 1
-    result = torch.cat([logs, room, levels, equal * 2 - 1, white * 2, black * 2, (base + 0.5).log()], 1)
+    result = torch.cat([logs, room, levels, equal * 2 - 1, white * 2, black * 2, logarithm(base + 0.5)], 1)
     return result, base[:, 0]
 
 
 def log_power(power_dn2: torch.Tensor) -> torch.Tensor:
     """How powers are shown to the network: half the logarithm, less one."""
-    return (power_dn2 + _POWER_FLOOR).log() * 0.5 - 1
+    from pipeline.learning.elementwise import logarithm
+
+    return logarithm(power_dn2 + _POWER_FLOOR) * 0.5 - 1
 
 
 def power(statistics: torch.Tensor) -> torch.Tensor:

@@ -23,6 +23,7 @@ import torch
 import torch.nn.functional as functional
 from torch import nn
 
+from pipeline.learning.elementwise import logarithm, square_root
 from pipeline.noise.cellwise_features import CHANNELS, MEAN, POWERS, log_power, power
 
 ARCHITECTURE = "sigma-cellwise-1"
@@ -86,12 +87,12 @@ class CellwiseNet(nn.Module):
         joined = functional.relu(self.join(seen) + self.context(summary)[:, :, None, None])
         mixed = functional.relu(self.mix(joined))
         level, photons = self.patch(summary).unbind(1)
-        carried = self._carried(first, light, selected, torch.sigmoid(photons)).log()
-        carried = carried + level.clamp(*PATCH_CORRECTION)[:, None]
+        carried = self._carried(first, light, selected, torch.sigmoid(photons))
+        carried = logarithm(carried) + level.clamp(*PATCH_CORRECTION)[:, None]
         gate, correction = self.cell(mixed).flatten(2).unbind(1)
-        blend = torch.lerp(carried, selected.log(), torch.sigmoid(gate)) + correction.clamp(*CELL_CORRECTION)
+        blend = torch.lerp(carried, logarithm(selected), torch.sigmoid(gate)) + correction.clamp(*CELL_CORRECTION)
         map_dn = blend.exp().view_as(base_dn)
-        sigma_dn = (map_dn.square().mean((1, 2)) + 1e-8).sqrt()
+        sigma_dn = square_root(map_dn.square().mean((1, 2)) + 1e-8)
         far = mixed.flatten(2)
         spread = self.spread(torch.cat([summary, far.mean(2), far.amax(2)], dim=1))[:, 0]
         return sigma_dn, functional.softplus(spread + SCALE_START) + SMALLEST_SCALE, map_dn
@@ -102,7 +103,7 @@ class CellwiseNet(nn.Module):
         light = light + LIGHT_FLOOR
         reference = (weights * own.square()).sum(1, keepdim=True)
         relative = light / (weights * light).sum(1, keepdim=True)
-        return (reference * (1 + share[:, None] * (relative - 1))).sqrt()
+        return square_root(reference * (1 + share[:, None] * (relative - 1)))
 
     @staticmethod
     def _traces(weights: torch.Tensor, light: torch.Tensor, own: torch.Tensor) -> torch.Tensor:
@@ -112,7 +113,8 @@ class CellwiseNet(nn.Module):
         mass = weights @ near.mT
         power = weights @ (near * own.square()[:, None]).mT
         known = mass + TRACE_FLOOR
-        return torch.cat([0.5 * ((power + TRACE_FLOOR) / known).log() - 1, 0.2 * known.log() + 1], dim=1).flatten(1)
+        levels_seen = [0.5 * logarithm((power + TRACE_FLOOR) / known) - 1, 0.2 * logarithm(known) + 1]
+        return torch.cat(levels_seen, dim=1).flatten(1)
 
 
 def loss(

@@ -20,6 +20,7 @@ import torch
 import torch.nn.functional as functional
 from torch import nn
 
+from pipeline.learning.elementwise import logarithm, square_root
 from pipeline.noise.correlated_features import COUNT, REFERENCE
 
 ARCHITECTURE = "sigma-correlated-2"
@@ -66,7 +67,7 @@ class CorrelatedNet(nn.Module):
         """
         seen = ((statistics - self.mean) / self.deviation).clamp(-LIMIT, LIMIT)
         out = torch.stack([member(seen) for member in self.members])
-        reference = (statistics[:, REFERENCE].exp() + OFFSET_DN).log()
+        reference = logarithm(statistics[:, REFERENCE].exp() + OFFSET_DN)
         sigma = (reference + out[..., 0]).exp() - OFFSET_DN
         scale = functional.softplus(out[..., 1] + SCALE_START) + SCALE_FLOOR
         return sigma, scale, torch.sigmoid(out[..., 2] + WHITE_START), torch.tanh(out[..., 3]), out[..., 4:]
@@ -105,7 +106,7 @@ def cell_map(sigma: torch.Tensor, curve: torch.Tensor, brightness_dn: torch.Tens
     flat, index = position.flatten(1) - below.flatten(1), below.flatten(1).long()
     lower, upper = curve.gather(1, index), curve.gather(1, index + 1)
     relative = torch.lerp(lower, upper, flat).exp()
-    level = sigma[:, None] / relative.square().mean(1, keepdim=True).sqrt()
+    level = sigma[:, None] / square_root(relative.square().mean(1, keepdim=True))
     return (relative * level).view_as(brightness_dn)
 
 
