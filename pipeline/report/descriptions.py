@@ -47,10 +47,10 @@ import pandas as pd
 from pipeline.errors import InputError, did_you_mean
 from pipeline.report.display_names import NAMES, in_order, listing, word
 from pipeline.report.figures import grid
-from pipeline.report.sections import description
-from pipeline.report.spec import Figure
+from pipeline.report.spec import Block, Figure, Run, Section
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Cell, Column, Row, Table, estimate, ordered, pivot, records
+from pipeline.report.yaml_files import content
 
 Cells = dict[str, Callable[[Row], Cell]]
 """Column -> what makes its cells from a row."""
@@ -92,21 +92,40 @@ class Descriptions:
     """The descriptions of one section.
 
     Args:
-        section: stem of its file.
+        name: stem of its file.
     """
 
-    def __init__(self, section: str) -> None:
-        self.section = section
+    def __init__(self, name: str) -> None:
+        self.name = name
 
     @functools.cached_property
     def _content(self) -> dict[str, dict[str, Any]]:
-        return cast("dict[str, dict[str, Any]]", description(self.section))
+        return cast("dict[str, dict[str, Any]]", content(f"sections/{self.name}.yaml"))
 
     def _entry(self, part: str, key: str) -> Any:
         entries = self._content.get(part, {})
         if key not in entries:
-            raise InputError(f"{self.section}.yaml: no {part}.{key}; {did_you_mean(key, entries)}")
+            raise InputError(f"{self.name}.yaml: no {part}.{key}; {did_you_mean(key, entries)}")
         return entries[key]
+
+    def section(
+        self,
+        blocks: Iterable[Block | None],
+        runs: Sequence[Run] = (),
+        findings: Sequence[str] = (),
+        *,
+        key: str = "",
+        text: Sequence[str] = (),
+        **words: Any,
+    ) -> Section:
+        """A section of the page, which has the name of its file unless ``key`` is given.
+
+        Its title and first paragraph are described; parts that are None have nothing to show.
+        """
+        key = key or self.name
+        about = self._entry("sections", key)
+        text = [*([filled(about["text"], words)] if "text" in about else []), *text]
+        return Section(key, about["title"], text, [block for block in blocks if block is not None], runs, findings)
 
     def text(self, key: str, **words: Any) -> str:
         """A paragraph.
@@ -190,7 +209,7 @@ class Descriptions:
         about, made, rows = self._entry("tables", key), dict(cells or {}), cast("Any", frame)
         unknown = set(made) - set(about["columns"])
         if unknown:
-            raise InputError(f"{self.section}.yaml: tables.{key} has no column '{min(unknown)}'")
+            raise InputError(f"{self.name}.yaml: tables.{key} has no column '{min(unknown)}'")
         if "order" in about:
             rows = ordered(rows, **{name: NAMES.get(name, ()) for name in about["order"]})
         star = about["columns"].get("*", {})

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from pipeline import tables
 from pipeline.camera.mtf import FREQUENCIES, SYSTEM
-from pipeline.errors import InputError
+from pipeline.errors import InputError, did_you_mean
 from pipeline.experiments.blur_records import EXACT
 from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, NOISE_FILE, joined, with_records
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
@@ -52,6 +53,13 @@ RESULTS: Mapping[str, Result] = {
     "denoised_blur": Result("denoised_blur", "blur.parquet", BLUR_CELLS, DENOISED_FILE),
 }
 """Tables over datasets and estimators that sections, the ledger and claims share."""
+
+
+class Arrays(dict[str, np.ndarray]):
+    """Arrays by name, of a file that a stage stored; an absent one is an `InputError` that names it."""
+
+    def __missing__(self, name: str) -> np.ndarray:
+        raise InputError(f"no array '{name}' among those stored; {did_you_mean(name, self)}; run the stage again")
 
 
 @dataclass(frozen=True)
@@ -104,6 +112,10 @@ class ReportInputs:
         """A file of a stage, or None where it has not run (`pipeline.stage_files.optional`)."""
         return optional(self.data, path, schema)
 
+    def arrays(self, path: str) -> Arrays:
+        """The arrays of a stage's file, none where it has not run."""
+        return Arrays(self.read(path) or {})
+
     def folder(self, stage: str) -> Path | None:
         """The folder of a stage's outputs, which need not exist; None where no stage has run."""
         return None if self.data is None else self.data / stage
@@ -126,7 +138,7 @@ class ReportInputs:
 
     def galleries(
         self, stage: str, file: str, alike: Sequence[str], also: Sequence[str] = ()
-    ) -> dict[str, list[tuple[Any, Any]]]:
+    ) -> dict[str, list[tuple[dict[str, Any], Arrays]]]:
         """Pictures that members of a stage stored, one estimator each: dataset -> their descriptions and arrays.
 
         Descriptions of a dataset have to agree in the keys ``alike``.
@@ -134,11 +146,12 @@ class ReportInputs:
         Raises:
             InputError: a description lacks a key, or members show different things.
         """
-        stored: dict[str, list[tuple[Any, Any]]] = {}
-        for folder in self.folders(stage).values():
+        stored: dict[str, list[tuple[dict[str, Any], Arrays]]] = {}
+        for member, folder in self.folders(stage).items():
             about = described(folder, f"{file}.json", ("dataset", "estimator", *alike, *also))
             if about is not None:
-                stored.setdefault(about["dataset"], []).append((about, optional(folder, f"{file}.npz") or {}))
+                pair = about, self.arrays(f"{stage}/{member}/{file}.npz")
+                stored.setdefault(about["dataset"], []).append(pair)
         for dataset, shown in stored.items():
             if any(about[key] != shown[0][0][key] for about, _ in shown for key in alike):
                 raise InputError(

@@ -11,11 +11,11 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
-from importlib import resources
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from pydantic import TypeAdapter
 
 from pipeline.errors import InputError
 from pipeline.report import ledger_causes, ledger_sources
@@ -62,16 +62,20 @@ def _holds(condition: Condition, row: Row) -> bool:
     )
 
 
-@dataclass(frozen=True)
-class Reason:
-    """Why rows cannot be compared, or why they differ, in words (``{profile}`` is filled in).
+def _matching(conditions: Mapping[str, Condition], row: Row, otherwise: str) -> str:
+    """The first name whose condition a row meets."""
+    return next((name for name, condition in conditions.items() if _holds(condition, row)), otherwise)
 
-    ``where``: of the rows that it holds for, columns of the published file, ``measured_on``, ``column`` (of the number)
-    or ``profile``; all by default.
-    """
 
-    why: str
-    where: Condition = field(default_factory=dict)
+Reason = Mapping[str, Any]
+"""``why`` rows cannot be compared, or differ, in words (``{profile}`` is filled in), and ``where``: of which rows.
+
+A condition on columns of the published file, ``measured_on``, ``column`` (of the number) or ``profile``; all by default.
+"""
+
+
+def _why(reasons: Sequence[Reason], row: Row) -> str:
+    return next((str(one["why"]) for one in reasons if _holds(one.get("where", {}), row)), "")
 
 
 @dataclass(frozen=True)
@@ -143,29 +147,8 @@ class Item:
     printed: bool | Condition = True
     no_real_frames: str = ""
 
-    def stage_of(self, row: Row) -> str:
-        """The stage that makes ours of a row."""
-        return next((stage for stage, where in self.stages.items() if _holds(where, row)), self.stage)
 
-    def kind_of(self, row: Row) -> str:
-        """Kind of evidence of a row."""
-        return next((kind for kind, where in self.kinds.items() if _holds(where, row)), self.kind)
-
-    def is_printed(self, row: Row) -> bool:
-        """Whether the paper prints the number of a row."""
-        return self.printed if isinstance(self.printed, bool) else _holds(self.printed, row)
-
-
-def _items() -> tuple[Item, ...]:
-    entries = content(resources.files(__package__), "ledger.yaml")
-    for entry in entries:
-        entry["tolerance"], entry["ours"] = Tolerance(**entry.get("tolerance", {})), Source(**entry["ours"])
-        for part in ("barriers", "whys"):
-            entry[part] = [Reason(**one) for one in entry.get(part, [])]
-    return tuple(Item(**entry) for entry in entries)
-
-
-ITEMS = _items()
+ITEMS = TypeAdapter(tuple[Item, ...]).validate_python(content("ledger.yaml"))
 TITLES = {item.name: item.title for item in ITEMS}
 NO_REAL_FRAMES = {item.name: item.no_real_frames for item in ITEMS}
 """Item -> why ours are of no real frames."""
@@ -244,7 +227,7 @@ def _row(item: Item, row: Row, has_run: bool, causes: Callable[[Row], str] | Non
     if not unit and isinstance(row.get("unit"), str) and "unit" not in item.keys:
         unit = row["unit"]
     about = {**row, "profile": inputs.profile}
-    barrier = next((one.why for one in item.barriers if _holds(one.where, about)), "").format(profile=inputs.profile)
+    barrier = _why(item.barriers, about).format(profile=inputs.profile)
     ours, low, high = (float(row[name]) for name in ("ours", "low", "high"))
     bound = item.tolerance.around(paper, row.get("std_dev", math.nan))
     tolerance = float(row["tolerance"]) if "tolerance" in row else bound
@@ -253,20 +236,22 @@ def _row(item: Item, row: Row, has_run: bool, causes: Callable[[Row], str] | Non
         known_error = row.get("paper_error", math.nan)
         error = 0.5 * 10.0 ** -int(row["decimals"]) + (known_error if math.isfinite(known_error) else 0.0)
         tolerance = tolerance_of_both(paper, error, ours, low, high)
-    stage = item.stage_of(row).format_map({**{name: str(row[name]) for name in item.keys}, "dataset": dataset})
+    stage = _matching(item.stages, row, item.stage).format_map(
+        {**{name: str(row[name]) for name in item.keys}, "dataset": dataset}
+    )
     measured_on = row["measured_on"] if isinstance(row["measured_on"], str) and math.isfinite(ours) else ""
     result = LedgerRow(
         item.name, _quantity(item, row), unit, paper, ours, tolerance, why=barrier, comparable=not barrier,
-        line=inputs.line(stage), kind=item.kind_of(row), dataset=measured_on, low=low, high=high,
-        better=item.better if has_interval else "", printed=item.is_printed(row),
+        line=inputs.line(stage), kind=_matching(item.kinds, row, item.kind), dataset=measured_on, low=low, high=high,
+        better=item.better if has_interval else "",
+        printed=item.printed if isinstance(item.printed, bool) else _holds(item.printed, row),
     )  # fmt: skip
     if result.verdict == NOT_RUN:
         if dataset in inputs.absent and "dataset" in row:
             return replace(result, why="data absent", line=inputs.absent[dataset])
         return replace(result, why="not among our results" if has_run else "stage absent")
     if result.verdict in (BETTER, CLOSE, DIFFERS):
-        why = next((one.why for one in item.whys if _holds(one.where, row)), "")
-        known = causes(row) if causes is not None else why
+        known = causes(row) if causes is not None else _why(item.whys, row)
         parts = [row["why"] if isinstance(row.get("why"), str) else known]
         if result.verdict != BETTER and item.better and (result.ours < paper) == (item.better == "lower"):
             parts.insert(0, f"ours is {item.better}, which is better")

@@ -28,7 +28,7 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
-from pipeline.report.display_names import DATASETS, ESTIMATORS, in_order, word
+from pipeline.report.display_names import DATASETS, DETECTORS, ESTIMATORS, in_order, word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table
@@ -125,26 +125,25 @@ def runs_by_estimator(
     title: str,
     stage: str,
     ran: Iterable[tuple[str, str]],
-    recorded: Iterable[tuple[str, str]],
     inputs: ReportInputs,
-    planned: Iterable[str] = (),
+    *,
+    recorded: Iterable[tuple[str, str]] = (),
+    names: Iterable[str] = (),
+    datasets: Sequence[str] | None = None,
 ) -> list[Run]:
-    """The overview's lines of an experiment by estimator, over every dataset of the report.
+    """The overview's lines of an experiment by estimator or detector, over every dataset of the report.
 
-    ``stage`` names its group of stages; pairs are of dataset and estimator; estimators that are planned are listed in
-    any case.
+    ``stage`` names its group of stages; pairs are of dataset and estimator; ``names`` are those listed in any case,
+    ``datasets`` as of `overview`.
     """
     done, known = list(ran), list(recorded)
-    names = in_order([*planned, *(name for _, name in [*done, *known])], ESTIMATORS) or ["<estimator>"]
-    return [
-        run
-        for estimator in names
-        for run in overview(
-            f"{title} by {word(estimator)}", f"{stage}@{{dataset}}-{estimator}",
-            [dataset for dataset, name in done if name == estimator], inputs,
-            recorded=[dataset for dataset, name in known if name == estimator],
-        )
-    ]  # fmt: skip
+    listed = in_order([*names, *(name for _, name in [*done, *known])], [*ESTIMATORS, *DETECTORS]) or ["<estimator>"]
+    runs = []
+    for listed_name in listed:
+        of_name = [[dataset for dataset, name in pairs if name == listed_name] for pairs in (done, known)]
+        experiment, member = f"{title} by {word(listed_name)}", f"{stage}@{{dataset}}-{listed_name}"
+        runs += overview(experiment, member, of_name[0], inputs, datasets, of_name[1])
+    return runs
 
 
 def single(experiment: str, stage: str, ran: bool, inputs: ReportInputs) -> Run:

@@ -11,7 +11,6 @@ import functools
 import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -31,7 +30,7 @@ ONE_COLUMN_IN = 3.46
 TWO_COLUMNS_IN = 7.16
 PNG_DPI = 150
 
-_STYLE = content(resources.files(__package__), "style.yaml")
+_STYLE = content("style.yaml")
 INK, MUTED, GRID, PAPER = (_STYLE["colours"][name] for name in ("ink", "muted", "grid", "paper"))
 PALETTE: Sequence[str] = _STYLE["palette"]
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X")
@@ -86,43 +85,29 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 
 def sheet(
     columns: int,
-    row_heights_in: Sequence[float],
+    row_heights: Sequence[float],
     *,
-    width_in: float = TWO_COLUMNS_IN,
     left_in: float = 0.02,
     right_in: float = 0.02,
     top_in: float = 0.2,
     bottom_in: float = 0.05,
     gap_in: float = 0.06,
-    row_gaps_in: Sequence[float] = (),
+    row_gap_in: float = 0.06,
 ) -> tuple[Figure, np.ndarray]:
-    """A contact sheet: axes of exactly these sizes, placed without a layout engine (which is slow for many axes).
+    """A contact sheet over two columns of print: axes without a layout engine, which is slow for so many.
 
-    Columns are equally wide, with ``gap_in`` between them; ``row_gaps_in`` are beneath each row but the last,
-    ``gap_in`` where empty. Returns the figure and (rows, columns) axes.
+    Columns are equally wide, ``row_heights`` as fractions of that width. Returns the figure and (rows, columns) axes.
     """
-    gaps = list(row_gaps_in) or [gap_in] * (len(row_heights_in) - 1)
-    height_in = top_in + sum(row_heights_in) + sum(gaps) + bottom_in
-    figure = new_figure(width_in, height_in)
+    cell_in = (TWO_COLUMNS_IN - left_in - right_in - (columns - 1) * gap_in) / columns
+    mean_in, rows = cell_in * float(np.mean(row_heights)), len(row_heights)
+    height_in = top_in + rows * mean_in + (rows - 1) * row_gap_in + bottom_in
+    figure = new_figure(TWO_COLUMNS_IN, height_in)
     figure.set_layout_engine("none")
-    cell_in = sheet_cell_in(columns, width_in, left_in + right_in, gap_in)
-    axes = np.empty((len(row_heights_in), columns), dtype=object)
-    upper_in = height_in - top_in
-    for row, tall_in in enumerate(row_heights_in):
-        for column in range(columns):
-            start_in = left_in + column * (cell_in + gap_in)
-            axes[row, column] = figure.add_axes(
-                (start_in / width_in, (upper_in - tall_in) / height_in, cell_in / width_in, tall_in / height_in)
-            )
-        upper_in -= tall_in + (gaps[row] if row < len(gaps) else 0.0)
-    return figure, axes
-
-
-def sheet_cell_in(
-    columns: int, width_in: float = TWO_COLUMNS_IN, margins_in: float = 0.04, gap_in: float = 0.06
-) -> float:
-    """Width of one cell of a `sheet`, inches."""
-    return (width_in - margins_in - (columns - 1) * gap_in) / columns
+    edges = {
+        "left": left_in / TWO_COLUMNS_IN, "right": 1 - right_in / TWO_COLUMNS_IN, "top": 1 - top_in / height_in,
+        "bottom": bottom_in / height_in, "wspace": gap_in / cell_in, "hspace": row_gap_in / mean_in,
+    }  # fmt: skip
+    return figure, figure.subplots(rows, columns, squeeze=False, height_ratios=row_heights, gridspec_kw=edges)
 
 
 def series_look(name: str, position: int = 0) -> Look:

@@ -52,7 +52,7 @@ def test_a_number_decides_where_its_interval_lies_on_one_side() -> None:
         assert of_number(6.0, low, high, 5.0, "", ["sim"]).verdict == above
         assert of_number(6.0, low, high, 5.0, "", ["sim"], above=False).verdict == below
     assert of_number(6.0, 6.0, 6.0, 5.0, "", ["sim", "sim"]).on == "Sim"
-    assert of_cells([], "cell", []) is None
+    assert of_cells(pd.DataFrame(), "cell", []) is None
 
 
 def test_with_nothing_run_every_claim_names_its_command() -> None:

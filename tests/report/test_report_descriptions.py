@@ -137,9 +137,13 @@ def test_what_is_not_described_is_refused_by_name(page: Descriptions) -> None:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_description_is_used_and_complete(path: Path) -> None:
     content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    assert set(content) <= {"texts", "figures", "tables"}
+    assert set(content) <= {"sections", "texts", "figures", "tables"}
     for part, entries in content.items():
         for key, entry in entries.items():
+            if part == "sections":
+                assert key == path.stem or f'key="{key}"' in CODE
+                assert "title" in entry and set(entry) <= {"title", "text"}
+                continue
             prefix = key.rsplit("_", 1)[0]  # some keys are put together: rule_1, paper_elsewhere
             assert re.search(rf'"{key}"|"{prefix}_\{{|"{prefix}"', CODE), (part, key)
             if part == "tables":

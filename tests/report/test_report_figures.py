@@ -12,7 +12,7 @@ from report_makers import picture
 from pipeline import store, tables
 from pipeline.datasets.power_spectrum import power_spectrum
 from pipeline.errors import InputError
-from pipeline.report.inputs import ReportInputs
+from pipeline.report.inputs import Arrays, ReportInputs
 from pipeline.report.sections import datasets, formation, noise, optics
 from pipeline.report.sections.datasets import DatasetSample
 from pipeline.streams import stream
@@ -66,7 +66,7 @@ def test_the_chain_reports_each_change() -> None:
     assert drawing.values["change_std_dn"].tolist()[1:] == pytest.approx([3.0, 0.0])
     assert "Photon (3.00 DN)" in drawing.alt
     with pytest.raises(InputError, match=r"array 'photn'.*did you mean 'photon'"):
-        formation.chain({"photon": clean}, [{"array": "photn", "title": ""}])
+        formation.chain(Arrays(photon=clean), [{"array": "photn", "title": ""}])
 
 
 def test_the_gallery_crops_and_never_shrinks() -> None:
@@ -94,7 +94,7 @@ def test_effects_measure_what_was_added_and_show_gaps() -> None:
 
 def test_kernel_sheet_shows_every_kernel_once(report_inputs: ReportInputs) -> None:
     table = store.read_table(report_inputs.data / "psf/kernels.parquet", tables.KERNELS)
-    kernels = store.read_arrays(report_inputs.data / "psf/kernels.npz")
+    kernels = report_inputs.arrays("psf/kernels.npz")
     drawing = optics.kernel_sheet(table, kernels, "generated")
     assert sum(len(axes.images) for axes in drawing.figure.axes) == table["kernel"].nunique() == 27
     assert len(artists(drawing.figure, "series--H--")) == len(artists(drawing.figure, "series--V--")) == 27

@@ -13,9 +13,8 @@ from report_makers import REPO, make_noise, picture
 
 from pipeline import store
 from pipeline.errors import InputError
-from pipeline.report.inputs import ReportInputs
+from pipeline.report.inputs import Arrays, ReportInputs
 from pipeline.report.sections import noise
-from pipeline.report.sections.noise import NoiseMaps
 from pipeline.report.spec import Figure
 from pipeline.report.tables import Estimate, Table
 
@@ -69,7 +68,7 @@ def test_maps_are_drawn_with_how_well_they_agree(inputs: ReportInputs) -> None:
 
 def test_maps_that_lack_a_part_or_show_another_frame_are_refused(tmp_path: Path, inputs: ReportInputs) -> None:
     with pytest.raises(InputError, match="photon_added"):
-        noise.maps([NoiseMaps("cellwise", {"photon_seen": np.zeros((8, 8), np.uint8)}, ["photon"], 15.0)])
+        noise.maps([({"effects": ["photon"]}, Arrays(photon_seen=np.zeros((8, 8), np.uint8)))])
     for estimator, frame in (("cellwise", "a"), ("pca", "b")):
         make_noise(tmp_path / "noise", "sim", estimator)
         add_maps(tmp_path / f"noise/sim-{estimator}", "sim", frame=frame)

@@ -76,13 +76,13 @@ def test_palette_stays_distinct_for_colour_blind_readers() -> None:
 
 
 def test_a_sheet_has_cells_of_the_size_asked_for() -> None:
-    figure, axes = style.sheet(3, [1.0, 0.5], left_in=0.4, top_in=0.3, gap_in=0.1, row_gaps_in=[0.2])
+    figure, axes = style.sheet(3, [1.0, 0.5], left_in=0.4, top_in=0.3, gap_in=0.1, row_gap_in=0.2)
     assert axes.shape == (2, 3)
     width_in, height_in = figure.get_size_inches()
-    assert height_in == pytest.approx(0.3 + 1.5 + 0.2 + 0.05)
+    cell_in = (width_in - 0.42 - 2 * 0.1) / 3
+    assert height_in == pytest.approx(0.3 + 1.5 * cell_in + 0.2 + 0.05)
     boxes = [[cell.get_position() for cell in row] for row in axes]
-    assert boxes[0][0].height * height_in == pytest.approx(1.0)
-    assert boxes[1][0].height * height_in == pytest.approx(0.5)
-    cell_in = style.sheet_cell_in(3, margins_in=0.42, gap_in=0.1)
+    assert boxes[0][0].height * height_in == pytest.approx(cell_in)
+    assert boxes[1][0].height * height_in == pytest.approx(0.5 * cell_in)
     assert boxes[0][2].width * width_in == pytest.approx(cell_in)
     assert boxes[0][2].x1 * width_in == pytest.approx(width_in - 0.02)

@@ -7,7 +7,7 @@ opposes it where it lies on the other side. Cells share frames, so that their nu
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -24,6 +24,7 @@ SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED = "supported", "partly", "not decided
 NOT_MEASURED = "not measured"
 VERDICTS = (SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED, NOT_MEASURED)
 NEARLY_ALL, HALF = 0.9, 0.5
+ENDS = ("low_percent", "high_percent")
 SAME_EXPERIMENT = {"linear_motion_dcsn": "linear_dcsn"}
 """Name of an experiment of improved estimation -> that of blur and noise at once, whose blur and noise are the same."""
 
@@ -105,8 +106,19 @@ class Evidence:
 
     @cached_property
     def detection(self) -> list[Results]:
-        """Every detector on every dataset."""
-        return detection_results.read(self.inputs)
+        """Every detector on every dataset, recorded sweeps among them."""
+        recorded = [record.results for record in detection_results.recorded(self.inputs)]
+        return [*detection_results.read(self.inputs), *recorded]
+
+    @cached_property
+    def sweeps(self) -> pd.DataFrame:
+        """Average precision (`pipeline.curves.precision.PRECISION`) of all; an index for each class."""
+        groups = [(one, label) for one in self.detection for label in one.labels]
+        parts = [
+            where(one.precision, label=label).assign(sweep=number, measured_on=one.dataset)
+            for number, (one, label) in enumerate(groups)
+        ]
+        return pd.concat(parts).set_index("sweep") if parts else pd.DataFrame()
 
     @cached_property
     def run_times(self) -> dict[str, float]:
@@ -134,27 +146,27 @@ def verdict_of_counts(supporting: int, opposing: int, total: int) -> str:
     return UNDECIDED if supporting + opposing < HALF * total else PARTLY
 
 
-def sides(first: Any, second: Any, ends: tuple[str, str] = ("low_percent", "high_percent")) -> tuple[bool, bool]:
-    """Whether the interval of a first row lies wholly below that of a second one, and whether wholly above."""
-    low, high = ends
-    return bool(first[high] < second[low]), bool(first[low] > second[high])
+def lower(first: pd.DataFrame, second: pd.DataFrame, ends: Sequence[str] = ENDS) -> pd.DataFrame:
+    """Rows of a first table that the second has, too (by their index), for the claim that the first number is lower.
 
-
-def of_cells(cells: Iterable[tuple[bool, bool]], what: str, on: Iterable[Any], text: str = "") -> Measurement | None:
-    """The measurement of a claim about many cells; None without cells.
-
-    Args:
-        cells: of each, whether it supports and whether it opposes the claim.
-        what: a cell in words, singular.
-        on: datasets.
-        text: more numbers, after the counts.
+    A row ``supports`` it where its whole interval (columns ``ends``) lies below that of the second, and ``opposes`` it
+    where it lies above.
     """
-    pairs = list(cells)
-    if not pairs:
+    low, high = ends
+    both = first.join(second[[low, high]], how="inner", rsuffix="_of_second")
+    return both.assign(supports=both[high] < both[f"{low}_of_second"], opposes=both[low] > both[f"{high}_of_second"])
+
+
+def of_cells(cells: pd.DataFrame, what: str, on: Iterable[Any], text: str = "") -> Measurement | None:
+    """The measurement of a claim about many cells, of which each ``supports`` or ``opposes`` it; None without cells.
+
+    ``what`` is a cell in words, singular, ``on`` are datasets; ``text`` has more numbers, after the counts.
+    """
+    if cells.empty:
         return None
-    supporting, opposing = (sum(bool(pair[number]) for pair in pairs) for number in (0, 1))
-    words = f"{supporting} for, {opposing} against, of {counted(len(pairs), what)}"
-    verdict = verdict_of_counts(supporting, opposing, len(pairs))
+    supporting, opposing = (int(cells[side].sum()) for side in ("supports", "opposes"))
+    words = f"{supporting} for, {opposing} against, of {counted(len(cells), what)}"
+    verdict = verdict_of_counts(supporting, opposing, len(cells))
     return Measurement(f"{words}. {text}".strip(), verdict, on=names_of(on))
 
 

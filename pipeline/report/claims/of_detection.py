@@ -2,90 +2,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pandas as pd
 
 from pipeline.control.order_conclusions import DETECTOR, ENCODED, LINEAR, PAPER, Conclusion, Study
 from pipeline.control.scenario_result import OURS
-from pipeline.report import detection_results
 from pipeline.report.claims import claim
-from pipeline.report.claims.claim import Evidence, Measurement
-from pipeline.report.detection_results import Results
+from pipeline.report.claims.claim import ENDS, Evidence, Measurement
 from pipeline.report.display_names import word
 from pipeline.report.inputs import published_table
 from pipeline.report.sections import order_study
 from pipeline.report.sections.closed_loop import scenario_results
-from pipeline.report.tables import records
+from pipeline.report.tables import records, where
 
 BUILT_IN = ("prosilica", "mean_intensity")
 
 
-def _results(evidence: Evidence) -> list[Results]:
-    """Every sweep, recorded ones among them."""
-    return [*evidence.detection, *(record.results for record in detection_results.recorded(evidence.inputs))]
-
-
-def _sweeps(evidence: Evidence) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Dataset and average precision of every detector and class."""
-    for one in _results(evidence):
-        for label in one.labels:
-            yield one.dataset, one.precision[one.precision["label"] == label]
-
-
 def _falls(evidence: Evidence, *, cause: str) -> Measurement | None:
     """That AP falls with the strongest noise or the longest blur, the other absent."""
-    column, other = ("target_sigma_dn", "kernel_size_px") if cause == "noise" else ("kernel_size_px", "target_sigma_dn")
-    pairs, on, ends = [], [], []
-    for dataset, table in _sweeps(evidence):
-        selected = table[table[other] == 0]
-        clean, worst = selected[selected[column] == 0].iloc[0], selected[selected[column] == selected[column].max()]
-        pairs += [claim.sides(row, clean) for row in records(worst)]
-        on.append(dataset)
-        ends.append((clean["ap_percent"], worst["ap_percent"].mean()))
-    if not pairs:
+    if evidence.sweeps.empty:
         return None
-    before, after = (sum(end[number] for end in ends) / len(ends) for number in (0, 1))
-    return claim.of_cells(pairs, "condition", on, f"Mean AP {before:.0f} to {after:.0f} %.")
+    column, other = ("target_sigma_dn", "kernel_size_px") if cause == "noise" else ("kernel_size_px", "target_sigma_dn")
+    rows = where(evidence.sweeps, **{other: 0})
+    clean, worst = where(rows, **{column: 0}), rows[rows[column] == rows.groupby("sweep")[column].transform("max")]
+    before, after = (of["ap_percent"].groupby("sweep").mean().mean() for of in (clean, worst))
+    text = f"Mean AP {before:.0f} to {after:.0f} %."
+    return claim.of_cells(claim.lower(worst, clean), "condition", worst["measured_on"], text)
 
 
 def _both_cost_more(evidence: Evidence) -> Measurement | None:
-    pairs, on = [], []
-    for dataset, table in _sweeps(evidence):
-        cells = {(row["kernel_size_px"], row["angle_deg"], row["target_sigma_dn"]): row for row in records(table)}
-        size, level = table["kernel_size_px"].max(), table["target_sigma_dn"].max()
-        noisy = next(row for key, row in cells.items() if key[0] == 0 and key[2] == level)
-        for (px, angle, dn), both in cells.items():
-            if (px, dn) == (size, level) and (size, angle, 0.0) in cells:
-                blurred = cells[size, angle, 0.0]
-                lowest = {end: min(noisy[end], blurred[end]) for end in ("low_percent", "high_percent")}
-                pairs.append(claim.sides(both, lowest))
-                on.append(dataset)
-    return claim.of_cells(pairs, "direction", on)
+    rows = evidence.sweeps
+    if rows.empty:
+        return None
+    size, level = (rows.groupby("sweep")[name].transform("max") for name in ("kernel_size_px", "target_sigma_dn"))
+    longest, strongest = rows["kernel_size_px"] == size, rows["target_sigma_dn"] == level
+    noisy = rows[strongest & (rows["kernel_size_px"] == 0)]
+    both, blurred = (
+        rows[longest & noise].set_index("angle_deg", append=True) for noise in (strongest, rows["target_sigma_dn"] == 0)
+    )
+    either = blurred[[*ENDS]].join(noisy[[*ENDS]], rsuffix="_of_noise")
+    lowest = pd.DataFrame({end: either[[end, f"{end}_of_noise"]].min(axis=1) for end in ENDS})
+    return claim.of_cells(claim.lower(both, lowest), "direction", both["measured_on"])
 
 
 def _not_monotonic(evidence: Evidence) -> Measurement | None:
-    pairs, on, rises, certain, bins = [], [], 0, 0, 0
-    for one in _results(evidence):
-        for _, group in one.heat[one.heat["count"] > 0].groupby("label"):
-            pairs.append((bool(group["certainly"].any()), False))
-            on.append(one.dataset)
-            rises += int(group["non_monotonic"].sum())
-            certain += int(group["certainly"].sum())
-            bins += len(group)
-    text = f"{rises} of {bins} bins exceed a milder neighbour, {certain} certainly, corrected for their number."
-    return claim.of_cells(pairs, "surface", on, text)
+    surfaces = [
+        (one.dataset, group)
+        for one in evidence.detection
+        for _, group in one.heat[one.heat["count"] > 0].groupby("label")
+    ]
+    certain = pd.DataFrame({"supports": [group["certainly"].any() for _, group in surfaces], "opposes": False})
+    rises, certainly, bins = (
+        sum(int(of(group)) for _, group in surfaces)
+        for of in (lambda group: group["non_monotonic"].sum(), lambda group: group["certainly"].sum(), len)
+    )
+    text = f"{rises} of {bins} bins exceed a milder neighbour, {certainly} certainly, corrected for their number."
+    return claim.of_cells(certain, "surface", [dataset for dataset, _ in surfaces], text)
 
 
 def _direction_matters(evidence: Evidence) -> Measurement | None:
     paper = published_table(evidence.inputs.paper / "yolov7_direction_ap.csv")
     quiet = paper[paper["sigma_dn"] == 0].groupby("kernel_size_px")["ap_percent"]
     theirs = float((quiet.max() - quiet.min()).max())
-    parts = [one.spread.assign(dataset=one.dataset) for one in _results(evidence) if one.spread is not None]
-    rows = [row for part in parts for row in records(part[part["target_sigma_dn"] == 0])]
-    if not rows:
+    parts = [one.spread.assign(dataset=one.dataset) for one in evidence.detection if one.spread is not None]
+    if not parts:
         return None
-    best = max(rows, key=lambda row: row["spread_percent"])
+    rows = where(pd.concat(parts, ignore_index=True), target_sigma_dn=0)
+    best = rows.loc[rows["spread_percent"].idxmax()]
     text = (
         f"Largest difference between directions, without noise: {best['spread_percent']:.0f} points ({best['label']}, "
         f"{best['kernel_size_px']:g} px); in the paper's table {theirs:.0f} points."
@@ -97,13 +79,13 @@ def _direction_matters(evidence: Evidence) -> Measurement | None:
 def _regression(evidence: Evidence) -> Measurement | None:
     published = published_table(evidence.inputs.paper / "regression_coefficients.csv")
     bound = float(published.loc[published["parameter"] == "r2", "value"].min())
-    every = [(one.dataset, fit.get("r2")) for one in evidence.detection for fit in one.fits.values()]
-    fits = [(dataset, float(r2)) for dataset, r2 in every if r2 is not None]  # none of fewer cells than terms
+    fits = [(one.dataset, fit["r2"]) for one in evidence.detection for fit in one.fits.values() if "r2" in fit]
     if not fits:
         return None
-    values = [r2 for _, r2 in fits]
-    text = f"R² of {min(values):.3f} to {max(values):.3f}; the paper's {bound:.3f} and more counts."
-    return claim.of_cells([(r2 >= bound, r2 < bound) for r2 in values], "fit", [dataset for dataset, _ in fits], text)
+    r2 = pd.Series([float(fit) for _, fit in fits])  # none of fewer cells than terms
+    text = f"R² of {r2.min():.3f} to {r2.max():.3f}; the paper's {bound:.3f} and more counts."
+    cells = pd.DataFrame({"supports": r2 >= bound, "opposes": r2 < bound})
+    return claim.of_cells(cells, "fit", [dataset for dataset, _ in fits], text)
 
 
 def _grid(evidence: Evidence) -> Measurement | None:
@@ -121,8 +103,9 @@ def _framework_wins(evidence: Evidence) -> Measurement | None:
         return None
     at = {row["controller"]: row for row in records(table)}
     ours, others = at["proposed"], [at["camera_default"], at["fixed_parameters"]]
-    below, above = zip(*(claim.sides(ours, row) for row in others), strict=True)
-    verdict = claim.SUPPORTED if all(above) else claim.CONTRADICTED if any(below) else claim.UNDECIDED
+    is_above = all(ours["low_percent"] > row["high_percent"] for row in others)
+    is_below = any(ours["high_percent"] < row["low_percent"] for row in others)
+    verdict = claim.SUPPORTED if is_above else claim.CONTRADICTED if is_below else claim.UNDECIDED
     text = ", ".join(
         f"{name} {row['car_ap_percent']:.0f} % ({row['low_percent']:.0f} to {row['high_percent']:.0f})"
         for name, row in (("framework", ours), ("built-in", others[0]), ("fixed", others[1]))
@@ -132,21 +115,20 @@ def _framework_wins(evidence: Evidence) -> Measurement | None:
 
 
 def _framework_wins_elsewhere(evidence: Evidence) -> Measurement | None:
-    pairs, words = [], []
-    for one in scenario_results(evidence.inputs):
-        for policy in OURS:
-            for other in BUILT_IN:
-                difference = one.difference(policy, other)
-                if one.is_demanding and difference is not None:
-                    pairs.append((difference[1] > 0, difference[2] < 0))
-                    words.append(difference[0])
+    differences = [
+        difference
+        for one in scenario_results(evidence.inputs)
+        for policy in OURS
+        for other in BUILT_IN
+        if one.is_demanding and (difference := one.difference(policy, other)) is not None
+    ]
+    cells = pd.DataFrame(differences, columns=["points", "low", "high"], dtype=float)
+    cells = cells.assign(supports=cells["low"] > 0, opposes=cells["high"] < 0)
     text = (
-        f"Difference of AP {min(words):+.0f} to {max(words):+.0f} points ({', '.join(map(word, OURS))} less "
-        f"{', '.join(map(word, BUILT_IN))})."
-        if words
-        else ""
+        f"Difference of AP {cells['points'].min():+.0f} to {cells['points'].max():+.0f} points "
+        f"({', '.join(map(word, OURS))} less {', '.join(map(word, BUILT_IN))})."
     )
-    return claim.of_cells(pairs, "comparison", ["sim"], text)
+    return claim.of_cells(cells, "comparison", ["sim"], text)
 
 
 def _trade(evidence: Evidence) -> Measurement | None:

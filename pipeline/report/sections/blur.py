@@ -19,7 +19,7 @@ from pipeline.report.inputs import ReportInputs, at_frequencies, mode_note, mode
 from pipeline.report.ledger_sources import lenses, star_curve
 from pipeline.report.sections import blur_amae, kernel_gallery
 from pipeline.report.sections.blur_amae import ANY_STAGE, PAGE
-from pipeline.report.spec import Block, NotRun, Run, Section, missing, pairs_of, runs_by_estimator, single
+from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, missing, pairs_of, runs_by_estimator, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, as_recorded, records, where
 
@@ -88,7 +88,7 @@ def _stages(rows: pd.DataFrame) -> tuple[str, ...]:
 def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> Block:
     curves = sharp_curves(estimates, draws=0)
     if curves.empty:
-        return NotRun("MTF of uncorrupted frames", "stage absent", inputs.line(ANY_STAGE))
+        return NotRun("MTF of uncorrupted frames", STAGE_ABSENT, inputs.line(ANY_STAGE))
     star = star_curve(inputs)
     stars = {"sim": (star["frequency"], star["measured"])} if star is not None and "sim" in datasets else {}
     after = " ".join(filter(None, [PAGE.text("star") if stars else "", mode_note(inputs.modes, curves["estimator"])]))
@@ -96,15 +96,13 @@ def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInp
     return PAGE.figure("uncorrupted_mtf", drawing, _stages(curves) + (("star",) if stars else ()), after=after)
 
 
-def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block]:
+def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block | None]:
     paper = published(inputs, "blur_amae.csv")
-    blocks: list[Block] = [*blur_amae.figures(summary, datasets, paper, _stages, modes=inputs.modes)]
-    if not blocks:
-        return [NotRun("Table I: AMAE of blur estimators", "stage absent", inputs.line(ANY_STAGE))]
-    for dataset in datasets:
-        blocks += blur_amae.tables_one(dataset, summary, paper, inputs.modes)
-    extra = (blur_amae.beside_the_best(summary, paper), unseen(inputs))
-    return [*blocks, *(one for one in extra if one is not None)]
+    figures = blur_amae.figures(summary, datasets, paper, _stages, modes=inputs.modes)
+    if not figures:
+        return [NotRun("Table I: AMAE of blur estimators", STAGE_ABSENT, inputs.line(ANY_STAGE))]
+    tables = [table for name in datasets for table in blur_amae.tables_one(name, summary, paper, inputs.modes)]
+    return [*figures, *tables, blur_amae.beside_the_best(summary, paper), unseen(inputs)]
 
 
 def unseen(inputs: ReportInputs) -> Table | None:
@@ -122,25 +120,28 @@ def _runs(summary: pd.DataFrame, inputs: ReportInputs) -> list[Run]:
     ran, recorded = pairs_of(summary), blur_records.estimators(inputs.recorded)
     listed = {*planned, *(name for _, name in ran)}
     known = [(dataset, name) for dataset, names in recorded.items() for name in names if name in listed]
-    return runs_by_estimator("Blur", "blur", ran, known, inputs, planned)
+    return runs_by_estimator("Blur", "blur", ran, inputs, recorded=known, names=planned)
 
 
 def section(inputs: ReportInputs) -> Section:
     """Blur estimation on every dataset."""
-    summary, introduction = inputs.noiseless("blur_summary"), PAGE.text("introduction")
+    summary = inputs.noiseless("blur_summary")
     if summary.empty:
         run = single(TITLE, ANY_STAGE, False, inputs)
-        return Section("blur", TITLE, (introduction,), [NotRun(PAGE.text("parts"), run.why, run.line)], [run])
+        return PAGE.section([NotRun(PAGE.text("parts"), run.why, run.line)], [run])
     estimates = inputs.noiseless("blur_estimates")
-    datasets = in_order(summary["dataset"], inputs.datasets)
-    runs = _runs(summary, inputs)
+    datasets, runs = in_order(summary["dataset"], inputs.datasets), _runs(summary, inputs)
     # A relative MTF of sharp frames is no curve of theirs.
     absolute = estimates[estimates["relative_to"] == SYSTEM]
-    blocks: list[Block] = [_uncorrupted(absolute, datasets, inputs)]
     errors = sharp_errors(absolute, lenses(inputs), inputs.seed)
-    blocks += _table_one(blur_amae.without_unknown_lenses(summary, errors), datasets, inputs)
-    blocks += [blur_amae.abstentions(summary, estimates), *kernel_gallery.blocks(estimates, datasets, inputs)]
-    return Section("blur", TITLE, (introduction,), [*blocks, *missing(TITLE, runs)], runs)
+    blocks = [
+        _uncorrupted(absolute, datasets, inputs),
+        *_table_one(blur_amae.without_unknown_lenses(summary, errors), datasets, inputs),
+        blur_amae.abstentions(summary, estimates),
+        *kernel_gallery.blocks(estimates, datasets, inputs),
+        *missing(TITLE, runs),
+    ]
+    return PAGE.section(blocks, runs)
 
 
 def subsets(record: BlurRecord) -> list[str]:
@@ -164,7 +165,7 @@ def recorded(inputs: ReportInputs) -> Section | None:
     modes = {name: mode for name, selected in settings.items() if (mode := mode_of(selected))}
     names = {one.dataset: "; ".join(map(word, in_order(one.estimators, ESTIMATORS))) for one in known}
     sources = [{**one.described(), "estimators": names[one.dataset]} for one in known]
-    blocks: list[Block] = [PAGE.table("recorded_blur_sources", sources)]
+    blocks: list[Block | None] = [PAGE.table("recorded_blur_sources", sources)]
     curves = [one.sharp for one in known if len(one.sharp)]
     if curves:
         drawing = uncorrupted(pd.concat(curves, ignore_index=True), datasets, published(inputs, "uncorrupted_mtf.csv"))
@@ -177,13 +178,11 @@ def recorded(inputs: ReportInputs) -> Section | None:
     paper = theirs.assign(estimator=[exact.get(pair, pair[1]) for pair in pairs])
     blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), "recorded", modes)
     for one in known:
-        blurred = blur_amae.without_unknown_lenses(one.summary)
-        shown = blur_amae.tables_one(one.dataset, blurred, paper, modes)
-        few = PAGE.text("few_frames", frames=len(one.provenance["frames"]))
-        blocks += [as_recorded(table, *subsets(one), few) for table in shown]
+        blurred, few = blur_amae.without_unknown_lenses(one.summary), len(one.provenance["frames"])
+        notes = [*subsets(one), PAGE.text("few_frames", frames=few)]
+        blocks += [as_recorded(table, *notes) for table in blur_amae.tables_one(one.dataset, blurred, paper, modes)]
     selected = summary[~summary["estimator"].isin(set(exact.values()))]
+    counts = listing(f"{len(one.provenance['frames'])} of {word(one.dataset)}" for one in known)
     beside = blur_amae.beside_the_best(selected, theirs, "")
-    if beside is not None:
-        counts = listing(f"{len(one.provenance['frames'])} of {word(one.dataset)}" for one in known)
-        blocks.append(as_recorded(beside, PAGE.text("few_frames", frames=counts)))
-    return Section("blur_recorded", "Blur estimation on recorded pictures", (PAGE.text("recorded"),), blocks)
+    blocks.append(beside and as_recorded(beside, PAGE.text("few_frames", frames=counts)))
+    return PAGE.section(blocks, key="blur_recorded")

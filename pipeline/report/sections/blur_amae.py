@@ -184,31 +184,23 @@ def beside_the_best(summary: pd.DataFrame, paper: pd.DataFrame, frames: str = OT
     """Estimators of this project beside the paper's CNN and the best of its three, per dataset and blur.
 
     ``frames`` states how ours differ from the paper's. None where no dataset of the paper ran.
-
-    Returns:
-        None where no dataset of the paper ran.
     """
     theirs = paper.pivot(index=BLUR, columns="estimator", values="amae_percent")
     ours = in_order(set(summary["estimator"]) - set(theirs.columns), ESTIMATORS)
+    best = {"cnn": theirs["cnn"], "best": theirs.min(axis=1), "which": theirs.idxmin(axis=1).map(ESTIMATORS)}
     blurred = summary[(summary["blur_kind"] != SHARP) & summary["estimator"].isin(ours)]
     blurred = ordered(blurred, dataset=DATASETS, blur_kind=BLURS, kernel_size_px=())
+    blurred = blurred.merge(pd.DataFrame(best).reset_index(), on=BLUR)
+    if blurred.empty:
+        return None
     calibrated = blurred["calibrated"].astype(bool)
     both = calibrated & blurred["estimator"].isin(blurred.loc[~calibrated, "estimator"])
     blurred = blurred.assign(column=blurred["estimator"] + np.where(both, "_calibrated", ""))
-    wide: dict[str, list[dict[str, Any]]] = {}
-    for row in pivot(blurred, BLUR, "column", amae):
-        key = tuple(row[name] for name in BLUR)
-        if key in theirs.index:
-            cells = theirs.loc[key].dropna()
-            best = {"cnn": cells.get("cnn"), "best": cells.min(), "which": ESTIMATORS[str(cells.idxmin())]}
-            wide.setdefault(row["dataset"], []).append(row | best)
     rows: list[dict[str, Any]] = []
-    for dataset, selected in wide.items():
-        averaged = [name for name in selected[0] if name not in BLUR]
-        means = {name: mean_cell([row.get(name) for row in selected]) for name in averaged}
+    for dataset, group in blurred.groupby("dataset", sort=False):
+        selected = pivot(group, [*BLUR, *best], "column", amae)
+        means = {name: mean_cell([row.get(name) for row in selected]) for name in selected[0] if name not in BLUR}
         rows += [*selected, {**means, "dataset": dataset, "blur_kind": MEAN}]
-    if not rows:
-        return None
     titles = {
         f"{name}{after}": word(name) + how
         for name in ours

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,20 +16,18 @@ from numpy.typing import NDArray
 
 from pipeline.control.largest_loss import LargestLoss, largest_loss
 from pipeline.control.scenario_result import BRIGHTNESS_ONLY, OURS, ScenarioResult
-from pipeline.control.state import CameraState
 from pipeline.control.tables import PAIRS, STEPS, SUMMARY
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import POLICIES, in_order, listing, word
 from pipeline.report.figures import add_legend
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.spec import Figure
+from pipeline.report.spec import Block
 from pipeline.report.style import Drawing, Look
-from pipeline.report.tables import Estimate, Table, estimate, format_number, ordered, records, where
+from pipeline.report.tables import Estimate, Table, format_number, ordered, records, where
 from pipeline.stage_files import optional
 
 CONTROL = Descriptions("control")
-AP = estimate("ap_percent", "low_percent", "high_percent")
 LOOKS: dict[str, Look] = {
     "mean_intensity": {"color": style.PALETTE[1], "marker": "s"},
     "iopc_continuous": {"color": style.PALETTE[0], "marker": "o"},
@@ -67,17 +66,15 @@ def scenario_results(inputs: ReportInputs) -> list[ScenarioResult]:
         steps = optional(folder, "steps.parquet", STEPS)
         if steps is not None:
             summary, pairs = optional(folder, "summary.parquet", SUMMARY), optional(folder, "pairs.parquet", PAIRS)
-            results.append(ScenarioResult(name, steps, summary, pairs, _films(folder)))
+            films = {path.stem.removeprefix("film-"): _film(path) for path in sorted(folder.glob("film-*.npz"))}
+            results.append(ScenarioResult(name, steps, summary, pairs, films))
     return results
 
 
-def _films(folder: Path) -> dict[str, dict[int, NDArray[np.uint8]]]:
-    """Policy -> number of the step (in the names ``step_<number>`` of its arrays) -> picture."""
-    films = {}
-    for path in sorted(folder.glob("film-*.npz")):
-        steps = {name: array for name, array in (optional(folder, path.name) or {}).items() if name.startswith("step_")}
-        films[path.stem.removeprefix("film-")] = {int(name[5:]): steps[name] for name in sorted(steps)}
-    return films
+def _film(path: Path) -> dict[int, NDArray[np.uint8]]:
+    """Number of the step, in the names ``step_<number>`` of a film's arrays -> picture."""
+    arrays = optional(path.parent, path.name)
+    return {int(name[5:]): arrays[name] for name in sorted(arrays) if name.startswith("step_")}
 
 
 def decision_ms(inputs: ReportInputs) -> dict[str, float]:
@@ -99,24 +96,24 @@ def _head(one: ScenarioResult) -> dict[str, str]:
     return {"scenario": scenario_word(one.name), "demanding": "yes" if one.is_demanding else "no"}
 
 
+def _summary(results: Sequence[ScenarioResult]) -> pd.DataFrame:
+    """Every policy in every scenario."""
+    rows = pd.concat([one.summary.assign(**_head(one)) for one in results], ignore_index=True)
+    return ordered(rows, scenario=[scenario_word(one.name) for one in results], policy=POLICIES)
+
+
 def overview(results: Sequence[ScenarioResult]) -> Table:
     """AP of every policy in every scenario."""
-    policies = in_order({name for one in results for name in one.summary["policy"]}, POLICIES)
-    rows = [{**_head(one), **{str(row["policy"]): AP(row) for row in records(one.summary)}} for one in results]
-    return CONTROL.table("control_ap", rows, across={name: word(name) for name in policies})
+    return CONTROL.table("control_ap", _summary(results))
 
 
 def measures(results: Sequence[ScenarioResult], decision_ms: Mapping[str, float]) -> Table:
     """Every measure of every policy in every scenario."""
-    kinds = {"iopc_lamp": "iopc_continuous"}
-    rows = [
-        {**row, **_head(one), "decision_ms": decision_ms.get(kinds.get(row["policy"], row["policy"]))}
-        for one in results
-        for row in records(ordered(one.summary, policy=POLICIES))
-    ]
-    return CONTROL.table(
-        "control_measures", rows, cells={"settling_frames": lambda row: _settling(row["settling_frames"])}
-    )
+    cells = {
+        "settling_frames": lambda row: _settling(row["settling_frames"]),
+        "decision_ms": lambda row: decision_ms.get(row["policy"].replace("iopc_lamp", "iopc_continuous")),
+    }
+    return CONTROL.table("control_measures", _summary(results), cells=cells)
 
 
 def _settling(frames: float) -> str:
@@ -136,36 +133,25 @@ def _cause(one: ScenarioResult) -> str:
 
 def pairs(results: Sequence[ScenarioResult]) -> Table:
     """Paired differences of ours to the policies that know no motion."""
-    rows: list[dict[str, Any]] = []
     others = (*BRIGHTNESS_ONLY, "prosilica")
-    for one in results:
-        for policy in OURS:
-            differences = {name: one.difference(policy, name) for name in others}
-            cells = {name: Estimate(*difference) for name, difference in differences.items() if difference is not None}
-            if cells:
-                rows.append({**_head(one), "policy": policy, **cells, "better": _better(one, policy)})
+    rows: list[dict[str, Any]] = []
+    for one, policy in itertools.product(results, OURS):
+        cells = {name: Estimate(*known) for name in others if (known := one.difference(policy, name)) is not None}
+        above, below = one.exceeded(policy), one.exceeding(policy)
+        better = f"than {_policies(above)}" if above else "than none"
+        better += f"; worse than {_policies(below)}" if below else ""
+        better = "than all four" if one.beats_all(policy) else better
+        rows += [{**_head(one), "policy": policy, **cells, "better": better}] if cells else []
     return CONTROL.table("control_pairs", rows, across={name: f"less {word(name)}" for name in others})
-
-
-def _better(one: ScenarioResult, policy: str) -> str:
-    """Which policies the interval lies above 0 for, and which it lies below 0 for."""
-    if one.beats_all(policy):
-        return "than all four"
-    above, below = one.exceeded(policy), one.exceeding(policy)
-    text = f"than {_policies(above)}" if above else "than none"
-    return text + (f"; worse than {_policies(below)}" if below else "")
 
 
 def losses(results: Sequence[ScenarioResult]) -> Table:
     """Rivals whose paired difference does not lie above 0, in scenarios with motion in poor light."""
     rows: list[dict[str, Any]] = []
-    for one in (one for one in results if one.is_demanding):
-        for other in BRIGHTNESS_ONLY:
-            known = {policy: difference for policy in OURS if (difference := one.difference(policy, other)) is not None}
-            if not known or any(difference[1] > 0 for difference in known.values()):
-                continue
-            policy = max(known, key=lambda name: known[name][0])
-            oracle = one.difference("oracle", other)
+    for one, other in itertools.product((one for one in results if one.is_demanding), BRIGHTNESS_ONLY):
+        known = {policy: difference for policy in OURS if (difference := one.difference(policy, other)) is not None}
+        if known and not any(difference[1] > 0 for difference in known.values()):
+            policy, oracle = max(known, key=lambda name: known[name][0]), one.difference("oracle", other)
             differences = {"difference": Estimate(*known[policy]), "oracle": oracle and Estimate(*oracle)}
             frame = _words(largest_loss(one.steps, policy, other))
             rows.append({**_head(one), "policy": policy, "other": other, **differences, "where": frame})
@@ -178,12 +164,8 @@ def _words(loss: LargestLoss | None) -> str:
     when = f"frame {loss.step}"
     if loss.change:
         when += f", {loss.frames_after} after {loss.change}" if loss.frames_after else f", at the {loss.change}"
-    settings = f"{_settings(loss.state)} against {_settings(loss.other_state)}"
-    return f"{loss.loss_percent:.1f} points in {when}: {settings}"
-
-
-def _settings(state: CameraState) -> str:
-    return f"{state.exposure_ms:.1f} ms, ISO {state.iso:.0f}"
+    ours, theirs = (f"{state.exposure_ms:.1f} ms, ISO {state.iso:.0f}" for state in (loss.state, loss.other_state))
+    return f"{loss.loss_percent:.1f} points in {when}: {ours} against {theirs}"
 
 
 def findings(results: Sequence[ScenarioResult]) -> list[str]:
@@ -192,23 +174,22 @@ def findings(results: Sequence[ScenarioResult]) -> list[str]:
     sentences = []
     if demanding:
         missed = [one for one in demanding if not any(map(one.beats_all, OURS))]
-        won = len(demanding) - len(missed)
-        text = CONTROL.text("won", won=won, demanding=len(demanding))
+        text = CONTROL.text("won", won=len(demanding) - len(missed), demanding=len(demanding))
         sentences.append(text + (f" Not in: {listing(map(_cause, missed))}." if missed else ""))
     for policy in OURS:
         regrets = [regret for one in results if (regret := one.measure(policy, "regret_percent")) is not None]
+        losses = [one.largest_loss_percent(policy) for one in results if one.stands]
+        known = [loss for loss in losses if loss is not None]
         if regrets:
+            still = f"; where nothing moves, at most {max(*known, 0.0):.1f} points below any of them" if known else ""
             text = f"{word(policy)}: median regret to the oracle {np.median(regrets):.1f} AP points"
-            losses = [one.largest_loss_percent(policy) for one in results if one.stands]
-            known = [loss for loss in losses if loss is not None]
-            if known:
-                text += f"; where nothing moves, at most {max(*known, 0.0):.1f} points below any of them"
-            sentences.append(f"{text}.")
-    settled = {one.name: one.measure("iopc_continuous", "settling_frames") for one in results if one.has_light_step}
-    if settled:
-        words = [
-            f"{scenario_word(n).lower()} {_settling(frames)}" for n, frames in settled.items() if frames is not None
-        ]
+            sentences.append(f"{text}{still}.")
+    words = [
+        f"{scenario_word(one.name).lower()} {_settling(frames)}"
+        for one in results
+        if one.has_light_step and (frames := one.measure("iopc_continuous", "settling_frames")) is not None
+    ]
+    if any(one.has_light_step for one in results):
         sentences.append(f"Settling of IOPC continuous in drives with a step of light, frames: {listing(words)}.")
     return sentences
 
@@ -230,22 +211,21 @@ def strip(result: ScenarioResult) -> Drawing:
     films = {name: result.films[name] for name in PICTURED if result.films.get(name)}
     heights = [1.25] * (len(PANELS) // COLUMNS) + [1.28] * len(films)
     figure = style.new_figure(style.TWO_COLUMNS_IN, sum(heights) + 0.35)
-    grid = figure.add_gridspec(len(heights), COLUMNS, height_ratios=heights)
-    for number, panel in enumerate(PANELS):
-        axes = figure.add_subplot(grid[number])
+    grid = figure.subplots(len(heights), COLUMNS, height_ratios=heights)
+    for axes, panel in zip(grid.flat, PANELS, strict=False):
         _panel(axes, rows, policies, panel)
-        if number >= len(PANELS) - COLUMNS:
-            axes.set_xlabel("frame", fontsize=6.2)
-    for down, (name, film) in enumerate(films.items()):
+    for axes in grid[len(PANELS) // COLUMNS - 1]:
+        axes.set_xlabel("frame", fontsize=6.2)
+    for spots, (name, film) in zip(grid[len(PANELS) // COLUMNS :], films.items(), strict=True):
         states = {row["step"]: row for row in records(where(rows, policy=name))}
-        for across, step in enumerate(sorted(film)[:COLUMNS]):
-            axes = figure.add_subplot(grid[len(PANELS) + COLUMNS * down + across])
+        for axes in spots[len(film) :]:
+            axes.set_axis_off()
+        for axes, step in zip(spots, sorted(film), strict=False):
             style.picture(axes, style.middle(film[step], *PICTURE_PX))
             settings = f"{format_number(states[step]['exposure_ms'], 1)} ms, ISO {states[step]['iso']:.0f}"
             label = f"frame {step}: {settings}, AP {states[step]['ap_percent']:.0f} %"
             axes.set_xlabel(label, fontsize=5.6, labelpad=2)
-            if across == 0:
-                axes.set_ylabel(word(name), fontsize=6.4)
+        spots[0].set_ylabel(word(name), fontsize=6.4)
     estimated = ESTIMATED | {"color": style.MUTED, "marker": "o"}
     add_legend(figure, [*((word(name), LOOKS[name]) for name in policies), ("estimated", estimated)])
     return Drawing(figure, _alt(result, rows, policies), rows)
@@ -297,8 +277,12 @@ def _alt(result: ScenarioResult, rows: pd.DataFrame, policies: list[str]) -> str
     return CONTROL.alt("control_film", words, scenario=scenario, **lights, **frames)
 
 
-def films(results: list[ScenarioResult]) -> list[Figure]:
-    """The film strips of all scenarios."""
-    return [
+def blocks(results: Sequence[ScenarioResult], inputs: ReportInputs) -> list[Block]:
+    """Tables of the policies and the film strips of all scenarios; empty where none has run."""
+    if not results:
+        return []
+    lost, times = losses(results), decision_ms(inputs)
+    shown = [overview(results), pairs(results), *([lost] if lost.rows else []), measures(results, times)]
+    return shown + [
         CONTROL.figure("control_film", strip(one), file=one.name, scenario=scenario_word(one.name)) for one in results
     ]

@@ -37,7 +37,7 @@ from pipeline.report.tables import (
     pivot,
     where,
 )  # fmt: skip
-from pipeline.stage_files import described, optional
+from pipeline.stage_files import described
 
 PAGE = Descriptions("combined")
 STAGE = "combined@{dataset}"
@@ -45,14 +45,13 @@ DENOISED_STAGE = "denoised_blur@{dataset}"
 PAPERS_DATASET = "udacity"
 OURS_FIRST = ["spectral", *(name for name in ESTIMATORS if name != "spectral")]
 VARIANT = ["estimator", "filter_px", "calibrated"]
-TITLE = "Blur and noise at once"
+TITLE, DENOISED = "Blur and noise at once", "Denoised blur"
 TABLES = ("combined_blur", "combined_noise", "combined_curves")
 STEPS = {
     "scene": "light", "photon": "photon noise", "optics": "optics (blur)", "dark": "dark current",
     "readout": "readout noise", "frame": "8-bit frame",
 }  # fmt: skip
 PICTURES = 3  # in a row of the example
-LEFT_IN = 0.5
 TRUTH: style.Look = {"color": style.INK, "linewidth": 1.3}
 PRESENT: style.Look = {"linestyle": (0, (2, 1.5)), "linewidth": 0.7, "marker": ""}
 THE_CNN = ("the paper's CNN, Udacity", {"color": style.MUTED, "linestyle": PAPER_DASH, "linewidth": 0.8})
@@ -69,11 +68,7 @@ def order_figure(arrays: Mapping[str, np.ndarray], example: Mapping[str, Any]) -
     for entry in example["experiments"]:
         rows.setdefault(tuple(entry["steps"]), entry["experiment"])
     columns = [step for step in STEPS if any(step in steps for steps in rows)]
-    cell_in = style.sheet_cell_in(len(columns), margins_in=LEFT_IN + 0.02, gap_in=0.12)
-    figure, axes = style.sheet(
-        len(columns), [cell_in] * len(rows), left_in=LEFT_IN, top_in=0.22, gap_in=0.12,
-        row_gaps_in=[0.16] * (len(rows) - 1),
-    )  # fmt: skip
+    figure, axes = style.sheet(len(columns), [1] * len(rows), left_in=0.5, top_in=0.22, gap_in=0.12, row_gap_in=0.16)
     for down, (steps, experiment) in enumerate(rows.items()):
         for across, step in enumerate(columns):
             panel = axes[down, across]
@@ -228,14 +223,6 @@ def _variant(row: Row) -> str:
     return f"{how}, smoothed {row['filter_px']:g} px" if row["filter_px"] else how
 
 
-def _level(target_sigma_dn: float) -> str:
-    return f"level_{target_sigma_dn:g}"
-
-
-def _level_columns(cells: pd.DataFrame) -> dict[str, str]:
-    return {_level(level): f"{level:g} DN" for level in sorted(set(cells["target_sigma_dn"]))}
-
-
 def _shown(cells: pd.DataFrame, *by: str) -> pd.DataFrame:
     """Raw and calibrated estimates, and raw ones with each disc that smoothed any patch (of the same group)."""
     smoothed = (cells["smoothed_fraction"] > 0).groupby([cells[name] for name in (*by, "filter_px")]).transform("any")
@@ -248,7 +235,7 @@ def error_table(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.Da
     The paper's CNN on Udacity stands beside raw estimates of the first estimator.
     """
     selected = where(cells, dataset=dataset, experiment=experiment)
-    levels = _level_columns(selected)
+    levels = PAGE.headings("error", selected["target_sigma_dn"])
     selected = ordered(
         _shown(selected, "estimator"), estimator=OURS_FIRST, filter_px=(), calibrated=(), kernel_size_px=()
     )
@@ -259,7 +246,7 @@ def error_table(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.Da
         selected = selected.merge(theirs, how="left", on=[*VARIANT, "target_sigma_dn", "kernel_size_px"])
     rows: list[dict[str, Any]] = []
     for _, group in selected.groupby(VARIANT, sort=False):
-        lines = pivot(group, [*VARIANT, "kernel_size_px"], "target_sigma_dn", amae, _level)
+        lines = pivot(group, [*VARIANT, "kernel_size_px"], "target_sigma_dn", amae, "level_{:g}".format)
         complete = [name for name in levels if all(name in line for line in lines)]
         means = {name: mean_cell([line[name] for line in lines]) for name in complete}
         rows += [*lines, {**lines[0], **dict.fromkeys(levels), **means, "kernel_size_px": None}]
@@ -275,19 +262,10 @@ def overview_table(cells: pd.DataFrame) -> Table:
     """Each estimator's error over the noise level, mean over kernel sizes: a row per dataset, experiment, variant."""
     index = ["dataset", "experiment", *VARIANT]
     shown = _shown(cells, "dataset", "experiment", "estimator")
-    shown = ordered(
-        shown, dataset=DATASETS, experiment=EXPERIMENTS, estimator=OURS_FIRST, filter_px=(), calibrated=()
-    )  # fmt: skip
-    sizes = shown.groupby(index)["kernel_size_px"].unique()
-    means = shown.groupby([*index, "target_sigma_dn"], sort=False, as_index=False)[["amae_percent"]].mean()
-    rows = pivot(means, index, "target_sigma_dn", lambda row: float(row["amae_percent"]), _level)
-
-    def mean_over(row: Row) -> str:
-        return ", ".join(format_number(size) for size in sorted(sizes[tuple(row[name] for name in index)]))
-
-    return PAGE.table(
-        "combined_overview", rows, cells={"variant": _variant, "sizes": mean_over}, across=_level_columns(cells)
-    )
+    shown = ordered(shown, dataset=DATASETS, experiment=EXPERIMENTS, estimator=OURS_FIRST, filter_px=(), calibrated=())
+    sizes = shown.groupby(index)["kernel_size_px"].transform(lambda px: ", ".join(map(format_number, sorted(set(px)))))
+    groups = shown.assign(sizes=sizes).groupby([*index, "sizes", "target_sigma_dn"], sort=False, as_index=False)
+    return PAGE.table("combined_overview", groups[["amae_percent"]].mean(), cells={"variant": _variant})
 
 
 def denoised_table(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame) -> Table:
@@ -303,8 +281,6 @@ def denoised_table(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame) -> Ta
     made = {
         "estimator": lambda row: word(str(row["estimator"])) + (", calibrated" if row["calibrated"] else ""),
         "filter": lambda row: format_number(row["filter_px"]) if row["filter_px"] else "none",
-        "size": lambda row: format_number(row["kernel_size_px"]),
-        "level": lambda row: format_number(row["target_sigma_dn"]),
         "expected": lambda row: expected(row) if row["filter_px"] else None,
     }
     return PAGE.table("denoised", selected, cells=made, dataset=dataset)
@@ -331,11 +307,12 @@ def abstention_table(blur: pd.DataFrame, noise: pd.DataFrame) -> Table:
 
 
 def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_order: bool) -> Iterator[Block]:
-    folder = inputs.folders("combined")[dataset]
-    example = described(folder, "example.json", ("dataset", "kernel_size_px", "experiments"))
+    example = described(
+        inputs.folders("combined")[dataset], "example.json", ("dataset", "kernel_size_px", "experiments")
+    )
     if example is None or not example["experiments"]:
         return
-    arrays = optional(folder, "example.npz") or {}
+    arrays = inputs.arrays(f"combined/{dataset}/example.npz")
     if with_order:
         yield PAGE.figure("combined_order", order_figure(arrays, example), dataset=dataset)
     for estimator in in_order(curves["estimator"], OURS_FIRST)[:1]:
@@ -371,24 +348,25 @@ def section(inputs: ReportInputs) -> Section:
     """Blur and noise at once on every dataset, and the supplement's denoising."""
     blur, noise, curves, cells = map(inputs.result, (*TABLES, "denoised_blur"))
     ran, smoothed = (in_order(one["dataset"], inputs.datasets) for one in (blur, cells))
-    known, known_denoised = (
-        [one.dataset for one in records_with(inputs.recorded, name)] for name in (COMBINED_FILES[0], DENOISED_FILE)
-    )
-    runs = overview(TITLE, STAGE, ran, inputs, recorded=known)
-    denoised_runs = overview("Denoised blur", DENOISED_STAGE, smoothed, inputs, recorded=known_denoised)
+    runs, denoised_runs = (
+        overview(title, stage, done, inputs, recorded=[one.dataset for one in records_with(inputs.recorded, file)])
+        for title, stage, done, file in (
+            (TITLE, STAGE, ran, COMBINED_FILES[0]), (DENOISED, DENOISED_STAGE, smoothed, DENOISED_FILE)
+        )
+    )  # fmt: skip
+    paper = published(inputs, "improved_blur.csv")
+    items = ("photon_defocus_amae", "photon_linear_motion_mtf", "improved_blur")
+    beside, published_runs = beside_ours(items, inputs)
     blocks: list[Block] = []
     for dataset in ran:  # the order is the same on every dataset
-        blocks += _example(dataset, curves[curves["dataset"] == dataset], inputs, with_order=dataset == ran[0])
+        blocks += _example(dataset, where(curves, dataset=dataset), inputs, with_order=dataset == ran[0])
     if ran:
         blocks += [*_figures(blur, noise, ran, inputs), overview_table(blur)]
     blocks += [table for dataset in ran for table in _errors(dataset, blur, inputs)]
-    paper = published(inputs, "improved_blur.csv")
     blocks += [denoised_table(dataset, cells, paper) for dataset in smoothed]
     blocks += [abstention_table(blur, noise)] if ran else []
-    items = ("photon_defocus_amae", "photon_linear_motion_mtf", "improved_blur")
-    beside, published_runs = beside_ours(items, inputs)
-    blocks += [*beside, *missing(TITLE, runs), *missing("Denoised blur", denoised_runs)]
-    return Section("combined", TITLE, (PAGE.text("introduction"),), blocks, [*runs, *denoised_runs, *published_runs])
+    blocks += [*beside, *missing(TITLE, runs), *missing(DENOISED, denoised_runs)]
+    return PAGE.section(blocks, [*runs, *denoised_runs, *published_runs])
 
 
 def _of_record(
@@ -424,4 +402,4 @@ def recorded(inputs: ReportInputs) -> Section | None:
         blocks.append(as_recorded(abstention_table(blur, noise)))
     paper, cells = published(inputs, "improved_blur.csv"), inputs.recorded_result("denoised_blur")
     blocks += [as_recorded(denoised_table(record.dataset, cells, paper)) for record in denoised]
-    return Section("combined_recorded", f"{TITLE} on recorded frames", (PAGE.text("recorded"),), blocks)
+    return PAGE.section(blocks, key="combined_recorded")

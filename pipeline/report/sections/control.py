@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import pandas as pd
-from matplotlib.axes import Axes
 
 from pipeline.control.scenario_result import rises
 from pipeline.control.tables import KNOTS
@@ -16,7 +15,7 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger_items import beside_ours
 from pipeline.report.sections import closed_loop, control_examples, order_study
 from pipeline.report.sections.closed_loop import CONTROL, scenario_word
-from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, single
+from pipeline.report.spec import Block, NotRun, Run, Section, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, where
 
@@ -28,11 +27,6 @@ def section(inputs: ReportInputs) -> Section:
     """Everything on control that has run, and the commands for the rest."""
     (examples, of_examples), surface = control_examples.blocks(inputs), surface_blocks(inputs)
     results, (study, of_study) = closed_loop.scenario_results(inputs), order_study.blocks(inputs)
-    loop: list[Block] = []
-    if results:
-        loop += [closed_loop.overview(results), closed_loop.pairs(results)]
-        loop += [table for table in [closed_loop.losses(results)] if table.rows]
-        loop += [closed_loop.measures(results, closed_loop.decision_ms(inputs)), *closed_loop.films(results)]
     runs = [
         single("Worked examples of control", control_examples.STAGE, bool(examples), inputs),
         single("Surface for control", SURFACE_STAGE, bool(surface), inputs),
@@ -41,21 +35,19 @@ def section(inputs: ReportInputs) -> Section:
     ]
     absent = [NotRun(run.experiment, run.why, run.line) for run in runs if not run.ran]
     beside, published_runs = beside_ours(("worked_examples", "controller_ap", "controller_response"), inputs)
-    blocks = [*examples, *surface, *loop, *study, *absent, *beside]
+    blocks = [*examples, *surface, *closed_loop.blocks(results, inputs), *study, *absent, *beside]
     findings = [*of_examples, *closed_loop.findings(results), *of_study]
-    text = [CONTROL.text("introduction")]
-    return Section("control", "Camera control", text, blocks, [*runs, *published_runs], findings)
+    return CONTROL.section(blocks, [*runs, *published_runs], findings)
 
 
 def _scenario_runs(inputs: ReportInputs, ran: set[str]) -> list[Run]:
     """One line of the overview for all scenarios, and one for each that did not run where others did."""
     scenarios = inputs.folders("closed_loop")
     missing = [name for name in scenarios if name not in ran] if ran else []
-    partly = f"{len(ran)} of {len(scenarios)} scenarios" if missing else ""
-    line = inputs.line("closed_loop")
-    return [Run("Closed loop", "", bool(ran), partly if ran else STAGE_ABSENT, line)] + [
-        Run(f"Closed loop: {scenario_word(name)}", "", False, STAGE_ABSENT, inputs.line(f"closed_loop@{name}"))
-        for name in missing
+    every = single("Closed loop", "closed_loop", bool(ran), inputs)
+    partly = f"{len(ran)} of {len(scenarios)} scenarios" if missing else every.why
+    return [replace(every, why=partly)] + [
+        single(f"Closed loop: {scenario_word(name)}", f"closed_loop@{name}", False, inputs) for name in missing
     ]
 
 
@@ -71,22 +63,16 @@ def heat_map(knots: pd.DataFrame) -> Drawing:
     panels = figure.subplots(1, len(levels), squeeze=False, width_ratios=[len(grid.columns) for grid in grids])[0]
     image, words = None, []
     for axes, level, grid in zip(panels, levels, grids, strict=True):
-        estimated = where(knots, level=level).groupby("target_sigma_dn")["sigma_dn"].median()
-        image = _heat_panel(axes, grid, estimated)
+        estimated, ap = where(knots, level=level).groupby("target_sigma_dn")["sigma_dn"].median(), grid.to_numpy(float)
+        rows = [f"{sigma:g} ({estimated[sigma]:.1f})" for sigma in grid.index]
+        image = cell_map(axes, ap, [f"{motion:g}" for motion in grid.columns], rows)
+        axes.set_xlabel("motion blur [px]")
         axes.set_title(f"mean level {level:g}", fontsize=6.8)
-        ap = grid.to_numpy(float)
         ends = {"clean": ap[0, 0], "moved": ap[0, -1], "noisy": ap[-1, 0], "both": ap[-1, -1]}
         words.append({"level": level, "px": grid.columns[-1], "dn": grid.index[-1], **ends})
     panels[0].set_ylabel("noise σ, target (estimated) [DN]")
     style.colour_bar(figure, image, list(panels), "AP [%]", shrink=0.9, pad=0.02)
     return Drawing(figure, CONTROL.alt("control_surface", words), knots.drop(columns="fold"))
-
-
-def _heat_panel(axes: Axes, grid: pd.DataFrame, estimated: pd.Series) -> Any:
-    """One heat map; returns what the colour bar is of."""
-    rows = [f"{level:g} ({estimated[level]:.1f})" for level in grid.index]
-    axes.set_xlabel("motion blur [px]")
-    return cell_map(axes, grid.to_numpy(float), [f"{motion:g}" for motion in grid.columns], rows)
 
 
 def knot_table(knots: pd.DataFrame) -> Table:

@@ -57,8 +57,7 @@ def pictures(example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray]
     shown = [entry for entry in shown if entry not in built_in[:-1]]
     known = {row["step"]: row for row in records(steps[steps["example"] == example])}
     height, width = arrays[shown[0]["array"]].shape
-    cell_in = style.sheet_cell_in(len(shown))
-    figure, axes = style.sheet(len(shown), [cell_in * height / width], top_in=0.34, bottom_in=0.42)
+    figure, axes = style.sheet(len(shown), [height / width], top_in=0.34, bottom_in=0.42)
     rows, words = [], []
     for panel, entry in zip(axes[0], shown, strict=True):
         row = known[entry["step"]]

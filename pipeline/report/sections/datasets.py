@@ -18,7 +18,7 @@ from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.spec import Block, Section, missing, overview
+from pipeline.report.spec import Section, missing, overview
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Table, estimate, pivot, records, where
 
@@ -145,9 +145,9 @@ def _statistics(frames: Mapping[str, pd.DataFrame], seed: int) -> Table:
     return PAGE.table("dataset_statistics", rows)
 
 
-def _quarantine(inputs: ReportInputs) -> Table | None:
+def _quarantine(quarantined: Mapping[str, pd.DataFrame]) -> Table | None:
     rows = []
-    for dataset, selected in inputs.each("index", "quarantine.parquet", tables.QUARANTINE).items():
+    for dataset, selected in quarantined.items():
         for reason, files in selected.groupby("reason", sort=True)["file"]:
             names = sorted(PurePath(str(name)).name for name in files)
             examples = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
@@ -158,17 +158,14 @@ def _quarantine(inputs: ReportInputs) -> Table | None:
 def section(inputs: ReportInputs) -> Section:
     """Datasets: figure, sizes, statistics, quarantine."""
     frames = inputs.each("index", "frames.parquet", tables.FRAMES)
-    runs = overview("Datasets", STAGE, frames, inputs)
-    blocks: list[Block] = []
-    samples = _samples(inputs)
-    if samples:
-        stages = [STAGE.format(dataset=sample.name) for sample in samples]
-        blocks.append(PAGE.figure("datasets", samples_figure(samples), stages))
-    if frames:
-        blocks += [_sizes(frames, inputs), _statistics(frames, inputs.seed)]
-    quarantine = _quarantine(inputs)
-    blocks += [] if quarantine is None else [quarantine]
-    text = []
-    if quarantine is None and inputs.each("index", "quarantine.parquet"):
-        text.append(PAGE.text("none_in_quarantine"))
-    return Section("datasets", "Datasets", text, [*blocks, *missing("Dataset figure and statistics", runs)], runs)
+    quarantined = inputs.each("index", "quarantine.parquet", tables.QUARANTINE)
+    runs, samples = overview("Datasets", STAGE, frames, inputs), _samples(inputs)
+    stages, quarantine = [STAGE.format(dataset=sample.name) for sample in samples], _quarantine(quarantined)
+    blocks = [
+        PAGE.figure("datasets", samples_figure(samples), stages) if samples else None,
+        *((_sizes(frames, inputs), _statistics(frames, inputs.seed)) if frames else ()),
+        quarantine,
+        *missing("Dataset figure and statistics", runs),
+    ]
+    text = [PAGE.text("none_in_quarantine")] if quarantined and quarantine is None else []
+    return PAGE.section(blocks, runs, text=text)

@@ -12,12 +12,12 @@ import pandas as pd
 from pipeline.curves import iso_exposure
 from pipeline.report import detection_results
 from pipeline.report.detection_results import Recorded, Results
-from pipeline.report.display_names import DATASETS, DETECTORS, counted, in_order, word
+from pipeline.report.display_names import DATASETS, counted, in_order, word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger_items import beside_ours
 from pipeline.report.sections import detection_figures
 from pipeline.report.sections.detection_figures import PAGE
-from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, overview
+from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, runs_by_estimator
 from pipeline.report.tables import Cell, Estimate, Table, estimate, format_number, pivot, records, where
 
 AP = estimate("ap_percent", "low_percent", "high_percent")
@@ -136,22 +136,22 @@ def _directions(dataset: str, results: Sequence[Results]) -> list[Block]:
 def _regression(dataset: str, results: Sequence[Results]) -> list[Block]:
     if not any(one.fits for one in results):
         return []
-    cells, result, titles = [], [], {}
-    for one in results:
-        if one.fitted is None or one.coefficients is None:
-            continue
-        for label in one.labels:
-            rows, name = where(one.fitted, label=label), f"{one.detector} {label}"
-            if len(rows):
-                titles[name] = f"{word(one.detector)}, {word(label).lower()}"
-                cells.append(rows.assign(fit=name))
-                result.append(where(one.coefficients, label=label).assign(fit=titles[name]))
-    blocks: list[Block] = [fits(dataset, results)]
-    if cells:
-        drawing = detection_figures.regression(pd.concat(cells, ignore_index=True), titles)
-        blocks.insert(0, PAGE.figure("regression", drawing, _stages("regression", results), dataset=dataset))
-        blocks.append(PAGE.table("regression_coefficients", pd.concat(result), dataset=dataset))
-    return blocks
+    fitted, coefficients = (_joined(results, part) for part in ("fitted", "coefficients"))
+    if fitted.empty:
+        return [fits(dataset, results)]
+    titles = {
+        f"{one.detector} {label}": f"{word(one.detector)}, {word(label).lower()}"
+        for one in results for label in one.labels
+    }  # fmt: skip
+    fitted, coefficients = (rows.assign(fit=rows["detector"] + " " + rows["label"]) for rows in (fitted, coefficients))
+    drawn = {name: title for name, title in titles.items() if name in set(fitted["fit"])}
+    drawing = detection_figures.regression(fitted.drop(columns="detector"), drawn)
+    terms = coefficients.assign(fit=coefficients["fit"].map(titles))
+    return [
+        PAGE.figure("regression", drawing, _stages("regression", results), dataset=dataset),
+        fits(dataset, results),
+        PAGE.table("regression_coefficients", terms, dataset=dataset),
+    ]
 
 
 def _recorded(sweeps: Sequence[Recorded]) -> list[Block]:
@@ -192,16 +192,11 @@ def _refit(inputs: ReportInputs) -> list[Block]:
 
 
 def _runs(results: Sequence[Results], sweeps: Sequence[Recorded], inputs: ReportInputs) -> list[Run]:
-    planned = sorted(inputs.pairs("curves"))
+    planned = inputs.pairs("curves")
     names = {*(dataset for dataset, _ in planned), *(set(inputs.absent) & set(DATASETS))}
-    runs = [
-        run
-        for detector in in_order({name for _, name in planned}, DETECTORS)
-        for run in overview(
-            f"Detection by {word(detector)}", f"curves@{{dataset}}-{detector}",
-            [one.dataset for one in results if one.detector == detector], inputs, in_order(names, DATASETS),
-        )
-    ]  # fmt: skip
+    datasets, ran = in_order(names, DATASETS), [(one.dataset, one.detector) for one in results]
+    listed = {name for _, name in planned}
+    runs = runs_by_estimator("Detection", "curves", ran, inputs, names=listed, datasets=datasets) if planned else []
     for name, line in inputs.detectors_absent.items():
         known = {one.results.dataset for one in sweeps if one.results.detector == name}
         datasets = in_order({*names, *known}, DATASETS) if known else [""]
@@ -212,8 +207,7 @@ def _runs(results: Sequence[Results], sweeps: Sequence[Recorded], inputs: Report
 
 def section(inputs: ReportInputs) -> Section:
     """Detection on every dataset, then the paper's published numbers beside ours."""
-    results = detection_results.read(inputs)
-    sweeps = detection_results.recorded(inputs)
+    results, sweeps = detection_results.read(inputs), detection_results.recorded(inputs)
     runs = _runs(results, sweeps, inputs)
     blocks: list[Block] = []
     for dataset in in_order((one.dataset for one in results), DATASETS):
@@ -226,8 +220,7 @@ def section(inputs: ReportInputs) -> Section:
         for run in reversed(runs)
         if run.state == "absent" and run.why != STAGE_ABSENT
     }
-    blocks += [*reversed(notes.values()), *_recorded(sweeps), *_refit(inputs)]
     items = ("yolov7_direction_ap", "regression_coefficients", "fitted_ap_grid")
     published, published_runs = beside_ours(items, inputs)
-    title = "Object detection under blur and noise"
-    return Section("detection", title, (PAGE.text("introduction"),), [*blocks, *published], [*runs, *published_runs])
+    blocks += [*reversed(notes.values()), *_recorded(sweeps), *_refit(inputs), *published]
+    return PAGE.section(blocks, [*runs, *published_runs])

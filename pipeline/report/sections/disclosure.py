@@ -12,7 +12,6 @@ from pipeline.report.spec import Section
 from pipeline.report.tables import format_number
 from pipeline.stage_files import optional
 
-TITLE = "Disclosure"
 PAGE = Descriptions("disclosure")
 
 
@@ -27,38 +26,30 @@ def _networks(inputs: ReportInputs) -> list[str]:
     return [f"The paper's networks, trained anew: {'; '.join(sentences)}."] if sentences else []
 
 
-def _upright(inputs: ReportInputs) -> list[str]:
+def _upright(inputs: ReportInputs) -> str:
     """The upright prior, and what leaving it out does."""
     base, isotropic = (optional(inputs.ablation, f"{name}.json") for name in ("base", "isotropic"))
-    sentence = PAGE.text("upright")
     if base is None or isotropic is None:
-        return [sentence]
+        return PAGE.text("upright")
     with_prior, without = (format_number(one["mtf_error_percent"], 2) for one in (base, isotropic))
-    effect = PAGE.text("without_upright", with_prior=with_prior, without=without)
-    return [f"{sentence} {effect}"]
+    return " ".join([PAGE.text("upright"), PAGE.text("without_upright", with_prior=with_prior, without=without)])
 
 
 def _light(inputs: ReportInputs) -> str:
     """That image formation acts on encoded grey levels, and what linear light changes."""
-    sentence = PAGE.text("encoded")
     study = inputs.read("order_study/study.parquet")
     if study is None:
-        return sentence
+        return PAGE.text("encoded")
     selected = study[(study["order"] == "paper") & (study["target_sigma_dn"] == study["target_sigma_dn"].max())]
     means = selected.groupby("light")[["amae_percent", "ap_percent"]].mean()
     if not {"encoded", "linear"} <= set(means.index):
-        return sentence
-    amae, precision = (
-        f"{format_number(means.loc['encoded', name], 1)} in encoded and "
-        f"{format_number(means.loc['linear', name], 1)} % in linear light"
-        for name in means
-    )
-    return f"{sentence} At the strongest photon noise the mean AMAE is {amae}, AP {precision} (order study)."
+        return PAGE.text("encoded")
+    numbers = {f"{light}_{name}": format_number(value, 1) for (light, name), value in means.stack().items()}
+    return " ".join([PAGE.text("encoded"), PAGE.text("linear", **numbers)])
 
 
 def section(inputs: ReportInputs) -> Section:
     """Choices and shortcuts, with their size where it was measured."""
     fast = mode_note(inputs.modes, inputs.modes)
-    text = [*_networks(inputs), *([fast] if fast else []), *_upright(inputs)]
-    text += [PAGE.text("discs"), _light(inputs), PAGE.text("calibration")]
-    return Section("disclosure", TITLE, text)
+    text = [*_networks(inputs), *([fast] if fast else []), _upright(inputs), PAGE.text("discs"), _light(inputs)]
+    return PAGE.section([], text=[*text, PAGE.text("calibration")])

@@ -43,7 +43,6 @@ def _fast_modes(record: FrameRecord) -> list[str]:
 def section(inputs: ReportInputs) -> Section | None:
     """The factorial of every dataset it was recorded on; None where it was not."""
     recorded = records_with(inputs.recorded, FACTOR_FILES[1])
-    blocks = [table for record in recorded for table in _tables(record)]
     findings = [sentence for record in recorded for sentence in _fast_modes(record)]
-    text = (PAGE.text("introduction"),)
-    return Section("factors", "Factors behind Table I", text, blocks, findings=findings) if blocks else None
+    blocks = [table for record in recorded for table in _tables(record)]
+    return PAGE.section(blocks, findings=findings) if blocks else None

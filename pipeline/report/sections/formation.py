@@ -13,16 +13,16 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.errors import InputError, did_you_mean
+from pipeline.errors import InputError
 from pipeline.grouped_statistics import robust_by
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, in_order, listing, word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.spec import Block, NotRun, Section, missing, overview, single
+from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Section, missing, overview, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Row, Table
-from pipeline.stage_files import described, existing, optional
+from pipeline.stage_files import described, existing
 
 PAGE = Descriptions("formation")
 STAGE, SENSOR_STAGE = "corrupt@{dataset}", "sensor"
@@ -32,10 +32,7 @@ CURVE_KEYS = ("mean_dn", "variance_dn2", "slope_dn_per_e", "offset_dn2", "gain_d
 
 def _crop(arrays: Mapping[str, np.ndarray], entry: Mapping[str, Any], side_px: int) -> np.ndarray:
     """The middle of the picture that an entry names, in DN. Shrinking it instead would average the noise away."""
-    name = str(entry["array"])
-    if name not in arrays:
-        raise InputError(f"gallery.json names array '{name}', which gallery.npz lacks; {did_you_mean(name, arrays)}")
-    picture = style.middle(np.asarray(arrays[name]), side_px, side_px)
+    picture = style.middle(arrays[entry["array"]], side_px, side_px)
     return picture.astype(float) * (255.0 if picture.dtype.kind == "f" else 1.0)
 
 
@@ -45,15 +42,11 @@ def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]
 
     ``entries`` are ``{"array", "title", "caption"}`` in order, the first the input; ``arrays`` are (H, W), uint8 or
     float in [0, 1].
-
-    Raises:
-        InputError: an entry names an absent array.
     """
     pictures = [_crop(arrays, entry, CHAIN_PX) for entry in entries]
     changes = [after - before for before, after in itertools.pairwise(pictures)]
     span = max([float(np.percentile(np.abs(change), 99.5)) for change in changes if change.size] + [1.0])
-    cell_in = style.sheet_cell_in(len(entries))
-    figure, axes = style.sheet(len(entries), [cell_in, cell_in], bottom_in=0.2, row_gaps_in=[0.08])
+    figure, axes = style.sheet(len(entries), [1, 1], bottom_in=0.2, row_gap_in=0.08)
     axes[1, 0].set_axis_off()
     axes[1, 0].text(
         0.5, 0.5, f"change against\nthe step before,\ngrey = none,\n±{span:.3g} DN", ha="center", va="center",
@@ -77,20 +70,11 @@ def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any
     """Noise sources down, levels across; beneath each patch the standard deviation added to this part of the frame.
 
     ``entries`` are ``{"array", "noise_source", "target_sigma_dn"}``; ``arrays`` are (H, W), uint8 or float in [0, 1].
-
-    Raises:
-        InputError: an entry names an absent array.
     """
-    sources = in_order((str(entry["noise_source"]) for entry in entries), EFFECTS)
+    sources = in_order((entry["noise_source"] for entry in entries), EFFECTS)
     levels = sorted({float(entry["target_sigma_dn"]) for entry in entries})
-    crops = {
-        (str(entry["noise_source"]), float(entry["target_sigma_dn"])): _crop(arrays, entry, EFFECTS_PX)
-        for entry in entries
-    }
-    cell_in = style.sheet_cell_in(len(levels), margins_in=0.24)
-    figure, axes = style.sheet(
-        len(levels), [cell_in] * len(sources), left_in=0.22, bottom_in=0.16, row_gaps_in=[0.19] * (len(sources) - 1)
-    )
+    crops = {(entry["noise_source"], entry["target_sigma_dn"]): _crop(arrays, entry, EFFECTS_PX) for entry in entries}
+    figure, axes = style.sheet(len(levels), [1] * len(sources), left_in=0.22, bottom_in=0.16, row_gap_in=0.19)
     rows = []
     for (across, level), (down, noise_source) in itertools.product(enumerate(levels), enumerate(sources)):
         spot, picture = axes[down, across], crops.get((noise_source, level))
@@ -143,15 +127,12 @@ def photon_transfer(curve: Mapping[str, Any]) -> Drawing:
 
 
 def _galleries(dataset: str, inputs: ReportInputs) -> Iterator[Block]:
-    folder = inputs.folders("corrupt")[dataset]
-    gallery = described(folder, "gallery.json", ("chain", "effects"))
-    if gallery is None:
-        return
-    arrays = optional(folder, "gallery.npz") or {}
-    if gallery["chain"]:
+    gallery = described(inputs.folders("corrupt")[dataset], "gallery.json", ("chain", "effects"))
+    arrays = inputs.arrays(f"corrupt/{dataset}/gallery.npz")
+    if gallery is not None and gallery["chain"]:
         steps = " ".join(str(entry.get("caption", "")) for entry in gallery["chain"]).strip()
         yield PAGE.figure("formation_chain", chain(arrays, gallery["chain"]), after=steps, dataset=dataset)
-    if gallery["effects"]:
+    if gallery is not None and gallery["effects"]:
         yield PAGE.figure("formation_effects", effects(arrays, gallery["effects"]), dataset=dataset)
 
 
@@ -174,13 +155,12 @@ def section(inputs: ReportInputs) -> Section:
     """Image formation: galleries, the table of levels per dataset, and the sensor."""
     corruption = inputs.each("corrupt", "corruption.parquet", tables.CORRUPTION)
     runs = overview("Image formation", STAGE, corruption, inputs)
-    blocks: list[Block] = [block for dataset in corruption for block in _galleries(dataset, inputs)]
-    blocks += [_levels(dataset, group, inputs.seed) for dataset, group in corruption.items()]
     curve = described(inputs.folder("sensor"), "photon_transfer.json", CURVE_KEYS)
     sensor = single("Sensor", SENSOR_STAGE, existing(inputs.folder("sensor")) is not None, inputs)
-    if curve is None:
-        blocks.append(NotRun("Photon transfer of the sensor", "stage absent", sensor.line))
-    else:
-        blocks.append(PAGE.figure("photon_transfer", photon_transfer(curve)))
-    text = [PAGE.text("introduction")]
-    return Section("formation", "Image formation", text, [*blocks, *missing("Image formation", runs)], [sensor, *runs])
+    absent = NotRun("Photon transfer of the sensor", STAGE_ABSENT, sensor.line)
+    blocks = [
+        *(block for dataset in corruption for block in _galleries(dataset, inputs)),
+        *(_levels(dataset, group, inputs.seed) for dataset, group in corruption.items()),
+        absent if curve is None else PAGE.figure("photon_transfer", photon_transfer(curve)),
+    ]
+    return PAGE.section([*blocks, *missing("Image formation", runs)], [sensor, *runs])

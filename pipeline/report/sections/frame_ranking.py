@@ -45,8 +45,7 @@ def section(inputs: ReportInputs) -> Section | None:
         raise InputError(
             f"{inputs.benchmarks['flags']}: a rank correlation is missing; make it again: {COMMAND}"
         ) from None
-    table = PAGE.table("frame_ranking", rows)
-    return Section("frame_ranking", TITLE, (PAGE.text("introduction"),), [table], [Run(TITLE, "", True, "", COMMAND)])
+    return PAGE.section([PAGE.table("frame_ranking", rows)], [Run(TITLE, "", True, "", COMMAND)])
 
 
 def _cell(entry: dict[str, Any]) -> Estimate:

@@ -6,8 +6,7 @@ of the bootstrap's random streams.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -16,7 +15,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from pipeline.errors import InputError
 from pipeline.experiments.frame_records import NOISE_FILE, records_with
 from pipeline.experiments.patch_errors import SATURATED, agreement, patch_errors, saturated_patches
 from pipeline.report import style
@@ -24,11 +22,12 @@ from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, ESTIMATORS, counted, in_order, listing, word
 from pipeline.report.figures import abstentions, legend_of
 from pipeline.report.inputs import ReportInputs, published
-from pipeline.report.spec import Block, Section, missing, pairs_of, runs_by_estimator
+from pipeline.report.spec import Figure, Section, missing, pairs_of, runs_by_estimator
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Cell, Row, Table, as_recorded, estimate, ordered, reasons_of, where
 
 PAGE = Descriptions("noise")
+TITLE = "Noise estimation"
 PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
 PRESENT: style.Look = {"color": style.INK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
 DIAGONAL: style.Look = {"color": style.MUTED, "linewidth": 0.6}
@@ -77,32 +76,6 @@ def _curves_alt(summary: pd.DataFrame, estimators: Sequence[str]) -> str:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class NoiseMaps:
-    """Maps of one frame by one estimator, under each noise source at one target standard deviation over the frame.
-
-    ``arrays``: ``<noise_source>_seen`` (H, W) uint8, ``<noise_source>_added`` and ``<noise_source>_found`` (h, w) DN.
-    """
-
-    estimator: str
-    arrays: Mapping[str, np.ndarray]
-    effects: Sequence[str]
-    target_sigma_dn: float
-
-    def of(self, noise_source: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Frame, noise added and noise estimated under one noise source.
-
-        Raises:
-            InputError: an array is missing.
-        """
-        names = [f"{noise_source}_{part}" for part in ("seen", "added", "found")]
-        absent = [name for name in names if name not in self.arrays]
-        if absent:
-            raise InputError(f"noise maps by {self.estimator}: missing {', '.join(absent)}; run the stage noise again")
-        frame, added, estimated = (self.arrays[name] for name in names)
-        return frame, added, estimated
-
-
 def _map_panel(axes: Axes, frame: NDArray[np.uint8], cells: NDArray[np.floating] | None, top: float) -> Any:
     picture, _ = style.shrunk(frame, SHOWN_PX)
     style.picture(axes, picture)
@@ -117,33 +90,32 @@ def _map_panel(axes: Axes, frame: NDArray[np.uint8], cells: NDArray[np.floating]
 
 
 @style.styled
-def maps(galleries: Sequence[NoiseMaps]) -> Drawing:
+def maps(galleries: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -> Drawing:
     """Rows: noise sources. Columns: the frame, the noise added, the noise estimated by each estimator.
 
-    The galleries are of one frame, with the same effects.
-
-    Raises:
-        InputError: an array is missing.
+    ``galleries``: estimator, effects and target standard deviation, and arrays ``<noise_source>_seen`` (H, W) uint8,
+    ``_added`` and ``_found`` (h, w) DN; of one frame, with the same effects.
     """
-    effects, columns = list(galleries[0].effects), 2 + len(galleries)
-    height, width = galleries[0].of(effects[0])[0].shape
+    about, arrays = galleries[0]
+    effects, columns = list(about["effects"]), 2 + len(galleries)
+    height, width = arrays[f"{effects[0]}_seen"].shape
     tall = style.TWO_COLUMNS_IN / (columns + 0.25) * height / width
     figure = style.new_figure(style.TWO_COLUMNS_IN, len(effects) * (tall + 0.14) + 0.2)
     panels = figure.subplots(len(effects), columns, squeeze=False)
     rows: list[dict[str, Any]] = []
-    for down, noise_source in enumerate(effects):
-        frame, added, _ = galleries[0].of(noise_source)
+    for spots, noise_source in zip(panels, effects, strict=True):
+        frame, added = arrays[f"{noise_source}_seen"], arrays[f"{noise_source}_added"]
         known = added[np.isfinite(added)]
         top = float(np.percentile(known, TOP_PERCENTILE)) if known.size else 1.0
-        _map_panel(panels[down, 0], frame, None, top)
-        panels[down, 0].set_ylabel(f"{word(noise_source)}, {galleries[0].target_sigma_dn:g} DN")
-        image = _map_panel(panels[down, 1], frame, added, top)
-        for across, one in enumerate(galleries):
-            estimated = one.of(noise_source)[2]
-            _map_panel(panels[down, 2 + across], frame, estimated, top)
-            rows.append({"noise_source": noise_source, "estimator": one.estimator, **agreement(added, estimated)})
-        figure.colorbar(image, ax=list(panels[down]), label="σ [DN]", fraction=0.03, pad=0.01)
-    titles = ["Frame", "Noise added", *(f"Estimated by {word(one.estimator)}" for one in galleries)]
+        _map_panel(spots[0], frame, None, top)
+        spots[0].set_ylabel(f"{word(noise_source)}, {about['target_sigma_dn']:g} DN")
+        image = _map_panel(spots[1], frame, added, top)
+        for spot, (of, maps_of) in zip(spots[2:], galleries, strict=True):
+            estimated = maps_of[f"{noise_source}_found"]
+            _map_panel(spot, frame, estimated, top)
+            rows.append({"noise_source": noise_source, "estimator": of["estimator"], **agreement(added, estimated)})
+        figure.colorbar(image, ax=list(spots), label="σ [DN]", fraction=0.03, pad=0.01)
+    titles = ["Frame", "Noise added", *(f"Estimated by {word(of['estimator'])}" for of, _ in galleries)]
     for axes, title in zip(panels[0], titles, strict=True):
         axes.set_title(title, loc="left")
     patterns = [f", correlation {row['correlation']:.2f}" if np.isfinite(row["correlation"]) else "" for row in rows]
@@ -151,16 +123,13 @@ def maps(galleries: Sequence[NoiseMaps]) -> Drawing:
     return Drawing(figure, PAGE.alt("noise_maps", values.assign(pattern=patterns)), values)
 
 
-def _maps(inputs: ReportInputs) -> list[Block]:
+def _maps(inputs: ReportInputs) -> Iterator[Figure]:
     """Local noise over a frame, of every dataset whose stage stored maps."""
     stored = inputs.galleries("noise", "maps", ("frame", "effects", "target_sigma_dn"))
-    blocks: list[Block] = []
     for dataset in in_order(stored, inputs.datasets):
         shown = sorted(stored[dataset], key=lambda pair: str(pair[0]["estimator"]))
-        made = [NoiseMaps(one["estimator"], arrays, one["effects"], one["target_sigma_dn"]) for one, arrays in shown]
-        stages = [f"noise@{dataset}-{one.estimator}" for one in made]
-        blocks.append(PAGE.figure("noise_maps", maps(made), stages, dataset=dataset))
-    return blocks
+        stages = [f"noise@{dataset}-{about['estimator']}" for about, _ in shown]
+        yield PAGE.figure("noise_maps", maps(shown), stages, dataset=dataset)
 
 
 def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame) -> Table:
@@ -180,13 +149,14 @@ def medians(dataset: str, summary: pd.DataFrame, reference: pd.DataFrame) -> Tab
 def single_patches(estimates: pd.DataFrame, seed: int) -> Table:
     """Error of single patches against both ground truths, coverage of the intervals, abstentions."""
 
-    def quantity(name: str, cell: Callable[[Row], Cell], counted_by: str) -> Callable[[Row], Cell]:
-        return lambda row: cell(row) if np.isfinite(row.get(f"{counted_by}_count", np.nan)) else None
+    def where_counted(cell: Callable[[Row], Cell], quantity: str) -> Callable[[Row], Cell]:
+        return lambda row: cell(row) if np.isfinite(row.get(f"{quantity}_count", np.nan)) else None
 
     names = ("present_dn", "added_dn", "coverage_percent", "clean_percent")
-    whole = {name: estimate(name, f"{name}_low", f"{name}_high", f"{name}_count") for name in names}
-    cells = {name: quantity(name, cell, name) for name, cell in whole.items()}
-    cells["width_dn"] = quantity("width_dn", lambda row: row["width_dn"], "coverage_percent")
+    cells = {
+        name: where_counted(estimate(name, f"{name}_low", f"{name}_high", f"{name}_count"), name) for name in names
+    }
+    cells["width_dn"] = where_counted(lambda row: row["width_dn"], "coverage_percent")
     return PAGE.table("noise_patches", patch_errors(estimates, seed), cells=cells)
 
 
@@ -202,20 +172,22 @@ def section(inputs: ReportInputs) -> Section:
     """Noise estimation on every dataset."""
     summary, estimates = inputs.result("noise_summary"), inputs.result("noise_estimates")
     known = pairs_of(inputs.recorded_result("noise_summary"))
-    runs = runs_by_estimator("Noise", "noise", pairs_of(summary), known, inputs)
-    blocks: list[Block] = []
-    if not summary.empty:
-        stages = sorted(f"noise@{dataset}-{name}" for dataset, name in pairs_of(summary))
-        datasets = in_order(summary["dataset"], inputs.datasets)
-        blocks.append(PAGE.figure("noise", curves(summary, datasets), stages))
-        reference = published(inputs, "noise_reference.csv")
-        blocks += [medians(name, summary, reference) for name in datasets]
-        blocks += [*_maps(inputs), single_patches(estimates, inputs.seed)]
-        clipped = saturated(estimates, inputs.seed)
-        sums = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)[["count", "rejected", "abstained"]]
-        blocks += [] if clipped is None else [clipped]
-        blocks.append(PAGE.table("noise_abstentions", sums.sum(), cells={"reasons": reasons_of(estimates)}))
-    return Section("noise", "Noise estimation", (), [*blocks, *missing("Noise estimation", runs)], runs)
+    runs = runs_by_estimator("Noise", "noise", pairs_of(summary), inputs, recorded=known)
+    if summary.empty:
+        return PAGE.section(missing(TITLE, runs), runs)
+    stages = sorted(f"noise@{dataset}-{name}" for dataset, name in pairs_of(summary))
+    datasets, reference = in_order(summary["dataset"], inputs.datasets), published(inputs, "noise_reference.csv")
+    sums = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)[["count", "rejected", "abstained"]]
+    blocks = [
+        PAGE.figure("noise", curves(summary, datasets), stages),
+        *(medians(name, summary, reference) for name in datasets),
+        *_maps(inputs),
+        single_patches(estimates, inputs.seed),
+        saturated(estimates, inputs.seed),
+        PAGE.table("noise_abstentions", sums.sum(), cells={"reasons": reasons_of(estimates)}),
+        *missing(TITLE, runs),
+    ]
+    return PAGE.section(blocks, runs)
 
 
 def recorded(inputs: ReportInputs) -> Section | None:
@@ -230,9 +202,9 @@ def recorded(inputs: ReportInputs) -> Section | None:
         for one in records
     ]
     reference = published(inputs, "noise_reference.csv")
-    blocks: list[Block] = [
+    blocks = [
         PAGE.table("recorded_noise_sources", [one.described("noise_tiles") for one in records]),
         PAGE.figure("recorded_noise", curves(summary, datasets), after=f"{'; '.join(counts)}."),
         *(as_recorded(medians(dataset, summary, reference)) for dataset in datasets),
     ]
-    return Section("noise_recorded", "Noise estimation on recorded frames", (PAGE.text("recorded"),), blocks)
+    return PAGE.section(blocks, key="noise_recorded")

@@ -16,7 +16,7 @@ from pipeline.report.display_names import BLURS, counted, in_order, listing, wor
 from pipeline.report.figures import small_mtf_axes
 from pipeline.report.inputs import ReportInputs, published
 from pipeline.report.ledger_sources import sharp_mtf, star_curve
-from pipeline.report.spec import Block, NotRun, Section, overview, single
+from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Section, overview, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import where
 from pipeline.stage_files import existing
@@ -46,21 +46,17 @@ def kernel_sheet(bank: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: 
     ``"paper"``.
 
     Raises:
-        InputError: the table has no such rows, or names a kernel without a picture.
+        InputError: the table has no such rows.
     """
     bank = where(bank, source=source)
     if bank.empty:
         raise InputError(f"kernels.parquet: no kernel with source '{source}'; expected 'generated' or 'paper'")
-    absent = sorted(set(bank["kernel"]) - set(kernels))
-    if absent:
-        raise InputError(f"kernels.npz: no array for kernel '{absent[0]}'; run dvc repro psf_bank")
     names = bank.drop_duplicates("kernel").set_index(KEYS)["kernel"]
     kinds, sizes = in_order(bank["blur_kind"], BLURS), sorted(set(bank["kernel_size_px"]))
     columns = [(kind, angle) for kind in kinds for angle in sorted(set(names.xs(kind).index.get_level_values(0)))]
-    cell_in = min(style.sheet_cell_in(len(columns), margins_in=0.48, gap_in=0.07), 1.0)
     figure, axes = style.sheet(
-        len(columns), [cell_in, 0.6 * cell_in] * len(sizes), left_in=0.42, right_in=0.06, top_in=0.4, bottom_in=0.3,
-        gap_in=0.07, row_gaps_in=([0.05, 0.12] * len(sizes))[:-1],
+        len(columns), [1, 0.6] * len(sizes), left_in=0.42, right_in=0.06, top_in=0.4, bottom_in=0.3, gap_in=0.07,
+        row_gap_in=0.08,
     )  # fmt: skip
     for across, (kind, angle) in enumerate(columns):
         heading = word(kind) if kind == "defocus" else f"{word(kind)}, {angle:g}°".replace(" motion", "\nmotion")
@@ -142,28 +138,23 @@ def star_figure(image: np.ndarray, curves: Mapping[str, np.ndarray], paper: pd.D
 def _bank(inputs: ReportInputs) -> list[Block]:
     bank = inputs.read("psf/kernels.parquet", tables.KERNELS)
     if bank is None:
-        return [NotRun("Bank of blur kernels", "stage absent", inputs.line(BANK_STAGE))]
-    kernels = inputs.read("psf/kernels.npz") or {}
-    blocks: list[Block] = []
-    for source in sorted(set(bank["source"])):
-        drawing, origin = kernel_sheet(bank, kernels, source), SOURCES.get(source, source)
-        blocks.append(PAGE.figure("kernels", drawing, source=source, origin=origin))
-    return blocks
+        return [NotRun("Bank of blur kernels", STAGE_ABSENT, inputs.line(BANK_STAGE))]
+    kernels = inputs.arrays("psf/kernels.npz")
+    return [
+        PAGE.figure("kernels", kernel_sheet(bank, kernels, source), source=source, origin=SOURCES.get(source, source))
+        for source in sorted(set(bank["source"]))
+    ]
 
 
 def _star(inputs: ReportInputs) -> list[Block]:
     curves = star_curve(inputs)
     if curves is None:
-        return [NotRun("Siemens star of Sim", "stage absent", inputs.line(STAR_STAGE))]
-    image = (inputs.read("star/star.npz") or {}).get("image")
-    if image is None:
-        raise InputError(f"{inputs.data}/star/star.npz: expected an array 'image'; run the stage again")
-    paper = published(inputs, "uncorrupted_mtf.csv")
-    paper = where(paper, dataset="sim", estimator="ground_truth")
-    ours = sharp_mtf(inputs)
-    cells = {"paper": lambda row: dict(zip(paper["frequency"], paper["mtf"], strict=True)).get(row["frequency"])}
-    sharpness = PAGE.table("sim_sharpness", [] if ours is None else ours, cells=cells)
-    return [PAGE.figure("sim_star", star_figure(image, curves, paper)), sharpness]
+        return [NotRun("Siemens star of Sim", STAGE_ABSENT, inputs.line(STAR_STAGE))]
+    paper = where(published(inputs, "uncorrupted_mtf.csv"), dataset="sim", estimator="ground_truth")
+    theirs = dict(zip(paper["frequency"], paper["mtf"], strict=True))
+    drawing = star_figure(inputs.arrays("star/star.npz")["image"], curves, paper)
+    cells = {"paper": lambda row: theirs.get(row["frequency"])}
+    return [PAGE.figure("sim_star", drawing), PAGE.table("sim_sharpness", sharp_mtf(inputs), cells=cells)]
 
 
 def section(inputs: ReportInputs) -> Section:
@@ -172,4 +163,4 @@ def section(inputs: ReportInputs) -> Section:
         single("Blur kernels", BANK_STAGE, existing(inputs.folder("psf")) is not None, inputs),
         *overview("Siemens star", STAR_STAGE, ["sim"] if existing(inputs.folder("star")) else [], inputs, ["sim"]),
     ]
-    return Section("optics", "Optics: blur kernels and sharpness", (), [*_bank(inputs), *_star(inputs)], runs)
+    return PAGE.section([*_bank(inputs), *_star(inputs)], runs)

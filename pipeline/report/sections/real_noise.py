@@ -126,35 +126,29 @@ def crops(made: Examples) -> Drawing:
 def section(inputs: ReportInputs) -> Section | None:
     """Noise of real cameras, or None where nothing of it is known."""
     stages = inputs.folders("real_noise")
-    parts = real_noise_records.recordings(stages, inputs.recorded)
-    made = real_noise_records.sensor(stages, inputs.recorded)
+    parts, made = (read(stages, inputs.recorded) for read in (real_noise_records.recordings, real_noise_records.sensor))
     known = {part.name for part in parts} | ({SENSOR} if made is not None else set())
-    runs = [_run(inputs, name, name in known) for name in stages]
-    if not parts and made is None and not runs:
+    if not known and not stages:
         return None
-    examples = real_noise_records.examples(inputs.recorded)
-    blocks: list[Block] = []
+    examples, blocks = real_noise_records.examples(inputs.recorded), list[Block]()
     if examples is not None:
         blocks.append(PAGE.figure("real_noise_examples", crops(examples), source=examples.source))
     if parts:
         made_by = tuple(part.stage for part in parts if part.stage)
         estimators = [name for name in SHOWN if any((part.patches["estimator"] == name).any() for part in parts)]
-        figure = PAGE.figure("real_noise", scatter(parts, estimators), made_by)
-        blocks += [figure, errors(parts), _sources(parts)]
+        drawing = scatter(parts, estimators)
+        blocks += [PAGE.figure("real_noise", drawing, made_by), errors(parts), _sources(parts)]
     if made is not None:
-        figure = PAGE.figure("real_sensor", sensor_figure(made), [made.stage] if made.stage else ())
-        blocks += [
-            figure,
-            PAGE.table("real_sensor_constants", made.transfer.merge(made.dark, on="plane"), stage=made.stage),
-        ]
-    return Section("real_noise", TITLE, (PAGE.text("introduction"),), blocks, runs)
+        constants = made.transfer.merge(made.dark, on="plane")
+        blocks.append(PAGE.figure("real_sensor", sensor_figure(made), [made.stage] if made.stage else ()))
+        blocks.append(PAGE.table("real_sensor_constants", constants, stage=made.stage))
+    return PAGE.section(blocks, [_run(inputs, name, name in known) for name in stages])
 
 
 def _sources(parts: Sequence[Recording]) -> Table:
-    made = {True: "by its stage", False: "recorded earlier"}
     rows = [
-        {"recording": part.name, "pictures": int(part.summary["pictures"].max()), "measured": made[bool(part.stage)],
-         "source": part.source}
+        {"recording": part.name, "pictures": int(part.summary["pictures"].max()), "source": part.source,
+         "measured": "by its stage" if part.stage else "recorded earlier"}
         for part in parts
     ]  # fmt: skip
     return PAGE.table("real_noise_sources", rows)

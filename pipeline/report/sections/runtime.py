@@ -121,5 +121,4 @@ def section(inputs: ReportInputs) -> Section:
     run = Run(TITLE, "", content is not None, "" if content is not None else STAGE_ABSENT, COMMAND)
     if content is None:
         return Section("runtime", TITLE, (), [NotRun(TITLE, run.why, COMMAND)], [run])
-    text = PAGE.text("introduction", command=COMMAND)
-    return Section("runtime", TITLE, (text,), [_table(content, inputs)], [run])
+    return PAGE.section([_table(content, inputs)], [run], command=COMMAND)

@@ -16,7 +16,7 @@ from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, single
+from pipeline.report.spec import Block, NotRun, Section, single
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Estimate, Table
 from pipeline.stage_files import existing, optional
@@ -134,30 +134,24 @@ def ablation(inputs: ReportInputs) -> Table | None:
     rows = [{"variant": name, **group} for name, group in measures.items() if group is not None]
     if not rows:
         return None
-
     seeds = [row["mtf_error_percent"] for row in rows if row["variant"] in SEEDS]
-    known = len(seeds) > 1
-    return PAGE.table(
-        "ablation", rows, also=["seeds"] if known else [], spread=max(seeds) - min(seeds) if known else 0.0,
-    )  # fmt: skip
+    spread = max(seeds) - min(seeds) if seeds else 0.0
+    return PAGE.table("ablation", rows, also=["seeds"] if len(seeds) > 1 else [], spread=spread)
 
 
 def section(inputs: ReportInputs) -> Section:
     """Every network with a learning curve beside its weights."""
-    curves = read(inputs.weights)
-    names = [one.name for one in curves]
-    blocks: list[Block] = []
+    curves, compared = read(inputs.weights), ablation(inputs)
+    names, blocks = [one.name for one in curves], list[Block | None]()
     runs = [single(f"Training, {network_title(one)}", stage_of(one.name), True, inputs) for one in curves]
     if curves:
         stages = [stage_of(name) for name in names]
         blocks += [PAGE.figure("learning_curves", curves_figure(curves), stages), _networks(curves)]
-    compared = ablation(inputs)
     if compared is not None:
-        blocks.append(compared)
         runs.append(single("Ablation of the training", "ablation", True, inputs))
-    for name in EXPECTED:
-        if name not in names:
-            title, line = f"Training of {name.replace('_', ' ')}", inputs.line(stage_of(name))
-            blocks.append(NotRun(title, STAGE_ABSENT, line))
-            runs.append(Run(title, "", False, STAGE_ABSENT, line))
-    return Section("training", "Training", (PAGE.text("introduction"),), blocks, runs)
+    absent = [
+        single(f"Training of {name.replace('_', ' ')}", stage_of(name), False, inputs)
+        for name in EXPECTED if name not in names
+    ]  # fmt: skip
+    notes = [NotRun(run.experiment, run.why, run.line) for run in absent]
+    return PAGE.section([*blocks, compared, *notes], [*runs, *absent])
