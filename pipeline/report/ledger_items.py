@@ -70,7 +70,7 @@ def _matching(conditions: Mapping[str, Condition], row: Row, otherwise: str) -> 
 Reason = Mapping[str, Any]
 """``why`` rows cannot be compared, or differ, in words (``{profile}`` is filled in), and ``where``: of which rows.
 
-A condition on columns of the published file, ``measured_on``, ``column`` (of the number) or ``profile``; all by default.
+A condition is on columns of the published file, ``measured_on``, ``column`` (of the number) or ``profile``.
 """
 
 

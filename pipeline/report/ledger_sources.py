@@ -117,14 +117,11 @@ def _from_zero(curves: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return np.r_[0.0, curves["frequency"][order]], np.r_[1.0, curves["measured"][order]]
 
 
-def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:
+def sharp_mtf(curves: dict[str, np.ndarray]) -> pd.DataFrame:
     """Our Sim's ground truth at the paper's frequencies: dataset, estimator, statistic, frequency, mtf.
 
     The measured curve is interpolated linearly, from one at frequency zero on; frequencies beyond it are left out.
     """
-    curves = star_curve(inputs)
-    if curves is None:
-        return None
     frequency, measured = _from_zero(curves)
     nominal = np.array(NOMINAL_FREQUENCIES)
     nominal = nominal[nominal <= frequency[-1] + 1e-9]
@@ -135,7 +132,8 @@ def sharp_mtf(inputs: ReportInputs) -> pd.DataFrame | None:
 def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
     """Horizontal MTF of uncorrupted frames, the star's and each estimator's: the columns of `sharp_mtf`."""
     ours = _horizontal(sharp_curves(inputs.noiseless("blur_estimates"), inputs.seed))
-    known = [part for part in (sharp_mtf(inputs), ours) if part is not None and len(part)]
+    star = star_curve(inputs)
+    known = [part for part in (None if star is None else sharp_mtf(star), ours) if part is not None and len(part)]
     recorded = [_horizontal(one.as_the_paper_ran(one.sharp)) for one in blur_records.read(inputs.recorded)]
     return _with_records(pd.concat(known, ignore_index=True) if known else None, recorded)
 

@@ -274,8 +274,9 @@ def test_the_star_is_interpolated_at_the_papers_frequencies(tmp_path: Path) -> N
     store.write_json(
         tmp_path / "star/star.json", {"frequency": frequency, "measured": 1 - frequency, "formula": 1 - frequency}
     )
-    result = ledger_sources.sharp_mtf(dataclasses.replace(NOTHING, data=tmp_path))
-    assert result is not None
+    curves = ledger_sources.star_curve(dataclasses.replace(NOTHING, data=tmp_path))
+    assert curves is not None
+    result = ledger_sources.sharp_mtf(curves)
     assert result["mtf"].to_numpy() == pytest.approx(1 - result["frequency"].to_numpy())
     assert result["frequency"].max() == 0.5  # 0.6 lies beyond what was measured
     store.write_json(tmp_path / "star/star.json", {"frequency": [0.1], "measured": [1, 2]})

@@ -59,8 +59,8 @@ def _sharp_frames(evidence: Evidence) -> Measurement | None:
     rest = where(cells, estimator=DECONVOLUTION, measured_on=list(network.index)).set_index("measured_on")
     means = rest.groupby(level=0, sort=False)["mtf"].mean()
     words = [
-        f"{claim.names_of([dataset])}: {word(NETWORK)} {network['mtf'][dataset]:.2f}, PMP and GBB {mean:.2f}"
-        for dataset, mean in means.items()
+        f"{claim.names_of([dataset])}: {word(NETWORK)} {ours:.2f}, PMP and GBB {mean:.2f}"
+        for dataset, mean, ours in zip(means.index, means, network["mtf"].reindex(means.index), strict=True)
     ]
     text = f"Median MTF at {FREQUENCY:g} of Nyquist, horizontal: {'; '.join(words)}."
     return claim.of_cells(claim.lower(rest, network, ("low", "high")), "dataset-estimator pair", means.index, text)

@@ -67,7 +67,7 @@ def _direction_matters(evidence: Evidence) -> Measurement | None:
     if not parts:
         return None
     rows = where(pd.concat(parts, ignore_index=True), target_sigma_dn=0)
-    best = rows.loc[rows["spread_percent"].idxmax()]
+    best = records(rows.sort_values("spread_percent", ascending=False, kind="stable"))[0]
     text = (
         f"Largest difference between directions, without noise: {best['spread_percent']:.0f} points ({best['label']}, "
         f"{best['kernel_size_px']:g} px); in the paper's table {theirs:.0f} points."

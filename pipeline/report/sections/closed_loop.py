@@ -282,7 +282,8 @@ def blocks(results: Sequence[ScenarioResult], inputs: ReportInputs) -> list[Bloc
     if not results:
         return []
     lost, times = losses(results), decision_ms(inputs)
-    shown = [overview(results), pairs(results), *([lost] if lost.rows else []), measures(results, times)]
-    return shown + [
+    films = [
         CONTROL.figure("control_film", strip(one), file=one.name, scenario=scenario_word(one.name)) for one in results
     ]
+    tables = [overview(results), pairs(results), *([lost] if lost.rows else []), measures(results, times)]
+    return [*tables, *films]

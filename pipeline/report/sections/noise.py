@@ -22,7 +22,7 @@ from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, ESTIMATORS, counted, in_order, listing, word
 from pipeline.report.figures import abstentions, legend_of
 from pipeline.report.inputs import ReportInputs, published
-from pipeline.report.spec import Figure, Section, missing, pairs_of, runs_by_estimator
+from pipeline.report.spec import Block, Figure, Section, missing, pairs_of, runs_by_estimator
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Cell, Row, Table, as_recorded, estimate, ordered, reasons_of, where
 
@@ -178,7 +178,7 @@ def section(inputs: ReportInputs) -> Section:
     stages = sorted(f"noise@{dataset}-{name}" for dataset, name in pairs_of(summary))
     datasets, reference = in_order(summary["dataset"], inputs.datasets), published(inputs, "noise_reference.csv")
     sums = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)[["count", "rejected", "abstained"]]
-    blocks = [
+    blocks: list[Block | None] = [
         PAGE.figure("noise", curves(summary, datasets), stages),
         *(medians(name, summary, reference) for name in datasets),
         *_maps(inputs),
@@ -202,7 +202,7 @@ def recorded(inputs: ReportInputs) -> Section | None:
         for one in records
     ]
     reference = published(inputs, "noise_reference.csv")
-    blocks = [
+    blocks: list[Block | None] = [
         PAGE.table("recorded_noise_sources", [one.described("noise_tiles") for one in records]),
         PAGE.figure("recorded_noise", curves(summary, datasets), after=f"{'; '.join(counts)}."),
         *(as_recorded(medians(dataset, summary, reference)) for dataset in datasets),

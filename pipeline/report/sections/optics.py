@@ -154,7 +154,7 @@ def _star(inputs: ReportInputs) -> list[Block]:
     theirs = dict(zip(paper["frequency"], paper["mtf"], strict=True))
     drawing = star_figure(inputs.arrays("star/star.npz")["image"], curves, paper)
     cells = {"paper": lambda row: theirs.get(row["frequency"])}
-    return [PAGE.figure("sim_star", drawing), PAGE.table("sim_sharpness", sharp_mtf(inputs), cells=cells)]
+    return [PAGE.figure("sim_star", drawing), PAGE.table("sim_sharpness", sharp_mtf(curves), cells=cells)]
 
 
 def section(inputs: ReportInputs) -> Section:

@@ -126,7 +126,8 @@ def crops(made: Examples) -> Drawing:
 def section(inputs: ReportInputs) -> Section | None:
     """Noise of real cameras, or None where nothing of it is known."""
     stages = inputs.folders("real_noise")
-    parts, made = (read(stages, inputs.recorded) for read in (real_noise_records.recordings, real_noise_records.sensor))
+    parts = real_noise_records.recordings(stages, inputs.recorded)
+    made = real_noise_records.sensor(stages, inputs.recorded)
     known = {part.name for part in parts} | ({SENSOR} if made is not None else set())
     if not known and not stages:
         return None
