@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.numbers import FiniteRange
 
 if TYPE_CHECKING:
@@ -47,14 +48,8 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
     show_default=True,
     help="adaptive, cellwise, correlated, pca, bf, wavelet, immerkaer, ...",
 )
-@click.option(
-    "--tiles", "most_tiles", default=54, show_default=True, type=click.IntRange(min=1),
-    help="most tiles of a frame for its noise, as in camera-monitor noise; if more would cover it, an even selection",
-)  # fmt: skip
-@click.option(
-    "--patches", "most_patches", default=28, show_default=True, type=click.IntRange(min=1),
-    help="most patches of a frame for its blur, likewise",
-)  # fmt: skip
+@tiles_option
+@patches_option
 @click.option(
     "--sharp", multiple=True, type=click.Path(path_type=Path),
     help="pictures of the same camera, known to be sharp (may be repeated): blur is then relative to them",

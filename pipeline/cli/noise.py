@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli.frame_samples import tiles_option
+
 COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reason")
 
 
@@ -21,10 +23,7 @@ COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reaso
 @click.option(
     "--tile", "tile_px", default=128, show_default=True, type=click.IntRange(16, 4096), help="side of a tile, pixels"
 )
-@click.option(
-    "--tiles", "most_tiles", default=54, show_default=True, type=click.IntRange(min=1),
-    help="most tiles of a frame; where more would cover it, an even selection",
-)  # fmt: skip
+@tiles_option
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 @click.option("--csv", "table", type=click.Path(path_type=Path), help="also write one row per tile here")
 @click.option(

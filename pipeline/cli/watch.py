@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.numbers import FiniteRange
 from pipeline.signals import handled
 
@@ -34,6 +35,8 @@ STATED = (
 @click.option("--blur", "blur_name", default="spectral", show_default=True, help="blur estimator")
 @click.option("--noise", "noise_name", default="adaptive", show_default=True, help="noise estimator")
 @click.option("--camera", "camera_name", help="blur relative to this camera, as camera-monitor calibrate stored it")
+@tiles_option
+@patches_option
 @click.option("--rate", default=10.0, show_default=True, type=FiniteRange(0.01, 1000), help="most frames per second")
 @click.option("--no-wait", is_flag=True, help="of a video file every frame, as fast as possible, not at its own speed")
 @click.option("--frames", type=click.IntRange(min=1), help="stop after so many frames")
@@ -48,9 +51,9 @@ STATED = (
 )  # fmt: skip
 @click.option("--surface", type=click.Path(path_type=Path), help="measured average precision, as for health")
 def command(
-    source: str, blur_name: str, noise_name: str, camera_name: str | None, rate: float, no_wait: bool,
-    frames: int | None,
-    idle_stop: float | None, window: int, alarm_sigma_dn: float | None, alarm_mtf50: float | None, alarm_flags: bool,
+    source: str, blur_name: str, noise_name: str, camera_name: str | None, most_tiles: int, most_patches: int,
+    rate: float, no_wait: bool, frames: int | None, idle_stop: float | None, window: int,
+    alarm_sigma_dn: float | None, alarm_mtf50: float | None, alarm_flags: bool,
     reference_frames: int, surface: Path | None,
 ) -> None:  # fmt: skip
     """Watch SOURCE: a camera index, an address (rtsp://...), a video file played as a stream, or a folder that fills.
@@ -78,7 +81,7 @@ def command(
     with handled((signal.SIGINT, signal.SIGTERM), _Stop(stop)):
         performance, _ = find_surface(surface)
         came = open_source(source, rate, wait=not no_wait, stop=stop)
-        monitor = ConditionMonitor(blur_name, noise_name)
+        monitor = ConditionMonitor(blur_name, noise_name, most_tiles=most_tiles, most_patches=most_patches)
         thresholds = Thresholds(alarm_sigma_dn, alarm_mtf50, alarm_flags)
         hashes = monitor_weights(monitor)
         if camera is not None:

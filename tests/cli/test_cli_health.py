@@ -260,14 +260,6 @@ def test_health_and_noise_take_the_same_tiles_of_a_large_frame(tmp_path):
         assert row["sigma_dn"] == pytest.approx(6, abs=0.4)
 
 
-def test_both_commands_state_the_monitor_s_number_of_tiles():
-    from pipeline.cli import health, noise
-    from pipeline.condition.frame_tiles import MOST_TILES
-
-    for command in (health.command, noise.command):
-        assert next(option for option in command.params if option.name == "most_tiles").default == MOST_TILES
-
-
 def test_best_quality_estimates_blur_by_the_fused_estimator(tmp_path, monkeypatch):
     from pipeline.blur import fused, fusion_gate
     from pipeline.learning import weights

@@ -53,6 +53,24 @@ def test_every_frame_of_a_video_becomes_a_line_and_a_threshold_an_alarm(tmp_path
     assert lines[-1] == {**lines[-1], "frames": 5, "alarms": 2, "reason": "end", "set_aside": 0}
 
 
+def test_noise_and_blur_are_measured_on_as_many_tiles_and_patches_as_asked_for(tmp_path, monkeypatch):
+    from pipeline import condition
+
+    taken = []
+
+    class Monitor(condition.ConditionMonitor):
+        def frame(self, *arguments, **named):
+            taken.append(answer := super().frame(*arguments, **named))
+            return answer
+
+    monkeypatch.setattr(condition, "ConditionMonitor", Monitor)
+    source = film(tmp_path / "v.avi", 1, size=(640, 480))
+    done, _ = watch(source, "--no-wait", "--tiles", 4, "--patches", 2)
+    assert done.exit_code == 0, done.output
+    (answer,) = taken
+    assert len(answer.noise.patches) == 4 and len(answer.blur.patches) == 2
+
+
 def test_it_stops_after_the_frames_asked_for_without_alarm(tmp_path):
     done, lines = watch(film(tmp_path / "v.avi", 4), "--no-wait", "--frames", 2)
     assert done.exit_code == 0, done.output

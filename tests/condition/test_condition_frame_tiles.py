@@ -87,12 +87,11 @@ def test_blur_of_a_frame_smaller_than_a_patch_is_abstained_from():
     assert ConditionMonitor(noise_name="immerkaer").frame(np.full((191, 500), 0.5, np.float32)).blur.grid == (0, 0)
 
 
-def test_health_takes_as_many_patches_by_default_as_the_monitor():
-    (option,) = [one for one in main.get_command(None, "health").params if one.name == "most_patches"]
-    assert option.default == MOST_PATCHES
-
-
-@pytest.mark.parametrize("name", ["health", "noise"])
-def test_the_commands_take_as_many_tiles_by_default_as_the_monitor(name):
-    (option,) = [one for one in main.get_command(None, name).params if one.name == "most_tiles"]
-    assert option.default == MOST_TILES
+@pytest.mark.parametrize(
+    ("command", "options"),
+    [("health", {"most_tiles", "most_patches"}), ("watch", {"most_tiles", "most_patches"}), ("noise", {"most_tiles"})],
+)
+def test_the_commands_take_as_many_tiles_and_patches_by_default_as_the_monitor(command, options):
+    defaults = {one.name: one.default for one in main.get_command(None, command).params}
+    monitors = {"most_tiles": MOST_TILES, "most_patches": MOST_PATCHES}
+    assert {name: defaults[name] for name in options} == {name: monitors[name] for name in options}
