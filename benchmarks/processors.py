@@ -2,15 +2,15 @@
 
     KEEP=1 .ci/smoke                                              # leaves a copy with every stage's outputs
     python benchmarks/processors.py FOLDER [--only STAGE ...] [--processors EPYC-Rome Haswell] [--minutes N]
-                                           [--numpy-without X86_V3]
+                                           [--qemu PROGRAM]
 
 Each stage of the copy's ``dvc.lock`` is run again by qemu's user mode (``qemu-x86_64``, about 20 times slower), on the
 inputs made natively, and its outputs are compared file by file; then the native ones are put back. A stage that takes
 longer than ``--minutes`` is stopped. The record (``benchmarks/results/processors.json``) keeps, per stage and
-processor, ``same``, ``differs`` with the files, ``stopped``, or ``failed`` with the last line; the rest of it stays.
-``--numpy-without`` switches off kernels of NumPy for the emulated run alone, where the emulator cannot run them; the
-record names them. FOLDER may be any project folder with ``dvc.lock`` and its outputs, whose ``params.yaml`` has
-``executor.workers: 1``: further processes would run natively.
+processor, the emulator's version and ``same``, ``differs`` with the files, ``stopped``, or ``failed`` with the last
+line; the rest of it stays. An emulator that sorts wrongly is refused: qemu 7.2 (Debian 12) computes NumPy's AVX2
+``argsort`` wrongly, qemu 10 rightly. FOLDER may be any project folder with ``dvc.lock`` and its outputs, whose
+``params.yaml`` has ``executor.workers: 1``: further processes would run natively.
 """
 
 from __future__ import annotations
@@ -37,6 +37,14 @@ from benchmarks import common  # noqa: E402
 
 PROCESSORS = ("EPYC-Rome", "Haswell")
 RECORD = common.RESULTS / "processors.json"
+INTERPRETER = str(Path(sys.executable).resolve())
+
+
+def environment(*folders: Path) -> dict[str, str]:
+    """Environment in which the interpreter itself, without the virtual environment's start, finds its packages."""
+    return {
+        "PYTHONPATH": ":".join([*map(str, folders), sysconfig.get_paths()["purelib"]]), "OMP_NUM_THREADS": "1"
+    }  # fmt: skip
 
 
 def hashes(folder: Path, outs: list[str]) -> dict[str, str]:
@@ -51,37 +59,53 @@ def hashes(folder: Path, outs: list[str]) -> dict[str, str]:
     }
 
 
-def emulated(folder: Path, entry: dict[str, Any], processor: str, minutes: float, without: str = "") -> dict[str, Any]:
+SORTED = """import numpy as np
+values = np.random.default_rng(0).random(5000)
+raise SystemExit(int((np.diff(values[np.argsort(values)]) < 0).any()))"""
+
+
+def version(qemu: str, processor: str) -> str:
+    """The emulator's version.
+
+    Raises:
+        SystemExit: it cannot run NumPy's sorting on that processor.
+    """
+    done = subprocess.run(
+        [qemu, "-cpu", processor, INTERPRETER, "-c", SORTED], env={**os.environ, **environment()}, check=False
+    )
+    if done.returncode:
+        raise SystemExit(
+            f"{qemu} -cpu {processor} sorts wrongly or not at all: --qemu with a newer one, 10 is known good"
+        )
+    return subprocess.run([qemu, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
+
+
+def emulated(folder: Path, entry: dict[str, Any], qemu: str, processor: str, minutes: float) -> dict[str, Any]:
     """Run a stage on an emulated processor and compare; its native outputs are there again afterwards."""
     outs = [out["path"] for out in entry["outs"]]
     native = hashes(folder, outs)
     module, *words = re.search(r"python -m (\S+)(.*)", " ".join(entry["cmd"].split()))[0].split()[2:]
-    interpreter = str(Path(sys.executable).resolve())
-    environment = {"PYTHONPATH": f"{folder}:{sysconfig.get_paths()['purelib']}", "OMP_NUM_THREADS": "1"}
-    switched_off = {"numpy_without": without} if without else {}
-    environment |= {"NPY_DISABLE_CPU_FEATURES": without} if without else {}
     with tempfile.TemporaryDirectory() as kept:
         for number, out in enumerate(outs):
             shutil.move(folder / out, Path(kept) / str(number))
         try:
             done = subprocess.run(
-                ["qemu-x86_64", "-cpu", processor, interpreter, "-m", module, *words],
-                cwd=folder, env={**os.environ, **environment}, capture_output=True, text=True, timeout=60 * minutes,
+                [qemu, "-cpu", processor, INTERPRETER, "-m", module, *words],
+                cwd=folder, env={**os.environ, **environment(folder)},
+                capture_output=True, text=True, timeout=60 * minutes,
             )  # fmt: skip
             again = hashes(folder, outs)
         except subprocess.TimeoutExpired:
-            return {"result": "stopped", "minutes": minutes, **switched_off}
+            return {"result": "stopped", "minutes": minutes}
         finally:
             for number, out in enumerate(outs):
                 path = folder / out
                 shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
                 shutil.move(Path(kept) / str(number), path)
     if done.returncode:
-        return {"result": "failed", "reason": (done.stderr.strip().splitlines() or ["?"])[-1], **switched_off}
+        return {"result": "failed", "reason": (done.stderr.strip().splitlines() or ["?"])[-1]}
     differing = sorted(name for name in native.keys() | again.keys() if native.get(name) != again.get(name))
-    return {
-        "result": "differs" if differing else "same", "files": len(native), "differing": differing, **switched_off
-    }  # fmt: skip
+    return {"result": "differs" if differing else "same", "files": len(native), "differing": differing}
 
 
 def main() -> None:
@@ -91,17 +115,19 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=None, help="stages, by name or group")
     parser.add_argument("--processors", nargs="+", default=list(PROCESSORS), help="of qemu-x86_64 -cpu help")
     parser.add_argument("--minutes", type=float, default=30.0, help="per stage and processor")
-    parser.add_argument("--numpy-without", default="", help="features that NumPy is held from, e.g. X86_V3")
+    parser.add_argument("--qemu", default="qemu-x86_64", help="the emulator")
     arguments = parser.parse_args()
     folder = arguments.folder.resolve()
     stages = yaml.safe_load((folder / "dvc.lock").read_text(encoding="utf-8"))["stages"]
     record = json.loads(RECORD.read_text()) if RECORD.exists() else {"stages": {}}
+    versions = {processor: version(arguments.qemu, processor) for processor in arguments.processors}
     record |= {"machine": common.machine("torch", "opencv-python-headless"), "not_run": []}
     for name, entry in stages.items():
         if not entry.get("outs") or (arguments.only and not {name, name.partition("@")[0]} & set(arguments.only)):
             continue
         for processor in arguments.processors:
-            answer = emulated(folder, entry, processor, arguments.minutes, arguments.numpy_without)
+            answer = emulated(folder, entry, arguments.qemu, processor, arguments.minutes)
+            answer["qemu"] = versions[processor]
             print(name, processor, answer["result"], flush=True)
             record["stages"].setdefault(name, {})[processor] = answer
     record["not_run"] = sorted(name for name in stages if name not in record["stages"])

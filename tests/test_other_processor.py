@@ -1,4 +1,4 @@
-"""The same bytes on another processor: estimates of blur, noise and deconvolution, natively and emulated.
+"""The same bytes on another processor: blur, noise and deconvolution estimates and a rendered star.
 
 The emulated processor is a Haswell (Intel, AVX2, no AVX-512) under qemu's user mode.
 """
@@ -23,6 +23,7 @@ PROGRAM = """
 from pipeline import blur, noise, processor  # before NumPy, so that it is pinned
 import hashlib, json, sys
 import numpy as np
+from pipeline.scenes.star import render_star
 from pipeline.streams import stream
 
 generator = stream(1, "other processor")
@@ -45,6 +46,7 @@ answers = {
     "cellwise": of_cells("cellwise"),
     "correlated": of_cells("correlated"),
     "pca": noise.create("pca").estimate(patch[..., :128, :128]).sigma_dn,
+    "star": render_star(1, width_px=96, height_px=64, periods=12),
     "gbb": blur.create("gbb", mode="fast").estimate(patch).mtf,
 }
 assert all(np.isfinite(answer).all() for answer in answers.values())

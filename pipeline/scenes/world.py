@@ -1,8 +1,8 @@
 """Placed objects as one thing that rays can hit.
 
-Embree (Wald et al. 2014, through the `embreex` package) finds the triangle that a ray meets first. Where on it is computed
-here, in double precision: Embree's own coordinates differ in the last digits between processors, whose widest
-instructions it uses (4e-6 of a grey value on 4 % of a star's pixels). Everything else a hit needs (normals, texture
+Embree (Wald et al. 2014, through the `embreex` package) finds the triangle that a ray meets first. Where on it is
+computed here, in double precision: Embree's own coordinates differ in the last digits between processors, whose widest
+instructions it uses (4e-6 of the range on 4 % of a star's pixels). Everything else a hit needs (normals, texture
 coordinates, materials) is kept once per distinct mesh in the object's own coordinates and looked up by
 (object, triangle), so a hundred copies of one tree cost the attributes of one.
 """
@@ -180,7 +180,8 @@ def _meeting(origin: Array, direction: Array, triangle: Array) -> tuple[Array, A
     v = d.q / e1.h; u and v are brought into the triangle, which rounding may leave.
 
     Args:
-        origin, direction: (K, 3).
+        origin: (K, 3) where the rays begin.
+        direction: (K, 3) unit vectors.
         triangle: (K, 3, 3) corners.
 
     Returns:
