@@ -47,10 +47,10 @@ import pandas as pd
 from pipeline.errors import InputError, did_you_mean
 from pipeline.report.display_names import NAMES, in_order, listing, word
 from pipeline.report.figures import grid
+from pipeline.report.sections import description
 from pipeline.report.spec import Block, Figure, Run, Section
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Cell, Column, Row, Table, estimate, ordered, pivot, records
-from pipeline.report.yaml_files import content
 
 Cells = dict[str, Callable[[Row], Cell]]
 """Column -> what makes its cells from a row."""
@@ -100,7 +100,7 @@ class Descriptions:
 
     @functools.cached_property
     def _content(self) -> dict[str, dict[str, Any]]:
-        return cast("dict[str, dict[str, Any]]", content(f"sections/{self.name}.yaml"))
+        return cast("dict[str, dict[str, Any]]", description(self.name))
 
     def _entry(self, part: str, key: str) -> Any:
         entries = self._content.get(part, {})

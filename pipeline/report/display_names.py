@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from importlib import resources
 from typing import Any
 
 from pipeline.report.yaml_files import content
 
-NAMES: Mapping[str, Mapping[str, str]] = content("display_names.yaml")
+NAMES: Mapping[str, Mapping[str, str]] = content(resources.files(__package__), "display_names.yaml")
 """What names are of, e.g. ``dataset``, a column of tables -> name -> display name, in the order of listing."""
 
 DATASETS, ESTIMATORS, EFFECTS = NAMES["dataset"], NAMES["estimator"], NAMES["noise_source"]

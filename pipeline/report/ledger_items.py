@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -148,7 +149,7 @@ class Item:
     no_real_frames: str = ""
 
 
-ITEMS = TypeAdapter(tuple[Item, ...]).validate_python(content("ledger.yaml"))
+ITEMS = TypeAdapter(tuple[Item, ...]).validate_python(content(resources.files(__package__), "ledger.yaml"))
 TITLES = {item.name: item.title for item in ITEMS}
 NO_REAL_FRAMES = {item.name: item.no_real_frames for item in ITEMS}
 """Item -> why ours are of no real frames."""

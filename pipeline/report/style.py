@@ -11,6 +11,7 @@ import functools
 import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -30,7 +31,7 @@ ONE_COLUMN_IN = 3.46
 TWO_COLUMNS_IN = 7.16
 PNG_DPI = 150
 
-_STYLE = content("style.yaml")
+_STYLE = content(resources.files(__package__), "style.yaml")
 INK, MUTED, GRID, PAPER = (_STYLE["colours"][name] for name in ("ink", "muted", "grid", "paper"))
 PALETTE: Sequence[str] = _STYLE["palette"]
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Any
 
 
-def content(file: str) -> Any:
-    """The content of a YAML file of this package, e.g. ``"sections/blur.yaml"``."""
+def content(folder: Traversable, name: str) -> Any:
+    """The content of a YAML file in the folder of a package (`importlib.resources.files`)."""
     import yaml
 
-    return yaml.safe_load(resources.files(__package__).joinpath(file).read_text(encoding="utf-8"))
+    return yaml.safe_load(folder.joinpath(name).read_text(encoding="utf-8"))

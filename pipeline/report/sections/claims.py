@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from pipeline.control.order_conclusions import CONCLUSIONS
-from pipeline.report.claims import of_blur, of_detection, of_noise
+from pipeline.report.claims import descriptions, of_blur, of_detection, of_noise
 from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence, Measurement
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import listing
@@ -16,7 +16,6 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections.order_study import STAGE
 from pipeline.report.spec import Section
 from pipeline.report.tables import Estimate, Table
-from pipeline.report.yaml_files import content
 
 MEASURES = {**of_blur.MEASURES, **of_noise.MEASURES, **of_detection.MEASURES}
 PAGE = Descriptions("claims")
@@ -26,7 +25,7 @@ def all_claims() -> list[Claim]:
     """The claims of ``claims/claims.yaml``, then the conclusions that the order study decides."""
     claims = [
         Claim(measure=partial(MEASURES[entry.pop("measure")], **entry.pop("options", {})), **entry)
-        for entry in content("claims/claims.yaml")
+        for entry in descriptions()
     ]
     reservation = PAGE.text("order_study")
     return claims + [
