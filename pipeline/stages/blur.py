@@ -19,6 +19,7 @@ USES = {"pipeline.blur": ["blur.estimators.{estimator}"]}
 def run(run: Run) -> None:
     """Estimate patches under every kernel; write estimates, AMAE raw and calibrated, kernels, and the metrics."""
     from pipeline import store
+    from pipeline.blur import wide_convolutions
     from pipeline.camera.psf import stored
     from pipeline.experiments import tables
     from pipeline.experiments.frames import of_index
@@ -28,6 +29,8 @@ def run(run: Run) -> None:
 
     dataset, name, params = run.job["dataset"], run.job["estimator"], run.params
     section = params.blur.estimators[name]
+    if section.kind == "cnn":
+        wide_convolutions.allow()
     candidate = Candidate.configured(section)
     folder, source = run.inputs / "data/index" / dataset, params.datasets[dataset]
     frames = of_index(folder, dataset, source, {"mtf": section.per_frame or params.blur.patches_per_frame})
