@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from pipeline import detection, store
-from pipeline.detection.compact import one_stage, samples, training, two_stage
+from pipeline.detection.compact import one_stage, samples, training, trunk, two_stage
 from pipeline.detection.compact.detector import Compact
 from pipeline.detection.settings import CropRecipe, DetectorTraining
 from pipeline.detection.sim_frames import SimFrames, fingerprint, sim_frames
@@ -18,6 +18,7 @@ from pipeline.errors import InputError
 from pipeline.learning.initial import initialise
 from pipeline.learning.run_options import RunOptions
 from pipeline.learning.settings import Schedule
+from pipeline.streams import stream
 
 NETWORKS = training.NETWORKS.names()
 SIZE = (96, 128)
@@ -101,6 +102,16 @@ def test_small_and_hidden_objects_are_neither_wanted_nor_wrong() -> None:
     assert (kind[3:] == samples.ABSENT).all()
     assert (placed[:3] >= 0).all()
     assert (placed <= 192).all()
+
+
+@pytest.mark.parametrize("shape", [(2, 3, 24, 28), (1, 1, 1, 7), (1, 2, 3, 1)])
+def test_context_at_inference_is_that_of_training(shape: tuple[int, ...]) -> None:
+    maps = torch.from_numpy(stream(5, "maxima").normal(size=shape).astype(np.float32))
+    expected = torch.nn.functional.max_pool2d(maps, 5, 1, 2)
+    assert torch.equal(trunk._largest(maps), expected)
+    network = trunk.Context(shape[1] * 2)
+    network.before = network.after = torch.nn.Identity()
+    assert torch.equal(network.train()(maps), network.eval()(maps))
 
 
 def test_regions_are_read_where_they_are() -> None:
