@@ -9,7 +9,6 @@ from pipeline.report.display_names import qualified
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import Score, score, summary_table, to_table
 from pipeline.report.ledger_items import NO_REAL_FRAMES, TITLES, all_rows
-from pipeline.report.provenance import Provenance
 from pipeline.report.sections import (
     blur,
     claims,
@@ -27,7 +26,7 @@ from pipeline.report.sections import (
     runtime,
     training,
 )
-from pipeline.report.spec import Figure, Section
+from pipeline.report.spec import Figure
 from pipeline.report.tables import Table
 from pipeline.store import replacing_folder, write_text
 
@@ -54,17 +53,6 @@ SECTIONS = (
 """Every section in the paper's order: a function of the inputs, None where it has nothing to show."""
 
 
-def _origins(sections: list[Section], inputs: ReportInputs) -> list[Provenance]:
-    """The origin of every stage that a figure shows, in the order of the figures."""
-    stages = provenance.read_lock(inputs.lock)
-    items: dict[str, list[str]] = {}
-    figures = (block for section in sections for block in section.blocks if isinstance(block, Figure))
-    for figure in figures:
-        for stage in figure.stages:
-            items.setdefault(stage, []).append(figure.name)
-    return [provenance.origin(names, stage, stages, inputs) for stage, names in items.items()]
-
-
 def build(inputs: ReportInputs, out_dir: str | Path) -> Score:
     """Write the report into a folder; sub-folders of an earlier run are replaced.
 
@@ -81,24 +69,21 @@ def build(inputs: ReportInputs, out_dir: str | Path) -> Score:
     Raises:
         InputError: a stage's file is broken or incomplete. A stage that has not run is no error: it is shown as such.
     """
+    out = Path(out_dir)
     with qualified(training_budget.names(inputs)):
-        return _build(inputs, Path(out_dir))
-
-
-def _build(inputs: ReportInputs, out: Path) -> Score:
-    rows = all_rows(inputs)
-    sections = [one for make in SECTIONS if (one := make(inputs)) is not None]
-    blocks = [block for section in sections for block in section.blocks]
-    svgs = {}
-    with replacing_folder(out / "figures") as folder:
-        for block in blocks:
-            if isinstance(block, Figure):
-                written = style.save(block.drawing.figure, folder / block.name, block.drawing.values)
-                svgs[block.name] = written[0].read_text(encoding="utf-8")
-    with replacing_folder(out / "tables") as folder:
-        for block in [*blocks, to_table(rows), summary_table(rows, TITLES, NO_REAL_FRAMES)]:
-            if isinstance(block, Table):
-                table_formats.save(block, folder)
-    text = page.render(sections, rows, _origins(sections, inputs), svgs, inputs.profile, inputs.code_version)
-    write_text(out / "index.html", text)
-    return score(rows)
+        rows = all_rows(inputs)
+        sections = [section for make in SECTIONS if (section := make(inputs)) is not None]
+        blocks = [block for section in sections for block in section.blocks]
+        svgs = {}
+        with replacing_folder(out / "figures") as folder:
+            for figure in (block for block in blocks if isinstance(block, Figure)):
+                written = style.save(figure.drawing.figure, folder / figure.name, figure.drawing.values)
+                svgs[figure.name] = written[0].read_text(encoding="utf-8")
+        with replacing_folder(out / "tables") as folder:
+            for block in [*blocks, to_table(rows), summary_table(rows, TITLES, NO_REAL_FRAMES)]:
+                if isinstance(block, Table):
+                    table_formats.save(block, folder)
+        origins = provenance.origins([block for block in blocks if isinstance(block, Figure)], inputs)
+        text = page.render(sections, rows, origins, svgs, inputs.profile, inputs.code_version)
+        write_text(out / "index.html", text)
+        return score(rows)

@@ -2,6 +2,8 @@
 
 A table is a caption, columns, notes and the stage that made its numbers; its rows come from a data frame::
 
+    sections:
+      noise: {title: Noise estimation, text: First paragraph.}
     tables:
       noise_saturated:
         name: noise_saturated_{dataset}   # of its files; the key where left out

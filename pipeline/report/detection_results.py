@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import pandas as pd
 
 from pipeline.curves import directions, iso_exposure, precision
-from pipeline.report.display_names import DATASETS, DETECTORS, in_order
+from pipeline.report.display_names import DATASETS, DETECTORS
 from pipeline.report.inputs import ReportInputs
+from pipeline.report.tables import ordered
 from pipeline.stage_files import any_table, existing, optional
 from pipeline.store import Schema, read_json
 
@@ -31,13 +32,13 @@ class Results:
     precision: pd.DataFrame
     heat: pd.DataFrame
     isolated: pd.DataFrame
-    refused: dict[str, str]
-    directions: pd.DataFrame | None
-    spread: pd.DataFrame | None
-    coefficients: pd.DataFrame | None
-    fitted: pd.DataFrame | None
-    fits: dict[str, Any]
-    calibration: dict[str, Any]
+    directions: pd.DataFrame | None = None
+    spread: pd.DataFrame | None = None
+    coefficients: pd.DataFrame | None = None
+    fitted: pd.DataFrame | None = None
+    refused: dict[str, str] = field(default_factory=dict)
+    fits: dict[str, Any] = field(default_factory=dict)
+    calibration: dict[str, Any] = field(default_factory=dict)
 
     @property
     def labels(self) -> list[str]:
@@ -63,16 +64,16 @@ FILES: Mapping[str, tuple[str, str, Schema | None]] = {
 
 def read(inputs: ReportInputs) -> list[Results]:
     """Everything that has run, in the paper's order of datasets and ours of detectors."""
-    results, pairs = [], inputs.pairs("curves")
-    for dataset in in_order((pair[0] for pair in pairs), DATASETS):
-        for detector in in_order((one[1] for one in pairs if one[0] == dataset), DETECTORS):
-            parts: dict[str, Any] = {
-                name: inputs.read(f"{stage}/{dataset}-{detector}/{file}", schema)
-                for name, (stage, file, schema) in FILES.items()
-            }
-            if all(parts[name] is not None for name in ("precision", "heat", "isolated")):
-                parts |= {name: parts[name] or {} for name in ("refused", "fits", "calibration")}
-                results.append(Results(dataset, detector, **parts))
+    pairs = pd.DataFrame(inputs.pairs("curves"), columns=["dataset", "detector"])
+    results = []
+    for dataset, detector in ordered(pairs, dataset=DATASETS, detector=DETECTORS).itertuples(index=False):
+        files = {
+            name: inputs.read(f"{stage}/{dataset}-{detector}/{file}", schema)
+            for name, (stage, file, schema) in FILES.items()
+        }
+        parts = {name: content for name, content in files.items() if content is not None}
+        if {"precision", "heat", "isolated"} <= set(parts):
+            results.append(Results(dataset, detector, **parts))
     return results
 
 
@@ -99,8 +100,8 @@ def recorded(inputs: ReportInputs) -> list[Recorded]:
         table, isolated = (any_table(path.parent / f"{name}.csv") for name in ("precision", "iopc"))
         heat = optional(path.parent, "iopc_heat.csv")  # absent where there was too little for a surface
         heat = pd.DataFrame(columns=list(precision.HEAT.columns)) if heat is None else heat
-        pair = about["dataset"], about["detector"]["kind"]
-        turned = [optional(path.parent, f"{name}.csv") for name in (DIRECTION, SPREAD)]  # of several directions only
-        results = Results(*pair, table, heat, isolated, {}, turned[0], turned[1], None, None, {}, {})
+        turned = {"directions": DIRECTION, "spread": SPREAD}  # of several directions only
+        also = {name: optional(path.parent, f"{file}.csv") for name, file in turned.items()}
+        results = Results(about["dataset"], about["detector"]["kind"], table, heat, isolated, **also)
         records.append(Recorded(path.parent.name.replace("-", "_"), results, about))
     return records

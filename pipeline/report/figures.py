@@ -46,10 +46,10 @@ def grid(
     across: Sequence[Any] = (),
     under: Panel | None = None,
     over: Panel | None = None,
+    beside: pd.DataFrame | None = None,
     axes: Mapping[str, Any] | None = None,
     values: pd.DataFrame | None = None,
     legend: Legend = (),
-    series: tuple[tuple[str, str, str], ...] = (),
     y: str = "",
     panel_in: float = 0.0,
     width_in: float = style.TWO_COLUMNS_IN,
@@ -59,22 +59,23 @@ def grid(
     Args:
         about: ``down`` and ``across``: columns of the frame; ``headings``: of the values across (their display names by
             default; a text to fill in, or by value); ``lines``: arguments of `lines`, such as ``by``, ``x``, ``y`` and
-            ``band`` (none without it); ``x`` (one, or by value across) and ``y``: labels; ``axes`` and ``axes_across``:
+            ``band`` (none without it); ``beside``: columns ``x`` and ``y`` of the paper's values, and changes to their
+            ``look``; ``x`` (one, or by value across) and ``y``: labels; ``axes`` and ``axes_across``:
             settings of every panel (`Axes.set`), and by value across; ``bar``: label of a colour bar; ``values`` and
             ``sort``: columns of the numbers plotted, and those to sort them by; ``panel_in`` and ``margin_in``: height
             of a row of panels and of everything else, inches; ``title_size`` of the headings; ``share_x``: whether
             panels share the horizontal axis, as they share the vertical one; ``absent``: text in a panel without rows.
         frame: long table.
         alt: description for readers who do not see the figure.
-        looks: look of each series of the lines.
+        looks: look of each series of the lines; a reader may switch off those that have a name.
         down: values down, in order; those of the frame by default.
         across: likewise across.
         under: draws into each panel before the lines; gets a key that is unique to the panel, for SVG ids.
+        beside: the paper's values, drawn in the panels that they belong to.
         over: draws after them; may return what the colour bar is of.
         axes: further settings of every panel.
         values: the numbers plotted, where these are not the frame; see `Drawing`.
         legend: label and look of every entry.
-        series: what a reader may switch off, see `Drawing`.
         y: label, in place of that of the description.
         panel_in: in place of that of the description.
         width_in: of the figure.
@@ -96,6 +97,12 @@ def grid(
             under(spot, shown, key)
         if "lines" in about:
             lines(spot, shown, looks=looks, key=key, **about["lines"])
+        if beside is not None:
+            sides = {about["down"]: upper, about["across"]: left}
+            theirs = where(beside, **{name: value for name, value in sides.items() if name in beside})
+            how = {"change": PAPER | about["beside"].get("look", {}), "part": "paper", "key": key, "zorder": 2}
+            ends = {end: about["beside"][end] for end in ("x", "y")}
+            lines(spot, theirs, about["lines"]["by"], looks, **ends, **how)
         if over is not None:
             mappable = over(spot, shown, key) or mappable
         if shown.empty:
@@ -103,7 +110,8 @@ def grid(
             spot.text(0.5, 0.5, absent, transform=spot.transAxes, ha="center", va="center", color=style.MUTED)
         spot.set(**{**about.get("axes", {}), **(axes or {}), **about.get("axes_across", {}).get(left, {})})
         if row == 0:
-            spot.set_title(_heading(about.get("headings"), left), **size)
+            headings = about.get("headings") or {left: word(left)}
+            spot.set_title(headings.format(left) if isinstance(headings, str) else headings[left], **size)
         if row == len(rows) - 1:
             spot.set_xlabel(x[left] if isinstance(x, dict) else x)
         if column == 0:
@@ -113,14 +121,8 @@ def grid(
         style.colour_bar(figure, mappable, panels, about["bar"], shrink=0.9, pad=0.01)
     plotted = frame if values is None else values
     plotted = plotted[about["values"]] if "values" in about else plotted
+    series = style.switches(name for name in looks if isinstance(name, str))
     return Drawing(figure, alt, plotted.sort_values(about["sort"]) if "sort" in about else plotted, series)
-
-
-def _heading(headings: str | Mapping[Any, str] | None, value: Any) -> str:
-    """The heading of a value: its display name, a text with the value filled in, or of a mapping."""
-    if headings is None:
-        return word(value)
-    return headings.format(value) if isinstance(headings, str) else headings[value]
 
 
 HANDLE_IN, CHARACTER_IN = 0.5, 0.05

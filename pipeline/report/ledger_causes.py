@@ -51,20 +51,24 @@ def uncorrupted(inputs: ReportInputs) -> Callable[[Row], str]:
 
 def combined(inputs: ReportInputs) -> Callable[[Row], str]:
     """A function from a row of blur and noise at once to the causes of its difference, in words."""
-    percent = training_budget.percents(inputs).get("mtf_cnn")
     records = frame_records.records_with(inputs.recorded, frame_records.COMBINED_FILES[0])
-    record = next((one for one in records if one.dataset == COMBINED_DATASET), None)
     causes = [f"ours is {word(COMBINED_ESTIMATOR)}, which was trained on noise, the paper's network was not"]
     if combined_estimator(inputs) == training_budget.NETWORK:
-        causes = ["other training pictures than the paper's photographs"]
-        if percent is not None and percent < 100:
-            causes.insert(0, f"trained anew on {training_budget.in_words(percent)}")
-    if record is not None:
-        patches = counted(int(record.frames["blur_patches"].sum()), "patch", "patches")
-        frames = counted(len(record.frames), "frame")
-        causes.append(f"{patches} of {frames}, the paper's of {PAPER_FRAMES}")
+        causes = _of_training(training_budget.percents(inputs).get("mtf_cnn"))
+    for record in [one for one in records if one.dataset == COMBINED_DATASET][:1]:
+        causes.append(_compared_on(len(record.frames), int(record.frames["blur_patches"].sum())))
     text = "; ".join(causes)
     return lambda row: text
+
+
+def _of_training(percent: float | None) -> list[str]:
+    """How the training of the paper's network differs, which saw ``percent`` of the paper's samples here."""
+    anew = [f"trained anew on {training_budget.in_words(percent)}"] if percent is not None and percent < 100 else []
+    return [*anew, "other training pictures than the paper's photographs"]
+
+
+def _compared_on(frames: int, patches: int) -> str:
+    return f"{counted(patches, 'patch', 'patches')} of {counted(frames, 'frame')}, the paper's of {PAPER_FRAMES}"
 
 
 def _record(row: Row, records: Sequence[BlurRecord]) -> BlurRecord | None:
@@ -86,11 +90,7 @@ def _of_estimator(row: Row, record: BlurRecord | None, percent: float | None) ->
         causes.append(f"ours in {options['mode']} mode, the paper's program as published")
     if options.get("kernel_size") not in (None, PAPER_KERNEL_PX):
         causes.append(f"kernels of {options['kernel_size']} px, the paper's {PAPER_KERNEL_PX} px")
-    if row["estimator"] == training_budget.NETWORK:
-        if percent is not None and percent < 100:
-            causes.append(f"trained anew on {training_budget.in_words(percent)}")
-        causes.append("other training pictures than the paper's photographs")
-    return causes
+    return [*causes, *(_of_training(percent) if row["estimator"] == training_budget.NETWORK else [])]
 
 
 CHOICES = {
@@ -139,8 +139,7 @@ def _effects(inputs: ReportInputs) -> Callable[[Row, BlurRecord | None], str]:
 def _frames(row: Row, record: BlurRecord | None) -> str:
     if record is None:
         return f"other frames than the paper's {PAPER_FRAMES}"
-    frames, patches = record.measured_on(record.name_of(row["estimator"]))
-    return f"{counted(patches, 'patch', 'patches')} of {counted(frames, 'frame')}, the paper's of {PAPER_FRAMES}"
+    return _compared_on(*record.measured_on(record.name_of(row["estimator"])))
 
 
 def _lens(row: Row, record: BlurRecord | None) -> str:

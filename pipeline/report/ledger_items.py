@@ -83,17 +83,23 @@ def _why(reasons: Sequence[Reason], row: Row) -> str:
 class Source:
     """Where our side of an item is: a function of `pipeline.report.ledger_sources`, or a file of a stage.
 
+    ``on_udacity``: one of `pipeline.report.inputs.RESULTS`, of blur and noise at once.
+
     ``where``: of its rows that count; ``columns``: a column of it -> as the published file calls it.
     """
 
     table: str = ""
     file: str = ""
+    on_udacity: str = ""
     where: Condition = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
 
     def read(self, inputs: ReportInputs) -> pd.DataFrame | None:
         """The table with the published file's names; None, or empty, where nothing has run."""
-        table = getattr(ledger_sources, self.table)(inputs) if self.table else inputs.read(self.file)
+        if self.on_udacity:
+            table = ledger_sources.on_udacity(inputs, self.on_udacity)
+        else:
+            table = getattr(ledger_sources, self.table)(inputs) if self.table else inputs.read(self.file)
         if table is None or table.empty:
             return None
         selected: pd.DataFrame = where(table, **self.where).rename(columns=self.columns)
@@ -177,26 +183,17 @@ def _ours(item: Item, inputs: ReportInputs) -> pd.DataFrame:
     table = item.ours.read(inputs)
     if table is None:
         return pd.DataFrame({name: [] for name in columns})
-    for name in item.keys:
-        if name not in table:
-            raise InputError(
-                f"results of '{item.name}': column '{name}' is missing; expected the keys {list(item.keys)}"
-            )
+    absent = [name for name in item.keys if name not in table]
+    if absent:
+        expected = f"expected the keys {list(item.keys)}"
+        raise InputError(f"results of '{item.name}': column '{absent[0]}' is missing; {expected}")
     if "measured_on" not in table:
         table = table.assign(measured_on=table.get("dataset", item.dataset))
     long = _long(item, table, "ours")
-    ends = [item.intervals.get(column, ("", "")) for column in long["column"]]
-    for number, name in enumerate(("low", "high")):
-        long[name] = [row.get(end[number], math.nan) for row, end in zip(records(long), ends, strict=True)]
+    for number, end in enumerate(("low", "high")):
+        sources = {column: ends[number] for column, ends in item.intervals.items()}
+        long[end] = [row.get(sources.get(row["column"], ""), math.nan) for row in records(long)]
     return long[columns].drop_duplicates(["key", "column"], keep="last")
-
-
-def _published(item: Item, inputs: ReportInputs) -> pd.DataFrame:
-    if item.published:
-        made: pd.DataFrame = getattr(ledger_sources, item.published)(inputs)
-        return made
-    table = published_table(inputs.paper / item.file)
-    return table.assign(dataset=item.dataset) if item.dataset else table
 
 
 def rows_of(item: Item, inputs: ReportInputs) -> list[LedgerRow]:
@@ -205,7 +202,11 @@ def rows_of(item: Item, inputs: ReportInputs) -> list[LedgerRow]:
     Raises:
         InputError: the published file is absent, or ours lacks a key.
     """
-    paper = _long(item, _published(item, inputs), "paper")
+    if item.published:
+        table = getattr(ledger_sources, item.published)(inputs)
+    else:
+        table = published_table(inputs.paper / item.file)
+    paper = _long(item, table.assign(dataset=item.dataset) if item.dataset else table, "paper")
     paper = paper[np.isfinite(paper["paper"].to_numpy(float))]
     if paper.empty:
         return []

@@ -208,7 +208,7 @@ def run_times(inputs: ReportInputs) -> pd.DataFrame | None:
     return times[["name"]].rename(columns={"name": "estimator"}).assign(unit=unit, seconds=seconds)
 
 
-def _on_udacity(inputs: ReportInputs, name: str) -> pd.DataFrame:
+def on_udacity(inputs: ReportInputs, name: str) -> pd.DataFrame:
     """Raw rows of blur and noise at once that stand for the paper's, of a stage or of a record.
 
     They are of the paper's network where it was run on all that the other estimator was run on.
@@ -218,22 +218,12 @@ def _on_udacity(inputs: ReportInputs, name: str) -> pd.DataFrame:
     return network if len(network) >= max(len(other), 1) else other
 
 
-def combined_blur(inputs: ReportInputs) -> pd.DataFrame:
-    """`pipeline.experiments.tables.BLUR_CELLS` of blur and noise at once on Udacity."""
-    return _on_udacity(inputs, "combined_blur")
-
-
-def denoised_blur(inputs: ReportInputs) -> pd.DataFrame:
-    """The same of patches smoothed by a disc before."""
-    return _on_udacity(inputs, "denoised_blur")
-
-
 def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
     """Curves of linear motion of 11 px in the presence of photon noise: series, sigma_dn, frequency, mtf.
 
     The paper's curves are means of horizontal and vertical of its diagonal kernel, as the ground truth shows.
     """
-    curves = where(_on_udacity(inputs, "combined_curves"), experiment="photon_linear", filter_px=0, axis="HV")
+    curves = where(on_udacity(inputs, "combined_curves"), experiment="photon_linear", filter_px=0, axis="HV")
     selected = where(curves, kernel_size_px=11, angle_deg=45)
     if selected.empty:
         return None
@@ -247,7 +237,7 @@ def photon_linear(inputs: ReportInputs) -> pd.DataFrame | None:
 
 def combined_estimator(inputs: ReportInputs) -> str:
     """Estimator that stands for the paper's network in blur and noise at once; empty where none has run."""
-    cells = combined_blur(inputs)
+    cells = on_udacity(inputs, "combined_blur")
     return "" if cells.empty else str(cells["estimator"].iloc[0])
 
 

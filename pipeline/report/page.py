@@ -16,7 +16,7 @@ from pipeline.report.display_names import DATASETS, in_order, listing, word
 from pipeline.report.ledger import VERDICTS, LedgerRow, score, summary_table, to_table
 from pipeline.report.ledger_items import ITEMS, NO_REAL_FRAMES, PICTURES_ONLY, TITLES
 from pipeline.report.provenance import Provenance
-from pipeline.report.spec import Figure, NotRun, Run, Section
+from pipeline.report.spec import Figure, Section
 from pipeline.report.table_formats import to_html
 
 # The figures' neutral colours, and the blue that is too dark on a dark page, become the page's own.
@@ -50,27 +50,6 @@ def _ledger_parts(rows: Sequence[LedgerRow]) -> list[dict[str, Any]]:
     return parts
 
 
-def _matrix(runs: Sequence[Run]) -> dict[str, Any]:
-    """The overview: experiments down, datasets across; each cell a run or None."""
-    datasets = in_order((run.dataset for run in runs if run.dataset), DATASETS)
-    rows: dict[str, dict[str, Run]] = {}
-    for run in runs:
-        rows.setdefault(run.experiment, {})[run.dataset] = run
-    return {"datasets": datasets, "rows": rows}
-
-
-def _not_run(runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """What did not run, by the command that runs it: the cause and the experiments."""
-    lines: dict[tuple[str, str], list[str]] = {}
-    for run in runs:
-        if run.state == "absent":
-            lines.setdefault((run.why, run.line), []).append(run.experiment)
-    return [
-        {"why": why, "line": line, "what": listing(dict.fromkeys(experiments))}
-        for (why, line), experiments in lines.items()
-    ]
-
-
 def render(
     sections: Sequence[Section],
     rows: Sequence[LedgerRow],
@@ -90,10 +69,9 @@ def render(
     return templates.environment().get_template("page.html.j2").render(
         sections=sections, score=score(rows), verdicts=VERDICTS, ledger=_ledger_parts(rows), runs=runs, origins=origins,
         ledger_summary=to_html(summary_table(rows, TITLES, NO_REAL_FRAMES)), pictures_only=PICTURES_ONLY,
-        states=Counter(run.state for run in runs), profile=profile, code_version=code_version,
+        states=Counter(run.state for run in runs), profile=profile, code_version=code_version, listing=listing,
         css=templates.text("style.css"), script=templates.text("script.js"), shared=themed(shared),
         svg=lambda figure: themed(drawn[figure.name]), table=to_html, word=word, themed=themed,
-        is_figure=lambda block: isinstance(block, Figure), is_missing=lambda block: isinstance(block, NotRun),
         width=lambda figure: round(100 * figure.drawing.figure.get_figwidth() / style.TWO_COLUMNS_IN),
-        matrix=_matrix(runs), not_run=_not_run(runs),
+        datasets=in_order((run.dataset for run in runs if run.dataset), DATASETS),
     )  # fmt: skip

@@ -10,6 +10,7 @@ from typing import Any
 
 from pipeline.errors import InputError
 from pipeline.report.inputs import ReportInputs
+from pipeline.report.spec import Figure
 from pipeline.stage_files import existing
 
 SHOWN_HASH = 10  # letters of a hash that are shown
@@ -70,13 +71,21 @@ def origin(items: Sequence[str], stage: str, stages: Mapping[str, Any], inputs: 
     entry = stages.get(inputs.in_graph(stage)) or {}
     hashes = {}
     for dependency in entry.get("deps", []):
-        if str(dependency.get("path", "")).startswith("pipeline/"):
-            continue  # code: an edit that changes no result re-runs that stage but not the report
-        digest = dependency.get("md5") or dependency.get("etag") or dependency.get("checksum") or ""
-        hashes[shown_path(str(dependency.get("path", "")))] = str(digest).removesuffix(".dir")[:SHOWN_HASH]
-    parameters = []
-    for values in (entry.get("params") or {}).values():
-        parameters += [
-            f"{key} = {json.dumps(value, sort_keys=True, ensure_ascii=False)}" for key, value in sorted(values.items())
-        ]
+        path = str(dependency.get("path", ""))
+        if not path.startswith("pipeline/"):  # code: an edit that changes no result re-runs that stage, not the report
+            digest = dependency.get("md5") or dependency.get("etag") or dependency.get("checksum") or ""
+            hashes[shown_path(path)] = str(digest).removesuffix(".dir")[:SHOWN_HASH]
+    parameters = [
+        f"{key} = {json.dumps(value, sort_keys=True, ensure_ascii=False)}"
+        for values in (entry.get("params") or {}).values() for key, value in sorted(values.items())
+    ]  # fmt: skip
     return Provenance(tuple(items), stage, inputs.line(stage), dict(sorted(hashes.items())), parameters)
+
+
+def origins(figures: Sequence[Figure], inputs: ReportInputs) -> list[Provenance]:
+    """The origin of every stage that a figure shows, in the order of the figures."""
+    stages, items = read_lock(inputs.lock), dict[str, list[str]]()
+    for figure in figures:
+        for stage in figure.stages:
+            items.setdefault(stage, []).append(figure.name)
+    return [origin(names, stage, stages, inputs) for stage, names in items.items()]

@@ -6,14 +6,13 @@ function in `pipeline.report.build.SECTIONS`::
 
     PAGE = Descriptions("control")  # pipeline/report/sections/control.yaml
 
-    def section(inputs: ReportInputs, ledger: Sequence[LedgerRow] = ()) -> Section:
+    def section(inputs: ReportInputs) -> Section:
         summary = inputs.read("closed_loop/summary.parquet", SUMMARY)  # None where the stage has not run
         runs = overview("Camera control", "closed_loop@{dataset}", [] if summary is None else ["sim"], inputs)
-        blocks: list[Block] = []
-        if summary is not None:
-            blocks.append(PAGE.figure("control_ap", figure(summary), ["closed_loop@sim"]))
-            blocks.append(PAGE.table("control_ap", summary))
-        return Section("control", "Camera control", (), [*blocks, *missing("Camera control", runs)], runs)
+        if summary is None:
+            return PAGE.section(missing("Camera control", runs), runs)
+        drawing, table = figure(summary), PAGE.table("control_ap", summary)
+        return PAGE.section([PAGE.figure("control_ap", drawing, ["closed_loop@sim"]), table], runs)
 
 `pipeline.report.tables` defines cells (intervals, counts, the paper's values), `pipeline.report.figures` small
 multiples (``figure`` above), ``ledger.yaml`` the published numbers, ``claims/claims.yaml`` the paper's claims. Files in

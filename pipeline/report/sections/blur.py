@@ -14,7 +14,7 @@ from pipeline.experiments.blur_records import BlurRecord
 from pipeline.experiments.sharp_curves import sharp_curves, sharp_errors
 from pipeline.report import style
 from pipeline.report.display_names import ESTIMATORS, counted, in_order, listing, word
-from pipeline.report.figures import PAPER, abstentions, beside_the_paper, lines
+from pipeline.report.figures import abstentions, beside_the_paper
 from pipeline.report.inputs import ReportInputs, at_frequencies, mode_note, mode_of, published
 from pipeline.report.ledger_sources import lenses, star_curve
 from pipeline.report.sections import blur_amae, kernel_gallery
@@ -44,15 +44,12 @@ def uncorrupted(
     estimators = in_order(curves["estimator"], ESTIMATORS)
     looks = style.series_looks(in_order([*estimators, *theirs["estimator"]], ESTIMATORS), linestyle="-")
 
-    def references(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        dataset, axis = key.rsplit(" ", 1)
+    def star(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+        dataset = key.rsplit(" ", 1)[0]
         if dataset in stars:
             frequency, mtf = (np.asarray(values, dtype=float) for values in stars[dataset])
             inside = frequency <= 0.62
             axes.plot(frequency[inside], mtf[inside], zorder=4, **STAR)
-        if axis == "H":
-            curve = where(theirs, dataset=dataset)
-            lines(axes, curve, "estimator", looks, "at", "mtf", change=PAPER, zorder=2, part="paper", key=key)
 
     def counts(axes: Axes, rows: pd.DataFrame, key: str) -> None:
         abstentions(axes, where(rows, frequency_index=0), key, estimators, at_top=False)
@@ -61,9 +58,9 @@ def uncorrupted(
     return PAGE.grid(
         "uncorrupted_mtf", curves.assign(at=FREQUENCIES[curves["frequency_index"].to_numpy(int)]),
         _uncorrupted_alt(curves, estimators, stars), looks,
-        down=datasets, across="HV", under=references, over=counts, values=curves.drop(columns="frequency_index"),
+        down=datasets, across="HV", under=star, beside=theirs.assign(axis="H"), over=counts,
+        values=curves.drop(columns="frequency_index"),
         legend=[*beside_the_paper(looks, estimators, len(theirs) > 0), *([("Siemens star", STAR)] * is_starred)],
-        series=style.switches(looks),
     )  # fmt: skip
 
 

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from pipeline.camera.mtf import CAMERA, GENERIC_LENS
 from pipeline.experiments.condition import SHARP
@@ -22,7 +21,7 @@ from pipeline.grouped_statistics import weighted_mean
 from pipeline.report import style, tables
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, DATASETS, ESTIMATORS, in_order, listing, word
-from pipeline.report.figures import PAPER, beside_the_paper, lines
+from pipeline.report.figures import beside_the_paper
 from pipeline.report.inputs import mode_note, relative_mtf
 from pipeline.report.spec import Figure
 from pipeline.report.style import Drawing
@@ -77,13 +76,6 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) 
     looks = style.series_looks(estimators, linestyle="-")  # dashes distinguish the paper's curves, not estimators
     top = float(np.nanmax([*summary["amae_percent"], *theirs["paper_amae_percent"], 10.0]))
 
-    def papers(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        dataset, kind = key.split(" ")
-        lines(
-            axes, where(theirs, dataset=dataset, blur_kind=kind), "estimator", looks, "kernel_size_px",
-            "paper_amae_percent", change=PAPER, zorder=2, part="paper", key=key,
-        )  # fmt: skip
-
     means = summary.groupby("estimator", as_index=False)["amae_percent"].agg(["mean", "max"])
     means = ordered(means, estimator=ESTIMATORS)
     shown = ["dataset", "blur_kind", "kernel_size_px", "estimator"]
@@ -91,10 +83,10 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) 
     return PAGE.grid(
         "blur_amae", summary,
         PAGE.alt("blur_amae", means, datasets=listing(word(name) for name in summary["dataset"].unique())), looks,
-        down=datasets, across=in_order([*summary["blur_kind"], *theirs["blur_kind"]], BLURS), under=papers,
+        down=datasets, across=in_order([*summary["blur_kind"], *theirs["blur_kind"]], BLURS), beside=theirs,
         axes={"xticks": sorted({*summary["kernel_size_px"], *theirs["kernel_size_px"]}), "ylim": (0, 1.04 * top)},
         legend=beside_the_paper(looks, list(summary["estimator"]), not theirs.empty),
-        values=values.sort_values(shown).merge(theirs, how="left", on=shown), series=style.switches(estimators),
+        values=values.sort_values(shown).merge(theirs, how="left", on=shown),
     )  # fmt: skip
 
 
@@ -216,15 +208,13 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
     calibrated_only = summary.groupby(["dataset", "estimator"])["calibrated"].transform("all")
     raw = summary[~summary["calibrated"] | calibrated_only]
     raw = ordered(raw, dataset=raw["dataset"].unique(), estimator=ESTIMATORS)
-    rows = []
-    for (dataset, estimator), row in raw.groupby(["dataset", "estimator"], sort=False):
-        blurred, counts = (
-            row[row["blur_kind"] != SHARP],
-            {name: int(row[name].sum()) for name in ("count", "abstained")},
-        )
+    keys, rows = ["dataset", "estimator"], list[dict[str, Any]]()
+    for key, group in raw.groupby(keys, sort=False):
+        blurred = group[group["blur_kind"] != SHARP]
+        counts = {name: int(group[name].sum()) for name in ("count", "abstained")}
         error, coverage = (weighted_mean(blurred, name) for name in ("patch_error_percent", "coverage"))
         errors = {"patch_error_percent": error, "coverage_percent": 100 * coverage}
-        rows.append({"dataset": dataset, "estimator": estimator, **counts, **errors})
+        rows.append(dict(zip(keys, key, strict=True)) | counts | errors)
     patch = ["dataset", "estimator", "kernel", "frame", "patch"]
     refused = estimates[estimates["abstained"]].drop_duplicates(patch)
     return PAGE.table("blur_abstentions", rows, cells={"reasons": tables.reasons_of(refused)})

@@ -183,18 +183,13 @@ def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFram
     looks = style.ordinal_looks(plain["kernel_size_px"])
     theirs = paper if (plain["experiment"] == "photon_defocus").any() else paper.iloc[:0]
 
-    def papers(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        if key.endswith(" photon_defocus"):
-            change = PAPER | {"linewidth": 0.8}
-            lines(axes, theirs, "kernel_size_px", looks, "sigma_dn", "amae_percent", change=change, zorder=2)
-
     levels = sorted(set(plain["target_sigma_dn"]))
     means = plain.groupby(["experiment", "target_sigma_dn"])["amae_percent"].mean().unstack()
     means = means.rename(columns={levels[0]: "first", levels[-1]: "last"}).reset_index()
     alt = PAGE.alt("combined_amae", ordered(means, experiment=EXPERIMENTS), least=levels[0], most=levels[-1])
     top = float(np.nanmax([*plain["amae_percent"], *theirs["amae_percent"], 5.0]))
     return PAGE.grid(
-        "combined_amae", plain, alt, looks, down=datasets, over=papers,
+        "combined_amae", plain, alt, looks, down=datasets, beside=theirs.assign(experiment="photon_defocus"),
         axes={"xlim": (0, levels[-1]), "ylim": (0, 1.05 * top)},
         legend=[*ordinal_legend(looks, "px", "no blur"), *([THE_CNN] if len(theirs) else [])],
     )  # fmt: skip
@@ -206,16 +201,12 @@ def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame) -> Dr
     ``curves`` raw, mean of both directions, without a filter.
     """
     looks = style.ordinal_looks(curves["target_sigma_dn"])
-    theirs = at_frequencies(where(paper, series="cnn"))
-
-    def papers(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-        if key.endswith(" photon_linear"):
-            lines(axes, theirs, "sigma_dn", looks, "at", "mtf", change=THIN_PAPER, zorder=2)
-
+    theirs = at_frequencies(where(paper, series="cnn")).assign(experiment="photon_linear")
+    theirs = theirs.rename(columns={"sigma_dn": "target_sigma_dn"})
     distances = _distances(curves, curves["target_sigma_dn"].max(), ["estimator", "experiment"])
     alt = PAGE.alt("recorded_curves", distances, dataset=dataset, px=curves["kernel_size_px"].iloc[0])
     legend = [*ordinal_legend(looks, "DN", "no noise"), ("ground truth", TRUTH), THE_CNN]
-    return PAGE.grid("recorded_curves", curves, alt, looks, under=papers, over=_truth, legend=legend)
+    return PAGE.grid("recorded_curves", curves, alt, looks, beside=theirs, over=_truth, legend=legend)
 
 
 def _variant(row: Row) -> str:

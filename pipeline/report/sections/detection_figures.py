@@ -52,7 +52,6 @@ def iopc(curves: pd.DataFrame) -> Drawing:
     return PAGE.grid(
         "iopc", curves, PAGE.alt("iopc", words), looks, across=list(CAUSES), over=joined,
         legend=[*legend_of(looks), ("better than its sharper or less noisy neighbour", RING)],
-        series=style.switches(looks),
     )  # fmt: skip
 
 
@@ -111,11 +110,9 @@ def direction(cells: pd.DataFrame, label: str) -> Drawing:
     angles = sorted(set(rows["angle_deg"]))
     looks = {angle: style.series_look("", position) | {"linestyle": "-"} for position, angle in enumerate(angles)}
     quiet = rows[rows["target_sigma_dn"] == rows["target_sigma_dn"].min()]
-    groups = quiet[quiet["kernel_size_px"] == rows["kernel_size_px"].max()].groupby("detector")
-    words = []
-    for name, own in groups:
-        best, worst = (own.loc[end] for end in (own["ap_percent"].idxmax(), own["ap_percent"].idxmin()))
-        words.append({"detector": name, "best": best, "worst": worst})
+    groups = where(quiet, kernel_size_px=rows["kernel_size_px"].max()).groupby("detector")["ap_percent"]
+    ends = zip(groups.idxmax().items(), groups.idxmin(), strict=True)
+    words = [{"detector": name, "best": quiet.loc[best], "worst": quiet.loc[worst]} for (name, best), worst in ends]
     return PAGE.grid(
         "direction", rows, PAGE.alt("direction", words, label=label), looks, y=PAGE.text("ap_of", label=label),
         axes={"xticks": _apart(sorted(set(rows["kernel_size_px"])))},

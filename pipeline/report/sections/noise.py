@@ -22,13 +22,13 @@ from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, ESTIMATORS, counted, in_order, listing, word
 from pipeline.report.figures import abstentions, legend_of
 from pipeline.report.inputs import ReportInputs, published
+from pipeline.report.ledger_sources import PAPER_EFFECTS
 from pipeline.report.spec import Block, Figure, Section, missing, pairs_of, runs_by_estimator
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Cell, Row, Table, as_recorded, estimate, ordered, reasons_of, where
 
 PAGE = Descriptions("noise")
 TITLE = "Noise estimation"
-PAPER_EFFECTS = ("photon", "dcsn", "readout", "combined")
 PRESENT: style.Look = {"color": style.INK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
 DIAGONAL: style.Look = {"color": style.MUTED, "linewidth": 0.6}
 SHOWN_PX = 260  # longest side of a map's frame inside the figure
@@ -54,25 +54,22 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
             present = rows.groupby("target_sigma_dn")["clipped_median_dn"].median()
             axes.plot(present.index, present.to_numpy(), zorder=2, **PRESENT)
 
+    alt = PAGE.text("curves_not_run")
+    if not summary.empty:
+        highest = summary[summary["target_sigma_dn"] == summary["target_sigma_dn"].max()]
+        present = highest["clipped_median_dn"]
+        words = ordered(highest.groupby("estimator", as_index=False)["median_dn"].agg(["min", "max"]), estimator=looks)
+        alt = PAGE.alt(
+            "noise", words, datasets=listing(map(word, summary["dataset"].unique())), least=present.min(),
+            most=present.max(), level=highest["target_sigma_dn"].iloc[0], abstained=int(summary["abstained"].sum()),
+        )  # fmt: skip
     return PAGE.grid(
-        "noise", summary, _curves_alt(summary, list(looks)), looks,
+        "noise", summary, alt, looks,
         down=datasets, across=effects, under=levels, over=partial(abstentions, estimators=list(looks)),
         axes={"xlim": (0, right), "ylim": (0, top + 3), "yticks": np.arange(0, top + 1, 5),
               "xticks": np.arange(0, right + 1, 5)},
         legend=[*legend_of(looks), ("noise present", PRESENT), ("target level", DIAGONAL)],
-        series=style.switches(looks), panel_in=style.TWO_COLUMNS_IN / len(effects) * 0.98,
-    )  # fmt: skip
-
-
-def _curves_alt(summary: pd.DataFrame, estimators: Sequence[str]) -> str:
-    if summary.empty:
-        return PAGE.text("curves_not_run")
-    highest = summary[summary["target_sigma_dn"] == summary["target_sigma_dn"].max()]
-    medians = highest.groupby("estimator")["median_dn"].agg(["min", "max"]).loc[list(estimators)].reset_index()
-    return PAGE.alt(
-        "noise", medians, datasets=listing(word(name) for name in summary["dataset"].unique()),
-        level=highest["target_sigma_dn"].iloc[0], least=highest["clipped_median_dn"].min(),
-        most=highest["clipped_median_dn"].max(), abstained=int(summary["abstained"].sum()),
+        panel_in=style.TWO_COLUMNS_IN / len(effects) * 0.98,
     )  # fmt: skip
 
 
