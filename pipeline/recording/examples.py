@@ -22,7 +22,7 @@ from pipeline.experiments import noise_examples
 from pipeline.experiments.noise_examples import Example
 from pipeline.experiments.real_noise_records import EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE, example_crop
 from pipeline.noise import real_noise
-from pipeline.recording.provenance import noise_weights, write_csv
+from pipeline.recording.provenance import content_sha256, noise_weights, write_csv
 from pipeline.report import style
 
 if TYPE_CHECKING:
@@ -61,9 +61,11 @@ def record(real: Path, mean: Path, frames: Sequence[Path], out: Path, source: st
     ]
     estimators = real_noise.estimators(KINDS)
     table = pd.concat([noise_examples.measure(example, estimators) for example in examples], ignore_index=True)
+    files = {path.name: file_sha256(path) for path in (real, mean, *frames)}
     provenance = {
         "source": source,
-        "files": {path.name: file_sha256(path) for path in (real, mean, *frames)},
+        "files": files,
+        "inputs_sha256": content_sha256({"files": files}),
         "weights": {name: noise_weights(kind, options) for name, (kind, options) in KINDS.items()},
         "jpeg": {"sigma_dn": JPEG_SIGMA_DN, "quality": JPEG_QUALITY},
         "video": {"sigma_dn": VIDEO_SIGMA_DN, "codec": "h264", "constant_rate_factor": VIDEO_FACTOR},

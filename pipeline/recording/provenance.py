@@ -85,15 +85,15 @@ def inputs_of(frames: Sequence[Frame], kernels: Mapping[str, str] | None = None)
     return {**files, "inputs_sha256": content_sha256(files)}
 
 
-INPUTS = ("frames", "previous", "labels", "kernels")
-"""Keys of a provenance that `content_sha256` is of."""
+INPUTS = ("frames", "previous", "labels", "kernels", "datasets", "files")
+"""Keys of a provenance that `content_sha256` is of; the last two are of records of real noise."""
 
 
 def content_sha256(about: Mapping[str, Any]) -> str:
     """One hash of all pictures, labels and kernels of a record: of the JSON of their hashes, keys sorted.
 
     Args:
-        about: a provenance, or `inputs_of`; keys that it lacks are left out.
+        about: a provenance, or `inputs_of`; of `INPUTS`, those that it lacks are left out.
     """
     files = {name: about[name] for name in INPUTS if about.get(name)}
     return hashlib.sha256(json.dumps(files, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

@@ -19,7 +19,7 @@ from pipeline.detection.weights import file_sha256
 from pipeline.experiments.real_noise import Kinds, measure_pairs
 from pipeline.experiments.real_noise_records import PATCHES_FILE, PROVENANCE_FILE, SUMMARY_FILE
 from pipeline.noise import real_noise
-from pipeline.recording.provenance import noise_weights, without_folders, write_csv
+from pipeline.recording.provenance import content_sha256, noise_weights, without_folders, write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,6 +70,7 @@ def record(
     provenance = {
         "source": source,
         "datasets": files,
+        "inputs_sha256": content_sha256({"datasets": files}),
         "weights": {name: files for name, files in weights.items() if files},
         "estimators": {
             name: {"kind": kind, "options": without_folders(options)} for name, (kind, options) in kinds.items()

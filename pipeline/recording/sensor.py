@@ -32,7 +32,7 @@ from pipeline.experiments.real_noise_records import (
 )
 from pipeline.experiments.sensor_constants import sensor_constants
 from pipeline.noise.real_noise import summarise
-from pipeline.recording.provenance import noise_weights, write_csv
+from pipeline.recording.provenance import content_sha256, noise_weights, write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,6 +87,7 @@ def record(
         provenance = {
             "source": source,
             "frames": hashes,
+            "inputs_sha256": content_sha256({"frames": hashes}),
             "weights": {name: files for name, files in weights.items() if files},
             "white_dn": white_dn,
             "seed": seed,
