@@ -155,7 +155,8 @@ class Adaptive(CellMapper):
 
         def answer_white(indices: NDArray[np.intp]) -> None:
             if len(indices):
-                white, cells[indices] = self.white.measure_cells(stack[indices], reason[indices])
+                part = stack if len(indices) == count else stack[indices]
+                white, cells[indices] = self.white.measure_cells(part, reason[indices])
                 sigma[indices], low[indices], high[indices] = white.sigma_dn, white.low_dn, white.high_dn
                 white_sigma[indices] = white.sigma_dn
 

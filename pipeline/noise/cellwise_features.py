@@ -55,18 +55,22 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     from pipeline.learning.elementwise import logarithm, square_root
 
     image = image_dn[:, None]
-    fine = _answers(image, _filters())
-    square = fine * fine
-    quarters = _mean(square[:, :1], CELL_PX // 2)
-    power = _mean(square, CELL_PX)
+    fine = _answers(image, _padded_filters())[:, :FILTERS]
     modulus = _mean(fine[:, :1].abs(), CELL_PX) * _ROOT_HALF_PI
     equal = _mean((fine[:, 3:4].abs() < 0.5).float(), CELL_PX)
+    square = fine.square_()
+    quarters = _mean(square[:, :1], CELL_PX // 2)
+    power = _mean(square, CELL_PX)
     half = _mean(image, 2) * 2
-    half_power = _mean(_answers(half, _filters()[:3]) ** 2, CELL_PX // 2)
-    quarter_power = _mean(_answers(_mean(half, 2) * 2, _filters()[:3]) ** 2, CELL_PX // 4)
-    cosine = functional.conv2d(image - 128, _cosines(), stride=CELL_PX) ** 2
+    half_power = _mean(_answers(half, _filters()[:3]).square_(), CELL_PX // 2)
+    quarter_power = _mean(_answers(_mean(half, 2) * 2, _filters()[:3]).square_(), CELL_PX // 4)
+    cosine = functional.conv2d(image - 128, _cosines(), stride=CELL_PX).square_()
     mean, lowest, highest = _mean(image, CELL_PX), _extreme(image, CELL_PX, -1), _extreme(image, CELL_PX, 1)
-    white, black = (_mean(clipped.float(), CELL_PX) for clipped in (image >= WHITE_ABOVE_DN, image <= BLACK_BELOW_DN))
+    white, black = torch.zeros_like(mean), torch.zeros_like(mean)
+    if highest.max() >= WHITE_ABOVE_DN:
+        white = _mean((image >= WHITE_ABOVE_DN).float(), CELL_PX)
+    if lowest.min() <= BLACK_BELOW_DN:
+        black = _mean((image <= BLACK_BELOW_DN).float(), CELL_PX)
     base = torch.minimum(square_root(power[:, :1]), modulus[:, :1])
     powers = [power, half_power, quarter_power, _extreme(quarters, 2, -1), _extreme(quarters, 2, 1), modulus**2]
     powers += [functional.conv2d(cosine, _bands()), cosine[:, 1:].sum(1, keepdim=True) / CELL_PX**2]
@@ -120,6 +124,14 @@ def _filters() -> torch.Tensor:
     bank[5, 1:, 1:] = [[1, -1], [-1, 1]]
     bank /= np.sqrt((bank**2).sum(axis=(1, 2), keepdims=True))
     return torch.from_numpy(bank[:, None].astype(np.float32))
+
+
+@cache
+def _padded_filters() -> torch.Tensor:
+    """(8, 1, 3, 3): `_filters` and two of zeros; eight answers are convolved faster than six, with the same numbers."""
+    import torch
+
+    return torch.cat([_filters(), torch.zeros(2, 1, 3, 3)])
 
 
 @cache

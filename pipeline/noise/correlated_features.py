@@ -161,7 +161,10 @@ def whiteness(patch_dn: Float | Grey, fine: Windows | None = None) -> float:
     count = len(windows.values)
     flattest = np.argpartition(windows.power, count // 10)[: max(count // 10, 1)]
     flat = windows.values.take(flattest, axis=0)
-    return float(_lags((flat.T @ flat / len(flat))[None].astype(np.float64), 2).mean())
+    covariance = (flat.T @ flat / len(flat)).astype(np.float64)
+    power = np.trace(covariance) / SIDE**2 + POWER_FLOOR_DN2
+    across, down = (covariance[first, second].mean() / power for first, second in _lag_pairs()[:2])
+    return float((across + down) / 2)
 
 
 def anisotropy(statistics: Float) -> Float:
