@@ -159,16 +159,12 @@ class Descriptions:
         stages = tuple(stages) or tuple(filled(stage, words) for stage in made_by)
         return Figure(filled(name or about.get("name", key), words), drawing, f"{caption} {after}".strip(), stages)
 
-    def phrases(self, key: str, rows: pd.DataFrame | Iterable[Row]) -> list[str]:
-        """The phrase of a figure's alternative text for each of some rows."""
-        phrase = self._entry("figures", key).get("words", "")
-        return [filled(phrase, row) for row in records(rows)]
-
     def alt(self, key: str, rows: pd.DataFrame | Iterable[Row], **words: Any) -> str:
         """The alternative text of a figure, its phrases for each of some rows in ``{words}``."""
-        phrases = self.phrases(key, rows)
+        about = self._entry("figures", key)
+        phrases = [filled(about.get("words", ""), row) for row in records(rows)]
         joined = {"words": listing(phrases), "clauses": "; ".join(phrases)}
-        return filled(self._entry("figures", key)["alt"], {**joined, **words})
+        return filled(about["alt"], {**joined, **words})
 
     def grid(self, key: str, frame: pd.DataFrame, alt: str, looks: Mapping[Any, Look], **more: Any) -> Drawing:
         """The small multiples that a figure describes under ``grid``; arguments of `pipeline.report.figures.grid`."""

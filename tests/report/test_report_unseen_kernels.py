@@ -8,10 +8,11 @@ from report_makers import REPO
 
 from pipeline.errors import InputError
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.sections import blur, blur_amae
+from pipeline.report.sections import blur_amae
 from pipeline.stage_files import described
 
 RECORD = REPO / "benchmarks/results/unseen_kernels.json"
+INPUTS = ReportInputs(paper=REPO / "data/paper", benchmarks={"unseen_kernels": RECORD})
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +21,8 @@ def content() -> dict:
 
 
 def test_the_committed_record_is_shown_number_by_number(content: dict) -> None:
-    table = blur_amae.unseen_kernels(content)
+    table = blur_amae.unseen_kernels(INPUTS)
+    assert table is not None
     photos = [row for row in table.rows if row["dataset"] == "Photos"]
     answers = {
         "raw": "",
@@ -37,8 +39,9 @@ def test_the_committed_record_is_shown_number_by_number(content: dict) -> None:
     assert f"{len(content['kernels'])} kernels" in table.footnotes[0]
 
 
-def test_peers_stand_beside_the_network_on_the_same_patches(content: dict) -> None:
-    table = blur_amae.unseen_kernels(content)
+def test_peers_stand_beside_the_network_on_the_same_patches() -> None:
+    table = blur_amae.unseen_kernels(INPUTS)
+    assert table is not None
     for dataset in {str(row["dataset"]) for row in table.rows}:
         rows = [row for row in table.rows if row["dataset"] == dataset]
         peers = {row["patches"] for row in rows if row["estimator"] in ("PMP", "GBB")}
@@ -47,7 +50,7 @@ def test_peers_stand_beside_the_network_on_the_same_patches(content: dict) -> No
 
 def test_no_record_is_no_table_and_another_file_is_refused(tmp_path: Path) -> None:
     nothing = ReportInputs(paper=REPO / "data/paper", benchmarks={"unseen_kernels": tmp_path / "absent.json"})
-    assert blur.unseen(nothing) is None
+    assert blur_amae.unseen_kernels(nothing) is None
     (tmp_path / "other.json").write_text('{"machine": {}}')
     with pytest.raises(InputError, match=r"other\.json: expected an object with kernels, results"):
         described(tmp_path, "other.json", ("kernels", "results"))

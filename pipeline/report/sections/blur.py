@@ -21,7 +21,7 @@ from pipeline.report.sections import blur_amae, kernel_gallery
 from pipeline.report.sections.blur_amae import ANY_STAGE, PAGE
 from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, missing, pairs_of, runs_by_estimator, single
 from pipeline.report.style import Drawing
-from pipeline.report.tables import Table, as_recorded, records, where
+from pipeline.report.tables import as_recorded, records, where
 
 TITLE = "Blur estimation"
 STAR: style.Look = {"color": style.INK, "linewidth": 1.0}
@@ -99,17 +99,7 @@ def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs)
     if not figures:
         return [NotRun("Table I: AMAE of blur estimators", STAGE_ABSENT, inputs.line(ANY_STAGE))]
     tables = [table for name in datasets for table in blur_amae.tables_one(name, summary, paper, inputs.modes)]
-    return [*figures, *tables, blur_amae.beside_the_best(summary, paper), unseen(inputs)]
-
-
-def unseen(inputs: ReportInputs) -> Table | None:
-    """The table of kernels of a kind that no network was trained on, or None without a record.
-
-    Raises:
-        InputError: the record holds something else.
-    """
-    content = inputs.benchmark("unseen_kernels", ("kernels", "results"), "python benchmarks/unseen_kernels.py")
-    return None if content is None else blur_amae.unseen_kernels(content)
+    return [*figures, *tables, blur_amae.beside_the_best(summary, paper), blur_amae.unseen_kernels(inputs)]
 
 
 def _runs(summary: pd.DataFrame, inputs: ReportInputs) -> list[Run]:

@@ -22,7 +22,7 @@ from pipeline.report import style, tables
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, DATASETS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import beside_the_paper
-from pipeline.report.inputs import mode_note, relative_mtf
+from pipeline.report.inputs import ReportInputs, mode_note, relative_mtf
 from pipeline.report.spec import Figure
 from pipeline.report.style import Drawing
 from pipeline.report.tables import Estimate, Row, Table, amae, mean_cell, ordered, pivot, where
@@ -220,12 +220,15 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
     return PAGE.table("blur_abstentions", rows, cells={"reasons": tables.reasons_of(refused)})
 
 
-def unseen_kernels(content: Mapping[str, Any]) -> Table:
-    """AMAE of kernels of a kind that no network was trained on, as ``benchmarks/unseen_kernels.py`` recorded it.
+def unseen_kernels(inputs: ReportInputs) -> Table | None:
+    """AMAE of kernels of a kind that no network was trained on, as a benchmark recorded it; None without a record.
 
-    ``content`` is its JSON: ``kernels`` and ``results`` (dataset -> patches, estimator -> answer -> AMAE, and ``few``
-    patches).
+    Raises:
+        InputError: the record holds something else.
     """
+    content = inputs.benchmark("unseen_kernels", ("kernels", "results"), "python benchmarks/unseen_kernels.py")
+    if content is None:
+        return None
     # Divided estimates of a kernel estimator are not shown: its own of sharp frames is not its camera's.
     answers = [("spectral", "raw"), ("spectral", "generic_lens"), ("spectral", "calibrated"),
                ("spectral", "camera_calibrated"), ("pmp", "raw"), ("gbb", "raw")]  # fmt: skip
