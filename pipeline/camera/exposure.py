@@ -17,6 +17,7 @@ assumption of Wischow et al. 2023 (Sec. III, alpha * sigma). Source of the linea
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -254,14 +255,13 @@ class Camera:
         np.minimum(mean_e, np.float32(8.0 * self.sensor.full_well_e), out=mean_e)
         for psf in kernels(moving, exposure_s):
             mean_e = through_optics(mean_e, psf, "reflect")
-        dn = self._converted(mean_e, gain, exposure_s, generator, poisson)
-        level = np.clip(dn / np.float32(FULL_SCALE_DN), 0.0, 1.0)
-        image = np.rint(encode(level, self.gamma) * np.float32(FULL_SCALE_DN)) / np.float32(FULL_SCALE_DN)
+        codes = self._converted(mean_e, gain, exposure_s, generator, poisson)
+        image, saturated_from = _of_codes(self.adc_bits, self.gamma)
         return Exposed(
-            image=image.astype(np.float32),
+            image=np.take(image, codes, mode="clip"),
             electrons=mean_e,
             blur_px=moving.length_px(exposure_s),
-            saturated_fraction=float(np.mean(level >= SATURATED_LEVEL)),
+            saturated_fraction=float(np.mean(codes >= saturated_from)),
             sigma_dn=self.sigma_dn(mean_e, gain, exposure_s),
         )
 
@@ -272,8 +272,8 @@ class Camera:
         exposure_s: float,
         generator: np.random.Generator,
         poisson: draws.PoissonMethod,
-    ) -> Float:
-        """(H, W) linear DN at the converter's resolution, neither below 0 nor above 255."""
+    ) -> NDArray[np.intp]:
+        """(H, W) numbers that the converter gives, 0 .. 2^bits - 1, linear in the light."""
         photons, heat, electronics = draws.fork(generator, 3)
         dark = self.sensor.dark_electrons(self.temperature_k, exposure_s)
         if self.noise_gain == "linear":
@@ -290,12 +290,23 @@ class Camera:
         charge -= np.float32(dark)
         charge += draws.normals(charge.shape, electronics, at.readout_sigma_e(self.temperature_k))
         dn = charge * np.float32(self.sensor.dn_per_electron * gain)
-        unit = np.float32(FULL_SCALE_DN / (2**self.adc_bits - 1))
-        return np.clip(np.rint(dn / unit) * unit, np.float32(0.0), np.float32(FULL_SCALE_DN))
+        dn /= np.float32(FULL_SCALE_DN / (2**self.adc_bits - 1))
+        np.rint(dn, out=dn)
+        return np.clip(dn, np.float32(0.0), np.float32(2**self.adc_bits - 1), out=dn).astype(np.intp)
 
     def mean_level(self, image: ArrayLike) -> float:
         """Mean of a frame in linear light, fraction of full scale: the quantity that exposure and gain scale."""
         return float(np.mean(decode(np.asarray(image, dtype=np.float32), self.gamma), dtype=np.float64))
+
+
+@lru_cache(maxsize=4)
+def _of_codes(adc_bits: int, gamma: float) -> tuple[Float, int]:
+    """Grey level in [0, 1] on the 8-bit grid of every number of a converter, and the first that is saturated."""
+    full = np.float32(FULL_SCALE_DN)
+    unit = np.float32(FULL_SCALE_DN / (2**adc_bits - 1))
+    level = np.clip(np.arange(2**adc_bits, dtype=np.float32) * unit / full, np.float32(0.0), np.float32(1.0))
+    image = np.rint(encode(level, gamma) * full) / full
+    return image.astype(np.float32), int(np.count_nonzero(level < SATURATED_LEVEL))
 
 
 def kernels(motion: Motion, exposure_s: float) -> list[Float]:

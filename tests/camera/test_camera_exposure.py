@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.camera.exposure import Camera, Motion, kernels, noise_generator
+from pipeline.camera.exposure import SATURATED_LEVEL, Camera, Motion, _of_codes, kernels, noise_generator
 from pipeline.camera.sensor import Sensor, named
 from pipeline.camera.tone_curve import decode, encode
 from pipeline.errors import InputError
@@ -179,3 +179,13 @@ def test_exposure_far_beyond_the_well_is_white_for_any_sensor(noise_gain):
     camera = Camera(Sensor(full_well_e=1e6), noise_gain=noise_gain)
     frame = camera.expose(flat(50.0)[:40, :40], 0.008, 4.0, noise_generator(7, "white"))
     assert frame.image.min() > 0.98
+
+
+@pytest.mark.parametrize("bits", [8, 12, 14])
+@pytest.mark.parametrize("gamma", [1.0, 2.2])
+def test_exposure_every_number_of_the_converter_has_the_grey_level_of_the_tone_curve(bits, gamma):
+    image, saturated_from = _of_codes(bits, gamma)
+    linear_level = np.arange(2**bits) / (2**bits - 1)
+    np.testing.assert_allclose(image, linear_level ** (1 / gamma), atol=0.5 / 255 + 1e-6)
+    np.testing.assert_array_equal(np.rint(image * 255), image * np.float32(255))
+    assert saturated_from == np.count_nonzero(linear_level < SATURATED_LEVEL)
