@@ -42,8 +42,7 @@ def read_lock(path: Path | None) -> dict[str, Any]:
     if location is None:
         return {}
     try:
-        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's, where it is there: a quarter of the time
-        content = yaml.load(location.read_text(encoding="utf-8"), loader)
+        content = yaml.safe_load(location.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise InputError(f"{location}: not valid YAML ({error}); restore it from git or run dvc repro") from None
     if content is None:
