@@ -213,10 +213,10 @@ def draw(kernels: Sequence[Kernel], results: dict[str, Any]) -> Drawing:
     @style.styled
     def drawing() -> Drawing:
         left_in, right_in, gap_in, top_in = 0.42, 0.04, 0.03, 0.62
-        cell_in = style.sheet_cell_in(columns, margins_in=left_in + right_in, gap_in=gap_in)
+        cell_in = (style.TWO_COLUMNS_IN - left_in - right_in - (columns - 1) * gap_in) / columns
         figure, axes = style.sheet(
-            columns, [cell_in, *[0.85] * len(names)], left_in=left_in, right_in=right_in, gap_in=gap_in, top_in=top_in,
-            bottom_in=0.8, row_gaps_in=[0.27] + [0.22] * (len(names) - 1),
+            columns, [1, *[0.85 / cell_in] * len(names)], left_in=left_in, right_in=right_in, gap_in=gap_in,
+            top_in=top_in, bottom_in=0.8, row_gap_in=0.24,
         )  # fmt: skip
         height_in = figure.get_figheight()
         for position, (axis, kernel) in enumerate(zip(axes[0], ordered, strict=True)):
