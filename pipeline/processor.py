@@ -16,8 +16,9 @@ were imported first, where the processor has no AVX2 or is not an x86-64, and wh
 Embree offers no such choice: it finds which triangle a ray meets, and the rest of *Sim* is NumPy's
 (`pipeline.scenes.world`). Not covered: ONNX Runtime, which offers none either (published detectors); and torch's square
 root, logarithm and inverse trigonometry on whole tensors, which come from MKL's vector library: it differs between
-processors in the last digit whatever ``MKL_CBWR`` is. AdamW uses it, so that trainings are not covered; the
-estimate of `cellwise` does too, one reason why stored estimates are rounded (`pipeline.store.ESTIMATE_DECIMALS`).
+processors in the last digit whatever ``MKL_CBWR`` is. AdamW uses it, so that trainings are not covered. The noise
+networks answer with NumPy's (`pipeline.learning.elementwise`), the blur networks with torch's, one reason why stored
+estimates are rounded (`pipeline.store.ESTIMATE_DECIMALS`).
 """
 
 from __future__ import annotations

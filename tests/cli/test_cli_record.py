@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from pipeline.cli import main
+from pipeline.recording.provenance import content_sha256
 from pipeline.streams import stream
 
 
@@ -40,6 +41,7 @@ def test_a_record_has_the_numbers_and_names_its_pictures_by_hash(tmp_path, folde
     provenance = json.loads(text)
     expected = hashlib.sha256((folder / "a_real.png").read_bytes()).hexdigest()
     assert provenance["datasets"]["white"]["a_real.png"] == expected and provenance["source"] == "made here"
+    assert provenance["inputs_sha256"] == content_sha256(provenance)
     assert str(tmp_path) not in text
     assert sorted(path.suffix for path in out.iterdir()) == [".csv", ".csv", ".json"]
     first = (out / "noise_patches.csv").read_bytes()
