@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from functools import partial
 from pathlib import Path
@@ -11,8 +12,9 @@ import pandas as pd
 import pytest
 from report_makers import ABSENT, REPO
 
-from pipeline.report.claims import of_blur, of_noise
+from pipeline.report.claims import of_blur, of_detection, of_noise
 from pipeline.report.claims.claim import (
+    CONSISTENT,
     CONTRADICTED,
     NOT_MEASURED,
     PARTLY,
@@ -109,6 +111,24 @@ def test_improved_estimation_on_recorded_frames_decides_claims_on_noise_and_on_s
     ):
         assert measured is not None and "Udacity" in measured.on
         assert "Of the paper's estimators." in measured.text
+
+
+@pytest.mark.parametrize(("miss", "verdict"), [(0.06, CONSISTENT), (0.2, CONTRADICTED)])
+def test_the_paper_s_numbers_among_themselves_are_consistent_not_supported(miss, verdict, tmp_path) -> None:
+    (tmp_path / "refit").mkdir()
+    (tmp_path / "refit/fits.json").write_text(json.dumps({"one": {"largest_miss_of_grid": miss}}))
+    measured = of_detection.MEASURES["grid"](Evidence(dataclasses.replace(NOTHING, data=tmp_path)))
+    assert measured is not None and measured.verdict == verdict and measured.value == miss
+
+
+@pytest.mark.parametrize(("after", "verdict"), [(0.5, PARTLY), (0.1, CONTRADICTED)])
+def test_one_view_without_an_interval_supports_a_claim_in_part_at_most(after, verdict, tmp_path) -> None:
+    steps = pd.DataFrame({"step": ["corrupted", "final"], "detection_score": [0.2, after]})
+    steps = steps.assign(example="sim_yolov4_car")
+    (tmp_path / "worked_examples").mkdir()
+    steps.to_parquet(tmp_path / "worked_examples/steps.parquet")
+    measured = of_detection.MEASURES["trade"](Evidence(dataclasses.replace(NOTHING, data=tmp_path)))
+    assert measured is not None and measured.verdict == verdict
 
 
 def test_the_records_of_the_repository_decide_claims_and_the_table_shows_them() -> None:

@@ -22,7 +22,8 @@ from pipeline.report.tables import where
 
 SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED = "supported", "partly", "not decided", "contradicted"
 NOT_MEASURED = "not measured"
-VERDICTS = (SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED, NOT_MEASURED)
+CONSISTENT = "consistent"  # the paper's numbers with each other: no measurement of ours
+VERDICTS = (SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED, CONSISTENT, NOT_MEASURED)
 NEARLY_ALL, HALF = 0.9, 0.5
 ENDS = ("low_percent", "high_percent")
 SAME_EXPERIMENT = {"linear_motion_dcsn": "linear_dcsn"}
