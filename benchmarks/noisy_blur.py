@@ -6,8 +6,7 @@ Frames of scikit-image's photographs, and of the datasets named (kinds of `pipel
 ``kitti=kitti:data/raw/kitti``), are blurred whole by the discs and lines of Table I (``match="paper"``), with dark
 current shot noise behind the blur. The AMAE is that of Table I: of the robust median over a dataset's patches,
 percent, mean over sizes. Each half of the frames is estimated with the calibration to the sharp frames of the other
-half. A call holds the patches of one frame: `fused` joins their evidence (`pipeline.blur.noise_consensus`), `spectral`
-takes each by itself.
+half. A call holds the patches of one frame.
 """
 
 from __future__ import annotations

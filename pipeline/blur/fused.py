@@ -11,9 +11,8 @@ before any calibration (defocus by a disc, as a rule): on procedural samples of 
 points and that of the gate 0.58. Patches of one call that are blurred alike (`pipeline.blur.shared_blur`) share one
 kernel: GBB and PMP solve the stacked equations of at most `deconvolved_patches` of them, and the gate joins the answer
 with the spectral MTF of every one (or, without `joint`, each of them is solved alone). A patch with another blur is
-deconvolved alone. Under noise of more than 8 DN the patches that share a blur follow those that still show it
-(`pipeline.blur.noise_consensus`), before all of this. Nothing is random; the answer for a patch depends on the other
-patches of the call, by which ones are deconvolved with it, and under noise by what they show.
+deconvolved alone. Nothing is random; the answer for a patch depends on the other patches of the call, by which ones are
+deconvolved with it.
 
 Answers are total MTFs until `Fused.calibrated` makes them relative to a camera's sharp frames. Ours; the gate is
 trained on procedural pictures only (`pipeline.blur.fusion_training`).
@@ -29,7 +28,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur import noise_consensus, shared_blur
+from pipeline.blur import shared_blur
 from pipeline.blur.base import BlurEstimate, Estimator, as_patches
 from pipeline.blur.camera_calibration import SAMPLES, affine_calibration
 from pipeline.blur.fusion_camera import SHARP_PATCHES, FusionMap
@@ -140,13 +139,9 @@ class Fused(Estimator):
         """See `pipeline.blur.base.Estimator.measure`; relative MTFs where there is a calibration."""
         networks = self.spectral.predict_members(patches)
         mtf, scale = np.asarray(networks.mtf, np.float64), np.asarray(networks.scale, np.float64)
-        doubts, unwidened = noise_consensus.doubt(mtf, scale), scale
+        unwidened = scale
         if self.camera is not None:
             mtf, scale = self.camera.spectral(networks.members), scale * self.camera.spectral.widening
-        noisy = (reason == "") & (networks.sigma_dn > noise_consensus.SIGMA_DN[0])
-        if noisy.any() and self.shared_blur != "never":
-            about = (mtf[noisy], scale[noisy], doubts[noisy], networks.sigma_dn[noisy])
-            mtf[noisy] = noise_consensus.led(*about, alike=self.shared_blur == "always")
         pays = deconvolution_pays(mtf, unwidened)
         spectral = SpectralAnswer(mtf, scale, np.asarray(networks.sigma_dn, np.float64), pays)
         answer, width = mtf.copy(), self.spectral.interval * scale
