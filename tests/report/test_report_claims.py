@@ -7,6 +7,7 @@ import json
 import math
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -111,6 +112,19 @@ def test_improved_estimation_on_recorded_frames_decides_claims_on_noise_and_on_s
     ):
         assert measured is not None and "Udacity" in measured.on
         assert "Of the paper's estimators." in measured.text
+
+
+def test_a_regression_of_fewer_cells_than_terms_decides_nothing() -> None:
+    evidence = Evidence(NOTHING)
+    evidence.detection = [SimpleNamespace(dataset="sim", fits={"car": {"r2": None}, "person": {}})]
+    assert of_detection.MEASURES["regression"](evidence) is None
+    evidence.detection[0].fits["bicycle"] = {"r2": 0.99}
+    measured = of_detection.MEASURES["regression"](evidence)
+    assert (
+        measured is not None
+        and measured.verdict == SUPPORTED
+        and measured.text.startswith("1 for, 0 against, of 1 fit.")
+    )
 
 
 @pytest.mark.parametrize(("miss", "verdict"), [(0.06, CONSISTENT), (0.2, CONTRADICTED)])

@@ -79,10 +79,11 @@ def _direction_matters(evidence: Evidence) -> Measurement | None:
 def _regression(evidence: Evidence) -> Measurement | None:
     published = published_table(evidence.inputs.paper / "regression_coefficients.csv")
     bound = float(published.loc[published["parameter"] == "r2", "value"].min())
-    fits = [(one.dataset, fit["r2"]) for one in evidence.detection for fit in one.fits.values() if "r2" in fit]
+    every = [(one.dataset, fit.get("r2")) for one in evidence.detection for fit in one.fits.values()]
+    fits = [(dataset, float(r2)) for dataset, r2 in every if r2 is not None]  # none of fewer cells than terms
     if not fits:
         return None
-    r2 = pd.Series([float(fit) for _, fit in fits])  # none of fewer cells than terms
+    r2 = pd.Series([fit for _, fit in fits])
     text = f"R² of {r2.min():.3f} to {r2.max():.3f}; the paper's {bound:.3f} and more counts."
     cells = pd.DataFrame({"supports": r2 >= bound, "opposes": r2 < bound})
     return claim.of_cells(cells, "fit", [dataset for dataset, _ in fits], text)
