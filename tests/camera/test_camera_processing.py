@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.camera import tone_curve
 from pipeline.camera.processing import colour, demosaic, mosaic, presets, scale, temporal_noise
-from pipeline.camera.processing.codec import CODECS, Codec, store
+from pipeline.camera.processing.codec import CODECS, Codec, store, video
 from pipeline.camera.processing.denoise import METHODS, Denoising, denoise_luma
 from pipeline.camera.processing.develop import CameraPipeline, grey
 from pipeline.camera.processing.raw_noise import RawNoise
@@ -93,6 +93,16 @@ def test_sharpening_lifts_contrast_as_its_formula():
         assert np.ptp(lifted) / np.ptp(wave[:, 40:200]) == pytest.approx(
             gain(settings, np.array([frequency]))[0], rel=0.02
         )
+
+
+def test_h264_gives_the_same_bytes_whatever_memory_held_before():
+    """x264's AVX-512 analysis gave other bytes in 2 % of the runs: of 200, hardly ever in none."""
+    picture = np.repeat(np.broadcast_to(np.linspace(0, 255, 92), (60, 92))[..., None], 3, axis=2).astype(np.uint8)
+    generator, answers, freed = stream(1, "memory"), set(), []
+    for _ in range(200):
+        freed = [*freed[-19:], generator.integers(0, 256, generator.integers(1, 200_000), np.uint8)]
+        answers.add(video([picture, picture], "h264", 20)[-1].tobytes())
+    assert len(answers) == 1
 
 
 @pytest.mark.parametrize("name", CODECS)
