@@ -21,9 +21,9 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 LONGEST = (
     "test_sweeps", "test_determinism", "test_package", "test_report_detection", "test_recording_blur", "test_recorded",
     "test_executor", "test_recorded_detection", "test_other_processor", "test_recorded_blur",
-    "test_experiments_calibrate",
+    "test_experiments_calibrate", "test_dvc_at_once", "test_cli_bad_inputs", "test_config_compose",
 )  # fmt: skip
-"""Files of half a minute and more: begun first, so that with several workers none of them runs alone at the end."""
+"""The longest files: begun first, so that with several workers none of them runs alone at the end."""
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
