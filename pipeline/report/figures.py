@@ -185,7 +185,10 @@ def lines(
 
 def small_mtf_axes(axes: Axes) -> None:
     """Limits and small ticks of a panel of MTF curves over the paper's frequencies, beneath a picture."""
-    axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xticks=[0, 0.3, 0.6], yticks=[0, 0.5, 1])
+    axes.set(xlim=(0, 0.62), ylim=(0, 1.03), yticks=[0, 0.5, 1])
+    axes.set_xticks([0, 0.3, 0.6], ["0", "0.3", "0.6"])
+    for label, side in zip(axes.get_xticklabels(), ("left", "center", "right"), strict=True):
+        label.set(horizontalalignment=side)  # so that labels of neighbouring panels do not touch
     axes.tick_params(labelsize=4.8, pad=1, length=1.5)
 
 
