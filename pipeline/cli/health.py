@@ -114,10 +114,10 @@ def command(
 
     from tqdm import tqdm
 
+    from pipeline import freed_memory
     from pipeline.cli import camera_store
     from pipeline.cli.frame_ahead import estimated_ahead
     from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds, find_surface
-    from pipeline.cli.freed_memory import keep_freed_memory
     from pipeline.cli.health_files import HealthFiles, HealthRun
     from pipeline.cli.package_version import version
     from pipeline.cli.pictures import expand, named, readable, stream_of
@@ -128,7 +128,7 @@ def command(
     from pipeline.store import plain_json
 
     one_thread()
-    keep_freed_memory()
+    freed_memory.keep()
     if quality == "best":
         if blur_name != "spectral":
             raise InputError(f"--quality best chooses the blur estimator; leave --blur {blur_name} out")

@@ -65,9 +65,9 @@ def command(
 
     SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm, 3 alarms, 2 no such source.
     """
+    from pipeline import freed_memory
     from pipeline.cli import camera_store
     from pipeline.cli.frame_analysis import FrameAnalysis, Thresholds, find_surface
-    from pipeline.cli.freed_memory import keep_freed_memory
     from pipeline.cli.package_version import version
     from pipeline.cli.watch_sources import open_source
     from pipeline.condition import ConditionMonitor
@@ -75,7 +75,7 @@ def command(
     from pipeline.recording.provenance import monitor_weights
 
     one_thread()
-    keep_freed_memory()
+    freed_memory.keep()
     camera = camera_store.load(camera_name) if camera_name is not None else None
     stop = threading.Event()
     with handled((signal.SIGINT, signal.SIGTERM), _Stop(stop)):

@@ -3,7 +3,7 @@
 * `lock_file`: ``dvc.lock`` is written entry by entry;
 * `read_once`: parameters are parsed and files hashed once, not once per stage;
 * `preloaded`: stages run in children of one process that has the libraries loaded;
-* `freed_memory`: memory that a stage frees is kept for its next arrays;
+* `pipeline.freed_memory`: memory that a stage frees is kept for its next arrays;
 * `at_once`: stages that do not depend on each other run at once.
 
 The same results and the same bytes of ``dvc.lock``; ``dvc`` itself may be used before and after.

@@ -22,7 +22,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
-from pipeline.dvc import freed_memory
+from pipeline import freed_memory
 
 LIBRARIES = (
     "numpy", "scipy.fft", "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg", "scipy.spatial",
@@ -30,6 +30,7 @@ LIBRARIES = (
     "torch",
 )  # fmt: skip
 """What the server imports: libraries that stages use; one that is not installed is left out."""
+KEPT_BYTES = 1 << 30  # freed memory that a stage keeps
 
 COMMAND = re.compile(r"python -m (pipeline(?:\.\w+)+)((?: [\w.+=/:@-]+)*)")
 """A command without anything that a shell would interpret."""
@@ -115,7 +116,7 @@ def _run(
         os.sched_setaffinity(0, cores)
     os.environ.clear()
     os.environ.update(environment)
-    freed_memory.keep(os.environ)
+    freed_memory.keep(os.environ, kept_bytes=KEPT_BYTES)
     multiprocessing.set_start_method(None, force=True)  # a command's process has no start method chosen
     module, *arguments = words
     sys.argv = [module, *arguments]

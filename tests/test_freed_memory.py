@@ -1,4 +1,4 @@
-"""What a stage frees is used again without new pages from the system."""
+"""What is freed is used again without new pages from the system."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from pipeline.dvc import freed_memory
+from pipeline import freed_memory
 
 ROUNDS = """
 import resource
@@ -21,7 +21,7 @@ for _ in range(20):
     take()
 print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
-KEEP = "import os\nfrom pipeline.dvc import freed_memory\nassert freed_memory.keep(os.environ)\n"
+KEEP = "import os\nfrom pipeline import freed_memory\nassert freed_memory.keep(os.environ)\n"
 
 glibc = pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is not glibc")
 
