@@ -23,10 +23,8 @@ repro: $(READY) ## regenerate every table and figure, then say where the report 
 	@$(BIN)/python -m pipeline.dvc repro
 	@echo "report: reports/index.html"
 
-# one worker more than cores: many tests wait for other processes
-TEST_WORKERS ?= $(shell $(PYTHON) -c 'import os; print(1 + (os.cpu_count() or 1))')
 test: $(READY) ## run the whole test suite
-	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 smoke: $(READY) ## run everything, tiny, in a scratch copy, and check its metrics against the committed baselines
 	@.ci/smoke
