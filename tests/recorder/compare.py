@@ -14,8 +14,8 @@ from pipeline.dependencies import dvc_yaml
 
 FREE = ("params.yaml", "dvc.yaml", "dvc.lock", ".cache/", ".git", "conf/", ".dvc", "tests/recorder/")
 """Opened by machinery (parameters are dependencies by value) or caches with a fingerprint in their name."""
-STARTS = "pipeline/dvc/"
-"""Starts stages, in whose processes it remains, and is no part of them."""
+STARTS = ("pipeline/dvc/", "pipeline/freed_memory.py")
+"""Start stages, in whose processes they remain, and are no part of them."""
 BY_HASH = {"data/index/": "data/sim/", "data/detector/": "data/weights/"}
 """A folder whose content hashes are in a dependency -> files that may be opened."""
 
