@@ -23,13 +23,35 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 KEEP = "import os\nfrom pipeline import freed_memory\nassert freed_memory.keep(os.environ)\n"
 
+FRAMES = """
+import resource, sys, threading
+import numpy as np
+from pipeline import freed_memory
+
+def frames():
+    for _ in range(20):
+        [np.ones(1 << 20) for _ in range(3)]
+
+def pages():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for thread in [threading.Thread(target=frames) for _ in range(2)]:
+        thread.start()
+        thread.join()
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+if sys.argv[1:] == ["keep"]:
+    assert freed_memory.keep()
+frames()
+print(pages())
+"""
+
 glibc = pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is not glibc")
 
 
-def page_faults(program: str, **variables: str) -> int:
+def page_faults(program: str, *arguments: str, **variables: str) -> int:
     environment = {name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")} | variables
     result = subprocess.run(
-        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
+        [sys.executable, "-c", program, *arguments], env=environment, capture_output=True, text=True, check=True
     )
     return int(result.stdout)
 
@@ -37,6 +59,11 @@ def page_faults(program: str, **variables: str) -> int:
 @glibc
 def test_freed_blocks_are_used_again() -> None:
     assert page_faults(KEEP + ROUNDS) < 200
+
+
+@glibc
+def test_arrays_of_the_next_frame_touch_no_new_pages() -> None:
+    assert page_faults(FRAMES, "keep") < page_faults(FRAMES) / 2
 
 
 @glibc
