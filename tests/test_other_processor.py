@@ -9,12 +9,11 @@ import json
 import os
 import shutil
 import subprocess
-import sys
-import sysconfig
 from pathlib import Path
 
 import pytest
 
+from benchmarks.processors import INTERPRETER, environment
 from pipeline import processor
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -54,10 +53,12 @@ print(json.dumps({name: hashlib.sha256(answer.tobytes()).hexdigest() for name, a
 """
 
 
-def answers(command, **variables):
-    environment = {name: value for name, value in os.environ.items() if name not in processor.AVX512_PINS} | variables
-    environment |= {"PYTHONPATH": f"{ROOT}:{sysconfig.get_paths()['purelib']}", "OMP_NUM_THREADS": "1"}
-    ran = subprocess.run([*command, "-c", PROGRAM], env=environment, cwd=ROOT, capture_output=True, text=True)
+def answers(*command):
+    unpinned = {name: value for name, value in os.environ.items() if name not in processor.AVX512_PINS}
+    ran = subprocess.run(
+        [*command, INTERPRETER, "-c", PROGRAM],
+        env=unpinned | environment(ROOT), cwd=ROOT, capture_output=True, text=True,
+    )  # fmt: skip
     assert ran.returncode == 0, ran.stderr
     return json.loads(ran.stdout.splitlines()[-1])
 
@@ -66,6 +67,4 @@ def answers(command, **variables):
 @pytest.mark.skipif(QEMU is None, reason="qemu-x86_64 is absent: apt-get install qemu-user")
 @pytest.mark.skipif(not processor.pins(processor.cpu_features()), reason="the processor has no AVX2")
 def test_answers_are_the_same_bytes_on_an_emulated_haswell():
-    interpreter = str(Path(sys.executable).resolve())
-    native = answers([interpreter])
-    assert answers([QEMU, "-cpu", "Haswell", interpreter]) == native
+    assert answers(QEMU, "-cpu", "Haswell") == answers()
