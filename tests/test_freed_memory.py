@@ -41,6 +41,8 @@ def pages():
 
 if sys.argv[1:] == ["keep"]:
     assert freed_memory.keep()
+if sys.argv[1:] == ["camera"]:
+    import pipeline.camera.chain
 frames()
 print(pages())
 """
@@ -63,7 +65,15 @@ def test_freed_blocks_are_used_again() -> None:
 
 @glibc
 def test_arrays_of_the_next_frame_touch_no_new_pages() -> None:
-    assert page_faults(FRAMES, "keep") < page_faults(FRAMES) / 2
+    usual = page_faults(FRAMES)
+    assert page_faults(FRAMES, "keep") < usual / 2
+    assert page_faults(FRAMES, "camera") < usual / 2
+
+
+@glibc
+def test_the_camera_leaves_values_of_the_environment() -> None:
+    variables = {"MALLOC_MMAP_THRESHOLD_": "131072", "MALLOC_TRIM_THRESHOLD_": "131072"}
+    assert page_faults(FRAMES, "camera", **variables) > page_faults(FRAMES, **variables) / 2
 
 
 @glibc

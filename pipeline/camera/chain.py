@@ -18,13 +18,15 @@ to 50 (`levels`). Clipping and rounding happen once, where a camera does them.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline import freed_memory
 from pipeline.camera import draws
-from pipeline.camera.blocks import blocks, keep_freed_memory
+from pipeline.camera.blocks import blocks
 from pipeline.camera.dark_current import dark_noise
 from pipeline.camera.effects import PRESETS, Effects, preset
 from pipeline.camera.photon import photon_shot
@@ -49,7 +51,7 @@ __all__ = [
     "untouched",
 ]
 
-keep_freed_memory()
+freed_memory.keep(dict(os.environ))  # pages of a new frame take longer than its random numbers
 
 
 @dataclass(frozen=True, eq=False)

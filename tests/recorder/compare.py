@@ -15,7 +15,7 @@ from pipeline.dependencies import dvc_yaml
 FREE = ("params.yaml", "dvc.yaml", "dvc.lock", ".cache/", ".git", "conf/", ".dvc", "tests/recorder/")
 """Opened by machinery (parameters are dependencies by value) or caches with a fingerprint in their name."""
 STARTS = ("pipeline/dvc/", "pipeline/freed_memory.py")
-"""Start stages, in whose processes they remain, and are no part of them."""
+"""Start stages, in whose processes they remain; of a stage that imports one itself, `pipeline.dependencies` knows."""
 BY_HASH = {"data/index/": "data/sim/", "data/detector/": "data/weights/"}
 """A folder whose content hashes are in a dependency -> files that may be opened."""
 
