@@ -53,6 +53,7 @@ SECTIONS = (
 """Every section in the paper's order: a function of the inputs, None where it has nothing to show."""
 
 
+@style.styled
 def build(inputs: ReportInputs, out_dir: str | Path) -> Score:
     """Write the report into a folder; sub-folders of an earlier run are replaced.
 

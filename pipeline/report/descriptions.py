@@ -50,7 +50,7 @@ from pipeline.errors import InputError, did_you_mean
 from pipeline.report.display_names import NAMES, in_order, listing, word
 from pipeline.report.figures import grid
 from pipeline.report.sections import description
-from pipeline.report.spec import Block, Figure, Run, Section
+from pipeline.report.spec import Block, Figure, Run, Section, missing
 from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Cell, Column, Row, Table, estimate, ordered, pivot, records
 
@@ -122,12 +122,14 @@ class Descriptions:
     ) -> Section:
         """A section of the page, which has the name of its file unless ``key`` is given.
 
-        Its title and first paragraph are described; parts that are None have nothing to show.
+        Its title and first paragraph are described; parts that are None have nothing to show; notes on runs that are
+        absent follow.
         """
         key = key or self.name
         about = self._entry("sections", key)
         text = [*([filled(about["text"], words)] if "text" in about else []), *text]
-        return Section(key, about["title"], text, [block for block in blocks if block is not None], runs, findings)
+        shown = [*(block for block in blocks if block is not None), *missing(about["title"], runs)]
+        return Section(key, about["title"], text, shown, runs, findings)
 
     def text(self, key: str, **words: Any) -> str:
         """A paragraph.

@@ -63,8 +63,8 @@ def grid(
             ``look``; ``x`` (one, or by value across) and ``y``: labels; ``axes`` and ``axes_across``:
             settings of every panel (`Axes.set`), and by value across; ``bar``: label of a colour bar; ``values`` and
             ``sort``: columns of the numbers plotted, and those to sort them by; ``panel_in`` and ``margin_in``: height
-            of a row of panels and of everything else, inches; ``title_size`` of the headings; ``share_x``: whether
-            panels share the horizontal axis, as they share the vertical one; ``absent``: text in a panel without rows.
+            of a row of panels and of everything else, inches; ``title_size`` of the headings; ``share_x`` and
+            ``share_y``: whether panels share an axis (all by default); ``absent``: text in a panel without rows.
         frame: long table.
         alt: description for readers who do not see the figure.
         looks: look of each series of the lines; a reader may switch off those that have a name.
@@ -87,7 +87,8 @@ def grid(
     x = about["x"]
     height_in = (panel_in or about.get("panel_in", 1.72)) * len(rows) + about.get("margin_in", 0.55)
     figure = style.new_figure(width_in, height_in)
-    panels = figure.subplots(len(rows), len(columns), squeeze=False, sharex=about.get("share_x", True), sharey=True)
+    share_x, share_y = (about.get(f"share_{axis}", True) for axis in "xy")
+    panels = figure.subplots(len(rows), len(columns), squeeze=False, sharex=share_x, sharey=share_y)
     size = {"fontsize": about["title_size"]} if "title_size" in about else {}
     mappable = None
     for (row, upper), (column, left) in itertools.product(enumerate(rows), enumerate(columns)):

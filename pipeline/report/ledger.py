@@ -148,9 +148,8 @@ class Score:
     @property
     def metrics(self) -> dict[str, int]:
         """The counts under names that suit a metrics file."""
-        of_kinds = {(f"{kind}_", verdict): n for kind, counts in self.kinds.items() for verdict, n in counts.items()}
-        counts = {("", verdict): n for verdict, n in self.counts.items()} | of_kinds
-        named = {f"{kind}{verdict.replace(' ', '_')}": n for (kind, verdict), n in counts.items()}
+        groups = {"": self.counts} | {f"{kind}_": counts for kind, counts in self.kinds.items()}
+        named = {of + name.replace(" ", "_"): n for of, counts in groups.items() for name, n in counts.items()}
         return {**named, "total": self.total, "compared": self.compared, "printed": self.printed}
 
     @property

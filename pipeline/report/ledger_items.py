@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 
 from pipeline.errors import InputError
 from pipeline.report import ledger_causes, ledger_sources
-from pipeline.report.display_names import counted, word
+from pipeline.report.display_names import word
 from pipeline.report.inputs import PUBLISHED_COLUMNS, ReportInputs, published_table
 from pipeline.report.ledger import (
     BETTER,
@@ -33,7 +33,7 @@ from pipeline.report.ledger import (
     to_table,
     tolerance_of_both,
 )
-from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run
+from pipeline.report.spec import STAGE_ABSENT, Block, Run
 from pipeline.report.tables import Row, records, where
 from pipeline.report.yaml_files import content
 
@@ -283,7 +283,7 @@ def all_rows(inputs: ReportInputs) -> list[LedgerRow]:
 
 
 def beside_ours(names: Sequence[str], inputs: ReportInputs) -> tuple[list[Block], list[Run]]:
-    """Of each ledger item ours beside the paper's as a table, a note on what did not run, its line of the overview."""
+    """Of each ledger item ours beside the paper's as a table, and its line of the overview."""
     items = {item.name: item for item in ITEMS}
     blocks: list[Block] = []
     runs: list[Run] = []
@@ -295,8 +295,6 @@ def beside_ours(names: Sequence[str], inputs: ReportInputs) -> tuple[list[Block]
             why, line = missing[0].why, missing[0].line or line
         if done:
             blocks.append(to_table(done, f"published_{item.name}", f"{item.title}: the paper's numbers beside ours."))
-        if missing:
-            blocks.append(NotRun(f"{item.title} ({counted(len(missing), 'published number')})", why, line))
         partly = f"{len(done):,} of {len(rows):,} numbers" if done and missing else ""
         measured_on = {row.dataset for row in done if row.dataset}
         recorded = bool(measured_on) and measured_on <= set(inputs.absent)  # data that no stage had

@@ -139,17 +139,9 @@ def uncorrupted(inputs: ReportInputs) -> pd.DataFrame | None:
 
 
 def _horizontal(curves: pd.DataFrame) -> pd.DataFrame:
-    """Horizontal curves, one row for each statistic; ``low`` and ``high`` are those of the medians.
-
-    Records from before intervals were computed have their range only, from which follows a narrower interval, as if
-    patches were independent.
-    """
-    known = where(curves, axis="H")
-    error = median_error_of_range((known["max"] - known["min"]).to_numpy(float), known["count"].to_numpy(float))
-    for name, end in (("low", known["median"] - error), ("high", known["median"] + error)):
-        known = known.assign(**{name: known[name].fillna(end) if name in known else end})
+    """Horizontal curves, one row for each statistic; ``low`` and ``high`` are those of the medians."""
     ends, keys = ["low", "high"], ["dataset", "estimator", "frequency"]
-    rows = known.melt([*keys, *ends], ["median", "min", "max"], "statistic", "mtf")
+    rows = where(curves, axis="H").melt([*keys, *ends], ["median", "min", "max"], "statistic", "mtf")
     rows.loc[rows["statistic"] != "median", ends] = math.nan
     return rows
 

@@ -10,7 +10,7 @@ function in `pipeline.report.build.SECTIONS`::
         summary = inputs.read("closed_loop/summary.parquet", SUMMARY)  # None where the stage has not run
         runs = overview("Camera control", "closed_loop@{dataset}", [] if summary is None else ["sim"], inputs)
         if summary is None:
-            return PAGE.section(missing("Camera control", runs), runs)
+            return PAGE.section([], runs)  # shows what did not run, with its command
         drawing, table = figure(summary), PAGE.table("control_ap", summary)
         return PAGE.section([PAGE.figure("control_ap", drawing, ["closed_loop@sim"]), table], runs)
 
@@ -23,7 +23,7 @@ descriptions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import pandas as pd
 
@@ -91,6 +91,17 @@ class Section:
     findings: Sequence[str] = field(default=())
 
 
+def as_recorded(shown: Figure | Table, *notes: str, prefix: str = "", count: str = "") -> Figure | Table:
+    """A figure or table of pictures measured earlier that are not kept, marked so in its name and caption.
+
+    ``notes`` are further ones of a table, ``prefix`` stands before its name, ``count`` is of the pictures in words.
+    """
+    name, caption = f"recorded_{prefix}{shown.name}", f"Recorded{count and f', {count}'}: {shown.caption}"
+    if isinstance(shown, Table):
+        return replace(shown, name=name, caption=caption, stage="", footnotes=(*shown.footnotes, *notes))
+    return replace(shown, name=name, caption=caption, stages=())
+
+
 def overview(
     experiment: str,
     stage: str,
@@ -151,13 +162,14 @@ def single(experiment: str, stage: str, ran: bool, inputs: ReportInputs) -> Run:
 
 
 def missing(title: str, runs: Sequence[Run]) -> list[NotRun]:
-    """One note for each dataset and command of an experiment that did not run.
+    """One note for each dataset and command of runs that are absent.
 
-    ``title`` is of the whole experiment, which stands for every run where the data are absent.
+    ``title`` is of the section, which stands for every run where the data are absent.
     """
     notes: dict[tuple[str, str], NotRun] = {}
     for run in runs:
         if run.state == "absent":
             name = title if run.why == "data absent" else run.experiment
-            notes.setdefault((run.dataset, run.line), NotRun(f"{name} on {word(run.dataset)}", run.why, run.line))
+            on = f" on {word(run.dataset)}" if run.dataset else ""
+            notes.setdefault((run.dataset, run.line), NotRun(f"{name}{on}", run.why, run.line))
     return list(notes.values())

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from pipeline.errors import InputError, did_you_mean
+from pipeline.grouped_statistics import weighted_mean
 from pipeline.report.display_names import in_order
 
 
@@ -117,12 +118,6 @@ def records(frame: pd.DataFrame | Iterable[Row]) -> list[dict[str, Any]]:
     return [{str(name): cell for name, cell in row.items()} for row in rows]
 
 
-def as_recorded(shown: Table, *notes: str) -> Table:
-    """A table of numbers that were measured earlier on pictures that are not kept, marked so, with further notes."""
-    caption, footnotes = f"{shown.caption.rstrip('.')} (recorded).", (*shown.footnotes, *notes)
-    return replace(shown, name=f"recorded_{shown.name}", caption=caption, footnotes=footnotes, stage="")
-
-
 def estimate(value: str, low: str, high: str, count: str = "", reference: str = "") -> Callable[[Row], Cell]:
     """A function from a row to an `Estimate`; None for a row without the value's column.
 
@@ -184,6 +179,14 @@ def ordered(frame: pd.DataFrame, **orders: Iterable[Any]) -> pd.DataFrame:
         values = in_order(frame[name], order)
         ranks[f"__{number}"] = frame[name].map({value: rank for rank, value in enumerate(values)})
     return frame.assign(**ranks).sort_values(list(ranks), kind="stable").drop(columns=list(ranks))
+
+
+def totals(cells: pd.DataFrame, by: Sequence[str], *means: str) -> pd.DataFrame:
+    """Sums of the counts of patches of each group of cells, and means of columns weighted by ``count``."""
+    groups = cells.groupby(list(by), sort=False)
+    sums = groups[[name for name in ("count", "abstained", "rejected") if name in cells]].sum()
+    averages = {name: [weighted_mean(group, name) for _, group in groups] for name in means}
+    return sums.assign(**averages).reset_index()
 
 
 def reasons_of(estimates: pd.DataFrame) -> Callable[[Row], str]:

@@ -213,6 +213,9 @@ def test_abstentions_are_counted_once_a_patch(inputs: ReportInputs, summary: pd.
     assert math.isnan(coverage["PMP"]) and 0 < coverage["Spectral"] <= 100  # type: ignore[arg-type,operator]
 
 
+NO_CURVES = pd.DataFrame(columns=kernel_gallery.CURVES)
+
+
 def galleries(inputs: ReportInputs, dataset: str = "sim") -> list[Gallery]:
     made = []
     for name in ("pmp", "gbb"):
@@ -223,7 +226,8 @@ def galleries(inputs: ReportInputs, dataset: str = "sim") -> list[Gallery]:
 
 def test_the_gallery_shows_truth_and_estimates_at_one_scale(inputs: ReportInputs) -> None:
     shown = galleries(inputs)
-    other = {"spectral": {"defocus_3": np.linspace(1, 0.5, 16).reshape(2, 8)}}
+    pmp = kernel_gallery._curves(shown[0][0])
+    other = pmp[pmp["kernel"] == "defocus_3"].assign(estimator="spectral", mtf=np.linspace(1, 0.5, 16))
     drawing = kernel_gallery.draw(shown, other)
     # Six blurs: a patch, a true kernel, and a kernel of each estimator but for GBB's one abstention.
     assert sum(len(axes.images) for axes in drawing.figure.axes) == 6 * 4 - 1
@@ -244,9 +248,9 @@ def test_galleries_that_do_not_fit_are_refused(inputs: ReportInputs) -> None:
     (about, arrays), (other, of_other) = galleries(inputs)
     with pytest.raises(InputError, match="no array 'truth_defocus_3'"):
         without = {name: array for name, array in arrays.items() if name != "truth_defocus_3"}
-        kernel_gallery.draw([(about, Arrays(without))])
+        kernel_gallery.draw([(about, Arrays(without))], NO_CURVES)
     with pytest.raises(InputError, match="other kernels than 'pmp'"):
-        kernel_gallery.draw([(about, arrays), ({**other, "kernels": other["kernels"][1:]}, of_other)])
+        kernel_gallery.draw([(about, arrays), ({**other, "kernels": other["kernels"][1:]}, of_other)], NO_CURVES)
 
 
 def test_the_section_shows_everything_and_says_what_did_not_run(inputs: ReportInputs) -> None:

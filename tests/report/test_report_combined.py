@@ -42,9 +42,9 @@ def test_the_section_shows_every_dataset_and_says_what_did_not_run(inputs: Repor
     ]  # fmt: skip
     tables = [block.name for block in section.blocks if isinstance(block, Table)]
     assert "combined_photon_linear_sim" in tables and "denoised_blur_udacity" in tables
-    missing = [block for block in section.blocks if isinstance(block, NotRun) and "published" not in block.title]
-    assert {block.title for block in missing} == {"Blur and noise at once on KITTI", "Denoised blur on KITTI"}
-    assert all(block.line == ABSENT["kitti"] for block in missing)
+    missing = [(block.title, block.line) for block in section.blocks if isinstance(block, NotRun)]
+    assert missing[0] == ("Blur and noise at once on KITTI", ABSENT["kitti"])
+    assert [line for _, line in missing].count(ABSENT["kitti"]) == 1  # one note for both experiments
     alt = next(block.drawing.alt for block in section.blocks if getattr(block, "name", "") == "combined_example_sim")
     assert "Defocus, then DCSN 0.25" in alt  # 1 % of 25 DN, by construction
     order = next(block.drawing for block in section.blocks if getattr(block, "name", "") == "combined_order_sim")

@@ -46,7 +46,7 @@ def test_every_part_is_shown_once_and_nothing_is_missing(section: Section) -> No
         "control_example_1", "control_example_2", "control_response", "control_surface", "control_dusk_drive",
         "control_standing",
     ]  # fmt: skip
-    assert not [block for block in section.blocks if isinstance(block, NotRun) and "published" not in block.title]
+    assert not [block for block in section.blocks if isinstance(block, NotRun) and "Closed loop" in block.title]
     assert [run.ran for run in section.runs[:4]] == [True] * 4
 
 

@@ -5,7 +5,7 @@ import math
 import pandas as pd
 import pytest
 
-from pipeline.report.tables import Estimate, amae, estimate, mean_cell, ordered, pivot
+from pipeline.report.tables import Estimate, amae, estimate, mean_cell, ordered, pivot, totals
 
 ROW = {"amae_percent": 5.0, "low_percent": 4.0, "high_percent": 6.5, "median_dn": 9.0, "low_dn": 8.0, "high_dn": 9.5,
        "count": 72.0, "paper_percent": 5.2}  # fmt: skip
@@ -44,3 +44,13 @@ def test_a_mean_is_of_all_cells_or_of_those_with_a_number():
     assert mean_cell(cells[1:], complete=False).reference == 9.0
     assert mean_cell([Estimate(1.0, reference=3.0), Estimate(3.0)]) == Estimate(2.0)  # the paper lacks one
     assert mean_cell([1.0, 2.0]) == pytest.approx(1.5) and mean_cell([1.0, "PMP"]) is None
+
+
+def test_totals_sum_counts_and_weight_means_by_them():
+    cells = pd.DataFrame(
+        {"name": ["b", "a", "b"], "count": [1, 2, 3], "abstained": [4, 0, 1], "error": [1.0, math.nan, 5]}
+    )
+    rows = totals(cells, ["name"], "error")
+    assert rows["name"].tolist() == ["b", "a"] and rows["count"].tolist() == [4, 2]
+    assert rows["abstained"].tolist() == [5, 0] and rows["error"].iloc[0] == 4.0 and math.isnan(rows["error"].iloc[1])
+    assert totals(cells.iloc[:0], ["name"], "error").empty

@@ -129,11 +129,6 @@ def test_noise_figure_plots_the_medians_and_counts_abstentions(report_inputs: Re
     assert [name for name, _, _ in drawing.series] == ["pca", "bf"]
 
 
-def test_noise_figure_without_numbers_says_so() -> None:
-    empty = tables.NOISE_SUMMARY.conform(pd.DataFrame({name: [] for name in tables.NOISE_SUMMARY.columns}))
-    assert noise.curves(empty, ["sim"]).alt == "Noise estimation: not run."
-
-
 def test_star_figure_says_how_far_measurement_and_formula_part() -> None:
     frequency = np.array([0.25, 0.5, 0.75])
     curves = {"measured": np.array([0.9, 0.8, 0.6]), "formula": np.array([0.9, 0.79, 0.63]), "frequency": frequency}

@@ -19,9 +19,8 @@ from pipeline.report.inputs import ReportInputs, at_frequencies, mode_note, mode
 from pipeline.report.ledger_sources import lenses, star_curve
 from pipeline.report.sections import blur_amae, kernel_gallery
 from pipeline.report.sections.blur_amae import ANY_STAGE, PAGE
-from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Run, Section, missing, pairs_of, runs_by_estimator, single
-from pipeline.report.style import Drawing
-from pipeline.report.tables import as_recorded, records, where
+from pipeline.report.spec import Block, Run, Section, as_recorded, pairs_of, runs_by_estimator, single
+from pipeline.report.tables import records, where
 
 TITLE = "Blur estimation"
 STAR: style.Look = {"color": style.INK, "linewidth": 1.0}
@@ -32,7 +31,7 @@ def uncorrupted(
     datasets: Sequence[str],
     paper: pd.DataFrame,
     stars: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
-) -> Drawing:
+) -> style.Drawing:
     """The paper's figure of uncorrupted datasets: median and range of the inliers over the eight frequencies.
 
     ``curves`` as of `sharp_curves`; ``paper`` holds its published curves, horizontal; ``stars``: dataset -> (K,)
@@ -67,8 +66,6 @@ def uncorrupted(
 def _uncorrupted_alt(
     curves: pd.DataFrame, estimators: Sequence[str], stars: Mapping[str, tuple[np.ndarray, np.ndarray]]
 ) -> str:
-    if curves.empty:
-        return PAGE.text("uncorrupted_not_run")
     last = where(curves, frequency_index=curves["frequency_index"].max(), axis="H")
     medians = last.groupby("estimator")["median"].agg(["min", "max", "size"]).loc[list(estimators)].reset_index()
     ends = [f"{row['min']:.2f}" + (f" to {row['max']:.2f}" if row["size"] > 1 else "") for row in records(medians)]
@@ -78,26 +75,22 @@ def _uncorrupted_alt(
     return PAGE.alt("uncorrupted_mtf", medians.assign(ends=ends), **words)
 
 
-def _stages(rows: pd.DataFrame) -> tuple[str, ...]:
-    return tuple(f"blur@{dataset}-{estimator}" for dataset, estimator in sorted(pairs_of(rows)))
-
-
-def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> Block:
+def _uncorrupted(estimates: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> Block | None:
     curves = sharp_curves(estimates, draws=0)
     if curves.empty:
-        return NotRun("MTF of uncorrupted frames", STAGE_ABSENT, inputs.line(ANY_STAGE))
+        return None
     star = star_curve(inputs)
     stars = {"sim": (star["frequency"], star["measured"])} if star is not None and "sim" in datasets else {}
     after = " ".join(filter(None, [PAGE.text("star") if stars else "", mode_note(inputs.modes, curves["estimator"])]))
     drawing = uncorrupted(curves, datasets, published(inputs, "uncorrupted_mtf.csv"), stars)
-    return PAGE.figure("uncorrupted_mtf", drawing, _stages(curves) + (("star",) if stars else ()), after=after)
+    return PAGE.figure(
+        "uncorrupted_mtf", drawing, [*blur_amae.stages_of(curves), *(["star"] if stars else [])], after=after
+    )
 
 
 def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs) -> list[Block | None]:
     paper = published(inputs, "blur_amae.csv")
-    figures = blur_amae.figures(summary, datasets, paper, _stages, modes=inputs.modes)
-    if not figures:
-        return [NotRun("Table I: AMAE of blur estimators", STAGE_ABSENT, inputs.line(ANY_STAGE))]
+    figures = blur_amae.figures(summary, datasets, paper, inputs.modes)
     tables = [table for name in datasets for table in blur_amae.tables_one(name, summary, paper, inputs.modes)]
     return [*figures, *tables, blur_amae.beside_the_best(summary, paper), blur_amae.unseen_kernels(inputs)]
 
@@ -115,7 +108,7 @@ def section(inputs: ReportInputs) -> Section:
     summary = inputs.noiseless("blur_summary")
     if summary.empty:
         run = single(TITLE, ANY_STAGE, False, inputs)
-        return PAGE.section([NotRun(PAGE.text("parts"), run.why, run.line)], [run])
+        return PAGE.section([], [run])
     estimates = inputs.noiseless("blur_estimates")
     datasets, runs = in_order(summary["dataset"], inputs.datasets), _runs(summary, inputs)
     # A relative MTF of sharp frames is no curve of theirs.
@@ -126,7 +119,6 @@ def section(inputs: ReportInputs) -> Section:
         *_table_one(blur_amae.without_unknown_lenses(summary, errors), datasets, inputs),
         blur_amae.abstentions(summary, estimates),
         *kernel_gallery.blocks(estimates, datasets, inputs),
-        *missing(TITLE, runs),
     ]
     return PAGE.section(blocks, runs)
 
@@ -163,7 +155,7 @@ def recorded(inputs: ReportInputs) -> Section | None:
     pairs = zip(theirs["dataset"], theirs["estimator"], strict=True)
     # The paper's numbers stand beside our exact programs, on datasets where these were run.
     paper = theirs.assign(estimator=[exact.get(pair, pair[1]) for pair in pairs])
-    blocks += blur_amae.figures(summary, datasets, paper, lambda _: (), "recorded", modes)
+    blocks += map(as_recorded, blur_amae.figures(summary, datasets, paper, modes))
     for one in known:
         blurred, few = blur_amae.without_unknown_lenses(one.summary), len(one.provenance["frames"])
         notes = [*subsets(one), PAGE.text("few_frames", frames=few)]

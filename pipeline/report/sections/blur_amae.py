@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,14 +16,12 @@ import pandas as pd
 
 from pipeline.camera.mtf import CAMERA, GENERIC_LENS
 from pipeline.experiments.condition import SHARP
-from pipeline.grouped_statistics import weighted_mean
 from pipeline.report import style, tables
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, DATASETS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import beside_the_paper
 from pipeline.report.inputs import ReportInputs, mode_note, relative_mtf
-from pipeline.report.spec import Figure
-from pipeline.report.style import Drawing
+from pipeline.report.spec import Figure, pairs_of
 from pipeline.report.tables import Estimate, Row, Table, amae, mean_cell, ordered, pivot, where
 
 ANY_STAGE = "blur@<dataset>-<estimator>"
@@ -33,6 +30,12 @@ RELATIVE = {CAMERA: "relative_to_camera", GENERIC_LENS: "relative_to_generic_len
 PAGE = Descriptions("blur")
 MEAN = "Mean"
 OTHER_FRAMES = "Frames differ from the paper's; on Sim they are of another renderer."
+UNSEEN_ANSWERS = {
+    ("spectral", "raw"): "", ("spectral", "generic_lens"): ", generic lens", ("spectral", "calibrated"): ", calibrated",
+    ("spectral", "camera_calibrated"): ", camera-calibrated", ("pmp", "raw"): "", ("gbb", "raw"): "",
+}  # fmt: skip
+"""Answers on unseen kernels, in words; not those of PMP and GBB divided by their own of sharp frames."""
+
 BLUR = ["dataset", "blur_kind", "kernel_size_px"]
 
 
@@ -66,7 +69,7 @@ def _notes(
     return [*notes, *filter(None, [mode_note(modes, estimators)])]
 
 
-def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) -> Drawing:
+def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) -> style.Drawing:
     """AMAE over the kernel size: datasets down, kinds of blur across.
 
     A summary without sharp frames, all raw or all calibrated; a dataset without numbers is shown as not run.
@@ -90,34 +93,26 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) 
     )  # fmt: skip
 
 
-def figures(
-    summary: pd.DataFrame,
-    datasets: Sequence[str],
-    paper: pd.DataFrame,
-    stages: Callable[[pd.DataFrame], tuple[str, ...]],
-    prefix: str = "",
-    modes: Mapping[str, str] | None = None,
-) -> list[Figure]:
-    """A figure of raw estimates and one of calibrated ones, where there are any.
+def stages_of(rows: pd.DataFrame) -> list[str]:
+    """The stages that made rows of a table."""
+    return [f"blur@{dataset}-{estimator}" for dataset, estimator in sorted(pairs_of(rows))]
 
-    ``stages`` gives the stages that made the rows shown; ``prefix`` stands before names and captions, e.g.
-    ``"recorded"``.
-    """
+
+def figures(
+    summary: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame, modes: Mapping[str, str]
+) -> list[Figure]:
+    """A figure of raw estimates and one of calibrated ones, where there are any."""
     drawn = []
     for is_calibrated, key in ((False, "blur_amae"), (True, "blur_amae_calibrated")):
         selected = summary[(summary["blur_kind"] != SHARP) & (summary["calibrated"] == is_calibrated)]
         if selected.empty:
             continue
-        notes = _notes(summary, modes or {}, in_order(selected["estimator"], ESTIMATORS), is_calibrated)
-        figure = PAGE.figure(
-            "blur_amae", curves(selected, datasets, paper), stages(selected), after=" ".join(notes), name=key,
+        notes = _notes(summary, modes, in_order(selected["estimator"], ESTIMATORS), is_calibrated)
+        drawn.append(PAGE.figure(
+            "blur_amae", curves(selected, datasets, paper), stages_of(selected), after=" ".join(notes), name=key,
             division=", each estimate divided by the camera's own for sharp frames" if is_calibrated else "",
             not_calibrated=", which is not calibrated" if is_calibrated else "",
-        )  # fmt: skip
-        if prefix:
-            caption = f"{prefix.capitalize()}: {figure.caption}"
-            figure = replace(figure, name=f"{prefix}_{figure.name}", caption=caption)
-        drawn.append(figure)
+        ))  # fmt: skip
     return drawn
 
 
@@ -208,16 +203,13 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
     calibrated_only = summary.groupby(["dataset", "estimator"])["calibrated"].transform("all")
     raw = summary[~summary["calibrated"] | calibrated_only]
     raw = ordered(raw, dataset=raw["dataset"].unique(), estimator=ESTIMATORS)
-    keys, rows = ["dataset", "estimator"], list[dict[str, Any]]()
-    for key, group in raw.groupby(keys, sort=False):
-        blurred = group[group["blur_kind"] != SHARP]
-        counts = {name: int(group[name].sum()) for name in ("count", "abstained")}
-        error, coverage = (weighted_mean(blurred, name) for name in ("patch_error_percent", "coverage"))
-        errors = {"patch_error_percent": error, "coverage_percent": 100 * coverage}
-        rows.append(dict(zip(keys, key, strict=True)) | counts | errors)
+    measured = ["patch_error_percent", "coverage"]
+    raw = raw.assign(**raw[measured].where(raw["blur_kind"] != SHARP))
+    rows = tables.totals(raw, ["dataset", "estimator"], *measured)
     patch = ["dataset", "estimator", "kernel", "frame", "patch"]
     refused = estimates[estimates["abstained"]].drop_duplicates(patch)
-    return PAGE.table("blur_abstentions", rows, cells={"reasons": tables.reasons_of(refused)})
+    cells = {"coverage_percent": lambda row: 100 * row["coverage"], "reasons": tables.reasons_of(refused)}
+    return PAGE.table("blur_abstentions", rows, cells=cells)
 
 
 def unseen_kernels(inputs: ReportInputs) -> Table | None:
@@ -229,18 +221,13 @@ def unseen_kernels(inputs: ReportInputs) -> Table | None:
     content = inputs.benchmark("unseen_kernels", ("kernels", "results"), "python benchmarks/unseen_kernels.py")
     if content is None:
         return None
-    # Divided estimates of a kernel estimator are not shown: its own of sharp frames is not its camera's.
-    answers = [("spectral", "raw"), ("spectral", "generic_lens"), ("spectral", "calibrated"),
-               ("spectral", "camera_calibrated"), ("pmp", "raw"), ("gbb", "raw")]  # fmt: skip
-    how = {"raw": "", "generic_lens": ", generic lens", "calibrated": ", calibrated"}
-    how["camera_calibrated"] = ", camera-calibrated"
     results = content["results"]
     rows = []
     for dataset in in_order(results, DATASETS):
-        for part, (name, answer) in itertools.product((results[dataset], results[dataset].get("few", {})), answers):
+        parts = results[dataset], results[dataset].get("few", {})
+        for part, ((name, answer), how) in itertools.product(parts, UNSEEN_ANSWERS.items()):
             result = part.get(name, {}).get(answer)
             if result is not None:
-                head = {"dataset": dataset, "estimator": word(name) + how[answer], "patches": part["patches"]}
-                means = {group: float(mean) for group, mean in result["mean_of_group_percent"].items()}
-                rows.append({**head, **means, "mean": float(result["mean_amae_percent"])})
+                head = {"dataset": dataset, "estimator": word(name) + how, "patches": part["patches"]}
+                rows.append({**head, **result["mean_of_group_percent"], "mean": result["mean_amae_percent"]})
     return PAGE.table("blur_unseen_kernels", rows, count=len(content["kernels"]))

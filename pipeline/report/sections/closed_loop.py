@@ -23,12 +23,11 @@ from pipeline.report.display_names import POLICIES, in_order, listing, word
 from pipeline.report.figures import add_legend
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.spec import Block
-from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Estimate, Table, format_number, ordered, records, where
 from pipeline.stage_files import optional
 
 CONTROL = Descriptions("control")
-LOOKS: dict[str, Look] = {
+LOOKS: dict[str, style.Look] = {
     "mean_intensity": {"color": style.PALETTE[1], "marker": "s"},
     "iopc_continuous": {"color": style.PALETTE[0], "marker": "o"},
     "iopc_lamp": {"color": style.PALETTE[3], "marker": "D"},
@@ -49,7 +48,7 @@ PANELS: tuple[tuple[str, str, str, bool], ...] = (
 )
 """Column, column of its estimate, label, whether the axis is logarithmic; four in a row."""
 
-ESTIMATED: Look = {"linestyle": "none", "markersize": 3.4, "markerfacecolor": "none", "markeredgewidth": 0.7}
+ESTIMATED: style.Look = {"linestyle": "none", "markersize": 3.4, "markerfacecolor": "none", "markeredgewidth": 0.7}
 PICTURE_PX = (120, 168)
 COLUMNS = 4
 
@@ -203,8 +202,7 @@ def over_time(result: ScenarioResult) -> pd.DataFrame:
     return first[shown].reset_index(drop=True)
 
 
-@style.styled
-def strip(result: ScenarioResult) -> Drawing:
+def strip(result: ScenarioResult) -> style.Drawing:
     """One scenario: eight panels over the frame number, and pictures of the leading viewpoint."""
     rows = over_time(result)
     policies = in_order(rows["policy"], LOOKS)
@@ -228,7 +226,7 @@ def strip(result: ScenarioResult) -> Drawing:
         spots[0].set_ylabel(word(name), fontsize=6.4)
     estimated = ESTIMATED | {"color": style.MUTED, "marker": "o"}
     add_legend(figure, [*((word(name), LOOKS[name]) for name in policies), ("estimated", estimated)])
-    return Drawing(figure, _alt(result, rows, policies), rows)
+    return style.Drawing(figure, _alt(result, rows, policies), rows)
 
 
 def _panel(axes: Axes, rows: pd.DataFrame, policies: list[str], panel: tuple[str, str, str, bool]) -> None:

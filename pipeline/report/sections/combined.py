@@ -15,26 +15,24 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, records_with
-from pipeline.grouped_statistics import weighted_mean
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, ESTIMATORS, EXPERIMENTS, in_order, word
 from pipeline.report.figures import PAPER, PAPER_DASH, add_legend, lines, ordinal_legend
 from pipeline.report.inputs import ReportInputs, at_frequencies, published
 from pipeline.report.ledger_items import beside_ours
-from pipeline.report.spec import Block, Section, missing, overview
-from pipeline.report.style import Drawing
+from pipeline.report.spec import Block, Section, as_recorded, overview
 from pipeline.report.tables import (
-    Cell,
     Row,
     Table,
     amae,
-    as_recorded,
     estimate,
     format_number,
     mean_cell,
     ordered,
     pivot,
+    records,
+    totals,
     where,
 )  # fmt: skip
 from pipeline.stage_files import described
@@ -58,8 +56,7 @@ THE_CNN = ("the paper's CNN, Udacity", {"color": style.MUTED, "linestyle": PAPER
 THIN_PAPER = PAPER | {"linewidth": 0.7}
 
 
-@style.styled
-def order_figure(arrays: Mapping[str, np.ndarray], example: Mapping[str, Any]) -> Drawing:
+def order_figure(arrays: Mapping[str, np.ndarray], example: Mapping[str, Any]) -> style.Drawing:
     """One patch after each step of image formation; one row for each order that occurs among the experiments.
 
     ``arrays`` holds ``step_<experiment>_<step>``.
@@ -84,13 +81,12 @@ def order_figure(arrays: Mapping[str, np.ndarray], example: Mapping[str, Any]) -
     orders = [{"name": name, "steps": ", ".join(STEPS[step] for step in steps)} for steps, name in rows.items()]
     strongest = max(example["experiments"][0]["target_sigmas_dn"])
     px = example["kernel_size_px"]
-    return Drawing(figure, PAGE.alt("combined_order", orders, dataset=example["dataset"], px=px, level=strongest))
+    return style.Drawing(figure, PAGE.alt("combined_order", orders, dataset=example["dataset"], px=px, level=strongest))
 
 
-@style.styled
 def example_figure(
     curves: pd.DataFrame, arrays: Mapping[str, np.ndarray], example: Mapping[str, Any], paper: pd.DataFrame
-) -> Drawing:
+) -> style.Drawing:
     """One blur under growing noise: the patch, and the median MTF over all patches; one row per experiment.
 
     ``curves`` of one dataset and estimator, raw; ``arrays`` holds ``level_<experiment>_<number>``.
@@ -131,7 +127,7 @@ def example_figure(
     distances = ordered(distances, experiment=[entry["experiment"] for entry in entries])
     px = example["kernel_size_px"]
     alt = PAGE.alt("combined_example", distances, dataset=example["dataset"], px=px, level=max(looks))
-    return Drawing(figure, alt, values.drop(columns="frequency_index"))
+    return style.Drawing(figure, alt, values.drop(columns="frequency_index"))
 
 
 def _truth(axes: Axes, rows: pd.DataFrame, key: str = "") -> None:
@@ -148,7 +144,7 @@ def _distances(curves: pd.DataFrame, level_dn: float, by: list[str]) -> pd.DataF
     return highest.assign(distance=distance).groupby(by, as_index=False)[["distance"]].max()
 
 
-def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
+def noise_figure(cells: pd.DataFrame, dataset: str) -> style.Drawing:
     """Noise estimated on blurred frames over its level, coloured by kernel size: estimators down, experiments across.
 
     Noise that comes after the optics stays white and should be estimated at its level. Photon noise is blurred with
@@ -174,7 +170,7 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> Drawing:
     )  # fmt: skip
 
 
-def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) -> Drawing:
+def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) -> style.Drawing:
     """Error of the blur estimate over the noise level, coloured by kernel size: datasets down, experiments across.
 
     ``cells`` of one estimator, raw or calibrated.
@@ -195,7 +191,7 @@ def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFram
     )  # fmt: skip
 
 
-def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame) -> Drawing:
+def curves_figure(curves: pd.DataFrame, dataset: str, paper: pd.DataFrame) -> style.Drawing:
     """Estimated MTF of one blur under growing noise: estimators down, experiments across.
 
     ``curves`` raw, mean of both directions, without a filter.
@@ -279,22 +275,19 @@ def denoised_table(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame) -> Ta
 
 def abstention_table(blur: pd.DataFrame, noise: pd.DataFrame) -> Table:
     """Abstentions of each estimator, error of a single patch, and coverage of the intervals."""
-    rows: list[dict[str, Any]] = []
     keys = ["dataset", "experiment", "estimator", "filter_px"]
-    for cells, error_name in ((blur[~blur["calibrated"]], "patch_error_percent"), (noise, "patch_error_dn")):
-        cells = cells if "filter_px" in cells else cells.assign(filter_px=0.0, smoothed_fraction=0.0)
-        for key, group in cells.groupby(keys, sort=False):
-            if key[3] == 0 or group["smoothed_fraction"].any():
-                error_of: dict[str, Cell] = {error_name: weighted_mean(group, error_name)}
-                totals = {name: int(group[name].sum()) for name in ("count", "abstained")}
-                coverage = 100 * weighted_mean(group, "coverage")
-                rows.append(dict(zip(keys, key, strict=True)) | error_of | totals | {"coverage": coverage})
+    raw = blur[~blur["calibrated"]]
+    raw = raw[(raw["filter_px"] == 0) | (raw.groupby(keys)["smoothed_fraction"].transform("max") > 0)]
+    rows = [
+        *records(totals(raw, keys, "patch_error_percent", "coverage")),
+        *records(totals(noise.assign(filter_px=0.0), keys, "patch_error_dn", "coverage")),
+    ]
 
     def estimator(row: Row) -> str:
         return word(row["estimator"]) + (f", smoothed {row['filter_px']:g} px" if row["filter_px"] else "")
 
-    made = {"estimator": estimator, "asked": lambda row: row["count"] + row["abstained"]}
-    return PAGE.table("combined_abstentions", rows, cells=made)
+    cells = {"estimator": estimator, "coverage": lambda row: 100 * row["coverage"]}
+    return PAGE.table("combined_abstentions", rows, cells=cells)
 
 
 def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_order: bool) -> Iterator[Block]:
@@ -356,8 +349,7 @@ def section(inputs: ReportInputs) -> Section:
     blocks += [table for dataset in ran for table in _errors(dataset, blur, inputs)]
     blocks += [denoised_table(dataset, cells, paper) for dataset in smoothed]
     blocks += [abstention_table(blur, noise)] if ran else []
-    blocks += [*beside, *missing(TITLE, runs), *missing(DENOISED, denoised_runs)]
-    return PAGE.section(blocks, [*runs, *denoised_runs, *published_runs])
+    return PAGE.section([*blocks, *beside], [*runs, *denoised_runs, *published_runs])
 
 
 def _of_record(
@@ -369,12 +361,13 @@ def _of_record(
     if len(selected):
         drawing = curves_figure(selected, dataset, published(inputs, "photon_linear_motion_mtf.csv"))
         yield PAGE.figure("recorded_curves", drawing, dataset=dataset, px=selected["kernel_size_px"].iloc[0])
-    theirs = published(inputs, "photon_defocus_amae.csv")
+    theirs, on = published(inputs, "photon_defocus_amae.csv"), f" on {word(dataset)}"
     for name in in_order(where(blur, dataset=dataset)["estimator"], ESTIMATORS):
         drawing = amae_figure(where(blur, dataset=dataset, estimator=name, calibrated=False), [dataset], theirs)
-        yield PAGE.figure("recorded_amae", drawing, dataset=dataset, estimator=name)
+        amae_of = PAGE.figure("combined_amae", drawing, name=f"combined_amae_{dataset}_{name}", estimator=name, how=on)
+        yield as_recorded(amae_of)
     if (noise["dataset"] == dataset).any():
-        yield PAGE.figure("recorded_noise", noise_figure(noise, dataset), dataset=dataset)
+        yield as_recorded(PAGE.figure("combined_noise", noise_figure(noise, dataset), dataset=dataset))
     yield from map(as_recorded, _errors(dataset, blur, inputs))
 
 

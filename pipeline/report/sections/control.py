@@ -15,8 +15,7 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger_items import beside_ours
 from pipeline.report.sections import closed_loop, control_examples, order_study
 from pipeline.report.sections.closed_loop import CONTROL, scenario_word
-from pipeline.report.spec import Block, NotRun, Run, Section, single
-from pipeline.report.style import Drawing
+from pipeline.report.spec import Block, Run, Section, single
 from pipeline.report.tables import Table, where
 
 SURFACE_STAGE = "control_surface"
@@ -33,9 +32,8 @@ def section(inputs: ReportInputs) -> Section:
         *_scenario_runs(inputs, {one.name for one in results}),
         single("Order of photon noise and blur", order_study.STAGE, bool(study), inputs),
     ]
-    absent = [NotRun(run.experiment, run.why, run.line) for run in runs if not run.ran]
     beside, published_runs = beside_ours(("worked_examples", "controller_ap", "controller_response"), inputs)
-    blocks = [*examples, *surface, *closed_loop.blocks(results, inputs), *study, *absent, *beside]
+    blocks = [*examples, *surface, *closed_loop.blocks(results, inputs), *study, *beside]
     findings = [*of_examples, *closed_loop.findings(results), *of_study]
     return CONTROL.section(blocks, [*runs, *published_runs], findings)
 
@@ -51,8 +49,7 @@ def _scenario_runs(inputs: ReportInputs, ran: set[str]) -> list[Run]:
     ]
 
 
-@style.styled
-def heat_map(knots: pd.DataFrame) -> Drawing:
+def heat_map(knots: pd.DataFrame) -> style.Drawing:
     """AP at every measured noise and motion (`pipeline.control.tables.KNOTS`); one panel for each mean level."""
     levels = sorted(set(knots["level"]), reverse=True)
     grids = [
@@ -72,7 +69,7 @@ def heat_map(knots: pd.DataFrame) -> Drawing:
         words.append({"level": level, "px": grid.columns[-1], "dn": grid.index[-1], **ends})
     panels[0].set_ylabel("noise σ, target (estimated) [DN]")
     style.colour_bar(figure, image, list(panels), "AP [%]", shrink=0.9, pad=0.02)
-    return Drawing(figure, CONTROL.alt("control_surface", words), knots.drop(columns="fold"))
+    return style.Drawing(figure, CONTROL.alt("control_surface", words), knots.drop(columns="fold"))
 
 
 def knot_table(knots: pd.DataFrame) -> Table:

@@ -14,7 +14,6 @@ from pipeline.report.figures import PAPER_DASH, add_legend
 from pipeline.report.inputs import ReportInputs, published
 from pipeline.report.sections.closed_loop import CONTROL
 from pipeline.report.spec import Block
-from pipeline.report.style import Drawing, Look
 from pipeline.report.tables import Table, estimate, format_number, ordered, records, where
 from pipeline.stage_files import described, optional
 
@@ -28,11 +27,11 @@ STEP_WORDS = {
     "final": "final",
 }
 CONTROLLERS = {"camera_default": "Built-in control", "fixed_parameters": "Fixed settings", "proposed": "Paper's rule"}
-RESPONSES: dict[str, Look] = {
+RESPONSES: dict[str, style.Look] = {
     "camera_default": {"color": style.PALETTE[1], "marker": ""},
     "proposed": {"color": style.PALETTE[0], "marker": ""},
 }
-PUBLISHED: Look = {"linestyle": PAPER_DASH, "linewidth": 1.6, "alpha": 0.55}
+PUBLISHED: style.Look = {"linestyle": PAPER_DASH, "linewidth": 1.6, "alpha": 0.55}
 AGREE_MS = 0.05
 BESIDE_THE_PAPER = ("exposure_ms", "iso", "sigma_dn", "mtf_at_0.1", "blur_px", "detection_score")
 LAST_ON_GRID_MS = 4700.0
@@ -46,8 +45,9 @@ def step_word(step: str) -> str:
     return STEP_WORDS.get(step, step.replace("_", " "))
 
 
-@style.styled
-def pictures(example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray], about: Mapping[str, Any]) -> Drawing:
+def pictures(
+    example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray], about: Mapping[str, Any]
+) -> style.Drawing:
     """One object at every step of an example, with its true box (dashed) and the detector's box and score.
 
     ``steps`` is an `EXAMPLE_STEPS`; ``about`` describes ``arrays``, see `pipeline.control.example_pictures.gallery`.
@@ -77,7 +77,7 @@ def pictures(example: str, steps: pd.DataFrame, arrays: Mapping[str, np.ndarray]
         rows.append({"step": entry["step"], "score_of_this_object": entry["score"], **row})
         words.append({"title": title, "settings": settings, "score": score})
     alt = CONTROL.alt("control_example", words, label=about["label"], number="1" if example == FIRST else "2")
-    return Drawing(figure, alt, pd.DataFrame(rows).drop(columns="example"))
+    return style.Drawing(figure, alt, pd.DataFrame(rows).drop(columns="example"))
 
 
 def step_table(steps: pd.DataFrame, paper: pd.DataFrame) -> Table:
@@ -87,8 +87,7 @@ def step_table(steps: pd.DataFrame, paper: pd.DataFrame) -> Table:
     return CONTROL.table("control_examples", beside, cells=cells | {"step": lambda row: step_word(row["step"])})
 
 
-@style.styled
-def response(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame, theirs: pd.DataFrame) -> Drawing:
+def response(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame, theirs: pd.DataFrame) -> style.Drawing:
     """Exposure time and gain over time, published and replayed, and the AP of the three controllers.
 
     ``ours`` is a `RESPONSE`, as is ``paper``; ``precision`` a `CONTROLLER_AP`, ``theirs`` its published counterpart.
@@ -126,7 +125,7 @@ def response(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame, t
     alt = CONTROL.alt("control_response", words, error=rmse_ms(ours, paper), until_s=LAST_ON_GRID_MS / 1e3)
     keys = ["controller", "quantity", "time_ms"]
     merged = ours.merge(paper, on=keys, how="outer", suffixes=("", "_paper"))
-    return Drawing(figure, alt, merged.sort_values(keys))
+    return style.Drawing(figure, alt, merged.sort_values(keys))
 
 
 def rmse_ms(ours: pd.DataFrame, paper: pd.DataFrame) -> float:

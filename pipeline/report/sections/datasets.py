@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
@@ -18,8 +19,7 @@ from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.spec import Section, missing, overview
-from pipeline.report.style import Drawing
+from pipeline.report.spec import Section, overview
 from pipeline.report.tables import Table, estimate, pivot, records, where
 
 PAGE = Descriptions("datasets")
@@ -63,8 +63,7 @@ def _picture(axes: Axes, sample: DatasetSample, frame: str) -> None:
         outline(*(box[edge] for edge in ("x1", "y1", "x2", "y2")), edgecolor=colour, lw=0.8, linestyle=dash)
 
 
-@style.styled
-def samples_figure(samples: Sequence[DatasetSample]) -> Drawing:
+def samples_figure(samples: Sequence[DatasetSample]) -> style.Drawing:
     """One row of frames per dataset (boxes solid, blur patches dashed), then spectrum and histogram of all.
 
     Every sample has at least one frame.
@@ -106,7 +105,7 @@ def samples_figure(samples: Sequence[DatasetSample]) -> Drawing:
     words = [{"dataset": sample.name, "frames": len(sample.frames)} for sample in samples]
     alt = PAGE.alt("datasets", words, boxes=boxes)
     series = style.switches(sample.name for sample in samples) if len(samples) > 1 else ()
-    return Drawing(figure, alt, pd.concat(curves), series)
+    return style.Drawing(figure, alt, pd.concat(curves), series)
 
 
 def _samples(inputs: ReportInputs) -> list[DatasetSample]:
@@ -123,16 +122,17 @@ def _samples(inputs: ReportInputs) -> list[DatasetSample]:
 def _sizes(frames: Mapping[str, pd.DataFrame], inputs: ReportInputs) -> Table:
     rows = []
     for dataset, group in frames.items():
-        patches = inputs.read(f"index/{dataset}/patches.parquet", tables.PATCHES)
-        quarantine = inputs.read(f"index/{dataset}/quarantine.parquet", tables.QUARANTINE)
-        purposes = patches["purpose"].value_counts().to_dict() if patches is not None else {}
+        patches, quarantine = (
+            inputs.read(f"index/{dataset}/{name}.parquet", schema)
+            for name, schema in (("patches", tables.PATCHES), ("quarantine", tables.QUARANTINE))
+        )
+        purposes = Counter[str]() if patches is None else Counter(patches["purpose"])
         sizes = group.groupby(["width_px", "height_px"]).size().sort_values(ascending=False, kind="stable")
         size = "\u00a0×\u00a0".join(str(side) for side in sizes.index[0]) if len(sizes) else ""
-        objects, ignored = (int(group[name].sum()) for name in ("objects", "objects_ignored"))
-        blur, noise = (int(purposes.get(name, 0)) for name in ("blur", "noise"))
         rows.append({
             "dataset": dataset, "frames": len(group), "size_px": size + (" and others" if len(sizes) > 1 else ""),
-            "objects": objects, "ignored": ignored, "blur_patches": blur, "noise_patches": noise,
+            "objects": int(group["objects"].sum()), "ignored": int(group["objects_ignored"].sum()),
+            "blur_patches": purposes["blur"], "noise_patches": purposes["noise"],
             "quarantined": None if quarantine is None else len(quarantine),
         })  # fmt: skip
     return PAGE.table("dataset_sizes", rows)
@@ -165,7 +165,6 @@ def section(inputs: ReportInputs) -> Section:
         PAGE.figure("datasets", samples_figure(samples), stages) if samples else None,
         *((_sizes(frames, inputs), _statistics(frames, inputs.seed)) if frames else ()),
         quarantine,
-        *missing("Dataset figure and statistics", runs),
     ]
     text = [PAGE.text("none_in_quarantine")] if quarantined and quarantine is None else []
     return PAGE.section(blocks, runs, text=text)

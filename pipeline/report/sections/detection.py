@@ -17,7 +17,7 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger_items import beside_ours
 from pipeline.report.sections import detection_figures
 from pipeline.report.sections.detection_figures import PAGE
-from pipeline.report.spec import STAGE_ABSENT, Block, Figure, NotRun, Run, Section, runs_by_estimator
+from pipeline.report.spec import Block, Figure, NotRun, Run, Section, as_recorded, runs_by_estimator
 from pipeline.report.tables import Cell, Estimate, Table, estimate, format_number, pivot, records, where
 
 AP = estimate("ap_percent", "low_percent", "high_percent")
@@ -122,9 +122,9 @@ def _curves(dataset: str, results: Sequence[Results], inputs: ReportInputs) -> l
     return blocks
 
 
-def _directions(dataset: str, results: Sequence[Results]) -> list[Block]:
+def _directions(dataset: str, results: Sequence[Results]) -> list[Figure | Table]:
     cells = _joined(results, "directions")
-    blocks: list[Block] = []
+    blocks: list[Figure | Table] = []
     for label in sorted(set(cells["label"])) if len(cells) else ():
         words = {"dataset": dataset, "label": label, "class": label.replace(" ", "_")}
         drawing = detection_figures.direction(cells, label)
@@ -169,14 +169,10 @@ def _recorded(sweeps: Sequence[Recorded]) -> list[Block]:
         words["weights"] = about["detector"]["sha256"][:12]
         blocks.append(PAGE.figure("recorded_iopc", detection_figures.iopc(selected.isolated), **words))
         if len(selected.heat):
-            rises = _needed(selected.heat) if "objects_needed" in selected.heat else PAGE.text("each_cell")
-            drawing = detection_figures.heat(selected.heat)
+            drawing, rises = detection_figures.heat(selected.heat), _needed(selected.heat)
             blocks.append(PAGE.figure("recorded_iopc_heat", drawing, after=rises, title=title, record=one.name))
         for block in _directions(selected.dataset, [selected]):
-            if not isinstance(block, NotRun):
-                name, caption = f"recorded_{one.name}_{block.name}", f"Recorded, {count}: {block.caption}"
-                unstaged = {"stages": ()} if isinstance(block, Figure) else {"stage": ""}
-                blocks.append(replace(block, name=name, caption=caption, **unstaged))
+            blocks.append(as_recorded(block, prefix=f"{one.name}_", count=count))
     return blocks
 
 
@@ -196,7 +192,7 @@ def _runs(results: Sequence[Results], sweeps: Sequence[Recorded], inputs: Report
     names = {*(dataset for dataset, _ in planned), *(set(inputs.absent) & set(DATASETS))}
     datasets, ran = in_order(names, DATASETS), [(one.dataset, one.detector) for one in results]
     listed = {name for _, name in planned}
-    runs = runs_by_estimator("Detection", "curves", ran, inputs, names=listed, datasets=datasets) if planned else []
+    runs = runs_by_estimator("Detection", "curves", ran, inputs, names=listed, datasets=datasets)
     for name, line in inputs.detectors_absent.items():
         known = {one.results.dataset for one in sweeps if one.results.detector == name}
         datasets = in_order({*names, *known}, DATASETS) if known else [""]
@@ -213,14 +209,7 @@ def section(inputs: ReportInputs) -> Section:
     for dataset in in_order((one.dataset for one in results), DATASETS):
         selected = [one for one in results if one.dataset == dataset]
         blocks += _curves(dataset, selected, inputs) + _directions(dataset, selected) + _regression(dataset, selected)
-    if not results:
-        blocks.append(NotRun(PAGE.text("parts"), STAGE_ABSENT, inputs.line("curves@<dataset>-<detector>")))
-    notes = {
-        run.line: NotRun(f"Detection on {word(run.dataset)}" if run.dataset else run.experiment, run.why, run.line)
-        for run in reversed(runs)
-        if run.state == "absent" and run.why != STAGE_ABSENT
-    }
     items = ("yolov7_direction_ap", "regression_coefficients", "fitted_ap_grid")
     published, published_runs = beside_ours(items, inputs)
-    blocks += [*reversed(notes.values()), *_recorded(sweeps), *_refit(inputs), *published]
+    blocks += [*_recorded(sweeps), *_refit(inputs), *published]
     return PAGE.section(blocks, [*runs, *published_runs])

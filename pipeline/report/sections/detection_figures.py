@@ -13,7 +13,6 @@ from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DETECTORS, in_order, listing
 from pipeline.report.figures import RING, cell_map, ink_on, legend_of, lines
-from pipeline.report.style import Drawing
 from pipeline.report.tables import ordered, records, where
 
 PAGE = Descriptions("detection")
@@ -21,7 +20,7 @@ LEAST_APART_PX = 4
 CAUSES = {"sigma_dn": "noise", "mtf": "blur"}
 
 
-def iopc(curves: pd.DataFrame) -> Drawing:
+def iopc(curves: pd.DataFrame) -> style.Drawing:
     """The paper's isolated curves: AP over estimated noise and over estimated MTF; classes down, quantities across.
 
     A ring marks a point whose AP exceeds that of its less noisy or sharper neighbour.
@@ -70,7 +69,7 @@ def _heat_panel(axes: Axes, rows: pd.DataFrame, key: str) -> Any:
     return image
 
 
-def heat(cells: pd.DataFrame) -> Drawing:
+def heat(cells: pd.DataFrame) -> style.Drawing:
     """Heat maps of AP over estimated noise and MTF, the paper's combined curves: classes down, detectors across.
 
     A cell is the mean of its conditions. A triangle marks cells whose AP exceeds that of a less noisy or sharper one, a
@@ -101,7 +100,7 @@ def _apart(sizes: Sequence[float]) -> list[float]:
     return shown
 
 
-def direction(cells: pd.DataFrame, label: str) -> Drawing:
+def direction(cells: pd.DataFrame, label: str) -> style.Drawing:
     """AP over the length of the blur, one line per direction: detectors down, noise levels across.
 
     ``cells``: `pipeline.curves.directions.TABLE` with a column ``detector``.
@@ -153,8 +152,7 @@ def _limits(values: pd.Series) -> tuple[float, float]:
     return float(values.min()) - margin, float(values.max()) + margin
 
 
-@style.styled
-def regression(fitted: pd.DataFrame, titles: Mapping[str, str]) -> Drawing:
+def regression(fitted: pd.DataFrame, titles: Mapping[str, str]) -> style.Drawing:
     """Two panels per fit: fitted AP over ISO and exposure time (dots: measured cells), and measured less fitted.
 
     ``fitted``: `pipeline.curves.iso_exposure.FITTED` with a column ``fit``, a key of ``titles``.
@@ -185,4 +183,4 @@ def regression(fitted: pd.DataFrame, titles: Mapping[str, str]) -> Drawing:
         axes.set_visible(False)
     for mappable, title in ((image, "average precision [%]"), (dots, "residual [points]")):
         style.colour_bar(figure, mappable, panels, title, shrink=0.85, pad=0.01, aspect=28)
-    return Drawing(figure, PAGE.alt("regression", words), known.sort_values(["fit", "iso", "exposure_ms"]))
+    return style.Drawing(figure, PAGE.alt("regression", words), known.sort_values(["fit", "iso", "exposure_ms"]))

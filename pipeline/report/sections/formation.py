@@ -19,8 +19,7 @@ from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import EFFECTS, in_order, listing, word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Section, missing, overview, single
-from pipeline.report.style import Drawing
+from pipeline.report.spec import Block, Section, overview, single
 from pipeline.report.tables import Row, Table
 from pipeline.stage_files import described, existing
 
@@ -36,8 +35,7 @@ def _crop(arrays: Mapping[str, np.ndarray], entry: Mapping[str, Any], side_px: i
     return picture.astype(float) * (255.0 if picture.dtype.kind == "f" else 1.0)
 
 
-@style.styled
-def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]) -> Drawing:
+def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]) -> style.Drawing:
     """The chain of image formation in its configured order, each step with its change against the step before.
 
     ``entries`` are ``{"array", "title", "caption"}`` in order, the first the input; ``arrays`` are (H, W), uint8 or
@@ -62,11 +60,10 @@ def chain(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]
             style.picture(axes[1, number], changes[number - 1], -span, span)
             axes[1, number].set_xlabel(f"std {change:.2f} DN", fontsize=6.2, labelpad=2)
         rows.append({"step": number, "title": title, "mean_dn": picture.mean(), "change_std_dn": change})
-    return Drawing(figure, PAGE.alt("formation_chain", rows[1:]), pd.DataFrame(rows))
+    return style.Drawing(figure, PAGE.alt("formation_chain", rows[1:]), pd.DataFrame(rows))
 
 
-@style.styled
-def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]) -> Drawing:
+def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any]]) -> style.Drawing:
     """Noise sources down, levels across; beneath each patch the standard deviation added to this part of the frame.
 
     ``entries`` are ``{"array", "noise_source", "target_sigma_dn"}``; ``arrays`` are (H, W), uint8 or float in [0, 1].
@@ -95,11 +92,10 @@ def effects(arrays: Mapping[str, np.ndarray], entries: Sequence[Mapping[str, Any
         rows.append({"noise_source": noise_source, "target_sigma_dn": level, **numbers})
     shown = listing(f"{level:g}" for level in levels)
     alt = PAGE.alt("formation_effects", [{"noise_source": name} for name in sources], levels=shown)
-    return Drawing(figure, alt, pd.DataFrame(rows))
+    return style.Drawing(figure, alt, pd.DataFrame(rows))
 
 
-@style.styled
-def photon_transfer(curve: Mapping[str, Any]) -> Drawing:
+def photon_transfer(curve: Mapping[str, Any]) -> style.Drawing:
     """Variance over mean of evenly lit frames: points, the fitted line, and the line that the sensor's gain implies.
 
     ``curve`` has equally long ``mean_dn`` and ``variance_dn2``, ``slope_dn_per_e`` and ``offset_dn2`` of the fit, and
@@ -123,7 +119,7 @@ def photon_transfer(curve: Mapping[str, Any]) -> Drawing:
     axes.legend(loc="upper left")
     deviation = 100 * (slope / gain - 1)
     alt = PAGE.alt("photon_transfer", [], exposures=len(mean), slope=slope, gain=gain, deviation=deviation)
-    return Drawing(figure, alt, pd.DataFrame({"mean_dn": mean, "variance_dn2": variance}))
+    return style.Drawing(figure, alt, pd.DataFrame({"mean_dn": mean, "variance_dn2": variance}))
 
 
 def _galleries(dataset: str, inputs: ReportInputs) -> Iterator[Block]:
@@ -157,10 +153,9 @@ def section(inputs: ReportInputs) -> Section:
     runs = overview("Image formation", STAGE, corruption, inputs)
     curve = described(inputs.folder("sensor"), "photon_transfer.json", CURVE_KEYS)
     sensor = single("Sensor", SENSOR_STAGE, existing(inputs.folder("sensor")) is not None, inputs)
-    absent = NotRun("Photon transfer of the sensor", STAGE_ABSENT, sensor.line)
     blocks = [
         *(block for dataset in corruption for block in _galleries(dataset, inputs)),
         *(_levels(dataset, group, inputs.seed) for dataset, group in corruption.items()),
-        absent if curve is None else PAGE.figure("photon_transfer", photon_transfer(curve)),
+        None if curve is None else PAGE.figure("photon_transfer", photon_transfer(curve)),
     ]
-    return PAGE.section([*blocks, *missing("Image formation", runs)], [sensor, *runs])
+    return PAGE.section(blocks, [sensor, *runs])

@@ -16,13 +16,6 @@ TITLE = "Ranking of frames by blur and noise"
 QUANTITIES = {"blur": "mtf", "noise": "sigma_dn"}
 """What is ranked -> our measure of it."""
 
-PICTURES = {
-    "sim": "Sim",
-    "photos": "Photographs",
-    "levin2009": "Levin et al. 2009, camera shake",
-    "cc": "CC, real cameras",
-}
-
 
 def section(inputs: ReportInputs) -> Section | None:
     """Spearman's rank correlation with the true blur and noise (``benchmarks/results/flags.json``).
@@ -40,7 +33,7 @@ def section(inputs: ReportInputs) -> Section | None:
                 measures = result.get(quantity, {})
                 cells = {"ours" if name == ours else name: _cell(entry) for name, entry in measures.items()}
                 counts = {name: measures[ours][name] for name in ("pictures", "scenes")} if measures else {}
-                rows += [{"quantity": quantity, "dataset": PICTURES[pictures], **counts, **cells}] if measures else []
+                rows += [{"quantity": quantity, "dataset": pictures, **counts, **cells}] if measures else []
     except (KeyError, TypeError, AttributeError):
         raise InputError(
             f"{inputs.benchmarks['flags']}: a rank correlation is missing; make it again: {COMMAND}"

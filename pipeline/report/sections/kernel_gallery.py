@@ -26,13 +26,15 @@ from pipeline.report.figures import lines, small_mtf_axes
 from pipeline.report.inputs import ReportInputs, mode_note, relative_mtf
 from pipeline.report.sections.blur_amae import PAGE
 from pipeline.report.spec import STAGE_ABSENT, Block, NotRun
-from pipeline.report.style import Drawing
 from pipeline.report.tables import ordered, where
 
 SHOWN_PX = 96  # side of the middle of a patch that is shown
 LARGEST_CELL_IN, CURVES_IN, ROW_GAPS_IN, TOP_IN, BOTTOM_IN = 0.8, 0.56, 0.4, 0.58, 0.3
 Gallery = tuple[Mapping[str, Any], Mapping[str, np.ndarray]]
 """Description and arrays that one estimator stored of one patch (`pipeline.experiments.kernel_gallery`)."""
+
+CURVES = ["kernel", "blur_kind", "kernel_size_px", "estimator", "axis", "frequency", "true_mtf", "mtf"]
+"""Columns of curves: MTF of one patch under each kernel, by direction and frequency."""
 
 TRUE: style.Look = {"color": style.INK, "linewidth": 1.2}
 
@@ -64,24 +66,21 @@ def _estimate(axes: Axes, kernel: np.ndarray, entry: Mapping[str, Any], side_px:
     axes.set_xlabel(f"{entry['amae_percent']:.1f} %", fontsize=5.2, labelpad=1.5)
 
 
-def _curves(entry: Mapping[str, Any], curves: Mapping[str, Any]) -> pd.DataFrame:
-    """MTF of one patch under one kernel by every estimator: a row for each estimator, direction and frequency."""
-    head = {name: entry[name] for name in ("kernel", "blur_kind", "kernel_size_px")}
-    truth = np.array(entry["true_mtf"], dtype=float)
-    return pd.DataFrame(
-        [
-            {**head, "estimator": name, "axis": "HV"[axis], "frequency": mtf.FREQUENCIES[number],
-             "true_mtf": truth[axis, number], "mtf": curve[axis, number]}
-            for name, curve in curves.items() for axis, number in np.ndindex(*truth.shape)
-        ]
-    )  # fmt: skip
+def _curves(about: Mapping[str, Any]) -> pd.DataFrame:
+    """`CURVES` of the patch by the estimator of one gallery."""
+    index = pd.MultiIndex.from_product([list("HV"), mtf.FREQUENCIES], names=["axis", "frequency"])
+    parts = []
+    for entry in about["kernels"]:
+        both = {name: np.ravel(np.array(entry[name], dtype=float)) for name in ("true_mtf", "mtf")}  # null is NaN
+        head = {name: entry[name] for name in ("kernel", "blur_kind", "kernel_size_px")}
+        parts.append(pd.DataFrame(both, index).assign(**head))
+    return pd.concat(parts).reset_index().assign(estimator=about["estimator"])[CURVES]
 
 
-@style.styled
-def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndarray]] | None = None) -> Drawing:
+def draw(galleries: Sequence[Gallery], others: pd.DataFrame) -> style.Drawing:
     """One figure of a dataset's galleries, all of the same patch, in the order shown.
 
-    ``others``: estimator without kernels -> kernel -> (2, 8) MTF of the same patch, NaN where abstained.
+    ``others``: `CURVES` of the same patch by estimators without kernels, NaN where abstained.
 
     Raises:
         InputError: an array is missing, or the galleries are not of the same kernels.
@@ -95,7 +94,8 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
             )
     kinds = in_order((entry["blur_kind"] for entry in first.values()), BLURS)
     sizes = sorted({float(entry["kernel_size_px"]) for entry in first.values()})
-    names = in_order([*entries, *(others or {})], ESTIMATORS)
+    curves = pd.concat([*(_curves(about) for about, _ in galleries), others])
+    names = in_order(curves["estimator"], ESTIMATORS)
     looks = {name: {"color": look["color"], "linewidth": 0.9} for name, look in style.series_looks(names).items()}
     headings = ["corrupted", "true", *map(word, entries)]
     cell_in = min(LARGEST_CELL_IN, (style.TWO_COLUMNS_IN - 1.1) / (len(kinds) * len(headings)))
@@ -106,7 +106,6 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
         len(sizes), len(kinds), left=0.064, right=0.993, bottom=BOTTOM_IN / height_in, top=1 - TOP_IN / height_in,
         wspace=0.1, hspace=0.16,
     )  # fmt: skip
-    values = []
     for kernel, entry in first.items():
         across, down = kinds.index(entry["blur_kind"]), sizes.index(float(entry["kernel_size_px"]))
         truth = arrays[f"truth_{kernel}"]
@@ -118,14 +117,11 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
         cells[1].set_xlabel(f"{side_px} px", fontsize=5.2, labelpad=1.5)
         for cell, (about, stored) in zip(cells[2:], galleries, strict=True):
             _estimate(cell, stored[f"estimate_{kernel}"], entries[about["estimator"]][kernel], side_px)
-        known = {name: curves[kernel] for name, curves in (others or {}).items() if kernel in curves}
-        known |= {name: np.array(group[kernel]["mtf"], dtype=float) for name, group in entries.items()}  # null is NaN
-        rows = _curves(entry, {name: known[name] for name in names if name in known})
-        values.append(rows)
         for axis, panel in zip("HV", halves, strict=True):
-            curves = where(rows, axis=axis)
-            panel.plot(mtf.FREQUENCIES, curves["true_mtf"].iloc[: len(mtf.FREQUENCIES)], zorder=2, **TRUE)
-            lines(panel, curves.dropna(), "estimator", looks, "frequency", "mtf", part=kernel, key=axis)
+            rows = where(curves, kernel=kernel, axis=axis)
+            of_first = where(rows, estimator=first_name)
+            panel.plot(of_first["frequency"], of_first["true_mtf"], zorder=2, **TRUE)
+            lines(panel, rows.dropna(), "estimator", looks, "frequency", "mtf", part=kernel, key=axis)
             small_mtf_axes(panel)
             panel.text(0.03, 0.06, axis, transform=panel.transAxes, ha="left", va="bottom", fontsize=5.2)
             if axis == "V" or across:
@@ -148,8 +144,8 @@ def draw(galleries: Sequence[Gallery], others: Mapping[str, Mapping[str, np.ndar
         bbox_to_anchor=(0.5, 1.0), ncols=-(-len(legend) // 2), borderpad=0.15, borderaxespad=0.1,
     )  # fmt: skip
     alt = f"One patch under {counted(len(first), 'blur kernel')} with the kernels estimated in it: {_errors(entries)}."
-    table = ordered(pd.concat(values), blur_kind=kinds, kernel_size_px=())
-    return Drawing(figure, alt, table, style.switches(names))
+    table = ordered(curves, blur_kind=kinds, kernel_size_px=(), estimator=names)
+    return style.Drawing(figure, alt, table, style.switches(names))
 
 
 def _errors(entries: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
@@ -161,19 +157,6 @@ def _errors(entries: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
         abstained = len(kernels) - len(errors)
         words.append(f"{word(name)} {mean}" + (f", {abstained} abstained" if abstained else ""))
     return listing(words)
-
-
-def _other_curves(
-    estimates: pd.DataFrame, about: Mapping[str, Any], hidden: set[str]
-) -> dict[str, dict[str, np.ndarray]]:
-    """Estimator -> kernel -> (2, 8) MTF of the gallery's patch, of estimators that are not hidden."""
-    here = where(estimates, **{name: about[name] for name in ("dataset", "frame", "patch")})
-    here = where(here, kernel=[entry["kernel"] for entry in about["kernels"]])
-    here = here[~here["estimator"].isin(list(hidden))].sort_values(["axis", "frequency"])
-    curves: dict[str, dict[str, np.ndarray]] = {}
-    for (estimator, kernel), rows in here.groupby(["estimator", "kernel"], sort=True):
-        curves.setdefault(str(estimator), {})[str(kernel)] = rows["mtf"].to_numpy(float).reshape(2, -1)
-    return curves
 
 
 def blocks(estimates: pd.DataFrame, datasets: Sequence[str], inputs: ReportInputs) -> Iterator[Block]:
@@ -188,7 +171,10 @@ def blocks(estimates: pd.DataFrame, datasets: Sequence[str], inputs: ReportInput
         names = in_order(galleries, ESTIMATORS)
         # Relative to a generic lens, a network's MTF is nearly that of the system, and curves are many.
         hidden = {*names, *(name for name, to in relative_mtf(estimates).items() if to == GENERIC_LENS)}
-        others = _other_curves(estimates, stored[dataset][0][0], hidden)
+        about = stored[dataset][0][0]
+        here = where(estimates, dataset=dataset, frame=about["frame"], patch=about["patch"])
+        here = where(here, kernel=[entry["kernel"] for entry in about["kernels"]])
+        others = here[~here["estimator"].isin(list(hidden))].sort_values(["axis", "frequency"], kind="stable")
         stages, after = [f"blur@{dataset}-{name}" for name in names], mode_note(inputs.modes, names)
-        drawing = draw([galleries[name] for name in names], others)
+        drawing = draw([galleries[name] for name in names], others[CURVES])
         yield PAGE.figure("kernel_estimates", drawing, stages, after=after, dataset=dataset)

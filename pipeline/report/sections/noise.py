@@ -23,12 +23,10 @@ from pipeline.report.display_names import EFFECTS, ESTIMATORS, counted, in_order
 from pipeline.report.figures import abstentions, legend_of
 from pipeline.report.inputs import ReportInputs, published
 from pipeline.report.ledger_sources import PAPER_EFFECTS
-from pipeline.report.spec import Block, Figure, Section, missing, pairs_of, runs_by_estimator
-from pipeline.report.style import Drawing
-from pipeline.report.tables import Cell, Row, Table, as_recorded, estimate, ordered, reasons_of, where
+from pipeline.report.spec import Block, Figure, Section, as_recorded, pairs_of, runs_by_estimator
+from pipeline.report.tables import Cell, Row, Table, estimate, ordered, reasons_of, totals, where
 
 PAGE = Descriptions("noise")
-TITLE = "Noise estimation"
 PRESENT: style.Look = {"color": style.INK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
 DIAGONAL: style.Look = {"color": style.MUTED, "linewidth": 0.6}
 SHOWN_PX = 260  # longest side of a map's frame inside the figure
@@ -36,7 +34,7 @@ OPACITY = 0.6  # of the map over the frame
 TOP_PERCENTILE = 99.0  # of the noise added, shown in the last colour
 
 
-def curves(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
+def curves(summary: pd.DataFrame, datasets: Sequence[str]) -> style.Drawing:
     """The paper's figure: median and range of the inliers over the target level; datasets down, noise sources across.
 
     A dataset without numbers is shown as not run.
@@ -54,15 +52,13 @@ def curves(summary: pd.DataFrame, datasets: Sequence[str]) -> Drawing:
             present = rows.groupby("target_sigma_dn")["clipped_median_dn"].median()
             axes.plot(present.index, present.to_numpy(), zorder=2, **PRESENT)
 
-    alt = PAGE.text("curves_not_run")
-    if not summary.empty:
-        highest = summary[summary["target_sigma_dn"] == summary["target_sigma_dn"].max()]
-        present = highest["clipped_median_dn"]
-        words = ordered(highest.groupby("estimator", as_index=False)["median_dn"].agg(["min", "max"]), estimator=looks)
-        alt = PAGE.alt(
-            "noise", words, datasets=listing(map(word, summary["dataset"].unique())), least=present.min(),
-            most=present.max(), level=highest["target_sigma_dn"].iloc[0], abstained=int(summary["abstained"].sum()),
-        )  # fmt: skip
+    highest = summary[summary["target_sigma_dn"] == summary["target_sigma_dn"].max()]
+    present = highest["clipped_median_dn"]
+    words = ordered(highest.groupby("estimator", as_index=False)["median_dn"].agg(["min", "max"]), estimator=looks)
+    alt = PAGE.alt(
+        "noise", words, datasets=listing(map(word, summary["dataset"].unique())), least=present.min(),
+        most=present.max(), level=highest["target_sigma_dn"].iloc[0], abstained=int(summary["abstained"].sum()),
+    )  # fmt: skip
     return PAGE.grid(
         "noise", summary, alt, looks,
         down=datasets, across=effects, under=levels, over=partial(abstentions, estimators=list(looks)),
@@ -86,8 +82,7 @@ def _map_panel(axes: Axes, frame: NDArray[np.uint8], cells: NDArray[np.floating]
     )  # fmt: skip
 
 
-@style.styled
-def maps(galleries: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -> Drawing:
+def maps(galleries: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -> style.Drawing:
     """Rows: noise sources. Columns: the frame, the noise added, the noise estimated by each estimator.
 
     ``galleries``: estimator, effects and target standard deviation, and arrays ``<noise_source>_seen`` (H, W) uint8,
@@ -117,7 +112,7 @@ def maps(galleries: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]
         axes.set_title(title, loc="left")
     patterns = [f", correlation {row['correlation']:.2f}" if np.isfinite(row["correlation"]) else "" for row in rows]
     values = pd.DataFrame(rows)
-    return Drawing(figure, PAGE.alt("noise_maps", values.assign(pattern=patterns)), values)
+    return style.Drawing(figure, PAGE.alt("noise_maps", values.assign(pattern=patterns)), values)
 
 
 def _maps(inputs: ReportInputs) -> Iterator[Figure]:
@@ -171,18 +166,17 @@ def section(inputs: ReportInputs) -> Section:
     known = pairs_of(inputs.recorded_result("noise_summary"))
     runs = runs_by_estimator("Noise", "noise", pairs_of(summary), inputs, recorded=known)
     if summary.empty:
-        return PAGE.section(missing(TITLE, runs), runs)
+        return PAGE.section([], runs)
     stages = sorted(f"noise@{dataset}-{name}" for dataset, name in pairs_of(summary))
     datasets, reference = in_order(summary["dataset"], inputs.datasets), published(inputs, "noise_reference.csv")
-    sums = summary.groupby(["dataset", "estimator"], sort=False, as_index=False)[["count", "rejected", "abstained"]]
+    sums = totals(summary, ["dataset", "estimator"])
     blocks: list[Block | None] = [
         PAGE.figure("noise", curves(summary, datasets), stages),
         *(medians(name, summary, reference) for name in datasets),
         *_maps(inputs),
         single_patches(estimates, inputs.seed),
         saturated(estimates, inputs.seed),
-        PAGE.table("noise_abstentions", sums.sum(), cells={"reasons": reasons_of(estimates)}),
-        *missing(TITLE, runs),
+        PAGE.table("noise_abstentions", sums, cells={"reasons": reasons_of(estimates)}),
     ]
     return PAGE.section(blocks, runs)
 
@@ -201,7 +195,7 @@ def recorded(inputs: ReportInputs) -> Section | None:
     reference = published(inputs, "noise_reference.csv")
     blocks: list[Block | None] = [
         PAGE.table("recorded_noise_sources", [one.described("noise_tiles") for one in records]),
-        PAGE.figure("recorded_noise", curves(summary, datasets), after=f"{'; '.join(counts)}."),
+        as_recorded(PAGE.figure("noise", curves(summary, datasets), after=f"{'; '.join(counts)}.")),
         *(as_recorded(medians(dataset, summary, reference)) for dataset in datasets),
     ]
     return PAGE.section(blocks, key="noise_recorded")

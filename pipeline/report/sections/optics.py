@@ -16,8 +16,7 @@ from pipeline.report.display_names import BLURS, counted, in_order, listing, wor
 from pipeline.report.figures import small_mtf_axes
 from pipeline.report.inputs import ReportInputs, published
 from pipeline.report.ledger_sources import sharp_mtf, star_curve
-from pipeline.report.spec import STAGE_ABSENT, Block, NotRun, Section, overview, single
-from pipeline.report.style import Drawing
+from pipeline.report.spec import Block, Section, overview, single
 from pipeline.report.tables import where
 from pipeline.stage_files import existing
 
@@ -38,8 +37,7 @@ def _mtf(axes: Axes, rows: pd.DataFrame) -> None:
     small_mtf_axes(axes)
 
 
-@style.styled
-def kernel_sheet(bank: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: str) -> Drawing:
+def kernel_sheet(bank: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: str) -> style.Drawing:
     """Sizes down, kinds and rotations across; each kernel scaled to its maximum, with its MTF beneath.
 
     ``bank`` is a `pipeline.tables.KERNELS`, ``kernels`` its pictures by name; ``source`` is ``"generated"`` or
@@ -90,19 +88,18 @@ def kernel_sheet(bank: pd.DataFrame, kernels: Mapping[str, np.ndarray], source: 
     )  # fmt: skip
     values = bank.drop(columns="source").sort_values([*KEYS, "axis", "frequency"])
     series = [(axis, title, str(style.series_look(axis)["color"])) for axis, title in AXES.items()]
-    return Drawing(figure, alt, values, tuple(series))
+    return style.Drawing(figure, alt, values, tuple(series))
 
 
 def _framed(kernel: np.ndarray, side: int) -> np.ndarray:
     """The middle ``side`` x ``side`` of a kernel, padded with zeros where the kernel is smaller."""
-    pads = [(max(0, (side - length) // 2), max(0, side - length - (side - length) // 2)) for length in kernel.shape]
-    padded = np.pad(kernel, pads)
-    top, left = ((length - side) // 2 for length in padded.shape)
-    return padded[top : top + side, left : left + side]
+    middle = style.middle(kernel, side, side)
+    return np.pad(middle, [((side - length) // 2, (side - length + 1) // 2) for length in middle.shape])
 
 
-@style.styled
-def star_figure(image: np.ndarray, curves: Mapping[str, np.ndarray], paper: pd.DataFrame | None = None) -> Drawing:
+def star_figure(
+    image: np.ndarray, curves: Mapping[str, np.ndarray], paper: pd.DataFrame | None = None
+) -> style.Drawing:
     """The star beside its MTF: measured, by formula, as published.
 
     ``image`` is (H, W), uint8 or float in [0, 1]; ``curves`` as of `star_curve`; ``paper``: frequency and MTF of its
@@ -132,13 +129,13 @@ def star_figure(image: np.ndarray, curves: Mapping[str, np.ndarray], paper: pd.D
     half = np.interp(0.5, curves["frequency"], curves["measured"])
     alt = PAGE.alt("sim_star", [], half=half, error=error[worst], frequency=curves["frequency"][worst])
     series = tuple((name, label.removesuffix(" on the star"), str(look["color"])) for name, label, _, look, *_ in shown)
-    return Drawing(figure, alt, pd.DataFrame(dict(curves)), series)
+    return style.Drawing(figure, alt, pd.DataFrame(dict(curves)), series)
 
 
 def _bank(inputs: ReportInputs) -> list[Block]:
     bank = inputs.read("psf/kernels.parquet", tables.KERNELS)
     if bank is None:
-        return [NotRun("Bank of blur kernels", STAGE_ABSENT, inputs.line(BANK_STAGE))]
+        return []
     kernels = inputs.arrays("psf/kernels.npz")
     return [
         PAGE.figure("kernels", kernel_sheet(bank, kernels, source), source=source, origin=SOURCES.get(source, source))
@@ -149,7 +146,7 @@ def _bank(inputs: ReportInputs) -> list[Block]:
 def _star(inputs: ReportInputs) -> list[Block]:
     curves = star_curve(inputs)
     if curves is None:
-        return [NotRun("Siemens star of Sim", STAGE_ABSENT, inputs.line(STAR_STAGE))]
+        return []
     paper = where(published(inputs, "uncorrupted_mtf.csv"), dataset="sim", estimator="ground_truth")
     theirs = dict(zip(paper["frequency"], paper["mtf"], strict=True))
     drawing = star_figure(inputs.arrays("star/star.npz")["image"], curves, paper)

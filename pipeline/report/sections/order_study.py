@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pandas as pd
 
 from pipeline.control import order_conclusions
@@ -12,24 +10,17 @@ from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections.closed_loop import CONTROL
 from pipeline.report.spec import Block
-from pipeline.report.tables import Cell, Row, Table, estimate, format_number, pivot
+from pipeline.report.tables import Table, format_number
 
 STAGE = "order_study"
-MEASURES: dict[str, Callable[[Row], Cell]] = {
-    "present": lambda row: row["clipped_sigma_dn"],
-    "amae_percent": estimate("amae_percent", "amae_low_percent", "amae_high_percent"),
-    "ap_percent": estimate("ap_percent", "ap_low_percent", "ap_high_percent"),
-    "sigma_dn": estimate("estimated_sigma_dn", "sigma_low_dn", "sigma_high_dn"),
-}
 MARKS = {True: "yes", False: "no", None: "not decided"}
 
 
 def study_table(study: pd.DataFrame) -> Table:
     """Noise present and estimated, AMAE and AP under both orders and in both lights."""
-    keys = ["light", "motion_px", "target_sigma_dn"]
-    wide = [pivot(study, keys, "order", cell, f"{name}_{{}}".format) for name, cell in MEASURES.items()]
-    rows = [{name: cell for part in parts for name, cell in part.items()} for parts in zip(*wide, strict=True)]
-    return CONTROL.table("order_study", rows, frames=int(study["frames"].max()))
+    wide = study.pivot(index=["light", "motion_px", "target_sigma_dn"], columns="order")
+    wide.columns = ["_".join(names) for names in wide.columns]
+    return CONTROL.table("order_study", wide.reset_index(), frames=int(study["frames"].max()))
 
 
 def evidence(study: Study, conclusion: Conclusion, setting: tuple[str, str]) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 
 from pipeline.experiments import real_noise_records
 from pipeline.experiments.real_noise_records import Examples, Recording, Sensor
@@ -15,7 +16,6 @@ from pipeline.report.display_names import word
 from pipeline.report.figures import add_legend
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.spec import Block, Run, Section
-from pipeline.report.style import Drawing
 from pipeline.report.tables import Row, Table, ordered, records, where
 
 STAGE = "real_noise@{name}"
@@ -30,37 +30,29 @@ LABELS = {BEFORE: "white noise only", NOW: "default"}
 SHOWN = ("adaptive", "cellwise", "pca", "pca_stride_2", "bf")
 
 
-@style.styled
-def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> Drawing:
+def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> style.Drawing:
     """Estimate over cleaned truth, patch by patch: recordings down, estimators across."""
-    figure = style.new_figure(style.TWO_COLUMNS_IN, 1.45 * len(parts) + 0.35)
-    grid = figure.subplots(len(parts), len(estimators), squeeze=False, sharex="row", sharey="row")
-    values, words = [], []
-    for row, part in enumerate(parts):
-        first = part.patches.loc[part.patches["estimator"] == estimators[0], "sigma_dn"]
-        top = 1.05 * max(float(part.patches["cleaned_sigma_dn"].max()), float(first.quantile(0.99)))
-        for column, name in enumerate(estimators):
-            axes = grid[row, column]
-            selected = where(part.patches, estimator=name)
-            answered = selected[np.isfinite(selected["sigma_dn"])]
-            axes.plot([0, top], [0, top], color=style.MUTED, linewidth=0.6, zorder=1)
-            axes.scatter(
-                answered["cleaned_sigma_dn"], answered["sigma_dn"].clip(upper=top), s=2.5, linewidths=0, alpha=0.55,
-                color=style.series_looks(list(estimators))[name]["color"], zorder=2, rasterized=True,
-            )  # fmt: skip
-            error = (answered["sigma_dn"] - answered["cleaned_sigma_dn"]).abs().mean()
-            note = f"error {error:.2f} DN\n{100 * len(answered) / max(len(selected), 1):.0f} % answered"
-            axes.text(0.04, 0.96, note, transform=axes.transAxes, va="top", fontsize=5, color=style.INK)
-            axes.set(xlim=(0, top), ylim=(0, top))
-            if row == 0:
-                axes.set_title(word(name))
-            if row == len(parts) - 1:
-                axes.set_xlabel("measured σ [DN]")
-            shown = selected[["estimator", "picture", "cleaned_sigma_dn", "sigma_dn"]]
-            values.append(shown.assign(recording=part.name))
-            words.append({"estimator": name, "recording": part.name, "error": error})
-        grid[row, 0].set_ylabel(f"{word(part.name)}\nestimated σ [DN]")
-    return Drawing(figure, PAGE.alt("real_noise", words), pd.concat(values, ignore_index=True))
+    names, looks = [part.name for part in parts], style.series_looks(estimators)
+    patches = pd.concat([part.patches.assign(recording=part.name) for part in parts], ignore_index=True)
+    patches = ordered(where(patches, estimator=list(estimators)), recording=names, estimator=estimators)
+    patches = patches.assign(error=(patches["sigma_dn"] - patches["cleaned_sigma_dn"]).abs())
+    first = where(patches, estimator=estimators[0]).groupby("recording")["sigma_dn"].quantile(0.99)
+    tops = 1.05 * np.maximum(patches.groupby("recording")["cleaned_sigma_dn"].max(), first)
+
+    def dots(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+        recording, estimator = rows[["recording", "estimator"]].iloc[0]
+        top, colour = tops[recording], looks[estimator]["color"]
+        axes.plot([0, top], [0, top], color=style.MUTED, linewidth=0.6, zorder=1)
+        axes.scatter(
+            rows["cleaned_sigma_dn"], rows["sigma_dn"].clip(upper=top), s=2.5, linewidths=0, alpha=0.55, color=colour,
+            zorder=2, rasterized=True,
+        )  # fmt: skip
+        note = f"error {rows['error'].mean():.2f} DN\n{100 * rows['sigma_dn'].notna().mean():.0f} % answered"
+        axes.text(0.04, 0.96, note, transform=axes.transAxes, va="top", fontsize=5, color=style.INK)
+        axes.set(xlim=(0, top), ylim=(0, top))
+
+    words = patches.groupby(["recording", "estimator"], sort=False, as_index=False)["error"].mean()
+    return PAGE.grid("real_noise", patches, PAGE.alt("real_noise", words), {}, down=names, across=estimators, over=dots)
 
 
 def errors(parts: Sequence[Recording]) -> Table:
@@ -70,8 +62,7 @@ def errors(parts: Sequence[Recording]) -> Table:
     return PAGE.table("real_noise_errors", rows)
 
 
-@style.styled
-def sensor_figure(made: Sensor) -> Drawing:
+def sensor_figure(made: Sensor) -> style.Drawing:
     """Photon transfer and dark current of a sensor's colour planes."""
     planes = list(made.transfer["plane"])
     looks = style.series_looks(planes)
@@ -94,7 +85,7 @@ def sensor_figure(made: Sensor) -> Drawing:
         for column in (made.transfer["gain_dn_per_e"], made.transfer["dark_sigma_e"], made.dark["dark_current_e_per_s"])
     )
     alt = PAGE.alt("real_sensor", [], planes=len(planes), gain=gain, noise=noise, dark=dark_e)
-    return Drawing(figure, alt, made.points)
+    return style.Drawing(figure, alt, made.points)
 
 
 def answer(row: Row) -> str:
@@ -106,8 +97,7 @@ def answer(row: Row) -> str:
     return f"{row['sigma_dn']:.2f} DN ({row['low_dn']:.2f} to {row['high_dn']:.2f}){reasons}"
 
 
-@style.styled
-def crops(made: Examples) -> Drawing:
+def crops(made: Examples) -> style.Drawing:
     """Crops side by side, with the noise present and both estimates below each."""
     names = list(dict.fromkeys(made.table["example"]))
     figure = style.new_figure(style.TWO_COLUMNS_IN, 3.05)
@@ -120,7 +110,7 @@ def crops(made: Examples) -> Drawing:
         lines += [f"{LABELS[estimator]}: {answer(rows[estimator])}" for estimator in (BEFORE, NOW)]
         axes.set_xlabel("\n".join(lines), fontsize=5.6, linespacing=1.5)
         words.append(f"{name}: {'; '.join(lines)}")
-    return Drawing(figure, f"Crops of three pictures with their noise estimates. {'. '.join(words)}.", made.table)
+    return style.Drawing(figure, f"Crops of three pictures with their noise estimates. {'. '.join(words)}.", made.table)
 
 
 def section(inputs: ReportInputs) -> Section | None:

@@ -15,7 +15,7 @@ from pipeline.errors import InputError
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import ESTIMATORS, word
 from pipeline.report.inputs import ReportInputs, published_table
-from pipeline.report.spec import STAGE_ABSENT, NotRun, Run, Section
+from pipeline.report.spec import STAGE_ABSENT, Run, Section
 from pipeline.report.tables import Table, ordered, records
 
 PAGE = Descriptions("runtime")
@@ -119,6 +119,4 @@ def section(inputs: ReportInputs) -> Section:
     """Run times as recorded; the ledger holds the paper's too, as not comparable across hardware."""
     content = record(inputs)
     run = Run(TITLE, "", content is not None, "" if content is not None else STAGE_ABSENT, COMMAND)
-    if content is None:
-        return Section("runtime", TITLE, (), [NotRun(TITLE, run.why, COMMAND)], [run])
-    return PAGE.section([_table(content, inputs)], [run], command=COMMAND)
+    return PAGE.section([_table(content, inputs)] if content else [], [run], command=COMMAND)

@@ -16,13 +16,11 @@ from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import word
 from pipeline.report.inputs import ReportInputs
-from pipeline.report.spec import Block, NotRun, Section, single
-from pipeline.report.style import Drawing
+from pipeline.report.spec import Block, Section, single
 from pipeline.report.tables import Estimate, Table
 from pipeline.stage_files import existing, optional
 
 PAGE = Descriptions("training")
-STAGES = {"mtf": "train_mtf@{network}", "sigma": "train_sigma@{network}", "detector": "train_detector@{network}"}
 EXPECTED = ("mtf_spectral", "sigma_cellwise", "detector_compact")
 PAPER_PARAMETERS = {"mtf_cnn": 6_757_384, "sigma_cnn": 519_361}
 """Of the paper's two networks, counted in its program."""
@@ -59,7 +57,7 @@ def measure_heading(one: LearningCurve) -> str:
 def stage_of(name: str) -> str:
     """The stage that trains a network, e.g. ``train_mtf@spectral``."""
     task, _, network = name.partition("_")
-    return STAGES.get(task, "train_{task}@{network}").format(task=task, network=network)
+    return f"train_{task}@{network}"
 
 
 def _panel(axes: Axes, one: LearningCurve) -> None:
@@ -82,8 +80,7 @@ def _panel(axes: Axes, one: LearningCurve) -> None:
     axes.legend(loc="best", fontsize=5.4)
 
 
-@style.styled
-def curves_figure(curves: Sequence[LearningCurve]) -> Drawing:
+def curves_figure(curves: Sequence[LearningCurve]) -> style.Drawing:
     """One panel per network: held-out samples over training samples."""
     across = min(ACROSS, len(curves))
     down = -(-len(curves) // across)
@@ -102,7 +99,7 @@ def curves_figure(curves: Sequence[LearningCurve]) -> Drawing:
         value = f"{one.at_release(HELD_OUT + one.measure):.3g} {one.unit}".strip()
         words.append({"title": network_title(one), "measure": measure_title(one), "value": value, "steps": one.steps})
     alt = PAGE.alt("learning_curves", words)
-    return Drawing(figure, alt, pd.concat(tables)[["network", "measure", "samples", "step", "value"]])
+    return style.Drawing(figure, alt, pd.concat(tables)[["network", "measure", "samples", "step", "value"]])
 
 
 def _networks(curves: Sequence[LearningCurve]) -> Table:
@@ -153,5 +150,4 @@ def section(inputs: ReportInputs) -> Section:
         single(f"Training of {name.replace('_', ' ')}", stage_of(name), False, inputs)
         for name in EXPECTED if name not in names
     ]  # fmt: skip
-    notes = [NotRun(run.experiment, run.why, run.line) for run in absent]
-    return PAGE.section([*blocks, compared, *notes], [*runs, *absent])
+    return PAGE.section([*blocks, compared], [*runs, *absent])
