@@ -96,7 +96,9 @@ def test_every_stage_gives_the_same_bytes_for_one_and_two_workers(data, once, tm
 @pytest.mark.slow
 def test_rendering_gives_the_same_bytes_for_one_and_two_workers(data, tmp_path):
     for name, workers in (("one", 1), ("two", 2)):
-        render_sim.run.run(tiny(data, workers), {}, tmp_path, tmp_path / name)
+        config = tiny(data, workers)
+        small = config.scenes.model_copy(update={"width_px": 96, "height_px": 64})
+        render_sim.run.run(config.model_copy(update={"scenes": small}), {}, tmp_path, tmp_path / name)
     one = digests(tmp_path / "one")
     assert len([name for name in one if name.endswith(".png")]) == 4
     assert one == digests(tmp_path / "two")

@@ -14,7 +14,7 @@ from __future__ import annotations
 import importlib
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -30,6 +30,8 @@ ESTIMATORS = {
 }
 """Registry group -> section whose members name an entry of it by ``kind``."""
 WIDTH = 120
+Contents = Mapping[str, Set[str]]
+"""Folder -> files below it."""
 _ROOTED = "${root}"
 _MANAGED = re.compile(rf"^({PACKAGE}/|(\$\{{root\}})?data/weights/.|data/paper/.|benchmarks/results/.)")
 _BY_KIND = re.compile(r"^\$\{by_kind\.(\w+)\.(\w+)\}$")
@@ -187,20 +189,23 @@ def files_of(group: Group, params: Mapping[str, Any], root: Path = ROOT) -> froz
     return files
 
 
-def expected(group: Group, params: Mapping[str, Any], outs: frozenset[str], root: Path = ROOT) -> list[str]:
+def expected(
+    group: Group, params: Mapping[str, Any], outs: frozenset[str], contents: Contents, root: Path = ROOT
+) -> list[str]:
     """The lines of code and named data in ``deps`` of a group.
 
     Args:
         group: of ``dvc.yaml``.
         params: content of ``params.yaml``.
         outs: outputs of all stages, as written in ``dvc.yaml``; a file among them with ``${root}`` gets it too.
+        contents: folders of the package with the files below them; see `contents_of`.
         root: folder that holds the package.
     """
     selected = {_filled(_plain(line), item) for line in _outs(group.body) for item in group.items}
     given = [line for line in group.body.get("deps", []) if not _MANAGED.match(line)]
     by_hand = {_filled(line, item).removeprefix(params["root"]) for line in given for item in group.items}
     lines = []
-    for path in _folders(files_of(group, params, root), root):
+    for path in _folders(files_of(group, params, root), contents):
         if path.startswith(f"{PACKAGE}/"):
             lines.append(path)
         elif group.is_stage and path not in selected and path not in by_hand:
@@ -228,27 +233,29 @@ def all_outs(graph: Mapping[str, Any], params: Mapping[str, Any]) -> frozenset[s
     )
 
 
-def _folders(files: frozenset[str], root: Path) -> list[str]:
+def _folders(files: frozenset[str], contents: Contents) -> list[str]:
     """Paths with each folder that is there as a whole in place of its files."""
     whole: set[str] = set()
     for path in files:
         best = path
         for parent in list(Path(path).parents)[:-1]:
             folder = parent.as_posix()
-            if not folder.startswith(f"{PACKAGE}/") or not _content(root / folder, root) <= files:
+            if not folder.startswith(f"{PACKAGE}/") or not contents.get(folder, frozenset()) <= files:
                 break
             best = folder
         whole.add(best)
     return sorted(whole)
 
 
-def _content(folder: Path, root: Path) -> frozenset[str]:
-    """Files below a folder as DVC sees them (``.dvcignore``)."""
-    return frozenset(
-        path.relative_to(root).as_posix()
-        for path in folder.rglob("*")
-        if path.is_file() and path.suffix != ".pyc" and "__pycache__" not in path.parts
-    )
+def contents_of(root: Path = ROOT) -> Contents:
+    """Files below each folder of the package as DVC sees them (``.dvcignore``), all relative to `root`."""
+    contents: dict[str, set[str]] = {}
+    for path in (root / PACKAGE).rglob("*"):
+        if path.is_file() and path.suffix != ".pyc" and "__pycache__" not in path.parts:
+            file = path.relative_to(root)
+            for folder in file.parents:
+                contents.setdefault(folder.as_posix(), set()).add(file.as_posix())
+    return contents
 
 
 def differences(text: str, params: Mapping[str, Any], root: Path = ROOT) -> list[str]:
@@ -263,10 +270,10 @@ def differences(text: str, params: Mapping[str, Any], root: Path = ROOT) -> list
 
     graph = yaml.safe_load(text)
     outs = all_outs(graph, params)
-    problems = _without_group(graph, params, root)
+    problems, contents = _without_group(graph, params, root), contents_of(root)
     for group in groups(graph, params):
         declared = [line for line in group.body.get("deps", []) if _MANAGED.match(line)]
-        wanted = expected(group, params, outs, root)
+        wanted = expected(group, params, outs, contents, root)
         folders = tuple(f"{line.rstrip('/')}/" for line in group.body.get("deps", []) if not _MANAGED.match(line))
         wanted = [line for line in wanted if not line.startswith(folders)] if folders else wanted
         problems += [
@@ -311,7 +318,7 @@ def rewritten(text: str, params: Mapping[str, Any], root: Path = ROOT) -> str:
     import yaml
 
     graph = yaml.safe_load(text)
-    outs = all_outs(graph, params)
+    outs, contents = all_outs(graph, params), contents_of(root)
     lines = text.splitlines()
     for group in groups(graph, params):
         start, end = _block(lines, group.name)
@@ -328,7 +335,9 @@ def rewritten(text: str, params: Mapping[str, Any], root: Path = ROOT) -> str:
                 last -= 1
         others = [line for line in group.body.get("deps", []) if not _MANAGED.match(line)]
         inside = tuple(f"{line}/" for line in others)
-        wanted = [line for line in expected(group, params, outs, root) if not (inside and line.startswith(inside))]
+        wanted = [
+            line for line in expected(group, params, outs, contents, root) if not (inside and line.startswith(inside))
+        ]
         lines[first:last] = _deps_text(others, wanted, depth)
     return "\n".join(lines) + "\n"
 

@@ -33,6 +33,7 @@ SMALL = [
     "psf.sizes_px=[7]",
     "psf.angles_deg=[0,90]",
     "blur.bootstrap_draws=5",
+    "executor.workers=1",
     "blur.estimators.camera_calibrated.calibration_samples=100",
 ]
 ESTIMATORS = ["spectral", "camera_calibrated"]
