@@ -28,6 +28,8 @@ def expand(paths: Sequence[Path]) -> list[Path]:
             results += sorted(file for file in path.iterdir() if file.suffix.lower() in known and file.name[0] != ".")
         elif path.is_file():
             results.append(path)
+        elif path.exists():
+            raise InputError(f"{path}: a pipe or device; expected a file or folder, camera-monitor watch reads cameras")
         else:
             raise InputError(f"{path}: no such file or folder")
     if not results:

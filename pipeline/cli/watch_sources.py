@@ -190,16 +190,27 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
     """Pictures of a folder in the order in which they come; a file is read once its size no longer changes.
 
     Args:
-        folder: watched; a ``None`` frame without a problem is yielded at every look that brings nothing.
+        folder: watched; a ``None`` frame without a problem is yielded at every look that brings nothing. Where it
+            disappears (a disk or share that is gone), that is reported once, and it is watched again when it is back.
         stop: ends it.
     """
     from pipeline.datasets.pictures import SUFFIXES, read_grey
 
     sizes: dict[str, int] = {}
     done: set[str] = set()
+    lost = False
     while not stop.is_set():
         ready: list[tuple[int, str]] = []
-        for file in folder.iterdir():
+        try:
+            files = list(folder.iterdir())
+        except OSError as error:
+            problem = "" if lost else f"the folder cannot be listed ({error.strerror}); trying again"
+            yield SourceFrame(str(folder), None, problem, signal_lost=not lost)
+            lost = True
+            stop.wait(POLL_S)
+            continue
+        lost = False
+        for file in files:
             if file.name in done or file.name[0] == "." or file.suffix.lower() not in SUFFIXES:
                 continue
             try:

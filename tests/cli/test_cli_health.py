@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 
 import cv2
 import numpy as np
@@ -333,3 +334,10 @@ def test_frozen_and_dark_frames_are_flagged_and_alarm_on_request(tmp_path):
     cv2.imwrite(str(tmp_path / "dark.png"), picture("health") // 12)
     done = call(tmp_path / "dark.png", "--jsonl", "--noise", "pca", "--alarm-flags")
     assert done.exit_code == 3 and json.loads(done.stdout.splitlines()[0])["alarms"] == "dark"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+def test_a_pipe_is_called_one(tmp_path):
+    os.mkfifo(tmp_path / "frames")
+    done = call(tmp_path / "frames")
+    assert done.exit_code == 2 and "frames: a pipe or device; expected a file or folder" in done.output

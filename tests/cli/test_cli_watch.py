@@ -118,6 +118,24 @@ def test_files_that_are_still_written_wait_and_new_ones_come_in_order(tmp_path):
     assert [frame.image for frame in source] == []
 
 
+def test_a_folder_that_disappears_is_reported_once_and_watched_again(tmp_path):
+    folder, stop = tmp_path / "share", threading.Event()
+    folder.mkdir()
+    source = filling_folder(folder, stop)
+    assert not next(source).signal_lost
+    folder.rmdir()
+    lost = [next(source) for _ in range(3)]
+    assert [frame.signal_lost for frame in lost] == [True, False, False]
+    assert "cannot be listed" in lost[0].problem and not lost[1].problem
+    folder.mkdir()
+    cv2.imwrite(str(folder / "a.png"), picture("late", 224, 208))
+    assert any(next(source).image is not None for _ in range(4))
+    folder.joinpath("a.png").unlink()
+    folder.rmdir()
+    assert [next(source).signal_lost for _ in range(3)].count(True) == 1
+    stop.set()
+
+
 def test_a_video_played_as_a_stream_keeps_its_speed_and_drops_frames(tmp_path):
     path, stop, numbers = film(tmp_path / "v.avi", 20), threading.Event(), []
     start = time.monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 
 import cv2
@@ -46,6 +47,31 @@ def test_a_video_cut_short_gives_its_frames_and_then_counts_the_missing(tmp_path
     assert 8 <= len(numbers) < FRAMES
     assert f"{FRAMES - len(numbers)} of the {FRAMES} frames it declares are missing" in message
     assert capfd.readouterr().err == ""  # the decoder's own lines are part of the message
+
+
+@pytest.mark.parametrize("name", ["phone.mkv", "screen.webm", "phone.mp4"])
+def test_a_whole_video_of_a_rate_that_varies_is_not_called_cut_short(tmp_path, name):
+    av = pytest.importorskip("av", reason="PyAV is not installed")
+    times_ms = (0, 33, 66, 400, 433, 900, 2000, 2033)
+    with av.open(str(tmp_path / name), "w") as container:
+        video = container.add_stream("libvpx" if name.endswith("webm") else "libx264", rate=30)
+        video.width, video.height, video.pix_fmt = 320, 240, "yuv420p"
+        video.codec_context.time_base = Fraction(1, 1000)
+        for number, time_ms in enumerate(times_ms):
+            shifted = np.roll(picture("film", 320, 240), 3 * number, axis=1)
+            frame = av.VideoFrame.from_ndarray(shifted, format="gray").reformat(format="yuv420p")
+            frame.pts, frame.time_base = time_ms, Fraction(1, 1000)
+            container.mux(video.encode(frame))
+        container.mux(video.encode())
+    assert [number for number, _ in read_video(tmp_path / name)] == list(range(len(times_ms)))
+
+
+def test_the_last_frames_of_a_cut_film_without_a_number_of_frames_are_missed(tmp_path):
+    path = film(tmp_path / "a.mkv", "MJPG")
+    content = path.read_bytes()
+    path.write_bytes(content[: content.rindex(b"\xff\xd8\xff")])  # before its last picture
+    numbers, message = read_until_refused(path)
+    assert numbers == list(range(FRAMES - 1)) and f"1 of the {FRAMES} frames it declares are missing" in message
 
 
 def test_damage_inside_a_video_is_reported_with_its_frame(tmp_path):
