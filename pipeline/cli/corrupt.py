@@ -99,7 +99,7 @@ def command(
     from pipeline.errors import InputError, did_you_mean
     from pipeline.streams import stream
 
-    conditioned(noise_source)
+    _, effects = conditioned(noise_source)
     if camera not in CAMERAS:
         raise InputError(f"--camera {camera}: unknown; {did_you_mean(camera, CAMERAS)}")
     psf = _kernel(blur, size_px, mtf50, angle_deg, seed)
@@ -138,6 +138,11 @@ def command(
                 f"{sigma_dn:9.2f} {shown.unclipped_sigma_dn:8.2f} {shown.clipped_sigma_dn:10.2f}"
                 f" {100 * shown.clipped_fraction:9.2f}  {name} -> {picture.name}"
             )
+    if psf is not None and effects.photon and sigma_dn:
+        click.echo(
+            "photon noise enters before the blur, which smooths it: less noise is reached than asked for; "
+            "--noise-source readout or dcsn enters behind the blur"
+        )
     click.echo(f"written to {out}")
     if failed:
         raise InputError(f"{failed} of the files given could not be used; see above")

@@ -116,6 +116,15 @@ def test_corrupt_writes_the_picture_and_its_truth(tmp_path):
     assert (tmp_path / "again/a.png").read_bytes() == first
 
 
+@pytest.mark.parametrize(("noise_source", "less"), [("photon", True), ("combined", True), ("readout", False)])
+def test_corrupt_says_why_blur_takes_noise_away(tmp_path, noise_source, less):
+    source = noisy(tmp_path / "a.png", 0.0)
+    options = ["--noise-source", noise_source, "--sigma-dn", 8, "--blur", "defocus", "--mtf50", 0.3]
+    done = call("corrupt", source, "--out", tmp_path / "out", *options)
+    reached = json.loads((tmp_path / "out/a.json").read_text())["unclipped_sigma_dn"]
+    assert (reached < 7.6) == less == ("enters before the blur" in done.output)
+
+
 def test_corrupt_at_level_zero_changes_nothing_and_never_overwrites_its_input(tmp_path):
     source = noisy(tmp_path / "a.png", 3.0)
     assert call("corrupt", source, "--out", tmp_path / "out").exit_code == 0
