@@ -9,6 +9,7 @@ blocks of up to `BLOCK_BYTES` come from the heap, which shrinks only where much 
 from __future__ import annotations
 
 import ctypes
+import os
 import platform
 from collections.abc import MutableMapping
 
@@ -25,13 +26,14 @@ def keep(environment: MutableMapping[str, str] | None = None, *, kept_bytes: int
     """Keep what is freed, in this process and in programs started with an environment.
 
     Args:
-        environment: gets the variables that glibc reads; one that is set already keeps its value, here too.
+        environment: gets the variables that glibc reads; one that is set already keeps its value, here too. None for
+            this process alone: its environment says which values are set, and stays as it is.
         kept_bytes: see `KEPT_BYTES`.
 
     Returns:
         whether this process keeps it: False where the C library is not glibc.
     """
-    environment = {} if environment is None else environment
+    environment = dict(os.environ) if environment is None else environment
     values = {"MALLOC_MMAP_THRESHOLD_": BLOCK_BYTES, "MALLOC_TRIM_THRESHOLD_": kept_bytes}
     free = {name: value for name, value in values.items() if name not in environment}
     environment.update({name: str(value) for name, value in free.items()})

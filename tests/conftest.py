@@ -22,6 +22,7 @@ LONGEST = (
     "test_sweeps", "test_determinism", "test_package", "test_report_detection", "test_recording_blur", "test_recorded",
     "test_executor", "test_recorded_detection", "test_other_processor", "test_recorded_blur",
     "test_experiments_calibrate", "test_dvc_at_once", "test_cli_bad_inputs", "test_config_compose",
+    "test_blur_camera_calibration", "test_blur_blind", "test_cli_health", "test_blur_ablation",
 )  # fmt: skip
 """The longest files: begun first, so that with several workers none of them runs alone at the end."""
 

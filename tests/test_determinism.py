@@ -1,4 +1,4 @@
-"""Same inputs, same bytes: every stage twice, with one and two workers, shuffled, on a subset."""
+"""Same inputs, same bytes: every stage twice, one and two workers, shuffled, on a subset; rendering: test_sweeps."""
 
 import hashlib
 import random
@@ -26,7 +26,6 @@ from pipeline.stages import (
     index,
     noise,
     psf_bank,
-    render_sim,
     report,
     sensor,
     star,
@@ -91,17 +90,6 @@ def test_every_stage_gives_the_same_bytes_for_one_and_two_workers(data, once, tm
     run_all(tiny(data, 2), tmp_path)
     assert len(before) > 15
     assert before == digests(tmp_path)
-
-
-@pytest.mark.slow
-def test_rendering_gives_the_same_bytes_for_one_and_two_workers(data, tmp_path):
-    for name, workers in (("one", 1), ("two", 2)):
-        config = tiny(data, workers)
-        small = config.scenes.model_copy(update={"width_px": 96, "height_px": 64})
-        render_sim.run.run(config.model_copy(update={"scenes": small}), {}, tmp_path, tmp_path / name)
-    one = digests(tmp_path / "one")
-    assert len([name for name in one if name.endswith(".png")]) == 4
-    assert one == digests(tmp_path / "two")
 
 
 def test_a_subset_gives_the_same_rows(data, once, tmp_path):

@@ -71,9 +71,15 @@ def test_arrays_of_the_next_frame_touch_no_new_pages() -> None:
 
 
 @glibc
-def test_the_camera_leaves_values_of_the_environment() -> None:
+@pytest.mark.parametrize("caller", ["keep", "camera"])
+def test_values_of_the_environment_are_left(caller: str) -> None:
     variables = {"MALLOC_MMAP_THRESHOLD_": "131072", "MALLOC_TRIM_THRESHOLD_": "131072"}
-    assert page_faults(FRAMES, "camera", **variables) > page_faults(FRAMES, **variables) / 2
+    assert page_faults(FRAMES, caller, **variables) > page_faults(FRAMES, **variables) / 2
+
+
+def test_the_environment_of_this_process_stays_as_it_is() -> None:
+    program = "import os\nfrom pipeline import freed_memory\nbefore = dict(os.environ)\nfreed_memory.keep()\n"
+    assert page_faults(program + "print(int(dict(os.environ) != before))") == 0
 
 
 @glibc

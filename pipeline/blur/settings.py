@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
@@ -68,6 +68,7 @@ class GenericLensSettings(Settings):
 class AblationVariant(Settings):
     """What one short training changes; None changes nothing. See `pipeline.blur.ablation`."""
 
+    steps: Annotated[int, Field(ge=2)] | None = None
     seed: Seed | None = None
     images: Count | None = None
     kernels: Count | None = None
@@ -76,11 +77,15 @@ class AblationVariant(Settings):
     intrinsic_px: tuple[NonNegative, NonNegative] | None = None
     clean_fraction: Fraction | None = None
     pre_blur_noise_fraction: Fraction | None = None
+    camera_fraction: Fraction | None = None
+    width: Annotated[float, Field(gt=0, le=4)] | None = None
+    block_px: Literal[64, 96] | None = None
 
 
 class AblationSettings(Settings):
-    """Short trainings of the spectral network that differ in one thing each."""
+    """Short trainings of the spectral network that differ in one thing each, and on what else they are judged."""
 
+    judged_on: dict[Name, AblationVariant]
     steps: Annotated[int, Field(ge=2)]
     images: Count
     kernels: Count

@@ -24,7 +24,7 @@ PATCH_PX = 192
 BLOCK_PX = 64
 BINS = PATCH_PX // 2 + 1
 STRIPS = ((0, 2), (3, 9), (10, 24))  # bins from the axis, inclusive, that a profile averages
-MAPS_SHAPE = (3, BLOCK_PX, BLOCK_PX // 2)
+MAPS = 3
 NUMBERS = 4
 VECTOR_LENGTH = 2 * len(STRIPS) * BINS + NUMBERS
 POWER_FLOOR = 0.02  # DN^2, well below the power of rounding to 8 bit (1/12)
@@ -40,14 +40,15 @@ def _window(size_px: int) -> torch.Tensor:
     return profile[:, None] * profile[None]
 
 
-def features(patches_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+def features(patches_dn: torch.Tensor, block_px: int = BLOCK_PX) -> tuple[torch.Tensor, torch.Tensor]:
     """Maps and vector of each patch.
 
     Args:
         patches_dn: (N, 192, 192) float32, 0..255.
+        block_px: B, side of the blocks, 64 or 96; the maps are as fine as a block's spectrum.
 
     Returns:
-        maps: (N, 3, 64, 32).
+        maps: (N, 3, B, B / 2).
         vector: (N, VECTOR_LENGTH): horizontal and vertical profile of each strip (97 bins each), then mean, log
             contrast, share of white and of black pixels.
     """
@@ -58,16 +59,19 @@ def features(patches_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     mean = patches_dn.mean((1, 2), keepdim=True)
     centred = patches_dn - mean
     power = _power(torch.fft.rfft2(centred * _window(PATCH_PX)), PATCH_PX)  # rows 0 .. 95, -96 .. -1; columns 0 .. 96
-    # Rows from -97 and columns from -1, so that averages of three are centred on multiples of three.
+    # Rows from -97 and columns from -1, so that averages of three are centred on multiples of the step.
+    step = PATCH_PX // block_px
     rolled = torch.roll(power, PATCH_PX // 2 + 1, 1)
     left = torch.roll(power[:, :, 1:2].flip(1), PATCH_PX // 2 + 2, 1)  # a real image's spectrum: P(-x, y) = P(x, -y)
-    whole = functional.avg_pool2d(torch.cat([left, rolled[:, :, : BINS - 2]], dim=2)[:, None], 3)[:, 0]
+    wide = torch.cat([left, rolled[:, :, : BINS + 1 - step]], dim=2)
+    wide = torch.cat([wide, wide[:, : 3 - step]], dim=1)
+    whole = functional.avg_pool2d(wide[:, None], 3, step)[:, 0]
     blocks = (
-        patches_dn.unfold(1, BLOCK_PX, BLOCK_PX).unfold(2, BLOCK_PX, BLOCK_PX).reshape(count, -1, BLOCK_PX, BLOCK_PX)
+        patches_dn.unfold(1, block_px, block_px).unfold(2, block_px, block_px).reshape(count, -1, block_px, block_px)
     )
     blocks = blocks - blocks.mean((-1, -2), keepdim=True)
-    local = (_power(torch.fft.rfft2(blocks * _window(BLOCK_PX)), BLOCK_PX) + POWER_FLOOR).log()
-    local = torch.roll(local, BLOCK_PX // 2, 2)[..., : BLOCK_PX // 2]
+    local = (_power(torch.fft.rfft2(blocks * _window(block_px)), block_px) + POWER_FLOOR).log()
+    local = torch.roll(local, block_px // 2, 2)[..., : block_px // 2]
     maps = torch.stack([(whole + POWER_FLOOR).log(), local.mean(1), local.amin(1)], dim=1) * LOG_SCALE
     numbers = torch.stack(
         [

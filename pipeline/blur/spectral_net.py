@@ -11,7 +11,7 @@ import torch
 import torch.nn.functional as functional
 from torch import nn
 
-from pipeline.blur.spectral_features import MAPS_SHAPE, VECTOR_LENGTH
+from pipeline.blur.spectral_features import BLOCK_PX, MAPS, VECTOR_LENGTH
 
 ARCHITECTURE = "mtf-spectral-1"
 FREQUENCIES = 8
@@ -46,26 +46,28 @@ class SpectralNet(nn.Module):
 
     Args:
         half_precision: run the convolutions in bfloat16 where that is faster (training); answers move by about 0.001.
+        width: factor on the numbers of channels and of hidden units.
+        block_px: of the features.
     """
 
-    def __init__(self, half_precision: bool = False) -> None:
+    def __init__(self, half_precision: bool = False, width: float = 1.0, block_px: int = BLOCK_PX) -> None:
         super().__init__()
-        channels, height, width = MAPS_SHAPE
+        first, second, third, reduced, hidden = (round(width * count) for count in (*WIDTHS, REDUCED, HIDDEN))
         self.half_precision = half_precision
         self.body = nn.Sequential(
-            nn.Conv2d(channels, WIDTHS[0], 3, padding=1),
+            nn.Conv2d(MAPS, first, 3, padding=1),
             nn.ReLU(),
-            Residual(WIDTHS[0], WIDTHS[1]),
-            Residual(WIDTHS[1], WIDTHS[2]),
-            nn.Conv2d(WIDTHS[2], REDUCED, 1),
+            Residual(first, second),
+            Residual(second, third),
+            nn.Conv2d(third, reduced, 1),
             nn.ReLU(),
         )
         self.head = nn.Sequential(
-            nn.Linear(REDUCED * (height // 4) * (width // 4) + VECTOR_LENGTH, HIDDEN),
+            nn.Linear(reduced * (block_px // 4) * (block_px // 8) + VECTOR_LENGTH, hidden),
             nn.ReLU(),
-            nn.Linear(HIDDEN, HIDDEN),
+            nn.Linear(hidden, hidden),
             nn.ReLU(),
-            nn.Linear(HIDDEN, 4 * FREQUENCIES + 2),
+            nn.Linear(hidden, 4 * FREQUENCIES + 2),
         )
 
     def forward(

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.blur.spectral_features import BLOCK_PX
 from pipeline.learning.run_options import RunOptions
 from pipeline.learning.samples import Chunk
 from pipeline.learning.settings import Training
@@ -20,13 +23,31 @@ COVERAGE = 0.95
 SCORE = "mtf_error_percent"
 
 
-def feature_arrays(chunk: Chunk) -> dict[str, np.ndarray]:
+@dataclass(frozen=True)
+class Form:
+    """Of the network and of its features; the released one has these values.
+
+    Attributes:
+        width: factor on the numbers of channels and of hidden units (`SpectralNet`).
+        block_px: side of the blocks of the features (`features`).
+    """
+
+    width: float = 1.0
+    block_px: int = BLOCK_PX
+
+    @property
+    def suffix(self) -> str:
+        """Of the checkpoint's name; empty for the released form."""
+        return "" if self == Form() else f"-{self.width:g}-{self.block_px}"
+
+
+def feature_arrays(chunk: Chunk, block_px: int = BLOCK_PX) -> dict[str, np.ndarray]:
     """Features and truth of a chunk: maps, vector (float16), mtf, sigma_dn (float32)."""
     import torch
 
     from pipeline.blur.spectral_features import features
 
-    maps, vector = features(torch.from_numpy(chunk.patches_dn).float())
+    maps, vector = features(torch.from_numpy(chunk.patches_dn).float(), block_px)
     return {
         "maps": maps.half().numpy(),
         "vector": vector.half().numpy(),
@@ -79,12 +100,13 @@ def measure(model: torch.nn.Module, data: Mapping[str, torch.Tensor]) -> dict[st
     }
 
 
-def train(training: Training, run_options: RunOptions) -> Trained:
+def train(training: Training, run_options: RunOptions, form: Form | None = None) -> Trained:
     """Train the spectral network.
 
     Args:
         training: all that the result depends on.
         run_options: how it runs.
+        form: of the network; without it, that of the released one.
 
     Returns:
         the network that validated best, and its learning curve.
@@ -93,11 +115,13 @@ def train(training: Training, run_options: RunOptions) -> Trained:
     from pipeline.learning.initial import initialise
     from pipeline.learning.training import train_on_samples
 
-    model = SpectralNet(half_precision=training.half_precision)
+    form = form or Form()
+    model = SpectralNet(training.half_precision, form.width, form.block_px)
     initialise(model, training.seed, "spectral network")
     trained = train_on_samples(
-        model, training, run_options, feature_arrays, loss, measure, name="mtf-spectral", code=__name__, score=SCORE
-    )
+        model, training, run_options, partial(feature_arrays, block_px=form.block_px), loss, measure,
+        name=f"mtf-spectral{form.suffix}", code=__name__, score=SCORE,
+    )  # fmt: skip
     model.half_precision = False
     return trained
 

@@ -18,7 +18,6 @@ to 50 (`levels`). Clipping and rounding happen once, where a camera does them.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +50,7 @@ __all__ = [
     "untouched",
 ]
 
-freed_memory.keep(dict(os.environ))  # pages of a new frame take longer than its random numbers
+freed_memory.keep()  # pages of a new frame take longer than its random numbers
 
 
 @dataclass(frozen=True, eq=False)

@@ -125,14 +125,13 @@ def present(paths: dict[str, str]) -> dict[str, bool]:
 
 def stages() -> dict[str, int]:
     """Stages of the study: ``recorded`` in ``dvc.lock`` of the checkout; empty outside of one."""
-    import yaml
-
+    from pipeline import yaml_text
     from pipeline.project_files import located
 
     lock = located("dvc.lock")
     if not lock.is_file():
         return {}
-    return {"recorded": len(yaml.safe_load(lock.read_text(encoding="utf-8")).get("stages", {}))}
+    return {"recorded": len(yaml_text.parse(lock.read_text(encoding="utf-8")).get("stages", {}))}
 
 
 def frame_time(width_px: int = 1280, height_px: int = 720) -> float:

@@ -180,7 +180,7 @@ def command(
         run.trend_alarms = analysis.trend_alarms
         if not as_lines:
             stack.callback(_print_run, run, as_json)
-        frames = stack.enter_context(closing(estimated_ahead(analysis, readable(files, every))))
+        frames = stack.enter_context(closing(estimated_ahead(analysis, readable(files, every, run.hinted))))
         for name, image, estimate in tqdm(frames, delay=2, leave=False, unit=" frames"):
             try:
                 stream, estimated = stream_of(name), estimate()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,6 +31,7 @@ class HealthRun:
         about: estimators, settings, version.
         rows: of the finished frames.
         set_aside: one reason per file or frame that could not be used.
+        hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits.
         trend_alarms: that began (`pipeline.cli.frame_analysis.FrameAnalysis.trend_alarms`).
         without_precision, without_trend: why the expected precision or the trend is unknown, or empty.
     """
@@ -37,6 +39,7 @@ class HealthRun:
     about: dict[str, Any]
     rows: list[dict[str, Any]] = field(default_factory=list)
     set_aside: list[str] = field(default_factory=list)
+    hinted: Counter[int] = field(default_factory=Counter)
     trend_alarms: list[dict[str, Any]] = field(default_factory=list)
     without_precision: str = ""
     without_trend: str = ""
@@ -45,7 +48,8 @@ class HealthRun:
         """The verdict on the finished frames (`pipeline.cli.health_verdict.run_verdict`)."""
         return run_verdict(
             self.rows, without_precision=self.without_precision, trend_alarms=self.trend_alarms,
-            without_trend=self.without_trend, set_aside=len(self.set_aside), relative=self.about["relative"],
+            without_trend=self.without_trend, set_aside=len(self.set_aside), hinted=self.hinted,
+            relative=self.about["relative"],
         )  # fmt: skip
 
     def content(self, *, complete: bool) -> dict[str, Any]:

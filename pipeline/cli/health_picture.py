@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.camera.mtf import FREQUENCIES
 from pipeline.condition.summary import half_contrast
+from pipeline.condition.verdict import REASONS
 from pipeline.report import style
 
 if TYPE_CHECKING:
@@ -64,7 +65,10 @@ def _map(
 def _noise(axes: Axes, image: NDArray[np.float32], condition: Condition) -> None:
     sigma = condition.sigma_dn
     known = np.isfinite(sigma.value)
-    reported = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else "no estimate"
+    reasons = condition.reasons["noise"]
+    why = max(reasons, key=lambda reason: reasons[reason]) if reasons else ""
+    without = "no estimate" + (f", {REASONS.get(why, why)}" if why else "")
+    reported = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else without
     _over(axes, image, f"Noise: {reported}")
     cells = condition.noise.map_dn
     known_cells = cells[np.isfinite(cells)]

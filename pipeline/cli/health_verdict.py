@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from statistics import median
+from types import MappingProxyType
 from typing import Any
 
 LEAST_GAIN_PERCENT = 2.0
@@ -22,6 +23,7 @@ def run_verdict(
     trend_alarms: Sequence[dict[str, Any]] = (),
     without_trend: str = "",
     set_aside: int = 0,
+    hinted: Mapping[int, int] = MappingProxyType({}),
     relative: bool = False,
 ) -> dict[str, Any]:
     """The verdict on the finished frames.
@@ -32,6 +34,7 @@ def run_verdict(
         trend_alarms: that began in the run.
         without_trend: why there is no trend, or empty.
         set_aside: files or frames that could not be used.
+        hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits.
         relative: whether blur is relative to sharp frames.
 
     Returns:
@@ -53,7 +56,7 @@ def run_verdict(
     sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
     sentences = [
         sentence, *_worst(rows), *_unknown(rows), *_flags(rows), *_trend(trend_alarms, without_trend),
-        *_set_aside(set_aside),
+        *_hinted(hinted), *_set_aside(set_aside),
     ]  # fmt: skip
     if without_precision:
         sentences.append(f"Expected average precision is unknown: {without_precision}.")
@@ -135,12 +138,14 @@ def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _unknown(rows: Sequence[dict[str, Any]]) -> list[str]:
+    from pipeline.condition.verdict import REASONS
+
     sentences = []
     for part, key in (("blur", "blur"), ("noise", "noise")):
         without = [row for row in rows if not row[part]]
         if without:
             reasons = Counter(reason for row in without for reason in row["abstained"].get(key, {}))
-            words = ", ".join(reason for reason, _ in reasons.most_common(3)) or "no estimate"
+            words = ", ".join(REASONS.get(reason, reason) for reason, _ in reasons.most_common(3)) or "no estimate"
             sentences.append(f"{part.capitalize()} is unknown in {len(without)} of {len(rows)} frames ({words}).")
     return sentences
 
@@ -149,6 +154,13 @@ def _flags(rows: Sequence[dict[str, Any]]) -> list[str]:
     counts = Counter(name for row in rows for name in row["flags"].split(", ") if name)
     words = ", ".join(f"{name.replace('_', '-')} {count}" for name, count in counts.most_common())
     return [f"Frames flagged: {words}."] if words else []
+
+
+def _hinted(counts: Mapping[int, int]) -> list[str]:
+    return [
+        f"16-bit pictures that look like {bits}-bit values, {1 << 16 - bits} times too dark then: {count} (a guess)."
+        for bits, count in sorted(counts.items())
+    ]
 
 
 def _trend(alarms: Sequence[dict[str, Any]], without: str) -> list[str]:

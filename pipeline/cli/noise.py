@@ -37,21 +37,21 @@ def command(
     """Estimate the noise of PATHS: pictures, videos, or folders of them.
 
     Prints, per frame, the robust median over its tiles with their range, in grey levels (DN, 0..255), and how many
-    tiles the estimator abstained on (saturated or flat). The same estimator as ``camera-monitor health`` unless
-    another is named.
+    tiles the estimator abstained on. A frame whose tiles mostly abstain because of a codec has no median. The same
+    estimator as ``camera-monitor health`` unless another is named.
     """
     from tqdm import tqdm
 
     from pipeline import noise
+    from pipeline.cli.health_rows import number
     from pipeline.cli.outputs import OutputFolder, RowFile, refuse_input
     from pipeline.cli.overlay import noise_overlay
     from pipeline.cli.pictures import expand, named, readable, result_stem
     from pipeline.condition.frame_tiles import frame_tiles
+    from pipeline.condition.summary import summarise_noise
     from pipeline.datasets.patches import cut
     from pipeline.errors import InputError
-    from pipeline.statistics import robust
     from pipeline.store import write_image
-    from pipeline.streams import stream
 
     method = noise.create(estimator)
     files = expand(paths)
@@ -72,9 +72,9 @@ def command(
                 failed += 1
                 click.echo(f"set aside: {named(name, error)}", err=True)
                 continue
-            whole = robust(estimate.sigma_dn, stream(0, "cli", "noise"), draws=1)
-            numbers = f"{whole.median:9.2f} {whole.minimum:7.2f} {whole.maximum:7.2f}"
-            click.echo(f"{numbers} {len(squares):6d} {whole.abstained:9d}  {name}")
+            whole = summarise_noise(estimate)
+            median, least, most = (number(float(value), 2) for value in (whole.value, whole.least, whole.greatest))
+            click.echo(f"{median:>9} {least:>7} {most:>7} {len(squares):6d} {whole.abstained:9d}  {name}")
             for square, sigma, reason in zip(squares, estimate.sigma_dn, estimate.reason, strict=True):
                 values = (name, square.x_px, square.y_px, square.size_px, f"{sigma:.4f}", bool(reason), str(reason))
                 if rows is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,39 +38,62 @@ def expand(paths: Sequence[Path]) -> list[Path]:
     return results
 
 
-def read(path: Path, every: int = 1) -> Iterator[tuple[str, np.ndarray]]:
+def read(path: Path, every: int = 1, hinted: Counter[int] | None = None) -> Iterator[tuple[str, np.ndarray]]:
     """Name and grey picture (H, W) float32 in [0, 1] of each frame of a file.
 
     Args:
         path: a picture, or a video.
         every: of a video take each n-th frame.
+        hinted: counts pictures that seem to hold values of fewer bits in 16, by that number of bits; for the first
+            of each there is a line on standard error. None for such a line for every one.
 
     Raises:
         InputError: the file cannot be read; for a video, after its last good frame, frames are missing or damaged.
     """
-    from pipeline.datasets.pictures import read_grey
+    from pipeline.datasets.pictures import read_picture
     from pipeline.datasets.video import read_video
 
     if path.suffix.lower() not in VIDEOS:
-        yield str(path), read_grey(path)
+        picture = read_picture(path)
+        if bits := picture.fewer_bits():
+            _hint(path, bits, Counter() if hinted is None else hinted)
+        yield str(path), picture.grey()
         return
     for number, image in read_video(path, every):
         yield f"{path}#{number}", image
 
 
-def readable(paths: Sequence[Path], every: int = 1) -> Iterator[tuple[str, np.ndarray | None, str]]:
+def _hint(path: Path, bits: int, hinted: Counter[int]) -> None:
+    import click
+
+    hinted[bits] += 1
+    if hinted[bits] > 1:
+        return
+    factor = 1 << 16 - bits
+    click.echo(
+        f"hint: {path}: all values are below {1 << bits}, it looks like {bits}-bit values in a 16-bit file; read as 16 "
+        f"bit. This is a guess: unless the picture is that dark, multiply its values by {factor} and store it again",
+        err=True,
+    )
+
+
+def readable(
+    paths: Sequence[Path], every: int = 1, hinted: Counter[int] | None = None
+) -> Iterator[tuple[str, np.ndarray | None, str]]:
     """Every frame of every file: its name with its picture, or with what is wrong with the file.
 
     Args:
         paths: pictures and videos.
         every: of a video take each n-th frame.
+        hinted: see `read`; None for a count of its own.
 
     Returns:
         name, (H, W) float32 in [0, 1] or None, and the reason where it is None.
     """
+    hinted = Counter() if hinted is None else hinted
     for path in paths:
         try:
-            for name, image in read(path, every):
+            for name, image in read(path, every, hinted):
                 yield name, image, ""
         except InputError as error:
             yield str(path), None, str(error)

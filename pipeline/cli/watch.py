@@ -63,7 +63,8 @@ def command(
     grown since the first frames); cleared; set_aside and no_signal; stop. Of a live source, frames that come while
     one is analysed are dropped.
 
-    SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm, 3 alarms, 2 no such source.
+    SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm; 3 alarms; else 2 for no such source or
+    a video file that is cut short or damaged.
     """
     from pipeline import freed_memory
     from pipeline.cli import camera_store
@@ -71,6 +72,7 @@ def command(
     from pipeline.cli.package_version import version
     from pipeline.cli.watch_sources import open_source
     from pipeline.condition import ConditionMonitor
+    from pipeline.errors import InputError
     from pipeline.executor import one_thread
     from pipeline.recording.provenance import monitor_weights
 
@@ -100,6 +102,8 @@ def command(
         watch.emit("stop", reason=reason, frames=watch.frames, alarms=watch.alarms, set_aside=watch.set_aside)
     if watch.alarms:
         raise SystemExit(ALARM)
+    if watch.problem and Path(source).is_file():  # a live source or a folder goes on in spite of a bad frame
+        raise InputError(watch.problem)
 
 
 class _Watch:
@@ -110,6 +114,7 @@ class _Watch:
 
         self.source, self.analysis, self.state = source, analysis, RollingState(window)
         self.frames = self.alarms = self.set_aside = 0
+        self.problem = ""  # the last one
         self._began = time.monotonic()
         self._active: list[str] = []
 
@@ -162,6 +167,7 @@ class _Watch:
 
     def _problem(self, frame: SourceFrame) -> None:
         self.set_aside += 1
+        self.problem = frame.problem
         event = "no_signal" if frame.signal_lost else "set_aside"
         self.emit(event, picture=frame.name, reason=frame.problem)
 

@@ -5,8 +5,10 @@ A live source does not wait: of what it delivers while a frame is analysed, the 
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -154,36 +156,48 @@ def played_video(path: Path, rate: float, stop: threading.Event) -> Iterator[Sou
     """A video at its own speed: the frame that is due is decoded, frames missed meanwhile are dropped.
 
     Args:
-        path: the file.
+        path: the file; damage is reported at the end.
         rate: most frames per second.
         stop: ends it.
-
-    Raises:
-        InputError: it holds no frame that can be decoded.
     """
-    import cv2
+    from pipeline.datasets.video import read_video
 
-    from pipeline.datasets.video import grey_frame
-
-    video = cv2.VideoCapture(str(path))
-    per_second = float(video.get(cv2.CAP_PROP_FPS) or 0)
-    per_second = per_second if 0 < per_second < 1000 else DEFAULT_FRAMES_PER_SECOND
-    step = max(1.0, per_second / rate)
-    number, due, began = 0, 0.0, time.monotonic()
-    try:
-        while video.grab():
-            if number >= due:
-                good, frame = video.retrieve()
-                if stop.wait(max(number / per_second - (time.monotonic() - began), 0.0)):
+    pace = _Pace(rate)
+    with contextlib.closing(read_video(path, due=pace.due)) as frames:
+        try:
+            for number, image in frames:
+                if stop.wait(pace.early_s(number)):
                     return
-                if good:
-                    yield SourceFrame(f"{path}#{number}", grey_frame(frame))
-                due = max(due + step, (time.monotonic() - began) * per_second)
-            number += 1
-    finally:
-        video.release()
-    if not number:
-        raise InputError(f"{path}: not a video that OpenCV can read, or it holds no frame")
+                yield SourceFrame(f"{path}#{number}", image)
+                pace.shown()
+        except InputError as error:
+            yield SourceFrame(str(path), None, str(error))
+
+
+class _Pace:
+    """When the frames of a video are due, from now on.
+
+    Args:
+        rate: most frames per second.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate, self._per_second = rate, DEFAULT_FRAMES_PER_SECOND
+        self._next, self._began = 0.0, time.monotonic()
+
+    def due(self, number: int, per_second: float) -> bool:
+        """Whether a frame is the next to be shown, by its number and the frames per second that the video states."""
+        self._per_second = per_second if 0 < per_second < 1000 else DEFAULT_FRAMES_PER_SECOND
+        return number >= self._next
+
+    def early_s(self, number: int) -> float:
+        """Seconds until a frame's time."""
+        return max(number / self._per_second - (time.monotonic() - self._began), 0.0)
+
+    def shown(self) -> None:
+        """A frame has been dealt with: those whose time has passed are not due any more."""
+        step = max(1.0, self._per_second / self._rate)
+        self._next = max(self._next + step, (time.monotonic() - self._began) * self._per_second)
 
 
 def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]:
@@ -194,8 +208,10 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             disappears (a disk or share that is gone), that is reported once, and it is watched again when it is back.
         stop: ends it.
     """
-    from pipeline.datasets.pictures import SUFFIXES, read_grey
+    from pipeline.cli.pictures import read
+    from pipeline.datasets.pictures import SUFFIXES
 
+    hinted: Counter[int] = Counter()
     sizes: dict[str, int] = {}
     done: set[str] = set()
     lost = False
@@ -226,7 +242,7 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             done.add(name)
             sizes.pop(name)
             try:
-                yield SourceFrame(str(folder / name), read_grey(folder / name))
+                yield from (SourceFrame(*frame) for frame in read(folder / name, hinted=hinted))
             except InputError as error:
                 yield SourceFrame(str(folder / name), None, str(error))
         if not ready:

@@ -20,7 +20,7 @@ from pipeline import blur, noise
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
-from pipeline.condition.summary import Summary, summarise
+from pipeline.condition.summary import Summary, summarise, summarise_noise
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
 from pipeline.noise.base import NoiseEstimate
@@ -61,7 +61,7 @@ class NoiseState:
         patches: N squares of the frame, row by row from the top.
         estimate: their N answers.
         grid: (rows, columns) of the patches.
-        summary: over the patches: arrays of shape ().
+        summary: over the patches: arrays of shape (); without an answer where most patches abstain because of a codec.
         map_dn: (h, w) sigma over the frame, DN, NaN where unknown: of every 8 x 8 px cell where the estimator gives it,
             else the patches' answers as (rows, columns).
         milliseconds: time on the clock.
@@ -237,8 +237,7 @@ class ConditionMonitor:
             result = self.noise_estimator.estimate(stack)
             whole = result.sigma_dn.reshape(grid)
         taken = (time.perf_counter() - start) * 1e3
-        summary = summarise(result.sigma_dn, result.low_dn, result.high_dn)
-        return NoiseState(squares, result, grid, summary, whole, taken)
+        return NoiseState(squares, result, grid, summarise_noise(result), whole, taken)
 
 
 def _checked(image: NDArray[np.floating]) -> NDArray[np.float32]:

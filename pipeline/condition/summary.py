@@ -4,16 +4,20 @@ The rule is the paper's (`pipeline.statistics`): a value further than 3.5 median
 about 5 % of them, is left out. Where the patches carry predictive intervals, the interval of the summary is the same
 median of their ends: neighbouring patches err together, and correlated errors do not average out. Without intervals
 it is a bootstrap interval of the median, which knows of the spread between patches only.
+
+A frame whose tiles mostly abstain because a codec may have removed the noise has no noise level either: the few that
+answer are those whose own grain looks like noise (asphalt, foliage), not a sample of the frame.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.mtf import FREQUENCIES
+from pipeline.noise.base import COMPRESSED, NoiseEstimate
 from pipeline.statistics import bootstrap_interval, inliers
 from pipeline.streams import stream
 
@@ -102,3 +106,23 @@ def summarise(
         for name, number in zip(names, numbers, strict=True):
             result[name][position] = number
     return Summary(**result)
+
+
+def summarise_noise(estimate: NoiseEstimate) -> Summary:
+    """Summarise the noise of a frame's tiles, or withhold an answer.
+
+    Where more tiles abstain because of a codec than answer, the frame abstains; counts stay. On 610 frames of KITTI,
+    Udacity, CC and the *Sim* of the paper's authors with 0 to 10 DN behind JPEG, MPEG-4, H.264 and Motion JPEG the
+    median of the answering tiles was wrong (by 20 % and .5 DN) in 240 of 366 such frames, in 19 of the others.
+
+    Args:
+        estimate: of the tiles.
+
+    Returns:
+        a summary whose arrays have shape ().
+    """
+    summary = summarise(estimate.sigma_dn, estimate.low_dn, estimate.high_dn)
+    if np.count_nonzero(estimate.reason == COMPRESSED) <= summary.count:
+        return summary
+    unknown = np.full_like(summary.value, np.nan)
+    return replace(summary, value=unknown, low=unknown, high=unknown, least=unknown, greatest=unknown)

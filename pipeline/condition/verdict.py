@@ -33,6 +33,13 @@ DIRECTED_RATIO = 0.8  # of the mean MTF of the lower axis to the other's
 HIGH_NOISE_DN = 10.0
 DIM_MEDIAN_DN = 48.0
 AXES = ("horizontal", "vertical")
+REASONS = {
+    "compressed": "a codec may have removed it",
+    "uncertain": "it looks like grain of the scene",
+    "saturated": "too bright",
+    "flat": "no variation to measure",
+}
+"""Why noise or blur is unknown, in words; other reasons are words already."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 | file | what happens |
 |---|---|
 | 8-bit grey | divided by 255 |
-| 16-bit grey or colour | divided by 65535, whatever part of the range it uses |
+| 16-bit grey or colour | divided by 65535, whatever part of the range it uses; see `Picture.fewer_bits` |
 | float (TIFF) | taken as it is; every value must be a number in [0, 1] |
 | colour (RGB, palette, CMYK) | BT.601 luma: 0.299 R + 0.587 G + 0.114 B, not rounded |
 | alpha channel | dropped; the colour beneath counts |
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"})
 CHANNEL_ORDERS = ("rgb", "authors")
+FEWER_BITS = (8, 10, 12, 14)
+"""Depths whose values some cameras and programs store in 16 bits as they are."""
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk with its checksum
 DEFLATE_RATIO = 1032  # PNG's compression cannot shrink data further
 SMALLEST_PX = 16  # below this neither side holds enough pixels for any filter in this package
@@ -79,6 +81,15 @@ class Picture:
     @property
     def bits(self) -> int:
         return 8 * self.pixels.dtype.itemsize
+
+    def fewer_bits(self) -> int | None:
+        """The depth that 16-bit pixels may really have, by their greatest value; a guess, they may just be dark.
+
+        Returns:
+            the least of `FEWER_BITS` that holds every value; None where none does, for other pixels, and for zeros.
+        """
+        greatest = int(self.pixels.max(initial=0)) if self.pixels.dtype == np.uint16 else 0
+        return next((bits for bits in FEWER_BITS if 0 < greatest < 1 << bits), None)
 
     def unit(self) -> np.ndarray:
         """The pixels as float32 in [0, 1], same shape."""

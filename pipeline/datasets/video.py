@@ -12,7 +12,8 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,12 +60,16 @@ def grey_frame(frame: np.ndarray) -> np.ndarray:
     return grey.astype(np.float32) / np.float32(255)
 
 
-def read_video(path: Path, every: int = 1) -> Iterator[tuple[int, np.ndarray]]:
+def read_video(
+    path: Path, every: int = 1, due: Callable[[int, float], bool] | None = None
+) -> Generator[tuple[int, np.ndarray], None, None]:
     """Number and grey picture of each frame of a video that can be decoded.
 
     Args:
         path: the file.
         every: take each n-th frame.
+        due: whether to take a frame, by its number and the frames per second that the file states (0 where it does
+            not); instead of `every`.
 
     Returns:
         frame number, from 0, and (H, W) float32 in [0, 1].
@@ -74,46 +79,77 @@ def read_video(path: Path, every: int = 1) -> Iterator[tuple[int, np.ndarray]]:
     """
     import cv2
 
-    messages: list[str] = []
-    with _decoder_messages(messages):
+    account = _Account()
+    with _decoder_messages(account.messages):
         video = cv2.VideoCapture(str(path))
-    declared = int(video.get(cv2.CAP_PROP_FRAME_COUNT)) if video.isOpened() else 0
-    per_second = video.get(cv2.CAP_PROP_FPS)
-    last_s = longest_s = 0.0  # time of the last frame, longest time between two
-    messages.clear()  # remarks on the container; the frames decide
-    number = undecoded = 0
-    first_damage: int | None = None
+    account.declared = int(video.get(cv2.CAP_PROP_FRAME_COUNT)) if video.isOpened() else 0
+    account.per_second = per_second = float(video.get(cv2.CAP_PROP_FPS))
+    account.messages.clear()  # remarks on the container; the frames decide
     try:
-        while _grab(video, messages):
-            time_s = video.get(cv2.CAP_PROP_POS_MSEC) / 1000
-            last_s, longest_s = time_s, max(longest_s, time_s - last_s if number else 0.0)
-            if number % every == 0:
-                with _decoder_messages(messages):
+        while _grab(video, account.messages):
+            number, time_s, good = account.number, video.get(cv2.CAP_PROP_POS_MSEC) / 1000, True
+            if due(number, per_second) if due is not None else number % every == 0:
+                with _decoder_messages(account.messages):
                     good, frame = video.retrieve()
                 if good:
                     yield number, grey_frame(frame)
-                else:
-                    undecoded += 1
-            if messages and first_damage is None:
-                first_damage = number
-            number += 1
+            account.add(time_s, good)
     finally:
         video.release()
-    if number == 0:
+    if not account.number:
         raise BadVideo(f"{path}: not a video that OpenCV can read, or it holds no frame")
-    problems = []
-    # As if the last frame lasted no longer than the others; half a frame is rounding of the number declared.
-    whole = path.suffix.lower() in _UNCOUNTED and declared - 0.5 <= (last_s + longest_s) * per_second + 0.1
-    if declared > number and not whole:
-        problems.append(f"{declared - number} of the {declared} frames it declares are missing; {number} were read")
-    if undecoded:
-        problems.append(f"{undecoded} frames cannot be decoded")
-    if messages:
-        near = f"near frame {first_damage}" if first_damage is not None else "at its end"
-        more = f" and {len(messages) - 1} more" if len(messages) >= _SEVERAL else ""
-        problems.append(f"the decoder reports damage {near} ({messages[0]}{more})")
-    if problems:
+    if problems := account.problems(path):
         raise BadVideo(f"{path}: damaged or cut short: {'; '.join(problems)}")
+
+
+@dataclass
+class _Account:
+    """What a video declares, and what was found in it so far.
+
+    Attributes:
+        declared: number of frames by its header.
+        per_second: frames per second by its header.
+        number: frames read.
+        undecoded: of them, those without a picture.
+        messages: of the decoder, about frames.
+        first_damage: number of the frame at which the first message came.
+        last_s: time of the last frame, seconds.
+        longest_s: longest time between two frames, seconds.
+    """
+
+    declared: int = 0
+    per_second: float = 0.0
+    number: int = 0
+    undecoded: int = 0
+    messages: list[str] = field(default_factory=list)
+    first_damage: int | None = None
+    last_s: float = 0.0
+    longest_s: float = 0.0
+
+    def add(self, time_s: float, good: bool) -> None:
+        """Count a frame at a time in seconds; not good where it cannot be decoded."""
+        self.last_s, self.longest_s = time_s, max(self.longest_s, time_s - self.last_s if self.number else 0.0)
+        self.undecoded += not good
+        if self.messages and self.first_damage is None:
+            self.first_damage = self.number
+        self.number += 1
+
+    def problems(self, path: Path) -> list[str]:
+        """What is wrong with the file, in words, once all of its frames are read; empty where nothing is."""
+        results = []
+        # As if the last frame lasted no longer than the others; half a frame is rounding of the number declared.
+        end = (self.last_s + self.longest_s) * self.per_second + 0.1
+        whole = path.suffix.lower() in _UNCOUNTED and self.declared - 0.5 <= end
+        if self.declared > self.number and not whole:
+            missing = self.declared - self.number
+            results.append(f"{missing} of the {self.declared} frames it declares are missing; {self.number} were read")
+        if self.undecoded:
+            results.append(f"{self.undecoded} frames cannot be decoded")
+        if self.messages:
+            near = f"near frame {self.first_damage}" if self.first_damage is not None else "at its end"
+            more = f" and {len(self.messages) - 1} more" if len(self.messages) >= _SEVERAL else ""
+            results.append(f"the decoder reports damage {near} ({self.messages[0]}{more})")
+        return results
 
 
 def _grab(video: Any, messages: list[str]) -> bool:

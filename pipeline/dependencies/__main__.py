@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from pipeline import yaml_text
 from pipeline.errors import InputError
 from pipeline.store import write_text
 
@@ -13,8 +14,6 @@ GRAPH, PARAMS = Path("dvc.yaml"), Path("params.yaml")
 
 def main(arguments: list[str]) -> int:
     """Run one of the two; returns the exit status."""
-    import yaml
-
     from pipeline.dependencies.dvc_yaml import differences, rewritten
 
     try:
@@ -24,7 +23,7 @@ def main(arguments: list[str]) -> int:
             if not path.is_file():
                 raise InputError(f"{path}: no such file; run from the project's top folder")
         text = GRAPH.read_text(encoding="utf-8")
-        params = yaml.safe_load(PARAMS.read_text(encoding="utf-8"))
+        params = yaml_text.parse(PARAMS.read_text(encoding="utf-8"))
         if arguments == ["--write"]:
             written = rewritten(text, params, Path.cwd())
             if written != text:

@@ -20,6 +20,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from pipeline import yaml_text
 from pipeline.dependencies.closure import PACKAGE, ROOT, Chosen, closure, registered
 from pipeline.errors import InputError
 
@@ -183,10 +184,9 @@ def files_of(group: Group, params: Mapping[str, Any], root: Path = ROOT) -> froz
     module = group.module
     if (root / module.replace(".", "/") / "__main__.py").is_file():
         module += ".__main__"
-    files: frozenset[str] = frozenset()
-    for job in group.jobs():
-        files |= closure(module, chosen_of(group, job, params), root)
-    return files
+    # members that choose the same names, as those that differ in the dataset do, execute the same
+    choices = {tuple(sorted(chosen_of(group, job, params).items())) for job in group.jobs()}
+    return frozenset().union(*(closure(module, dict(chosen), root) for chosen in choices))
 
 
 def expected(
@@ -266,9 +266,7 @@ def differences(text: str, params: Mapping[str, Any], root: Path = ROOT) -> list
         params: content of ``params.yaml``.
         root: folder that holds the package.
     """
-    import yaml
-
-    graph = yaml.safe_load(text)
+    graph = yaml_text.parse(text)
     outs = all_outs(graph, params)
     problems, contents = _without_group(graph, params, root), contents_of(root)
     for group in groups(graph, params):
@@ -315,9 +313,7 @@ def rewritten(text: str, params: Mapping[str, Any], root: Path = ROOT) -> str:
         params: content of ``params.yaml``.
         root: folder that holds the package.
     """
-    import yaml
-
-    graph = yaml.safe_load(text)
+    graph = yaml_text.parse(text)
     outs, contents = all_outs(graph, params), contents_of(root)
     lines = text.splitlines()
     for group in groups(graph, params):

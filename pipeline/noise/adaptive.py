@@ -50,7 +50,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
-from pipeline.noise.base import Measured
+from pipeline.noise.base import COMPRESSED, UNCERTAIN, Measured
 from pipeline.noise.block_quantisation import at_corner, present, suspected
 from pipeline.noise.cell_mapper import CELL_PX, CellMapper
 from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
@@ -70,7 +70,6 @@ from pipeline.noise.correlated_features import (
 
 RELEASED_BESIDE = {"cellwise_weights": RELEASED_CELLWISE, "correlated_weights": RELEASED_CORRELATED}
 """Option -> the released weights that it stands for; for records of what was measured with what."""
-COMPRESSED, UNCERTAIN = "compressed", "uncertain"
 
 WHITE_BELOW, CORRELATED_ABOVE = 0.24, 0.38
 """Correlation of adjacent pixels between which the answer moves from one network to the other."""

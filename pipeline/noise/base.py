@@ -26,6 +26,12 @@ WHITE_DN = FULL_SCALE_DN
 FLAT = "flat"
 """Reason: the patch, or the part of it that the estimator relies on, does not vary."""
 
+COMPRESSED = "compressed"
+"""Reason: a codec may have removed the noise, or left its own."""
+
+UNCERTAIN = "uncertain"
+"""Reason: the patch does not tell noise from the scene's own grain."""
+
 LEAST_SIGMA_DN = 1e-3
 """Smaller estimates are rounding of float32 images (1.5e-5 DN at white), not noise; they count as flat."""
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.camera.saturation import SATURATED
 from pipeline.errors import InputError
 from pipeline.noise.base import Estimator, Measured, NoiseEstimate, as_stack, assemble, screen
 
@@ -50,7 +49,7 @@ class CellMapper(Estimator):
             patches: as for `estimate`.
 
         Returns:
-            the estimate, and (N, H // 8, W // 8) DN, NaN in patches abstained from as saturated.
+            the estimate, and (N, H // 8, W // 8) DN, NaN in patches that are abstained from.
 
         Raises:
             InputError: as for `estimate`.
@@ -58,8 +57,9 @@ class CellMapper(Estimator):
         stack = as_stack(patches, self.min_size_px)
         reason = screen(stack, self.saturated_fraction)
         measured, cells = self.measure_cells(stack, reason)
-        cells[reason == SATURATED] = np.nan
-        return assemble(measured, reason), cells
+        estimate = assemble(measured, reason)
+        cells[estimate.abstained] = np.nan
+        return estimate, cells
 
     def map(self, image: NDArray[np.floating] | torch.Tensor) -> NDArray[np.float32]:
         """Local noise of a picture: sigma of every 8 x 8 px cell.
@@ -70,7 +70,7 @@ class CellMapper(Estimator):
             image: (H, W) float in [0, 1], at least `min_size_px` each.
 
         Returns:
-            (ceil(H / 8), ceil(W / 8)) DN; cells that lie in tiles abstained from as saturated only are NaN.
+            (ceil(H / 8), ceil(W / 8)) DN; cells that lie only in tiles that are abstained from are NaN.
 
         Raises:
             InputError: wrong shape, type or range.
@@ -85,8 +85,8 @@ class CellMapper(Estimator):
         corners = [(y, x) for y in _starts(rows, height) for x in _starts(columns, width)]
         stack = np.stack([picture[y : y + height, x : x + width] for y, x in corners])
         reason = screen(stack, self.saturated_fraction)
-        kept = reason != SATURATED
-        maps = self.measure_cells(stack, reason)[1]
+        measured, maps = self.measure_cells(stack, reason)
+        kept = ~assemble(measured, reason).abstained
         total = np.zeros((rows // CELL_PX, columns // CELL_PX))
         count = np.zeros_like(total)
         for (y, x), cells, usable in zip(corners, maps, kept, strict=True):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
+from pipeline import yaml_text
 from pipeline.errors import InputError
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.spec import Figure
@@ -42,7 +43,7 @@ def read_lock(path: Path | None) -> dict[str, Any]:
     if location is None:
         return {}
     try:
-        content = yaml.safe_load(location.read_text(encoding="utf-8"))
+        content = yaml_text.parse(location.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise InputError(f"{location}: not valid YAML ({error}); restore it from git or run dvc repro") from None
     if content is None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from importlib.resources.abc import Traversable
 from typing import Any
 
+from pipeline import yaml_text
+
 
 def content(folder: Traversable, name: str) -> Any:
     """The content of a YAML file in the folder of a package (`importlib.resources.files`)."""
-    import yaml
-
-    return yaml.safe_load(folder.joinpath(name).read_text(encoding="utf-8"))
+    return yaml_text.parse(folder.joinpath(name).read_text(encoding="utf-8"))

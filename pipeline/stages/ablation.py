@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.config.entry import Run, stage
 
-READS = ["train.mtf.spectral", "ablation.steps", "ablation.images", "ablation.kernels"]
+READS = ["train.mtf.spectral", "ablation.judged_on", "ablation.steps", "ablation.images", "ablation.kernels"]
 
 
 @stage("ablation", reads=[*READS, "ablation.variants.{variant}"], job=["variant"])
@@ -18,14 +18,21 @@ def run(run: Run) -> None:
 
     name, section = run.job["variant"], run.params.ablation
     released: Training = run.params.train.mtf["spectral"]
-    base = ablation.variant(
-        ablation.shortened(released, section.steps), {"images": section.images, "kernels": section.kernels}
+    changes = section.variants[name].model_dump()
+    steps = changes.pop("steps") or section.steps
+    base, _ = ablation.variant(
+        ablation.shortened(released, steps), {"images": section.images, "kernels": section.kernels}
     )
-    changed = ablation.variant(base, section.variants[name].model_dump())
+    changed, form = ablation.variant(base, changes)
+    further = {
+        word: ablation.variant(released, one.model_dump(exclude={"steps"}))[0]
+        for word, one in section.judged_on.items()
+    }
 
     if changed.half_precision:
         processor.release_torch()
-    result = ablation.evaluate(released, changed, RunOptions.reporting(name, section.steps, run.executor.workers))
+    run_options = RunOptions.reporting(name, steps, run.executor.workers)
+    result = ablation.evaluate(released, changed, form, further, run_options)
     training_record.write_measures(run.outputs / f"reports/metrics/ablation/{name}.json", result)
 
 

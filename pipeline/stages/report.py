@@ -26,9 +26,7 @@ def run(run: Run) -> None:
     """Write the report from the stages' folders, and the ledger's score."""
     from importlib.metadata import version
 
-    import yaml
-
-    from pipeline import store
+    from pipeline import store, yaml_text
     from pipeline.experiments.headline_metrics import headline
     from pipeline.report.build import build
     from pipeline.report.inputs import ReportInputs, mode_of
@@ -65,7 +63,7 @@ def run(run: Run) -> None:
             name: line for name, line in params.report.not_run_detectors.items() if name not in matrix.detectors
         },
         lock=Path("dvc.lock"),
-        stages=frozenset(yaml.safe_load(Path("dvc.yaml").read_text(encoding="utf-8"))["stages"]),
+        stages=frozenset(yaml_text.parse(Path("dvc.yaml").read_text(encoding="utf-8"))["stages"]),
         aliases=stage_names(params),
         code_version=version("camera-condition-pipeline"),
         profile=params.profile,

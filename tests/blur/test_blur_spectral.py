@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pipeline import blur
 from pipeline.blur import spectral_training
 from pipeline.blur.spectral import RELEASED, Spectral
-from pipeline.blur.spectral_features import MAPS_SHAPE, VECTOR_LENGTH, features, mirrored
+from pipeline.blur.spectral_features import BLOCK_PX, MAPS, VECTOR_LENGTH, features, mirrored
 from pipeline.blur.spectral_net import ARCHITECTURE, SpectralNet, laplace_loss
 from pipeline.camera import mtf
 from pipeline.camera.blur import blur as convolve
@@ -49,9 +49,10 @@ def pictures():
     return np.stack(results)[:, None].astype(np.float32) / 255
 
 
-def test_features_have_their_shapes():
-    maps, vector = features(noise(3))
-    assert maps.shape == (3, *MAPS_SHAPE) and vector.shape == (3, VECTOR_LENGTH)
+@pytest.mark.parametrize("block_px", [BLOCK_PX, 96])
+def test_features_have_their_shapes(block_px):
+    maps, vector = features(noise(3), block_px)
+    assert maps.shape == (3, MAPS, block_px, block_px // 2) and vector.shape == (3, VECTOR_LENGTH)
     assert maps.isfinite().all() and vector.isfinite().all()
 
 
@@ -92,10 +93,23 @@ def test_blur_shifts_the_axis_profiles_by_twice_its_log_mtf():
         assert np.abs(result - expected)[usable].max() < 0.06
 
 
-def test_mirrored_maps_are_those_of_the_mirror_image(pictures):
+@pytest.mark.parametrize(("block_px", "cycles"), [(BLOCK_PX, 30), (96, 30), (96, -46)])
+def test_a_wave_is_in_the_cell_of_its_frequency(block_px, cycles):
+    """Vertical frequency in the rows from -1/2, horizontal in the columns from 0, of whole patch and blocks alike."""
+    rows, columns = torch.meshgrid(torch.arange(192.0), torch.arange(192.0), indexing="ij")
+    wave = 120 + 50 * torch.cos(2 * torch.pi * (cycles * rows + 60 * columns) / 192)
+    maps = features(wave[None], block_px)[0][0]
+    step = 192 // block_px
+    for part in maps:
+        row, column = divmod(int(part.argmax()), block_px // 2)
+        assert (row, column) == (block_px // 2 + cycles // step, 60 // step)
+
+
+@pytest.mark.parametrize("block_px", [BLOCK_PX, 96])
+def test_mirrored_maps_are_those_of_the_mirror_image(pictures, block_px):
     image = torch.from_numpy(pictures[:, 0] * 255)
-    maps, vector = features(image)
-    other_maps, other_vector = features(image.flip(2))
+    maps, vector = features(image, block_px)
+    other_maps, other_vector = features(image.flip(2), block_px)
     assert float((mirrored(maps) - other_maps).abs().mean()) < 0.3 * float((maps - other_maps).abs().mean())
     assert torch.equal(mirrored(mirrored(maps)), maps)
     assert float((vector - other_vector).abs().mean()) < 0.02

@@ -60,6 +60,36 @@ def test_noise_and_blur_are_told_in_numbers_pictures_and_files(tmp_path):
         assert (drawn.max(axis=2).astype(int) - drawn.min(axis=2) > 40).mean() > 0.05  # maps are in colour
 
 
+def deep(folder, names, factor):
+    """16-bit pictures of 8-bit values times a factor."""
+    folder.mkdir(exist_ok=True)
+    for name in names:
+        image = cv2.imread(str(write(folder / name, 4.0)), cv2.IMREAD_UNCHANGED).astype(np.uint16)
+        assert cv2.imwrite(str(folder / name), image * np.uint16(factor))
+    return folder
+
+
+@pytest.mark.parametrize("command", ["health", "noise"])
+@pytest.mark.parametrize("suffix", ["png", "tiff"])
+def test_values_of_twelve_bits_in_sixteen_are_pointed_out_once(tmp_path, command, suffix):
+    folder = deep(tmp_path / "in", [f"a.{suffix}", f"b.{suffix}"], 16)
+    done = CliRunner().invoke(main, [command, str(folder)])
+    assert done.exit_code == 0, done.output
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("hint: ")]
+    assert line.startswith(f"hint: {folder / f'a.{suffix}'}: all values are below 4096, it looks like 12-bit values")
+    assert "a guess" in line and "multiply its values by 16" in line
+    if command == "health":
+        assert "16-bit pictures that look like 12-bit values, 16 times too dark then: 2 (a guess)." in done.stdout
+        assert "Frames flagged: dark 2" in done.stdout
+
+
+@pytest.mark.parametrize("factor", [1, 257])
+def test_pictures_that_use_their_range_are_not(tmp_path, factor):
+    folder = deep(tmp_path / "in", ["a.png"], factor) if factor > 1 else write(tmp_path / "a.png", 4.0)
+    done = call(folder)
+    assert done.exit_code == 0 and "hint" not in done.stderr and "look like" not in done.stdout
+
+
 def test_without_map_only_the_page_has_maps(tmp_path):
     source = write(tmp_path / "a.png", 4.0)
     done = call(source, "--out", tmp_path / "out")

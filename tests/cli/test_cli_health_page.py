@@ -153,7 +153,8 @@ def test_the_verdict_has_what_is_known_only():
     verdict = run_verdict([unknown], without_precision="no surface", without_trend="9 frames", set_aside=2)
     sentences = verdict["sentences"]
     assert sentences[0] == "Blur unknown; noise unknown."
-    assert "Blur is unknown in 1 of 1 frames (flat)." in sentences and "Frames flagged: black 1." in sentences
+    assert "Blur is unknown in 1 of 1 frames (no variation to measure)." in sentences
+    assert "Frames flagged: black 1." in sentences
     assert "No trend: 9 frames." in sentences and "2 files or frames were set aside." in sentences
     assert "Expected average precision is unknown: no surface." in sentences
     assert run_verdict([], without_precision="", set_aside=1)["sentences"][0] == "No frame could be analysed."

@@ -77,6 +77,36 @@ def test_it_stops_after_the_frames_asked_for_without_alarm(tmp_path):
     assert lines[-1]["reason"] == "frames" and lines[-1]["frames"] == 2
 
 
+@pytest.mark.parametrize("speed", [[], ["--no-wait"]])
+def test_a_video_cut_short_is_reported_after_its_last_frame(tmp_path, speed):
+    path = film(tmp_path / "v.avi", 10)
+    path.write_bytes(path.read_bytes()[: int(path.stat().st_size * 0.6)])
+    command = [sys.executable, "-m", "pipeline.cli", "watch", str(path), "--noise", "pca", "--rate", "3", *speed]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [line["event"] for line in lines[-2:]] == ["set_aside", "stop"]
+    assert lines[-1]["frames"] > 0 and lines[-1]["set_aside"] == 1 and lines[-1]["reason"] == "end"
+    reason = lines[-2]["reason"]
+    assert "of the 10 frames it declares are missing" in reason
+    assert done.stderr.splitlines() == [f"error: {reason}"] and reason.startswith(str(path))
+    assert done.returncode == 2
+
+
+def test_of_a_video_without_a_frame_that_is_all_it_reports(tmp_path):
+    (tmp_path / "v.avi").write_bytes(b"RIFF" + bytes(100))
+    for speed in [], ["--no-wait"]:
+        done, lines = watch(tmp_path / "v.avi", *speed)
+        assert done.exit_code == 2 and [line["event"] for line in lines] == ["start", "set_aside", "stop"]
+        assert "not a video" in lines[1]["reason"] and lines[-1]["frames"] == 0
+
+
+def test_alarms_count_for_more_than_missing_frames(tmp_path):
+    path = film(tmp_path / "v.avi", 10, 1)
+    path.write_bytes(path.read_bytes()[: int(path.stat().st_size * 0.6)])
+    done, lines = watch(path, "--no-wait", "--alarm-mtf50", "0.2")
+    assert done.exit_code == 3 and lines[-1]["set_aside"] == 1
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_stop_it_with_whole_lines(tmp_path, number):
     film(tmp_path / "v.avi", 600)
@@ -101,6 +131,12 @@ def test_a_folder_that_fills_is_read_once_per_file_and_broken_files_are_reported
     assert sorted(line["picture"][-5:] for line in lines if line["event"] == "frame") == ["a.png", "b.png"]
     assert ["bad.png" in line["reason"] for line in lines if line["event"] == "set_aside"] == [True]
     assert lines[-1]["reason"] == "idle" and lines[-1]["set_aside"] == 1
+
+
+def test_values_of_twelve_bits_in_a_folder_are_pointed_out(tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), picture("a", 224, 208).astype(np.uint16) * 16)
+    done, lines = watch(tmp_path, "--idle-stop", 0.5)
+    assert lines[-1]["frames"] == 1 and "a.png: all values are below 4096" in done.stderr
 
 
 def test_files_that_are_still_written_wait_and_new_ones_come_in_order(tmp_path):

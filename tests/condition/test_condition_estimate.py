@@ -7,8 +7,10 @@ from data_makers import picture
 
 from pipeline.camera import mtf
 from pipeline.camera.corruption import corrupt
+from pipeline.camera.processing.codec import Codec, store
 from pipeline.camera.psf import create
 from pipeline.condition import ConditionMonitor
+from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -42,6 +44,25 @@ def test_noise_and_blur_are_found_together(monitor, sigma_dn):
     assert result.milliseconds > 0
 
 
+def test_a_coded_frame_with_little_noise_is_unknown_and_one_with_much_is_read(monitor, shared):
+    """Of a frame without noise as JPEG, MPEG-4 or Motion JPEG a few tiles of asphalt answer, by several DN."""
+    path = shared / "realdata/kitti/training/image_2/000000.png"
+    if not path.is_file():
+        pytest.skip("frame absent: ../shared/realdata/kitti")
+    grey = read_grey8(path)
+    for sigma_dn, known in ((0, False), (10, True)):
+        noisy = grey + stream(0, "coded frame", sigma_dn).normal(0, sigma_dn, grey.shape)
+        colours = np.repeat(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)[..., None], 3, 2)
+        for codec in (Codec("jpeg", 75), Codec("mpeg4", 4), Codec("mjpeg", 5)):
+            coded = store(colours[: grey.shape[0] // 2 * 2, : grey.shape[1] // 2 * 2], codec)[..., 1] / np.float32(255)
+            result = monitor.frame(coded)
+            assert result.abstained["noise"] is not known
+            if known:
+                assert float(result.sigma_dn.value) == pytest.approx(10, rel=0.2)
+            else:
+                assert result.reasons["noise"]["compressed"] > len(result.noise.patches) / 2
+
+
 def test_motion_is_told_by_direction(monitor):
     result = monitor.frame(seen(frame(), 1.0, create("linear_motion", 15, 0.0)))
     assert (result.mtf.value[1, 2:] > result.mtf.value[0, 2:] + 0.2).all()
@@ -56,7 +77,11 @@ def test_maps_lie_where_things_are(monitor):
     left, right = result.noise.map_dn[:, :16], result.noise.map_dn[:, -16:]
     assert np.nanmedian(left) < 2
     assert abs(np.nanmedian(right) - 12) < 2
-    assert np.isfinite(result.noise.map_dn).all()
+    answered = np.zeros((50, 72), bool)
+    for square, without in zip(result.noise.patches, result.noise.estimate.abstained, strict=True):
+        rows, columns = (slice(start // 8, (start + square.size_px) // 8) for start in (square.y_px, square.x_px))
+        answered[rows, columns] |= not without
+    np.testing.assert_array_equal(np.isfinite(result.noise.map_dn), answered)
     assert result.blur.map_mtf.shape == (3, 3, 2, 8)
     assert np.array_equal(result.blur.map_mtf[0, 1], result.blur.estimate.mtf[1], equal_nan=True)
     assert result.blur.patches[1].y_px == 0

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pipeline.camera import mtf
-from pipeline.condition.summary import half_contrast, summarise
+from pipeline.condition.summary import half_contrast, summarise, summarise_noise
+from pipeline.noise.base import COMPRESSED, UNCERTAIN, NoiseEstimate
 from pipeline.streams import stream
 
 
@@ -45,6 +46,26 @@ def test_nothing_known_is_nan_not_zero():
         assert np.isnan(summary.value).all()
         assert np.isnan(summary.low).all()
         assert (summary.count == 0).all()
+
+
+def tiles_of_noise(answered: int, reason: str, without: int) -> NoiseEstimate:
+    """Tiles that answer 5 DN, 4 to 6, and tiles without an answer."""
+    words = np.array([""] * answered + [reason] * without, dtype=object)
+    five = np.where(words == "", 5.0, np.nan)
+    return NoiseEstimate(five, five - 1, five + 1, words != "", words)
+
+
+@pytest.mark.parametrize(
+    ("answered", "reason", "without", "known"),
+    [(6, COMPRESSED, 6, True), (5, COMPRESSED, 6, False), (1, COMPRESSED, 29, False), (3, UNCERTAIN, 20, True),
+     (2, "saturated", 5, True), (0, COMPRESSED, 4, False)],
+)  # fmt: skip
+def test_a_frame_that_mostly_abstains_because_of_a_codec_has_no_noise_level(answered, reason, without, known):
+    summary = summarise_noise(tiles_of_noise(answered, reason, without))
+    expected = [5.0, 4.0, 6.0, 5.0, 5.0] if known else [np.nan] * 5
+    found = [summary.value, summary.low, summary.high, summary.least, summary.greatest]
+    np.testing.assert_array_equal(np.array(found), expected)
+    assert (int(summary.count), int(summary.abstained)) == (answered, without)
 
 
 @pytest.mark.parametrize("sigma_px", [0.8, 1.2, 2.0, 4.0])

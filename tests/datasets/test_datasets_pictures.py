@@ -19,6 +19,7 @@ from PIL.PngImagePlugin import PngImageFile
 
 from pipeline.datasets.pictures import (
     BadPicture,
+    Picture,
     picture_size,
     read_grey,
     read_grey8,
@@ -87,6 +88,21 @@ def test_sixteen_bits_are_scaled_by_their_range(tmp_path, suffix, colour):
         expected = np.tensordot(expected, [0.299, 0.587, 0.114], axes=1)
     assert np.allclose(read_grey(path), expected, atol=1e-6)  # finer than 8 bits: 1/65535 = 1.5e-5
     assert read_picture(path).pixels.dtype == np.uint16
+
+
+@pytest.mark.parametrize(
+    ("greatest", "bits"),
+    [(0, None), (1, 8), (255, 8), (256, 10), (1023, 10), (4095, 12), (4096, 14), (16383, 14), (16384, None)],
+)
+def test_sixteen_bits_with_small_values_may_have_fewer(greatest, bits):
+    grey, colour = np.zeros((20, 20), np.uint16), np.zeros((20, 20, 3), np.uint16)
+    grey[3, 4] = colour[3, 4, 1] = greatest
+    assert Picture(grey).fewer_bits() == Picture(colour).fewer_bits() == bits
+
+
+def test_only_sixteen_bits_may():
+    assert Picture(np.full((20, 20), 9, np.uint8)).fewer_bits() is None
+    assert Picture(np.full((20, 20), 0.01, np.float32)).fewer_bits() is None
 
 
 @pytest.mark.parametrize("mode", ["RGBA", "LA"])

@@ -59,9 +59,13 @@ def test_examples_show_both_answers_and_the_reason_to_abstain(inputs: ReportInpu
     assert made is not None and [crop.shape for crop in made.crops] == [(128, 128)] * 3
     drawing = real_noise.crops(made)
     now = made.table[made.table["estimator"] == "adaptive"]
-    assert "compressed" in drawing.alt and all(f"{sigma:.2f} DN" in drawing.alt for sigma in now["true_sigma_dn"])
+    assert "no answer: codec traces (1 patch)" in drawing.alt and "compressed" not in drawing.alt
+    assert "no answer in 15 of 18 patches: codec traces" in drawing.alt
+    assert all(f"{sigma:.2f} DN" in drawing.alt for sigma in now["true_sigma_dn"])
     row = {"patches": 4, "answered": 1, "sigma_dn": 1.0, "low_dn": 0.5, "high_dn": 2.0, "reasons": "compressed: 3"}
-    assert real_noise.answer(row) == "abstained in 3 of 4 (compressed)"
+    assert real_noise.answer(row) == "no answer in 3 of 4 patches: codec traces"
+    most = row | {"patches": 9, "answered": 6, "reasons": "compressed: 1, flat: 2"}
+    assert real_noise.answer(most) == "1.00 DN (0.50 to 2.00); no answer: codec traces (1 patch), flat (2 patches)"
     assert real_noise.answer(row | {"answered": 4, "reasons": ""}) == "1.00 DN (0.50 to 2.00)"
 
 

@@ -27,6 +27,8 @@ PAGE = Descriptions("real_noise")
 ORDER = ("adaptive", "correlated", "cellwise", "pca", "pca_stride_2", "bf", "wavelet")
 BEFORE, NOW = "cellwise", "adaptive"
 LABELS = {BEFORE: "white noise only", NOW: "default"}
+REASONS = {"compressed": "codec traces"}
+"""Reason of an estimator to abstain -> plain words, where they differ."""
 SHOWN = ("adaptive", "cellwise", "pca", "pca_stride_2", "bf")
 
 
@@ -89,12 +91,15 @@ def sensor_figure(made: Sensor) -> style.Drawing:
 
 
 def answer(row: Row) -> str:
-    """An estimate in words: the median with its interval, or the reason of the abstentions."""
+    """An estimate in words: the median with its interval, and why there is none of some or of most patches."""
     patches, answered = int(row["patches"]), int(row["answered"])
-    reasons = f"; abstained: {row['reasons']}" if row["reasons"] else ""
+    counts = dict(part.split(": ") for part in str(row["reasons"]).split(", ") if part)
+    reasons = [(REASONS.get(reason, reason), int(count)) for reason, count in counts.items()]
     if 2 * answered < patches:
-        return f"abstained in {patches - answered} of {patches} ({str(row['reasons']).split(':')[0]})"
-    return f"{row['sigma_dn']:.2f} DN ({row['low_dn']:.2f} to {row['high_dn']:.2f}){reasons}"
+        return f"no answer in {patches - answered} of {patches} patches: {', '.join(words for words, _ in reasons)}"
+    without = ", ".join(f"{words} ({count} {'patch' if count == 1 else 'patches'})" for words, count in reasons)
+    text = f"{row['sigma_dn']:.2f} DN ({row['low_dn']:.2f} to {row['high_dn']:.2f})"
+    return f"{text}; no answer: {without}" if without else text
 
 
 def crops(made: Examples) -> style.Drawing:
@@ -108,7 +113,7 @@ def crops(made: Examples) -> style.Drawing:
         rows = {row["estimator"]: row for row in records(made.table[made.table["example"] == name])}
         lines = [f"present: {rows[NOW]['true_sigma_dn']:.2f} DN"]
         lines += [f"{LABELS[estimator]}: {answer(rows[estimator])}" for estimator in (BEFORE, NOW)]
-        axes.set_xlabel("\n".join(lines), fontsize=5.6, linespacing=1.5)
+        axes.set_xlabel("\n".join(lines).replace("; ", "\n"), fontsize=5.6, linespacing=1.5)
         words.append(f"{name}: {'; '.join(lines)}")
     return style.Drawing(figure, f"Crops of three pictures with their noise estimates. {'. '.join(words)}.", made.table)
 
