@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pipeline.cli.numbers import FiniteRange
+from pipeline.signals import held
 
 if TYPE_CHECKING:
     import numpy as np
@@ -132,8 +133,9 @@ def command(
             if psf is not None:
                 truth |= {"kernel": psf, "mtf": shown.mtf, "mtf50": mtf.mtf50(psf), "frequencies": mtf.FREQUENCIES}
             picture, sidecar = folder.claim_all(stem, (".png", ".json"))
-            store.write_image(picture, np.asarray(shown.image))
-            store.write_json(sidecar, truth)
+            with held():
+                store.write_image(picture, np.asarray(shown.image))
+                store.write_json(sidecar, truth)
             click.echo(
                 f"{sigma_dn:9.2f} {shown.unclipped_sigma_dn:8.2f} {shown.clipped_sigma_dn:10.2f}"
                 f" {100 * shown.clipped_fraction:9.2f}  {name} -> {picture.name}"

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pipeline.signals import held
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -60,7 +62,6 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
                 continue
             noise = shown.noise
             picture, sidecar = folder.claim_all(stem, (".png", ".json"))
-            store.write_image(picture, shown.picture)
             truth = {
                 "sigma_dn": noise.sigma_dn,
                 "white_sigma_dn": noise.white_sigma_dn,
@@ -72,7 +73,9 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
                 "seed": seed,
                 "source": name,
             }
-            store.write_json(sidecar, truth)
+            with held():
+                store.write_image(picture, shown.picture)
+                store.write_json(sidecar, truth)
             click.echo(
                 f"{noise.sigma_dn:8.2f} {noise.white_sigma_dn:7.2f} {noise.correlation:11.2f}  {name} -> {picture.name}"
             )

@@ -11,6 +11,7 @@ import click
 
 from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.numbers import FiniteRange
+from pipeline.signals import held
 
 if TYPE_CHECKING:
     import numpy as np
@@ -193,9 +194,10 @@ def command(
             if sharp_sizes and image.shape not in sharp_sizes:
                 _warn_of_size(name, image.shape, sharp_sizes)
                 sharp_sizes = set()  # once is enough
-            if results is not None:
-                results.add(row, image, condition)
-            run.rows.append(row)
+            with held():  # all files and the verdict state the same frames
+                if results is not None:
+                    results.add(row, image, condition)
+                run.rows.append(row)
             run.without_trend = _without_trend(analysis, reference_frames)
             if as_lines:
                 click.echo(json.dumps(plain_json(row), sort_keys=True))

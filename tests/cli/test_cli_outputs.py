@@ -135,6 +135,25 @@ def test_a_signal_keeps_the_rows_of_finished_frames(tmp_path, number):
     assert [json.loads(line)["picture"] for line in lines] == [row["picture"] for row in rows]
 
 
+def test_a_signal_while_a_frame_is_written_leaves_all_files_with_the_same_frames(tmp_path, monkeypatch):
+    film(tmp_path / "long.avi", frames=6)
+    write, written = RowFile.write, []
+
+    def write_and_end(file, row):
+        write(file, row)
+        written.append(row)
+        if len(written) == 2:
+            signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(RowFile, "write", write_and_end)
+    done = call("health", tmp_path / "long.avi", "--noise", "pca", "--out", tmp_path / "out")
+    assert done.exit_code == 130, done.output
+    content = json.loads((tmp_path / "out/health.json").read_text())
+    assert content["complete"] is False and len(content["pictures"]) == 2
+    for name in ("health.csv", "health.jsonl"):
+        assert len((tmp_path / "out" / name).read_text().splitlines()) == 2 + (name == "health.csv"), name
+
+
 @pytest.mark.skipif(not FULL_DISK.exists(), reason="the system has no /dev/full to stand for a full disk")
 def test_a_full_disk_is_named(tmp_path):
     with pytest.raises(OutputError, match="No space left on device"):
