@@ -80,8 +80,12 @@ SURE_BELOW, UNSURE_ABOVE = 0.7, 1.1
 CLEARLY_CORRELATED = 0.45  # an unsure network is still asked above this correlation
 DISAGREEMENT_WIDTH = 0.15  # of ln(1 + sigma), over which disagreeing intervals hand over
 MIN_REACH = 0.05  # of the interval of cellwise, for that comparison
-PLAINLY_WHITE = 0.1  # lag-1 correlation of flat windows below which ...
-PLAIN_SIGMA_DN = 1.0  # ... noise that certainly exceeds this is white
+PLAINLY_WHITE = 0.04
+"""Lag-1 correlation of flat windows below which noise that certainly exceeds `PLAIN_SIGMA_DN` is white. Noise of 5 and
+10 DN that a mild codec (JPEG 90, Motion JPEG) has passed lies at 0.05 to 0.09, where `cellwise` reads 0.1 to 0.7 of it;
+of white noise of 5 DN and more nine tenths lie below."""
+
+PLAIN_SIGMA_DN = 1.0
 REAL_CAMERAS = 1.5
 """How much wider the second network's intervals must be on real cameras than on the simulated ones that set them."""
 

@@ -124,6 +124,22 @@ def test_strong_noise_behind_jpeg_is_read_with_an_interval_that_holds_it(quality
     assert ((estimate.low_dn <= truth) & (truth <= estimate.high_dn)).all()
 
 
+def test_noise_behind_a_mild_codec_is_read_wherever_the_patch_was_cut():
+    """It is nearly white, but quantised; off the codec's grid that does not show at the patch's corner."""
+    scene, right = data.astronaut()[:256, :256].mean(axis=2), []
+    for name, quality, sigma_dn in (("jpeg", 90, 5), ("mjpeg", 5, 10)):
+        shots = []
+        for number in range(4):
+            noisy = scene + stream(1, "mild codec", number).normal(0, sigma_dn, scene.shape)
+            whole = np.repeat(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+            shots.append(codec.store(whole, codec.Codec(name, quality))[3:131, 5:133, 0])
+        truth = temporal_noise.measure(np.stack(shots)).sigma_dn
+        estimate = ADAPTIVE.estimate(stack(*(shot.astype(np.float32) for shot in shots)))
+        held = (estimate.low_dn <= truth) & (truth <= estimate.high_dn)
+        right += list(held & (np.abs(estimate.sigma_dn - truth) < 0.2 * truth))
+    assert sum(right) >= 6
+
+
 def test_grain_without_a_codec_is_answered_only_where_the_network_is_sure(monkeypatch):
     """Asphalt and gravel look like noise that was smoothed; behind a codec a camera is the likelier cause."""
     grain = flat(6, 0.9)
