@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.frame_samples import tiles_option
+from pipeline.signals import held
 
 COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reason")
 
@@ -75,12 +76,13 @@ def command(
             whole = summarise_noise(estimate)
             median, least, most = (number(float(value), 2) for value in (whole.value, whole.least, whole.greatest))
             click.echo(f"{median:>9} {least:>7} {most:>7} {len(squares):6d} {whole.abstained:9d}  {name}")
-            for square, sigma, reason in zip(squares, estimate.sigma_dn, estimate.reason, strict=True):
-                values = (name, square.x_px, square.y_px, square.size_px, f"{sigma:.4f}", bool(reason), str(reason))
-                if rows is not None:
-                    rows.write(dict(zip(COLUMNS, values, strict=True)))
-            if folder is not None:
-                drawn = noise_overlay(image, squares, estimate.sigma_dn)
-                write_image(folder.claim(result_stem(name), ".noise.png"), drawn)
+            with held():  # all rows and the map of a frame, or none
+                for square, sigma, reason in zip(squares, estimate.sigma_dn, estimate.reason, strict=True):
+                    values = (name, square.x_px, square.y_px, square.size_px, f"{sigma:.4f}", bool(reason), str(reason))
+                    if rows is not None:
+                        rows.write(dict(zip(COLUMNS, values, strict=True)))
+                if folder is not None:
+                    drawn = noise_overlay(image, squares, estimate.sigma_dn)
+                    write_image(folder.claim(result_stem(name), ".noise.png"), drawn)
     if failed:
         raise InputError(f"{failed} of the files given could not be used; see above")

@@ -84,13 +84,10 @@ class CellMapper(Estimator):
         height, width = min(rows, TILE_PX), min(columns, TILE_PX)
         corners = [(y, x) for y in _starts(rows, height) for x in _starts(columns, width)]
         stack = np.stack([picture[y : y + height, x : x + width] for y, x in corners])
-        reason = screen(stack, self.saturated_fraction)
-        measured, maps = self.measure_cells(stack, reason)
-        kept = ~assemble(measured, reason).abstained
         total = np.zeros((rows // CELL_PX, columns // CELL_PX))
         count = np.zeros_like(total)
-        for (y, x), cells, usable in zip(corners, maps, kept, strict=True):
-            if usable:
+        for (y, x), cells in zip(corners, self.estimate_cells(stack[:, None])[1], strict=True):
+            if np.isfinite(cells).all():  # a tile abstains as a whole
                 part = np.s_[y // CELL_PX : (y + height) // CELL_PX, x // CELL_PX : (x + width) // CELL_PX]
                 total[part] += cells
                 count[part] += 1

@@ -154,6 +154,25 @@ def test_a_signal_while_a_frame_is_written_leaves_all_files_with_the_same_frames
         assert len((tmp_path / "out" / name).read_text().splitlines()) == 2 + (name == "health.csv"), name
 
 
+def test_a_signal_while_a_frame_s_tiles_are_written_leaves_all_of_them(tmp_path, monkeypatch):
+    film(tmp_path / "long.avi", frames=6)
+    write, written = RowFile.write, []
+
+    def write_and_end(file, row):
+        write(file, row)
+        written.append(row)
+        if len(written) == 1:
+            signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(RowFile, "write", write_and_end)
+    table = tmp_path / "tiles.csv"
+    done = call("noise", tmp_path / "long.avi", "--estimator", "pca", "--tile", 32, "--csv", table)
+    assert done.exit_code == 130, done.output
+    with table.open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) > 1 and {row["picture"] for row in rows} == {rows[0]["picture"]}
+
+
 @pytest.mark.skipif(not FULL_DISK.exists(), reason="the system has no /dev/full to stand for a full disk")
 def test_a_full_disk_is_named(tmp_path):
     with pytest.raises(OutputError, match="No space left on device"):

@@ -117,3 +117,18 @@ def test_short_trainings_stand_beside_each_other_with_the_spread_of_seeds(tmp_pa
     ]  # fmt: skip
     assert [row["all"] for row in table.rows] == [15.0, 9.0, 9.4]
     assert "0.40 %" in " ".join(table.footnotes)
+
+
+def test_the_released_training_stands_beside_the_shorter_ones(tmp_path: Path) -> None:
+    from pipeline import store
+
+    store.write_json(tmp_path / "base.json", {"mtf_error_percent": 9.0, "mtf_error_isotropic_percent": 9.5})
+    curve = tmp_path / "mtf_spectral.csv"
+    curve.write_text("step,loss,mtf_error_percent,validation_mtf_error_percent\n10,1.0,5.0,4.5\n20,0.9,4.0,3.5\n")
+    inputs = dataclasses.replace(NOTHING, weights=tmp_path, ablation=tmp_path, ablations=("base",))
+    table = training.ablation(inputs, read(tmp_path))
+    assert table is not None
+    assert [(row["variant"], row["all"]) for row in table.rows] == [
+        ("released (full length)", 3.5), ("as released, but short", 9.0),
+    ]  # fmt: skip
+    assert "isotropic" not in table.rows[0]

@@ -31,6 +31,8 @@ PAPER_SQUARED_ERROR = {"mtf_cnn": 0.0083}
 ACROSS = 3  # panels in a row
 TITLE_CHARACTERS = 34  # in a line of a panel's title
 SEEDS = ("base", "seed_2", "seed_3")
+CHANGED = "mtf_spectral"
+"""Network whose training the ablation changes."""
 
 
 TASKS = {"mtf": "Blur", "sigma": "Noise", "detector": "Detector"}
@@ -123,8 +125,13 @@ def _networks(curves: Sequence[LearningCurve]) -> Table:
     return PAGE.table("training", rows)
 
 
-def ablation(inputs: ReportInputs) -> Table | None:
-    """Short trainings of the blur network with one thing changed, and with other seeds; None where none was run."""
+def ablation(inputs: ReportInputs, curves: Sequence[LearningCurve]) -> Table | None:
+    """Shorter trainings of the blur network with one thing changed, and with other seeds; None where none was run.
+
+    Args:
+        inputs: of the report.
+        curves: of all networks; that of the released training of the blur network stands first.
+    """
     folder = existing(inputs.ablation)
     names = list(inputs.ablations) or sorted(path.stem for path in (folder.glob("*.json") if folder else ()))
     measures = {name: optional(folder, f"{name}.json") for name in names}
@@ -133,12 +140,18 @@ def ablation(inputs: ReportInputs) -> Table | None:
         return None
     seeds = [row["mtf_error_percent"] for row in rows if row["variant"] in SEEDS]
     spread = max(seeds) - min(seeds) if seeds else 0.0
+    released = next((one for one in curves if one.name == CHANGED), None)
+    if released is not None:
+        columns = [column for column in map(str, released.curve) if column.startswith(HELD_OUT)]
+        full = {column.removeprefix(HELD_OUT): released.at_release(column) for column in columns}
+        rows.insert(0, {"variant": "released", **full})
     return PAGE.table("ablation", rows, also=["seeds"] if len(seeds) > 1 else [], spread=spread)
 
 
 def section(inputs: ReportInputs) -> Section:
     """Every network with a learning curve beside its weights."""
-    curves, compared = read(inputs.weights), ablation(inputs)
+    curves = read(inputs.weights)
+    compared = ablation(inputs, curves)
     names, blocks = [one.name for one in curves], list[Block | None]()
     runs = [single(f"Training, {network_title(one)}", stage_of(one.name), True, inputs) for one in curves]
     if curves:
