@@ -1,4 +1,4 @@
-"""Signals while a command runs: another handler for a while, or none until results that belong together are written."""
+"""Signals while a command runs: another handler for a while, then the ones before."""
 
 from __future__ import annotations
 
@@ -27,21 +27,3 @@ def handled(numbers: Iterable[int], handler: Callable[[int, FrameType | None], A
     finally:
         for number, earlier in before.items():
             signal.signal(number, earlier)
-
-
-INTERRUPTS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-
-
-@contextlib.contextmanager
-def held() -> Iterator[None]:
-    """Hold back the signals that end a command until the block is done, so that results that belong together agree.
-
-    Whatever came meanwhile takes effect at the end of the block, also where it raises.
-    """
-    came: list[int] = []
-    try:
-        with handled(INTERRUPTS, lambda number, frame: came.append(number)):
-            yield
-    finally:
-        if came:
-            signal.raise_signal(came[0])

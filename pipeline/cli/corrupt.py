@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pipeline.cli.held_signals import held
 from pipeline.cli.numbers import FiniteRange
-from pipeline.signals import held
 
 if TYPE_CHECKING:
     import numpy as np

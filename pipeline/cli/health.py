@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pipeline.cli.frame_samples import patches_option, tiles_option
+from pipeline.cli.held_signals import held
 from pipeline.cli.numbers import FiniteRange
-from pipeline.signals import held
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.frame_samples import tiles_option
-from pipeline.signals import held
+from pipeline.cli.held_signals import held
 
 COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reason")
 

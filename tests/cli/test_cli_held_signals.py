@@ -5,7 +5,8 @@ import threading
 
 import pytest
 
-from pipeline.signals import INTERRUPTS, handled, held
+from pipeline.cli.held_signals import INTERRUPTS, held
+from pipeline.signals import handled
 
 
 @pytest.fixture(autouse=True)
