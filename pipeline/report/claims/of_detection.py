@@ -126,7 +126,7 @@ def _framework_wins_elsewhere(evidence: Evidence) -> Measurement | None:
     cells = pd.DataFrame(differences, columns=["points", "low", "high"], dtype=float)
     cells = cells.assign(supports=cells["low"] > 0, opposes=cells["high"] < 0)
     text = (
-        f"Difference of AP {cells['points'].min():+.0f} to {cells['points'].max():+.0f} points "
+        f"Difference of AP {cells['points'].min():+z.0f} to {cells['points'].max():+z.0f} points "
         f"({', '.join(map(word, OURS))} less {', '.join(map(word, BUILT_IN))})."
     )
     return claim.of_cells(cells, "comparison", ["sim"], text)
