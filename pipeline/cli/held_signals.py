@@ -6,9 +6,10 @@ import contextlib
 import signal
 from collections.abc import Iterator
 
+from pipeline.cli import ENDING_SIGNALS
 from pipeline.signals import handled
 
-INTERRUPTS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+INTERRUPTS = (signal.SIGINT, *ENDING_SIGNALS)
 
 
 @contextlib.contextmanager

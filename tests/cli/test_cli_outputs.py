@@ -135,17 +135,22 @@ def test_a_signal_keeps_the_rows_of_finished_frames(tmp_path, number):
     assert [json.loads(line)["picture"] for line in lines] == [row["picture"] for row in rows]
 
 
-def test_a_signal_while_a_frame_is_written_leaves_all_files_with_the_same_frames(tmp_path, monkeypatch):
-    film(tmp_path / "long.avi", frames=6)
+def end_after_row(number, monkeypatch):
+    """Have SIGTERM come right after this row of a table, counted from 1, was written."""
     write, written = RowFile.write, []
 
     def write_and_end(file, row):
         write(file, row)
         written.append(row)
-        if len(written) == 2:
+        if len(written) == number:
             signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.setattr(RowFile, "write", write_and_end)
+
+
+def test_a_signal_while_a_frame_is_written_leaves_all_files_with_the_same_frames(tmp_path, monkeypatch):
+    film(tmp_path / "long.avi", frames=6)
+    end_after_row(2, monkeypatch)
     done = call("health", tmp_path / "long.avi", "--noise", "pca", "--out", tmp_path / "out")
     assert done.exit_code == 130, done.output
     content = json.loads((tmp_path / "out/health.json").read_text())
@@ -156,15 +161,7 @@ def test_a_signal_while_a_frame_is_written_leaves_all_files_with_the_same_frames
 
 def test_a_signal_while_a_frame_s_tiles_are_written_leaves_all_of_them(tmp_path, monkeypatch):
     film(tmp_path / "long.avi", frames=6)
-    write, written = RowFile.write, []
-
-    def write_and_end(file, row):
-        write(file, row)
-        written.append(row)
-        if len(written) == 1:
-            signal.raise_signal(signal.SIGTERM)
-
-    monkeypatch.setattr(RowFile, "write", write_and_end)
+    end_after_row(1, monkeypatch)
     table = tmp_path / "tiles.csv"
     done = call("noise", tmp_path / "long.avi", "--estimator", "pca", "--tile", 32, "--csv", table)
     assert done.exit_code == 130, done.output
