@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline import yaml_text
 from pipeline.errors import InputError, did_you_mean
 from pipeline.store import read_json, replacing_folder, write_json
 
@@ -109,7 +110,7 @@ def read_tolerances(path: str | Path) -> dict[str, Allowance]:
 
     path = Path(path)
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        content = yaml_text.parse(path.read_text(encoding="utf-8")) or {}
     except FileNotFoundError:
         raise InputError(f"{path}: no such file of tolerances; name it with --tolerances") from None
     except yaml.YAMLError as error:

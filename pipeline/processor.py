@@ -13,12 +13,12 @@ their worker processes, tests and the command line are pinned; nothing is pinned
 were imported first, where the processor has no AVX2 or is not an x86-64, and where the environment variable
 ``CAMERA_MONITOR_PINS`` is ``off``. A variable that is set already keeps its value.
 
-Embree offers no such choice: it finds which triangle a ray meets, and the rest of *Sim* is NumPy's
-(`pipeline.scenes.world`). Not covered: ONNX Runtime, which offers none either (published detectors); and torch's square
-root, logarithm and inverse trigonometry on whole tensors, which come from MKL's vector library: it differs between
-processors in the last digit whatever ``MKL_CBWR`` is. AdamW uses it, so that trainings are not covered. The noise
-networks answer with NumPy's (`pipeline.learning.elementwise`), the blur networks with torch's, one reason why stored
-estimates are rounded (`pipeline.store.ESTIMATE_DECIMALS`).
+What Numba compiles (`pipeline.scenes.ray_tree`) needs no pin: without fast math it rounds every operation. Not covered:
+ONNX Runtime, which offers no choice (published detectors); and torch's square root, logarithm and inverse trigonometry
+on whole tensors, which come from MKL's vector library: it differs between processors in the last digit whatever
+``MKL_CBWR`` is. AdamW uses it, so that trainings are not covered. The noise networks answer with NumPy's
+(`pipeline.learning.elementwise`), the blur networks with torch's, one reason why stored estimates are rounded
+(`pipeline.store.ESTIMATE_DECIMALS`).
 """
 
 from __future__ import annotations

@@ -140,7 +140,7 @@ def test_light_commands_stay_light():
     """Configuration and the command line's help load neither torch nor anything that draws."""
     code = (
         "import sys, pipeline.config.entry, pipeline.cli\n"
-        "heavy = {'torch', 'kornia', 'matplotlib', 'cv2', 'skimage', 'scipy', 'embreex', 'onnxruntime', 'hydra'}\n"
+        "heavy = {'torch', 'kornia', 'matplotlib', 'cv2', 'skimage', 'scipy', 'numba', 'onnxruntime', 'hydra'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)

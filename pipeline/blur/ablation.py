@@ -47,7 +47,7 @@ def variant(training: Training, changes: Mapping[str, Any]) -> tuple[Training, F
         changes: fields of `Training`, of its recipe or of `Form`, by name; None leaves a field.
     """
     given = {name: value for name, value in changes.items() if value is not None}
-    form = Form(**{name: given.pop(name) for name in ("width", "block_px") if name in given})
+    form = Form(**{field.name: given.pop(field.name) for field in fields(Form) if field.name in given})
     of_recipe = {field.name for field in fields(Recipe)}
     recipe = replace(training.recipe, **{name: given.pop(name) for name in sorted(of_recipe & given.keys())})
     return replace(training, recipe=recipe, **given), form

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from pipeline import yaml_text
 from pipeline.config.schema import Config, known_keys, validate
 from pipeline.errors import InputError, did_you_mean
 from pipeline.store import write_text
@@ -82,7 +83,7 @@ def parse(text: str, where: str) -> Config:
     import yaml
 
     try:
-        content: Any = yaml.safe_load(text)
+        content: Any = yaml_text.parse(text)
     except yaml.YAMLError as error:
         raise InputError(f"{where}: not valid YAML ({error})") from None
     return validate(content, where)

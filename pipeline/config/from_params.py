@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline import processor
+from pipeline import processor, yaml_text
 from pipeline.config import sections
 from pipeline.errors import InputError
 
@@ -41,7 +41,7 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     if not PARAMS.is_file():
         raise InputError(f"{PARAMS}: no such file; run 'python -m pipeline.config' to compile it from conf/")
     try:
-        content: Any = yaml.safe_load(PARAMS.read_text(encoding="utf-8"))
+        content: Any = yaml_text.parse(PARAMS.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise InputError(f"{PARAMS}: not valid YAML ({error})") from None
     if not processor.status().startswith(processor.PINNED):

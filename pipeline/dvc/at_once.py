@@ -20,6 +20,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
+from pipeline import yaml_text
 from pipeline.dvc import preloaded
 from pipeline.dvc.lock_file import LockFileWriter
 from pipeline.executor import available_cores
@@ -51,7 +52,7 @@ def workers(params: Path) -> int:
     import yaml
 
     try:
-        content = yaml.safe_load(params.read_text(encoding="utf-8"))
+        content = yaml_text.parse(params.read_text(encoding="utf-8"))
         return int(content["executor"]["workers"])
     except (OSError, ValueError, TypeError, LookupError, yaml.YAMLError):
         return 0

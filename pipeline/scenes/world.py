@@ -1,10 +1,8 @@
 """Placed objects as one thing that rays can hit.
 
-Embree (Wald et al. 2014, through the `embreex` package) finds the triangle that a ray meets first. Where on it is
-computed here, in double precision: Embree's own coordinates differ in the last digits between processors, whose widest
-instructions it uses (4e-6 of the range on 4 % of a star's pixels). Everything else a hit needs (normals, texture
-coordinates, materials) is kept once per distinct mesh in the object's own coordinates and looked up by
-(object, triangle), so a hundred copies of one tree cost the attributes of one.
+A tree of boxes over all triangles (`pipeline.scenes.ray_tree`) finds the one that a ray meets first, and where.
+Everything else a hit needs (normals, texture coordinates, materials) is kept once per distinct mesh in the object's own
+coordinates and looked up by (object, triangle), so a hundred copies of one tree cost the attributes of one.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ from pipeline.errors import InputError, did_you_mean
 from pipeline.scenes.mesh import Mesh
 from pipeline.scenes.objects.base import Painter, SceneObject
 from pipeline.scenes.objects.materials import MATERIALS
-from pipeline.scenes.vectors import cross, dot
+from pipeline.scenes.vectors import cross
 
 Array = NDArray[np.float32]
 Integers = NDArray[np.int32]
@@ -92,13 +90,11 @@ class World:
         Raises:
             InputError: no objects, an object without triangles, or an unknown material.
         """
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
+        from pipeline.scenes.ray_tree import RayTree  # loads a compiler
 
         if not placed:
             raise InputError("a world needs at least one object")
         self.placed = tuple(placed)
-        self._scene = EmbreeScene()
         meshes: dict[int, Mesh] = {}
         starts: dict[int, int] = {}
         corners: list[Array] = []  # in world coordinates
@@ -108,13 +104,17 @@ class World:
             if len(mesh) == 0:
                 raise InputError(f"object '{one.name}' ({one.thing.kind}) has no triangles")
             corners.append(one.corners())
-            TriangleMesh(self._scene, corners[-1])
             if id(mesh) not in starts:
                 starts[id(mesh)], meshes[id(mesh)] = total, mesh
                 total += len(mesh)
-        self._start = np.array([starts[id(one.thing.mesh)] for one in self.placed], np.int64)
-        self._first = np.cumsum([0, *map(len, corners[:-1])], dtype=np.int64)  # row of an object's first triangle
-        self._triangles = np.concatenate(corners)
+        triangles = np.concatenate(corners)
+        self._tree = RayTree(triangles)
+        first, second = (triangles[:, other].astype(np.float64) - triangles[:, 0] for other in (1, 2))
+        self._geometric = cross(first, second).astype(np.float32)
+        sizes = [len(one) for one in corners]
+        self._owner = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)  # of each triangle
+        begin = np.array([starts[id(one.thing.mesh)] for one in self.placed], np.int64)
+        self._shift = begin - np.cumsum([0, *sizes[:-1]])  # from a triangle's row to that in the table of attributes
         self.corners = np.empty((total, 3, 5), np.float32)
         self.local = np.empty((total, 3, 3), np.float32)
         self.tangents = np.empty((total, 6), np.float32)
@@ -151,11 +151,16 @@ class World:
             origin: (K, 3) float32, or (3,) for all.
             direction: (K, 3) float32 unit vectors.
         """
-        origin = _many(origin, len(direction))
-        result = self._scene.run(origin, np.ascontiguousarray(direction), output=1)
-        thing, triangle = result["geomID"], result["primID"]
-        u, v, distance_m, geometric = _meeting(origin, direction, self._triangles[self._first[thing] + triangle])
-        return Hits(thing, self._start[thing] + triangle, u, v, distance_m, geometric)
+        row, u, v, distance_m = self._tree.first(_many(origin, len(direction)), np.ascontiguousarray(direction))
+        thing = np.where(row >= 0, self._owner[row], -1).astype(np.int32)
+        return Hits(
+            thing=thing,
+            face=row + self._shift[thing],
+            u=u.astype(np.float32),
+            v=v.astype(np.float32),
+            distance_m=distance_m.astype(np.float32),
+            geometric=self._geometric[row],
+        )
 
     def occluded(self, origin: Array, direction: Array, reach_m: float | None = None) -> NDArray[np.bool_]:
         """Whether anything lies along rays.
@@ -165,39 +170,8 @@ class World:
             direction: (K, 3) unit vectors, or (3,) for all.
             reach_m: how far to look; without it, for ever.
         """
-        count = len(origin)
-        origin, direction = np.ascontiguousarray(origin), _many(direction, count)
-        if reach_m is None:
-            result = self._scene.run(origin, direction, query="OCCLUDED")
-        else:
-            result = self._scene.run(origin, direction, np.full(count, reach_m, np.float32), query="OCCLUDED")
-        return np.asarray(result >= 0)
-
-
-def _meeting(origin: Array, direction: Array, triangle: Array) -> tuple[Array, Array, Array, Array]:
-    """Where rays o + t d meet the planes of triangles p0, p1, p2, after Möller and Trumbore (1997).
-
-    With e1 = p1 - p0, e2 = p2 - p0, s = o - p0, h = d x e2 and q = s x e1: t = e2.q / e1.h, u = s.h / e1.h,
-    v = d.q / e1.h; u and v are brought into the triangle, which rounding may leave.
-
-    Args:
-        origin: (K, 3) where the rays begin.
-        direction: (K, 3) unit vectors.
-        triangle: (K, 3, 3) corners.
-
-    Returns:
-        (K,) u, v and t; (K, 3) normals e1 x e2, not unit. Meaningless where a ray lies in the plane.
-    """
-    corner, along = triangle[:, 0].astype(np.float64), direction.astype(np.float64)
-    first, second, away = triangle[:, 1] - corner, triangle[:, 2] - corner, origin - corner
-    across, beside = cross(along, second), cross(away, first)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        per = 1 / dot(first, across)
-        u = np.clip(dot(away, across) * per, 0, 1)
-        v = np.clip(dot(along, beside) * per, 0, 1 - u)
-        distance = dot(second, beside) * per
-        single = [values.astype(np.float32) for values in (u, v, distance, cross(first, second))]
-    return single[0], single[1], single[2], single[3]
+        reach = np.inf if reach_m is None else reach_m
+        return self._tree.any(np.ascontiguousarray(origin), _many(direction, len(origin)), reach)
 
 
 def _many(vector: Array, count: int) -> Array:
