@@ -26,7 +26,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _BINS = 8
 _LARGEST_LEAF = 8  # triangles; beyond it a box is split even where the heuristic sees no gain
 _STEP_COST = 2.0  # of descending one level, in tests of a triangle
-_DEEPEST = 512  # boxes waiting at once; a tree of a million triangles needs about 40
+_BALANCED_FROM = 64  # levels, from which halves are of equal numbers; a street of a million triangles has about 40
+_DEEPEST = 128  # boxes waiting at once, one a level: those 64, and 31 that halve the most triangles there can be
 _SLACK = 1.0 + 1e-12  # rounding of where a ray enters and leaves a box
 
 
@@ -43,7 +44,7 @@ class RayTree:
         """Build the tree.
 
         Args:
-            triangles: (F, 3, 3) corners, F at least 1.
+            triangles: (F, 3, 3) corners, finite numbers; F at least 1.
         """
         count = len(triangles)
         low, high = triangles.min(axis=1), triangles.max(axis=1)
@@ -177,14 +178,14 @@ def _build(low: Array, high: Array, boxes: Array, begin: Integers, number: Integ
     Box k is ``boxes[k]`` (lowest, then highest corner). A leaf holds the ``number[k]`` triangles from
     ``order[begin[k]]`` on; where that number is 0, boxes ``begin[k]`` and ``begin[k] + 1`` are its parts.
     """
-    waiting = np.empty(_DEEPEST, np.int64)
+    waiting, levels = np.empty(_DEEPEST, np.int64), np.empty(_DEEPEST, np.int64)
     base, extent = np.empty(3), np.empty(3)
     parts, filled, above = np.empty((_BINS, 6)), np.empty(_BINS, np.int64), np.empty(_BINS)
-    begin[0], number[0], waiting[0] = 0, len(order), 0
+    begin[0], number[0], waiting[0], levels[0] = 0, len(order), 0, 0
     top, size = 1, 1
     while top > 0:
         top -= 1
-        box = waiting[top]
+        box, level = waiting[top], levels[top]
         start, count = begin[box], number[box]
         for axis in range(3):
             lowest, highest, first, last = np.inf, -np.inf, np.inf, -np.inf
@@ -201,13 +202,14 @@ def _build(low: Array, high: Array, boxes: Array, begin: Integers, number: Integ
             sides = _half_surface(boxes[box].astype(np.float64))
             if axis < 0 or cost + _STEP_COST * sides >= count * sides:
                 continue
-        middle = start + count // 2  # of triangles that all have one middle
-        if axis >= 0:
+        middle = start + count // 2  # where all triangles have one middle
+        if axis >= 0 and level < _BALANCED_FROM:
             middle = start + _partition(low, high, order[start : start + count], axis, chosen, base[axis], extent[axis])
         begin[size], number[size] = start, middle - start
         begin[size + 1], number[size + 1] = middle, start + count - middle
         begin[box], number[box] = size, 0
         waiting[top], waiting[top + 1] = size, size + 1
+        levels[top], levels[top + 1] = level + 1, level + 1
         top, size = top + 2, size + 2
     return size
 

@@ -88,7 +88,7 @@ class World:
         """Collect the objects and build the tree that rays are traced through.
 
         Raises:
-            InputError: no objects, an object without triangles, or an unknown material.
+            InputError: no objects, an object without triangles, corners that are not finite, or an unknown material.
         """
         from pipeline.scenes.ray_tree import RayTree  # loads a compiler
 
@@ -104,6 +104,8 @@ class World:
             if len(mesh) == 0:
                 raise InputError(f"object '{one.name}' ({one.thing.kind}) has no triangles")
             corners.append(one.corners())
+            if not np.isfinite(corners[-1]).all():
+                raise InputError(f"object '{one.name}' ({one.thing.kind}) has corners that are not finite numbers")
             if id(mesh) not in starts:
                 starts[id(mesh)], meshes[id(mesh)] = total, mesh
                 total += len(mesh)

@@ -109,6 +109,29 @@ def test_triangles_in_one_place_or_without_area_do_no_harm():
     assert row[0] >= 1 and distance[0] == 2.0
 
 
+def test_a_tree_is_never_deeper_than_its_room():
+    """Triangles each a twentieth larger than the last, over 72 powers of ten: a bin is left with few of them."""
+    scale = (1e-36 * 1.05 ** np.arange(3400))[:, None, None]
+    generator = stream(4, "growing triangles")
+    triangles = (scale * generator.normal(size=(len(scale), 3, 3))).astype(np.float32)
+    tree = RayTree(triangles)
+    deepest, waiting = 0, [(0, 0)]
+    while waiting:
+        box, level = waiting.pop()
+        deepest = max(deepest, level)
+        if tree._number[box] == 0:
+            waiting += [(tree._begin[box], level + 1), (tree._begin[box] + 1, level + 1)]
+    assert 64 < deepest < 64 + np.log2(len(triangles))
+    origin, direction = np.zeros((50, 3), np.float32), directions(50)
+    row, _, _, distance = tree.first(origin, direction)
+    hit = row >= 0
+    assert hit.any()
+    met = triangles[row[hit]].astype(np.float64)
+    normal = np.cross(met[:, 1] - met[:, 0], met[:, 2] - met[:, 0])
+    along = (normal * met[:, 0]).sum(1) / (normal * direction[hit]).sum(1)
+    np.testing.assert_allclose(distance[hit], along, rtol=1e-6)
+
+
 def test_nothing_is_met_behind_or_beside():
     tree = RayTree(TRIANGLE[None])
     origin = np.array([[1, 0.2, 3], [5, 5, 0]], np.float32)

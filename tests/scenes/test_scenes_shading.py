@@ -161,3 +161,5 @@ def test_bad_worlds_are_refused():
     empty = SceneObject(soup([[0, 0, 0], [0, 0, 0], [0, 0, 0]], [[0, 1, 2]], "brick"), kind="nothing")
     with pytest.raises(InputError, match="no triangles"):
         World([Placed(empty, "x")])
+    with pytest.raises(InputError, match=r"'x' \(wall\) has corners that are not finite"):
+        World([Placed(SceneObject(soup(np.eye(3), [[0, 1, 2]], "brick"), kind="wall"), "x", position_m=(np.inf, 0, 0))])
