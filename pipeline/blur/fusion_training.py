@@ -84,7 +84,9 @@ def _fit(data: Rows, settings: FusionTraining, name: str) -> FusionGate:
     initialise(gate, settings.recipe.seed, f"fusion gate {name}")
     gate.begin()
     arguments, truth = _tensors(data), torch.from_numpy(data.mtf)
-    optimiser = torch.optim.AdamW(gate.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
+    optimiser = torch.optim.AdamW(
+        gate.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True
+    )  # fused, as in `pipeline.learning.trainer`
     for step in range(settings.steps):
         for group in optimiser.param_groups:
             group["lr"] = settings.learning_rate * (1 - step / settings.steps)

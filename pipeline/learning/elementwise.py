@@ -1,9 +1,9 @@
-"""Square root and logarithm of tensors: the same bytes on any processor where networks answer.
+"""Square root and logarithm of tensors: the same bytes on any processor, in answers and in trainings.
 
-torch takes both from MKL's vector library, whose last digit differs between processors whatever `pipeline.processor`
-pins; NumPy's are pinned (and its square root is rounded correctly). Answers are computed under
-``torch.inference_mode()``, and there NumPy computes them; a training, which needs their derivatives, is under no such
-mode and keeps torch's.
+torch takes the square root and the logarithm of float64 from MKL's vector library, whose last digit differs between
+processors whatever `pipeline.processor` pins. NumPy's are pinned, and its square root is rounded correctly, so that NumPy
+computes both; their derivatives are quotients. Networks on another device, in half precision or being exported keep
+torch's.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def square_root(x: torch.Tensor) -> torch.Tensor:
     Args:
         x: any shape, at least 0.
     """
-    return _computed(np.sqrt, x) if _answers(x) else x.sqrt()
+    return _SquareRoot.apply(x) if _by_numpy(x) else x.sqrt()
 
 
 def logarithm(x: torch.Tensor) -> torch.Tensor:
@@ -30,12 +30,41 @@ def logarithm(x: torch.Tensor) -> torch.Tensor:
     Args:
         x: any shape, above 0.
     """
-    return _computed(np.log, x) if _answers(x) else x.log()
+    return _Logarithm.apply(x) if _by_numpy(x) else x.log()
 
 
-def _answers(x: torch.Tensor) -> bool:
-    return torch.is_inference_mode_enabled() and x.device.type == "cpu"
+class _SquareRoot(torch.autograd.Function):
+    """d sqrt(x) / dx = 1 / (2 sqrt(x))."""
+
+    @staticmethod
+    def forward(context: Any, x: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+        root = _computed(np.sqrt, x)
+        context.save_for_backward(root)
+        return root
+
+    @staticmethod
+    def backward(context: Any, gradient: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+        (root,) = context.saved_tensors
+        return gradient / (2 * root)
+
+
+class _Logarithm(torch.autograd.Function):
+    """d ln(x) / dx = 1 / x."""
+
+    @staticmethod
+    def forward(context: Any, x: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+        context.save_for_backward(x)
+        return _computed(np.log, x)
+
+    @staticmethod
+    def backward(context: Any, gradient: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+        (x,) = context.saved_tensors
+        return gradient / x
+
+
+def _by_numpy(x: torch.Tensor) -> bool:
+    return x.device.type == "cpu" and x.dtype in (torch.float32, torch.float64) and not torch.jit.is_tracing()
 
 
 def _computed(function: Callable[[Any], Any], x: torch.Tensor) -> torch.Tensor:
-    return torch.from_numpy(np.asarray(function(x.numpy())))
+    return torch.from_numpy(np.asarray(function(x.detach().numpy())))

@@ -206,11 +206,13 @@ def noise_e(image: torch.Tensor, kind: torch.Tensor, generator: torch.Generator)
     """
     import torch
 
+    from pipeline.learning.elementwise import square_root
+
     kind = kind.view(-1, 1, 1)
     signal = image * PAPER_FULL_WELL_E
     photon, dark, readout = (kind == 0) | (kind == 3), (kind == 1) | (kind == 3), kind >= 2
     variance = signal * photon + PAPER_HOT_DARK_E * dark
-    charge = signal + torch.randn(image.shape, generator=generator) * variance.sqrt()
+    charge = signal + torch.randn(image.shape, generator=generator) * square_root(variance)
     noise = charge.clamp(0, PAPER_FULL_WELL_E) - signal
     if readout.any():
         noise = noise + torch.randn(image.shape, generator=generator) * (PAPER_HOT_READOUT_E * readout)

@@ -5,7 +5,8 @@ Learning rate at step t of T:   lr(t) = lr min(1, (t + 1) / warm-up) (e + (1 - e
 Averaged weights:               w' <- d w' + (1 - d) w,   d = min(decay, (1 + t) / (10 + t))
 
 A run that is stopped and started again goes on from its last checkpoint and ends with the same weights, bit for bit
-(one thread, same machine and libraries): batches are a function of the step, and nothing else is random.
+(one thread, same libraries): batches are a function of the step, and nothing else is random. In single precision another
+processor ends with the same weights too (`pipeline.processor`).
 """
 
 from __future__ import annotations
@@ -95,6 +96,7 @@ def train(
 
     kinds = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
     options: dict[str, Any] = {"lr": schedule.learning_rate, "betas": schedule.betas, "eps": schedule.epsilon}
+    options["fused"] = True  # its square root is the same on any processor, that of the other forms is MKL's
     optimiser = kinds[schedule.optimiser](model.parameters(), weight_decay=schedule.weight_decay, **options)
     state = _State(model, optimiser, {name: value.clone() for name, value in model.state_dict().items()})
     path = None if folder is None else Path(folder) / CHECKPOINT

@@ -1,4 +1,4 @@
-"""Square root and logarithm: NumPy's where networks answer, torch's where they are trained."""
+"""Square root and logarithm: NumPy's where networks answer and where they are trained."""
 
 from __future__ import annotations
 
@@ -16,30 +16,41 @@ def values() -> torch.Tensor:
     return torch.from_numpy(np.exp(stream(1, "elementwise").normal(0, 5, (50, 403))).astype(np.float32))
 
 
+@pytest.mark.parametrize("mode", [torch.inference_mode, torch.no_grad, torch.enable_grad])
 @pytest.mark.parametrize(("function", "of_torch", "of_numpy"), FUNCTIONS)
-def test_answers_are_of_numpy(function, of_torch, of_numpy):
+def test_numpy_computes_them(function, of_torch, of_numpy, mode):
     x = values()
-    with torch.inference_mode():
-        for part in (x, x[:, ::2], x[0], x[0, 0]):
+    with mode():
+        for part in (x, x[:, ::2], x[0], x[0, 0], x.double()):
             result = function(part)
-            assert result.dtype == torch.float32 and result.shape == part.shape
+            assert result.dtype == part.dtype and result.shape == part.shape
             np.testing.assert_array_equal(result.numpy(), of_numpy(part.numpy()))
 
 
 @pytest.mark.parametrize(("function", "of_torch", "of_numpy"), FUNCTIONS)
-def test_trainings_keep_those_of_torch(function, of_torch, of_numpy):
+def test_a_training_has_their_derivatives(function, of_torch, of_numpy):
     x = values().requires_grad_()
     result = function(x)
-    result.sum().backward()
+    np.testing.assert_array_equal(result.detach().numpy(), of_numpy(x.detach().numpy()))
+    (result * torch.arange(403)).sum().backward()
     again = x.detach().clone().requires_grad_()
-    of_torch(again).sum().backward()
-    assert torch.equal(result, of_torch(x)) and torch.equal(x.grad, again.grad)
-    with torch.no_grad():
-        assert torch.equal(function(x), of_torch(x))
+    (of_torch(again) * torch.arange(403)).sum().backward()
+    torch.testing.assert_close(x.grad, again.grad, rtol=1e-6, atol=0)
+    few = x.detach()[0, :20].double().requires_grad_()
+    assert torch.autograd.gradcheck(function, few, atol=1e-4, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("function", "of_torch", "of_numpy"), FUNCTIONS)
+def test_half_precision_and_exported_networks_keep_those_of_torch(function, of_torch, of_numpy):
+    x = values()
+    assert torch.equal(function(x.bfloat16()), of_torch(x.bfloat16()))
+    traced = torch.jit.trace(function, x)
+    assert "PythonOp" not in str(traced.graph)
+    assert torch.equal(traced(2 * x), of_torch(2 * x))
 
 
 def test_a_square_root_is_rounded_correctly():
     x = values()
-    with torch.inference_mode():
-        result = elementwise.square_root(x)
-    np.testing.assert_array_equal(result.numpy(), np.sqrt(x.double().numpy()).astype(np.float32))
+    np.testing.assert_array_equal(
+        elementwise.square_root(x).numpy(), np.sqrt(x.double().numpy()).astype(np.float32)
+    )  # fmt: skip

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import torch
 
 from pipeline.detection.compact import boxes
+from pipeline.learning.elementwise import square_root
 
 TAKEN = 10
 IGNORED, ABSENT = -2, -1
@@ -62,7 +63,7 @@ def assign(
     candidate = (inside | near) & wanted[..., None]
     of_class = probability.transpose(1, 2).gather(1, kind.clamp(min=0)[..., None].expand(-1, -1, probability.shape[1]))
     over = boxes.overlap(truth, found)  # (N, M, P)
-    aligned = (of_class.sqrt() * over**6).clamp(min=1e-9) * candidate
+    aligned = (square_root(of_class) * over**6).clamp(min=1e-9) * candidate
     best = aligned.topk(min(TAKEN, aligned.shape[-1]), -1)
     chosen = torch.zeros_like(candidate).scatter_(-1, best.indices, best.values > 0)
     owner = torch.where(chosen, over, -1.0).max(1)  # over objects

@@ -19,6 +19,7 @@ from torch.nn import functional
 from pipeline.detection.compact import boxes
 from pipeline.detection.compact.one_stage import BOX_WEIGHT, Found, OneStage, cell_loss
 from pipeline.detection.compact.trunk import PYRAMID, STRIDES
+from pipeline.learning.elementwise import square_root
 
 ARCHITECTURE = "detector-compact-two-stage-1"
 PARTS = 7
@@ -94,7 +95,7 @@ def pooled(maps: list[torch.Tensor], regions: torch.Tensor) -> torch.Tensor:
     x = regions[..., 0:1] + parts * (regions[..., 2:3] - regions[..., 0:1])  # (N, R, 7)
     y = regions[..., 1:2] + parts * (regions[..., 3:4] - regions[..., 1:2])
     where = torch.stack([x[:, :, None, :].expand(-1, -1, PARTS, -1), y[..., None].expand(-1, -1, -1, PARTS)], -1)
-    size = boxes.areas(regions).sqrt()
+    size = square_root(boxes.areas(regions))
     level = (size > FINE_PX).long() + (size > MIDDLE_PX).long()
     total = torch.zeros(count, many, PYRAMID, PARTS, PARTS)
     for index, (features, stride) in enumerate(zip(maps, STRIDES, strict=True)):
@@ -167,6 +168,6 @@ def candidates(model: TwoStage, image: torch.Tensor, floor: float) -> tuple[torc
     regions, first = proposals(result, REGIONS_JUDGED)
     logit, moved = model.look(result.maps, regions)
     second, kind = logit[0].softmax(-1)[:, : model.classes].max(-1)
-    score = (first[0] * second).sqrt()
+    score = square_root(first[0] * second)
     likely = score >= floor
     return moved[0][likely], score[likely], kind[likely]
