@@ -5,7 +5,8 @@
                                            [--qemu PROGRAM]
 
 Each stage of the copy's ``dvc.lock`` is run again by qemu's user mode (``qemu-x86_64``, about 20 times slower), on the
-inputs made natively, and its outputs are compared file by file; then the native ones are put back. A stage that takes
+inputs made natively and without what the native run left in ``.cache`` (checkpoints, pictures), and its outputs are
+compared file by file; then the native ones are put back. A stage that takes
 longer than ``--minutes`` is stopped. The record (``benchmarks/results/processors.json``) keeps, per stage and
 processor, the emulator's version and ``same``, ``differs`` with the files, ``stopped``, or ``failed`` with the last
 line; the rest of it stays. An emulator that sorts wrongly is refused: qemu 7.2 (Debian 12) computes NumPy's AVX2
@@ -84,9 +85,10 @@ def emulated(folder: Path, entry: dict[str, Any], qemu: str, processor: str, min
     """Run a stage on an emulated processor and compare; its native outputs are there again afterwards."""
     outs = [out["path"] for out in entry["outs"]]
     native = hashes(folder, outs)
+    aside = [*outs, ".cache"] if (folder / ".cache").exists() else outs
     module, *words = re.search(r"python -m (\S+)(.*)", " ".join(entry["cmd"].split()))[0].split()[2:]
     with tempfile.TemporaryDirectory() as kept:
-        for number, out in enumerate(outs):
+        for number, out in enumerate(aside):
             shutil.move(folder / out, Path(kept) / str(number))
         try:
             done = subprocess.run(
@@ -98,7 +100,7 @@ def emulated(folder: Path, entry: dict[str, Any], qemu: str, processor: str, min
         except subprocess.TimeoutExpired:
             return {"result": "stopped", "minutes": minutes}
         finally:
-            for number, out in enumerate(outs):
+            for number, out in enumerate(aside):
                 path = folder / out
                 shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
                 shutil.move(Path(kept) / str(number), path)

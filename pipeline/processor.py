@@ -16,9 +16,9 @@ were imported first, where the processor has no AVX2 or is not an x86-64, and wh
 What Numba compiles (`pipeline.scenes.ray_tree`) needs no pin: without fast math it rounds every operation. Not covered:
 ONNX Runtime, which offers no choice (published detectors); trainings in bfloat16, which lift torch's pins; and torch's
 square root, inverse trigonometry and logarithm of float64 on whole tensors, which come from MKL's vector library: it
-differs between processors in the last digit whatever ``MKL_CBWR`` is. Square roots and logarithms of networks are NumPy's
-(`pipeline.learning.elementwise`) or, of float32, torch's logarithm, and optimisers take their fused form, which computes
-its square root itself, so that a training in single precision gives the same weights on any processor.
+differs between processors in the last digit whatever ``MKL_CBWR`` is. Networks therefore take square roots from NumPy
+(`pipeline.learning.elementwise`), and optimisers their fused form, which has a square root of its own, so that a
+training in single precision gives the same weights on any processor.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Square root and logarithm of tensors: the same bytes on any processor, in answers and in trainings.
 
 torch takes the square root and the logarithm of float64 from MKL's vector library, whose last digit differs between
-processors whatever `pipeline.processor` pins. NumPy's are pinned, and its square root is rounded correctly, so that NumPy
-computes both; their derivatives are quotients. Networks on another device, in half precision or being exported keep
-torch's.
+processors whatever `pipeline.processor` pins. NumPy's are pinned, and its square root is rounded correctly, so that
+NumPy computes both; their derivatives are quotients. Networks on another device, in half precision or being exported
+keep torch's.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ class _SquareRoot(torch.autograd.Function):
     """d sqrt(x) / dx = 1 / (2 sqrt(x))."""
 
     @staticmethod
-    def forward(context: Any, x: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+    def forward(context: Any, x: torch.Tensor) -> torch.Tensor:
         root = _computed(np.sqrt, x)
         context.save_for_backward(root)
         return root
 
     @staticmethod
-    def backward(context: Any, gradient: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+    def backward(context: Any, gradient: torch.Tensor) -> torch.Tensor:
         (root,) = context.saved_tensors
         return gradient / (2 * root)
 
@@ -52,12 +52,12 @@ class _Logarithm(torch.autograd.Function):
     """d ln(x) / dx = 1 / x."""
 
     @staticmethod
-    def forward(context: Any, x: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+    def forward(context: Any, x: torch.Tensor) -> torch.Tensor:
         context.save_for_backward(x)
         return _computed(np.log, x)
 
     @staticmethod
-    def backward(context: Any, gradient: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+    def backward(context: Any, gradient: torch.Tensor) -> torch.Tensor:
         (x,) = context.saved_tensors
         return gradient / x
 

@@ -5,8 +5,8 @@ Learning rate at step t of T:   lr(t) = lr min(1, (t + 1) / warm-up) (e + (1 - e
 Averaged weights:               w' <- d w' + (1 - d) w,   d = min(decay, (1 + t) / (10 + t))
 
 A run that is stopped and started again goes on from its last checkpoint and ends with the same weights, bit for bit
-(one thread, same libraries): batches are a function of the step, and nothing else is random. In single precision another
-processor ends with the same weights too (`pipeline.processor`).
+(one thread, same libraries): batches are a function of the step, and nothing else is random. In single precision
+another processor ends with the same weights too (`pipeline.processor`).
 """
 
 from __future__ import annotations
