@@ -230,12 +230,23 @@ def _restore(path: Path, state: _State, schedule: Schedule) -> None:
         state.model.load_state_dict(part("model."))
     except RuntimeError:
         raise InputError(f"{path}: belongs to another network; delete its folder to begin anew") from None
+    parameters = [one for group in state.optimiser.param_groups for one in group["params"]]
     moments: dict[int, dict[str, torch.Tensor]] = {}
     for name, value in part("optimiser.").items():
         index, _, kind = name.partition(".")
-        moments.setdefault(int(index), {})[kind] = value
+        moments.setdefault(int(index), {})[kind] = _laid_out_as(parameters[int(index)], value)
     state.optimiser.load_state_dict({"state": moments, "param_groups": state.optimiser.state_dict()["param_groups"]})
     state.average, state.best = part("average."), part("best.")
     state.step, state.curve, state.sums = header["step"], header["curve"], header["sums"]
     state.best_step = header["best_step"]
     state.best_score = math.inf if header["best_score"] is None else header["best_score"]
+
+
+def _laid_out_as(parameter: torch.Tensor, value: torch.Tensor) -> torch.Tensor:
+    """A moment of a parameter in that parameter's order in memory, by which a fused optimiser pairs them.
+
+    Files hold tensors row by row; the networks' own are channels-last.
+    """
+    import torch
+
+    return torch.empty_like(parameter).copy_(value) if value.shape == parameter.shape else value

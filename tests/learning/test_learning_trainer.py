@@ -67,6 +67,27 @@ def test_an_interrupted_run_ends_the_same_to_the_bit(tmp_path, optimiser):
     assert whole.curve == resumed.curve and whole.best_step == resumed.best_step
 
 
+@pytest.mark.parametrize("optimiser", ["adamw", "adam"])
+def test_moments_stay_with_their_weights_where_those_are_channels_last(tmp_path, optimiser):
+    """Files hold tensors row by row: read back as they are, a fused optimiser gives weights the moments of others."""
+
+    def trained(**options):
+        model = torch.nn.Sequential(torch.nn.Conv2d(4, 6, 3), torch.nn.Tanh(), torch.nn.Conv2d(6, 2, 2))
+        initialise(model, 1, "test")
+        batches = ChunkLoader(pictures, 1, replays=1, replay_window=8, producers=0)
+        schedule = Schedule(8, 0.02, optimiser=optimiser, checkpoint_every=4, report_every=4)
+        return train(model.to(memory_format=torch.channels_last), error, batches, schedule, **options)
+
+    def pictures(number):
+        return {"x": stream(1, "pictures", number).standard_normal((3, 4, 6, 6)).astype(np.float32)}
+
+    def error(model, batch):
+        return (model(batch["x"]) - 1).square().mean(), {}
+
+    trained(folder=tmp_path, stop_after=3)
+    assert torch.equal(weights_of(trained(folder=tmp_path)), weights_of(trained()))
+
+
 def test_a_run_killed_between_checkpoints_ends_the_same(tmp_path):
     def dying(model, batch):
         dying.calls += 1
