@@ -56,6 +56,8 @@ def run(run: Run) -> None:
             "control": run.project / "benchmarks/results/control.json",
             "estimators": run.project / "benchmarks/results/estimators.json",
             "flags": run.project / "benchmarks/results/flags.json",
+            "noisy_blur": run.project / "benchmarks/results/noisy_blur.json",
+            "real_blur": run.project / "benchmarks/results/real_blur.json",
             "unseen_kernels": run.project / "benchmarks/results/unseen_kernels.json",
         },
         absent={name: line for name, line in params.report.not_run.items() if name not in listed},

@@ -1,0 +1,70 @@
+"""Blur of real pictures comes from two committed records, number by number; a broken record is named."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from report_makers import REPO
+
+from pipeline.errors import InputError
+from pipeline.report.inputs import ReportInputs
+from pipeline.report.sections import real_blur
+from pipeline.report.tables import Estimate, Table
+
+RECORDS = {name: REPO / f"benchmarks/results/{name}.json" for name in real_blur.RECORDS}
+
+
+def inputs(**records: Path) -> ReportInputs:
+    return ReportInputs(paper=REPO / "data/paper", benchmarks=records)
+
+
+def content(name: str) -> dict:
+    return json.loads(RECORDS[name].read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def tables() -> dict[str, Table]:
+    section = real_blur.section(inputs(**RECORDS))
+    assert section is not None
+    return {block.name: block for block in section.blocks if isinstance(block, Table)}
+
+
+def test_every_photograph_and_the_means_over_them_are_shown(tables: dict[str, Table]) -> None:
+    photographs = content("real_blur")["shake"]["photographs"]
+    *rows, means = tables["real_blur_shake"].rows
+    assert [(row["scene"], row["kernel"]) for row in rows] == [(one["scene"], one["kernel"]) for one in photographs]
+    for name in ("fused_own", "fused_other", "spectral_own", "spectral_other", "pmp", "gbb", "null"):
+        shown = [row[name] for row in rows]
+        assert shown == [one["error_percent"][name] for one in photographs]
+        assert means[name] == pytest.approx(np.mean(shown), abs=1e-3)
+
+
+def test_differences_have_their_intervals(tables: dict[str, Table]) -> None:
+    pairs = content("real_blur")["pairs"]
+    rows = tables["real_blur_pairs"].rows
+    assert len(rows) == sum(isinstance(entry, dict) for about in pairs.values() for entry in about.values())
+    first = pairs["cc"]["spectral"]
+    cell = next(row for row in rows if (row["recording"], row["estimator"]) == ("CC", "Spectral"))
+    assert cell["difference_percent"] == Estimate(*(first[f"{end}_percent"] for end in ("difference", "low", "high")))
+    assert cell["held_percent"] == pytest.approx(100 * first["held_fraction"])
+
+
+def test_strong_noise_is_shown_for_every_dataset_and_estimator(tables: dict[str, Table]) -> None:
+    record = content("noisy_blur")
+    rows = tables["real_blur_strong_noise"].rows
+    assert len(rows) == sum(map(len, record["results"].values()))
+    assert f"{record['sigma_dn']:g} DN" in tables["real_blur_strong_noise"].caption
+    kitti = record["results"]["kitti"]["spectral"]
+    row = next(row for row in rows if row["dataset"] == "KITTI" and str(row["estimator"]).startswith("Spectral"))
+    assert (row["defocus"], row["linear_motion"]) == tuple(kitti[kind]["amae_percent"] for kind in real_blur.KINDS)
+
+
+def test_without_records_there_is_no_section_and_a_broken_one_is_named(tmp_path: Path) -> None:
+    assert real_blur.section(inputs()) is None
+    assert real_blur.section(inputs(real_blur=tmp_path / "real_blur.json")) is None
+    (tmp_path / "real_blur.json").write_text('{"pairs": {"cc": {"pictures": 8, "spectral": {}}}}')
+    with pytest.raises(InputError, match=r"real_blur\.json: .*python benchmarks/real_blur\.py"):
+        real_blur.section(inputs(real_blur=tmp_path / "real_blur.json"))
