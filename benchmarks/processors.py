@@ -2,14 +2,16 @@
 
     KEEP=1 .ci/smoke                                              # leaves a copy with every stage's outputs
     python benchmarks/processors.py FOLDER [--only STAGE ...] [--processors EPYC-Rome Haswell] [--minutes N]
-                                           [--qemu PROGRAM]
+                                           [--qemu PROGRAM] [--inputs TEXT]
 
 Each stage of the copy's ``dvc.lock`` is run again by qemu's user mode (``qemu-x86_64``, about 20 times slower), on the
 inputs made natively and without what the native run left in ``.cache`` (checkpoints, pictures), and its outputs are
-compared file by file; then the native ones are put back. A stage that takes
-longer than ``--minutes`` is stopped. The record (``benchmarks/results/processors.json``) keeps, per stage and
+compared file by file; then the native ones are put back. As with ``pipeline.dvc``, stages run in children of one
+process that has the libraries loaded, which takes half a minute. A stage that takes longer than ``--minutes`` is
+stopped. The record (``benchmarks/results/processors.json``) keeps, per stage and
 processor, the emulator's version and ``same``, ``differs`` with the files, ``stopped``, or ``failed`` with the last
-line; the rest of it stays. An emulator that sorts wrongly is refused: qemu 7.2 (Debian 12) computes NumPy's AVX2
+line; the rest of it stays. ``--inputs`` is kept in each answer: what the stages computed where it is not what a profile
+says, for example fewer steps. An emulator that sorts wrongly is refused: qemu 7.2 (Debian 12) computes NumPy's AVX2
 ``argsort`` wrongly, qemu 10 rightly. FOLDER may be any project folder with ``dvc.lock`` and its outputs, whose
 ``params.yaml`` has ``executor.workers: 1``: further processes would run natively.
 """
@@ -20,12 +22,13 @@ import argparse
 import hashlib
 import json
 import os
-import re
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
 import tempfile
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -81,31 +84,84 @@ def version(qemu: str, processor: str) -> str:
     return subprocess.run([qemu, "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
 
 
-def emulated(folder: Path, entry: dict[str, Any], qemu: str, processor: str, minutes: float) -> dict[str, Any]:
+SERVER = """import importlib, os, sys, traceback
+from pipeline.dvc import preloaded
+for name in preloaded.LIBRARIES:
+    importlib.import_module(name)
+print(0, flush=True)
+for line in sys.stdin:
+    output, *words = line.split()
+    child = os.fork()
+    if not child:
+        status, file = 1, os.open(output, os.O_WRONLY)
+        os.dup2(file, 1)
+        os.dup2(file, 2)
+        try:
+            preloaded._run(words, dict(os.environ), None, None)
+            status = 0
+        except SystemExit as end:
+            status = end.code if isinstance(end.code, int) else int(end.code is not None)
+        except BaseException:
+            traceback.print_exc()
+        os._exit(status)
+    print(child, flush=True)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)"""
+
+
+class Emulator:
+    """An emulated processor with the libraries loaded once; stages run in its children, as ``pipeline.dvc`` runs them.
+
+    Args:
+        folder: project folder.
+        qemu: the emulator.
+        processor: its name there.
+    """
+
+    def __init__(self, folder: Path, qemu: str, processor: str) -> None:
+        self._process = subprocess.Popen(
+            [qemu, "-cpu", processor, INTERPRETER, "-c", SERVER],
+            cwd=folder, env={**os.environ, **environment(folder)},
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        )  # fmt: skip
+        self._answer()
+
+    def run(self, words: list[str], minutes: float) -> tuple[int | None, list[str]]:
+        """A module's exit status, None where it took longer than the minutes and was stopped, and what it printed."""
+        assert self._process.stdin is not None
+        with tempfile.NamedTemporaryFile("r") as output:
+            print(output.name, *words, file=self._process.stdin, flush=True)
+            alarm = threading.Timer(60 * minutes, os.kill, (self._answer(), signal.SIGKILL))
+            alarm.start()
+            status = self._answer()
+            alarm.cancel()
+            return (None if status == -signal.SIGKILL else status), output.read().strip().splitlines()
+
+    def _answer(self) -> int:
+        assert self._process.stdout is not None
+        return int(self._process.stdout.readline())
+
+
+def emulated(folder: Path, entry: dict[str, Any], emulator: Emulator, minutes: float) -> dict[str, Any]:
     """Run a stage on an emulated processor and compare; its native outputs are there again afterwards."""
     outs = [out["path"] for out in entry["outs"]]
     native = hashes(folder, outs)
     aside = [*outs, ".cache"] if (folder / ".cache").exists() else outs
-    module, *words = re.search(r"python -m (\S+)(.*)", " ".join(entry["cmd"].split()))[0].split()[2:]
+    words = entry["cmd"].partition("python -m ")[2].split()
     with tempfile.TemporaryDirectory() as kept:
         for number, out in enumerate(aside):
             shutil.move(folder / out, Path(kept) / str(number))
         try:
-            done = subprocess.run(
-                [qemu, "-cpu", processor, INTERPRETER, "-m", module, *words],
-                cwd=folder, env={**os.environ, **environment(folder)},
-                capture_output=True, text=True, timeout=60 * minutes,
-            )  # fmt: skip
+            status, printed = emulator.run(words, minutes)
             again = hashes(folder, outs)
-        except subprocess.TimeoutExpired:
-            return {"result": "stopped", "minutes": minutes}
         finally:
             for number, out in enumerate(aside):
                 path = folder / out
                 shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
                 shutil.move(Path(kept) / str(number), path)
-    if done.returncode:
-        return {"result": "failed", "reason": (done.stderr.strip().splitlines() or ["?"])[-1]}
+    if status is None:
+        return {"result": "stopped", "minutes": minutes}
+    if status:
+        return {"result": "failed", "reason": (printed or ["?"])[-1]}
     differing = sorted(name for name in native.keys() | again.keys() if native.get(name) != again.get(name))
     return {"result": "differs" if differing else "same", "files": len(native), "differing": differing}
 
@@ -118,22 +174,27 @@ def main() -> None:
     parser.add_argument("--processors", nargs="+", default=list(PROCESSORS), help="of qemu-x86_64 -cpu help")
     parser.add_argument("--minutes", type=float, default=30.0, help="per stage and processor")
     parser.add_argument("--qemu", default="qemu-x86_64", help="the emulator")
+    parser.add_argument("--inputs", default=None, help="of the stages, kept in the record: other than a profile's")
     arguments = parser.parse_args()
     folder = arguments.folder.resolve()
     stages = yaml.safe_load((folder / "dvc.lock").read_text(encoding="utf-8"))["stages"]
     record = json.loads(RECORD.read_text()) if RECORD.exists() else {"stages": {}}
     versions = {processor: version(arguments.qemu, processor) for processor in arguments.processors}
+    emulators: dict[str, Emulator] = {}
     record |= {"machine": common.machine("torch", "opencv-python-headless"), "not_run": []}
     for name, entry in stages.items():
         if not entry.get("outs") or (arguments.only and not {name, name.partition("@")[0]} & set(arguments.only)):
             continue
         for processor in arguments.processors:
-            answer = emulated(folder, entry, arguments.qemu, processor, arguments.minutes)
+            emulators[processor] = emulators.get(processor) or Emulator(folder, arguments.qemu, processor)
+            answer = emulated(folder, entry, emulators[processor], arguments.minutes)
             answer["qemu"] = versions[processor]
+            if arguments.inputs:
+                answer["inputs"] = arguments.inputs
             print(name, processor, answer["result"], flush=True)
             record["stages"].setdefault(name, {})[processor] = answer
-    record["not_run"] = sorted(name for name in stages if name not in record["stages"])
-    common.write("processors", record)
+            record["not_run"] = sorted(name for name in stages if name not in record["stages"])
+            common.write("processors", record)
 
 
 if __name__ == "__main__":
