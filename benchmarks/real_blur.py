@@ -19,7 +19,6 @@ None of the pictures is kept; the record names them by one SHA-256.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -38,9 +37,11 @@ from pipeline import blur  # noqa: E402
 from pipeline.camera import mtf  # noqa: E402
 from pipeline.cluster_intervals import cluster_mean  # noqa: E402
 from pipeline.datasets.patches import BLUR_PX, cut, tiles  # noqa: E402
-from pipeline.datasets.pictures import read_grey8  # noqa: E402
+from pipeline.datasets.pictures import read_grey8, to_eight_bit  # noqa: E402
+from pipeline.detection.weights import file_sha256  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
 from pipeline.noise.real_noise import pairs  # noqa: E402
+from pipeline.recording.provenance import content_sha256  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ OF_PAIRS: dict[str, dict[str, Any]] = {"spectral": {}, "gbb": DECONVOLUTION}
 
 def windows(image: NDArray[np.floating]) -> NDArray[np.float32]:
     """(N, 1, 192, 192) windows that cover a picture, (H, W) in [0, 1], rounded to 8 bits."""
-    rounded = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
+    rounded = to_eight_bit(image)
     return cut(rounded, tiles(rounded.shape, BLUR_PX, "cover"))
 
 
@@ -156,8 +157,8 @@ def agreement(name: str, folder: Path) -> dict[str, Any]:
 
 
 def hashed(paths: Sequence[Path]) -> str:
-    """One SHA-256 of the files in this order."""
-    return hashlib.sha256(b"".join(hashlib.sha256(path.read_bytes()).digest() for path in paths)).hexdigest()
+    """One SHA-256 of files, by name and content, as of a record's inputs."""
+    return content_sha256({"files": {path.name: file_sha256(path) for path in paths}})
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
