@@ -31,6 +31,23 @@ Floats = NDArray[np.float32] | NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class HiddenUnits:
+    """What the E networks of an estimator saw of N patches: what a calibration to a camera may start from.
+
+    Attributes:
+        units: (N, E, F) of the layer below the last two of each network.
+        second_share: (N,) share of the second network in the joint estimate.
+    """
+
+    units: Floats
+    second_share: Floats
+
+    def part(self, kept: NDArray[np.bool_]) -> HiddenUnits:
+        """Those of some patches."""
+        return HiddenUnits(self.units[kept], self.second_share[kept])
+
+
+@dataclass(frozen=True)
 class BlurEstimate:
     """The answer for N patches.
 
@@ -42,6 +59,7 @@ class BlurEstimate:
         low, high: (N, 2, 8) 95 % interval of ``mtf``, for estimators that have one.
         members: (N, E, 2, 8) MTFs by the E networks that an ensemble joins, ``mtf`` first; NaN where abstained. A
             calibration to a camera weights them anew.
+        hidden: hidden units, for estimators that pass them on (`pipeline.blur.camera_correction`).
     """
 
     mtf: Floats
@@ -51,6 +69,7 @@ class BlurEstimate:
     low: Floats | None = None
     high: Floats | None = None
     members: Floats | None = None
+    hidden: HiddenUnits | None = None
 
     def __post_init__(self) -> None:
         count = len(self.mtf)
@@ -65,6 +84,8 @@ class BlurEstimate:
             raise ValueError(
                 f"BlurEstimate.members: shape {self.members.shape}, expected ({count}, E, 2, {FREQUENCIES})"
             )
+        if self.hidden is not None and (self.hidden.units.ndim != 3 or len(self.hidden.units) != count):
+            raise ValueError(f"BlurEstimate.hidden: units {self.hidden.units.shape}, expected ({count}, E, F)")
         if not np.array_equal(np.isnan(self.mtf).all(axis=(1, 2)), self.abstained):
             raise ValueError("BlurEstimate.mtf: NaN exactly where abstained")
 
@@ -171,7 +192,7 @@ class Estimator(ABC):
             for name in ("mtf", "low", "high")
             if (value := getattr(result, name)) is not None
         }
-        return replace(result, members=None, **relative)
+        return replace(result, members=None, hidden=None, **relative)
 
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same estimator, calibrated to this camera: by division, unless a subclass knows better; see `divided`."""

@@ -28,35 +28,32 @@ of the same strength and weight; it takes over where it sees a halo (`pipeline.b
 by more than 1 % in the median scene: by 2 to 42 % with a camera that sharpens strongly, with none of eight others at
 all. Their mean would not do: on a few scenes the network fails whatever the camera.
 
-Kernels are of the family that networks are trained on (`pipeline.learning.kernels`, with irises, halos and rendered
-lenses; without those, kernels with a halo were read 40 % worse calibrated than not), none of the study's own. Ours; the
-paper reads an estimator's answers as they are.
+An estimator of networks gets a correction beside the map of all, its output layers trained further on this camera and
+under noise (`pipeline.blur.camera_correction`); where it sees a halo, the last network's map takes over from both.
+Ours; the paper reads an estimator's answers as they are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur import affine_logits, halo, overlap
+from pipeline.blur import affine_logits, camera_correction, halo
 from pipeline.blur.affine_logits import logit, sigmoid
-from pipeline.blur.base import FREQUENCIES, BlurEstimate, BlurEstimator, as_patches
+from pipeline.blur.base import FREQUENCIES, BlurEstimate, BlurEstimator, HiddenUnits, as_patches
+from pipeline.blur.camera_correction import Correction, OutputLayers
+from pipeline.blur.camera_samples import LEAST_SAMPLES, VALUES, HasOutputLayers, Samples, blurred, members
 from pipeline.camera.mtf import CAMERA
 from pipeline.errors import InputError
 
-VALUES = 2 * FREQUENCIES
-KERNELS = "with_optics"
 MOST_MEMBERS = 8
 SAMPLES = 1200
-AT_ONCE = 64
 COVERAGE = 0.95
-LEAST_SAMPLES = 100
 FOLDS = 4
 STRENGTHS = (1.0, 0.1, 0.01, 0.001)
 """Of the draw of A towards its start, strongest first; cross-validation takes one."""
@@ -113,6 +110,7 @@ class Calibration:
         samples: how many blurred patches it was fitted on.
         error_percent: mean absolute error on them before, and after where they were held out.
         alone: (16, 17) matrix and offset of the last network alone (`pipeline.blur.halo`), or None.
+        correction: beside the map, or None.
     """
 
     matrix: NDArray[np.float64]
@@ -121,20 +119,37 @@ class Calibration:
     samples: int
     error_percent: tuple[float, float]
     alone: NDArray[np.float64] | None = None
+    correction: Correction | None = None
 
     @property
     def members(self) -> int:
         """Networks that the map takes the MTFs of."""
         return self.matrix.shape[1] // VALUES
 
-    def __call__(self, mtf: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Corrected MTFs: (N, 2, 8) in (0, 1), of those estimated, (N, 2, 8) or (N, E, 2, 8); NaN stays."""
+    def __call__(self, mtf: NDArray[np.floating], hidden: HiddenUnits | None = None) -> NDArray[np.float64]:
+        """Corrected MTFs: (N, 2, 8) in (0, 1).
+
+        Args:
+            mtf: (N, 2, 8) or (N, E, 2, 8), as estimated; NaN stays.
+            hidden: of the same patches; needed where there is a correction.
+
+        Raises:
+            InputError: there is a correction, and the hidden units are absent or of other networks.
+        """
         logits = logit(mtf.reshape(len(mtf), -1))
-        mapped = sigmoid(logits @ self.matrix.T + self.offset)
+        mapped = logits @ self.matrix.T + self.offset
+        if self.correction is not None:
+            if hidden is None or hidden.units.shape[1:] != self.correction.first.shape[::2]:
+                raise InputError(
+                    "calibration with a correction from hidden units, of other networks than the estimator's; "
+                    "calibrate anew"
+                )
+            mapped = self.correction(mapped, hidden)
+        answer = sigmoid(mapped)
         if self.alone is not None:
             last = logits[:, -VALUES:] @ self.alone[:, :-1].T + self.alone[:, -1]
-            mapped = halo.mixed(mapped, sigmoid(last))
-        return mapped.reshape(len(mtf), 2, FREQUENCIES)
+            answer = halo.mixed(answer, sigmoid(last))
+        return answer.reshape(len(mtf), 2, FREQUENCIES)
 
     def answer(self, estimator: BlurEstimator, patches: Any) -> BlurEstimate:
         """The MTF added to the camera's sharp frames; see `corrected`."""
@@ -146,6 +161,8 @@ class Calibration:
         content["widening"] = None if np.isnan(self.widening) else self.widening
         if self.alone is not None:
             content["alone"] = self.alone.tolist()
+        if self.correction is not None:
+            content["correction"] = self.correction.content()
         return {**content, "error_percent": list(self.error_percent)}
 
     def save(self, path: str | Path) -> None:
@@ -171,8 +188,10 @@ class Calibration:
         if not all(np.isfinite(part).all() for part in (matrix, offset, alone) if part is not None):
             raise ValueError("values that are not finite")
         widening = float("nan") if content["widening"] is None else float(content["widening"])
+        correction = Correction.from_content(content["correction"], VALUES) if "correction" in content else None
         before, after = content["error_percent"]
-        return cls(matrix, offset, widening, int(content["samples"]), (float(before), float(after)), alone)
+        errors = (float(before), float(after))
+        return cls(matrix, offset, widening, int(content["samples"]), errors, alone, correction)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -223,52 +242,45 @@ def corrected(estimate: BlurEstimate, camera: Calibration) -> BlurEstimate:
     Raises:
         InputError: the calibration is of an ensemble of other networks.
     """
-    members = _members(estimate)[:, : camera.members]  # a map of one network alone takes the joint output
-    if members.shape[1] != camera.members:
+    known = members(estimate)[:, : camera.members]  # a map of one network alone takes the joint output
+    if known.shape[1] != camera.members:
         raise InputError(
-            f"calibration of an ensemble of {camera.members} networks, estimator of {members.shape[1]}; calibrate anew"
+            f"calibration of an ensemble of {camera.members} networks, estimator of {known.shape[1]}; calibrate anew"
         )
-    mtf = camera(members)
+    mtf = camera(known, estimate.hidden)
     ends: dict[str, Any] = {"low": None, "high": None}
     if estimate.low is not None and estimate.high is not None and not np.isnan(camera.widening):
         half = (np.asarray(estimate.high, float) - np.asarray(estimate.low, float)) / 2 * camera.widening
         ends = {"low": np.clip(mtf - half, 0, 1), "high": np.clip(mtf + half, 0, 1)}
-    return replace(estimate, mtf=mtf, kernel=None, members=None, **ends)
-
-
-def _members(estimate: BlurEstimate) -> NDArray[np.float64]:
-    """(N, E, 2, 8) MTFs by the networks of an ensemble, its joint output first; E = 1 for a single one."""
-    return np.asarray(estimate.mtf[:, None] if estimate.members is None else estimate.members, float)
+    return replace(estimate, mtf=mtf, kernel=None, members=None, hidden=None, **ends)
 
 
 def calibrate(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> CameraMap:
-    """Calibrate an estimator to a camera: by its own `CameraFittable.fit_camera` if it has one, else
-    `affine_calibration`.
+    """Calibrate an estimator to a camera: by its own `CameraFittable.fit_camera` if it has one, else `fit_map`.
 
-    Arguments and errors are those of `affine_calibration`.
+    Arguments and errors are those of `fit_map`.
     """
     if isinstance(estimator, CameraFittable):
         return estimator.fit_camera(sharp_patches, samples=samples, seed=seed)
-    return affine_calibration(estimator, sharp_patches, samples=samples, seed=seed)
+    return fit_map(estimator, sharp_patches, samples=samples, seed=seed)
 
 
-def affine_calibration(
-    estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1
+def fit_map(
+    estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1, correction: bool = True
 ) -> Calibration:
-    """Fit the affine map of logits that brings an estimator's answers to the truth.
+    """Fit the map of logits that brings an estimator's answers to the truth.
 
     Args:
         estimator: takes (N, 1, 192, 192); not calibrated.
         sharp_patches: (N, 1, 192, 192) float in [0, 1] of the camera's sharp frames, like those it will be asked about;
             some tens, of different scenes, are enough.
         samples: blurred patches to fit on; every sharp patch is used about equally often.
-        seed: of the kernels.
+        seed: of the kernels, of the noise and of the correction.
+        correction: whether an estimator of networks (`HasOutputLayers`) gets one where scenes held out allow it.
 
     Raises:
         InputError: not such patches, fewer than 100 samples, or hardly any that the estimator can measure.
     """
-    from pipeline.camera import mtf
-    from pipeline.camera.blur import blur
     from pipeline.executor import one_thread
 
     one_thread()
@@ -277,52 +289,41 @@ def affine_calibration(
         raise InputError(f"samples={samples}; expected at least {LEAST_SAMPLES} to fit a camera on")
     if len(sharp) == 0:
         raise InputError("sharp_patches: none given; cut some from frames known to be sharp")
-    bank = _kernels(samples, seed)
-    results: list[BlurEstimate] = []
-    for first in range(0, samples, AT_ONCE):
-        kernels = bank[first : first + AT_ONCE]
-        picked = sharp[np.arange(first, first + len(kernels)) % len(sharp)]
-        results.append(
-            estimator.estimate(np.rint(blur(picked, kernels / kernels.sum((1, 2), keepdims=True)) * 255) / 255)
-        )
-    read = np.concatenate([_members(item) for item in results]).reshape(samples, -1)
-    truth = np.asarray(mtf.sample(bank), float).reshape(samples, VALUES)
-    usable = ~np.isnan(read).any(axis=1)
-    if usable.sum() < LEAST_SAMPLES:
-        raise InputError(
-            f"sharp_patches: only {usable.sum()} of {samples} blurred samples can be measured (flat or saturated); "
-            "give patches with structure, from sharp frames"
-        )
-    logits, known = logit(read[usable]), truth[usable]
-    scene = np.unique(overlap.scenes(sharp[:, 0])[(np.arange(samples) % len(sharp))[usable]], return_inverse=True)[1]
-    fitted = _fitted(logits, known, scene)
-    percent = (100 * float(np.abs(sigmoid(logits[:, :VALUES]) - known).mean()), 100 * float(fitted.error.mean()))
-    widening = _widening(results, usable, fitted.error)
-    return Calibration(fitted.matrix, fitted.offset, widening, int(usable.sum()), percent, fitted.alone)
+    layers = estimator.output_layers() if correction and isinstance(estimator, HasOutputLayers) else None
+    read = blurred(estimator, sharp, samples, seed, noisy=layers is not None)
+    fitted = _fitted(read, layers, seed)
+    before = 100 * float(np.abs(sigmoid(read.logits[:, :VALUES]) - read.known).mean())
+    return Calibration(
+        fitted.matrix, fitted.offset, _widening(read.half_width, fitted.error), len(read.known),
+        (before, 100 * float(fitted.error.mean())), fitted.alone, fitted.correction,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class _Fitted:
-    """Maps of a `Calibration`, and the absolute errors (N, 16) of samples that were held out."""
+    """Maps and correction of a `Calibration`, and the absolute errors (N, 16) of samples that were held out."""
 
     matrix: NDArray[np.float64]
     offset: NDArray[np.float64]
     alone: NDArray[np.float64] | None
     error: NDArray[np.float64]
+    correction: Correction | None = None
 
 
-def _fitted(logits: NDArray[np.float64], known: NDArray[np.float64], scene: NDArray[np.int_]) -> _Fitted:
-    """The maps, their strength and weight cross-validated.
+def _fitted(samples: Samples, layers: OutputLayers | None = None, seed: int = 1) -> _Fitted:
+    """The maps, their strength and weight cross-validated, and the correction beside them.
 
     Args:
-        logits: (N, 16 E) of the estimates.
-        known: (N, 16) true MTFs.
-        scene: (N,) number, from 0, of what each sample shows.
+        samples: what they are fitted on.
+        layers: output layers of the estimator's networks, for a correction; None for none.
+        seed: of the correction.
     """
+    logits, known, scene = samples.logits, samples.known, samples.scene
     count = int(scene.max()) + 1
     groups, plain, last = _groups(scene, count), logits[:, :VALUES], logits[:, -VALUES:]
     judged = scene if count > FEW_SCENES else np.arange(len(known))
-    held_out = _held_out(logits, known, groups, STRENGTHS)
+    maps = _cross_fitted(logits, known, groups, STRENGTHS)
+    held_out = _held_out(maps, logits, groups)
     if count == 1:
         index, weight = ONE_SCENE
         error = _errors(held_out[index], plain, known, weight)
@@ -330,15 +331,27 @@ def _fitted(logits: NDArray[np.float64], known: NDArray[np.float64], scene: NDAr
         index, weight, error = _chosen(held_out, plain, known, judged)
     strengths = STRENGTHS[: index + 1]
     matrix, offset = _map_drawn_back(affine_logits.fit(logits, known, strengths)[index], weight)
+    correction, joint = None, _drawn_back(held_out[index], plain, weight)
+    if layers is not None and samples.clean is not None and samples.noisy is not None and count > 1:
+        under_noise = samples.noisy.logits
+        mapped = (joint, _drawn_back(_held_out(maps, under_noise, groups)[index], under_noise[:, :VALUES], weight))
+        parts = [
+            camera_correction.Part(read.hidden, known_logits, known)
+            for read, known_logits in zip((samples.clean, samples.noisy), mapped, strict=True)
+        ]
+        starts = [_map_drawn_back(of_group[index], weight) for of_group in maps]
+        correction, corrected_logits = camera_correction.fit(layers, parts, groups, [*starts, (matrix, offset)], seed)
+        joint = corrected_logits[0]
+        error = np.abs(sigmoid(joint) - known)
     alone = None
     if logits.shape[1] > VALUES:
-        joint = _drawn_back(held_out[index], plain, weight)
-        other = _drawn_back(_held_out(last, known, groups, strengths)[index], last, weight)
+        maps_alone = _cross_fitted(last, known, groups, strengths)
+        other = _drawn_back(_held_out(maps_alone, last, groups)[index], last, weight)
         switched = np.abs(halo.mixed(sigmoid(joint), sigmoid(other)) - known)
         if _median_rise(switched, error, scene) <= MOST_RISE:
             single, shift = _map_drawn_back(affine_logits.fit(last, known, strengths)[index], weight)
             alone, error = np.concatenate([single, shift[:, None]], axis=1), switched
-    return _Fitted(matrix, offset, alone, error)
+    return _Fitted(matrix, offset, alone, error, correction)
 
 
 def _drawn_back(mapped: NDArray[np.float64], start: NDArray[np.float64], weight: float) -> NDArray[np.float64]:
@@ -354,15 +367,6 @@ def _map_drawn_back(
     return _drawn_back(matrix, np.eye(*matrix.shape), weight), weight * offset
 
 
-@lru_cache(maxsize=2)
-def _kernels(count: int, seed: int) -> NDArray[np.float32]:
-    """(count, 49, 49) kernels to calibrate with; rendered lenses take seconds, so the last are kept."""
-    from pipeline.learning.kernels import BLOCK, block
-
-    blocks = range(-(-count // BLOCK))
-    return np.concatenate([block(index, seed, "camera fit kernels", distribution=KERNELS) for index in blocks])[:count]
-
-
 def _groups(scene: NDArray[np.int_], count: int) -> NDArray[np.int_]:
     """The fold of each sample: neighbouring sharp patches, which may show the same surroundings, are in one fold.
 
@@ -373,14 +377,23 @@ def _groups(scene: NDArray[np.int_], count: int) -> NDArray[np.int_]:
     return np.arange(len(scene)) % FOLDS if count == 1 else scene * min(FOLDS, count) // count
 
 
-def _held_out(
+def _cross_fitted(
     read: NDArray[np.float64], truth: NDArray[np.float64], groups: NDArray[np.int_], strengths: Sequence[float]
+) -> list[list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+    """Of each group, in order, the maps of each strength that were calibrated on the other groups."""
+    return [affine_logits.fit(read[groups != group], truth[groups != group], strengths) for group in np.unique(groups)]
+
+
+def _held_out(
+    maps: Sequence[Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]],
+    read: NDArray[np.float64],
+    groups: NDArray[np.int_],
 ) -> NDArray[np.float64]:
     """(S, N, 16) logits of every sample by the maps of each strength that were calibrated on the other groups."""
-    result = np.empty((len(strengths), *truth.shape))
-    for group in np.unique(groups):
+    result = np.empty((len(maps[0]), len(read), VALUES))
+    for group, strengths in zip(np.unique(groups), maps, strict=True):
         out = groups == group
-        for index, (matrix, offset) in enumerate(affine_logits.fit(read[~out], truth[~out], strengths)):
+        for index, (matrix, offset) in enumerate(strengths):
             result[index, out] = read[out] @ matrix.T + offset
     return result
 
@@ -432,9 +445,8 @@ def _median_rise(error: NDArray[np.float64], before: NDArray[np.float64], scene:
     return float(np.median(rise))
 
 
-def _widening(found: Sequence[BlurEstimate], usable: NDArray[np.bool_], error: NDArray[np.float64]) -> float:
-    """Factor on the half width of intervals by which they hold 95 % of the errors."""
-    if any(item.low is None or item.high is None for item in found):
+def _widening(half_width: NDArray[np.float64] | None, error: NDArray[np.float64]) -> float:
+    """Factor on the half width of intervals by which they hold 95 % of the errors; NaN without intervals."""
+    if half_width is None:
         return float("nan")
-    half = np.concatenate([(np.asarray(item.high) - np.asarray(item.low)) / 2 for item in found]).reshape(-1, VALUES)
-    return float(np.quantile(error / np.maximum(half[usable], 1e-3), COVERAGE))
+    return float(np.quantile(error / np.maximum(half_width, 1e-3), COVERAGE))

@@ -118,15 +118,18 @@ class Denoised:
         clear = np.where(noisy[:, None, None], divided(combined, self.known, self.epsilon), combined)
         lost = np.isnan(clear).all(axis=(1, 2)) & ~result.abstained
         clear = clear.astype(result.mtf.dtype)
-        ends = {
+        ends: dict[str, Any] = {
             name: np.where(noisy[:, None, None] & ~np.isnan(clear), divided_end(end, self.known, self.epsilon), end)
             for name in ("low", "high")
             if (end := getattr(result, name)) is not None
         }
         ends = {name: np.where(np.isnan(clear), np.nan, end) for name, end in ends.items()}
         reason = np.where(lost, "noise", result.reason)
-        # A kernel found in a smoothed patch is that of both blurs, so it is not passed on.
-        return replace(result, mtf=clear, abstained=result.abstained | lost, reason=reason, kernel=None, **ends)
+        # What is known of a smoothed patch is of both blurs, so it is not passed on.
+        abstained = result.abstained | lost
+        return replace(
+            result, mtf=clear, abstained=abstained, reason=reason, kernel=None, members=None, hidden=None, **ends
+        )
 
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same, with the inner estimator relative to this camera's own sharp frames."""

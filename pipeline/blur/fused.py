@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from pipeline.blur import shared_blur
 from pipeline.blur.base import BlurEstimate, Estimator, as_patches
-from pipeline.blur.camera_calibration import SAMPLES, affine_calibration
+from pipeline.blur.camera_calibration import SAMPLES, fit_map
 from pipeline.blur.fusion_camera import SHARP_PATCHES, FusionMap
 from pipeline.blur.fusion_members import Deconvolution, join_members
 from pipeline.blur.spectral import RELEASED as RELEASED_SPECTRAL
@@ -141,7 +141,7 @@ class Fused(Estimator):
         mtf, scale = np.asarray(networks.mtf, np.float64), np.asarray(networks.scale, np.float64)
         unwidened = scale
         if self.camera is not None:
-            mtf, scale = self.camera.spectral(networks.members), scale * self.camera.spectral.widening
+            mtf, scale = self.camera.spectral(networks.members, networks.hidden), scale * self.camera.spectral.widening
         pays = deconvolution_pays(mtf, unwidened)
         spectral = SpectralAnswer(mtf, scale, np.asarray(networks.sigma_dn, np.float64), pays)
         answer, width = mtf.copy(), self.spectral.interval * scale
@@ -197,14 +197,14 @@ class Fused(Estimator):
         Args:
             sharp_patches: (N, 1, 192, 192) float in [0, 1] of the camera's sharp frames; some tens, from
                 different scenes, are enough.
-            samples: see `pipeline.blur.camera_calibration.affine_calibration`.
+            samples: see `pipeline.blur.camera_calibration.fit_map`.
             seed: see there.
 
         Raises:
             InputError: see there.
         """
         sharp = as_patches(sharp_patches, "sharp_patches")
-        spectral = affine_calibration(self.spectral, sharp, samples=samples, seed=seed)
+        spectral = fit_map(self.spectral, sharp, samples=samples, seed=seed)
         picked = shared_blur.spread(np.arange(len(sharp)), SHARP_PATCHES)
         result = self.deconvolution.gbb.estimate(sharp[picked])
         kept = np.asarray(result.mtf, np.float64)[~result.abstained]

@@ -35,8 +35,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur.base import BlurEstimate, Estimator
-from pipeline.blur.camera_calibration import Calibration, affine_calibration, corrected
+from pipeline.blur.base import FREQUENCIES, BlurEstimate, Estimator, HiddenUnits
+from pipeline.blur.camera_calibration import Calibration, corrected, fit_map
+from pipeline.blur.camera_correction import OutputLayers
 from pipeline.camera.mtf import GENERIC_LENS
 from pipeline.errors import InputError
 from pipeline.project_files import located
@@ -67,6 +68,9 @@ INTERVAL = 3.0  # of a Laplace distribution, ln 20 scales hold 95 %; weight file
 Answer = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
 """MTF (N, 2, 8), its Laplace scale (N, 2, 8), and noise sigma (N,), DN."""
 
+HIDDEN, FIRST, SECOND = 1, 2, 4
+"""Of a network's head: the hidden units that a calibration to a camera starts from, and the layers above them."""
+
 
 @dataclass(frozen=True)
 class Prediction:
@@ -77,12 +81,14 @@ class Prediction:
         scale: (N, 2, 8) its Laplace scale.
         sigma_dn: (N,) noise, DN.
         members: (N, E, 2, 8): `mtf`, then that of the network for processed pictures, where it takes part.
+        hidden: units of the first hidden layer of each network.
     """
 
     mtf: NDArray[np.float32]
     scale: NDArray[np.float32]
     sigma_dn: NDArray[np.float32]
     members: NDArray[np.float32]
+    hidden: HiddenUnits
 
 
 class Spectral(Estimator):
@@ -151,14 +157,16 @@ class Spectral(Estimator):
         mtf, scale, abstained = networks.mtf, networks.scale, reason != ""
         mtf[abstained] = scale[abstained] = networks.members[abstained] = np.nan
         low, high = (np.clip(mtf + sign * self.interval * scale, 0.0, 1.0) for sign in (-1, 1))
-        result = BlurEstimate(mtf, abstained, reason, low=low, high=high, members=networks.members)
+        result = BlurEstimate(
+            mtf, abstained, reason, low=low, high=high, members=networks.members, hidden=networks.hidden
+        )
         camera = self.camera or self.typical
         return result if camera is None else corrected(result, camera)
 
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same estimator, calibrated to the camera of these sharp patches by a map of both networks' estimates.
 
-        Takes some seconds (`pipeline.blur.camera_calibration.affine_calibration`); on recorded frames it was not fitted
+        Takes some seconds (`pipeline.blur.camera_calibration.fit_map`); on recorded frames it was not fitted
         to, its errors are about three quarters of those by division (`divided`).
 
         Args:
@@ -169,7 +177,7 @@ class Spectral(Estimator):
             InputError: not as expected, or hardly any of them can be measured.
         """
         made = self._uncalibrated()
-        made.camera = affine_calibration(made, sharp_patches)
+        made.camera = fit_map(made, sharp_patches)
         return made
 
     def divided(self, sharp_patches: Any) -> Self:
@@ -212,7 +220,8 @@ class Spectral(Estimator):
         count = len(patches)
         members = np.empty((count, 1 if self.processed is None else 2, 2, 8), np.float32)
         mtf, scale = np.empty((count, 2, 8), np.float32), np.empty((count, 2, 8), np.float32)
-        sigma_dn = np.empty(count, np.float32)
+        sigma_dn, share = np.empty(count, np.float32), np.zeros(count, np.float32)
+        units = np.empty((count, members.shape[1], self.network.head[HIDDEN - 1].out_features), np.float32)
         with torch.inference_mode():
             for first in range(0, count, self.batch):
                 part = slice(first, first + self.batch)
@@ -223,20 +232,32 @@ class Spectral(Estimator):
                 orientations = 2 if self.mirrored else 1
                 if self.mirrored:
                     maps, vector = torch.cat([maps, mirrored(maps)]), torch.cat([vector, vector])
-                main = _answer(self.network, maps, vector, orientations)
+                main, units[part, 0] = _answer(self.network, maps, vector, orientations)
                 if self.processed is not None:
-                    other = _answer(self.processed, maps, vector, orientations)
+                    other, units[part, 1] = _answer(self.processed, maps, vector, orientations)
+                    share[part] = _second_share(main, other)
                     main, members[part, 1] = self._joined(main, other), other[0]
                 mtf[part], scale[part], sigma_dn[part] = main
         members[:, 0] = mtf
-        return Prediction(mtf, scale, sigma_dn, members)
+        return Prediction(mtf, scale, sigma_dn, members, HiddenUnits(units, share))
+
+    def output_layers(self) -> OutputLayers:
+        """The last two layers of each network: see `pipeline.blur.camera_correction`."""
+        networks = [self.network, *([] if self.processed is None else [self.processed])]
+
+        def stacked(layer: int, name: str) -> NDArray[np.float64]:
+            each = [getattr(network.head[layer], name).detach().cpu().double().numpy() for network in networks]
+            return np.stack(each)
+
+        values = 2 * FREQUENCIES
+        return OutputLayers(
+            stacked(FIRST, "weight"), stacked(FIRST, "bias"),
+            stacked(SECOND, "weight")[:, :values], stacked(SECOND, "bias")[:, :values],
+        )  # fmt: skip
 
     def _joined(self, main: Answer, processed: Answer) -> Answer:
         """The answers of both networks as one; scales are those of the main network's interval."""
-        excess = processed[2] - main[2]
-        weight = np.clip((excess - EXCESS_DN[0]) / (EXCESS_DN[1] - EXCESS_DN[0]), 0, 1).astype(np.float32)[
-            :, None, None
-        ]
+        excess, weight = processed[2] - main[2], _second_share(main, processed)[:, None, None]
         mtf = (1 - weight) * main[0] + weight * processed[0]
         apart = main[1] + np.abs(main[0] - processed[0])
         reach = np.maximum(
@@ -248,7 +269,23 @@ class Spectral(Estimator):
         return mtf, scale, main[2] + weight[:, 0, 0] * excess
 
 
-def _answer(network: SpectralNet, maps: torch.Tensor, vector: torch.Tensor, ways: int) -> Answer:
-    """What a network answers, averaged over the ways a patch is seen."""
-    means = [value.unflatten(0, (ways, -1)).mean(0).cpu().numpy() for value in network(maps, vector)[:3]]
-    return means[0], means[1], means[2]
+def _second_share(main: Answer, processed: Answer) -> NDArray[np.float32]:
+    """(N,) w of the module."""
+    excess = processed[2] - main[2]
+    return np.clip((excess - EXCESS_DN[0]) / (EXCESS_DN[1] - EXCESS_DN[0]), 0, 1).astype(np.float32)
+
+
+def _answer(
+    network: SpectralNet, maps: torch.Tensor, vector: torch.Tensor, ways: int
+) -> tuple[Answer, NDArray[np.float32]]:
+    """What a network answers and its hidden units (N, 256), averaged over the ways a patch is seen."""
+    units: list[torch.Tensor] = []
+    hook = network.head[HIDDEN].register_forward_hook(lambda layer, inputs, output: units.append(output))
+    try:
+        outputs = network(maps, vector)[:3]
+    finally:
+        hook.remove()
+    mtf, scale, sigma_dn, hidden = (
+        value.unflatten(0, (ways, -1)).mean(0).cpu().numpy() for value in (*outputs, units[0])
+    )
+    return (mtf, scale, sigma_dn), hidden

@@ -25,7 +25,7 @@ def run(run: Run) -> None:
     sharp = generic_lens.sharp_patches(np.stack(tiles), section.patches, section.intrinsic_px, seed)
     # The main network alone: a share of the other one makes this map worse on pictures unlike procedural ones.
     estimator = blur.create("spectral", weights=weights, processed=False)
-    fit = camera_calibration.calibrate(estimator, sharp, samples=section.samples, seed=seed)
+    fit = camera_calibration.fit_map(estimator, sharp, samples=section.samples, seed=seed, correction=False)
     fit.save(run.outputs / "data/weights" / f"{weights.stem}{spectral.TYPICAL}")
     before, after = fit.error_percent
     values = {"samples": fit.samples, "error_before_percent": before, "error_after_percent": after}

@@ -11,6 +11,7 @@ from pipeline.blur import camera_calibration
 from pipeline.blur.affine_logits import logit, sigmoid
 from pipeline.blur.base import BlurEstimate
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
+from pipeline.blur.camera_samples import Samples
 from pipeline.camera import mtf
 from pipeline.camera.blur import blur as convolve
 from pipeline.camera.psf.defocus import create as defocus
@@ -278,7 +279,8 @@ def test_scenes_that_cannot_be_measured_do_not_count(sharp, truth):
 
 def fitted(truth, first, second):
     """A calibration to 25 scenes of an ensemble of two networks, from their logits (500, 16), and what they read."""
-    maps = camera_calibration._fitted(np.concatenate([first, second], axis=1), truth, np.arange(SAMPLES) % 25)
+    logits, known = np.concatenate([first, second], axis=1), truth.reshape(SAMPLES, -1)
+    maps = camera_calibration._fitted(Samples(logits, known, np.arange(SAMPLES) % 25))
     members = sigmoid(np.stack([first, second], axis=1)).reshape(SAMPLES, 2, 2, 8)
     return Calibration(maps.matrix, maps.offset, 1.0, SAMPLES, (0.0, 0.0), maps.alone), members
 

@@ -1,0 +1,161 @@
+"""The correction of a camera: it begins at the networks, mends what a map cannot, and is refused where it does harm."""
+
+import json
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from pipeline import blur
+from pipeline.blur import camera_correction, camera_samples
+from pipeline.blur.affine_logits import sigmoid
+from pipeline.blur.base import HiddenUnits
+from pipeline.blur.camera_calibration import Calibration, fit_map
+from pipeline.blur.camera_correction import Correction, OutputLayers, Part
+from pipeline.errors import InputError
+from pipeline.learning import images
+from pipeline.streams import stream
+
+COUNT, VALUES, UNITS, INPUTS = 600, 16, 12, 20
+
+
+@pytest.fixture(scope="module")
+def sharp():
+    """Sharp procedural patches of five scenes: (5, 1, 192, 192)."""
+    results = [images.picture(index, 5, "test image", 192) for index in range(5)]
+    return np.stack(results)[:, None].astype(np.float32) / 255
+
+
+@pytest.fixture(scope="module")
+def layers():
+    """Output layers of two networks with random weights."""
+    source = stream(1, "test layers")
+    shapes = {"first": (2, UNITS, INPUTS), "first_offset": (2, UNITS)}
+    shapes |= {"second": (2, VALUES, UNITS), "second_offset": (2, VALUES)}
+    return OutputLayers(**{name: source.normal(0, 0.3, shape) for name, shape in shapes.items()})
+
+
+def start():
+    """The map of an ensemble of two networks that is their mean."""
+    return np.tile(np.eye(VALUES), 2) / 2, np.zeros(VALUES)
+
+
+def seen(name):
+    """Hidden units of two networks, the second one of which takes no part."""
+    units = np.abs(stream(1, "test units", name).normal(0, 1, (COUNT, 2, INPUTS)))
+    return HiddenUnits(units.astype(np.float32), np.zeros(COUNT, np.float32))
+
+
+def untrained(layers):
+    matrix, offset = start()
+    return Correction(**{one.name: getattr(layers, one.name) for one in fields(layers)}, matrix=matrix, offset=offset,
+                      weight=1.0)  # fmt: skip
+
+
+def parts_of(layers, wrong):
+    """Samples whose true logits are those of the networks and an error, and a map that gives those of the networks."""
+    parts = []
+    for name in ("clean", "noisy"):
+        hidden = seen(name)
+        mapped = untrained(layers).logits(hidden)
+        parts.append(Part(hidden, mapped, sigmoid(mapped + wrong(hidden.units))))
+    return parts
+
+
+def test_it_begins_at_the_networks_own_answers(sharp):
+    estimator = blur.create("spectral")
+    answer = estimator.estimate(sharp)
+    layers = estimator.output_layers()
+    begun = untrained(layers)
+    first = replace(begun, matrix=np.eye(VALUES, 2 * VALUES))
+    second = replace(begun, matrix=np.eye(VALUES, 2 * VALUES, VALUES))
+    assert np.allclose(sigmoid(first.logits(answer.hidden)).reshape(-1, 2, 8), answer.mtf, atol=0.005)
+    assert np.allclose(sigmoid(second.logits(answer.hidden)).reshape(-1, 2, 8), answer.members[:, 1], atol=0.005)
+
+
+def test_what_hidden_units_tell_is_mended_on_scenes_held_out(layers, monkeypatch):
+    """An error that the estimated MTFs do not show: one hidden unit turns up every logit."""
+    monkeypatch.setattr(camera_correction, "LEARNING_RATE", 1e-2)  # these networks are small and begin at random
+    parts = parts_of(layers, lambda units: 1.5 * units[:, :1, 3] - 1.2)
+    groups = np.arange(COUNT) % 4
+    made, held_out = camera_correction.fit(layers, parts, groups, [start()] * 5, 1)
+    before, after = (np.abs(sigmoid(logits) - parts[0].known).mean() for logits in (parts[0].mapped, held_out[0]))
+    assert made is not None and made.weight == camera_correction.WEIGHTS[-1]
+    assert after < 0.5 * before
+    assert not np.array_equal(made.matrix, start()[0])
+
+
+def test_errors_that_are_a_scenes_own_get_no_correction(layers):
+    """Each of four scenes turns the logits another way; nothing of it carries over."""
+    groups = np.arange(COUNT) % 4
+    turned = np.array([1.0, -1.0, 1.0, -1.0])[groups][:, None] * np.where(np.arange(VALUES) % 2, 1, -1)
+    base = parts_of(layers, lambda units: 0.0)
+    parts = [replace(part, known=sigmoid(part.mapped + turned)) for part in base]
+    # Hidden units tell the scene, as those of real patches do.
+    for part in parts:
+        part.hidden.units[:, :, :4] = 3 * np.eye(4, dtype=np.float32)[groups][:, None]
+    parts = [replace(part, mapped=untrained(layers).logits(part.hidden)) for part in parts]
+    parts = [replace(part, known=sigmoid(part.mapped + turned)) for part in parts]
+    made, held_out = camera_correction.fit(layers, parts, groups, [start()] * 5, 1)
+    assert made is None and np.array_equal(held_out[0], parts[0].mapped)
+
+
+def test_the_same_samples_give_the_same_correction(layers):
+    parts = parts_of(layers, lambda units: units[:, :1, 3] - 0.8)
+    first, second = (camera_correction.fit(layers, parts, np.arange(COUNT) % 2, [start()] * 3, 1)[0] for _ in range(2))
+    assert all(np.array_equal(getattr(first, one.name), getattr(second, one.name)) for one in fields(first))
+
+
+def test_a_calibration_keeps_its_correction_in_a_file(sharp, tmp_path):
+    made = blur.create("spectral").calibrated(sharp).camera
+    assert made.correction is not None
+    made.save(tmp_path / "camera.json")
+    answer = blur.create("spectral").estimate(sharp)
+    again = Calibration.load(tmp_path / "camera.json")
+    assert np.array_equal(again(answer.members, answer.hidden), made(answer.members, answer.hidden))
+    with pytest.raises(InputError, match="calibrate anew"):
+        made(answer.members)
+    content = json.loads((tmp_path / "camera.json").read_text())
+    for name, value in (("first", [[[1.0]]]), ("weight", [1.0]), ("offset", [float("nan")] * VALUES)):
+        broken = content | {"correction": content["correction"] | {name: value}}
+        (tmp_path / "broken.json").write_text(json.dumps(broken))
+        with pytest.raises(InputError, match="not the calibration of a camera"):
+            Calibration.load(tmp_path / "broken.json")
+
+
+def test_a_single_scene_gets_none(sharp):
+    picture = images.picture(7, 5, "test image", 255).astype(np.float32) / 255
+    windows = np.stack([picture[:192, :192], picture[63:, 63:]])[:, None]
+    made = fit_map(blur.create("spectral"), windows, samples=200)
+    assert made.correction is None
+    assert fit_map(blur.create("spectral"), sharp, samples=200, correction=False).correction is None
+
+
+def test_samples_with_noise_show_the_same_blur(sharp):
+    read = camera_samples.blurred(blur.create("spectral"), sharp, 128, 1, noisy=True)
+    assert read.noisy.logits.shape == read.clean.logits.shape == read.logits.shape == (len(read.known), 2 * VALUES)
+    clean, noisy = (np.abs(sigmoid(one.logits[:, :VALUES]) - read.known).mean() for one in (read.clean, read.noisy))
+    assert clean < noisy < 0.25
+    assert not np.array_equal(read.clean.hidden.units, read.noisy.hidden.units)
+    assert camera_samples.blurred(blur.create("spectral"), sharp, 128, 1, noisy=False).noisy is None
+
+
+def test_noise_costs_less_with_a_correction(sharp):
+    """Patches of other scenes, blurred and with 20 DN of noise: the correction knows noise, the map alone does not."""
+    from pipeline.camera import mtf
+    from pipeline.camera.blur import blur as convolve
+    from pipeline.camera.psf.linear_motion import create as motion
+
+    estimator = blur.create("spectral")
+    with_it = estimator.calibrated(sharp)
+    without = estimator.calibrated(sharp)
+    without.camera = replace(with_it.camera, correction=None)
+    others = np.stack([images.picture(index, 6, "test image", 192) for index in range(12)])[:, None] / np.float32(255)
+    errors = {"with": [], "without": []}
+    for size in (5, 9, 15):
+        kernel = motion(size, 0)
+        noise = stream(6, "test noise", size).normal(0, 20 / 255, others.shape)
+        patches = np.rint(np.clip(convolve(others, kernel) + noise, 0, 1) * 255).astype(np.float32) / 255
+        for name, one in (("with", with_it), ("without", without)):
+            errors[name].append(np.abs(one.estimate(patches).mtf - mtf.sample(kernel)).mean())
+    assert np.mean(errors["with"]) < np.mean(errors["without"])
