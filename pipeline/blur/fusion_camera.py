@@ -1,4 +1,4 @@
-"""The fused estimator's calibration to one camera: the spectral network's affine map and GBB's MTF of sharp frames.
+"""The fused estimator's calibration to one camera: the map of the spectral networks and GBB's MTF of sharp frames.
 
 PMP is left as it is: its answers for sharp frames are no measure of the camera, and dividing by them makes it worse.
 """
