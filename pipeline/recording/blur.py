@@ -141,7 +141,8 @@ def record(
     kept: dict[str, Any] = {}
     if earlier is not None:
         summary = pd.concat([earlier.summary, summary], ignore_index=True)
-        sharp = pd.concat([earlier.sharp, sharp], ignore_index=True)
+        # An empty table would make the numbers objects, which are written otherwise.
+        sharp = pd.concat([earlier.sharp, sharp], ignore_index=True) if len(sharp) else earlier.sharp
         estimates = pd.concat([earlier.estimates, estimates], ignore_index=True)
         kept = earlier.metrics
         metadata["weights"] |= earlier.metadata["weights"]
