@@ -95,13 +95,14 @@ def test_errors_that_are_a_scenes_own_get_no_correction(layers):
     """Each of four scenes turns the logits another way; nothing of it carries over."""
     groups = np.arange(COUNT) % 4
     turned = np.array([1.0, -1.0, 1.0, -1.0])[groups][:, None] * np.where(np.arange(VALUES) % 2, 1, -1)
-    base = parts_of(layers, lambda units: 0.0)
-    parts = [replace(part, known=sigmoid(part.mapped + turned)) for part in base]
-    # Hidden units tell the scene, as those of real patches do.
-    for part in parts:
-        part.hidden.units[:, :, :4] = 3 * np.eye(4, dtype=np.float32)[groups][:, None]
-    parts = [replace(part, mapped=untrained(layers).logits(part.hidden)) for part in parts]
-    parts = [replace(part, known=sigmoid(part.mapped + turned)) for part in parts]
+    parts = []
+    for name in ("clean", "noisy"):
+        hidden = seen(name)
+        hidden.units[:, :, :4] = (
+            3 * np.eye(4, dtype=np.float32)[groups][:, None]
+        )  # they tell the scene, as real ones do
+        mapped = untrained(layers).logits(hidden)
+        parts.append(Part(hidden, mapped, sigmoid(mapped + turned)))
     made, held_out = camera_correction.fit(layers, parts, groups, [start()] * 5, 1)
     assert made is None and np.array_equal(held_out[0], parts[0].mapped)
 
@@ -113,14 +114,13 @@ def test_the_same_samples_give_the_same_correction(layers):
 
 
 def test_a_calibration_keeps_its_correction_in_a_file(sharp, camera, tmp_path):
-    made = camera
-    assert made.correction is not None
-    made.save(tmp_path / "camera.json")
+    assert camera.correction is not None
+    camera.save(tmp_path / "camera.json")
     answer = blur.create("spectral").estimate(sharp)
     again = Calibration.load(tmp_path / "camera.json")
-    assert np.array_equal(again(answer.members, answer.hidden), made(answer.members, answer.hidden))
+    assert np.array_equal(again(answer.members, answer.hidden), camera(answer.members, answer.hidden))
     with pytest.raises(InputError, match="calibrate anew"):
-        made(answer.members)
+        camera(answer.members)
     content = json.loads((tmp_path / "camera.json").read_text())
     for name, value in (("first", [[[1.0]]]), ("weight", [1.0]), ("offset", [float("nan")] * VALUES)):
         broken = content | {"correction": content["correction"] | {name: value}}
