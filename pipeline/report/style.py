@@ -34,8 +34,11 @@ PNG_DPI = 150
 _STYLE = content(resources.files(__package__), "style.yaml")
 INK, MUTED, GRID, PAPER = (_STYLE["colours"][name] for name in ("ink", "muted", "grid", "paper"))
 PALETTE: Sequence[str] = _STYLE["palette"]
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-_DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)), (0, (8, 2)), (0, (3, 1)), (0, (1, 2)))
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">")
+_DASHES = (
+    "-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (5, 1.5, 1.2, 1.5)), (0, (8, 2)), (0, (3, 1)), (0, (1, 2)),
+    (0, (6, 1)), (0, (2, 2)),
+)  # fmt: skip
 
 Look = dict[str, Any]
 """Keyword arguments of matplotlib's ``plot``: colour, marker, line style."""
