@@ -97,7 +97,7 @@ for line in sys.stdin:
         os.dup2(file, 1)
         os.dup2(file, 2)
         try:
-            preloaded._run(words, dict(os.environ), None, None)
+            preloaded.run(words, dict(os.environ), None, None)
             status = 0
         except SystemExit as end:
             status = end.code if isinstance(end.code, int) else int(end.code is not None)

@@ -46,7 +46,7 @@ from numpy.typing import NDArray
 from pipeline.blur import affine_logits, camera_correction, halo
 from pipeline.blur.affine_logits import logit, sigmoid
 from pipeline.blur.base import FREQUENCIES, BlurEstimate, BlurEstimator, HiddenUnits, as_patches
-from pipeline.blur.camera_correction import Correction, OutputLayers
+from pipeline.blur.camera_correction import Correction, OutputLayers, Part
 from pipeline.blur.camera_samples import LEAST_SAMPLES, VALUES, HasOutputLayers, Samples, blurred, members
 from pipeline.camera.mtf import CAMERA
 from pipeline.errors import InputError
@@ -332,13 +332,10 @@ def _fitted(samples: Samples, layers: OutputLayers | None = None, seed: int = 1)
     strengths = STRENGTHS[: index + 1]
     matrix, offset = _map_drawn_back(affine_logits.fit(logits, known, strengths)[index], weight)
     correction, joint = None, _drawn_back(held_out[index], plain, weight)
-    if layers is not None and samples.clean is not None and samples.noisy is not None and count > 1:
-        under_noise = samples.noisy.logits
-        mapped = (joint, _drawn_back(_held_out(maps, under_noise, groups)[index], under_noise[:, :VALUES], weight))
-        parts = [
-            camera_correction.Part(read.hidden, known_logits, known)
-            for read, known_logits in zip((samples.clean, samples.noisy), mapped, strict=True)
-        ]
+    if layers is not None and samples.noisy is not None and count > 1:
+        noisy = samples.noisy
+        mapped = _drawn_back(_held_out(maps, noisy.logits, groups)[index], noisy.logits[:, :VALUES], weight)
+        parts = [Part(noisy.clean, joint, known), Part(noisy.hidden, mapped, known)]
         starts = [_map_drawn_back(of_group[index], weight) for of_group in maps]
         correction, corrected_logits = camera_correction.fit(layers, parts, groups, [*starts, (matrix, offset)], seed)
         joint = corrected_logits[0]

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur.affine_logits import NEAREST, Floats, logit, sigmoid
+from pipeline.blur.affine_logits import NEAREST, Floats, sigmoid
 from pipeline.blur.base import HiddenUnits
 from pipeline.streams import stream
 
@@ -80,13 +80,13 @@ class Correction(OutputLayers):
 
     def logits(self, hidden: HiddenUnits) -> Floats:
         """Logits (N, 16) of M"."""
-        mtf = []
-        for network, units in enumerate(np.moveaxis(np.asarray(hidden.units, np.float64), 1, 0)):
-            seen = np.maximum(units @ self.first[network].T + self.first_offset[network], 0)
-            mtf.append(sigmoid(seen @ self.second[network].T + self.second_offset[network]))
-        share = np.asarray(hidden.second_share, np.float64)[:, None]
-        joint = (1 - share) * mtf[0] + share * mtf[-1]
-        return np.asarray(logit(np.concatenate([joint, *mtf[1:]], axis=1)) @ self.matrix.T + self.offset)
+        import torch
+
+        weights = (self.first, self.first_offset, self.second, self.second_offset, self.matrix, self.offset)
+        given = (np.asarray(values, np.float64) for values in (hidden.units, hidden.second_share, *weights))
+        with torch.inference_mode():
+            units, share, *tensors = map(torch.from_numpy, given)
+            return np.asarray(_forward(units, share, tensors).numpy())
 
     def content(self) -> dict[str, Any]:
         """Everything in it, as JSON can hold it."""
@@ -180,30 +180,35 @@ def _trained(layers: OutputLayers, start: Map, parts: Sequence[Part], kept: NDAr
     """Layers and map, trained on the samples kept, at weight 1."""
     import torch
 
-    def joined(name: str) -> torch.Tensor:
-        arrays = [getattr(part.hidden if hasattr(part.hidden, name) else part, name)[kept] for part in parts]
-        return torch.from_numpy(np.concatenate(arrays).astype(np.float32))
+    from pipeline.learning.descent import descend
 
-    units, share, known = joined("units"), joined("second_share")[:, None], joined("known")
+    def joined(arrays: Sequence[NDArray[np.floating]]) -> torch.Tensor:
+        return torch.from_numpy(np.concatenate([array[kept] for array in arrays]).astype(np.float32))
+
+    units, share = (joined([getattr(part.hidden, name) for part in parts]) for name in ("units", "second_share"))
+    known = joined([part.known for part in parts])
     names = [one.name for one in fields(layers)]
     values = [getattr(layers, name) for name in names] + list(start)
+    generator = stream(seed, "camera correction batches")
+
+    def loss() -> torch.Tensor:
+        batch = torch.from_numpy(generator.integers(0, len(units), BATCH))
+        return (torch.sigmoid(_forward(units[batch], share[batch], weights)) - known[batch]).abs().mean()
+
     with torch.inference_mode(False), torch.enable_grad():
         weights = [torch.nn.Parameter(torch.from_numpy(np.asarray(value, np.float32))) for value in values]
-        first, first_offset, second, second_offset, matrix, offset = weights
-        optimiser = torch.optim.AdamW(weights, lr=LEARNING_RATE, weight_decay=0.0, fused=True)
-        generator = stream(seed, "camera correction batches")
-        for step in range(STEPS):
-            for group in optimiser.param_groups:
-                group["lr"] = LEARNING_RATE * (1 - step / STEPS)
-            batch = torch.from_numpy(generator.integers(0, len(units), BATCH))
-            seen = torch.relu(torch.einsum("nef,ekf->nek", units[batch], first) + first_offset)
-            mtf = torch.sigmoid(torch.einsum("nek,evk->nev", seen, second) + second_offset)
-            joint = (1 - share[batch]) * mtf[:, 0] + share[batch] * mtf[:, -1]
-            estimates = torch.cat([joint[:, None], mtf[:, 1:]], dim=1).flatten(1).clamp(NEAREST, 1 - NEAREST)
-            logits = (estimates / (1 - estimates)).log() @ matrix.T + offset
-            loss = (torch.sigmoid(logits) - known[batch]).abs().mean()
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
+        descend(weights, loss, steps=STEPS, learning_rate=LEARNING_RATE)
     made = dict(zip([*names, "matrix", "offset"], (part.detach().double().numpy() for part in weights), strict=True))
     return Correction(**made, weight=1.0)
+
+
+def _forward(units: torch.Tensor, share: torch.Tensor, weights: Sequence[torch.Tensor]) -> torch.Tensor:
+    """Logits (N, 16) of M" from hidden units (N, E, F) and the second network's share (N,)."""
+    import torch
+
+    first, first_offset, second, second_offset, matrix, offset = weights
+    seen = torch.relu(torch.einsum("nef,ekf->nek", units, first) + first_offset)
+    mtf = torch.sigmoid(torch.einsum("nek,evk->nev", seen, second) + second_offset)
+    joint = (1 - share[:, None]) * mtf[:, 0] + share[:, None] * mtf[:, -1]
+    estimates = torch.cat([joint[:, None], mtf[:, 1:]], dim=1).flatten(1).clamp(NEAREST, 1 - NEAREST)
+    return (estimates / (1 - estimates)).log() @ matrix.T + offset

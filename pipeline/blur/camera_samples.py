@@ -32,16 +32,18 @@ LEAST_SAMPLES = 100
 
 
 @dataclass(frozen=True)
-class Read:
-    """Samples as an estimator reads them.
+class UnderNoise:
+    """Samples with noise, by an estimator that passes on its hidden units.
 
     Attributes:
-        logits: (N, 16 E) of its MTFs, network after network.
-        hidden: its hidden units.
+        logits: (N, 16 E) of the estimated MTFs.
+        hidden: units with noise.
+        clean: units of the same samples without.
     """
 
     logits: Floats
     hidden: HiddenUnits
+    clean: HiddenUnits
 
 
 @dataclass(frozen=True)
@@ -53,16 +55,14 @@ class Samples:
         known: (N, 16) true MTFs.
         scene: (N,) number, from 0, of what each sample shows.
         half_width: (N, 16) half the width of its 95 % intervals, or None.
-        clean: with hidden units, as the logits are; None for an estimator without.
-        noisy: the same samples with noise; None likewise.
+        noisy: the same samples with noise, or None.
     """
 
     logits: Floats
     known: Floats
     scene: NDArray[np.int_]
     half_width: Floats | None = None
-    clean: Read | None = None
-    noisy: Read | None = None
+    noisy: UnderNoise | None = None
 
 
 @runtime_checkable
@@ -116,14 +116,12 @@ def blurred(estimator: BlurEstimator, sharp: NDArray[np.float32], samples: int, 
             f"sharp_patches: only {usable.sum()} of {samples} blurred samples can be measured (flat or saturated); "
             "give patches with structure, from sharp frames"
         )
-    logits = logit(read[usable])
     return Samples(
-        logits,
+        logit(read[usable]),
         np.asarray(mtf.sample(bank), float).reshape(samples, VALUES)[usable],
         np.unique(overlap.scenes(sharp[:, 0])[shown[usable]], return_inverse=True)[1],
         _half_width(clean, usable),
-        Read(logits, _hidden(clean, usable)) if grainy else None,
-        Read(logit(under_noise[usable]), _hidden(grainy, usable)) if grainy else None,
+        UnderNoise(logit(under_noise[usable]), _hidden(grainy, usable), _hidden(clean, usable)) if grainy else None,
     )
 
 

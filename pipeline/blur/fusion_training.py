@@ -78,25 +78,24 @@ def _fit(data: Rows, settings: FusionTraining, name: str) -> FusionGate:
     import torch
 
     from pipeline.blur.fusion_gate import FusionGate
+    from pipeline.learning.descent import descend
     from pipeline.learning.initial import initialise
 
     gate = FusionGate()
     initialise(gate, settings.recipe.seed, f"fusion gate {name}")
     gate.begin()
     arguments, truth = _tensors(data), torch.from_numpy(data.mtf)
-    optimiser = torch.optim.AdamW(
-        gate.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay, fused=True
-    )  # fused, as in `pipeline.learning.trainer`
-    for step in range(settings.steps):
-        for group in optimiser.param_groups:
-            group["lr"] = settings.learning_rate * (1 - step / settings.steps)
+
+    def loss() -> torch.Tensor:
         logits, scale = gate.every(*arguments)
         error = (torch.sigmoid(logits) - truth).abs()
         likelihood = error.detach() / scale + scale.log()
-        loss = (error + SCALE_WEIGHT * likelihood).mean((1, 2, 3)).sum()  # over the networks, which learn apart
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
+        return (error + SCALE_WEIGHT * likelihood).mean((1, 2, 3)).sum()  # over the networks, which learn apart
+
+    descend(
+        gate.parameters(), loss,
+        steps=settings.steps, learning_rate=settings.learning_rate, weight_decay=settings.weight_decay,
+    )  # fmt: skip
     return gate.eval()
 
 

@@ -238,7 +238,7 @@ class Spectral(Estimator):
                 if self.processed is not None:
                     other, units[part, 1] = _answer(self.processed, maps, vector, orientations)
                     share[part] = _second_share(main, other)
-                    main, members[part, 1] = self._joined(main, other), other[0]
+                    main, members[part, 1] = self._joined(main, other, share[part]), other[0]
                 mtf[part], scale[part], sigma_dn[part] = main
         members[:, 0] = mtf
         return Prediction(mtf, scale, sigma_dn, members, HiddenUnits(units, share))
@@ -257,9 +257,9 @@ class Spectral(Estimator):
             stacked(SECOND, "weight")[:, :values], stacked(SECOND, "bias")[:, :values],
         )  # fmt: skip
 
-    def _joined(self, main: Answer, processed: Answer) -> Answer:
+    def _joined(self, main: Answer, processed: Answer, share: NDArray[np.float32]) -> Answer:
         """The answers of both networks as one; scales are those of the main network's interval."""
-        excess, weight = processed[2] - main[2], _second_share(main, processed)[:, None, None]
+        excess, weight = processed[2] - main[2], share[:, None, None]
         mtf = (1 - weight) * main[0] + weight * processed[0]
         apart = main[1] + np.abs(main[0] - processed[0])
         reach = np.maximum(

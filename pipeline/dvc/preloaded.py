@@ -86,7 +86,7 @@ def start(
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(list(LIBRARIES))
     # no daemon, as it may start processes
-    process = context.Process(target=_run, args=(list(words), dict(environment), cores, output), daemon=False)
+    process = context.Process(target=run, args=(list(words), dict(environment), cores, output), daemon=False)
     with _lock:
         process.start()
     return process
@@ -101,10 +101,10 @@ def exit_status(process: ForkServerProcess) -> int:
     return process.exitcode
 
 
-def _run(
+def run(
     words: list[str], environment: dict[str, str], cores: Collection[int] | None, output: Connection | None
 ) -> None:
-    """Run a module as ``python -m`` does, in a child of the server."""
+    """Run a module as ``python -m`` does, in a process forked for it, which it leaves changed; see `start`."""
     import atexit
     import runpy
 

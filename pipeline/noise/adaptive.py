@@ -52,7 +52,7 @@ from numpy.typing import NDArray
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.noise.base import COMPRESSED, UNCERTAIN, Measured
 from pipeline.noise.block_quantisation import at_corner, present, suspected
-from pipeline.noise.cell_mapper import CELL_PX, CellMapper
+from pipeline.noise.cell_mapper import CellMapper
 from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
 from pipeline.noise.correlated import RELEASED as RELEASED_CORRELATED
@@ -67,6 +67,7 @@ from pipeline.noise.correlated_features import (
     moments,
     whiteness,
 )
+from pipeline.noise.maps import CELL_PX
 
 RELEASED_BESIDE = {"cellwise_weights": RELEASED_CELLWISE, "correlated_weights": RELEASED_CORRELATED}
 """Option -> the released weights that it stands for; for records of what was measured with what."""

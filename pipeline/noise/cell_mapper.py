@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.noise.base import Estimator, Measured, NoiseEstimate, as_stack, assemble, screen
+from pipeline.noise.maps import CELL_PX
 
 if TYPE_CHECKING:
     import torch
 
-CELL_PX = 8
 TILE_PX = 128
 """Size of patch that the networks were trained on, and of the tiles that a map is made of."""
 

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.errors import InputError
 from pipeline.noise.base import Measured
-from pipeline.noise.cell_mapper import CELL_PX, CellMapper
+from pipeline.noise.cell_mapper import CellMapper
+from pipeline.noise.maps import CELL_PX
 from pipeline.project_files import located
 from pipeline.weight_files import active
 

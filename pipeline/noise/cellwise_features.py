@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.camera.saturation import BLACK_BELOW_DN, WHITE_ABOVE_DN
+from pipeline.noise.maps import CELL_PX
 
 if TYPE_CHECKING:
     import torch
 
-CELL_PX = 8
 FILTERS = 6
 CHANNELS = 45
 """Numbers per cell."""

@@ -73,7 +73,7 @@ class PixelCnn(Estimator):
             sigma_dn[first : first + self.batch] = np.median(maps, axis=(1, 2))
         return Measured(sigma_dn)
 
-    def map(self, image: NDArray[np.floating]) -> NDArray[np.float32]:
+    def pixel_map(self, image: NDArray[np.floating]) -> NDArray[np.float32]:
         """Sigma of every pixel of an image (H, W) in [0, 1]: (H, W), DN."""
         return self._maps_dn(as_stack(np.asarray(image)[None, None], self.min_size_px))[0]
 

@@ -18,7 +18,7 @@ from pipeline.camera.processing.codec import Codec, store
 from pipeline.camera.processing.develop import grey
 from pipeline.learning import cameras
 from pipeline.noise.camera_samples import Chunk, middle, scene, side_px
-from pipeline.noise.samples import CELL_PX
+from pipeline.noise.maps import CELL_PX
 from pipeline.noise.settings import CameraSamplesRecipe
 from pipeline.streams import stream
 

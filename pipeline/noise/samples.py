@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from pipeline.learning import images
 from pipeline.learning.textures import power_law, smooth_field
-from pipeline.noise.cellwise_features import CELL_PX
+from pipeline.noise.maps import CELL_PX
 from pipeline.noise.settings import Recipe
 from pipeline.streams import stream
 

@@ -139,10 +139,10 @@ def test_a_single_scene_gets_none(sharp):
 
 def test_samples_with_noise_show_the_same_blur(sharp):
     read = camera_samples.blurred(blur.create("spectral"), sharp, 128, 1, noisy=True)
-    assert read.noisy.logits.shape == read.clean.logits.shape == read.logits.shape == (len(read.known), 2 * VALUES)
-    clean, noisy = (np.abs(sigmoid(one.logits[:, :VALUES]) - read.known).mean() for one in (read.clean, read.noisy))
+    assert read.noisy.logits.shape == read.logits.shape == (len(read.known), 2 * VALUES)
+    clean, noisy = (np.abs(sigmoid(one.logits[:, :VALUES]) - read.known).mean() for one in (read, read.noisy))
     assert clean < noisy < 0.25
-    assert not np.array_equal(read.clean.hidden.units, read.noisy.hidden.units)
+    assert not np.array_equal(read.noisy.clean.units, read.noisy.hidden.units)
     assert camera_samples.blurred(blur.create("spectral"), sharp, 128, 1, noisy=False).noisy is None
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline import blur
+from pipeline.blur import spectral
 from pipeline.camera.processing import presets
 from pipeline.camera.processing.develop import grey
 from pipeline.learning import images
@@ -58,7 +59,7 @@ def test_the_joined_answer_is_the_processed_one_where_its_noise_exceeds_by_two()
     shape = (3, 2, 8)
     main = (np.full(shape, 0.8, np.float32), np.full(shape, 0.01, np.float32), np.zeros(3, np.float32))
     other = (np.full(shape, 0.4, np.float32), np.full(shape, 0.02, np.float32), np.float32([0.5, 1.4, 3.0]))
-    mtf, scale, sigma = estimator._joined(main, other)
+    mtf, scale, sigma = estimator._joined(main, other, spectral._second_share(main, other))
     assert mtf[:, 0, 0] == pytest.approx([0.8, 0.6, 0.4]) and sigma == pytest.approx([0, 0.7, 3.0])
     assert scale[0, 0, 0] == pytest.approx(0.01 + 0.4)  # and the distance of the networks
     assert estimator.interval * scale[2, 0, 0] >= 0.4 + estimator.interval * 0.01  # reaches both

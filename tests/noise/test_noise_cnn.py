@@ -12,6 +12,7 @@ from pipeline import noise
 from pipeline.errors import InputError
 from pipeline.learning import weights
 from pipeline.noise.cnn_net import ARCHITECTURE, PixelNet, loss
+from pipeline.noise.maps import NoiseMapper
 from pipeline.streams import stream
 
 
@@ -72,7 +73,8 @@ def test_estimate_is_the_median_of_the_map(constant: Path) -> None:
     np.testing.assert_allclose(estimate.sigma_dn[:2], 7.5, rtol=1e-5)
     assert list(estimate.reason) == ["", "", "saturated"]
     assert np.isnan(estimate.low_dn).all()
-    np.testing.assert_allclose(estimator.map(patches[0, 0]), 7.5, rtol=1e-5)
+    np.testing.assert_allclose(estimator.pixel_map(patches[0, 0]), 7.5, rtol=1e-5)
+    assert not isinstance(estimator, NoiseMapper)  # a sigma of every pixel is no map of cells
     published = noise.create("cnn", weights=constant, quantise_like_paper=True).estimate(patches)
     np.testing.assert_array_equal(published.sigma_dn, 7.0)
     assert not published.abstained.any()
