@@ -117,9 +117,13 @@ def test_corruption_does_not_depend_on_the_order_of_frames(data):
     assert len(set(noise_of(frames).values())) == len(frames)
 
 
-def test_the_report_is_a_pure_function_of_its_inputs(data, once, tmp_path):
+def test_the_report_is_a_pure_function_of_its_inputs(data, once, tmp_path, monkeypatch):
+    """Without the records of recorded pictures, whose figures take most of the time: tests of the report draw them."""
     shutil.copytree(once, tmp_path / "run")
     shutil.copytree(ROOT / "data/paper", tmp_path / "run/data/paper")
+    for name in ("dvc.yaml", "dvc.lock"):
+        shutil.copy(ROOT / name, tmp_path / "run")
+    monkeypatch.chdir(tmp_path / "run")
     for name in ("first", "second"):
         report.run.run(tiny(data, 1), {}, tmp_path / "run", tmp_path / name)
     first = digests(tmp_path / "first")

@@ -33,14 +33,18 @@ TOP = {
     for group, options in GROUPS.items()
     if group not in ("dataset", "detector", "recording", "estimator/noise", "estimator/blur", "experiment")
 }
-PLACED = [f"+dataset@datasets.extra={name}" for name in GROUPS["dataset"]]
+PLACED = [f"+dataset@datasets.extra_{name}={name}" for name in GROUPS["dataset"]]
 PLACED += [f"experiment@{section}={name}" for section, name in EXPERIMENTS.items()]
-PLACED += [f"+detector@detection.detectors.extra={name}" for name in GROUPS["detector"]]
-PLACED += [f"+recording@real_noise.recordings.extra={name}" for name in GROUPS["recording"]]
+PLACED += [f"+detector@detection.detectors.extra_{name}={name}" for name in GROUPS["detector"]]
+PLACED += [f"+recording@real_noise.recordings.extra_{name}={name}" for name in GROUPS["recording"]]
 PLACED += [
-    f"+estimator/{what}@{what}.estimators.extra={name}"
+    f"+estimator/{what}@{what}.estimators.extra_{name}={name}"
     for what in ("noise", "blur")
     for name in GROUPS[f"estimator/{what}"]
+]
+TOGETHER = [PLACED] + [
+    [override for override in row if override]
+    for row in itertools.zip_longest(*([f"{group}={option}" for option in options] for group, options in TOP.items()))
 ]
 
 
@@ -49,11 +53,10 @@ def at_top(monkeypatch):
     monkeypatch.chdir(ROOT)
 
 
-@pytest.mark.parametrize(
-    "override", [f"{group}={option}" for group, options in TOP.items() for option in options] + PLACED
-)
-def test_every_group_option_composes_and_is_valid(override):
-    config = parse(compose([override]), "conf/")
+@pytest.mark.parametrize("overrides", TOGETHER, ids=" ".join)
+def test_every_group_option_composes_and_is_valid(overrides):
+    """As many options at once as exclude each other in no group: composing takes most of a second."""
+    config = parse(compose(overrides), "conf/")
     assert list(config.datasets) == config.matrix.datasets
     assert list(config.noise.estimators) == config.matrix.noise_estimators
     assert list(config.blur.estimators) == config.matrix.blur_estimators
