@@ -97,8 +97,13 @@ def test_a_queue_of_experiments_is_run(tmp_path):
         copy(ROOT / name, tmp_path / name, **({"ignore": ignore} if copy is shutil.copytree else {}))
     author = {"GIT_AUTHOR_NAME": "t", "GIT_AUTHOR_EMAIL": "t@example.org"}
     author |= {"GIT_COMMITTER_NAME": "t", "GIT_COMMITTER_EMAIL": "t@example.org"}
+
+    def git(*words: str) -> str:
+        command, environment = ["git", *words], os.environ | author
+        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True).stdout
+
     for words in (["init", "-q"], ["add", "-A"], ["commit", "-q", "-m", "start"]):
-        subprocess.run(["git", *words], cwd=tmp_path, env=os.environ | author, check=True)
+        git(*words)
     models = f"camera.sensor.model={','.join(MODELS)}"
     dvc = {"cwd": tmp_path, **author, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
     queued = run("dvc", "exp", "run", "--queue", "-S", "profile=smoke", "-S", models, "sensor", **dvc)
@@ -106,10 +111,6 @@ def test_a_queue_of_experiments_is_run(tmp_path):
     run("dvc", "exp", "run", "--run-all", **dvc)
     states = [line.split()[-1] for line in run("dvc", "queue", "status", **dvc).splitlines() if "Success" in line]
     assert len(states) == len(MODELS)
-
-    def git(*words: str) -> str:
-        return subprocess.run(["git", *words], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
-
     kept = [line for line in git("for-each-ref", "--format=%(refname)", "refs/exps/").split() if "/exec/" not in line]
     used = [yaml.safe_load(git("show", f"{name}:params.yaml"))["camera"]["sensor"]["model"] for name in kept]
     assert set(MODELS) <= set(used)

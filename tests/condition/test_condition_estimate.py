@@ -128,7 +128,7 @@ def test_the_cameras_own_blur_can_be_divided_out(monkeypatch):
     assert (monitor.frame(sharp[0]).mtf.value > 0.8).all()
     monitor = ConditionMonitor()
     soft = monitor.frame(sharp[0]).mtf.value
-    monkeypatch.setattr(estimate, "calibrate", partial(estimate.calibrate, samples=300))  # a tenth of the time
+    monkeypatch.setattr(estimate, "calibrate", partial(estimate.calibrate, samples=300))  # sooner
     monitor.calibrate(sharp, fitted=True)
     assert monitor.frame(sharp[0]).mtf.value.mean() > soft.mean() + 0.15
     with pytest.raises(InputError, match="192 px"):

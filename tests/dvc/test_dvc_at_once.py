@@ -196,11 +196,12 @@ def test_an_interrupt_ends_the_commands_and_dvc_and_leaves_the_repository_usable
     run(folder, "pipeline.dvc", "repro")
 
 
-def test_a_served_command_runs_as_python_runs_it(tmp_path):
+@pytest.mark.parametrize("at_once", [1, 2])
+def test_a_served_command_runs_as_python_runs_it(tmp_path, at_once):
     folder = make(
         tmp_path, {"one": show("1.txt"), "two": show("2.txt"), "alone": show("3.txt", module="release")}, modules=True
     )
-    output = run(folder, "pipeline.dvc", "repro").stdout
+    output = run(folder, "pipeline.dvc", "repro", at_once=at_once).stdout
     plain = run(folder, "pipeline.stages.show", "+job.out=4.txt", DVC_STAGE="one").stdout
     status = plain.partition("pins: ")[2].partition(" argv")[0]
     assert "loaded before: False" in plain
