@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from pipeline.blur.base import FREQUENCIES, BlurEstimate, Estimator, HiddenUnits
 from pipeline.blur.camera_calibration import Calibration, corrected, fit_map
 from pipeline.blur.camera_correction import OutputLayers
-from pipeline.camera.mtf import GENERIC_LENS
+from pipeline.camera.mtf import CAMERA, GENERIC_LENS, SYSTEM
 from pipeline.errors import InputError
 from pipeline.project_files import located
 from pipeline.weight_files import active
@@ -69,8 +69,8 @@ INTERVAL = 3.0  # of a Laplace distribution, ln 20 scales hold 95 %; weight file
 Answer = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
 """MTF (N, 2, 8), its Laplace scale (N, 2, 8), and noise sigma (N,), DN."""
 
-HIDDEN, FIRST, SECOND = 1, 2, 4
-"""Of a network's head: the hidden units that a calibration to a camera starts from, and the layers above them."""
+FIRST, SECOND = 2, 4
+"""Layers of a network's head above the hidden units that a calibration to a camera starts from."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ class Spectral(Estimator):
             InputError: not as expected, or hardly any of them can be measured.
         """
         made = self._uncalibrated()
-        made.camera = fit_map(made, sharp_patches)
+        made.camera, made.relative_to = fit_map(made, sharp_patches), CAMERA
         return made
 
     def divided(self, sharp_patches: Any) -> Self:
@@ -190,6 +190,7 @@ class Spectral(Estimator):
         """The same estimator, of total MTFs."""
         made = copy.copy(self)
         made.camera = made.typical = made.sharp_mtf = None
+        made.relative_to = SYSTEM
         return made
 
     def sigma_dn(self, patches: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -223,7 +224,7 @@ class Spectral(Estimator):
         members = np.empty((count, 1 if self.processed is None else 2, 2, 8), np.float32)
         mtf, scale = np.empty((count, 2, 8), np.float32), np.empty((count, 2, 8), np.float32)
         sigma_dn, share = np.empty(count, np.float32), np.zeros(count, np.float32)
-        units = np.empty((count, members.shape[1], self.network.head[HIDDEN - 1].out_features), np.float32)
+        units = np.empty((count, members.shape[1], self.network.head[0].out_features), np.float32)
         with torch.inference_mode():
             for first in range(0, count, self.batch):
                 part = slice(first, first + self.batch)
@@ -281,13 +282,8 @@ def _answer(
     network: SpectralNet, maps: torch.Tensor, vector: torch.Tensor, ways: int
 ) -> tuple[Answer, NDArray[np.float32]]:
     """What a network answers and its hidden units (N, 256), averaged over the ways a patch is seen."""
-    units: list[torch.Tensor] = []
-    hook = network.head[HIDDEN].register_forward_hook(lambda layer, inputs, output: units.append(output))
-    try:
-        outputs = network(maps, vector)[:3]
-    finally:
-        hook.remove()
+    units = network.hidden(maps, vector)
     mtf, scale, sigma_dn, hidden = (
-        value.unflatten(0, (ways, -1)).mean(0).cpu().numpy() for value in (*outputs, units[0])
+        value.unflatten(0, (ways, -1)).mean(0).cpu().numpy() for value in (*network.outputs(units)[:3], units)
     )
     return (mtf, scale, sigma_dn), hidden

@@ -79,10 +79,18 @@ class SpectralNet(nn.Module):
             mtf: (N, 2, 8) in (0, 1); scale: (N, 2, 8) > 0, mean absolute error expected; sigma_dn: (N,) noise added
             after the blur; sigma_scale_dn: (N,).
         """
+        return self.outputs(self.hidden(maps, vector))
+
+    def hidden(self, maps: torch.Tensor, vector: torch.Tensor) -> torch.Tensor:
+        """(N, hidden) units of the first hidden layer, after its ReLU."""
         maps = maps.contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.half_precision):
             seen = self.body(maps)
-        out = self.head(torch.cat([seen.float().flatten(1), vector], dim=1))
+        return self.head[1](self.head[0](torch.cat([seen.float().flatten(1), vector], dim=1)))
+
+    def outputs(self, hidden: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+        """The answer from these units; see `forward`."""
+        out = self.head[2:](hidden)
         count = 2 * FREQUENCIES
         mtf = torch.sigmoid(out[:, :count]).unflatten(1, (2, FREQUENCIES))
         scale = functional.softplus(out[:, count : 2 * count]) * SCALE_FACTOR + SMALLEST_SCALE

@@ -1,6 +1,7 @@
 """The spectral estimator: features that blur shifts as theory says, an honest interface, released weights that work."""
 
 import itertools
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -153,6 +154,19 @@ def test_single_and_batched_answers_agree(untrained, pictures):
     single = np.concatenate([Spectral(untrained).estimate(one[None]).mtf for one in pictures])
     assert np.allclose(whole.mtf, single, atol=1e-5)
     assert np.array_equal(whole.mtf, Spectral(untrained).estimate(torch.from_numpy(pictures)).mtf)
+
+
+def test_threads_that_share_it_do_not_mix_their_answers(untrained, pictures):
+    estimator = Spectral(untrained)
+    batches = [pictures[:count] for count in (1, 3, 2, 4)] * 15
+
+    def answers(run):
+        found = run(estimator.predict_members, batches)
+        return [np.concatenate([one.mtf.ravel(), one.hidden.units.ravel()]) for one in found]
+
+    with ThreadPoolExecutor(3) as pool:
+        together = answers(pool.map)
+    assert all(np.array_equal(one, other) for one, other in zip(answers(map), together, strict=True))
 
 
 def test_mirrored_answers_hardly_change(untrained, pictures):
