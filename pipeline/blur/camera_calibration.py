@@ -63,6 +63,8 @@ ONE_SCENE = (1, 0.75)
 """Index of the strength, and weight, of a calibration to a single scene; chosen on single patches of other cameras."""
 MOST_RISE = 0.01
 """Of the error by a halo's map, in the median scene, as a share; above it there is no such map."""
+INCOMPLETE = "incomplete"
+"""Why a patch is abstained from whose MTF is not known at every frequency."""
 FEW_SCENES = 3  # up to which the standard error is over samples: so few scenes do not give one
 
 
@@ -239,6 +241,8 @@ class CalibratedEstimator:
 def corrected(estimate: BlurEstimate, camera: Calibration) -> BlurEstimate:
     """An estimator's result with a camera's calibration applied; intervals keep their width, widened.
 
+    Every corrected value rests on all frequencies: a patch of which some are unknown is abstained from, `INCOMPLETE`.
+
     Raises:
         InputError: the calibration is of an ensemble of other networks.
     """
@@ -248,11 +252,17 @@ def corrected(estimate: BlurEstimate, camera: Calibration) -> BlurEstimate:
             f"calibration of an ensemble of {camera.members} networks, estimator of {known.shape[1]}; calibrate anew"
         )
     mtf = camera(known, estimate.hidden)
+    incomplete = np.isnan(mtf).any(axis=(1, 2)) & ~estimate.abstained
+    mtf[incomplete] = np.nan
+    reason = np.where(incomplete, INCOMPLETE, estimate.reason)
     ends: dict[str, Any] = {"low": None, "high": None}
     if estimate.low is not None and estimate.high is not None and not np.isnan(camera.widening):
         half = (np.asarray(estimate.high, float) - np.asarray(estimate.low, float)) / 2 * camera.widening
         ends = {"low": np.clip(mtf - half, 0, 1), "high": np.clip(mtf + half, 0, 1)}
-    return replace(estimate, mtf=mtf, kernel=None, members=None, hidden=None, **ends)
+    return replace(
+        estimate, mtf=mtf, abstained=estimate.abstained | incomplete, reason=reason,
+        kernel=None, members=None, hidden=None, **ends,
+    )  # fmt: skip
 
 
 def calibrate(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> CameraMap:

@@ -109,8 +109,9 @@ class Denoised:
         """
         batch = as_patches(patches)
         noisy = np.asarray(self.sigma_dn(batch)) >= self.from_sigma_dn
+        # A calibration takes the same networks for every batch; of smoothed patches their outputs are of both blurs.
         if not noisy.any():
-            return self.inner.estimate(batch)
+            return replace(self.inner.estimate(batch), members=None, hidden=None)
         shown = batch.copy()
         shown[noisy] = blur(batch[noisy], self.psf)
         result = self.inner.estimate(shown)
@@ -130,6 +131,11 @@ class Denoised:
         return replace(
             result, mtf=clear, abstained=abstained, reason=reason, kernel=None, members=None, hidden=None, **ends
         )
+
+    @property
+    def relative_to(self) -> str:
+        """What the MTF is relative to: see `pipeline.blur.base.Estimator`."""
+        return str(getattr(self.inner, "relative_to", mtf.SYSTEM))
 
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same, with the inner estimator relative to this camera's own sharp frames."""

@@ -35,6 +35,7 @@ from pipeline.blur.fusion_camera import SHARP_PATCHES, FusionMap
 from pipeline.blur.fusion_members import Deconvolution, join_members
 from pipeline.blur.spectral import RELEASED as RELEASED_SPECTRAL
 from pipeline.blur.spectral import RELEASED_PROCESSED, Spectral
+from pipeline.camera.mtf import CAMERA, SYSTEM
 from pipeline.errors import InputError, did_you_mean
 from pipeline.project_files import located
 from pipeline.weight_files import active
@@ -211,9 +212,10 @@ class Fused(Estimator):
         return FusionMap(spectral, np.median(kept, axis=0) if len(kept) else np.ones(result.mtf.shape[1:]))
 
     def with_camera(self, camera: FusionMap | None) -> Self:
-        """The same estimator with this calibration."""
+        """The same estimator with this calibration and no other; None for total MTFs."""
         made = copy.copy(self)
-        made.camera = camera
+        made.camera, made.sharp_mtf = camera, None
+        made.relative_to = SYSTEM if camera is None else CAMERA
         return made
 
     def calibrated(self, sharp_patches: Any) -> Self:
@@ -229,3 +231,7 @@ class Fused(Estimator):
             InputError: see `fit_camera`.
         """
         return self.with_camera(self.fit_camera(sharp_patches))
+
+    def divided(self, sharp_patches: Any) -> Self:
+        """See `pipeline.blur.base.Estimator.divided`."""
+        return super(Fused, self.with_camera(None)).divided(sharp_patches)

@@ -316,3 +316,22 @@ def test_a_file_with_a_broken_second_map_is_refused(sharp, truth, tmp_path, fiel
     path.write_text(json.dumps(made.content() | {field: value}))
     with pytest.raises(InputError, match="not the calibration of a camera"):
         Calibration.load(path)
+
+
+def test_a_patch_of_which_a_frequency_is_unknown_is_abstained_from():
+    mtf_read = np.full((2, 2, 8), 0.5)
+    mtf_read[0, 0, 7] = np.nan
+    read = BlurEstimate(mtf_read, np.zeros(2, bool), np.full(2, ""), low=mtf_read - 0.1, high=mtf_read + 0.1)
+    answer = camera_calibration.corrected(read, Calibration(np.eye(16), np.zeros(16), 1.0, 100, (1.0, 1.0)))
+    assert answer.abstained.tolist() == [True, False] and answer.reason.tolist() == ["incomplete", ""]
+    assert np.isnan(answer.mtf[0]).all() and np.isnan(answer.low[0]).all() and np.isnan(answer.high[0]).all()
+    assert answer.mtf[1] == pytest.approx(0.5)
+
+
+def test_an_estimator_says_what_its_answers_are_relative_to(sharp):
+    plain = blur.create("spectral")
+    typical = blur.create("spectral", output="relative")
+    calibrated = typical.calibrated(sharp)
+    kinds = [one.relative_to for one in (plain, typical, calibrated, plain.divided(sharp), calibrated._uncalibrated())]
+    assert kinds == ["system", "generic lens", "camera", "camera", "system"]
+    assert calibrated.divided(sharp).relative_to == "camera" and calibrated.divided(sharp).camera is None

@@ -1,6 +1,7 @@
 """Smoothing before and dividing after: exact where the estimator is, silent where the quotient would be noise."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,3 +103,20 @@ def test_calibration_reaches_the_inner_estimator(patches):
 def test_a_filter_that_smooths_nothing_is_refused():
     with pytest.raises(InputError, match="filter_px"):
         make(np.ones((2, 8)), filter_px=1.0)
+
+
+def test_what_a_calibration_takes_is_the_same_for_noisy_and_quiet_batches(patches):
+    """Of smoothed patches the outputs of single networks are of both blurs, so no batch passes them on."""
+
+    class Ensemble(Oracle):
+        relative_to = "camera"
+
+        def measure(self, patches, reason):
+            answer = super().measure(patches, reason)
+            return replace(answer, members=np.stack([answer.mtf, answer.mtf], axis=1))
+
+    inner = Ensemble(np.ones((2, 8)), np.ones((2, 8)))
+    for sigma in (0.0, 20.0):
+        estimator = Denoised(inner, lambda batch, sigma=sigma: np.full(len(batch), sigma))
+        answer = estimator.estimate(patches)
+        assert answer.members is None and answer.hidden is None and estimator.relative_to == "camera"

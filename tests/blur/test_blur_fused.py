@@ -141,6 +141,9 @@ def test_calibration_covers_the_members(gate_file, camera, blurred, tmp_path):
     assert camera.samples == 100 and camera.gbb_sharp_mtf.shape == (2, 8)
     calibrated = estimator.with_camera(camera)
     assert estimator.camera is None and calibrated.camera is camera
+    assert [one.relative_to for one in (estimator, calibrated, calibrated.with_camera(None))] == [
+        "system", "camera", "system"
+    ]  # fmt: skip
     answer = calibrated.estimate(blurred)
     assert not np.allclose(answer.mtf, estimator.estimate(blurred).mtf)
     camera.save(tmp_path / "camera.json")
