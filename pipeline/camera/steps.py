@@ -35,7 +35,7 @@ def steps(shown: Corrupted) -> list[Step]:
         shown: a corrupted frame; steps that were off are left out.
 
     Returns:
-        the input first, the 8-bit frame last; light before the tone curve where the frame was formed in linear light.
+        the input first, the 8-bit frame last; each as the camera would have encoded it.
     """
     electrons = shown.signal_e
     results = [_step("input", "scene", "The sharp frame.", electrons, shown)]
@@ -67,5 +67,5 @@ def steps(shown: Corrupted) -> list[Step]:
 
 
 def _step(name: str, title: str, caption: str, electrons: Float, shown: Corrupted) -> Step:
-    image = np.clip(shown.sensor.dn(electrons) / np.float32(FULL_SCALE_DN), 0.0, 1.0)
+    image = np.clip(shown.encoded_dn(electrons) / np.float32(FULL_SCALE_DN), 0.0, 1.0)
     return Step(name, title, caption, image.astype(np.float32))

@@ -84,13 +84,13 @@ class Corrupted:
     @cached_property
     def clean_dn(self) -> Float:
         """(H, W) what the frame would be without noise: blurred, neither rounded nor clipped, DN."""
-        return self._encoded(self._through_optics(self.signal_e))
+        return self.encoded_dn(self._through_optics(self.signal_e))
 
     @cached_property
     def noise_dn(self) -> Float:
         """(H, W) noise before full well, rounding and the 8-bit range, after the tone curve if there is one, DN."""
         if self.light == "linear":
-            return self._encoded(self.electrons) - self.clean_dn
+            return self.encoded_dn(self.electrons) - self.clean_dn
         return self.sensor.dn(self._noise_e)
 
     @property
@@ -101,8 +101,8 @@ class Corrupted:
             total += self._through_optics(noise) if source == "photon" and self.order == "paper" else noise
         return total
 
-    def _encoded(self, electrons: Float) -> Float:
-        """Electrons on the 8-bit scale, neither rounded nor clipped."""
+    def encoded_dn(self, electrons: Float) -> Float:
+        """(H, W) e- as grey levels of this frame, DN: after its tone curve, if any; neither rounded nor clipped."""
         if self.light == "encoded":
             return self.sensor.dn(electrons)
         level = electrons / np.float32(self.sensor.electrons_at_full_scale)

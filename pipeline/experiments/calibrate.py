@@ -13,7 +13,7 @@ the other half, so that no frame is evaluated with a calibration to itself.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -151,6 +151,25 @@ def folds(count: int) -> list[int]:
             f"calibration_samples out"
         )
     return [int(2 * number >= count) for number in range(count)]
+
+
+def in_folds(frames: Sequence[TestFrame], calibrating: Sequence[TestFrame]) -> list[TestFrame]:
+    """Frames with the half that each belongs to of those that are calibrated on.
+
+    Args:
+        frames: to be evaluated, with one calibration for each half.
+        calibrating: frames of the same dataset that both calibrations are made from (`cross_fit`).
+
+    Raises:
+        InputError: fewer than two to calibrate on, or a frame that is not among them.
+    """
+    halves = {item.frame.name: half for item, half in zip(calibrating, folds(len(calibrating)), strict=True)}
+    if strange := [item.frame.name for item in frames if item.frame.name not in halves]:
+        raise InputError(
+            f"frame {strange[0]} is not among those to calibrate on, so that the half whose calibration it is to be "
+            "evaluated with is unknown; give calibration_frames that hold every frame"
+        )
+    return [replace(item, fold=halves[item.frame.name]) for item in frames]
 
 
 def cross_fit(

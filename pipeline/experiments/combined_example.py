@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pipeline.camera import mtf
 from pipeline.camera.psf.kernel import Kernel
 from pipeline.camera.settings import CameraSettings
-from pipeline.camera.truth import Corrupted, through_optics
+from pipeline.camera.steps import steps as chain
+from pipeline.camera.truth import Corrupted
 from pipeline.datasets.patches import Patch
 from pipeline.experiments.calibrate import raw_and_calibrated
 from pipeline.experiments.combined import CELL, Pair
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 
     from pipeline.datasets.frame import Frame
 
-STEPS = ("scene", "photon", "optics", "dark", "readout", "frame")
-"""What an image shows: the light, after photon noise, after the optics, dark current, readout, and as recorded."""
+ENDS = {"input": "scene", "quantised": "frame"}
+"""Names of the first and the last step in the tables and arrays of an example; the others keep theirs."""
 
 
 def steps(formation: Corrupted, patch: Patch) -> dict[str, NDArray[np.uint8]]:
@@ -39,19 +40,9 @@ def steps(formation: Corrupted, patch: Patch) -> dict[str, NDArray[np.uint8]]:
         patch: of that frame.
 
     Returns:
-        name of `STEPS` -> (h, w) uint8, in their order.
+        name of the step (`pipeline.camera.steps`, `ENDS`) -> (h, w) uint8, in the order of the camera.
     """
-    light = formation.signal_e
-    images = {"scene": light}
-    if "photon" in formation.noise_e:
-        images["photon"] = light = light + formation.noise_e["photon"]
-    if formation.psf is not None:
-        images["optics"] = light = through_optics(light, formation.psf, formation.boundary)
-    for source in ("dark", "readout"):
-        if source in formation.noise_e:
-            images[source] = light = light + formation.noise_e[source]
-    crops = {name: _middle(np.clip(formation.sensor.dn(value), 0, 255), patch) for name, value in images.items()}
-    return {**crops, "frame": _middle(formation.image * 255.0, patch)}
+    return {ENDS.get(step.name, step.name): _middle(step.image * 255.0, patch) for step in chain(formation)}
 
 
 def _middle(image_dn: NDArray[np.floating], patch: Patch) -> NDArray[np.uint8]:

@@ -20,7 +20,7 @@ PURPOSES: Mapping[Quantity, str] = {"mtf": "blur", "sigma_dn": "noise"}
 """Quantity -> purpose of its patches in the index: 192 px on objects, or 128 px tiles."""
 
 WITHOUT: Mapping[Quantity, str] = {
-    "mtf": "no frame has a patch for blur; see its labels, or set blur.patch_px smaller",
+    "mtf": f"no frame has a patch for blur, {BLUR_PX} px around a labelled object; see its labels",
     "sigma_dn": "no frame has a tile for noise; set noise.tile_px smaller",
 }
 

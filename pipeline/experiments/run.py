@@ -250,7 +250,7 @@ class _View:
     ) -> None:
         self.sharp, self.condition, self.image, self.patches = sharp, condition, image, patches
         self._cuts: dict[Quantity, NDArray[np.float32]] = {}
-        self._estimates: dict[tuple[int, float], Any] = {}
+        self._estimates: dict[tuple[int, Quantity, float, bytes | None], Any] = {}
         self._noisy: dict[int, NDArray[np.bool_]] = {}
 
     def pixels(self, quantity: Quantity) -> NDArray[np.float32]:
@@ -285,7 +285,7 @@ class _View:
         chosen: NDArray[np.bool_] | None = None,
     ) -> Any:
         """An estimator's result; with a filter, for the chosen patches blurred by its disc."""
-        key = (id(estimator), filter_px)
+        key = (id(estimator), quantity, filter_px, None if chosen is None else chosen.tobytes())
         if key not in self._estimates:
             from_sequences = getattr(estimator, "estimate_sequences", None)
             if quantity != "mtf" or not self.sharp.earlier:

@@ -20,7 +20,7 @@ from pipeline import blur
 from pipeline.blur.camera_calibration import CameraMap
 from pipeline.camera.mtf import CAMERA, SYSTEM
 from pipeline.camera.settings import CameraSettings
-from pipeline.experiments.calibrate import Calibrated, cross_fit, divided_by_sharp, folds
+from pipeline.experiments.calibrate import Calibrated, cross_fit, divided_by_sharp, in_folds
 from pipeline.experiments.condition import grid, sharp_kernel
 from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.run import Executor, Method, Registered, in_process, run
@@ -87,7 +87,8 @@ def measure(
         estimators: name -> an estimator with ``estimate(patches)``, or a `Candidate`.
         frames: frames with their patches, as quantity ``"mtf"``.
         kernels: the bank, without the sharp one; that of the paper's Table I if None.
-        calibration_frames: the same frames with all their patches, to calibrate on; ``frames`` if None.
+        calibration_frames: these frames and possibly more, with all their patches, to calibrate on; ``frames`` if None.
+            A frame is judged with the calibration to the half of them that it is not in.
         camera: that forms the image; the paper's if None.
         seed: root of the random streams.
         draws: bootstrap resamples of the intervals.
@@ -95,8 +96,8 @@ def measure(
         label: name -> that of the progress bar.
 
     Raises:
-        InputError: unknown estimator or option, too few frames to calibrate on, or no estimate for sharp frames to
-            divide by.
+        InputError: unknown estimator or option, too few frames to calibrate on, a frame that is not among them, or no
+            estimate for sharp frames to divide by.
     """
     import pandas as pd
 
@@ -110,9 +111,10 @@ def measure(
         candidate = given if isinstance(given, Candidate) else Candidate(given)
         method, chosen = Method(name, "mtf", candidate.estimator), list(frames)
         if candidate.calibration_samples is not None:
-            chosen = [replace(item, fold=fold) for item, fold in zip(frames, folds(len(frames)), strict=True)]
+            calibrating = calibration_frames or frames
+            chosen = in_folds(frames, calibrating)
             calibrations[name] = cross_fit(
-                calibration_frames or frames,
+                calibrating,
                 candidate.estimator,
                 samples=candidate.calibration_samples,
                 seed=seed,

@@ -41,6 +41,16 @@ def test_order_is_known_to_the_truth_and_to_the_steps():
 
 @pytest.mark.parametrize("order", ["paper", "detector"])
 @pytest.mark.parametrize("light", ["encoded", "linear"])
+def test_the_last_step_before_rounding_is_nearly_the_frame(order, light):
+    ramp = np.linspace(0.25, 0.8, 300, dtype=np.float32)[None] * np.ones((300, 1), np.float32)
+    options = {"generator": stream(3, "steps"), "psf": DISC, "order": order, "light": light, "reach": "frame"}
+    result = steps(corrupt(ramp, "photon", sigma_dn=8.0, **options))
+    assert np.allclose(result[0].image, ramp, atol=1e-3)
+    assert np.abs(result[-2].image - result[-1].image).max() < 1.5 / 255
+
+
+@pytest.mark.parametrize("order", ["paper", "detector"])
+@pytest.mark.parametrize("light", ["encoded", "linear"])
 @pytest.mark.parametrize("noise_source", ["photon", "dcsn", "combined"])
 def test_order_and_light_meet_the_level(order, light, noise_source):
     ramp = np.linspace(0.25, 0.8, 300, dtype=np.float32)[None] * np.ones((300, 1), np.float32)

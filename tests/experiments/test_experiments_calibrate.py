@@ -105,3 +105,15 @@ def test_one_frame_is_refused_with_a_way_out(tmp_path):
     config, inputs = prepared(tmp_path, 1)
     with pytest.raises(InputError, match="at least two, or leave calibration_samples out"):
         stage.run(config, JOB, inputs, tmp_path)
+
+
+def test_a_subset_of_frames_keeps_the_halves_of_all(ran):
+    config, inputs, _ = ran
+    every = of_index(inputs / "data/index/mine", "mine", config.datasets["mine"], {"mtf": 1})
+    assert len(every) == 3
+    chosen = calibrate.in_folds([every[0], every[1]], every)  # on their own they would be two halves
+    assert [item.fold for item in chosen] == [0, 0] and [item.frame for item in chosen] == [
+        item.frame for item in every[:2]
+    ]
+    with pytest.raises(InputError, match=f"frame {every[2].frame.name} is not among those to calibrate on"):
+        calibrate.in_folds(every, every[:2])

@@ -14,7 +14,7 @@ from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.patches import cut, object_patches, tiles
 from pipeline.experiments.calibrate import divide_out_filter, divided_by_sharp
 from pipeline.experiments.combined import DISC, blur_cells, sigma_cells, with_expected
-from pipeline.experiments.combined_example import example_curves, highest_contrast_patch
+from pipeline.experiments.combined_example import example_curves, highest_contrast_patch, steps
 from pipeline.experiments.condition import Condition, Subset, grid
 from pipeline.experiments.corrupt import SharpFrame
 from pipeline.experiments.frames import TestFrame
@@ -197,3 +197,35 @@ def test_a_cell_without_any_estimate_has_counts_but_no_mean():
     }  # fmt: skip
     nested = combined_metrics(pd.DataFrame(rows))["blur"]["defocus_dcsn"]["mine"]["raw"]
     assert nested == {"0": {"amae_percent": 2.0, "count": 3, "abstained": 0}, "15": {"count": 0, "abstained": 3}}
+
+
+def test_two_prefilters_of_one_estimator_are_told_apart(frame, patches):
+    class Quiet(Ramp):
+        """The other way round: the last patch is quiet."""
+
+        def estimate(self, patches):
+            return type("Estimate", (), {"sigma_dn": np.arange(len(patches))[::-1] * 10.0})
+
+    shared = Contrast()
+    methods = [
+        Method(name, "mtf", shared, prefilter=PreFilter((5.0,), 10.0, noise))
+        for name, noise in (("ramp", Ramp()), ("quiet", Quiet()))
+    ]
+    together = measured(frame, patches, methods=methods)
+    for method in methods:
+        alone = measured(frame, patches, methods=[method])
+        part = together[together["estimator"] == method.name]
+        assert part["estimate"].tolist() == pytest.approx(alone["estimate"].tolist(), nan_ok=True)
+        assert part["smoothed"].tolist() == alone["smoothed"].tolist()
+
+
+@pytest.mark.parametrize(("order", "light"), [("paper", "encoded"), ("detector", "encoded"), ("paper", "linear")])
+def test_the_steps_shown_follow_the_camera_and_end_at_the_frame(frame, patches, order, light):
+    camera = CameraSettings(order=order, light=light)
+    kernel = next(kernel for kernel in KERNELS if kernel.kind == "linear_motion")
+    formation = SharpFrame(frame, camera, 1, paired=False).formation(Condition(kernel, "photon", 15.0, "photon_linear"))
+    shown = steps(formation, patches[0])
+    middle = ["photon", "optics"] if order == "paper" else ["optics", "photon"]
+    assert list(shown) == ["scene", *middle, "frame"]
+    change = np.abs(shown[middle[1]].astype(int) - shown["frame"])
+    assert change.mean() < 0.3 and change.max() <= 6  # whole electrons, which count for more where linear light is dark

@@ -47,7 +47,7 @@ TITLE, DENOISED = "Blur and noise at once", "Denoised blur"
 TABLES = ("combined_blur", "combined_noise", "combined_curves")
 STEPS = {
     "scene": "light", "photon": "photon noise", "optics": "optics (blur)", "dark": "dark current",
-    "readout": "readout noise", "frame": "8-bit frame",
+    "readout": "readout noise", "total": "sensor noise", "frame": "8-bit frame",
 }  # fmt: skip
 PICTURES = 3  # in a row of the example
 TRUTH: style.Look = {"color": style.INK, "linewidth": 1.3}
@@ -65,6 +65,9 @@ def order_figure(arrays: Mapping[str, np.ndarray], example: Mapping[str, Any]) -
     for entry in example["experiments"]:
         rows.setdefault(tuple(entry["steps"]), entry["experiment"])
     columns = [step for step in STEPS if any(step in steps for steps in rows)]
+    if any(steps.index("optics") < steps.index("photon") for steps in rows if {"optics", "photon"} <= set(steps)):
+        columns.remove("photon")  # in this camera the optics come first
+        columns.insert(columns.index("optics") + 1, "photon")
     figure, axes = style.sheet(len(columns), [1] * len(rows), left_in=0.5, top_in=0.22, gap_in=0.12, row_gap_in=0.16)
     for down, (steps, experiment) in enumerate(rows.items()):
         for across, step in enumerate(columns):
