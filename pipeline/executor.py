@@ -121,9 +121,23 @@ def _map_processes(function: Callable[[Item], Result], items: list[Item], worker
             try:
                 with processor.for_children():  # the pool starts its processes with the first items
                     futures = {pool.submit(_call, function, items[index]): index for index in waiting}
+                failed: dict[int, BaseException] = {}
                 for future in as_completed(futures):
-                    done[futures[future]] = future.result()
-                    next(bar, None)
+                    index = futures[future]
+                    if future.cancelled():
+                        continue
+                    if (error := future.exception()) is None:
+                        done[index] = future.result()
+                        next(bar, None)
+                    elif isinstance(error, BrokenProcessPool):
+                        raise error
+                    else:  # an earlier item may fail as well, and it is its error that one worker would meet
+                        failed[index] = error
+                        for other, later in futures.items():
+                            if later > index:
+                                other.cancel()
+                    if failed and all(other.done() for other, earlier in futures.items() if earlier < min(failed)):
+                        raise failed[min(failed)]
             except BrokenProcessPool as error:
                 lost = 0 if len(done) > before else lost + 1
                 if lost >= _PATIENCE:

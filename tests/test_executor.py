@@ -4,6 +4,7 @@ import functools
 import gc
 import os
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,15 @@ def square(x):
 def refuse_three(x):
     if x == 3:
         raise InputError("item 3 is bad")
+    return x
+
+
+def refuse_late_and_soon(x):
+    """Items 0 and 1 fail, the first of them later."""
+    if x == 0:
+        time.sleep(1.0)
+    if x < 2:
+        raise InputError(f"item {x} is bad")
     return x
 
 
@@ -125,3 +135,9 @@ def test_dask_gives_the_same(tmp_path):
         assert (tmp_path / "died-2").exists()
     with pytest.raises(InputError, match="no Dask scheduler"):
         run_map(square, [1], backend="dask", address="tcp://127.0.0.1:9")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_of_several_errors_the_first_in_order_is_raised(workers):
+    with pytest.raises(InputError, match="item 0"):
+        run_map(refuse_late_and_soon, range(4), workers=workers)

@@ -1,4 +1,4 @@
-"""Keys of kept work: settings, data and the source that is executed on them."""
+"""Keys of kept work: settings, data, weights and the source that is executed on them."""
 
 from __future__ import annotations
 
@@ -10,16 +10,22 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.dependencies import closure
+from pipeline.weight_files import active
+
+WEIGHTS = "data/weights/"
 
 
 def fingerprint(module: str, settings: Mapping[str, Any]) -> str:
-    """Hash of settings and of the source that a module can execute.
+    """Hash of settings, of the source that a module can execute, and of the weights that it can load.
 
     Args:
         module: dotted name.
         settings: numbers, words, dataclasses of them, lists, and bytes.
     """
-    return closure.fingerprint((module,), _plain(settings))
+    named = sorted(path for path in closure.closure(module) if path.startswith(WEIGHTS))
+    files = {path: active(closure.ROOT / path) for path in named}
+    weights = {path: file.read_bytes() for path, file in files.items() if file.is_file()}
+    return closure.fingerprint((module,), _plain({"settings": settings, "weights": weights}))
 
 
 def forget(folder: Path) -> None:

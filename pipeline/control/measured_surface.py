@@ -49,7 +49,7 @@ class SurfaceDesign:
 
     Attributes:
         target_sigmas_dn: target noise, rising; 0 is base gain.
-        sizes_px: motion, rising, 0 first.
+        sizes_px: motion, rising; 0 first, for the MTF of sharp frames is the reference.
         target_level: mean encoded level of every frame.
         exposure_s: of every frame.
     """
@@ -64,6 +64,11 @@ class SurfaceDesign:
             values = list(getattr(self, name))
             if len(values) < 2 or sorted(set(values)) != values or values[0] < 0:
                 raise InputError(f"control.surface.{name}: expected at least two rising numbers from 0 on")
+        if self.sizes_px[0] != 0:
+            raise InputError(
+                f"control.surface.sizes_px: begins at {self.sizes_px[0]:g}; expected 0 first, the sharp frames, whose "
+                "MTF is the reference of every motion"
+            )
 
 
 @lru_cache(maxsize=2)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.curves.cells import gather
+from pipeline.curves.cells import gather, nearest_bin
 from pipeline.curves.isolated import isolated
 from pipeline.curves.surface import Surface
 from pipeline.detection.average_precision import evaluate
@@ -281,21 +281,26 @@ def heat(label: str, one: Surface, tolerance: float, objects: float) -> pd.DataF
 
 
 def curves(label: str, rows: pd.DataFrame, draws: Floats, section: CurvesSettings, seed: int) -> pd.DataFrame:
-    """The isolated curves of one class: noise without blur, blur without noise. Schema `ISOLATED`."""
+    """The isolated curves of one class: noise without blur, blur without noise. Schema `ISOLATED`.
+
+    An effect of which no point lies in the bins has no curve.
+    """
     import pandas as pd
 
     parts = []
     bins: dict[str, Any] = {"sigma_bins_dn": section.sigma_bins_dn, "mtf_bins": section.mtf_bins}
+    sigma_centres, mtf_centres = (np.asarray(centres, dtype=float) for centres in bins.values())
     points, drawn = tuples(rows, draws, section.average_directions)
     for quantity, chosen in (("sigma_dn", points["kernel_size_px"] == 0), ("mtf", points["target_sigma_dn"] == 0)):
         selected = points[chosen]
-        known = selected["ap_percent"].notna() & selected["sigma_dn"].notna() & selected["mtf"].notna()
-        if not known.any():
-            continue
         picked = _without_gaps(drawn)[chosen.to_numpy()]
         # Only one effect is on: what the other quantity is estimated to be must not scatter the curve over bins.
         off = np.full(len(selected), section.mtf_bins[-1] if quantity == "sigma_dn" else section.sigma_bins_dn[0])
         sigma, contrast = (selected["sigma_dn"], off) if quantity == "sigma_dn" else (off, selected["mtf"])
+        known = selected["ap_percent"].notna() & selected["sigma_dn"].notna() & selected["mtf"].notna()
+        inside = (nearest_bin(sigma, sigma_centres) >= 0) & (nearest_bin(contrast, mtf_centres) >= 0)
+        if not (known & inside).any():
+            continue
         cells = gather(sigma, contrast, selected["ap_percent"], stream(seed, "curve"), picked, **bins)
         scenes = int(rows["scenes"].max())
         curve = isolated(cells, quantity, tolerance=section.tolerance_percent, scenes=scenes)

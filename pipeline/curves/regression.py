@@ -102,7 +102,8 @@ class LeftOut:
         chi2, r2, adjusted_r2: of the fit without it.
         largest_change: largest change of a fitted value, percent points.
         f: (chi2 without - chi2 with) / (chi2 with / degrees), the partial F statistic.
-        p_value: chance of an F as large if the term were zero and errors were normal; NaN without a degree of freedom.
+        p_value: chance of an F as large if the term were zero and errors were normal. Both are NaN without a degree of
+            freedom.
     """
 
     term: str
@@ -226,8 +227,10 @@ def leave_one_out(
     for left in whole.terms:
         part = fit(iso, exposure_ms, ap_percent, error_percent, [term for term in whole.terms if term != left])
         excess = part.chi2 - whole.chi2
-        ratio = excess * whole.degrees / whole.chi2 if whole.chi2 > 0 else float("inf")
-        p_value = float(f_distribution.sf(ratio, 1, whole.degrees)) if whole.degrees else float("nan")
+        ratio = p_value = float("nan")  # as many values as coefficients: what a term is worth cannot be told
+        if whole.degrees:
+            ratio = excess * whole.degrees / whole.chi2 if whole.chi2 > 0 else float("inf")
+            p_value = float(f_distribution.sf(ratio, 1, whole.degrees))
         change = float(np.abs(part.residual - whole.residual).max())
         rows.append(LeftOut(left, part.chi2, part.r2, part.adjusted_r2, change, ratio, p_value))
     return sorted(rows, key=lambda row: -row.chi2)

@@ -27,6 +27,10 @@ _UNCOUNTED = frozenset({".mkv", ".webm"})
 """Containers without a number of frames: OpenCV derives it from duration and rate, too large where the rate varies."""
 _SEVERAL = 2
 _ADDRESS = re.compile(r" @ 0x[0-9a-f]+")
+_DECODER = re.compile(
+    r"^(\[[^\]]+ @ 0x[0-9a-f]+\]|\s*Last message repeated|\[ ?(WARN|ERROR|FATAL)\b|OpenCV|VIDEOIO|Corrupt JPEG)"
+)
+"""How lines of FFmpeg, OpenCV and libjpeg begin; others are by threads that write meanwhile."""
 
 
 class BadVideo(InputError):
@@ -35,7 +39,7 @@ class BadVideo(InputError):
 
 @contextlib.contextmanager
 def _decoder_messages(messages: list[str]) -> Iterator[None]:
-    """Collect the lines that C libraries write to standard error meanwhile."""
+    """Collect the lines that the decoder writes to standard error meanwhile; those of others go there afterwards."""
     sys.stderr.flush()
     kept = os.dup(2)
     with tempfile.TemporaryFile() as file:
@@ -48,7 +52,11 @@ def _decoder_messages(messages: list[str]) -> Iterator[None]:
             if file.tell():
                 file.seek(0)
                 text = file.read().decode("utf-8", errors="replace")
-                messages += [_ADDRESS.sub("", line.strip()) for line in text.splitlines() if line.strip()]
+                lines = [line for line in text.splitlines() if line.strip()]
+                messages += [_ADDRESS.sub("", line.strip()) for line in lines if _DECODER.match(line)]
+                for line in lines:
+                    if not _DECODER.match(line):
+                        os.write(2, f"{line}\n".encode())
 
 
 def grey_frame(frame: np.ndarray) -> np.ndarray:

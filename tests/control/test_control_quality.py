@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from control_makers import CAMERA
@@ -10,7 +12,7 @@ from pipeline import control
 from pipeline.control.image_quality import quality
 from pipeline.control.nelder_mead import search
 from pipeline.control.observation import Observation
-from pipeline.control.state import CameraState
+from pipeline.control.state import CameraState, DelayLine
 from pipeline.streams import stream
 
 
@@ -89,6 +91,33 @@ def test_shin_waits_for_a_probe_that_is_on_its_way():
     probe = policy.decide(seen, state).state
     assert probe != state
     assert policy.decide(seen, state).state == probe
+
+
+@pytest.mark.parametrize(("delay", "rounding_s"), [(0, 0.0), (1, 0.0), (2, 0.0), (0, 1e-6), (2, 2e-5)])
+def test_shin_settles_on_the_best_settings_whatever_the_delay_and_the_drivers_rounding(delay, rounding_s):
+    limits = replace(CAMERA.limits, delay_frames=delay)
+    policy = control.create("shin2019", camera=replace(CAMERA, limits=limits), probes=9)
+    y, x = np.mgrid[:90, :120]
+    scene = 0.5 + 0.3 * np.sin(x / 7.0) * np.sin(y / 9.0)
+
+    def seen(state):
+        grain = 0.01 * np.sqrt(state.gain) * stream(3, "grain").standard_normal(scene.shape)
+        image = np.clip((scene * state.total_exposure_s / 0.008).clip(0, 1) ** (1 / 2.2) + grain, 0, 1)
+        return Observation(image.astype(np.float32), float(image.mean()), 0.0)
+
+    state = limits.nearest(0.004, 2.0)
+    line, decisions, taken = DelayLine.filled(state, delay), [], []
+    for _ in range(100):
+        decisions.append(policy.decide(seen(state), state))
+        taken.append(state)
+        written = decisions[-1].state
+        if rounding_s:
+            written = CameraState(round(written.exposure_s / rounding_s) * rounding_s, written.gain)
+        state = line.next(written)
+    ended = next(number for number, one in enumerate(decisions) if one.reason.startswith("search ended"))
+    assert [one.action.value for one in decisions[-40:]] == ["hold"] * 40
+    assert {one.state for one in decisions[ended:]} == {decisions[ended].state}
+    assert len(set(taken[-40:])) == 1
 
 
 def test_shim_fixed_point_direction_and_step_bounds():

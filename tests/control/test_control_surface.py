@@ -63,6 +63,8 @@ def test_surface_through_measured_knots():
 def test_surface_refuses_impossible_designs():
     with pytest.raises(InputError, match="sizes_px"):
         surface.SurfaceDesign((0.0, 5.0), (3.0,), 0.5, 0.008)
+    with pytest.raises(InputError, match="sizes_px: begins at 3; expected 0 first"):
+        surface.SurfaceDesign((0.0, 5.0), (3.0, 7.0), 0.5, 0.008)
     with pytest.raises(InputError, match="no object"):
         part = measured()
         empty = View("a-0", "a", 0, None, ())

@@ -170,3 +170,12 @@ def test_metrics_name_the_clean_value_and_the_surface(judged: tuple[pd.DataFrame
     assert result["car"]["clean_ap_percent"] == 100.0 and result["car"]["bins"] == 15
     assert "person" not in result  # a class without an object has nothing to watch
     assert precision.metrics(table, {})["car"]["bins"] == 0
+
+
+def test_an_effect_outside_the_bins_has_no_curve_and_the_other_keeps_its_own(
+    judged: tuple[pd.DataFrame, dict[str, np.ndarray]],
+) -> None:
+    table, draws = judged
+    bins = {**vars(SECTION), "sigma_bins_dn": [40, 45, 50]}
+    lines = precision.curves("car", table[table["label"] == "car"], draws["car"], SimpleNamespace(**bins), 1)
+    assert set(lines["quantity"]) == {"mtf"} and len(lines) == 5

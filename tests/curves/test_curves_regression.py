@@ -167,3 +167,10 @@ def test_bad_input_is_named() -> None:
             fit(*arguments)
     with pytest.raises(InputError, match=r"expected c1 \.\. c8"):
         evaluate([1.0, 2.0], iso, exposure)
+
+
+def test_without_a_degree_of_freedom_nothing_is_said_of_a_terms_worth():
+    iso, exposure = [100, 2500, 500, 1500, 1000, 100, 2500, 2000], [1, 21, 3, 15, 7, 21, 1, 11]
+    data = stream(5, "regression").uniform(20, 60, 8)
+    rows = leave_one_out(iso, exposure, data)
+    assert len(rows) == 8 and all(np.isnan(row.f) and np.isnan(row.p_value) for row in rows)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import threading
+import time
 from fractions import Fraction
 from pathlib import Path
 
@@ -38,6 +41,27 @@ def test_a_whole_video_gives_every_frame_without_remark(tmp_path, capfd, name, c
     assert [number for number, _ in read_video(path)] == list(range(FRAMES))
     assert [number for number, _ in read_video(path, every=7)] == [0, 7, 14]
     assert capfd.readouterr() == ("", "")
+
+
+def test_what_others_write_meanwhile_is_no_damage_and_is_not_lost(tmp_path, capfd):
+    path, remark = film(tmp_path / "a.avi", "MJPG"), "a plug-in: 12 patches skipped"
+    ended = threading.Event()
+
+    def chatter():
+        while not ended.is_set():
+            os.write(2, f"{remark}\n".encode())
+            time.sleep(0.001)
+
+    other = threading.Thread(target=chatter)
+    other.start()
+    try:
+        numbers = [number for _ in range(3) for number, _ in read_video(path)]
+    finally:
+        ended.set()
+        other.join()
+    assert numbers == list(range(FRAMES)) * 3
+    written = capfd.readouterr().err.splitlines()
+    assert len(written) > 3 and set(written) == {remark}
 
 
 def test_a_video_cut_short_gives_its_frames_and_then_counts_the_missing(tmp_path, capfd):

@@ -4,7 +4,8 @@ Every evaluation is a captured frame, which the robot sees too: probes are decis
 program searches raw microseconds and decibels, starts degenerate at 0 dB and ends after one search per scene; here both
 axes run over [0, 1] (exposure in stops, gain in dB), the first steps are at least a tenth of the range, and a new
 search starts when quality or mean level has moved by more than 10 % for three frames. The first step is the paper's:
-up by ``1.7 (1 - I)`` for a dark frame, down by ``I / 1.7`` for a bright one.
+up by ``1.7 (1 - I)`` for a dark frame, down by ``I / 1.7`` for a bright one. A frame is judged once it was taken with
+the settings asked for, as nearly as the camera has them.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from pipeline.control.state import CameraState
 LEAST_STEP = 0.1
 CHANGE = 0.10
 PATIENCE = 3
+SAME_STOPS = 0.05
+"""Settings this near are those asked for: a driver rounds exposure times to microseconds or to lines of the sensor."""
 
 
 class Shin2019(Policy):
@@ -48,6 +51,7 @@ class Shin2019(Policy):
         self.probes, self.tolerance = probes, tolerance
         self._search: Generator[Point, float, tuple[Point, float]] | None = None
         self._asked: CameraState | None = None
+        self._waited = 0
         self._held: tuple[float, float] | None = None
         self._strange = 0
 
@@ -56,31 +60,39 @@ class Shin2019(Policy):
         value = quality(observation.image).value
         if self._search is None and self._held is None:
             return self._start(observation, state)
+        assert self._asked is not None
+        if not self._arrived(state, self._asked):
+            action = Action.HOLD if self._search is None else Action.PROBE
+            return Decision(self._asked, action, "the settings asked for are still on their way to the sensor")
         if self._search is not None:
-            if self._asked is not None and state != self._asked:
-                return Decision(self._asked, Action.PROBE, "the probe is still on its way to the sensor")
             try:
                 point = self._search.send(-value)
             except StopIteration as end:
                 self._search = None
                 best, objective = end.value
                 self._strange, self._held = 0, (-objective, math.nan)
-                return Decision(self._state(best), Action.MOVE, f"search ended at quality {-objective:.2f}")
-            return self._probe(point, f"probe after quality {value:.2f}")
+                return self._ask(best, Action.MOVE, f"search ended at quality {-objective:.2f}")
+            return self._ask(point, Action.PROBE, f"probe after quality {value:.2f}")
         return self._watch(observation, state, value)
 
+    def _arrived(self, state: CameraState, asked: CameraState) -> bool:
+        """Whether a frame shows the settings asked for, or as near to them as the camera comes."""
+        self._waited += 1
+        stops = (math.log2(state.exposure_s / asked.exposure_s), math.log2(state.gain / asked.gain))
+        return max(map(abs, stops)) <= SAME_STOPS or self._waited > self.limits.delay_frames + PATIENCE
+
     def _watch(self, observation: Observation, state: CameraState, value: float) -> Decision:
-        assert self._held is not None
+        assert self._held is not None and self._asked is not None
         held, mean = self._held
         if math.isnan(mean):
             self._held = (value, observation.mean_level)
-            return Decision(state, Action.HOLD, f"quality {value:.2f} is kept")
+            return Decision(self._asked, Action.HOLD, f"quality {value:.2f} is kept")
         moved = abs(value - held) > CHANGE * max(abs(held), 0.1) or abs(observation.mean_level - mean) > CHANGE * mean
         self._strange = self._strange + 1 if moved else 0
         if self._strange >= PATIENCE:
             self._held = None
             return self._start(observation, state)
-        return Decision(state, Action.HOLD, f"quality {value:.2f} is kept")
+        return Decision(self._asked, Action.HOLD, f"quality {value:.2f} is kept")
 
     def _start(self, observation: Observation, state: CameraState) -> Decision:
         """First probe of a new search, from the present settings."""
@@ -95,12 +107,11 @@ class Shin2019(Policy):
             moved = here[axis] + wanted
             simplex[row, axis] = moved if 0.0 <= moved <= 1.0 else here[axis] - wanted
         self._search, self._strange = search(simplex, self.tolerance, self.probes), 0
-        point = next(self._search)
-        return self._probe(point, "new search")
+        return self._ask(next(self._search), Action.PROBE, "new search")
 
-    def _probe(self, point: Point, reason: str) -> Decision:
-        self._asked = self._state(point)
-        return Decision(self._asked, Action.PROBE, reason)
+    def _ask(self, point: Point, action: Action, reason: str) -> Decision:
+        self._asked, self._waited = self._state(point), 0
+        return Decision(self._asked, action, reason)
 
     def _stops(self) -> float:
         return max(math.log2(self.limits.exposure_max_s / self.limits.exposure_min_s), 1e-9)

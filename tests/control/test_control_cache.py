@@ -1,0 +1,33 @@
+"""Keys of kept work of the control stages: another detector's or monitor's weights are other work."""
+
+from __future__ import annotations
+
+import shutil
+
+from pipeline import weight_files
+from pipeline.control.cache import fingerprint, forget
+from pipeline.dependencies import closure
+
+MODULE = "pipeline.control.loop"
+
+
+def test_a_key_knows_settings_and_the_weights_of_the_monitor(tmp_path):
+    key = fingerprint(MODULE, {"seed": 1})
+    assert key == fingerprint(MODULE, {"seed": 1}) != fingerprint(MODULE, {"seed": 2})
+    weights = tmp_path / "weights"
+    shutil.copytree(closure.ROOT / "data/weights", weights)
+    with weight_files.active_folder(weights):
+        assert fingerprint(MODULE, {"seed": 1}) == key
+        for name in ("sigma_cellwise.safetensors", "mtf_spectral.safetensors"):
+            (weights / name).write_bytes(b"other")
+            assert fingerprint(MODULE, {"seed": 1}) != key
+            shutil.copy(closure.ROOT / "data/weights" / name, weights / name)
+
+
+def test_kept_work_goes_with_its_folder(tmp_path):
+    for name in ("one", "two"):
+        (tmp_path / "kept" / name).mkdir(parents=True)
+    forget(tmp_path / "kept/one")
+    assert [path.name for path in (tmp_path / "kept").iterdir()] == ["two"]
+    forget(tmp_path / "kept/two")
+    assert not (tmp_path / "kept").exists()
