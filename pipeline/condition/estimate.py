@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from pipeline import blur, noise
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
+from pipeline.condition.structure import STRUCTURELESS, structureless
 from pipeline.condition.summary import Summary, summarise, summarise_noise
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
@@ -221,7 +222,7 @@ class ConditionMonitor:
         start = time.perf_counter()
         if not squares:
             stack = np.empty((0, 1, PATCH_PX, PATCH_PX), np.float32)
-        result = self.blur_estimator.estimate(stack)
+        result = _with_structure(self.blur_estimator.estimate(stack), stack)
         taken = (time.perf_counter() - start) * 1e3
         return BlurState(squares, result, _grid(squares), summarise(result.mtf, result.low, result.high), taken)
 
@@ -240,12 +241,31 @@ class ConditionMonitor:
         return NoiseState(squares, result, grid, summarise_noise(result), whole, taken)
 
 
+def _with_structure(estimate: BlurEstimate, stack: NDArray[np.float32]) -> BlurEstimate:
+    """The estimate without answers for patches of shading and noise alone, which no estimator can read blur from."""
+    lost = structureless(stack) & ~estimate.abstained if len(stack) else np.zeros(0, np.bool_)
+    if not lost.any():
+        return estimate
+    parts = {name: getattr(estimate, name) for name in ("mtf", "low", "high")}
+    masked = {name: np.where(lost[:, None, None], np.nan, value) for name, value in parts.items() if value is not None}
+    reason = np.where(lost, STRUCTURELESS, estimate.reason)
+    return replace(estimate, abstained=estimate.abstained | lost, reason=reason, **masked)
+
+
 def _checked(image: NDArray[np.floating]) -> NDArray[np.float32]:
-    """A frame as float32, or an error with the cause."""
+    """A frame as float32, or an error with the cause; every pixel counts, those between the tiles too."""
+    if hasattr(image, "detach"):  # a torch tensor, told apart without importing torch
+        image = image.detach().cpu().numpy()
     if getattr(image, "ndim", None) != 2 or not np.issubdtype(image.dtype, np.floating):
         given = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}".strip()
         raise InputError(f"frame: got {given}; expected (H, W) floats in [0, 1], grey (divide 8-bit frames by 255)")
-    return np.ascontiguousarray(image, dtype=np.float32)
+    picture = np.ascontiguousarray(image, dtype=np.float32)
+    if picture.size and not (picture.min() >= 0.0 and picture.max() <= 1.0):  # NaN is neither
+        raise InputError(
+            f"frame: spans {picture.min():g} .. {picture.max():g}; expected numbers in [0, 1], none of them NaN "
+            "(divide 8-bit frames by 255; clip after filtering)"
+        )
+    return picture
 
 
 def _grid(squares: Sequence[Patch]) -> tuple[int, int]:

@@ -36,8 +36,11 @@ AXES = ("horizontal", "vertical")
 REASONS = {
     "compressed": "a codec may have removed it",
     "uncertain": "it looks like grain of the scene",
-    "saturated": "too bright",
+    "alternating": "it alternates from pixel to pixel, as a raw colour mosaic does; demosaic it first",
+    "saturated": "too bright or too dark",
     "flat": "no variation to measure",
+    "structureless": "no structure, only shading and noise",
+    "incomplete": "some frequencies are unknown",
 }
 """Why noise or blur is unknown, in words; other reasons are words already."""
 

@@ -32,6 +32,9 @@ Nor is there an answer where grain that looks like smoothed noise is finer along
 (`FORESHORTENED`). Noise of a camera has no direction but for row noise; the grain of a road or floor that is seen at a
 slant is compressed vertically, whether the frame was coded or not.
 
+Nor where the patch alternates from pixel to pixel (`pipeline.noise.alternation`), as a raw colour mosaic does, nor
+where the interval begins above `LARGEST_DN`: neither network has seen as much noise.
+
 `NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. Each network runs
 where it has a weight: a patch that is plainly white and not coded skips the second one, a patch that is coded or
 clearly correlated the first.
@@ -50,7 +53,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
-from pipeline.noise.base import COMPRESSED, UNCERTAIN, Measured
+from pipeline.noise.alternation import alternating
+from pipeline.noise.base import ALTERNATING, COMPRESSED, UNCERTAIN, Measured
 from pipeline.noise.block_quantisation import at_corner, present, suspected
 from pipeline.noise.cell_mapper import CellMapper
 from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
@@ -110,6 +114,7 @@ FORESHORTENED = 0.2
 ground plane. Chosen on tiles of simulated cameras with noise, 99 % of which lie below, and on rendered roads, three
 quarters of whose wrong answers lie above."""
 
+LARGEST_DN = 60.0  # the networks were trained on noise up to 45 DN; more is no camera's, but a pattern
 WEAK_DN = 2.5  # where the interval ends below, noise is certainly weak
 UNDETECTED_DN, UNDETECTED_LOW_DN = 0.5, 0.05  # an answer and lower end below these are an answer of zero
 SMOOTH = 0.9  # fraction of vanished coefficients of quantised blocks above which no detail is left to flicker
@@ -202,6 +207,8 @@ class Adaptive(CellMapper):
         hidden = hiding & (sigma < UNDETECTED_DN) & (low < UNDETECTED_LOW_DN)
         unsure = (wide | hidden | grain) & (reason == "")
         reason[unsure] = np.where((coded | hidden)[unsure], COMPRESSED, UNCERTAIN)
+        reason[(low > LARGEST_DN) & (reason == "")] = UNCERTAIN
+        reason[alternating(stack) & ((reason == "") | unsure)] = ALTERNATING
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
 
     def _widest(self, traces: Traces) -> NDArray[np.float64]:

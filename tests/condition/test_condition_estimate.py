@@ -151,6 +151,22 @@ def test_what_is_no_frame_is_refused(monitor, wrong):
         monitor.frame(wrong)
 
 
+@pytest.mark.parametrize("value", [np.nan, 77.0, -0.1])
+def test_pixels_between_the_tiles_count_too(monitor, value):
+    wrong = seen(frame(), 5.0)
+    wrong[-1, -1] = value
+    with pytest.raises(InputError, match="frame: spans"):
+        ConditionMonitor(noise_name="pca", most_tiles=1, most_patches=1).frame(wrong)
+
+
+def test_a_tensor_is_a_frame(monitor):
+    import torch
+
+    noisy = seen(frame(), 5.0)
+    one, other = monitor.frame(noisy), monitor.frame(torch.from_numpy(noisy))
+    assert np.array_equal(one.mtf.value, other.mtf.value) and one.sigma_dn.value == other.sigma_dn.value
+
+
 def test_the_answer_is_the_same_each_time(monitor):
     noisy = seen(frame(), 5.0)
     one, other = monitor.frame(noisy), monitor.frame(noisy.copy())

@@ -1,0 +1,48 @@
+"""Structure: shading and noise have none, pictures have some however blurred they are."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from skimage import data
+
+from pipeline.condition import ConditionMonitor
+from pipeline.condition.structure import structureless
+from pipeline.streams import stream
+
+
+def noisy(image: np.ndarray, sigma_dn: float) -> np.ndarray:
+    """Whole grey levels with white noise, (1, 1, H, W) in [0, 1]."""
+    levels = image * 255 + sigma_dn * stream(1, "structure", sigma_dn).standard_normal(image.shape)
+    return (np.rint(np.clip(levels, 0, 255)) / 255).astype(np.float32)[None, None]
+
+
+def shading() -> np.ndarray:
+    """A wall lit from one corner, with a lens's fall-off."""
+    y, x = np.mgrid[-1:1:192j, -1:1:192j]
+    return 0.5 + 0.15 * x + 0.1 * y - 0.1 * (x * x + y * y)
+
+
+@pytest.mark.parametrize("sigma_dn", [0.0, 1.0, 5.0, 10.0, 25.0])
+def test_shading_and_noise_are_no_structure(sigma_dn):
+    assert structureless(noisy(shading(), sigma_dn)).all()
+    assert structureless(noisy(np.full((192, 192), 0.55), sigma_dn)).all()
+
+
+@pytest.mark.parametrize("blur_px", [0.0, 2.0, 8.0])
+@pytest.mark.parametrize("sigma_dn", [0.0, 10.0, 25.0])
+def test_a_picture_keeps_its_structure_under_blur_and_noise(blur_px, sigma_dn):
+    image = data.camera()[100:292, 150:342] / 255
+    if blur_px:
+        image = cv2.GaussianBlur(image, (0, 0), blur_px)
+    assert not structureless(noisy(image, sigma_dn)).any()
+
+
+def test_a_frame_of_shading_has_no_blur():
+    y, x = np.mgrid[0:400, 0:600]
+    frame = noisy(0.2 + 0.5 * x / 600 + 0.1 * y / 400, 3.0)[0, 0]
+    read = ConditionMonitor(noise_name="pca").frame(frame)
+    assert read.abstained["blur"] and set(read.reasons["blur"]) == {"structureless"}
+    assert np.isnan(read.mtf.value).all() and np.isnan(read.blur.estimate.low).all()
+    assert float(read.sigma_dn.value) == pytest.approx(3.0, abs=0.5)
