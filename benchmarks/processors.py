@@ -145,7 +145,8 @@ def emulated(folder: Path, entry: dict[str, Any], emulator: Emulator, minutes: f
     """Run a stage on an emulated processor and compare; its native outputs are there again afterwards."""
     outs = [out["path"] for out in entry["outs"]]
     native = hashes(folder, outs)
-    aside = [*outs, ".cache"] if (folder / ".cache").exists() else outs
+    root = yaml.safe_load((folder / "params.yaml").read_text(encoding="utf-8"))["root"]
+    aside = [*outs, *(cache for cache in dict.fromkeys([".cache", f"{root}.cache"]) if (folder / cache).exists())]
     words = entry["cmd"].partition("python -m ")[2].split()
     with tempfile.TemporaryDirectory() as kept:
         for number, out in enumerate(aside):
