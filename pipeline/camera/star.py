@@ -16,14 +16,23 @@ stays is the bend of the rays within the blur: a blur of s pixels wants a circle
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.camera import mtf
 from pipeline.errors import InputError, did_you_mean
 
 DIRECTIONS = ("all", *mtf.DIRECTIONS)
+SECTOR_DEG = 10.0  # half the opening of a sector
+FULL_SECTOR_PERIODS = 60  # of stars with fewer rays `measure_mtf` widens sectors, to hold as many rays as of this one
+LEAST_PERIODS = 24  # fewer leave too few pixels in a sector of the circle of the highest of the eight frequencies
+RING_STEPS = 5  # pixels, towards the centre, over which the rays of a circle are averaged before they are counted
+SAMPLES_PER_RAY = 16
+HALF_BAND_FRACTION, LEAST_HALF_BAND = 0.04, 3  # of the number of rays: room for a shifted or slightly tilted star
 
 
 def measure(
@@ -35,7 +44,7 @@ def measure(
     amplitude: float,
     direction: str = "all",
     ring_px: float = 1.5,
-    sector_deg: float = 10.0,
+    sector_deg: float = SECTOR_DEG,
 ) -> np.ndarray:
     """Contrast left at each frequency.
 
@@ -113,14 +122,122 @@ def _amplitude(values: np.ndarray, phase: np.ndarray, across: np.ndarray, along:
 
 
 def measure_mtf(image: np.ndarray, centre_px: tuple[float, float], periods: int, *, amplitude: float) -> np.ndarray:
-    """The horizontal and vertical MTF at the paper's eight frequencies: (2, 8). See `measure` for the arguments."""
+    """The horizontal and vertical MTF at the paper's eight frequencies.
+
+    Sectors open by 10 degrees to either side, of stars with fewer than `FULL_SECTOR_PERIODS` rays by 600 / n. Each then
+    holds at least 3.3 rays, which keeps the odd harmonics of black and white rays out of the fit, and, from
+    `LEAST_PERIODS` rays, enough pixels on the smallest circle.
+
+    Args:
+        image: (H, W) linear brightness.
+        centre_px: see `measure`.
+        periods: see `measure`.
+        amplitude: see `measure`.
+
+    Returns:
+        (2, 8) float64 contrast at `pipeline.camera.mtf.FREQUENCIES`; rows horizontal, vertical.
+
+    Raises:
+        InputError: see `measure`.
+    """
     cycles_per_px = mtf.FREQUENCIES / 2
+    sector_deg = SECTOR_DEG * max(1.0, FULL_SECTOR_PERIODS / periods)
     return np.stack(
         [
-            measure(image, centre_px, periods, cycles_per_px, amplitude=amplitude, direction=direction)
+            measure(
+                image, centre_px, periods, cycles_per_px, amplitude=amplitude, direction=direction,
+                sector_deg=sector_deg,
+            )
             for direction in mtf.DIRECTIONS
         ]
-    )
+    )  # fmt: skip
+
+
+def lowest_circle_px(periods: int) -> float:
+    """Radius of the circle on which a star of so many rays has the lowest of the paper's eight frequencies, pixels."""
+    return float(periods / (math.pi * mtf.FREQUENCIES[0]))
+
+
+@dataclass(frozen=True)
+class RayEvidence:
+    """How much the circles of a picture look like those of a star with a given number of rays.
+
+    Attributes:
+        explained: (k,) fraction of the variance along each circle that lies within a few orders of the ray frequency.
+        extra_rays: (k,) turns that the phase of those orders makes about the centre: rays counted less rays expected.
+        agreement: (k - 1,) correlation, -1 to 1, of the rays on neighbouring circles; 1 where their phases are equal.
+        likely_rays: number of rays that explains most of the outermost circle.
+        likely_explained: fraction of its variance that those explain.
+    """
+
+    explained: NDArray[np.float64]
+    extra_rays: NDArray[np.int64]
+    agreement: NDArray[np.float64]
+    likely_rays: int
+    likely_explained: float
+
+
+def ray_evidence(
+    image: np.ndarray, centre_px: tuple[float, float], periods: int, radii_px: NDArray[np.float64]
+) -> RayEvidence:
+    """Whether a picture shows a Siemens star of a number of rays.
+
+    The brightness L(t) along a circle has the Fourier coefficients c_k. A star of n rays has its power at k = n, and
+    close to it where its centre is misplaced or the star tilted, which modulate the phase slowly. With a half band
+    b = max(3, 0.04 n),
+
+        z(t) = sum over |k - n| <= b of c_k exp(j (k - n) t),    explained = sum |c_k|^2 in the band / sum |c_k|^2
+
+    where the second sum runs from n / 4, which leaves out uneven light, to 4 n, which leaves out noise. The phase of z
+    is the same on all circles, and does not turn about the centre unless the number of rays differs from n.
+
+    Args:
+        image: (H, W) linear brightness.
+        centre_px: (x, y) of the star's centre; (0, 0) is the middle of the top left pixel.
+        periods: n, bright rays in a full turn, at least 4.
+        radii_px: (k,) circles, from the outermost inwards; each inside the picture, above `RING_STEPS` px.
+
+    Returns:
+        the evidence; 0 explained and 0 agreement for a circle without any structure.
+    """
+    from scipy.ndimage import map_coordinates
+
+    count = SAMPLES_PER_RAY * periods
+    turn = 2 * math.pi * np.arange(count) / count
+    steps = np.arange(RING_STEPS)[:, None]
+    half_band = _half_band(periods)
+    picture = np.asarray(image, dtype=np.float64)
+    explained, extra, rays, power = [], [], [], np.zeros(0)
+    for radius_px in radii_px:
+        x = centre_px[0] + (radius_px - steps) * np.cos(turn)
+        y = centre_px[1] - (radius_px - steps) * np.sin(turn)
+        profile = map_coordinates(picture, [y, x], order=1, mode="nearest").mean(axis=0)
+        spectrum = np.fft.rfft(profile) / count
+        squares = np.abs(spectrum) ** 2
+        squares[: periods // 4], squares[4 * periods + 1 :] = 0.0, 0.0
+        power = squares if not power.size else power
+        band = np.arange(periods - half_band, periods + half_band + 1)
+        explained.append(float(squares[band].sum() / max(squares.sum(), 1e-300)))
+        envelope = np.exp(1j * np.outer(turn, band - periods)) @ spectrum[band]
+        steps_of_phase = np.angle(np.roll(envelope, -1) * envelope.conj())
+        extra.append(round(float(steps_of_phase.sum()) / (2 * math.pi)))
+        rays.append(envelope)
+    agreement = [
+        float(np.vdot(inner, outer).real / max(np.linalg.norm(inner) * np.linalg.norm(outer), 1e-300))
+        for outer, inner in pairwise(rays)
+    ]
+    likely = int(power.argmax())
+    half_band = _half_band(likely)
+    near = power[max(likely - half_band, 0) : likely + half_band + 1].sum()
+    return RayEvidence(
+        np.array(explained), np.array(extra, dtype=np.int64), np.array(agreement), likely,
+        float(near / max(power.sum(), 1e-300)),
+    )  # fmt: skip
+
+
+def _half_band(periods: int) -> int:
+    """Orders on either side of the ray frequency that belong to the rays."""
+    return max(LEAST_HALF_BAND, round(HALF_BAND_FRACTION * periods))
 
 
 def synthesise(

@@ -10,13 +10,15 @@ import copy
 import json
 import os
 import re
-from dataclasses import asdict, dataclass
+from collections.abc import Collection
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError, did_you_mean, printable
 
 if TYPE_CHECKING:
+    from pipeline.blur.base import BlurEstimate, BlurEstimator, Estimator
     from pipeline.condition import ConditionMonitor
 
 _NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")
@@ -33,7 +35,7 @@ class StoredCamera:
         kind: one of `KINDS`: how it was measured.
         blur_estimator: that it belongs to; a chart serves any.
         weights_sha256: of the estimator's weight files, by name.
-        size_px: (height, width) of the pictures.
+        size_px: (height, width) of the pictures; None for a chart, whose MTF does not depend on where it was cropped.
         frames: pictures that it was made from.
         sharp_mtf: (2, 8) MTF of the camera that estimates are divided by; None for a fit.
         fit: content of `pipeline.blur.camera_calibration.Calibration`; None for the others.
@@ -44,7 +46,7 @@ class StoredCamera:
     kind: str
     blur_estimator: str
     weights_sha256: dict[str, str]
-    size_px: tuple[int, int]
+    size_px: tuple[int, int] | None
     frames: int
     sharp_mtf: list[list[float]] | None
     fit: dict[str, Any] | None
@@ -106,8 +108,11 @@ def load(name: str) -> StoredCamera:
         raise InputError(f"--camera {name}: not calibrated ({hint}); camera-monitor calibrate {name} SHARP_PICTURES")
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        height_px, width_px = (int(side) for side in content["size_px"])
-        camera = StoredCamera(**{**content, "size_px": (height_px, width_px)})
+        size_px = None
+        if content["kind"] not in CHARTS:  # charts stored by earlier versions have the size of their crop
+            height_px, width_px = (int(side) for side in content["size_px"])
+            size_px = height_px, width_px
+        camera = StoredCamera(**{**content, "size_px": size_px})
         if camera.kind not in KINDS or (camera.sharp_mtf is None) == (camera.fit is None):
             raise ValueError("neither an MTF nor a fit")
         if camera.sharp_mtf is not None:
@@ -131,8 +136,9 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
     Raises:
         InputError: it was calibrated with another estimator or other weights, or the estimator cannot be calibrated.
     """
-    from pipeline.blur.base import Estimator
+    from pipeline.blur.base import SHARP_FLOOR, Estimator
     from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
+    from pipeline.camera.mtf import CAMERA
     from pipeline.recording.provenance import blur_weights
 
     if camera.kind not in CHARTS:
@@ -153,8 +159,62 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
     if not isinstance(monitor.blur_estimator, Estimator):
         raise InputError(f"--camera {camera.name}: the estimator {monitor.blur_name} cannot be divided by an MTF")
     made = copy.copy(monitor.blur_estimator)
-    made.sharp_mtf = _matrix(camera.sharp_mtf)
-    monitor.blur_estimator = made
+    made.sharp_mtf, made.relative_to = _matrix(camera.sharp_mtf), CAMERA
+    empty = made.sharp_mtf <= SHARP_FLOOR
+    monitor.blur_estimator = WithoutEmptyFrequencies(made) if empty.any() else made
+
+
+class WithoutEmptyFrequencies:
+    """An estimator divided by a camera's MTF, which is not divided where the camera has no contrast left.
+
+    At a frequency where the camera's MTF is at most `pipeline.blur.base.SHARP_FLOOR`, division by that floor would
+    report blur of the camera's own sharp frames. The relative MTF there is that at the nearest lower frequency with
+    contrast, on the same axis: an upper bound where blur lowers the MTF from frequency to frequency.
+
+    Args:
+        divided: an estimator with `sharp_mtf`; the lowest frequency of both axes has contrast.
+    """
+
+    def __init__(self, divided: Estimator) -> None:
+        import numpy as np
+
+        from pipeline.blur.base import SHARP_FLOOR
+
+        assert divided.sharp_mtf is not None
+        self.divided, self.relative_to = divided, divided.relative_to
+        place = np.arange(divided.sharp_mtf.shape[1])
+        self._source = np.maximum.accumulate(np.where(divided.sharp_mtf > SHARP_FLOOR, place, 0), axis=1)  # (2, 8)
+
+    def estimate(self, patches: Any) -> BlurEstimate:
+        """The MTF relative to the camera, per patch; see `pipeline.blur.base.Estimator.estimate`."""
+        import numpy as np
+
+        result = self.divided.estimate(patches)
+        relative: dict[str, Any] = {
+            name: np.take_along_axis(value, np.broadcast_to(self._source, value.shape), axis=2)
+            for name in ("mtf", "low", "high")
+            if (value := getattr(result, name)) is not None
+        }
+        return replace(result, **relative)
+
+    def calibrated(self, sharp_patches: Any) -> BlurEstimator:
+        """The estimator inside, calibrated anew to these sharp patches."""
+        return self.divided.calibrated(sharp_patches)
+
+
+def of_other_size(name: str, shape: tuple[int, ...], sharp: Collection[tuple[int, ...]]) -> str:
+    """Why a frame of another size than the sharp pictures is to be judged with care, in words.
+
+    Args:
+        name: of the frame.
+        shape: (height, width).
+        sharp: those of the sharp pictures.
+    """
+    sizes = ", ".join(f"{width}x{height}" for height, width in sorted(sharp))
+    return (
+        f"{name} is {shape[1]}x{shape[0]} px, the sharp pictures are {sizes} px; "
+        "another size means another camera, mode or scaling, whose sharpness differs"
+    )
 
 
 def _matrix(content: Any) -> Any:

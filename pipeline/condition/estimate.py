@@ -247,7 +247,9 @@ def _with_structure(estimate: BlurEstimate, stack: NDArray[np.float32]) -> BlurE
     if not lost.any():
         return estimate
     parts = {name: getattr(estimate, name) for name in ("mtf", "low", "high")}
-    masked = {name: np.where(lost[:, None, None], np.nan, value) for name, value in parts.items() if value is not None}
+    masked: dict[str, Any] = {
+        name: np.where(lost[:, None, None], np.nan, value) for name, value in parts.items() if value is not None
+    }
     reason = np.where(lost, STRUCTURELESS, estimate.reason)
     return replace(estimate, abstained=estimate.abstained | lost, reason=reason, **masked)
 

@@ -28,7 +28,8 @@ _UNCOUNTED = frozenset({".mkv", ".webm"})
 _SEVERAL = 2
 _ADDRESS = re.compile(r" @ 0x[0-9a-f]+")
 _DECODER = re.compile(
-    r"^(\[[^\]]+ @ 0x[0-9a-f]+\]|\s*Last message repeated|\[ ?(WARN|ERROR|FATAL)\b|OpenCV|VIDEOIO|Corrupt JPEG)"
+    r"^(\[[^\]]+ @ 0x[0-9a-f]+\]|\s*Last message repeated|\[ ?(WARN|ERROR|FATAL)\b|OpenCV|VIDEOIO|Unexpected|"
+    r"Corrupt JPEG)"
 )
 """How lines of FFmpeg, OpenCV and libjpeg begin; others are by threads that write meanwhile."""
 

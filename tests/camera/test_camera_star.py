@@ -87,6 +87,32 @@ def test_noise_averages_out(points: np.ndarray) -> None:
     assert np.abs(result - mtf.sample(psf)).max() < 0.06
 
 
+def test_the_rays_of_a_star_are_counted() -> None:
+    image = star.synthesise(520, 520, 36, supersample=2)
+    for expected in (34, 36, 38):
+        evidence = star.ray_evidence(image, (259.5, 259.5), expected, np.array([212.0, 159.0, 106.0]))
+        assert evidence.explained.min() > 0.99 and evidence.agreement.min() > 0.99
+        assert evidence.extra_rays.tolist() == [36 - expected] * 3
+        assert evidence.likely_rays == 36 and evidence.likely_explained > 0.99
+    evidence = star.ray_evidence(image, (261.5, 257.5), 36, np.array([212.0, 159.0, 106.0]))  # misplaced by 2.8 px
+    assert evidence.explained.min() > 0.9 and not evidence.extra_rays.any() and evidence.agreement.min() > 0.9
+    evidence = star.ray_evidence(image, (259.5, 259.5), 72, np.array([212.0, 159.0, 106.0]))
+    assert evidence.explained.max() < 0.01 and evidence.likely_rays == 36
+    flat = star.ray_evidence(np.full((520, 520), 0.5), (259.5, 259.5), 36, np.array([212.0, 159.0]))
+    assert flat.explained.tolist() == [0, 0] and flat.agreement.tolist() == [0]
+
+
+@pytest.mark.parametrize("periods", [24, 36, 40, 53])
+def test_stars_of_few_rays_have_sectors_large_enough(periods: int) -> None:
+    size_px = 2 * round(star.lowest_circle_px(periods)) + 12
+    image = star.synthesise(size_px, size_px, periods, amplitude=AMPLITUDE)
+    centre = ((size_px - 1) / 2,) * 2
+    assert np.abs(star.measure_mtf(image, centre, periods, amplitude=AMPLITUDE) - 1).max() < 2e-3
+    psf = create("defocus", 3)
+    result = star.measure_mtf(blur(image, psf), centre, periods, amplitude=AMPLITUDE)
+    assert np.abs(result - mtf.sample(psf)).max() < 0.03
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -10,10 +10,12 @@ import pytest
 from click.testing import CliRunner
 from data_makers import picture
 
+from pipeline.blur import create
 from pipeline.camera import star
 from pipeline.camera.mtf import FREQUENCIES, sample
 from pipeline.camera.star_centre import point_of_symmetry
 from pipeline.cli import camera_store, main
+from pipeline.cli.calibrate import star_mtf
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -66,7 +68,20 @@ def test_two_edges_give_both_axes_and_the_stored_camera_is_used(tmp_path, home):
         rows.append(np.array(content["pictures"][0]["mtf"]))
     assert content["relative"] is True and content["camera"] == "front"
     np.testing.assert_allclose(rows[1], np.clip(rows[0] / np.array(stored.sharp_mtf), 0, 1), atol=1e-3)
-    assert "scene.png is 448x320 px" in done.stderr
+    assert stored.size_px is None and "448x320" not in done.stderr  # a crop of a chart says nothing of the frames
+
+
+def test_edges_may_have_different_sizes_and_old_sizes_of_charts_are_ignored(tmp_path):
+    upright = save(tmp_path / "v.png", edge(True, 300)[:, 87:212])
+    flat = save(tmp_path / "h.png", edge(False, 300)[87:212])
+    done = call("calibrate", "front", upright, flat, "--chart", "edge")
+    assert done.exit_code == 0, done.output
+    np.testing.assert_allclose(
+        camera_store.load("front").sharp_mtf, gaussian_mtf() * np.sinc(FREQUENCIES / 2), atol=0.03
+    )
+    path = camera_store.path_of("front")
+    path.write_text(json.dumps({**json.loads(path.read_text()), "size_px": [300, 125]}))
+    assert camera_store.load("front").size_px is None
 
 
 def test_areas_select_the_edges_of_one_picture(tmp_path):
@@ -91,6 +106,108 @@ def test_a_star_gives_the_mtf_with_its_centre_located(tmp_path, centre_px):
     assert done.exit_code == 0, done.output
     truth = gaussian_mtf() * np.sinc(FREQUENCIES / 2)
     np.testing.assert_allclose(camera_store.load("front").sharp_mtf, truth / truth[:, :1], atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("rays", "size_px"), [(24, 300), (36, 512), (40, 520), (60, 760), (72, 900), (100, 1220), (144, 1740)]
+)
+def test_common_stars_work_without_more_options(rays, size_px):
+    sharp = star.synthesise(size_px, size_px, rays, supersample=2).astype(np.float64)
+    mtf = star_mtf([("star", cv2.GaussianBlur(sharp, (0, 0), SIGMA_PX).astype(np.float32))], rays)
+    x = np.pi * FREQUENCIES / 2 / 2
+    truth = gaussian_mtf() * np.cos(x)  # the mean of two points per pixel
+    np.testing.assert_allclose(mtf, truth / truth[:, :1], atol=0.03 if rays < 36 else 0.01)
+
+
+def star_picture(rays, size_px, shift_px=(0.0, 0.0), black_and_white=False):
+    centre_px = (size_px - 1) / 2 + shift_px[0], (size_px - 1) / 2 + shift_px[1]
+    amplitude = 20.0 if black_and_white else 0.35
+    image = star.synthesise(size_px, size_px, rays, centre_px=centre_px, amplitude=amplitude).astype(np.float64)
+    return np.clip(image, 0.15, 0.85)
+
+
+@pytest.mark.parametrize(("rays", "size_px"), [(36, 448), (60, 730)])
+def test_black_and_white_rays_give_the_same_mtf(rays, size_px):
+    x = (np.arange(4 * size_px) - 2 * size_px + 0.5)[None]  # four times as fine as the pixels
+    fine = np.where(np.sin(rays * np.arctan2(-x.T, x)) > 0, 0.85, 0.15).astype(np.float32)
+    image = cv2.GaussianBlur(fine, (0, 0), 4 * SIGMA_PX).reshape(size_px, 4, size_px, 4).mean(axis=(1, 3))
+    truth = gaussian_mtf() * np.sinc(FREQUENCIES / 2)
+    np.testing.assert_allclose(star_mtf([("star", image)], rays), np.maximum(truth / truth[:, :1], 0.05), atol=0.03)
+
+
+@pytest.mark.parametrize("black_and_white", [False, True])
+@pytest.mark.parametrize(("rays", "size_px"), [(36, 520), (60, 760)])
+def test_stars_are_known_behind_blur_noise_shift_and_uneven_light(rays, size_px, black_and_white):
+    image = star_picture(rays, size_px, (6.3, -4.6), black_and_white)
+    image = cv2.GaussianBlur(image, (0, 0), 2.0) * np.linspace(0.35, 1, size_px) * np.linspace(0.7, 1, size_px)[:, None]
+    image += stream(0, "star").normal(0, 10 / 255, image.shape)
+    image = np.clip(image, 0, 1).astype(np.float32)
+    assert star_mtf([("star", image)], rays).shape == (2, 8)
+    for wrong in (2 * round(0.45 * rays), rays - 2, rays + 2):
+        with pytest.raises(InputError, match=rf"no Siemens star of {wrong} rays.*(about )?{rays} rays"):
+            star_mtf([("star", image)], wrong)
+    for wrong in (rays // 2, 2 * rays, 2 * round(0.55 * rays)):
+        with pytest.raises(InputError, match="--rays"):
+            star_mtf([("star", image)], wrong)
+
+
+def test_what_is_no_star_is_refused():
+    noise = np.clip(stream(0, "noise").normal(0.5, 0.2, (900, 900)), 0, 1).astype(np.float32)
+    text = np.full((900, 900), 255, np.uint8)
+    for line in range(30):
+        words = f"{line} The quick brown fox jumps over the lazy dog"
+        cv2.putText(text, words, (5, 28 * line + 24), cv2.FONT_HERSHEY_SIMPLEX, 1.0, 0, 2)
+    photograph = (picture("no star", 900, 900) / 255).astype(np.float32)
+    for image in (noise, (text / 255).astype(np.float32), photograph):
+        for rays in (24, 36, 40):
+            with pytest.raises(InputError, match="star: no Siemens star.*explain|picture ends"):
+                star_mtf([("star", image)], rays)
+    hidden = star_picture(36, 520)
+    hidden[:260, 260:] = 0.3
+    with pytest.raises(InputError, match="part of it is hidden"):
+        star_mtf([("star", hidden.astype(np.float32))], 36)
+    small = star_picture(36, 700)
+    y, x = np.indices(small.shape)
+    small[np.hypot(x - 349.5, y - 349.5) > 180] = 0.85
+    with pytest.raises(InputError, match="424 px across, but its rays end before that"):
+        star_mtf([("star", small.astype(np.float32))], 36)
+    with pytest.raises(InputError, match="differ by . DN"):
+        star_mtf([("star", (0.5 + 0.02 * (star_picture(36, 520) - 0.5)).astype(np.float32))], 36)
+
+
+@pytest.mark.parametrize(("sigma_px", "doubted"), [(0.0, False), (1.4, False), (2.2, True), (3.0, True)])
+def test_accepted_sharp_pictures_are_near_1_relative_to_themselves(tmp_path, sigma_px, doubted):
+    image = picture("health").astype(float) / 255
+    scene = save(tmp_path / "scene.png", cv2.GaussianBlur(image, (0, 0), sigma_px) if sigma_px else image)
+    done = call("calibrate", "front", scene)
+    assert done.exit_code == 0, done.output
+    assert ("scene.png does not look sharp: contrast falls to half at 0.1" in done.stderr) == doubted
+    done = call("health", scene, "--jsonl", "--camera", "front")
+    assert done.exit_code == 0, done.output
+    assert np.min(json.loads(done.stdout)["mtf"]) > 0.9
+
+
+def test_pictures_without_contrast_are_refused(tmp_path, home):
+    image = cv2.GaussianBlur(picture("health").astype(float) / 255, (0, 0), 8.0)
+    scene = save(tmp_path / "scene.png", image)
+    for options in ((), ("--calibrate-estimator",)):
+        done = call("calibrate", "front", scene, *options)
+        assert done.exit_code == 2 and "no contrast is left" in done.output and "Traceback" not in done.output
+    soft = [save(tmp_path / f"soft {name}.png", cv2.GaussianBlur(edge(name, 160), (0, 0), 8.0)) for name in (0, 1)]
+    done = call("calibrate", "front", *soft, "--chart", "edge")
+    assert done.exit_code == 2 and "focus the camera" in done.output
+    assert not list(home.glob("cameras/*"))
+
+
+def test_frequencies_without_contrast_take_the_relative_mtf_of_the_next_lower():
+    plain = create("spectral")
+    plain.sharp_mtf = np.array([[0.9, 0.8, 0.7, 0.5, 0.2, 0.05, 0.05, 0.05], [0.9] * 8])
+    patches = (picture("health")[None, None, :192, :192] / 255).astype(np.float32)
+    divided = plain.estimate(patches)
+    result = camera_store.WithoutEmptyFrequencies(plain).estimate(patches)
+    np.testing.assert_array_equal(result.mtf[:, 1], divided.mtf[:, 1])
+    np.testing.assert_array_equal(result.mtf[:, 0], divided.mtf[:, 0][:, [0, 1, 2, 3, 4, 4, 4, 4]])
+    np.testing.assert_array_equal(result.low[:, 0, 5:], np.repeat(divided.low[:, 0, 4:5], 3, axis=1))
 
 
 def test_sharp_scenes_are_stored_with_the_hash_of_the_weights_and_refuse_another_estimator(tmp_path):
@@ -125,6 +242,8 @@ def test_sharp_scenes_are_stored_with_the_hash_of_the_weights_and_refuse_another
         (["front", "{}/a.png", "--chart", "edge", "--calibrate-estimator"], "--calibrate-estimator is for"),
         (["front", "{}/flat.png", "--chart", "edge"], "differ by 0 DN"),
         (["front", "{}/flat.png", "--chart", "star", "--rays", "36"], "without structure"),
+        (["front", "{}/a.png", "--chart", "star", "--rays", "16"], "at least 24"),
+        (["front", "{}/a.png", "--chart", "star", "--rays", "72"], "a star of 72 rays must be 848 px across"),
         (["front", "{}/a.png", "{}/small.png"], "one size at a time"),
         (["front", "{}/small.png"], "none is as large as a patch"),
     ],
