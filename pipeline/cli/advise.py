@@ -5,17 +5,22 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from pipeline.cli.given_paths import GivenPath, refuse_other_format
 from pipeline.cli.numbers import FiniteRange
-from pipeline.errors import InputError
+from pipeline.errors import InputError, printable
+
+if TYPE_CHECKING:
+    from pipeline.control.state import CameraState
 
 SURFACE = Path("data/control_surface/all.npz")
 
 
 @click.command("advise")
-@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("paths", nargs=-1, required=True, type=GivenPath())
 @click.option("--exposure", help="exposure time of the pictures, e.g. 4ms or 1/250s; from EXIF if left out")
 @click.option("--iso", type=FiniteRange(1, 1_000_000), help="their ISO; from EXIF if left out")
 @click.option(
@@ -35,37 +40,65 @@ def command(
 
     Prints one JSON object per frame: estimated noise and motion blur, the average precision expected at the present
     settings with its 95 % interval, the best settings inside the limits, and the reason. Where the estimators
-    abstain or nothing was measured, the action states it.
+    abstain or nothing was measured, the action states it. Pictures taken with settings outside the limits get
+    settings inside them. A file that cannot be used is named on standard error and left out.
+
+    Exit codes: 0 done; 2 if a file could not be used; 130 interrupted.
     """
+    from collections import Counter
+
+    from pipeline.camera import sensor as sensors
     from pipeline.camera.exposure import Camera
-    from pipeline.camera.sensor import named
-    from pipeline.cli.pictures import expand, read
-    from pipeline.cli.shot_settings import seconds, shot_settings
+    from pipeline.cli.pictures import expand, named, readable
+    from pipeline.cli.shot_settings import seconds
     from pipeline.condition import ConditionMonitor
     from pipeline.control.advice import advise
     from pipeline.control.performance import Performance
     from pipeline.control.policy import ControlledCamera
-    from pipeline.control.state import BASE_ISO, CameraState, Limits
+    from pipeline.control.state import BASE_ISO, Limits
     from pipeline.executor import one_thread
 
     one_thread()
     if exposure is not None:
         seconds(exposure, "--exposure")
     limits = Limits(exposure_max_s=seconds(exposure_max, "--exposure-max"), gain_max=iso_max / BASE_ISO)
-    camera = ControlledCamera(limits, Camera(named(sensor)))
+    camera = ControlledCamera(limits, Camera(sensors.named(sensor)))
     files = expand(paths)
+    refuse_other_format(surface)
     performance, monitor = Performance.load(surface), ConditionMonitor()
+    hinted, failed = Counter[int](), 0
     for path in files:
-        time, gain = shot_settings(path, exposure, iso)
-        for option, value in (("--exposure", time), ("--iso", gain)):
-            if value is None:
-                raise InputError(f"{path}: no EXIF data say its settings; give {option}")
-        assert time is not None and gain is not None
-        state = CameraState(time, gain / BASE_ISO)
-        for name, image in read(path):
-            advice = advise(image, state, camera, performance, monitor, speed)
+        try:
+            state = _settings(path, exposure, iso)
+        except InputError as error:
+            failed += 1
+            click.echo(f"set aside: {error}", err=True)
+            continue
+        for name, image, problem in readable([path], hinted=hinted):
+            try:
+                if image is None:
+                    raise InputError(problem)
+                advice = advise(image, state, camera, performance, monitor, speed)
+            except InputError as error:
+                failed += 1
+                click.echo(f"set aside: {named(name, error)}", err=True)
+                continue
             row = {key: _plain(value) for key, value in advice.row().items()}
             click.echo(json.dumps({"picture": name, **row}))
+    if failed:
+        raise InputError(f"{failed} of the files given could not be used; see above")
+
+
+def _settings(path: Path, exposure: str | None, iso: float | None) -> CameraState:
+    """Settings of a file; refused where they are neither given nor in its EXIF data."""
+    from pipeline.cli.shot_settings import shot_settings
+    from pipeline.control.state import BASE_ISO, CameraState
+
+    time, known_iso = shot_settings(path, exposure, iso)
+    if time is None or known_iso is None:
+        option = "--exposure" if time is None else "--iso"
+        raise InputError(f"{printable(path)}: no EXIF data say its settings; give {option}")
+    return CameraState(time, known_iso / BASE_ISO)
 
 
 def _plain(value: object) -> object:

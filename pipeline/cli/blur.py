@@ -24,7 +24,11 @@ def command() -> None:
     help="name of an estimator of the configuration; may be repeated, by default all",
 )
 @click.option(
-    "--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced, but see --join"
+    "--to",
+    "out",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="folder to write; only an earlier record in it is replaced, see --join",
 )
 @click.option("--join", is_flag=True, help="keep what the folder has of other estimators, measured on the same")
 @click.option("--frames", "frame_count", type=click.IntRange(min=2), help="of the frames with patches, this many only")
@@ -50,10 +54,10 @@ def record_command(
     psf=paper psf.folder=/path blur.patches_per_frame=4; PMP and GBB as the paper ran them:
     +estimator/blur@blur.estimators.gbb_exact=gbb_exact
     """
-    from pipeline.recording.blur import record
+    from pipeline.recording.blur import RESULTS, record
     from pipeline.recording.kept_results import keeping
 
-    config = shared.recording_config(overrides, out, dataset, estimators=estimators)
+    config = shared.recording_config(overrides, out, dataset, RESULTS, keep, estimators=estimators)
     metrics = record(
         config,
         dataset,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.held_signals import held
 from pipeline.cli.numbers import FiniteRange
 
@@ -18,9 +19,9 @@ LARGEST_KERNEL_PX = 255
 
 
 @click.command("corrupt")
-@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("paths", nargs=-1, required=True, type=GivenPath())
 @click.option(
-    "--out", required=True, type=click.Path(path_type=Path),
+    "--out", required=True, type=GivenPath(),
     help="folder for the pictures and their truth; results of the last run there go",
 )  # fmt: skip
 @click.option("--noise-source", default="combined", show_default=True, help="photon, dcsn, readout, combined or sensor")

@@ -23,9 +23,11 @@ def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) ->
 
     Several --sigma and --mtf give every pair. Nothing is extrapolated: a place where nothing was measured is an error.
     """
+    from pipeline.cli.given_paths import refuse_other_format
     from pipeline.curves import Surface
     from pipeline.errors import InputError
 
+    refuse_other_format(surface)
     known = Surface.load(surface)
     refused = []
     click.echo(f"{'sigma DN':>9} {'MTF':>6} {'AP %':>7} {'low':>7} {'high':>7}")
@@ -57,10 +59,10 @@ def record_command(
     OVERRIDES are of conf/, as for ``dvc exp run -S``: +dataset@datasets.kitti=kitti datasets.kitti.root=/path
     +detector@detection.detectors.yolox=yolox detection.sweep.angles_deg=[0]
     """
-    from pipeline.recording.detection import record
+    from pipeline.recording.detection import RESULTS, record
     from pipeline.recording.kept_results import keeping
 
-    config = shared.recording_config(overrides, out, dataset, detector=detector)
+    config = shared.recording_config(overrides, out, dataset, RESULTS, keep, detector=detector)
     numbers = record(config, dataset, detector, out, source, keeping(keep, workers))
     for label, item in numbers.items():
         click.echo(f"{label}: {item['clean_ap_percent']:.1f} % sharp and without noise")

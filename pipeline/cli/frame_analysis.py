@@ -74,10 +74,12 @@ def find_surface(named: Path | None) -> tuple[Performance | None, str]:
     Raises:
         InputError: the file that was named is missing or broken.
     """
+    from pipeline.cli.given_paths import refuse_other_format
     from pipeline.control.performance import Performance
     from pipeline.project_files import located
 
     if named is not None:
+        refuse_other_format(named)
         return Performance.load(named), ""
     for path in (Path(SURFACE), located(SURFACE)):
         if path.is_file():
@@ -223,8 +225,8 @@ class FrameAnalysis:
         state = CameraState(taken[0], taken[1] / BASE_ISO)
         try:
             advice = advise(image, state, self._camera, self.performance, self.monitor, condition=total)
-        except InputError:
-            return {"advice": "settings outside the limits of the simulated camera"}
+        except InputError as error:
+            return {"advice": f"none: {error}"}
         return {
             "exposure_ms": advice.exposure_ms, "iso": advice.iso, "best_exposure_ms": advice.best_exposure_ms,
             "best_iso": advice.best_iso, "best_ap_percent": advice.best_ap_percent, "advice": advice.action,

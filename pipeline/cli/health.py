@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pipeline.cli.frame_samples import patches_option, tiles_option
+from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.held_signals import held
 from pipeline.cli.numbers import FiniteRange
 
@@ -26,9 +27,9 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 
 
 @click.command("health")
-@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("paths", nargs=-1, required=True, type=GivenPath())
 @click.option(
-    "--out", type=click.Path(path_type=Path),
+    "--out", type=GivenPath(),
     help="folder for the tables and the page health.html with maps of the worst frames; the last run's results go",
 )  # fmt: skip
 @click.option(
@@ -52,7 +53,7 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 @tiles_option
 @patches_option
 @click.option(
-    "--sharp", multiple=True, type=click.Path(path_type=Path),
+    "--sharp", multiple=True, type=GivenPath(),
     help="pictures of the same camera, known to be sharp (may be repeated): blur is then relative to them",
 )  # fmt: skip
 @click.option(
@@ -123,7 +124,7 @@ def command(
     from pipeline.cli.package_version import version
     from pipeline.cli.pictures import expand, named, readable, stream_of
     from pipeline.condition import ConditionMonitor
-    from pipeline.errors import InputError
+    from pipeline.errors import InputError, printable
     from pipeline.executor import one_thread
     from pipeline.recording.provenance import monitor_weights
     from pipeline.store import plain_json
@@ -152,7 +153,8 @@ def command(
     performance, without_precision = find_surface(surface)
     about: dict[str, Any] = {
         "version": version(), "blur_estimator": blur_name, "noise_estimator": noise_name,
-        "sharp": [str(file) for file in sharp_files], "relative": bool(sharp) or generic_lens or camera is not None,
+        "sharp": [printable(file) for file in sharp_files],
+        "relative": bool(sharp) or generic_lens or camera is not None,
         "camera": camera_name,
         "thresholds": {"sigma_dn": alarm_sigma_dn, "mtf50": alarm_mtf50, "flags": alarm_flags},
     }  # fmt: skip
@@ -173,7 +175,7 @@ def command(
         )
         if camera is not None:
             camera_store.apply(camera, monitor)
-            sharp_sizes = {camera.size_px}
+            sharp_sizes = set() if camera.size_px is None else {camera.size_px}
         analysis = FrameAnalysis(
             monitor, Thresholds(alarm_sigma_dn, alarm_mtf50, alarm_flags), performance, Settings(exposure, iso),
             relative=about["relative"], reference_frames=None if no_trend else reference_frames,
@@ -192,7 +194,7 @@ def command(
                 click.echo(f"set aside: {reason}", err=True)
                 continue
             if sharp_sizes and image.shape not in sharp_sizes:
-                _warn_of_size(name, image.shape, sharp_sizes)
+                click.echo(f"warning: {camera_store.of_other_size(name, image.shape, sharp_sizes)}", err=True)
                 sharp_sizes = set()  # once is enough
             with held():  # all files and the verdict state the same frames
                 if results is not None:
@@ -257,14 +259,17 @@ def _calibrate(
     monitor: ConditionMonitor, files: Sequence[Path], calibrate_estimator: bool, every: int
 ) -> set[tuple[int, ...]]:  # sizes (H, W) of the sharp frames
     """Calibrate a monitor to sharp frames; warns of those that do not look sharp."""
+    from collections import Counter
+
     import numpy as np
 
     from pipeline.cli.pictures import read
     from pipeline.condition.summary import half_contrast
 
     images: list[NDArray[np.float32]] = []
+    hinted = Counter[int]()
     for file in files:
-        for name, image in read(file, every):
+        for name, image in read(file, every, hinted):
             mtf50 = half_contrast(monitor.frame(image).mtf.value)
             if np.isfinite(mtf50).any() and np.nanmin(mtf50) < SHARP_MTF50:
                 click.echo(
@@ -275,12 +280,3 @@ def _calibrate(
             images.append(image)
     monitor.calibrate(images, fitted=calibrate_estimator)
     return {image.shape for image in images}
-
-
-def _warn_of_size(name: str, shape: tuple[int, ...], sharp: set[Any]) -> None:
-    sizes = ", ".join(f"{width}x{height}" for height, width in sorted(sharp))
-    click.echo(
-        f"warning: {name} is {shape[1]}x{shape[0]} px, the sharp pictures are {sizes} px; "
-        "another size means another camera, mode or scaling, whose sharpness differs",
-        err=True,
-    )

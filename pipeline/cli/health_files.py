@@ -31,7 +31,8 @@ class HealthRun:
         about: estimators, settings, version.
         rows: of the finished frames.
         set_aside: one reason per file or frame that could not be used.
-        hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits.
+        hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits, and under
+            `pipeline.cli.pictures.TURNED` those that EXIF data turn.
         trend_alarms: that began (`pipeline.cli.frame_analysis.FrameAnalysis.trend_alarms`).
         without_precision, without_trend: why the expected precision or the trend is unknown, or empty.
     """

@@ -34,7 +34,8 @@ def run_verdict(
         trend_alarms: that began in the run.
         without_trend: why there is no trend, or empty.
         set_aside: files or frames that could not be used.
-        hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits.
+        hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits; under
+            `pipeline.cli.pictures.TURNED`, those that EXIF data turn.
         relative: whether blur is relative to sharp frames.
 
     Returns:
@@ -77,7 +78,7 @@ def median_mtf(rows: Sequence[dict[str, Any]]) -> Any:
 
 
 def badness(row: dict[str, Any]) -> float:
-    """Order of frames from good to bad: alarms and flags first, then lost contrast and noise."""
+    """Order of frames from good to bad: alarms and flags first, then lost contrast and noise; unknown ones count 0."""
     import numpy as np
 
     lost = 1 - float(np.mean(row["mtf"]))
@@ -132,9 +133,16 @@ def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
     if len(rows) < 2:
         return []
     bad = sum(row["blur"] in BAD_BLUR or row["noise"] in BAD_NOISE for row in rows)
-    row = max(rows, key=badness)
-    share = [f"{bad} of {len(rows)} frames are at least moderately blurred or highly noisy."] if bad else []
-    return [*share, f"Worst frame: {row['picture']}, {row_words(row)}."]
+    sentences = [f"{bad} of {len(rows)} frames are at least moderately blurred or highly noisy."] if bad else []
+    measured = [row for row in rows if row["blur"] or row["noise"]]
+    if measured:
+        row = max(measured, key=badness)
+        sentences.append(f"Worst frame: {row['picture']}, {row_words(row)}.")
+    without = [row for row in rows if not (row["blur"] or row["noise"])]
+    if without:
+        first = f"the first {without[0]['picture']}" if len(without) > 1 else without[0]["picture"]
+        sentences.append(f"Neither blur nor noise could be measured in {len(without)} of {len(rows)} frames: {first}.")
+    return sentences
 
 
 def _unknown(rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -157,10 +165,19 @@ def _flags(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _hinted(counts: Mapping[int, int]) -> list[str]:
-    return [
+    from pipeline.cli.pictures import TURNED
+
+    sentences = [
         f"16-bit pictures that look like {bits}-bit values, {1 << 16 - bits} times too dark then: {count} (a guess)."
         for bits, count in sorted(counts.items())
+        if bits != TURNED
     ]
+    if counts.get(TURNED):
+        sentences.append(
+            f"Pictures stored turned or mirrored (EXIF orientation): {counts[TURNED]}; horizontal, vertical and "
+            "positions are those of the stored pixels."
+        )
+    return sentences
 
 
 def _trend(alarms: Sequence[dict[str, Any]], without: str) -> list[str]:

@@ -8,13 +8,14 @@ from pathlib import Path
 import click
 
 from pipeline.cli.frame_samples import tiles_option
+from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.held_signals import held
 
 COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reason")
 
 
 @click.command("noise")
-@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("paths", nargs=-1, required=True, type=GivenPath())
 @click.option(
     "--estimator",
     default="adaptive",
@@ -28,7 +29,7 @@ COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reaso
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 @click.option("--csv", "table", type=click.Path(path_type=Path), help="also write one row per tile here")
 @click.option(
-    "--map", "maps", type=click.Path(path_type=Path),
+    "--map", "maps", type=GivenPath(),
     help="folder for pictures with the tiles' noise drawn in; those of the last run there go",
 )  # fmt: skip
 def command(

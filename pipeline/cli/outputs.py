@@ -9,13 +9,15 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
+import os
 import tempfile
 from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, printable
 
 LIST_NAME = ".camera-monitor-files"
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet runs text that begins with one of these
@@ -154,6 +156,44 @@ def refuse_unwritable(path: Path, option: str) -> None:
         for folder in missing:
             with contextlib.suppress(OSError):
                 folder.rmdir()
+
+
+def refuse_foreign(path: Path, option: str, results: Sequence[str], inputs: Sequence[Path]) -> None:
+    """Refuse a folder that the command would replace although it holds more than an earlier result.
+
+    Args:
+        path: the folder; may be absent or empty.
+        option: that named it, for the message.
+        results: patterns (`fnmatch`) of every file of a result; the first names its provenance, which none lacks.
+        inputs: files and folders the command reads, or keeps finished frames in.
+
+    Raises:
+        OutputError: it cannot be written, is a link, is, contains or lies inside an input, or holds anything that is
+            no earlier result.
+    """
+    if path.is_symlink():
+        raise OutputError(f"{option} {path}: is a link, which cannot be replaced; name the folder itself")
+    refuse_unwritable(path, option)
+    folder = Path(os.path.realpath(path))
+    for file in inputs:
+        read = Path(os.path.realpath(file))  # unlike resolve, it takes a link that leads to itself
+        if folder == read or folder in read.parents or read in folder.parents:
+            raise OutputError(
+                f"{option} {path}: is replaced, and it is, contains or lies inside the input {file}; "
+                "name another folder"
+            )
+    names = {file.name: file for file in sorted(path.iterdir())} if path.exists() else {}
+    for name, file in names.items():
+        if file.is_symlink() or not file.is_file() or not any(fnmatchcase(name, pattern) for pattern in results):
+            raise OutputError(
+                f"{option} {path}: is replaced, and it holds {printable(name)}, which no earlier run of this command "
+                "wrote; name another folder"
+            )
+    if names and results[0] not in names:
+        raise OutputError(
+            f"{option} {path}: is replaced, and it is not empty and has no {results[0]} of an earlier run of this "
+            "command; name another folder"
+        )
 
 
 def plain_text(text: str) -> str:

@@ -2,31 +2,52 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.datasets.pictures import SUFFIXES
 from pipeline.datasets.video import SUFFIXES as VIDEOS
-from pipeline.errors import InputError
+from pipeline.errors import DECODER_ERRORS, InputError, printable
 
 if TYPE_CHECKING:
     import numpy as np
 
 
+PICTURES = SUFFIXES | {".gif", ".jp2", ".j2k", ".jpe", ".jfif", ".pbm", ".pnm"}
+"""What is taken of a folder: formats of datasets, and others that Pillow reads as well."""
+
+TURNED = 0
+"""Key of pictures that EXIF data turn, among counts by a number of bits."""
+
+_ORIENTATION = 0x0112
+_DIGITS = re.compile("([0-9]+)")
+
+
+def natural_order(name: str) -> tuple[list[str | int], str]:
+    """Sorting key of names: numbers in them by value, so that ``9.png`` comes before ``10.png``.
+
+    Args:
+        name: of a file; of those that differ in leading zeros only, the more zeros come first.
+    """
+    parts = _DIGITS.split(name)  # text and digits in turn
+    return [int(part) if index % 2 else part for index, part in enumerate(parts)], name
+
+
 def expand(paths: Sequence[Path]) -> list[Path]:
-    """Files named, and the pictures and videos directly inside folders named, sorted within each folder.
+    """Files named, and the pictures and videos directly inside folders named, each folder's in `natural_order`.
 
     Raises:
         InputError: a path does not exist, or nothing is left.
     """
-    from pipeline.datasets.pictures import SUFFIXES
-
     results: list[Path] = []
     for path in paths:
         if path.is_dir():
-            known = SUFFIXES | VIDEOS
-            results += sorted(file for file in path.iterdir() if file.suffix.lower() in known and file.name[0] != ".")
+            known = PICTURES | VIDEOS
+            inside = [file for file in path.iterdir() if file.suffix.lower() in known and file.name[0] != "."]
+            results += sorted(inside, key=lambda file: natural_order(file.name))
         elif path.is_file():
             results.append(path)
         elif path.exists():
@@ -34,7 +55,7 @@ def expand(paths: Sequence[Path]) -> list[Path]:
         else:
             raise InputError(f"{path}: no such file or folder")
     if not results:
-        raise InputError(f"no pictures in {', '.join(map(str, paths))}; expected {' '.join(sorted(SUFFIXES | VIDEOS))}")
+        raise InputError(f"no pictures in {', '.join(map(str, paths))}; expected {' '.join(sorted(PICTURES | VIDEOS))}")
     return results
 
 
@@ -45,22 +66,73 @@ def read(path: Path, every: int = 1, hinted: Counter[int] | None = None) -> Iter
         path: a picture, or a video.
         every: of a video take each n-th frame.
         hinted: counts pictures that seem to hold values of fewer bits in 16, by that number of bits; for the first
-            of each there is a line on standard error. None for such a line for every one.
+            of each there is a line on standard error. None for such a line for every one. Likewise, under `TURNED`,
+            pictures whose EXIF data turn or mirror them.
 
     Raises:
-        InputError: the file cannot be read; for a video, after its last good frame, frames are missing or damaged.
+        InputError: the file cannot be read, or its name is not valid UTF-8; for a video, after its last good frame,
+            frames are missing or damaged.
     """
     from pipeline.datasets.pictures import read_picture
     from pipeline.datasets.video import read_video
 
+    refuse_name(path)
+    hinted = Counter() if hinted is None else hinted
     if path.suffix.lower() not in VIDEOS:
         picture = read_picture(path)
         if bits := picture.fewer_bits():
-            _hint(path, bits, Counter() if hinted is None else hinted)
+            _hint(path, bits, hinted)
+        if orientation := _orientation(path):
+            _hint_turned(path, orientation, hinted)
         yield str(path), picture.grey()
         return
     for number, image in read_video(path, every):
         yield f"{path}#{number}", image
+
+
+def refuse_name(path: Path) -> None:
+    """Refuse a file whose name no table, page or JSON file can hold.
+
+    Raises:
+        InputError: its path is not valid UTF-8.
+    """
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        raise InputError(f"{printable(path)}: its name is not valid UTF-8; rename it") from None
+
+
+def _orientation(path: Path) -> int:
+    """EXIF orientation 2..8 of a picture that is to be turned or mirrored for display; else 0.
+
+    Not of TIFF files, which Pillow turns as it reads them. Costs no decoding.
+    """
+    import warnings
+
+    from PIL import Image
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Pillow's remarks on metadata
+        try:
+            with Image.open(path) as opened:
+                if opened.format == "TIFF" or "exif" not in opened.info:
+                    return 0
+                stored = opened.getexif().get(_ORIENTATION)
+        except (*DECODER_ERRORS, Image.DecompressionBombError):
+            return 0
+    return stored if isinstance(stored, int) and 2 <= stored <= 8 else 0
+
+
+def _hint_turned(path: Path, orientation: int, hinted: Counter[int]) -> None:
+    import click
+
+    hinted[TURNED] += 1
+    if hinted[TURNED] == 1:
+        click.echo(
+            f"warning: {path}: stored turned or mirrored (EXIF orientation {orientation}); horizontal, vertical and "
+            "positions are those of the stored pixels, in every such picture",
+            err=True,
+        )
 
 
 def _hint(path: Path, bits: int, hinted: Counter[int]) -> None:
@@ -113,4 +185,4 @@ def stream_of(name: str) -> str:
 
 def named(name: str, error: Exception) -> str:
     """An error's message, with the name of the picture before it unless it names it itself."""
-    return str(error) if name in str(error) else f"{name}: {error}"
+    return str(error) if printable(name) in printable(error) else f"{printable(name)}: {error}"

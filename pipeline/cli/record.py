@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli.numbers import FiniteRange
-from pipeline.cli.outputs import refuse_unwritable
+from pipeline.cli.outputs import refuse_foreign
 from pipeline.cli.record_frames import COMMANDS
 
 
@@ -23,7 +23,13 @@ def command() -> None:
 )  # fmt: skip
 @click.option("--estimator", "chosen", multiple=True, help="one of those measured by default; may be repeated")
 @click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record")
-@click.option("--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced")
+@click.option(
+    "--to",
+    "out",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="folder to write; only an earlier record in it is replaced",
+)
 @click.option(
     "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
 )
@@ -41,15 +47,15 @@ def noise_command(
     from pipeline.errors import InputError, did_you_mean
     from pipeline.executor import run_map
     from pipeline.noise.real_noise import ESTIMATORS
-    from pipeline.recording.real_noise import record
+    from pipeline.recording.real_noise import RESULTS, record
 
-    refuse_unwritable(out, "--to")
     folders: dict[str, Path] = {}
     for text in named_folders:
         name, equals, folder = text.partition("=")
         if not (name and equals and folder) or name in folders:
             raise InputError(f"--pairs {text}: expected NAME=FOLDER, each name once")
         folders[name] = Path(folder)
+    refuse_foreign(out, "--to", RESULTS, list(folders.values()))
     for name in chosen:
         if name not in ESTIMATORS:
             raise InputError(f"--estimator {name}: unknown; {did_you_mean(name, ESTIMATORS)}")
@@ -79,7 +85,13 @@ def noise_command(
     "--white-dn", default=255.0, show_default=True, type=FiniteRange(1, 65535), help="grey value of saturation"
 )
 @click.option("--source", required=True, help="where the frames come from: revision and licence, for the record")
-@click.option("--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced")
+@click.option(
+    "--to",
+    "out",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="folder to write; only an earlier record in it is replaced",
+)
 @click.option(
     "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
 )
@@ -93,9 +105,9 @@ def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: P
 
     from pipeline.executor import run_map
     from pipeline.noise.real_noise import ESTIMATORS
-    from pipeline.recording.sensor import record
+    from pipeline.recording.sensor import RESULTS, record
 
-    refuse_unwritable(out, "--to")
+    refuse_foreign(out, "--to", RESULTS, [light, dark])
     rows = record(light, dark, white_dn, ESTIMATORS, out, source, partial(run_map, workers=workers))
     click.echo(f"{'plane':5} {'gain DN/e':>9} {'error':>7} {'dark noise e':>12} {'saturation e':>12}")
     for row in rows.to_dict("records"):
@@ -114,16 +126,22 @@ def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: P
     help="a sharp frame; repeated, consecutive frames in the order of time",
 )  # fmt: skip
 @click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record")
-@click.option("--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced")
+@click.option(
+    "--to",
+    "out",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="folder to write; only an earlier record in it is replaced",
+)
 def examples_command(real: Path, mean: Path, frames: tuple[Path, ...], source: str, out: Path) -> None:
     """Noise estimates on three pictures: a photograph, a noisy frame stored as JPEG, and one stored as video.
 
     Prints, per picture and estimator, the median estimate with its interval in DN, the share of patches answered, the
     noise present, and why patches were abstained from.
     """
-    from pipeline.recording.examples import record
+    from pipeline.recording.examples import RESULTS, record
 
-    refuse_unwritable(out, "--to")
+    refuse_foreign(out, "--to", RESULTS, [real, mean, *frames])
     for row in record(real, mean, frames, out, source).to_dict("records"):
         click.echo(
             f"{row['example']:32} {row['estimator']:9} {row['sigma_dn']:6.2f} ({row['low_dn']:.2f} to"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,25 +31,32 @@ def recording(name: str) -> Callable[[Callable[..., None]], click.Command]:
 
 
 def request(
-    overrides: tuple[str, ...], dataset: str, out: Path, source: str, keep: Path | None, workers: int
+    tables: Sequence[str],
+    overrides: tuple[str, ...],
+    dataset: str,
+    out: Path,
+    source: str,
+    keep: Path | None,
+    workers: int,
 ) -> Request:
     """The request of a command line.
 
     Args:
+        tables: file names that the recording writes beside `pipeline.recording.frames.COMMON_FILES`.
         overrides: of ``conf/``.
         dataset: name.
-        out: folder to write.
+        out: folder to write; replaced, so nothing but an earlier record may be in it.
         source: of the pictures.
         keep: folder of finished frames, or None.
         workers: processes.
 
     Raises:
-        InputError: the dataset is not in the configuration.
+        InputError: the dataset is not in the configuration, or the folder holds something else.
     """
-    from pipeline.recording.frames import Request
+    from pipeline.recording.frames import COMMON_FILES, Request
     from pipeline.recording.kept_results import keeping
 
-    config = shared.recording_config(overrides, out, dataset)
+    config = shared.recording_config(overrides, out, dataset, (*COMMON_FILES, *tables), keep)
     return Request(config, dataset, out, source, keeping(keep, workers))
 
 
@@ -60,9 +67,10 @@ def noise_levels_command(**given: Any) -> None:
     Every estimator of noise.estimators is measured. OVERRIDES are of conf/, as for ``dvc exp run -S``:
     +dataset@datasets.kitti=kitti datasets.kitti.root=/path noise.tiles_per_frame=6
     """
+    from pipeline.experiments.frame_records import NOISE_FILE
     from pipeline.recording.frames import record_noise
 
-    summary = record_noise(request(**given))
+    summary = record_noise(request((NOISE_FILE,), **given))
     means = summary.groupby("estimator", sort=False)[["median_dn", "patch_error_dn"]].mean()
     for name, row in means.iterrows():
         click.echo(f"{name}: mean error of a tile {row['patch_error_dn']:.2f} DN")
@@ -75,9 +83,10 @@ def combined_command(**given: Any) -> None:
 
     OVERRIDES are of conf/: +dataset@datasets.udacity=udacity datasets.udacity.root=/path psf=paper psf.folder=/path
     """
+    from pipeline.experiments.frame_records import COMBINED_FILES
     from pipeline.recording.frames import record_combined
 
-    _print_means(record_combined(request(**given)), given["out"])
+    _print_means(record_combined(request(COMBINED_FILES, **given)), given["out"])
 
 
 @recording("denoised-blur")
@@ -86,9 +95,10 @@ def denoised_command(**given: Any) -> None:
 
     OVERRIDES are of conf/: 'denoised_blur.blur_estimators=[cnn,spectral]' and those of the dataset.
     """
+    from pipeline.experiments.frame_records import DENOISED_FILE
     from pipeline.recording.frames import record_denoised
 
-    _print_means(record_denoised(request(**given)), given["out"])
+    _print_means(record_denoised(request((DENOISED_FILE,), **given)), given["out"])
 
 
 @recording("factors")
@@ -106,9 +116,10 @@ def factors_command(frame_count: int, exact_sizes_px: tuple[float, ...], with_gr
     OVERRIDES are of conf/: those of the dataset, psf=paper psf.folder=/path blur.patches_per_frame=1
     """
     from pipeline.experiments.factors import ALL
+    from pipeline.experiments.frame_records import FACTOR_FILES
     from pipeline.recording.frames import record_factors
 
-    effects = record_factors(request(**given), frame_count, exact_sizes_px, with_grid=with_grid)
+    effects = record_factors(request(FACTOR_FILES, **given), frame_count, exact_sizes_px, with_grid=with_grid)
     for row in effects[effects["blur_kind"] == ALL].to_dict("records"):
         click.echo(
             f"{row['estimator']}, {row['factor']}, {row['second']} instead of {row['first']}:"

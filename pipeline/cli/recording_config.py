@@ -14,7 +14,11 @@ if TYPE_CHECKING:
 overrides_argument = click.argument("overrides", nargs=-1)
 dataset_option = click.option("--dataset", required=True, help="name of the dataset, which the overrides add")
 to_option = click.option(
-    "--to", "out", required=True, type=click.Path(path_type=Path), help="folder to write; replaced"
+    "--to",
+    "out",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="folder to write; only an earlier record in it is replaced",
 )
 source_option = click.option(
     "--source", required=True, help="where the pictures come from: revision and licence, for the record"
@@ -31,26 +35,35 @@ workers_option = click.option(
 
 
 def recording_config(
-    overrides: Sequence[str], out: Path, dataset: str, *, estimators: Sequence[str] = (), detector: str | None = None
+    overrides: Sequence[str],
+    out: Path,
+    dataset: str,
+    results: Sequence[str],
+    keep: Path | None = None,
+    *,
+    estimators: Sequence[str] = (),
+    detector: str | None = None,
 ) -> Config:
     """The configuration of a recording, which has the names that the command line gives.
 
     Args:
         overrides: of ``conf/``.
-        out: folder to write.
+        out: folder to write; replaced, so nothing but an earlier record may be in it.
         dataset: a name in ``datasets``.
+        results: patterns of the files of a record, see `pipeline.cli.outputs.refuse_foreign`.
+        keep: folder of finished frames, or None.
         estimators: names in ``blur.estimators``.
         detector: a name in ``detection.detectors``, or None.
 
     Raises:
-        InputError: the folder cannot be written, an override is wrong, or a name is not in the configuration.
+        InputError: the folder cannot be written or holds something else, an override is wrong, or a name is not in
+            the configuration.
     """
-    from pipeline.cli.outputs import refuse_unwritable
+    from pipeline.cli.outputs import refuse_foreign
     from pipeline.config.compose import compose, parse
     from pipeline.config.references import check_references
     from pipeline.errors import InputError, did_you_mean
 
-    refuse_unwritable(out, "--to")
     config = parse(compose(overrides), "conf/")
     check_references(config)
     for option, names, known in (
@@ -61,4 +74,9 @@ def recording_config(
         for name in names:
             if name not in known:
                 raise InputError(f"--{option} {name}: not in the configuration; {did_you_mean(name, known)}")
+    section = config.datasets[dataset]
+    read = [section.root, section.whitelist, config.psf.folder, keep]
+    if detector is not None:
+        read.append(config.detection.detectors[detector].weights)
+    refuse_foreign(out, "--to", results, [Path(name) for name in read if name])
     return config

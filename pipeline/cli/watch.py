@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from math import isnan
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pipeline.cli.frame_samples import patches_option, tiles_option
+from pipeline.cli.health_rows import AXES
 from pipeline.cli.numbers import FiniteRange
 from pipeline.signals import handled
 
@@ -28,6 +30,8 @@ STATED = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "mtf50_horizontal", "mtf50_vertical",
     "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "flags", "alarms", "milliseconds",
 )  # fmt: skip
+QUANTITIES = {"noise": "sigma_dn", **{f"blur {axis}": f"mtf50_{axis}" for axis in AXES}}
+"""Alarm of a threshold -> column of the quantity it is on; alarms on flags have none."""
 
 
 @click.command("watch")
@@ -60,8 +64,9 @@ def command(
 
     Prints JSON lines, each with an "event": start; frame (estimates, flags, and under "state" the medians of the last
     frames in numbers and words); alarm (a threshold that begins to be violated, or a trend: noise or blur that has
-    grown since the first frames); cleared; set_aside and no_signal; stop. Of a live source, frames that come while
-    one is analysed are dropped.
+    grown since the first frames); cleared (measured and not violated; an alarm stays while its quantity
+    is unknown); warning (a frame of another size than the camera's sharp pictures); set_aside and no_signal; stop. Of
+    a live source, frames that come while one is analysed are dropped.
 
     SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm; 3 alarms; else 2 for no such source or
     a video file that is cut short or damaged.
@@ -91,7 +96,7 @@ def command(
         analysis = FrameAnalysis(
             monitor, thresholds, performance, relative=camera is not None, reference_frames=reference_frames
         )
-        watch = _Watch(source, analysis, window)
+        watch = _Watch(source, analysis, window, None if camera is None else camera.size_px)
         watch.emit(
             "start", source=source, version=version(), blur_estimator=blur_name, noise_estimator=noise_name,
             weights_released=monitor.weights_released, weights_sha256=hashes, camera=camera_name,
@@ -109,12 +114,15 @@ def command(
 class _Watch:
     """The loop: frames in, lines out."""
 
-    def __init__(self, source: str, analysis: FrameAnalysis, window: int) -> None:
+    def __init__(
+        self, source: str, analysis: FrameAnalysis, window: int, sharp_px: tuple[int, int] | None = None
+    ) -> None:
         from pipeline.cli.watch_state import RollingState
 
         self.source, self.analysis, self.state = source, analysis, RollingState(window)
         self.frames = self.alarms = self.set_aside = 0
         self.problem = ""  # the last one
+        self._sharp_px = sharp_px
         self._began = time.monotonic()
         self._active: list[str] = []
 
@@ -142,20 +150,28 @@ class _Watch:
         return "end"
 
     def _frame(self, frame: SourceFrame) -> None:
+        from pipeline.cli.camera_store import of_other_size
         from pipeline.errors import InputError
 
         assert frame.image is not None
-        before = len(self.analysis.trend_alarms)
+        before, (height, width) = len(self.analysis.trend_alarms), frame.image.shape
+        sequence = f"{self.source} {width}x{height}"  # another mode of the camera has a trend of its own
         try:
-            row, _ = self.analysis.analyse(frame.name, frame.image, self.source, self.source)
+            row, _ = self.analysis.analyse(frame.name, frame.image, self.source, sequence)
         except InputError as error:
             self._problem(replace(frame, image=None, problem=str(error)))
             return
         self.frames += 1
-        trend = self.analysis.trends[self.source].state()
+        if self._sharp_px is not None and frame.image.shape != self._sharp_px:
+            reason = of_other_size(frame.name, frame.image.shape, [self._sharp_px])
+            self.emit("warning", picture=frame.name, reason=reason)
+            self._sharp_px = None  # once is enough
+        trend = self.analysis.trends[sequence].state()
         self.emit("frame", **{name: row[name] for name in STATED}, trend=trend, state=self.state.add(row))
         started = {f"trend {alarm['quantity']}": alarm["words"] for alarm in self.analysis.trend_alarms[before:]}
         active = [name for name in row["alarms"].split(", ") if name]
+        # an alarm is neither cleared nor raised again while its quantity is not measured
+        active += [name for name in self._active if name not in active and _is_unknown(row, name)]
         for name in active:
             if name not in self._active:
                 self.alarms += 1
@@ -170,6 +186,11 @@ class _Watch:
         self.problem = frame.problem
         event = "no_signal" if frame.signal_lost else "set_aside"
         self.emit(event, picture=frame.name, reason=frame.problem)
+
+
+def _is_unknown(row: dict[str, Any], alarm: str) -> bool:
+    """Whether a frame does not show the quantity that an alarm is on."""
+    return alarm in QUANTITIES and isnan(row[QUANTITIES[alarm]])
 
 
 class _Stop:

@@ -74,6 +74,8 @@ def open_source(source: str, rate: float, *, wait: bool, stop: threading.Event) 
 def live(device: int | str, name: str, rate: float, stop: threading.Event) -> Iterator[SourceFrame]:
     """Newest frames of a camera or network stream; a lost signal is reported once and the stream reopened.
 
+    A ``None`` frame without a problem is yielded at every look that brings nothing.
+
     Args:
         device: index or address.
         name: for the frames.
@@ -98,6 +100,8 @@ def live(device: int | str, name: str, rate: float, stop: threading.Event) -> It
         elif reader.lost and not lost:
             lost = True
             yield SourceFrame(name, None, "no signal; trying to reopen it", signal_lost=True)
+        else:
+            yield SourceFrame(name, None)
         stop.wait(max(1 / rate - (time.monotonic() - start), 0.005))
     reader.join(RECONNECT_S)
 
@@ -203,13 +207,14 @@ class _Pace:
 def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]:
     """Pictures of a folder in the order in which they come; a file is read once its size no longer changes.
 
+    Pictures of the same time come in `pipeline.cli.pictures.natural_order`.
+
     Args:
         folder: watched; a ``None`` frame without a problem is yielded at every look that brings nothing. Where it
             disappears (a disk or share that is gone), that is reported once, and it is watched again when it is back.
         stop: ends it.
     """
-    from pipeline.cli.pictures import read
-    from pipeline.datasets.pictures import SUFFIXES
+    from pipeline.cli.pictures import PICTURES, natural_order, read
 
     hinted: Counter[int] = Counter()
     sizes: dict[str, int] = {}
@@ -227,7 +232,7 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             continue
         lost = False
         for file in files:
-            if file.name in done or file.name[0] == "." or file.suffix.lower() not in SUFFIXES:
+            if file.name in done or file.name[0] == "." or file.suffix.lower() not in PICTURES:
                 continue
             try:
                 status = file.stat()
@@ -236,7 +241,7 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             if status.st_size and sizes.get(file.name) == status.st_size:
                 ready.append((status.st_mtime_ns, file.name))
             sizes[file.name] = status.st_size
-        for _, name in sorted(ready):
+        for _, name in sorted(ready, key=lambda item: (item[0], natural_order(item[1]))):
             if stop.is_set():
                 return
             done.add(name)

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.control.decision import Action
 from pipeline.control.motion import motion_length
 from pipeline.control.observation import observe
 from pipeline.control.performance import Performance
 from pipeline.control.policies.iopc_optimal import IopcOptimal
 from pipeline.control.policy import ControlledCamera
-from pipeline.control.state import CameraState
+from pipeline.control.state import CameraState, Limits
 
 if TYPE_CHECKING:
     from pipeline.condition import Condition, ConditionMonitor
@@ -27,7 +28,7 @@ class Advice:
         exposure_ms, iso: settings of the picture.
         sigma_dn, motion_px: estimated condition.
         ap_percent, low_percent, high_percent: average precision expected at these settings, with its interval.
-        best_exposure_ms, best_iso: advised settings.
+        best_exposure_ms, best_iso: advised settings, inside the limits.
         best_ap_percent: average precision expected there.
         action: kind of decision (`pipeline.control.decision.Action`).
         reason: one sentence.
@@ -51,6 +52,27 @@ class Advice:
         return asdict(self)
 
 
+class _FromInside(IopcOptimal):
+    """Settings are compared with those of the picture brought into the limits, as if these were written already."""
+
+    def ordered(self, state: CameraState) -> CameraState:
+        """See `IopcPolicy.ordered`."""
+        return inside(self.limits, state)
+
+
+def inside(limits: Limits, state: CameraState) -> CameraState:
+    """The settings themselves where they lie inside the limits, else settings inside of the same brightness, or nearly.
+
+    Args:
+        limits: ranges of exposure time and gain; steps are not regarded.
+        state: any settings.
+    """
+    time_fits = limits.exposure_min_s <= state.exposure_s <= limits.exposure_max_s
+    if time_fits and limits.gain_min <= state.gain <= limits.gain_max:
+        return state
+    return limits.at_time(state.total_exposure_s, state.exposure_s)
+
+
 def advise(
     image: NDArray[np.floating],
     state: CameraState,
@@ -61,6 +83,8 @@ def advise(
     condition: Condition | None = None,
 ) -> Advice:
     """Advice for a picture.
+
+    Settings outside the limits are brought into them first, and the advice is to move there or to better ones.
 
     Args:
         image: (H, W) float in [0, 1], grey, encoded.
@@ -75,9 +99,13 @@ def advise(
         InputError: not such a picture.
     """
     seen = observe(image, monitor, condition)
-    policy = IopcOptimal(camera, performance, least_gain_percent=0.5, margin=0.0)
+    policy = _FromInside(camera, performance, least_gain_percent=0.5, margin=0.0)
     policy.known_speed_px_s = speed_px_s
     decision = policy.decide(seen, state)
+    action, reason = decision.action, decision.reason
+    if policy.ordered(state) != state:
+        action = Action.MOVE if action is Action.HOLD else action
+        reason = f"settings outside the limits; from the nearest inside: {reason}"
     nan = float("nan")
     sigma = nan if seen.sigma_dn is None else float(seen.sigma_dn.value)
     motion = nan
@@ -100,6 +128,6 @@ def advise(
         best_exposure_ms=decision.state.exposure_ms,
         best_iso=decision.state.iso,
         best_ap_percent=decision.ap_percent,
-        action=str(decision.action.value),
-        reason=decision.reason,
+        action=str(action.value),
+        reason=reason,
     )

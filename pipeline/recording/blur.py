@@ -57,6 +57,9 @@ if TYPE_CHECKING:
 SAME = ("dataset", "kind", "frames", "previous", "kernels", "psf", "camera", "seed")
 """What must agree, beside how patches are taken, for two measurements to stand in one record."""
 
+RESULTS = (PROVENANCE_FILE, SUMMARY_FILE, SHARP_FILE, PATCHES_FILE, ESTIMATES_FILE, METRICS_FILE)
+"""Files of a record, its provenance first."""
+
 
 def record(
     config: Config,

@@ -31,6 +31,12 @@ if TYPE_CHECKING:
     from pipeline.config.schema import Config
     from pipeline.datasets.frame import Frame
 
+RESULTS = (
+    "provenance.json", "metrics.json", "precision.csv", "conditions.csv", f"{DIRECTION}.csv", f"{SPREAD}.csv",
+    "iopc.csv", "iopc.png", "iopc.svg", "iopc_heat.csv", "iopc_heat.png", "iopc_heat.svg", "surface-*.npz",
+)  # fmt: skip
+"""Files of a record, its provenance first; a pattern for the surfaces of the classes."""
+
 
 def record(config: Config, dataset: str, detector: str, out: Path, source: str, run_map: Map) -> dict[str, Any]:
     """Measure one detector on one dataset and write everything into a folder.

@@ -32,6 +32,8 @@ KINDS: Mapping[str, tuple[str, Mapping[str, Any]]] = {"cellwise": ("cellwise", {
 CROP_PX = 128
 JPEG_SIGMA_DN, JPEG_QUALITY = 10.0, 80
 VIDEO_SIGMA_DN, VIDEO_FACTOR = 5.0, 23
+RESULTS = (EXAMPLES_PROVENANCE_FILE, EXAMPLES_FILE, "examples_[0-9].png")
+"""Files of a record, its provenance first; a pattern for the crops."""
 
 
 def record(real: Path, mean: Path, frames: Sequence[Path], out: Path, source: str, seed: int = 1) -> pd.DataFrame:

@@ -53,6 +53,9 @@ if TYPE_CHECKING:
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.config.schema import Config
 
+COMMON_FILES = (PROVENANCE_FILE, FRAMES_FILE)
+"""Files of every record, its provenance first."""
+
 
 def indexed(config: Config, dataset: str, run_map: Map, patches_from: str = "auto") -> Index:
     """Usable frames of a dataset and where their patches lie, as the stages take them.

@@ -24,6 +24,9 @@ from pipeline.recording.provenance import content_sha256, noise_weights, without
 if TYPE_CHECKING:
     import pandas as pd
 
+RESULTS = (PROVENANCE_FILE, PATCHES_FILE, SUMMARY_FILE)
+"""Files of a record, its provenance first."""
+
 
 def record(
     folders: Mapping[str, Path],

@@ -37,6 +37,11 @@ from pipeline.recording.provenance import content_sha256, noise_weights, write_c
 if TYPE_CHECKING:
     import pandas as pd
 
+RESULTS = (
+    RAW_PROVENANCE_FILE, TRANSFER_FILE, POINTS_FILE, DARK_FILE, DARK_MEANS_FILE, RAW_PATCHES_FILE, RAW_SUMMARY_FILE,
+)  # fmt: skip
+"""Files of a record, its provenance first."""
+
 
 def record(
     light: Path,

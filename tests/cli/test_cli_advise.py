@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from control_makers import performance
 from PIL import Image
 
+from pipeline.cli import main
 from pipeline.cli.advise import command
 from pipeline.cli.shot_settings import exif, seconds, shot_settings
 from pipeline.errors import InputError
@@ -47,11 +48,16 @@ def test_advise_takes_settings_from_exif_and_options_win(tmp_path):
     assert exif(tmp_path / "c.jpg") == (None, None)
 
 
-def test_advise_answers_in_json(tmp_path):
-    performance().save(tmp_path / "surface.npz")
+def write_inputs(folder):
+    """frame.png, noisy squares, and surface.npz."""
+    performance().save(folder / "surface.npz")
     coarse = stream(1, "advise").random((28, 28))
     picture = np.kron(coarse, np.ones((8, 8))) * 200 + 5 * stream(2, "advise").standard_normal((224, 224))
-    Image.fromarray(np.clip(picture, 0, 255).astype(np.uint8)).save(tmp_path / "frame.png")
+    Image.fromarray(np.clip(picture, 0, 255).astype(np.uint8)).save(folder / "frame.png")
+
+
+def test_advise_answers_in_json(tmp_path):
+    write_inputs(tmp_path)
     requested = ["--exposure", "4ms", "--iso", "400", "--speed", "760", "--surface", str(tmp_path / "surface.npz")]
     done = CliRunner().invoke(command, [str(tmp_path / "frame.png"), *requested])
     assert done.exit_code == 0, done.output
@@ -59,3 +65,43 @@ def test_advise_answers_in_json(tmp_path):
     assert row["motion_px"] == pytest.approx(3.04) and row["exposure_ms"] == 4.0 and row["iso"] == 400.0
     assert 100 <= row["best_iso"] <= 3200 and row["reason"]
     assert row["action"] == "move" and 0 < row["best_ap_percent"] <= 100 and row["low_percent"] <= row["ap_percent"]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        ["--exposure", "8ms", "--iso", "100", "--exposure-max", "6ms"],
+        ["--exposure", "1ms", "--iso", "6400", "--iso-max", "800"],
+        ["--exposure", "100ms", "--iso", "50"],
+    ],
+)
+@pytest.mark.parametrize("flat", [False, True])
+def test_settings_outside_the_limits_move_inside(tmp_path, given, flat):
+    write_inputs(tmp_path)
+    if flat:  # nothing to estimate from
+        Image.new("L", (224, 224), 120).save(tmp_path / "frame.png")
+    requested = [*given, "--speed", "100", "--surface", str(tmp_path / "surface.npz")]
+    done = CliRunner().invoke(command, [str(tmp_path / "frame.png"), *requested])
+    assert done.exit_code == 0, done.output
+    row = json.loads(done.stdout)
+    longest = 6.0 if "--exposure-max" in given else 33.0
+    assert row["best_exposure_ms"] <= longest and 100 <= row["best_iso"] <= (800 if "--iso-max" in given else 3200)
+    assert row["action"] == ("abstained" if flat else "move") and "outside the limits" in row["reason"]
+
+
+def test_a_bad_file_is_named_and_the_others_are_answered(tmp_path):
+    write_inputs(tmp_path)
+    (tmp_path / "a.png").write_bytes(b"none")
+    Image.new("L", (8, 8)).save(tmp_path / "b.png")
+    (tmp_path / "c.png").write_bytes((tmp_path / "frame.png").read_bytes())
+    files = [str(tmp_path / f"{name}.png") for name in ("a", "b", "c", "frame")]
+    requested = ["--exposure", "4ms", "--iso", "400", "--speed", "760", "--surface", str(tmp_path / "surface.npz")]
+    done = CliRunner().invoke(main, ["advise", *files, *requested])
+    assert done.exit_code == 2
+    assert [json.loads(line)["picture"] for line in done.stdout.splitlines()] == files[2:]
+    lines = done.stderr.splitlines()
+    assert len(lines) == 3 and "2 of the files" in lines[2]
+    assert [line.split(": ")[:2] for line in lines[:2]] == [["set aside", file] for file in files[:2]]
+    picture = files[2]
+    done = CliRunner().invoke(main, ["advise", picture, "--surface", str(tmp_path / "surface.npz")])
+    assert done.exit_code == 2 and f"set aside: {picture}: no EXIF data say its settings" in done.stderr

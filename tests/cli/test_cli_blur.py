@@ -33,6 +33,16 @@ def test_a_record_is_written_and_its_mean_said(pictures: Path, tmp_path: Path) -
     assert len(means) == 1 and means[0].startswith("spectral: mean AMAE calibrated ") and ", raw " in means[0]
     assert f"written to {out}" in done.stdout
     assert "blur_kind,kernel_size_px" in (out / "summary.csv").read_text()
+    done = call(pictures, out, "--estimator", "spectral", "--join")  # the record itself may be replaced
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize("to", [".", "kept", "pictures/out"])
+def test_neither_pictures_nor_finished_frames_are_replaced(pictures: Path, tmp_path: Path, to: str) -> None:
+    before = sorted(tmp_path.rglob("*"))
+    done = call(pictures, tmp_path / to, "--estimator", "spectral", "--keep", str(tmp_path / "kept"))
+    assert done.exit_code == 2 and "lies inside the input" in done.output
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 @pytest.mark.parametrize(

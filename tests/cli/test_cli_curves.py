@@ -51,9 +51,19 @@ def test_a_file_that_is_no_surface_is_named(tmp_path: Path) -> None:
     (tmp_path / "x.npz").write_bytes(b"none")
     done = ask("query", str(tmp_path / "x.npz"), "--sigma", "1", "--mtf", "1")
     assert done.returncode == 2 and "x.npz" in done.stderr and "Traceback" not in done.stderr
+    assert done.stderr.startswith(f"error: {tmp_path / 'x.npz'}: not a surface of average precision (.npz)")
+    assert not any(word in done.stderr for word in ("pickle", "delete"))
 
 
 def test_recording_an_unknown_detector_gets_a_hint(tmp_path: Path) -> None:
     given = ("--dataset", "sim", "--detector", "compakt", "--source", "none", "--to", str(tmp_path / "out"))
     done = ask("record", *given)
     assert done.returncode == 2 and "--detector compakt" in done.stderr and "did you mean 'compact'" in done.stderr
+
+
+def test_a_folder_that_holds_something_else_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("kept")
+    given = ("--dataset", "sim", "--detector", "compact", "--source", "none", "--to", str(tmp_path))
+    done = ask("record", *given)
+    assert done.returncode == 2 and "holds thesis.tex, which no earlier run" in done.stderr
+    assert (tmp_path / "thesis.tex").read_text() == "kept"

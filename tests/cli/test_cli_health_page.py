@@ -207,3 +207,34 @@ def test_precision_and_advice_follow_where_surface_and_settings_are_known():
     assert advised["best_exposure_ms"] != pytest.approx(16.0) and 100 <= advised["best_iso"] <= 3200
     relative = FrameAnalysis(KnownMonitor(), Thresholds(), performance(), settings, relative=True)
     assert relative.analyse("a.png", image)[0]["ap_percent"] < measured["ap_percent"]
+
+
+def test_a_failing_advice_states_its_own_reason():
+    image, surface = np.full((40, 40), 0.4, np.float32), performance()
+    surface.reference = np.where(np.arange(8) == 3, 0.01, surface.reference)  # unusable
+    analysis = FrameAnalysis(KnownMonitor(), Thresholds(), surface, Settings("16ms", 100))
+    advice = analysis.analyse("a.png", image)[0]["advice"]
+    assert advice.startswith("none: ") and "reference MTF" in advice and "limits" not in advice
+    outside = FrameAnalysis(KnownMonitor(), Thresholds(), performance(), Settings("90ms", 100))
+    row = outside.analyse("a.png", image)[0]
+    assert row["advice"] == "move" and row["best_exposure_ms"] <= 33
+
+
+@pytest.mark.parametrize("command", [["health"], ["advise", "--exposure", "4ms", "--iso", "100"]])
+def test_a_surface_of_another_format_is_named_and_nothing_is_to_be_deleted(tmp_path, command):
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((40, 40), np.uint8))
+    done = CliRunner().invoke(main, [*command, str(tmp_path / "a.png"), "--surface", str(tmp_path / "a.png")])
+    assert done.exit_code == 2 and len(done.stderr.splitlines()) == 1
+    assert "a.png: not a surface of average precision (.npz)" in done.stderr and "delete" not in done.stderr
+
+
+def test_the_worst_frame_is_one_that_was_measured_and_others_are_named():
+    unknown = {"blur": "", "noise": "", "sigma_dn": np.nan, "mtf": np.full((2, 8), np.nan)}
+    bad = frame_row(1, blur="strongly blurred", mtf=np.full((2, 8), 0.1))
+    rows = [frame_row(0), bad, frame_row(2, **unknown, flags="black"), frame_row(3, **unknown)]
+    sentences = run_verdict(rows, without_precision="")["sentences"]
+    assert f"Worst frame: {bad['picture']}, strongly blurred; noise low (2.0 DN)." in sentences
+    first = f"the first {rows[2]['picture']}"
+    assert f"Neither blur nor noise could be measured in 2 of 4 frames: {first}." in sentences
+    sentences = run_verdict(rows[2:], without_precision="")["sentences"]
+    assert not any(sentence.startswith("Worst frame") for sentence in sentences)

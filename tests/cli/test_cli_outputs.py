@@ -19,7 +19,7 @@ from data_makers import picture
 from interrupts import heed_interrupts
 
 from pipeline.cli import main
-from pipeline.cli.outputs import OutputError, OutputFolder, RowFile, plain_text
+from pipeline.cli.outputs import OutputError, OutputFolder, RowFile, plain_text, refuse_foreign
 
 FULL_DISK = Path("/dev/full")
 
@@ -238,3 +238,35 @@ def test_a_kernel_larger_than_the_picture_is_refused(tmp_path):
     small = save(tmp_path / "a.png", width_px=64, height_px=64)
     done = call("corrupt", small, "--out", tmp_path / "out", "--blur", "defocus", "--size-px", 101)
     assert done.exit_code == 2 and "larger than the picture" in done.output
+
+
+RESULTS = ("provenance.json", "table.csv", "surface-*.npz")
+
+
+@pytest.mark.parametrize("names", [(), ("provenance.json",), ("provenance.json", "table.csv", "surface-car.npz")])
+def test_an_empty_folder_and_an_earlier_result_may_be_replaced(tmp_path, names):
+    for name in names:
+        (tmp_path / name).write_text("x")
+    refuse_foreign(tmp_path, "--to", RESULTS, [])
+    refuse_foreign(tmp_path / "absent", "--to", RESULTS, [])
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted(names)
+
+
+@pytest.mark.parametrize(
+    ("names", "word"),
+    [(("table.csv",), "has no provenance.json"), (("provenance.json", "a.png"), "a.png"), ((".hidden",), ".hidden")],
+)
+def test_a_folder_with_anything_else_is_not_replaced(tmp_path, names, word):
+    for name in names:
+        (tmp_path / name).write_text("x")
+    with pytest.raises(OutputError, match=rf"^--to .*{word}.* another folder$"):
+        refuse_foreign(tmp_path, "--to", RESULTS, [])
+
+
+def test_links_and_folders_in_place_of_results_are_not_replaced(tmp_path):
+    (tmp_path / "out/provenance.json").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "out")
+    with pytest.raises(OutputError, match=r"provenance\.json, which no earlier run"):
+        refuse_foreign(tmp_path / "out", "--to", RESULTS, [])
+    with pytest.raises(OutputError, match="is a link"):
+        refuse_foreign(tmp_path / "link", "--to", RESULTS, [])

@@ -88,3 +88,35 @@ def test_a_sensor_is_measured_from_exposures_of_a_scene(tmp_path):
     (tmp_path / "dark/unnamed.tif").write_bytes((tmp_path / "dark/dark_100ms_1.tif").read_bytes())
     done = call("record", "sensor", *options)
     assert done.exit_code == 2 and "no exposure" in done.output
+
+
+@pytest.mark.parametrize("to", ["pairs", "pairs/record", "."])
+def test_a_folder_that_is_holds_or_lies_inside_an_input_is_not_replaced(tmp_path, folder, to):
+    before = sorted(tmp_path.rglob("*"))
+    given = ["--pairs", f"white={folder}", "--estimator", "pca", "--source", "x", "--to", tmp_path / to]
+    done = call("record", "noise", *given)
+    assert done.exit_code == 2 and "inside the input" in done.output and len(done.output.splitlines()) == 1
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("recorded", [False, True])
+def test_a_folder_with_other_files_than_a_record_is_not_replaced(tmp_path, folder, recorded):
+    out = tmp_path / "out"
+    given = ["--pairs", f"white={folder}", "--estimator", "pca", "--source", "x", "--to", out]
+    if recorded:
+        assert call("record", "noise", *given).exit_code == 0
+    out.mkdir(exist_ok=True)
+    (out / "notes.txt").write_text("kept")
+    before = {path: path.read_bytes() for path in out.iterdir()}
+    done = call("record", "noise", *given)
+    assert done.exit_code == 2 and "notes.txt" in done.output and len(done.output.splitlines()) == 1
+    assert {path: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_raw_frames_are_not_replaced_by_their_record(tmp_path):
+    write_raw(tmp_path / "light", "scene", 100, np.full((64, 64), 90.0))
+    write_raw(tmp_path / "dark", "dark", 100, np.full((64, 64), 4.0))
+    given = ["--light", tmp_path / "light", "--dark", tmp_path / "dark", "--source", "made", "--to", tmp_path / "dark"]
+    done = call("record", "sensor", *given)
+    assert done.exit_code == 2 and f"inside the input {tmp_path / 'dark'}" in done.output
+    assert (tmp_path / "dark/dark_100ms_1.tif").is_file()

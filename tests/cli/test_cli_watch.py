@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -16,7 +17,8 @@ from click.testing import CliRunner
 from data_makers import picture
 
 from pipeline.cli import main
-from pipeline.cli.watch_sources import filling_folder, live, played_video
+from pipeline.cli.watch import STATED, _Watch
+from pipeline.cli.watch_sources import SourceFrame, filling_folder, live, played_video
 from pipeline.cli.watch_state import RollingState
 
 
@@ -192,6 +194,35 @@ def test_a_lost_signal_is_reported_once(tmp_path):
             stop.set()
     assert [frame.signal_lost for frame in frames].count(True) == 1 and frames[-1].signal_lost
     assert frames[-1].problem
+
+
+def test_a_device_that_has_gone_silent_counts_as_idle(tmp_path):
+    """A file stands for a device here: after its last frame it delivers nothing."""
+    stop, analysis = threading.Event(), SimpleNamespace()
+    loop = _Watch("device", analysis, 5)
+    loop._frame = lambda frame: None
+    clock = threading.Timer(20.0, stop.set)
+    clock.start()
+    try:
+        assert loop.run(live(str(film(tmp_path / "v.avi", 5)), "device", 100.0, stop), None, 0.5) == "idle"
+    finally:
+        stop.set()
+        clock.cancel()
+
+
+def test_an_alarm_stays_while_its_quantity_is_unknown(capsys):
+    nan = float("nan")
+    seen = [(30.0, "noise"), (nan, ""), (30.0, "noise"), (nan, ""), (2.0, ""), (nan, ""), (30.0, "noise")]
+    analysis = SimpleNamespace(trend_alarms=[], trends={"device 40x40": SimpleNamespace(state=lambda: "learning")})
+    loop = _Watch("device", analysis, 5)
+    loop.state = SimpleNamespace(add=lambda row: {})
+    for number, (sigma_dn, alarms) in enumerate(seen):
+        row = {**dict.fromkeys(STATED, 0.2), "picture": number, "sigma_dn": sigma_dn, "alarms": alarms}
+        analysis.analyse = lambda *_, row=row: (row, None)
+        loop._frame(SourceFrame(str(number), np.zeros((40, 40), np.float32)))
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    changes = [(line["event"], line["picture"]) for line in lines if line["event"] != "frame"]
+    assert changes == [("alarm", 0), ("cleared", 4), ("alarm", 6)] and loop.alarms == 2
 
 
 @pytest.mark.parametrize("source", ["absent", "97", "rtsp://127.0.0.1:9/none"])

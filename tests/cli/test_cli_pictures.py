@@ -1,0 +1,119 @@
+"""Files and folders that commands are given: order, formats, names and orientation of their pictures."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from pathlib import Path
+
+import cv2
+import pytest
+from click.testing import CliRunner, Result
+from data_makers import picture
+from PIL import Image
+
+from pipeline.cli import main
+from pipeline.cli.pictures import expand, natural_order
+from pipeline.cli.watch_sources import filling_folder
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def save(path: Path, orientation: int | None = None) -> Path:
+    tags = Image.Exif()
+    if orientation is not None:
+        tags[0x0112] = orientation
+    Image.fromarray(picture("order", 224, 208)).save(path, **({"exif": tags} if orientation else {}))
+    return path
+
+
+def test_names_with_numbers_are_in_the_order_of_the_numbers() -> None:
+    names = ["0.png", "01.png", "1.png", "2.png", "10.png", "100.png", "a-2-b9.png", "a-2-b10.png", "a-10-b1.png", "b"]
+    assert sorted(sorted(names, reverse=True), key=natural_order) == names
+    assert sorted(["x²3", "x3", "x١"], key=natural_order) == ["x3", "x²3", "x١"]  # digits of ASCII only
+
+
+def test_a_folder_is_taken_in_the_order_of_its_numbers_and_paths_as_they_come(tmp_path: Path) -> None:
+    for number in range(12):
+        (tmp_path / f"{number}.png").touch()
+    assert [file.stem for file in expand([tmp_path])] == [str(number) for number in range(12)]
+    assert [file.stem for file in expand([tmp_path / "10.png", tmp_path / "9.png"])] == ["10", "9"]
+
+
+def test_pictures_that_come_at_the_same_time_are_watched_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    for number in (10, 9, 100):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), picture("order", 224, 208))
+        os.utime(tmp_path / f"{number}.png", (1e9, 1e9))
+    stop, names = threading.Event(), []
+    for frame in filling_folder(tmp_path, stop):
+        names += [Path(frame.name).stem] if frame.image is not None else []
+        if len(names) == 3:
+            stop.set()
+    assert names == ["9", "10", "100"]
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".jp2", ".GIF", ".jfif", ".pnm"])
+def test_formats_that_can_be_read_are_taken_of_a_folder_too(tmp_path: Path, suffix: str) -> None:
+    file = save(tmp_path / f"a{suffix}")
+    (tmp_path / "notes.txt").write_text("no picture")
+    done = call("noise", tmp_path, "--estimator", "pca")
+    assert done.exit_code == 0 and str(file) in done.stdout, done.output
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("health",), ("noise",), ("corrupt", "--out", "out"), ("corrupt", "--out", "out", "--pipeline", "phone")],
+)
+def test_a_name_that_is_not_utf_8_is_set_aside_and_the_others_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder = Path("in")
+    folder.mkdir()
+    good = save(folder / "good.png")
+    save(folder / "x.png").rename(folder / os.fsdecode(b"bad\xff.png"))
+    more = ("--out", "out", "--no-trend") if command == ("health",) else ()
+    done = call(*command, folder, *more)
+    assert done.exit_code == 2, done.exception
+    lines = done.stderr.splitlines()
+    assert lines[0] == "set aside: in/bad\\udcff.png: its name is not valid UTF-8; rename it" and len(lines[1:]) <= 2
+    assert str(good) in done.stdout
+    if more:
+        content = json.loads((tmp_path / "out/health.json").read_text())
+        assert len(content["pictures"]) == 1 and "bad\\udcff.png" in content["set_aside"][0]
+
+
+@pytest.mark.parametrize("command", [("health",), ("noise",), ("advise",), ("corrupt", "--out", "out")])
+def test_an_empty_path_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]) -> None:
+    monkeypatch.chdir(tmp_path)
+    save(tmp_path / "a.png")
+    done = call(*command, "")
+    assert done.exit_code == 2 and "path is empty" in done.output and len(done.output.splitlines()) == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["a.png"]
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "webp"])
+def test_pictures_stored_turned_are_pointed_out_once(tmp_path: Path, suffix: str) -> None:
+    for name, orientation in (("a", None), ("b", 1), ("c", 6), ("d", 8)):
+        save(tmp_path / f"{name}.{suffix}", orientation)
+    done = call("health", tmp_path)
+    assert done.exit_code == 0, done.output
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+    assert line.startswith(f"warning: {tmp_path / f'c.{suffix}'}: stored turned or mirrored (EXIF orientation 6)")
+    assert "Pictures stored turned or mirrored (EXIF orientation): 2;" in done.stdout
+    assert "warning" not in call("noise", tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}").stderr
+
+
+def test_a_turned_tiff_is_turned_by_pillow_and_needs_no_warning(tmp_path: Path) -> None:
+    done = call("noise", save(tmp_path / "a.tiff", 6), "--estimator", "pca")
+    assert done.exit_code == 0 and not done.stderr, done.output
+
+
+def test_watch_points_turned_pictures_out(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    file = save(tmp_path / "in/a.jpg", 3)
+    done = call("watch", tmp_path / "in", "--idle-stop", 0.5, "--noise", "pca")
+    assert f"warning: {file}: stored turned" in done.stderr and '"event": "frame"' in done.stdout
