@@ -19,6 +19,9 @@ from pipeline.control.state import CameraState, Limits
 if TYPE_CHECKING:
     from pipeline.condition import Condition, ConditionMonitor
 
+NOMINAL = 1.02
+"""Settings are named roundly: 1/30 s is written as 33 ms."""
+
 
 @dataclass(frozen=True)
 class Advice:
@@ -64,11 +67,11 @@ def inside(limits: Limits, state: CameraState) -> CameraState:
     """The settings themselves where they lie inside the limits, else settings inside of the same brightness, or nearly.
 
     Args:
-        limits: ranges of exposure time and gain; steps are not regarded.
+        limits: ranges of exposure time and gain; steps are not regarded, nor what lies beyond by `NOMINAL`.
         state: any settings.
     """
-    time_fits = limits.exposure_min_s <= state.exposure_s <= limits.exposure_max_s
-    if time_fits and limits.gain_min <= state.gain <= limits.gain_max:
+    time_fits = limits.exposure_min_s / NOMINAL <= state.exposure_s <= limits.exposure_max_s * NOMINAL
+    if time_fits and limits.gain_min / NOMINAL <= state.gain <= limits.gain_max * NOMINAL:
         return state
     return limits.at_time(state.total_exposure_s, state.exposure_s)
 

@@ -73,6 +73,7 @@ def test_advise_answers_in_json(tmp_path):
         ["--exposure", "8ms", "--iso", "100", "--exposure-max", "6ms"],
         ["--exposure", "1ms", "--iso", "6400", "--iso-max", "800"],
         ["--exposure", "100ms", "--iso", "50"],
+        ["--exposure", "34ms", "--iso", "100"],
     ],
 )
 @pytest.mark.parametrize("flat", [False, True])
