@@ -44,9 +44,10 @@ def alternating(stack: NDArray[np.floating]) -> NDArray[np.bool_]:
     """
     count, down, across = len(stack), _windows(stack.shape[1]), _windows(stack.shape[2])
     levels = stack.astype(np.float32, copy=False) * np.float32(FULL_SCALE_DN)
-    blocks = (down @ levels @ across.T).reshape(count, 4, len(down) // 4, 4, len(across) // 4)
-    powers = np.sort((blocks.astype(np.float64) ** 2).swapaxes(2, 3).reshape(count, 4, 4, -1))
-    power = powers[..., : max(1, int(KEPT * powers.shape[-1]))].mean(axis=-1)
+    rows, columns = len(down) // 4, len(across) // 4
+    blocks = (down @ levels @ across.T).reshape(count, 4, rows, 4, columns)
+    powers = np.sort((blocks.astype(np.float64) ** 2).swapaxes(2, 3).reshape(count, 4, 4, rows * columns))
+    power = powers[..., : max(1, int(KEPT * rows * columns))].mean(axis=-1)
     mean, line, cosine, sine = range(4)
     beside_rows = (power[:, mean, cosine] + power[:, mean, sine]) / 2
     beside_columns = (power[:, cosine, mean] + power[:, sine, mean]) / 2

@@ -33,6 +33,10 @@ def test_pictures_and_noise_do_not_alternate(sigma_dn):
     assert not alternating(grey(sigma_dn)).any()
 
 
+def test_no_patches_are_none():
+    assert alternating(np.empty((0, 128, 128), np.float32)).shape == (0,)
+
+
 def test_gradients_edges_and_coded_pictures_do_not_alternate():
     ramp = np.linspace(0, 1, 128, dtype=np.float32)
     edge = (np.arange(128) > 63).astype(np.float32)
