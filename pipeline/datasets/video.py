@@ -90,7 +90,10 @@ def read_video(
 
     account = _Account()
     with _decoder_messages(account.messages):
-        video = cv2.VideoCapture(str(path))
+        # FFmpeg's own threads would report damage at any time, between two frames too, where nobody listens.
+        video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+        if not video.isOpened():
+            video = cv2.VideoCapture(str(path))
     account.declared = int(video.get(cv2.CAP_PROP_FRAME_COUNT)) if video.isOpened() else 0
     account.per_second = per_second = float(video.get(cv2.CAP_PROP_FPS))
     account.messages.clear()  # remarks on the container; the frames decide
