@@ -207,8 +207,9 @@ class Adaptive(CellMapper):
         hidden = hiding & (sigma < UNDETECTED_DN) & (low < UNDETECTED_LOW_DN)
         unsure = (wide | hidden | grain) & (reason == "")
         reason[unsure] = np.where((coded | hidden)[unsure], COMPRESSED, UNCERTAIN)
-        reason[(low > LARGEST_DN) & (reason == "")] = UNCERTAIN
-        reason[alternating(stack) & ((reason == "") | unsure)] = ALTERNATING
+        beyond = (low > LARGEST_DN) & (reason == "")
+        reason[beyond] = UNCERTAIN
+        reason[alternating(stack) & ((reason == "") | unsure | beyond)] = ALTERNATING
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
 
     def _widest(self, traces: Traces) -> NDArray[np.float64]:

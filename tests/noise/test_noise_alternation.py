@@ -61,6 +61,8 @@ def test_a_raw_frame_of_colours_has_no_noise_level_and_its_developed_one_has():
     image = np.clip(np.rint(image + 5 * stream(2, "mosaic").standard_normal(image.shape)), 0, 255)
     raw = (mosaic(image) / 255).astype(np.float32)
     monitor = ConditionMonitor()
+    strong = np.indices(raw.shape).sum(0)[None, None, :128, :128] % 2 * np.float32(0.8) + np.float32(0.1)
+    assert monitor.noise_estimator.estimate(strong.astype(np.float32)).reason.tolist() == ["alternating"]
     read = monitor.frame(raw)
     assert read.abstained["noise"] and read.reasons["noise"]["alternating"] >= 8
     assert float(monitor.frame((image[..., 1] / 255).astype(np.float32)).sigma_dn.value) == pytest.approx(5, abs=1)
