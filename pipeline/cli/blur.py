@@ -23,13 +23,7 @@ def command() -> None:
     multiple=True,
     help="name of an estimator of the configuration; may be repeated, by default all",
 )
-@click.option(
-    "--to",
-    "out",
-    required=True,
-    type=click.Path(path_type=Path),
-    help="folder to write; only an earlier record in it is replaced, see --join",
-)
+@shared.to_option
 @click.option("--join", is_flag=True, help="keep what the folder has of other estimators, measured on the same")
 @click.option("--frames", "frame_count", type=click.IntRange(min=2), help="of the frames with patches, this many only")
 @click.option("--patches", "patches_per_frame", type=click.IntRange(min=1), help="of each frame, this many only")

@@ -9,6 +9,7 @@ import click
 from pipeline.cli.numbers import FiniteRange
 from pipeline.cli.outputs import refuse_foreign
 from pipeline.cli.record_frames import COMMANDS
+from pipeline.cli.recording_config import source_option, to_option, workers_option
 
 
 @click.group("record")
@@ -22,17 +23,9 @@ def command() -> None:
     help="folder of photographs X_real.* with the mean X_mean.* of many of the same scene; may be repeated",
 )  # fmt: skip
 @click.option("--estimator", "chosen", multiple=True, help="one of those measured by default; may be repeated")
-@click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record")
-@click.option(
-    "--to",
-    "out",
-    required=True,
-    type=click.Path(path_type=Path),
-    help="folder to write; only an earlier record in it is replaced",
-)
-@click.option(
-    "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
-)
+@source_option
+@to_option
+@workers_option
 def noise_command(
     named_folders: tuple[str, ...], chosen: tuple[str, ...], source: str, out: Path, workers: int
 ) -> None:
@@ -85,16 +78,8 @@ def noise_command(
     "--white-dn", default=255.0, show_default=True, type=FiniteRange(1, 65535), help="grey value of saturation"
 )
 @click.option("--source", required=True, help="where the frames come from: revision and licence, for the record")
-@click.option(
-    "--to",
-    "out",
-    required=True,
-    type=click.Path(path_type=Path),
-    help="folder to write; only an earlier record in it is replaced",
-)
-@click.option(
-    "--workers", default=1, show_default=True, type=click.IntRange(min=1), help="processes; changes no result"
-)
+@to_option
+@workers_option
 def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: Path, workers: int) -> None:
     """Measure gain, dark noise and dark current of a sensor from raw frames, after EMVA 1288.
 
@@ -125,14 +110,8 @@ def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: P
     "--frame", "frames", multiple=True, required=True, type=click.Path(path_type=Path),
     help="a sharp frame; repeated, consecutive frames in the order of time",
 )  # fmt: skip
-@click.option("--source", required=True, help="where the pictures come from: revision and licence, for the record")
-@click.option(
-    "--to",
-    "out",
-    required=True,
-    type=click.Path(path_type=Path),
-    help="folder to write; only an earlier record in it is replaced",
-)
+@source_option
+@to_option
 def examples_command(real: Path, mean: Path, frames: tuple[Path, ...], source: str, out: Path) -> None:
     """Noise estimates on three pictures: a photograph, a noisy frame stored as JPEG, and one stored as video.
 
