@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 PICTURES = SUFFIXES | {".gif", ".jp2", ".j2k", ".jpe", ".jfif", ".pbm", ".pnm"}
 """What is taken of a folder: formats of datasets, and others that Pillow reads as well."""
 
+UNREAD = frozenset(
+    {".heic", ".heif", ".avif", ".jxl", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw"}
+)
+"""Formats of telephones and raw files of cameras, which are not read: they are pointed out, not passed over."""
+
 TURNED = 0
 """Key of pictures that EXIF data turn, among counts by a number of bits."""
 
@@ -39,6 +44,8 @@ def natural_order(name: str) -> tuple[list[str | int], str]:
 def expand(paths: Sequence[Path]) -> list[Path]:
     """Files named, and the pictures and videos directly inside folders named, each folder's in `natural_order`.
 
+    A line on standard error counts what a folder has of formats that are not read (`UNREAD`).
+
     Raises:
         InputError: a path does not exist, or nothing is left.
     """
@@ -48,6 +55,7 @@ def expand(paths: Sequence[Path]) -> list[Path]:
             known = PICTURES | VIDEOS
             inside = [file for file in path.iterdir() if file.suffix.lower() in known and file.name[0] != "."]
             results += sorted(inside, key=lambda file: natural_order(file.name))
+            _warn_of_unread(path)
         elif path.is_file():
             results.append(path)
         elif path.exists():
@@ -57,6 +65,18 @@ def expand(paths: Sequence[Path]) -> list[Path]:
     if not results:
         raise InputError(f"no pictures in {', '.join(map(str, paths))}; expected {' '.join(sorted(PICTURES | VIDEOS))}")
     return results
+
+
+def _warn_of_unread(folder: Path) -> None:
+    import click
+
+    unread = Counter(file.suffix.lower() for file in folder.iterdir() if file.suffix.lower() in UNREAD)
+    if unread:
+        counts = ", ".join(f"{count} {suffix}" for suffix, count in sorted(unread.items()))
+        click.echo(
+            f"warning: {folder}: left out {counts}; these formats are not read, convert them, for example to PNG",
+            err=True,
+        )
 
 
 def read(path: Path, every: int = 1, hinted: Counter[int] | None = None) -> Iterator[tuple[str, np.ndarray]]:
@@ -77,6 +97,8 @@ def read(path: Path, every: int = 1, hinted: Counter[int] | None = None) -> Iter
     from pipeline.datasets.video import read_video
 
     refuse_name(path)
+    if path.suffix.lower() in UNREAD:
+        raise InputError(f"{path}: {path.suffix} files are not read; convert it, for example to PNG")
     hinted = Counter() if hinted is None else hinted
     if path.suffix.lower() not in VIDEOS:
         picture = read_picture(path)

@@ -63,6 +63,17 @@ def test_formats_that_can_be_read_are_taken_of_a_folder_too(tmp_path: Path, suff
     assert done.exit_code == 0 and str(file) in done.stdout, done.output
 
 
+def test_formats_that_are_not_read_are_counted_in_a_folder_and_refused_by_name(tmp_path: Path) -> None:
+    save(tmp_path / "a.png")
+    for name in ("b.heic", "c.HEIC", "d.dng", "notes.txt"):
+        (tmp_path / name).write_bytes(b"\0\0\0\x18ftyp")
+    done = call("noise", tmp_path, "--estimator", "pca")
+    assert done.exit_code == 0
+    assert f"{tmp_path}: left out 1 .dng, 2 .heic; these formats are not read" in done.stderr
+    done = call("noise", tmp_path / "c.HEIC", "--estimator", "pca")
+    assert done.exit_code != 0 and "c.HEIC: .HEIC files are not read; convert it" in done.stderr
+
+
 @pytest.mark.parametrize(
     "command",
     [("health",), ("noise",), ("corrupt", "--out", "out"), ("corrupt", "--out", "out", "--pipeline", "phone")],
