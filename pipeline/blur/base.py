@@ -37,14 +37,16 @@ class HiddenUnits:
     Attributes:
         units: (N, E, F) of the layer below the last two of each network.
         second_share: (N,) share of the second network in the joint estimate.
+        sigma_dn: (N,) noise that they see, DN.
     """
 
     units: Floats
     second_share: Floats
+    sigma_dn: Floats
 
     def part(self, kept: NDArray[np.bool_]) -> HiddenUnits:
         """Those of some patches."""
-        return HiddenUnits(self.units[kept], self.second_share[kept])
+        return HiddenUnits(self.units[kept], self.second_share[kept], self.sigma_dn[kept])
 
 
 @dataclass(frozen=True)

@@ -52,9 +52,8 @@ from pipeline.camera.mtf import CAMERA
 from pipeline.errors import InputError
 
 MOST_MEMBERS = 8
-SAMPLES = 1200
+SAMPLES = 2400
 COVERAGE = 0.95
-FOLDS = 4
 STRENGTHS = (1.0, 0.1, 0.01, 0.001)
 """Of the draw of A towards its start, strongest first; cross-validation takes one."""
 WEIGHTS = (1.0, 0.75, 0.5, 0.25, 0.0)
@@ -150,7 +149,7 @@ class Calibration:
         answer = sigmoid(mapped)
         if self.alone is not None:
             last = logits[:, -VALUES:] @ self.alone[:, :-1].T + self.alone[:, -1]
-            answer = halo.mixed(answer, sigmoid(last))
+            answer = halo.mixed(answer, sigmoid(last), None if hidden is None else hidden.sigma_dn)
         return answer.reshape(len(mtf), 2, FREQUENCIES)
 
     def answer(self, estimator: BlurEstimator, patches: Any) -> BlurEstimate:
@@ -330,7 +329,7 @@ def _fitted(samples: Samples, layers: OutputLayers | None = None, seed: int = 1)
     """
     logits, known, scene = samples.logits, samples.known, samples.scene
     count = int(scene.max()) + 1
-    groups, plain, last = _groups(scene, count), logits[:, :VALUES], logits[:, -VALUES:]
+    groups, plain, last = samples.fold, logits[:, :VALUES], logits[:, -VALUES:]
     judged = scene if count > FEW_SCENES else np.arange(len(known))
     maps = _cross_fitted(logits, known, groups, STRENGTHS)
     held_out = _held_out(maps, logits, groups)
@@ -347,7 +346,9 @@ def _fitted(samples: Samples, layers: OutputLayers | None = None, seed: int = 1)
         mapped = _drawn_back(_held_out(maps, noisy.logits, groups)[index], noisy.logits[:, :VALUES], weight)
         parts = [Part(noisy.clean, joint, known), Part(noisy.hidden, mapped, known)]
         starts = [_map_drawn_back(of_group[index], weight) for of_group in maps]
-        correction, corrected_logits = camera_correction.fit(layers, parts, groups, [*starts, (matrix, offset)], seed)
+        correction, corrected_logits = camera_correction.fit(
+            layers, parts, groups, samples.kernel, [*starts, (matrix, offset)], seed
+        )
         joint = corrected_logits[0]
         error = np.abs(sigmoid(joint) - known)
     alone = None
@@ -372,16 +373,6 @@ def _map_drawn_back(
     """A and b of a map at this weight beside the uncalibrated output, which is the first network's."""
     matrix, offset = fitted
     return _drawn_back(matrix, np.eye(*matrix.shape), weight), weight * offset
-
-
-def _groups(scene: NDArray[np.int_], count: int) -> NDArray[np.int_]:
-    """The fold of each sample: neighbouring sharp patches, which may show the same surroundings, are in one fold.
-
-    Args:
-        scene: (N,) what the sharp patch shows that a sample was made of.
-        count: of scenes; with a single one, folds differ in kernels only.
-    """
-    return np.arange(len(scene)) % FOLDS if count == 1 else scene * min(FOLDS, count) // count
 
 
 def _cross_fitted(

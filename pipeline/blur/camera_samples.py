@@ -3,13 +3,13 @@
 Kernels are of the family that networks are trained on (`pipeline.learning.kernels`, with irises, halos and rendered
 lenses; without those, kernels with a halo were read 40 % worse calibrated than not), none of the study's own. An
 estimator that passes on its hidden units (`HasOutputLayers`) reads every sample again with white noise of 0 to 30 DN
-added, for its correction (`pipeline.blur.camera_correction`).
+added, for its correction (`pipeline.blur.camera_correction`); there each kernel blurs up to four of the sharp patches.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Protocol, runtime_checkable
 
@@ -29,6 +29,9 @@ KERNELS = "with_optics"
 LARGEST_SIGMA_DN = 30.0
 AT_ONCE = 64
 LEAST_SAMPLES = 100
+FOLDS = 4
+TOGETHER = 4
+"""Most patches that a kernel blurs, under noise of one strength, for a correction."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,8 @@ class Samples:
         logits: (N, 16 E) of the estimated MTFs, network after network.
         known: (N, 16) true MTFs.
         scene: (N,) number, from 0, of what each sample shows.
+        kernel: (N,) number of the kernel that blurred it.
+        fold: (N,) fold of its scene; no kernel is in two of them.
         half_width: (N, 16) half the width of its 95 % intervals, or None.
         noisy: the same samples with noise, or None.
     """
@@ -61,6 +66,8 @@ class Samples:
     logits: Floats
     known: Floats
     scene: NDArray[np.int_]
+    kernel: NDArray[np.int_]
+    fold: NDArray[np.int_]
     half_width: Floats | None = None
     noisy: UnderNoise | None = None
 
@@ -95,17 +102,23 @@ def blurred(estimator: BlurEstimator, sharp: NDArray[np.float32], samples: int, 
     from pipeline.camera import mtf
     from pipeline.camera.blur import blur
 
-    bank = _kernels(samples, seed)
-    shown = np.arange(samples) % len(sharp)
+    scene = overlap.scenes(sharp[:, 0])
+    fold = _folds(scene)
+    shown, kernel = np.arange(samples) % len(sharp), np.arange(samples)
+    if noisy:
+        shown, kernel = _several_at_once(fold, samples, stream(seed, "camera fit patches"))
+    bank = _kernels(int(kernel[-1]) + 1, seed)
+    sigma_dn = stream(seed, "camera fit noise").uniform(0, LARGEST_SIGMA_DN, len(bank))
     clean: list[BlurEstimate] = []
     grainy: list[BlurEstimate] = []
     for first in range(0, samples, AT_ONCE):
-        kernels = bank[first : first + AT_ONCE]
-        picked = sharp[shown[first : first + AT_ONCE]]
+        part = slice(first, first + AT_ONCE)
+        kernels, picked = bank[kernel[part]], sharp[shown[part]]
         levels = blur(picked, kernels / kernels.sum((1, 2), keepdims=True)) * FULL_SCALE_DN
         clean.append(estimator.estimate(np.rint(levels) / FULL_SCALE_DN))
         if noisy:
-            grainy.append(estimator.estimate(_with_noise(levels, stream(seed, "camera fit noise", first))))
+            noise = stream(seed, "camera fit noise", first)
+            grainy.append(estimator.estimate(_with_noise(levels, sigma_dn[kernel[part]], noise)))
     read = np.concatenate([members(item) for item in clean]).reshape(samples, -1)
     usable = ~np.isnan(read).any(axis=1)
     if grainy:
@@ -116,19 +129,57 @@ def blurred(estimator: BlurEstimator, sharp: NDArray[np.float32], samples: int, 
             f"sharp_patches: only {usable.sum()} of {samples} blurred samples can be measured (flat or saturated); "
             "give patches with structure, from sharp frames"
         )
+    known = np.asarray(mtf.sample(bank), float).reshape(-1, VALUES)[kernel[usable]]
+    shown, kernel = shown[usable], np.unique(kernel[usable], return_inverse=True)[1]
+    scene, fold = np.unique(scene[shown], return_inverse=True)[1], fold[shown]
+    if not noisy or not np.ptp(fold):
+        fold = _folds(scene) if scene.any() else kernel % FOLDS  # of a single scene, folds differ in kernels only
     return Samples(
         logit(read[usable]),
-        np.asarray(mtf.sample(bank), float).reshape(samples, VALUES)[usable],
-        np.unique(overlap.scenes(sharp[:, 0])[shown[usable]], return_inverse=True)[1],
+        known,
+        scene,
+        kernel,
+        fold,
         _half_width(clean, usable),
         UnderNoise(logit(under_noise[usable]), _hidden(grainy, usable), _hidden(clean, usable)) if grainy else None,
     )
 
 
-def _with_noise(levels: NDArray[np.floating], generator: np.random.Generator) -> NDArray[np.float32]:
-    """Patches with white noise, each of a strength of its own, in [0, 1] and in whole grey levels."""
-    sigma_dn = generator.uniform(0, LARGEST_SIGMA_DN, (len(levels), 1, 1, 1))
-    noise = sigma_dn * generator.standard_normal(levels.shape)
+def _folds(scene: NDArray[np.int_]) -> NDArray[np.int_]:
+    """The fold of each scene: neighbours, which may show the same surroundings, are in one fold."""
+    count = int(scene.max()) + 1
+    return scene * min(FOLDS, count) // count
+
+
+def _several_at_once(
+    fold: NDArray[np.int_], samples: int, generator: np.random.Generator
+) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Which patch each sample shows and which kernel blurs it, every patch equally often; a kernel's are of one fold.
+
+    So scenes are held out together with kernels: a correction could know one again that it was trained on.
+
+    Args:
+        fold: (P,) of the sharp patches.
+        samples: N.
+        generator: of who are together; others each time.
+
+    Returns:
+        (N,) number of the patch, and (N,) of the kernel, rising.
+    """
+    sets: list[NDArray[np.int_]] = []
+    while sum(map(len, sets)) < samples:
+        for one in np.unique(fold):
+            patches = generator.permutation(np.flatnonzero(fold == one))
+            sets += np.array_split(patches, -(-len(patches) // TOGETHER))
+    kernel = np.repeat(np.arange(len(sets)), [len(patches) for patches in sets])
+    return np.concatenate(sets)[:samples], kernel[:samples]
+
+
+def _with_noise(
+    levels: NDArray[np.floating], sigma_dn: NDArray[np.float64], generator: np.random.Generator
+) -> NDArray[np.float32]:
+    """Patches with white noise, each of its strength, in [0, 1] and in whole grey levels."""
+    noise = sigma_dn[:, None, None, None] * generator.standard_normal(levels.shape)
     return (np.rint(np.clip(levels + noise, 0, FULL_SCALE_DN)) / FULL_SCALE_DN).astype(np.float32)
 
 
@@ -141,8 +192,8 @@ def _half_width(estimates: Sequence[BlurEstimate], usable: NDArray[np.bool_]) ->
 
 def _hidden(estimates: Sequence[BlurEstimate], usable: NDArray[np.bool_]) -> HiddenUnits:
     known = [item.hidden for item in estimates if item.hidden is not None]
-    units, share = (np.concatenate([getattr(item, name) for item in known]) for name in ("units", "second_share"))
-    return HiddenUnits(units, share).part(usable)
+    arrays = (np.concatenate([getattr(item, one.name) for item in known]) for one in fields(HiddenUnits))
+    return HiddenUnits(*arrays).part(usable)
 
 
 @lru_cache(maxsize=2)

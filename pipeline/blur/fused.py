@@ -221,8 +221,8 @@ class Fused(Estimator):
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same estimator, calibrated to the camera of these sharp patches: answers are relative MTFs.
 
-        Takes ten seconds and more: the spectral network is run on 1200 blurred patches, without and with noise, GBB on
-        ten sharp ones.
+        Takes half a minute: the spectral network is run on 2400 blurred patches, without and with noise, GBB on ten
+        sharp ones.
 
         Args:
             sharp_patches: see `fit_camera`.

@@ -167,7 +167,7 @@ class Spectral(Estimator):
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same estimator, calibrated to the camera of these sharp patches by a map of both networks' estimates.
 
-        Takes ten seconds and more (`pipeline.blur.camera_calibration.fit_map`). On recorded frames that it was not
+        Takes half a minute (`pipeline.blur.camera_calibration.fit_map`). On recorded frames that it was not
         fitted to its errors are smaller than those by division (`divided`) on KITTI and the authors' *Sim*; on four
         frames of Udacity, of which it was fitted to two at a time, they are alike.
 
@@ -242,7 +242,7 @@ class Spectral(Estimator):
                     main, members[part, 1] = self._joined(main, other, share[part]), other[0]
                 mtf[part], scale[part], sigma_dn[part] = main
         members[:, 0] = mtf
-        return Prediction(mtf, scale, sigma_dn, members, HiddenUnits(units, share))
+        return Prediction(mtf, scale, sigma_dn, members, HiddenUnits(units, share, sigma_dn))
 
     def output_layers(self) -> OutputLayers:
         """The last two layers of each network: see `pipeline.blur.camera_correction`."""

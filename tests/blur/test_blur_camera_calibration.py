@@ -280,7 +280,8 @@ def test_scenes_that_cannot_be_measured_do_not_count(sharp, truth):
 def fitted(truth, first, second):
     """A calibration to 25 scenes of an ensemble of two networks, from their logits (500, 16), and what they read."""
     logits, known = np.concatenate([first, second], axis=1), truth.reshape(SAMPLES, -1)
-    maps = camera_calibration._fitted(Samples(logits, known, np.arange(SAMPLES) % 25))
+    number = np.arange(SAMPLES)
+    maps = camera_calibration._fitted(Samples(logits, known, number % 25, kernel=number, fold=number % 4))
     members = sigmoid(np.stack([first, second], axis=1)).reshape(SAMPLES, 2, 2, 8)
     return Calibration(maps.matrix, maps.offset, 1.0, SAMPLES, (0.0, 0.0), maps.alone), members
 

@@ -9,7 +9,7 @@ import pytest
 from pipeline import blur
 from pipeline.blur import camera_correction, camera_samples
 from pipeline.blur.affine_logits import sigmoid
-from pipeline.blur.base import HiddenUnits
+from pipeline.blur.base import BlurEstimate, Estimator, HiddenUnits
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration, fit_map
 from pipeline.blur.camera_correction import Correction, OutputLayers, Part
 from pipeline.errors import InputError
@@ -17,6 +17,7 @@ from pipeline.learning import images
 from pipeline.streams import stream
 
 COUNT, VALUES, UNITS, INPUTS = 600, 16, 12, 20
+KERNELS = np.arange(COUNT) // 4
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def start():
 def seen(name):
     """Hidden units of two networks, the second one of which takes no part."""
     units = np.abs(stream(1, "test units", name).normal(0, 1, (COUNT, 2, INPUTS)))
-    return HiddenUnits(units.astype(np.float32), np.zeros(COUNT, np.float32))
+    return HiddenUnits(units.astype(np.float32), *np.zeros((2, COUNT), np.float32))
 
 
 def untrained(layers):
@@ -84,7 +85,7 @@ def test_what_hidden_units_tell_is_mended_on_scenes_held_out(layers, monkeypatch
     monkeypatch.setattr(camera_correction, "LEARNING_RATE", 1e-2)  # these networks are small and begin at random
     parts = parts_of(layers, lambda units: 1.5 * units[:, :1, 3] - 1.2)
     groups = np.arange(COUNT) % 4
-    made, held_out = camera_correction.fit(layers, parts, groups, [start()] * 5, 1)
+    made, held_out = camera_correction.fit(layers, parts, groups, KERNELS, [start()] * 5, 1)
     before, after = (np.abs(sigmoid(logits) - parts[0].known).mean() for logits in (parts[0].mapped, held_out[0]))
     assert made is not None and made.weight == camera_correction.WEIGHTS[-1]
     assert after < 0.5 * before
@@ -103,14 +104,73 @@ def test_errors_that_are_a_scenes_own_get_no_correction(layers):
         )  # they tell the scene, as real ones do
         mapped = untrained(layers).logits(hidden)
         parts.append(Part(hidden, mapped, sigmoid(mapped + turned)))
-    made, held_out = camera_correction.fit(layers, parts, groups, [start()] * 5, 1)
+    made, held_out = camera_correction.fit(layers, parts, groups, KERNELS, [start()] * 5, 1)
     assert made is None and np.array_equal(held_out[0], parts[0].mapped)
 
 
 def test_the_same_samples_give_the_same_correction(layers):
     parts = parts_of(layers, lambda units: units[:, :1, 3] - 0.8)
-    first, second = (camera_correction.fit(layers, parts, np.arange(COUNT) % 2, [start()] * 3, 1)[0] for _ in range(2))
+    arguments = (layers, parts, np.arange(COUNT) % 2, KERNELS, [start()] * 3, 1)
+    first, second = (camera_correction.fit(*arguments)[0] for _ in range(2))
     assert all(np.array_equal(getattr(first, one.name), getattr(second, one.name)) for one in fields(first))
+
+
+def test_patches_of_one_kernel_show_different_scenes_and_share_their_noise():
+    sharp = np.stack([images.picture(index, 5, "test image", 192) for index in range(12)])[:, None] / np.float32(255)
+    read = camera_samples.blurred(blur.create("spectral"), sharp, 120, 1, noisy=True)
+    for kernel in np.unique(read.kernel):
+        same = read.kernel == kernel
+        assert np.ptp(read.known[same], axis=0).max() == 0
+        assert len(set(read.fold[same])) == 1  # held out with its scenes
+        assert len(set(read.scene[same])) == same.sum() <= camera_samples.TOGETHER
+    assert np.bincount(read.scene).tolist() == [10] * 12
+    spread = [np.ptp(read.noisy.hidden.sigma_dn[read.kernel == kernel]) for kernel in range(30)]
+    assert np.median(spread) < 0.2 * np.ptp(read.noisy.hidden.sigma_dn)
+    single = camera_samples.blurred(blur.create("spectral"), sharp, 120, 1, noisy=False)
+    assert np.array_equal(single.kernel, np.arange(120))
+
+
+@pytest.mark.parametrize("able", [1, 2, 8])
+def test_scenes_that_cannot_be_measured_leave_no_fold_empty(able):
+    """Of eight scenes the first ones alone can be measured, which would all be in the first fold of four."""
+    grey = np.linspace(0.2, 0.8, 8)
+    sharp = stream(1, "test unable scenes").uniform(-0.1, 0.1, (8, 1, 192, 192)) + grey[:, None, None, None]
+
+    class Picky(Estimator):
+        def measure(self, patches, reason):
+            unable = patches.mean(axis=(1, 2, 3)) > (grey[able - 1] + 0.02)
+            mtf = np.where(unable[:, None, None], np.nan, np.full((len(patches), 2, 8), 0.5))
+            return BlurEstimate(mtf, unable, np.where(unable, "shy", ""))
+
+    read = camera_samples.blurred(Picky(), sharp.astype(np.float32), 1000, 1, noisy=False)
+    folds = [set(read.fold[read.scene == scene]) for scene in range(able)]
+    assert len(set().union(*folds)) == {1: 4, 2: 2, 8: 4}[able]
+    assert all(len(fold) == 1 for fold in folds) or able == 1  # a scene is held out as a whole
+
+
+def test_sets_of_samples_hold_those_with_all_labels_in_common():
+    sets = camera_correction._together(np.array([0, 0, 1, 0, 1]), np.array([3, 3, 3, 5, 3]))
+    assert sets.tolist() == [[0, 1], [3, -1], [2, 4]]
+    mtf, known = np.array([[0.2], [0.6], [0.9], [0.5], [0.1]]), np.array([[0.3], [0.3], [0.7], [0.4], [0.7]])
+    assert camera_correction._error_of_medians(mtf, known, sets) == pytest.approx((0.1 + 0.1 + 0.2) / 3)
+
+
+def test_errors_that_patches_of_a_kernel_share_are_trained_away(layers, monkeypatch):
+    """Every patch shows the kernel's logits under noise of its own: by itself it keeps to what is likely, as all do."""
+    monkeypatch.setattr(camera_correction, "LEARNING_RATE", 1e-2)
+    source = stream(1, "test shared errors")
+    turned = np.repeat(source.normal(0, 1.5, COUNT // 4), 4)
+    hidden = seen("clean")
+    hidden.units[:, :, 0] = (4 + turned + source.normal(0, 2.0, COUNT))[:, None]
+    mapped = untrained(layers).logits(seen("noisy"))
+    part = Part(hidden, mapped, sigmoid(mapped * 0 + turned[:, None]))
+    groups = KERNELS % 4
+
+    def shared_percent(kernels):
+        _, (logits,) = camera_correction.fit(layers, [part], groups, kernels, [start()] * 5, 1)
+        return 100 * np.abs((sigmoid(logits) - part.known).reshape(-1, 4, VALUES).mean(axis=1)).mean()
+
+    assert shared_percent(KERNELS) < 0.97 * shared_percent(np.arange(COUNT))  # each patch of a kernel of its own
 
 
 def test_a_calibration_keeps_its_correction_in_a_file(sharp, camera, tmp_path):
@@ -143,6 +203,7 @@ def test_samples_with_noise_show_the_same_blur(sharp):
     clean, noisy = (np.abs(sigmoid(one.logits[:, :VALUES]) - read.known).mean() for one in (read, read.noisy))
     assert clean < noisy < 0.25
     assert not np.array_equal(read.noisy.clean.units, read.noisy.hidden.units)
+    assert read.noisy.clean.sigma_dn.mean() < 1 < 10 < read.noisy.hidden.sigma_dn.mean()
     assert camera_samples.blurred(blur.create("spectral"), sharp, 128, 1, noisy=False).noisy is None
 
 

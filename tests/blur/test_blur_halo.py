@@ -49,3 +49,12 @@ def test_between_the_two_thresholds_the_answer_moves_steadily():
     assert (np.diff(answers[~below]) < 0).all()
     assert np.abs(np.diff(answers)).max() < 0.005
     assert np.isclose(answers[-1], joint.mean() - drops[-1])
+
+
+def test_under_strong_noise_no_halo_is_seen():
+    joint, alone = falling(0.98, 0.6).reshape(1, 16), falling(0.85, 0.4).reshape(1, 16)
+    low, high = halo.NOISE_DN
+    answers = [halo.mixed(joint, alone, np.array([sigma])) for sigma in (0.0, low, (low + high) / 2, high, 40.0)]
+    assert np.array_equal(answers[0], halo.mixed(joint, alone)) and np.array_equal(answers[1], answers[0])
+    assert (alone < answers[2]).all() and (answers[2] < joint).all()
+    assert np.array_equal(answers[3], joint) and np.array_equal(answers[4], joint)
