@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     import numpy as np
 
 
-PICTURES = SUFFIXES | {".gif", ".jp2", ".j2k", ".jpe", ".jfif", ".pbm", ".pnm"}
+PICTURES = SUFFIXES | {".avif", ".gif", ".jp2", ".j2k", ".jpe", ".jfif", ".pbm", ".pnm"}
 """What is taken of a folder: formats of datasets, and others that Pillow reads as well."""
 
 UNREAD = frozenset(
-    {".heic", ".heif", ".avif", ".jxl", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw"}
+    {".heic", ".heif", ".jxl", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw"}
 )
 """Formats of telephones and raw files of cameras, which are not read: they are pointed out, not passed over."""
 
@@ -52,10 +52,10 @@ def expand(paths: Sequence[Path]) -> list[Path]:
     results: list[Path] = []
     for path in paths:
         if path.is_dir():
-            known = PICTURES | VIDEOS
-            inside = [file for file in path.iterdir() if file.suffix.lower() in known and file.name[0] != "."]
-            results += sorted(inside, key=lambda file: natural_order(file.name))
-            _warn_of_unread(path)
+            inside = [(file, file.suffix.lower()) for file in path.iterdir() if file.name[0] != "."]
+            known = [file for file, suffix in inside if suffix in PICTURES | VIDEOS]
+            results += sorted(known, key=lambda file: natural_order(file.name))
+            _warn_of_unread(path, Counter(suffix for _, suffix in inside if suffix in UNREAD))
         elif path.is_file():
             results.append(path)
         elif path.exists():
@@ -67,10 +67,9 @@ def expand(paths: Sequence[Path]) -> list[Path]:
     return results
 
 
-def _warn_of_unread(folder: Path) -> None:
+def _warn_of_unread(folder: Path, unread: Counter[str]) -> None:
     import click
 
-    unread = Counter(file.suffix.lower() for file in folder.iterdir() if file.suffix.lower() in UNREAD)
     if unread:
         counts = ", ".join(f"{count} {suffix}" for suffix, count in sorted(unread.items()))
         click.echo(

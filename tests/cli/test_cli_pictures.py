@@ -11,7 +11,7 @@ import cv2
 import pytest
 from click.testing import CliRunner, Result
 from data_makers import picture
-from PIL import Image
+from PIL import Image, features
 
 from pipeline.cli import main
 from pipeline.cli.pictures import expand, natural_order
@@ -55,7 +55,10 @@ def test_pictures_that_come_at_the_same_time_are_watched_in_the_order_of_their_n
     assert names == ["9", "10", "100"]
 
 
-@pytest.mark.parametrize("suffix", [".gif", ".jp2", ".GIF", ".jfif", ".pnm"])
+AVIF = pytest.mark.skipif(not features.check("avif"), reason="AVIF: this Pillow was built without it")
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".jp2", ".GIF", ".jfif", ".pnm", pytest.param(".avif", marks=AVIF)])
 def test_formats_that_can_be_read_are_taken_of_a_folder_too(tmp_path: Path, suffix: str) -> None:
     file = save(tmp_path / f"a{suffix}")
     (tmp_path / "notes.txt").write_text("no picture")
@@ -65,7 +68,7 @@ def test_formats_that_can_be_read_are_taken_of_a_folder_too(tmp_path: Path, suff
 
 def test_formats_that_are_not_read_are_counted_in_a_folder_and_refused_by_name(tmp_path: Path) -> None:
     save(tmp_path / "a.png")
-    for name in ("b.heic", "c.HEIC", "d.dng", "notes.txt"):
+    for name in ("b.heic", "c.HEIC", "d.dng", "._d.dng", "notes.txt"):
         (tmp_path / name).write_bytes(b"\0\0\0\x18ftyp")
     done = call("noise", tmp_path, "--estimator", "pca")
     assert done.exit_code == 0
