@@ -34,7 +34,10 @@ def available_cores() -> int:
 
 
 def one_thread() -> None:
-    """Keep this process to one computing thread in every library that is already, or will be, loaded."""
+    """Keep this process to one computing thread in torch, OpenCV and every library that is loaded later.
+
+    OpenBLAS, which NumPy loads, has one from the start (`pipeline.processor`).
+    """
     import sys
 
     for name in _THREAD_VARIABLES:

@@ -1,12 +1,17 @@
-"""Pins numerical libraries to one instruction set, so that results are the same bytes on any x86-64 processor.
+"""Pins numerical libraries to one instruction set and one BLAS thread: the same bytes on any x86-64 processor.
 
 NumPy, SciPy, OpenCV and torch choose their kernels by the processor they run on; another order of additions changes the
 last digits of a sum, and iterative estimators amplify them. `pin` limits them to AVX2 with FMA (Haswell, 2013; Zen),
 by environment variables that the libraries read when they are loaded::
 
-    torch   ATEN_CPU_CAPABILITY, ONEDNN_MAX_CPU_ISA, MKL_CBWR (the last: one code path for Intel and AMD)
-    NumPy   NPY_DISABLE_CPU_FEATURES (its AVX-512 kernels)      NumPy, SciPy   OPENBLAS_CORETYPE
+    torch   ATEN_CPU_CAPABILITY, ONEDNN_MAX_CPU_ISA, MKL_CBWR (one code path for Intel and AMD), MKL_NUM_THREADS
+    NumPy   NPY_DISABLE_CPU_FEATURES (its AVX-512 kernels)
+    NumPy, SciPy    OPENBLAS_CORETYPE, OPENBLAS_NUM_THREADS
     OpenCV  OPENCV_CPU_DISABLE (its AVX-512 kernels), OPENCV_IPP
+
+OpenBLAS and MKL split one sum over as many threads as there are cores, so that products of matrices end in other
+digits on another number of cores; beside other work OpenBLAS's waiting threads also make small products several times
+slower. Both get one thread. Convolutions and sums of torch, and OpenCV, are the same for any number of threads.
 
 SciPy's own code (its FFT among it) has no kernels to choose from. Importing `pipeline` calls `pin`, so that stages,
 their worker processes, tests and the command line are pinned; nothing is pinned where NumPy, SciPy, OpenCV or torch
@@ -34,8 +39,10 @@ SWITCH = "CAMERA_MONITOR_PINS"
 """Environment variable: ``off`` pins nothing, ``no-torch`` all libraries but torch."""
 
 LIBRARIES = ("numpy", "scipy", "cv2", "torch")
-TORCH_PINS = {"ATEN_CPU_CAPABILITY": "avx2", "ONEDNN_MAX_CPU_ISA": "AVX2", "MKL_CBWR": "COMPATIBLE"}
-PINS = {"OPENBLAS_CORETYPE": "Haswell", "OPENCV_IPP": "avx2"}
+TORCH_PINS = {
+    "ATEN_CPU_CAPABILITY": "avx2", "ONEDNN_MAX_CPU_ISA": "AVX2", "MKL_CBWR": "COMPATIBLE", "MKL_NUM_THREADS": "1"
+}  # fmt: skip
+PINS = {"OPENBLAS_CORETYPE": "Haswell", "OPENBLAS_NUM_THREADS": "1", "OPENCV_IPP": "avx2"}
 AVX512_PINS = {
     "NPY_DISABLE_CPU_FEATURES": "X86_V4,AVX512_ICL,AVX512_SPR",  # the groups that NumPy 2.4 has kernels for
     "OPENCV_CPU_DISABLE": "AVX512-SKX",

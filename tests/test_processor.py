@@ -21,8 +21,9 @@ needs_avx2 = pytest.mark.skipif(not processor.pins(processor.cpu_features()), re
 
 
 def fresh(code, **variables):
-    """Runs code in a new process with none of the pins set; its last line of output, as JSON."""
-    environment = {name: value for name, value in os.environ.items() if name not in (*VARIABLES, processor.SWITCH)}
+    """Runs code in a new process with no pins and no number of threads set; its last line of output, as JSON."""
+    left_out = (*VARIABLES, *executor._THREAD_VARIABLES, processor.SWITCH)
+    environment = {name: value for name, value in os.environ.items() if name not in left_out}
     command = [sys.executable, "-c", "import json, os\n" + code]
     ran = subprocess.run(command, env=environment | variables, cwd=ROOT, capture_output=True, text=True, check=True)
     return json.loads(ran.stdout.splitlines()[-1])
@@ -89,6 +90,22 @@ def test_children_are_pinned():
     assert fresh(code) == ["avx2", "Haswell"]
     assert fresh(code, **{processor.SWITCH: "off"}) == [None, None]
     assert fresh("import numpy\n" + code) == [None, None]
+
+
+@needs_avx2
+def test_products_of_matrices_are_the_same_bytes_for_any_number_of_threads():
+    """As on machines of other numbers of cores: sums that OpenBLAS splits over threads end in other digits."""
+    code = (
+        "from pipeline import processor\nimport hashlib, numpy as np, torch\n"
+        "a = np.sin(np.arange(630000.0) ** 1.5).reshape(700, 900)\n"
+        "made = [a @ a.T, a @ a[0], np.linalg.svd(a[:300])[1], np.linalg.lstsq(a.T, a[0], rcond=None)[0]]\n"
+        "few = torch.from_numpy(a.astype(np.float32))\n"
+        "made += [(few @ few.T).numpy(), few.sum(0).numpy(), torch.fft.rfft2(few).abs().numpy()]\n"
+        "patch = few[:640, :640].reshape(1, 1, 640, 640)\n"
+        "made += [torch.nn.functional.conv2d(patch, patch[:, :, :9, :9].reshape(9, 1, 3, 3)).numpy()]\n"
+        "print(json.dumps([hashlib.sha256(one.tobytes()).hexdigest() for one in made]))"
+    )
+    assert fresh(code, OMP_NUM_THREADS="1") == fresh(code, OMP_NUM_THREADS="3")
 
 
 @needs_avx2
