@@ -29,8 +29,17 @@ LONGEST = (
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first; otherwise the order stays."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The option by which nothing is left out for its length."""
+    parser.addoption("--full", action="store_true", help="run what takes more than half a minute and is left out else")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what only ``--full`` runs, and put the longest files first; otherwise the order stays."""
+    if not config.getoption("--full"):
+        for item in items:
+            for marker in item.iter_markers("full"):
+                item.add_marker(pytest.mark.skip(reason=f"{marker.args[0]}; run with --full"))
     rank = {name: index for index, name in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.path.stem, len(rank)))
 

@@ -6,6 +6,7 @@ import re
 import shlex
 import tomllib
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import click
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from data_makers import picture
 
+from pipeline.blur import camera_calibration, spectral
 from pipeline.cli import main
 from pipeline.config.compose import CONF, compose, parse
 from pipeline.config.overrides import check_overrides
@@ -58,6 +60,8 @@ def test_documents_have_blocks_of_each_kind():
 def test_python_runs_as_printed(document, tmp_path, monkeypatch):
     """All blocks of a document, top to bottom, given the reader's own patches and frame."""
     monkeypatch.chdir(tmp_path)
+    for module, name in ((spectral, "fit_map"), (camera_calibration, "calibrate")):
+        monkeypatch.setattr(module, name, partial(getattr(module, name), samples=300))  # sooner
     image = picture("documentation", 448, 320).astype(np.float32) / np.float32(255)
     patches = np.stack([image[None, y : y + 192, x : x + 192] for y in (0, 128) for x in (0, 128, 256)])
     names = {"patches": patches, "sharp_patches": patches, "image": image}

@@ -94,6 +94,16 @@ class BlurEstimate:
     def __len__(self) -> int:
         return len(self.mtf)
 
+    def half_width(self) -> NDArray[np.float64] | None:
+        """Half the width (N, 2, 8) of the intervals before they were cut off at 0 or 1; None without intervals.
+
+        An interval of 0 to 1 around 0.8 tells that the estimator knows nothing: half of it, 0.5, would be too little.
+        """
+        if self.low is None or self.high is None:
+            return None
+        mtf, low, high = (np.asarray(values, np.float64) for values in (self.mtf, self.low, self.high))
+        return np.maximum(high - mtf, mtf - low)
+
 
 @runtime_checkable
 class BlurEstimator(Protocol):

@@ -255,8 +255,9 @@ def corrected(estimate: BlurEstimate, camera: Calibration) -> BlurEstimate:
     mtf[incomplete] = np.nan
     reason = np.where(incomplete, INCOMPLETE, estimate.reason)
     ends: dict[str, Any] = {"low": None, "high": None}
-    if estimate.low is not None and estimate.high is not None and not np.isnan(camera.widening):
-        half = (np.asarray(estimate.high, float) - np.asarray(estimate.low, float)) / 2 * camera.widening
+    half = estimate.half_width()
+    if half is not None and not np.isnan(camera.widening):
+        half *= camera.widening
         ends = {"low": np.clip(mtf - half, 0, 1), "high": np.clip(mtf + half, 0, 1)}
     return replace(
         estimate, mtf=mtf, abstained=estimate.abstained | incomplete, reason=reason,

@@ -59,7 +59,7 @@ class Samples:
         scene: (N,) number, from 0, of what each sample shows.
         kernel: (N,) number of the kernel that blurred it.
         fold: (N,) fold of its scene; no kernel is in two of them.
-        half_width: (N, 16) half the width of its 95 % intervals, or None.
+        half_width: (N, 16) half the width of its 95 % intervals (`BlurEstimate.half_width`), or None.
         noisy: the same samples with noise, or None.
     """
 
@@ -94,7 +94,8 @@ def blurred(estimator: BlurEstimator, sharp: NDArray[np.float32], samples: int, 
         sharp: (P, 1, 192, 192) in [0, 1]; every one is used about equally often.
         samples: how many.
         seed: of the kernels and of the noise.
-        noisy: read them with noise as well; for an estimator that passes on its hidden units.
+        noisy: read them with noise as well, if they show two scenes or more; for an estimator that passes on its hidden
+            units.
 
     Raises:
         InputError: hardly any of them can be measured.
@@ -105,6 +106,7 @@ def blurred(estimator: BlurEstimator, sharp: NDArray[np.float32], samples: int, 
     scene = overlap.scenes(sharp[:, 0])
     fold = _folds(scene)
     shown, kernel = np.arange(samples) % len(sharp), np.arange(samples)
+    noisy = noisy and bool(scene.any())  # of a single scene, none can be held out of a correction
     if noisy:
         shown, kernel = _several_at_once(fold, samples, stream(seed, "camera fit patches"))
     bank = _kernels(int(kernel[-1]) + 1, seed)
@@ -184,10 +186,8 @@ def _with_noise(
 
 
 def _half_width(estimates: Sequence[BlurEstimate], usable: NDArray[np.bool_]) -> Floats | None:
-    if any(item.low is None or item.high is None for item in estimates):
-        return None
-    half = np.concatenate([(np.asarray(item.high) - np.asarray(item.low)) / 2 for item in estimates])
-    return half.reshape(-1, VALUES)[usable]
+    half = [width for item in estimates if (width := item.half_width()) is not None]
+    return np.concatenate(half).reshape(-1, VALUES)[usable] if len(half) == len(estimates) else None
 
 
 def _hidden(estimates: Sequence[BlurEstimate], usable: NDArray[np.bool_]) -> HiddenUnits:

@@ -2,12 +2,13 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from pipeline import blur
-from pipeline.blur import camera_calibration
+from pipeline.blur import camera_calibration, spectral
 from pipeline.blur.affine_logits import logit, sigmoid
 from pipeline.blur.base import BlurEstimate
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
@@ -329,7 +330,20 @@ def test_a_patch_of_which_a_frequency_is_unknown_is_abstained_from():
     assert answer.mtf[1] == pytest.approx(0.5)
 
 
-def test_an_estimator_says_what_its_answers_are_relative_to(sharp):
+def test_what_an_estimator_does_not_know_a_calibration_does_not_know_either():
+    """A map that takes .8 to .3: an interval of 0 to 1 stays one, though half of it, .5, would end at .8."""
+    read = np.full((1, 2, 8), 0.8)
+    unknown = BlurEstimate(read, np.zeros(1, bool), np.full(1, ""), low=np.zeros_like(read), high=np.ones_like(read))
+    assert unknown.half_width() == pytest.approx(np.full((1, 2, 8), 0.8))
+    assert BlurEstimate(read, np.zeros(1, bool), np.full(1, "")).half_width() is None
+    lower = Calibration(np.eye(16), np.full(16, float(logit(0.3) - logit(0.8))), 1.0, 100, (1.0, 1.0))
+    answer = camera_calibration.corrected(unknown, lower)
+    assert answer.mtf == pytest.approx(np.full((1, 2, 8), 0.3))
+    assert (answer.low == 0).all() and (answer.high == 1).all()
+
+
+def test_an_estimator_says_what_its_answers_are_relative_to(sharp, monkeypatch):
+    monkeypatch.setattr(spectral, "fit_map", partial(spectral.fit_map, samples=100))  # sooner
     plain = blur.create("spectral")
     typical = blur.create("spectral", output="relative")
     calibrated = typical.calibrated(sharp)

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+from functools import partial
 
 import cv2
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 from data_makers import picture
 
+from pipeline.blur import camera_calibration
 from pipeline.cli import main
 from pipeline.cli.frame_ahead import WAITING, estimated_ahead
 from pipeline.errors import InputError
@@ -195,7 +197,9 @@ def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):
     assert "Traceback" not in done.output
 
 
-def test_the_camera_can_be_fitted(tmp_path):
+def test_the_camera_can_be_fitted(tmp_path, monkeypatch):
+    sooner = partial(camera_calibration.calibrate, samples=300)
+    monkeypatch.setattr("pipeline.condition.estimate.calibrate", sooner)
     soft = write(tmp_path / "soft.png", 0.0, blur_px=1.0)
 
     def mtf(*options):
