@@ -31,11 +31,11 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """The option by which nothing is left out for its length."""
-    parser.addoption("--full", action="store_true", help="run what takes more than half a minute and is left out else")
+    parser.addoption("--full", action="store_true", help="run what takes longest as well")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what only ``--full`` runs, and put the longest files first; otherwise the order stays."""
+    """Leave out what ``--full`` runs, and put the longest files first; otherwise the order stays."""
     if not config.getoption("--full"):
         for item in items:
             for marker in item.iter_markers("full"):

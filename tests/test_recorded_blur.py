@@ -137,11 +137,10 @@ def test_they_are_of_the_pictures_and_kernels_they_name(shared: Path, records: d
         assert set(one.provenance["kernels"].values()) <= pictures
 
 
-CALIBRATED = pytest.mark.full("two calibrations take 50 s; those of sim_authors are repeated without it")
+CALIBRATED = pytest.mark.full("two calibrations at full size take 50 s")
 REPEATED = [
     *((dataset, "spectral") for dataset in DATASETS),
-    ("sim_authors", "camera_calibrated"),
-    *(pytest.param(dataset, "camera_calibrated", marks=CALIBRATED) for dataset in ("kitti", "udacity")),
+    *(pytest.param(dataset, "camera_calibrated", marks=CALIBRATED) for dataset in DATASETS),
 ]
 
 

@@ -101,7 +101,7 @@ def test_it_is_of_the_pictures_it_names(shared: Path, provenance: dict) -> None:
 
 
 @pytest.mark.shared
-@pytest.mark.slow
+@pytest.mark.full("the detector on 66 frames under four conditions takes 25 s")
 def test_it_can_be_repeated(shared: Path, precision: pd.DataFrame, tmp_path: Path) -> None:
     """A few cells again, on all frames: the same numbers to what a platform's rounding moves."""
     for kind in ("image_2", "label_2"):

@@ -85,7 +85,7 @@ def test_a_launcher_of_hydra_gives_the_same_bytes(launcher, one_after_another, t
     assert sweep(tmp_path, f"hydra/launcher={launcher}") == one_after_another
 
 
-@pytest.mark.slow
+@pytest.mark.full("two experiments in copies of the project take 40 s")
 def test_a_queue_of_experiments_is_run(tmp_path):
     """Two queued experiments, run side by side with the workspace, which they leave as it is."""
     if shutil.which("git") is None:
@@ -134,7 +134,7 @@ def rendered(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return files
 
 
-@pytest.mark.slow
+@pytest.mark.full("two renderings, a scheduler and three workers take 45 s")
 def test_dask_on_separate_processes_gives_the_same_bytes_though_a_worker_is_killed(rendered, tmp_path):
     distributed = pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
     information = tmp_path / "scheduler.json"

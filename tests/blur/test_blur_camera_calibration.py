@@ -211,6 +211,7 @@ def test_the_networks_of_an_ensemble_are_weighted_anew(sharp, truth, tmp_path):
         CalibratedEstimator(Bent(truth, np.array), made).estimate(sharp)
 
 
+@pytest.mark.full("a calibration at full size takes 30 s")
 def test_calibration_does_no_harm_under_halos_and_irises():
     """Kernels of other draws, scenes of other draws: at most a tenth worse than without calibration."""
     views = [images.view(images.picture(i, 9, "test optics"), stream(9, "test optics", i), 192) for i in range(8)]
