@@ -30,8 +30,8 @@ SWITCH = "STAGES_AT_ONCE"
 MOST = 4
 """Stages at once where the variable is not set: more would rarely be ready, and each holds its data in memory."""
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Environment variables that give a stage's libraries as many threads as its share of the cores."""
+THREADS = "OMP_NUM_THREADS"
+"""Environment variable: threads of a stage's libraries; of OpenBLAS and MKL too, where they are not pinned to one."""
 
 
 def stages_at_once(cores: int, workers: int, chosen: str | None) -> int:
@@ -147,8 +147,7 @@ class Stages:
         cores = available_cores()
         self._at_once = stages_at_once(cores, workers(self._params), os.environ.get(SWITCH))
         if self._at_once > 1:
-            for variable in THREADS:
-                os.environ.setdefault(variable, str(max(1, cores // self._at_once)))
+            os.environ.setdefault(THREADS, str(max(1, cores // self._at_once)))
 
     def _take_slot(self, stage: Any) -> None:
         self._slots[stage.addressing] = min(set(range(self._at_once)) - set(self._slots.values()))
