@@ -31,7 +31,7 @@ SURFACE = Path("data/control_surface/all.npz")
 @click.option(
     "--iso-max", default=3200.0, show_default=True, type=FiniteRange(100, 1_000_000), help="highest ISO allowed"
 )
-@click.option("--surface", default=SURFACE, show_default=True, type=click.Path(path_type=Path), help="of control")
+@click.option("--surface", default=SURFACE, show_default=True, type=GivenPath(), help="of control")
 def command(
     paths: tuple[Path, ...], exposure: str | None, iso: float | None, speed: float | None, sensor: str,
     exposure_max: str, iso_max: float, surface: Path,

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli import recording_config as shared
+from pipeline.cli.given_paths import GivenPath
 
 
 @click.group("blur")
@@ -70,10 +71,8 @@ def record_command(
 
 
 @command.command("summarise")
-@click.argument("folder", type=click.Path(path_type=Path))
-@click.option(
-    "--kept", type=click.Path(path_type=Path), help="finished frames that --keep stored while it was measured"
-)
+@click.argument("folder", type=GivenPath())
+@click.option("--kept", type=GivenPath(), help="finished frames that --keep stored while it was measured")
 def summarise_command(folder: Path, kept: Path | None) -> None:
     """Compute the statistics of the record in FOLDER again from the estimates behind it; nothing is measured.
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pipeline.cli.given_paths import GivenPath
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -37,7 +39,7 @@ class _Area(click.ParamType):
 
 @click.command("calibrate")
 @click.argument("name")
-@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("paths", nargs=-1, required=True, type=GivenPath())
 @click.option("--chart", type=click.Choice(["edge", "star"]), help="PATHS show a chart instead of scenes")
 @click.option(
     "--area", "areas", multiple=True, type=_Area(),

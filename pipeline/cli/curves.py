@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from pipeline.cli import recording_config as shared
+from pipeline.cli.given_paths import GivenPath
 
 
 @click.group("curves")
@@ -15,7 +16,7 @@ def command() -> None:
 
 
 @command.command("query")
-@click.argument("surface", type=click.Path(path_type=Path))
+@click.argument("surface", type=GivenPath())
 @click.option("--sigma", "sigma_dn", required=True, multiple=True, type=float, help="noise, DN on the 0..255 scale")
 @click.option("--mtf", required=True, multiple=True, type=float, help="MTF at 0.1 of Nyquist, mean of H and V, 0..1")
 def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) -> None:

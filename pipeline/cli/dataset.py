@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.command("dataset")
 @click.argument("kind")
-@click.argument("root", required=False, type=click.Path(path_type=Path))
+@click.argument("root", required=False, type=GivenPath())
 @click.option(
     "--max-rejected-fraction", default=0.05, show_default=True, type=FiniteRange(0, 1),
     help="fail when more than this share is unusable",

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli.given_paths import GivenPath
+
 
 @click.command("export")
 @click.argument("network")
-@click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="file to write, NAME.onnx")
+@click.option("--out", required=True, type=GivenPath(dir_okay=False), help="file to write, NAME.onnx")
 def command(network: str, out: Path) -> None:
     """Export NETWORK, one of the released ones, to ONNX, for programs without PyTorch.
 

@@ -13,8 +13,8 @@ from pipeline.errors import InputError
 class GivenPath(click.Path):
     """A path that is not empty: an unset shell variable (``"$FOLDER"``) would name the current folder."""
 
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
+    def __init__(self, *, dir_okay: bool = True) -> None:
+        super().__init__(path_type=Path, dir_okay=dir_okay)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path, or a usage error where it is empty."""

@@ -79,7 +79,7 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 @click.option("--exposure", help="exposure time of the pictures, e.g. 4ms, for advice; from EXIF if left out")
 @click.option("--iso", type=FiniteRange(1, 1_000_000), help="their ISO, for advice; from EXIF if left out")
 @click.option(
-    "--surface", type=click.Path(path_type=Path),
+    "--surface", type=GivenPath(),
     help="measured average precision for the verdict; by default data/control_surface/all.npz, if it is there",
 )  # fmt: skip
 @click.option(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pipeline.cli.given_paths import GivenPath
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ CARS = 3
 
 
 @click.command("init")
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=GivenPath())
 def command(folder: Path) -> None:
     """Make a project in FOLDER, which is new or empty: pictures with labels, an estimator, a detector and a policy.
 

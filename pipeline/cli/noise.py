@@ -27,7 +27,7 @@ COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reaso
 )
 @tiles_option
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
-@click.option("--csv", "table", type=click.Path(path_type=Path), help="also write one row per tile here")
+@click.option("--csv", "table", type=GivenPath(), help="also write one row per tile here")
 @click.option(
     "--map", "maps", type=GivenPath(),
     help="folder for pictures with the tiles' noise drawn in; those of the last run there go",

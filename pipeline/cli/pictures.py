@@ -24,6 +24,9 @@ UNREAD = frozenset(
 )
 """Formats of telephones and raw files of cameras, which are not read: they are pointed out, not passed over."""
 
+RENAMED = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n")
+"""First bytes of JPEG and PNG files, which some programs give the suffix of the picture they were made of."""
+
 TURNED = 0
 """Key of pictures that EXIF data turn, among counts by a number of bits."""
 
@@ -41,6 +44,20 @@ def natural_order(name: str) -> tuple[list[str | int], str]:
     return [int(part) if index % 2 else part for index, part in enumerate(parts)], name
 
 
+def is_unread(path: Path) -> bool:
+    """Whether a file's format is known and not read (`UNREAD`); a JPEG or PNG file of such a name is read.
+
+    What cannot be opened is judged by its name.
+    """
+    if path.suffix.lower() not in UNREAD:
+        return False
+    try:
+        with path.open("rb") as file:
+            return not file.read(8).startswith(RENAMED)
+    except OSError:
+        return True
+
+
 def expand(paths: Sequence[Path]) -> list[Path]:
     """Files named, and the pictures and videos directly inside folders named, each folder's in `natural_order`.
 
@@ -52,10 +69,11 @@ def expand(paths: Sequence[Path]) -> list[Path]:
     results: list[Path] = []
     for path in paths:
         if path.is_dir():
-            inside = [(file, file.suffix.lower()) for file in path.iterdir() if file.name[0] != "."]
-            known = [file for file, suffix in inside if suffix in PICTURES | VIDEOS]
-            results += sorted(known, key=lambda file: natural_order(file.name))
-            _warn_of_unread(path, Counter(suffix for _, suffix in inside if suffix in UNREAD))
+            formats = PICTURES | VIDEOS | UNREAD
+            inside = [file for file in path.iterdir() if file.name[0] != "." and file.suffix.lower() in formats]
+            unread = {file for file in inside if is_unread(file)}
+            results += sorted(set(inside) - unread, key=lambda file: natural_order(file.name))
+            _warn_of_unread(path, Counter(file.suffix.lower() for file in unread))
         elif path.is_file():
             results.append(path)
         elif path.exists():
@@ -96,7 +114,7 @@ def read(path: Path, every: int = 1, hinted: Counter[int] | None = None) -> Iter
     from pipeline.datasets.video import read_video
 
     refuse_name(path)
-    if path.suffix.lower() in UNREAD:
+    if is_unread(path):
         raise InputError(f"{path}: {path.suffix} files are not read; convert it, for example to PNG")
     hinted = Counter() if hinted is None else hinted
     if path.suffix.lower() not in VIDEOS:

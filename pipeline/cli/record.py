@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange
 from pipeline.cli.outputs import refuse_foreign
 from pipeline.cli.record_frames import COMMANDS
@@ -68,12 +69,10 @@ def noise_command(
 
 @command.command("sensor")
 @click.option(
-    "--light", required=True, type=click.Path(path_type=Path),
+    "--light", required=True, type=GivenPath(),
     help="folder of raw mosaics SCENE_250ms_*.tif, each scene at two exposures or more",
 )  # fmt: skip
-@click.option(
-    "--dark", required=True, type=click.Path(path_type=Path), help="folder of dark frames of three exposures or more"
-)
+@click.option("--dark", required=True, type=GivenPath(), help="folder of dark frames of three exposures or more")
 @click.option(
     "--white-dn", default=255.0, show_default=True, type=FiniteRange(1, 65535), help="grey value of saturation"
 )
@@ -104,10 +103,10 @@ def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: P
 
 
 @command.command("examples")
-@click.option("--real", required=True, type=click.Path(path_type=Path), help="a photograph")
-@click.option("--mean", required=True, type=click.Path(path_type=Path), help="mean of many photographs of its scene")
+@click.option("--real", required=True, type=GivenPath(), help="a photograph")
+@click.option("--mean", required=True, type=GivenPath(), help="mean of many photographs of its scene")
 @click.option(
-    "--frame", "frames", multiple=True, required=True, type=click.Path(path_type=Path),
+    "--frame", "frames", multiple=True, required=True, type=GivenPath(),
     help="a sharp frame; repeated, consecutive frames in the order of time",
 )  # fmt: skip
 @source_option

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pipeline.cli.given_paths import GivenPath
+
 if TYPE_CHECKING:
     from pipeline.config.schema import Config
 
@@ -17,7 +19,7 @@ to_option = click.option(
     "--to",
     "out",
     required=True,
-    type=click.Path(path_type=Path),
+    type=GivenPath(),
     help="folder to write; only an earlier record in it is replaced",
 )
 source_option = click.option(
@@ -25,7 +27,7 @@ source_option = click.option(
 )
 keep_option = click.option(
     "--keep",
-    type=click.Path(path_type=Path),
+    type=GivenPath(),
     help="folder in which finished frames are kept, so that an interrupted recording continues: those of other code or "
     "weights are measured anew; delete it after, or when pictures have changed",
 )

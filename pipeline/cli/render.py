@@ -6,9 +6,11 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli.given_paths import GivenPath
+
 
 @click.command("render")
-@click.argument("out", type=click.Path(path_type=Path))
+@click.argument("out", type=GivenPath())
 @click.option(
     "--number",
     "numbers",

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange
 from pipeline.errors import InputError
 
@@ -20,8 +21,8 @@ def command() -> None:
 
 
 @command.command("diff")
-@click.argument("before", type=click.Path(path_type=Path))
-@click.argument("after", type=click.Path(path_type=Path))
+@click.argument("before", type=GivenPath())
+@click.argument("after", type=GivenPath())
 @click.option(
     "--tolerance-percent", default=0.0, show_default=True, type=FiniteRange(0, 100),
     help="relative changes up to this do not count",

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pipeline.cli.frame_samples import patches_option, tiles_option
+from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.health_rows import AXES
 from pipeline.cli.numbers import FiniteRange
 from pipeline.signals import handled
@@ -53,7 +54,7 @@ QUANTITIES = {"noise": "sigma_dn", **{f"blur {axis}": f"mtf50_{axis}" for axis i
     "--reference-frames", default=300, show_default=True, type=click.IntRange(100, 100_000),
     help="first frames that the trend is compared with",
 )  # fmt: skip
-@click.option("--surface", type=click.Path(path_type=Path), help="measured average precision, as for health")
+@click.option("--surface", type=GivenPath(), help="measured average precision, as for health")
 def command(
     source: str, blur_name: str, noise_name: str, camera_name: str | None, most_tiles: int, most_patches: int,
     rate: float, no_wait: bool, frames: int | None, idle_stop: float | None, window: int,

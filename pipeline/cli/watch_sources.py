@@ -207,14 +207,15 @@ class _Pace:
 def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]:
     """Pictures of a folder in the order in which they come; a file is read once its size no longer changes.
 
-    Pictures of the same time come in `pipeline.cli.pictures.natural_order`.
+    Pictures of the same time come in `pipeline.cli.pictures.natural_order`. Files of formats that are not read
+    (`pipeline.cli.pictures.UNREAD`) come as problems.
 
     Args:
         folder: watched; a ``None`` frame without a problem is yielded at every look that brings nothing. Where it
             disappears (a disk or share that is gone), that is reported once, and it is watched again when it is back.
         stop: ends it.
     """
-    from pipeline.cli.pictures import PICTURES, natural_order, read
+    from pipeline.cli.pictures import PICTURES, UNREAD, natural_order, read
 
     hinted: Counter[int] = Counter()
     sizes: dict[str, int] = {}
@@ -232,7 +233,7 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             continue
         lost = False
         for file in files:
-            if file.name in done or file.name[0] == "." or file.suffix.lower() not in PICTURES:
+            if file.name in done or file.name[0] == "." or file.suffix.lower() not in PICTURES | UNREAD:
                 continue
             try:
                 status = file.stat()

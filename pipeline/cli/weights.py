@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from pipeline.cli.given_paths import GivenPath
+
 FOLDER = Path("data/raw/weights")
 
 
@@ -15,7 +17,7 @@ def command() -> None:
 
 
 @command.command("list")
-@click.option("--to", "folder", default=FOLDER, show_default=True, type=click.Path(path_type=Path), help="look here")
+@click.option("--to", "folder", default=FOLDER, show_default=True, type=GivenPath(), help="look here")
 def list_weights(folder: Path) -> None:
     """List what can be got: name, detector, size, whether its hash is published, licence, whether it is here."""
     from pipeline.detection import weights
@@ -30,7 +32,7 @@ def list_weights(folder: Path) -> None:
 
 @command.command("get")
 @click.argument("name")
-@click.option("--to", "folder", default=FOLDER, show_default=True, type=click.Path(path_type=Path), help="into here")
+@click.option("--to", "folder", default=FOLDER, show_default=True, type=GivenPath(), help="into here")
 @click.option("--sha256", help="expected hash, for a file whose hash is not published")
 def get_weights(name: str, folder: Path, sha256: str | None) -> None:
     """Download NAME and verify it, or verify it if it is there. An interrupted download goes on where it stopped."""

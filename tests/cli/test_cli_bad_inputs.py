@@ -10,6 +10,7 @@ import json
 import re
 from pathlib import Path
 
+import click
 import cv2
 import pytest
 from bad_arguments import NUMBERS, SETTINGS, WORDS
@@ -20,7 +21,7 @@ from click.testing import CliRunner
 from control_makers import performance
 from data_makers import make_kitti, picture
 
-from pipeline.cli import main
+from pipeline.cli import COMMANDS, main
 from pipeline.config.compose import compile_params
 from pipeline.config.references import check_references
 from pipeline.errors import InputError
@@ -183,7 +184,21 @@ def test_a_wrong_setting_is_refused_when_it_is_compiled(override, tmp_path, monk
 
 
 def test_the_corpus_is_large_and_of_every_command():
-    from pipeline.cli import COMMANDS
-
     assert len(CASES) + len(SETTINGS) > 800
     assert {line[0] for line, *_ in CASES.values()} >= set(COMMANDS)
+
+
+def paths_of(command: click.Command) -> list[click.Parameter]:
+    """Arguments and options of a command, and of those below it, that are paths."""
+    below = command.commands.values() if isinstance(command, click.Group) else []
+    own = [one for one in command.params if isinstance(one.type, click.Path)]
+    return own + [one for each in below for one in paths_of(each)]
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_no_path_of_a_command_may_be_empty(name: str) -> None:
+    """An unset shell variable ("$FOLDER") would name the current folder."""
+    command = main.get_command(click.Context(main), name)
+    for parameter in paths_of(command):
+        with pytest.raises(click.UsageError, match="the path is empty"):
+            parameter.type.convert("", parameter, click.Context(command))

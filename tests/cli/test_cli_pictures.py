@@ -77,6 +77,14 @@ def test_formats_that_are_not_read_are_counted_in_a_folder_and_refused_by_name(t
     assert done.exit_code != 0 and "c.HEIC: .HEIC files are not read; convert it" in done.stderr
 
 
+def test_a_jpeg_that_is_named_like_a_format_that_is_not_read_is_read(tmp_path: Path) -> None:
+    file = save(tmp_path / "a.jpg").rename(tmp_path / "a.heic")
+    (tmp_path / "b.heic").write_bytes(b"\0\0\0\x18ftyp")
+    done = call("noise", tmp_path, "--estimator", "pca")
+    assert done.exit_code == 0 and str(file) in done.stdout, done.output
+    assert "left out 1 .heic" in done.stderr
+
+
 @pytest.mark.parametrize(
     "command",
     [("health",), ("noise",), ("corrupt", "--out", "out"), ("corrupt", "--out", "out", "--pipeline", "phone")],

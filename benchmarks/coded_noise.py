@@ -1,0 +1,206 @@
+"""The default noise estimator on frames with white noise that a codec stored: right, abstained, or wrong.
+
+    python benchmarks/coded_noise.py [--dataset NAME=KIND:ROOT ...] [--frames N] [--patches N] [--out FILE]
+
+Frames of *Sim* and of the datasets named (kinds of `pipeline.datasets`, e.g. ``kitti=kitti:data/raw/kitti``) get normal
+noise of 0 to 25 DN, equal in all colours, and are stored as JPEG, Motion JPEG, MPEG-4 or H.264
+(`pipeline.camera.processing.codec`); a video is of three frames, the last is taken. The *truth* of a patch is the
+standard deviation over four shots of the decoded frames, each with its own noise: what differs from shot to shot is
+noise, whoever made it. Noise that a recorded frame has itself stays the same and is not among it, so that weak noise is
+judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere; frames are estimated whole
+(`pipeline.condition.ConditionMonitor`), and their truth is that of the median tile.
+
+An answer is ``wrong`` where it is off by more than 20 % of the truth and by more than 0.5 DN. ``wrong_fraction`` and
+``held_fraction`` (of truths in the 95 % interval) are of the answers; ``compressed_fraction`` is that of abstentions
+that name compression. ``none``, the same frames without a codec, stands beside them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks import common  # noqa: E402
+
+common.one_thread()
+
+import numpy as np  # noqa: E402
+import pandas as pd  # noqa: E402
+
+from pipeline.camera.processing import temporal_noise  # noqa: E402
+from pipeline.camera.processing.codec import VIDEO, Codec, store  # noqa: E402
+from pipeline.condition import ConditionMonitor  # noqa: E402
+from pipeline.datasets import open_dataset  # noqa: E402
+from pipeline.datasets.patches import Patch, cut  # noqa: E402
+from pipeline.datasets.pictures import read_grey8  # noqa: E402
+from pipeline.datasets.selection import evenly_spread  # noqa: E402
+from pipeline.errors import InputError  # noqa: E402
+from pipeline.noise.base import COMPRESSED  # noqa: E402
+from pipeline.streams import stream  # noqa: E402
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pipeline.datasets.dataset import Dataset
+
+CODECS = (
+    Codec("none"),
+    *(Codec("jpeg", quality) for quality in (60, 80, 90, 95)),
+    Codec("mjpeg", 4),
+    Codec("mpeg4", 4),
+    Codec("h264", 23),
+)
+SIGMAS_DN = (0.0, 2.0, 5.0, 10.0, 25.0)
+SHOTS, FRAMES_BEFORE = 4, 2
+PATCH_PX = 128
+TOLERANCE, TOLERANCE_DN = 0.2, 0.5
+SEED = 1
+
+
+def shots(frame: NDArray[np.uint8], codec: Codec, sigma_dn: float, *key: str | float) -> NDArray[np.uint8]:
+    """Shots of one scene as they come back from a codec.
+
+    Args:
+        frame: (H, W) grey levels, without added noise.
+        codec: how they are stored.
+        sigma_dn: of the normal noise added before.
+        key: of the random stream.
+
+    Returns:
+        (SHOTS, H, W), each with its own noise; grey is the mean of the colours.
+    """
+    generator = stream(SEED, "coded noise", *key)
+
+    def noisy() -> NDArray[np.uint8]:
+        grey = np.rint(frame + sigma_dn * generator.standard_normal(frame.shape))
+        return np.repeat(np.clip(grey, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+
+    before = FRAMES_BEFORE if codec.name in VIDEO else 0
+    stored = [store(noisy(), codec, [noisy() for _ in range(before)]) for _ in range(SHOTS)]
+    return np.stack([np.rint(picture.mean(axis=2)).astype(np.uint8) for picture in stored])
+
+
+def places(shape: Sequence[int], count: int, generator: np.random.Generator) -> list[Patch]:
+    """Patches anywhere in a frame, on a codec's grid or off it."""
+    rows, columns = (generator.integers(0, side - PATCH_PX + 1, count) for side in shape)
+    return [Patch(int(x), int(y), PATCH_PX) for y, x in zip(rows, columns, strict=True)]
+
+
+def true_dn(taken: NDArray[np.uint8], patches: Sequence[Patch]) -> NDArray[np.float64]:
+    """(N,) standard deviation over the shots in each patch, DN."""
+    stack = np.stack([cut(shot, patches)[:, 0] * 255 for shot in taken], axis=1)
+    return np.array([temporal_noise.measure(part).sigma_dn for part in stack])
+
+
+def measure(dataset: Dataset, frames: int, patches: int) -> pd.DataFrame:
+    """Estimates of patches and of whole frames of a dataset, each with its truth, one row each."""
+    monitor, rows = ConditionMonitor(), []
+    chosen = evenly_spread(dataset.frames(), frames)
+    for number, frame in enumerate(chosen):
+        grey = read_grey8(frame.path)
+        squares = places(grey.shape, patches, stream(SEED, "coded noise", "places", dataset.name, frame.name))
+        for codec in CODECS:
+            for sigma_dn in SIGMAS_DN:
+                key = (dataset.name, frame.name, codec.name, codec.quality, sigma_dn)
+                taken = shots(grey, codec, sigma_dn, *key)
+                about = {"dataset": dataset.name, "codec": described(codec), "added_dn": sigma_dn}
+                estimate = monitor.noise_estimator.estimate(cut(taken[0], squares))
+                for index, truth in enumerate(true_dn(taken, squares)):
+                    ends = {
+                        name: getattr(estimate, name)[index] for name in ("sigma_dn", "low_dn", "high_dn", "reason")
+                    }
+                    rows.append(about | {"of": "patches", "true_dn": truth} | ends)
+                whole = monitor.frame(taken[0].astype(np.float32) / np.float32(255)).noise
+                middle = whole.summary
+                counts = Counter(whole.estimate.reason.tolist())
+                rows.append(
+                    about
+                    | {"of": "frames", "true_dn": float(np.median(true_dn(taken, whole.patches)))}
+                    | {"sigma_dn": float(middle.value), "low_dn": float(middle.low), "high_dn": float(middle.high)}
+                    | {"reason": "" if np.isfinite(middle.value) else counts.most_common(1)[0][0]}
+                )
+        print(dataset.name, f"{number + 1} of {len(chosen)} frames", flush=True)
+    return pd.DataFrame(rows)
+
+
+def parse(text: str) -> Dataset:
+    """The dataset that NAME=KIND:ROOT names.
+
+    Raises:
+        InputError: it is no such text, or there is no such dataset.
+    """
+    name, _, rest = text.partition("=")
+    kind, _, root = rest.partition(":")
+    if not (name and kind):
+        raise InputError(f"--dataset {text}: expected NAME=KIND:ROOT, for example kitti=kitti:data/raw/kitti")
+    return open_dataset(kind, name, root or None)
+
+
+def described(codec: Codec) -> str:
+    """Of a codec, for the record."""
+    return codec.name if codec.name == "none" else f"{codec.name} {codec.quality}"
+
+
+def summarised(table: pd.DataFrame) -> dict[str, Any]:
+    """Counts and fractions over some rows."""
+    answered = table[np.isfinite(table["sigma_dn"])]
+    error = (answered["sigma_dn"] - answered["true_dn"]).abs()
+    wrong = error > np.maximum(TOLERANCE * answered["true_dn"], TOLERANCE_DN)
+    held = answered["true_dn"].between(answered["low_dn"], answered["high_dn"])
+    abstained = table[~np.isfinite(table["sigma_dn"])]
+
+    def fraction(values: pd.Series) -> float | None:
+        return round(float(values.mean()), 4) if len(values) else None
+
+    return {
+        "count": len(table),
+        "true_dn": round(float(table["true_dn"].mean()), 3),
+        "answered": len(answered),
+        "wrong": int(wrong.sum()),
+        "wrong_fraction": fraction(wrong),
+        "held_fraction": fraction(held),
+        "mean_error_dn": round(float(error.mean()), 3) if len(error) else None,
+        "compressed_fraction": fraction(abstained["reason"] == COMPRESSED),
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Store, estimate, compare, write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--dataset", action="append", default=[], metavar="NAME=KIND:ROOT", help="may be repeated")
+    parser.add_argument("--frames", type=int, default=6, help="at most this many of each dataset")
+    parser.add_argument("--patches", type=int, default=6, help="of each frame")
+    parser.add_argument("--rows", type=Path, metavar="CSV", help="every estimate with its truth, for a closer look")
+    parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/coded_noise.json")
+    options = parser.parse_args(arguments)
+    common.hold_loaded_libraries()
+    named = [parse(text) for text in (f"sim=sim:{ROOT / 'data/sim'}", *options.dataset)]
+    table = pd.concat([measure(dataset, options.frames, options.patches) for dataset in named], ignore_index=True)
+    if options.rows:
+        table.to_csv(options.rows, index=False)
+    record: dict[str, Any] = {
+        str(of): {
+            "by_codec": {
+                str(codec): {f"{added:g}": summarised(cell) for added, cell in part.groupby("added_dn")}
+                for codec, part in kind.groupby("codec", sort=False)
+            },
+            "by_dataset": {
+                str(name): summarised(part[part["codec"] != "none"])
+                for name, part in kind.groupby("dataset", sort=False)
+            },
+        }
+        for of, kind in table.groupby("of", sort=False)
+    }
+    about = {"frames_per_dataset": options.frames, "patches_per_frame": options.patches, "seed": SEED}
+    print(common.write("coded_noise", about | record, options.out))
+
+
+if __name__ == "__main__":
+    main()
