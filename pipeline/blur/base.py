@@ -59,6 +59,7 @@ class BlurEstimate:
         reason: (N,) str: why, "" where not abstained.
         kernel: (N, k, k) blur kernels with unit sum (NaN where abstained), for estimators that have one.
         low, high: (N, 2, 8) 95 % interval of ``mtf``, for estimators that have one.
+        half: (N, 2, 8) half its width before it was cut off at 0 and 1, for estimators that know.
         members: (N, E, 2, 8) MTFs by the E networks that an ensemble joins, ``mtf`` first; NaN where abstained. A
             calibration to a camera weights them anew.
         hidden: hidden units, for estimators that pass them on (`pipeline.blur.camera_correction`).
@@ -70,13 +71,14 @@ class BlurEstimate:
     kernel: Floats | None = None
     low: Floats | None = None
     high: Floats | None = None
+    half: Floats | None = None
     members: Floats | None = None
     hidden: HiddenUnits | None = None
 
     def __post_init__(self) -> None:
         count = len(self.mtf)
         shapes = {"mtf": (count, 2, FREQUENCIES), "abstained": (count,), "reason": (count,)}
-        shapes |= {name: (count, 2, FREQUENCIES) for name in ("low", "high") if getattr(self, name) is not None}
+        shapes |= {name: (count, 2, FREQUENCIES) for name in ("low", "high", "half") if getattr(self, name) is not None}
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"BlurEstimate.{name}: shape {getattr(self, name).shape}, expected {shape}")
@@ -95,12 +97,12 @@ class BlurEstimate:
         return len(self.mtf)
 
     def half_width(self) -> NDArray[np.float64] | None:
-        """Half the width (N, 2, 8) of the intervals before they were cut off at 0 or 1; None without intervals.
+        """`half`, or the larger side of the intervals where it is unknown; (N, 2, 8). None without intervals.
 
-        An interval of 0 to 1 around 0.8 tells that the estimator knows nothing: half of it, 0.5, would be too little.
+        Of 0 to 1 around 0.8, which tells that the estimator knows nothing, the half 0.5 would be too little.
         """
-        if self.low is None or self.high is None:
-            return None
+        if self.half is not None or self.low is None or self.high is None:
+            return None if self.half is None else np.array(self.half, np.float64)
         mtf, low, high = (np.asarray(values, np.float64) for values in (self.mtf, self.low, self.high))
         return np.maximum(high - mtf, mtf - low)
 
@@ -204,7 +206,7 @@ class Estimator(ABC):
             for name in ("mtf", "low", "high")
             if (value := getattr(result, name)) is not None
         }
-        return replace(result, members=None, hidden=None, **relative)
+        return replace(result, half=None, members=None, hidden=None, **relative)
 
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same estimator, calibrated to this camera: by division, unless a subclass knows better; see `divided`."""
@@ -238,3 +240,35 @@ class Estimator(ABC):
             values = kept[(slice(None), *index)]
             made.sharp_mtf[index] = np.median(values[inliers(values)])
         return made
+
+
+class WithoutEmptyFrequencies:
+    """An estimator divided by a camera's MTF, which is not divided where the camera has no contrast left.
+
+    At a frequency where the camera's MTF is at most `SHARP_FLOOR`, division by that floor would
+    report blur of the camera's own sharp frames. The relative MTF there is that at the nearest lower frequency with
+    contrast, on the same axis: an upper bound where blur lowers the MTF from frequency to frequency.
+
+    Args:
+        divided: an estimator with `sharp_mtf`; the lowest frequency of both axes has contrast.
+    """
+
+    def __init__(self, divided: Estimator) -> None:
+        assert divided.sharp_mtf is not None
+        self.divided, self.relative_to = divided, divided.relative_to
+        place = np.arange(divided.sharp_mtf.shape[1])
+        self._source = np.maximum.accumulate(np.where(divided.sharp_mtf > SHARP_FLOOR, place, 0), axis=1)  # (2, 8)
+
+    def estimate(self, patches: Any) -> BlurEstimate:
+        """The MTF relative to the camera, per patch; see `Estimator.estimate`."""
+        result = self.divided.estimate(patches)
+        relative: dict[str, Any] = {
+            name: np.take_along_axis(value, np.broadcast_to(self._source, value.shape), axis=2)
+            for name in ("mtf", "low", "high")
+            if (value := getattr(result, name)) is not None
+        }
+        return replace(result, **relative)
+
+    def calibrated(self, sharp_patches: Any) -> BlurEstimator:
+        """The estimator inside, calibrated anew to these sharp patches."""
+        return self.divided.calibrated(sharp_patches)

@@ -261,7 +261,7 @@ def corrected(estimate: BlurEstimate, camera: Calibration) -> BlurEstimate:
         ends = {"low": np.clip(mtf - half, 0, 1), "high": np.clip(mtf + half, 0, 1)}
     return replace(
         estimate, mtf=mtf, abstained=estimate.abstained | incomplete, reason=reason,
-        kernel=None, members=None, hidden=None, **ends,
+        kernel=None, half=None, members=None, hidden=None, **ends,
     )  # fmt: skip
 
 

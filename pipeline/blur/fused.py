@@ -144,7 +144,7 @@ class Fused(Estimator):
         if self.camera is not None:
             mtf, scale = self.camera.spectral(networks.members, networks.hidden), scale * self.camera.spectral.widening
         pays = deconvolution_pays(mtf, unwidened)
-        spectral = SpectralAnswer(mtf, scale, np.asarray(networks.sigma_dn, np.float64), pays)
+        spectral = SpectralAnswer(mtf, scale, np.asarray(networks.hidden.sigma_dn, np.float64), pays)
         answer, width = mtf.copy(), self.spectral.interval * scale
         blurred = np.flatnonzero((reason == "") & (pays > 0))
         for members in self._groups(mtf[blurred], scale[blurred]):

@@ -80,14 +80,12 @@ class Prediction:
     Attributes:
         mtf: (N, 2, 8) total MTF in [0, 1].
         scale: (N, 2, 8) its Laplace scale.
-        sigma_dn: (N,) noise, DN.
         members: (N, E, 2, 8): `mtf`, then that of the network for processed pictures, where it takes part.
-        hidden: units of the first hidden layer of each network.
+        hidden: units of the first hidden layer of each network, and the noise that they see.
     """
 
     mtf: NDArray[np.float32]
     scale: NDArray[np.float32]
-    sigma_dn: NDArray[np.float32]
     members: NDArray[np.float32]
     hidden: HiddenUnits
 
@@ -157,9 +155,10 @@ class Spectral(Estimator):
         networks = self.predict_members(patches)
         mtf, scale, abstained = networks.mtf, networks.scale, reason != ""
         mtf[abstained] = scale[abstained] = networks.members[abstained] = np.nan
-        low, high = (np.clip(mtf + sign * self.interval * scale, 0.0, 1.0) for sign in (-1, 1))
+        half = self.interval * scale
+        low, high = (np.clip(mtf + sign * half, 0.0, 1.0) for sign in (-1, 1))
         result = BlurEstimate(
-            mtf, abstained, reason, low=low, high=high, members=networks.members, hidden=networks.hidden
+            mtf, abstained, reason, low=low, high=high, half=half, members=networks.members, hidden=networks.hidden
         )
         camera = self.camera or self.typical
         return result if camera is None else corrected(result, camera)
@@ -212,7 +211,7 @@ class Spectral(Estimator):
             total MTF (N, 2, 8) in [0, 1], its Laplace scale (N, 2, 8), and noise sigma (N,), DN.
         """
         networks = self.predict_members(patches)
-        return networks.mtf, networks.scale, networks.sigma_dn
+        return networks.mtf, networks.scale, np.asarray(networks.hidden.sigma_dn, np.float32)
 
     def predict_members(self, patches: NDArray[np.float32]) -> Prediction:
         """What the networks return, together and apart; see `predict`."""
@@ -242,7 +241,7 @@ class Spectral(Estimator):
                     main, members[part, 1] = self._joined(main, other, share[part]), other[0]
                 mtf[part], scale[part], sigma_dn[part] = main
         members[:, 0] = mtf
-        return Prediction(mtf, scale, sigma_dn, members, HiddenUnits(units, share, sigma_dn))
+        return Prediction(mtf, scale, members, HiddenUnits(units, share, sigma_dn))
 
     def output_layers(self) -> OutputLayers:
         """The last two layers of each network: see `pipeline.blur.camera_correction`."""

@@ -11,14 +11,13 @@ import json
 import os
 import re
 from collections.abc import Collection
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError, did_you_mean, printable
 
 if TYPE_CHECKING:
-    from pipeline.blur.base import BlurEstimate, BlurEstimator, Estimator
     from pipeline.condition import ConditionMonitor
 
 _NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")
@@ -136,7 +135,7 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
     Raises:
         InputError: it was calibrated with another estimator or other weights, or the estimator cannot be calibrated.
     """
-    from pipeline.blur.base import SHARP_FLOOR, Estimator
+    from pipeline.blur.base import SHARP_FLOOR, Estimator, WithoutEmptyFrequencies
     from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
     from pipeline.camera.mtf import CAMERA
     from pipeline.recording.provenance import blur_weights
@@ -162,44 +161,6 @@ def apply(camera: StoredCamera, monitor: ConditionMonitor) -> None:
     made.sharp_mtf, made.relative_to = _matrix(camera.sharp_mtf), CAMERA
     empty = made.sharp_mtf <= SHARP_FLOOR
     monitor.blur_estimator = WithoutEmptyFrequencies(made) if empty.any() else made
-
-
-class WithoutEmptyFrequencies:
-    """An estimator divided by a camera's MTF, which is not divided where the camera has no contrast left.
-
-    At a frequency where the camera's MTF is at most `pipeline.blur.base.SHARP_FLOOR`, division by that floor would
-    report blur of the camera's own sharp frames. The relative MTF there is that at the nearest lower frequency with
-    contrast, on the same axis: an upper bound where blur lowers the MTF from frequency to frequency.
-
-    Args:
-        divided: an estimator with `sharp_mtf`; the lowest frequency of both axes has contrast.
-    """
-
-    def __init__(self, divided: Estimator) -> None:
-        import numpy as np
-
-        from pipeline.blur.base import SHARP_FLOOR
-
-        assert divided.sharp_mtf is not None
-        self.divided, self.relative_to = divided, divided.relative_to
-        place = np.arange(divided.sharp_mtf.shape[1])
-        self._source = np.maximum.accumulate(np.where(divided.sharp_mtf > SHARP_FLOOR, place, 0), axis=1)  # (2, 8)
-
-    def estimate(self, patches: Any) -> BlurEstimate:
-        """The MTF relative to the camera, per patch; see `pipeline.blur.base.Estimator.estimate`."""
-        import numpy as np
-
-        result = self.divided.estimate(patches)
-        relative: dict[str, Any] = {
-            name: np.take_along_axis(value, np.broadcast_to(self._source, value.shape), axis=2)
-            for name in ("mtf", "low", "high")
-            if (value := getattr(result, name)) is not None
-        }
-        return replace(result, **relative)
-
-    def calibrated(self, sharp_patches: Any) -> BlurEstimator:
-        """The estimator inside, calibrated anew to these sharp patches."""
-        return self.divided.calibrated(sharp_patches)
 
 
 def of_other_size(name: str, shape: tuple[int, ...], sharp: Collection[tuple[int, ...]]) -> str:

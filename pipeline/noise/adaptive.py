@@ -32,8 +32,9 @@ Nor is there an answer where grain that looks like smoothed noise is finer along
 (`FORESHORTENED`). Noise of a camera has no direction but for row noise; the grain of a road or floor that is seen at a
 slant is compressed vertically, whether the frame was coded or not.
 
-Nor where the patch alternates from pixel to pixel (`pipeline.noise.alternation`), as a raw colour mosaic does, nor
-where the interval begins above `LARGEST_DN`: neither network has seen as much noise.
+Nor where the patch alternates from pixel to pixel (`pipeline.noise.alternation`), as a raw colour mosaic does, where
+neighbours are equal as behind a median filter (`pipeline.noise.streaks`), or where the interval begins above
+`LARGEST_DN`: neither network has seen such pictures, or as much noise.
 
 `NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. Each network runs
 where it has a weight: a patch that is plainly white and not coded skips the second one, a patch that is coded or
@@ -54,7 +55,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.noise.alternation import alternating
-from pipeline.noise.base import ALTERNATING, COMPRESSED, UNCERTAIN, Measured
+from pipeline.noise.base import ALTERNATING, COMPRESSED, STREAKED, UNCERTAIN, Measured
 from pipeline.noise.block_quantisation import at_corner, present, suspected
 from pipeline.noise.cell_mapper import CellMapper
 from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
@@ -72,6 +73,7 @@ from pipeline.noise.correlated_features import (
     whiteness,
 )
 from pipeline.noise.maps import CELL_PX
+from pipeline.noise.streaks import streaked
 
 RELEASED_BESIDE = {"cellwise_weights": RELEASED_CELLWISE, "correlated_weights": RELEASED_CORRELATED}
 """Option -> the released weights that it stands for; for records of what was measured with what."""
@@ -170,7 +172,7 @@ class Adaptive(CellMapper):
                 sigma[indices], low[indices], high[indices] = white.sigma_dn, white.low_dn, white.high_dn
                 white_sigma[indices] = white.sigma_dn
 
-        looks_white, known = _looks_white(stack)
+        looks_white, equal, known = _seen(stack)
         answer_white(np.flatnonzero(looks_white))
         requested = np.flatnonzero(~(looks_white & (low > PLAIN_SIGMA_DN)))
         answer = self.correlated.predict(stack[requested], [known[index] for index in requested])
@@ -209,6 +211,7 @@ class Adaptive(CellMapper):
         reason[unsure] = np.where((coded | hidden)[unsure], COMPRESSED, UNCERTAIN)
         beyond = (low > LARGEST_DN) & (reason == "")
         reason[beyond] = UNCERTAIN
+        reason[equal & ~coded & ((reason == "") | unsure | beyond)] = STREAKED
         reason[alternating(stack) & ((reason == "") | unsure | beyond)] = ALTERNATING
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
 
@@ -218,15 +221,18 @@ class Adaptive(CellMapper):
         return np.asarray(np.where(traces.strong, self.widest_compressed_reach, uncoded_or_quantised))
 
 
-def _looks_white(stack: NDArray[np.floating]) -> tuple[NDArray[np.bool_], list[Moments | None]]:
-    """Patches (N, H, W) whose flat areas vary without correlation, and that are not coded; the others' moments."""
-    result, known = np.zeros(len(stack), bool), []
+def _seen(
+    stack: NDArray[np.floating],
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], list[Moments | None]]:
+    """Which patches (N, H, W) vary without correlation where flat, and are not coded; streaks and moments of others."""
+    white, equal, known = np.zeros(len(stack), bool), np.zeros(len(stack), bool), []
     for index, patch in enumerate(stack):
         pixels = np.rint(patch * np.float32(FULL_SCALE_DN)).astype(np.uint8)
         fine = fine_windows(pixels)
-        result[index] = whiteness(pixels, fine) < PLAINLY_WHITE and not at_corner(pixels)
-        known.append(None if result[index] else moments(pixels, fine))
-    return result, known
+        white[index] = whiteness(pixels, fine) < PLAINLY_WHITE and not at_corner(pixels)
+        equal[index] = not white[index] and streaked(fine)
+        known.append(None if white[index] else moments(pixels, fine))
+    return white, equal, known
 
 
 def decided(answer: Prediction, coded: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -343,6 +343,26 @@ def test_what_an_estimator_does_not_know_a_calibration_does_not_know_either():
     assert (answer.low == 0).all() and (answer.high == 1).all()
 
 
+def test_an_interval_that_was_cut_on_both_sides_keeps_its_width():
+    """A patch that tells nothing: uncalibrated 0 to 1 around .8, calibrated 0 to 1 wherever the answer lies."""
+    read, every = np.full((1, 2, 8), 0.8), np.ones((1, 2, 8))
+    unknown = BlurEstimate(read, np.zeros(1, bool), np.full(1, ""), low=0 * every, high=every, half=1.5 * every)
+    assert unknown.half_width() == pytest.approx(1.5 * every)
+    lower = Calibration(np.eye(16), np.full(16, float(logit(0.1) - logit(0.8))), 1.0, 100, (1.0, 1.0))
+    answer = camera_calibration.corrected(unknown, lower)
+    assert answer.mtf == pytest.approx(np.full((1, 2, 8), 0.1)) and answer.half is None
+    assert (answer.low == 0).all() and (answer.high == 1).all()
+
+
+def test_the_width_of_spectral_s_intervals_is_known_before_they_are_cut(sharp):
+    answer = blur.create("spectral").estimate(sharp)
+    half = answer.half_width()
+    assert np.clip(answer.mtf - half, 0, 1) == pytest.approx(answer.low, abs=1e-6)
+    assert np.clip(answer.mtf + half, 0, 1) == pytest.approx(answer.high, abs=1e-6)
+    assert np.isnan(half).all(axis=(1, 2)).tolist() == answer.abstained.tolist()
+    assert blur.create("spectral").divided(sharp).estimate(sharp).half is None
+
+
 def test_an_estimator_says_what_its_answers_are_relative_to(sharp, monkeypatch):
     monkeypatch.setattr(spectral, "fit_map", partial(spectral.fit_map, samples=100))  # sooner
     plain = blur.create("spectral")

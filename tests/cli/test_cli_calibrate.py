@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from data_makers import picture
 
 from pipeline.blur import create
+from pipeline.blur.base import WithoutEmptyFrequencies
 from pipeline.camera import star
 from pipeline.camera.mtf import FREQUENCIES, sample
 from pipeline.camera.star_centre import point_of_symmetry
@@ -204,7 +205,7 @@ def test_frequencies_without_contrast_take_the_relative_mtf_of_the_next_lower():
     plain.sharp_mtf = np.array([[0.9, 0.8, 0.7, 0.5, 0.2, 0.05, 0.05, 0.05], [0.9] * 8])
     patches = (picture("health")[None, None, :192, :192] / 255).astype(np.float32)
     divided = plain.estimate(patches)
-    result = camera_store.WithoutEmptyFrequencies(plain).estimate(patches)
+    result = WithoutEmptyFrequencies(plain).estimate(patches)
     np.testing.assert_array_equal(result.mtf[:, 1], divided.mtf[:, 1])
     np.testing.assert_array_equal(result.mtf[:, 0], divided.mtf[:, 0][:, [0, 1, 2, 3, 4, 4, 4, 4]])
     np.testing.assert_array_equal(result.low[:, 0, 5:], np.repeat(divided.low[:, 0, 4:5], 3, axis=1))

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.camera import mtf
 from pipeline.condition.summary import half_contrast, summarise, summarise_noise
-from pipeline.noise.base import ALTERNATING, COMPRESSED, UNCERTAIN, NoiseEstimate
+from pipeline.noise.base import ALTERNATING, COMPRESSED, STREAKED, UNCERTAIN, NoiseEstimate
 from pipeline.streams import stream
 
 
@@ -58,7 +58,8 @@ def tiles_of_noise(answered: int, reason: str, without: int) -> NoiseEstimate:
 @pytest.mark.parametrize(
     ("answered", "reason", "without", "known"),
     [(6, COMPRESSED, 6, True), (5, COMPRESSED, 6, False), (1, COMPRESSED, 29, False), (3, UNCERTAIN, 20, True),
-     (2, "saturated", 5, True), (0, COMPRESSED, 4, False), (3, ALTERNATING, 4, False), (4, ALTERNATING, 4, True)],
+     (2, "saturated", 5, True), (0, COMPRESSED, 4, False), (3, ALTERNATING, 4, False), (4, ALTERNATING, 4, True),
+     (3, STREAKED, 4, False)],
 )  # fmt: skip
 def test_a_frame_that_mostly_abstains_because_of_a_codec_has_no_noise_level(answered, reason, without, known):
     summary = summarise_noise(tiles_of_noise(answered, reason, without))
