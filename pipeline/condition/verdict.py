@@ -37,7 +37,7 @@ REASONS = {
     "compressed": "a codec may have removed it",
     "uncertain": "it looks like grain of the scene",
     "alternating": "it alternates from pixel to pixel, as a raw colour mosaic does; demosaic it first",
-    "median-filtered": "neighbouring pixels are equal too often, as behind a median filter; give unfiltered pictures",
+    "median-filtered": "a median filter has smoothed it",
     "saturated": "too bright or too dark",
     "flat": "no variation to measure",
     "structureless": "no structure, only shading and noise",

@@ -1,0 +1,53 @@
+"""The benchmark of noise behind codecs: shots, truth and counts are what it says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmarks import coded_noise
+from pipeline.camera.processing.codec import Codec
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_truth_without_a_codec_is_the_noise_added():
+    frame = np.full((160, 192), 120, np.uint8)
+    taken = coded_noise.shots(frame, Codec("none"), 5.0, "flat")
+    places = coded_noise.places(frame.shape, 3, np.random.default_rng(1))
+    assert taken.shape == (coded_noise.SHOTS, 160, 192)
+    assert coded_noise.true_dn(taken, places) == pytest.approx(5.0, rel=0.02)
+    assert np.array_equal(taken, coded_noise.shots(frame, Codec("none"), 5.0, "flat"))
+
+
+@pytest.mark.parametrize("codec", [Codec("jpeg", 60), Codec("h264", 23)])
+def test_frames_without_noise_come_back_alike_from_a_codec(codec):
+    frame = np.tile(np.linspace(20, 220, 192), (160, 1)).astype(np.uint8)
+    taken = coded_noise.shots(frame, codec, 0.0, "ramp")
+    assert coded_noise.true_dn(taken, coded_noise.places(frame.shape, 2, np.random.default_rng(1))).max() == 0
+
+
+def test_answers_are_counted():
+    nan = np.nan
+    table = pd.DataFrame(
+        [(5.0, 5.9, 5.0, 7.0, ""), (5.0, 6.1, 5.5, 7.0, ""), (0.4, 0.0, 0.0, 0.5, ""),
+         (5.0, nan, nan, nan, "compressed"), (5.0, nan, nan, nan, "saturated")],
+        columns=["true_dn", "sigma_dn", "low_dn", "high_dn", "reason"],
+    )  # fmt: skip
+    found = coded_noise.summarised(table)
+    assert (found["count"], found["answered"], found["wrong"]) == (5, 3, 1)
+    assert found["held_fraction"] == pytest.approx(2 / 3, abs=1e-4)
+    assert found["compressed_fraction"] == 0.5
+
+
+def test_a_dataset_is_named_by_kind_and_folder(tmp_path: Path):
+    for text in ("kitti", "kitti=", "=kitti:x"):
+        with pytest.raises(InputError, match="expected NAME=KIND:ROOT"):
+            coded_noise.parse(text)
+    with pytest.raises(InputError, match="no folder"):
+        coded_noise.parse(f"kitti=kitti:{tmp_path / 'none'}")
