@@ -1,6 +1,6 @@
 """The default noise estimator on frames with white noise that a codec stored: right, abstained, or wrong.
 
-    python benchmarks/coded_noise.py [--dataset NAME=KIND:ROOT ...] [--frames N] [--patches N] [--out FILE]
+    python benchmarks/coded_noise.py [--dataset NAME=KIND:ROOT ...] [--frames N] [--patches N] [--rows CSV] [--out FILE]
 
 Frames of *Sim* and of the datasets named (kinds of `pipeline.datasets`, e.g. ``kitti=kitti:data/raw/kitti``) get normal
 noise of 0 to 25 DN, equal in all colours, and are stored as JPEG, Motion JPEG, MPEG-4 or H.264
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pipeline.datasets.dataset import Dataset
+    from pipeline.noise.base import NoiseEstimate
 
 CODECS = (
     Codec("none"),
@@ -89,6 +90,8 @@ def shots(frame: NDArray[np.uint8], codec: Codec, sigma_dn: float, *key: str | f
 
 def places(shape: Sequence[int], count: int, generator: np.random.Generator) -> list[Patch]:
     """Patches anywhere in a frame, on a codec's grid or off it."""
+    if min(shape) < PATCH_PX:
+        raise InputError(f"a frame of {shape[1]}x{shape[0]} px; expected at least {PATCH_PX} px on either side")
     rows, columns = (generator.integers(0, side - PATCH_PX + 1, count) for side in shape)
     return [Patch(int(x), int(y), PATCH_PX) for y, x in zip(rows, columns, strict=True)]
 
@@ -119,15 +122,20 @@ def measure(dataset: Dataset, frames: int, patches: int) -> pd.DataFrame:
                     rows.append(about | {"of": "patches", "true_dn": truth} | ends)
                 whole = monitor.frame(taken[0].astype(np.float32) / np.float32(255)).noise
                 middle = whole.summary
-                counts = Counter(whole.estimate.reason.tolist())
                 rows.append(
                     about
                     | {"of": "frames", "true_dn": float(np.median(true_dn(taken, whole.patches)))}
                     | {"sigma_dn": float(middle.value), "low_dn": float(middle.low), "high_dn": float(middle.high)}
-                    | {"reason": "" if np.isfinite(middle.value) else counts.most_common(1)[0][0]}
+                    | {"reason": "" if np.isfinite(middle.value) else reason_of(whole.estimate)}
                 )
         print(dataset.name, f"{number + 1} of {len(chosen)} frames", flush=True)
     return pd.DataFrame(rows)
+
+
+def reason_of(estimate: NoiseEstimate) -> str:
+    """Why a frame is abstained from: compression where its tiles say so, else their most common reason."""
+    counts = Counter(reason for reason in estimate.reason.tolist() if reason)
+    return COMPRESSED if counts[COMPRESSED] > np.count_nonzero(~estimate.abstained) else counts.most_common(1)[0][0]
 
 
 def parse(text: str) -> Dataset:
@@ -141,6 +149,13 @@ def parse(text: str) -> Dataset:
     if not (name and kind):
         raise InputError(f"--dataset {text}: expected NAME=KIND:ROOT, for example kitti=kitti:data/raw/kitti")
     return open_dataset(kind, name, root or None)
+
+
+def positive(text: str) -> int:
+    """A whole number of at least 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text}: expected a whole number of at least 1")
+    return int(text)
 
 
 def described(codec: Codec) -> str:
@@ -175,14 +190,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Store, estimate, compare, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--dataset", action="append", default=[], metavar="NAME=KIND:ROOT", help="may be repeated")
-    parser.add_argument("--frames", type=int, default=6, help="at most this many of each dataset")
-    parser.add_argument("--patches", type=int, default=6, help="of each frame")
+    parser.add_argument("--frames", type=positive, default=6, help="at most this many of each dataset")
+    parser.add_argument("--patches", type=positive, default=6, help="of each frame")
     parser.add_argument("--rows", type=Path, metavar="CSV", help="every estimate with its truth, for a closer look")
     parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/coded_noise.json")
     options = parser.parse_args(arguments)
     common.hold_loaded_libraries()
-    named = [parse(text) for text in (f"sim=sim:{ROOT / 'data/sim'}", *options.dataset)]
-    table = pd.concat([measure(dataset, options.frames, options.patches) for dataset in named], ignore_index=True)
+    try:
+        named = [parse(text) for text in (f"sim=sim:{ROOT / 'data/sim'}", *options.dataset)]
+        table = pd.concat([measure(dataset, options.frames, options.patches) for dataset in named], ignore_index=True)
+    except InputError as error:
+        parser.error(str(error))
     if options.rows:
         table.to_csv(options.rows, index=False)
     record: dict[str, Any] = {
@@ -198,7 +216,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         }
         for of, kind in table.groupby("of", sort=False)
     }
-    about = {"frames_per_dataset": options.frames, "patches_per_frame": options.patches, "seed": SEED}
+    about = {
+        "datasets": [dataset.name for dataset in named],
+        "frames_per_dataset": options.frames,
+        "patches_per_frame": options.patches,
+        "seed": SEED,
+    }
     print(common.write("coded_noise", about | record, options.out))
 
 

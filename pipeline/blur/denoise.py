@@ -111,7 +111,7 @@ class Denoised:
         noisy = np.asarray(self.sigma_dn(batch)) >= self.from_sigma_dn
         # A calibration takes the same networks for every batch; of smoothed patches their outputs are of both blurs.
         if not noisy.any():
-            return replace(self.inner.estimate(batch), members=None, hidden=None)
+            return replace(self.inner.estimate(batch), half=None, members=None, hidden=None)
         shown = batch.copy()
         shown[noisy] = blur(batch[noisy], self.psf)
         result = self.inner.estimate(shown)
@@ -129,8 +129,9 @@ class Denoised:
         # What is known of a smoothed patch is of both blurs, so it is not passed on.
         abstained = result.abstained | lost
         return replace(
-            result, mtf=clear, abstained=abstained, reason=reason, kernel=None, members=None, hidden=None, **ends
-        )
+            result, mtf=clear, abstained=abstained, reason=reason, kernel=None, half=None, members=None, hidden=None,
+            **ends,
+        )  # fmt: skip
 
     @property
     def relative_to(self) -> str:

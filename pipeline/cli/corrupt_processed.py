@@ -86,7 +86,7 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
 
 def _coloured(files: Sequence[Path], every: int) -> Iterator[tuple[str, np.ndarray | None, str]]:
     """Name, picture in [0, 1] with its colours (frames of videos are grey) or None, and the reason for None."""
-    from pipeline.cli.pictures import VIDEOS, readable, refuse_name
+    from pipeline.cli.pictures import VIDEOS, readable, refuse
     from pipeline.datasets.pictures import read_picture
     from pipeline.errors import InputError
 
@@ -95,7 +95,7 @@ def _coloured(files: Sequence[Path], every: int) -> Iterator[tuple[str, np.ndarr
             yield from readable([file], every)
             continue
         try:
-            refuse_name(file)
+            refuse(file)
             image = read_picture(file).unit()
         except InputError as error:
             yield str(file), None, str(error)

@@ -47,9 +47,9 @@ def natural_order(name: str) -> tuple[list[str | int], str]:
 def is_unread(path: Path) -> bool:
     """Whether a file's format is known and not read (`UNREAD`); a JPEG or PNG file of such a name is read.
 
-    What cannot be opened is judged by its name.
+    What cannot be opened is judged by its name; a folder or pipe is no file.
     """
-    if path.suffix.lower() not in UNREAD:
+    if path.suffix.lower() not in UNREAD or not path.is_file():
         return False
     try:
         with path.open("rb") as file:
@@ -71,6 +71,7 @@ def expand(paths: Sequence[Path]) -> list[Path]:
         if path.is_dir():
             formats = PICTURES | VIDEOS | UNREAD
             inside = [file for file in path.iterdir() if file.name[0] != "." and file.suffix.lower() in formats]
+            inside = [file for file in inside if file.suffix.lower() not in UNREAD or file.is_file()]
             unread = {file for file in inside if is_unread(file)}
             results += sorted(set(inside) - unread, key=lambda file: natural_order(file.name))
             _warn_of_unread(path, Counter(file.suffix.lower() for file in unread))
@@ -113,9 +114,7 @@ def read(path: Path, every: int = 1, hinted: Counter[int] | None = None) -> Iter
     from pipeline.datasets.pictures import read_picture
     from pipeline.datasets.video import read_video
 
-    refuse_name(path)
-    if is_unread(path):
-        raise InputError(f"{path}: {path.suffix} files are not read; convert it, for example to PNG")
+    refuse(path)
     hinted = Counter() if hinted is None else hinted
     if path.suffix.lower() not in VIDEOS:
         picture = read_picture(path)
@@ -129,22 +128,24 @@ def read(path: Path, every: int = 1, hinted: Counter[int] | None = None) -> Iter
         yield f"{path}#{number}", image
 
 
-def refuse_name(path: Path) -> None:
-    """Refuse a file whose name no table, page or JSON file can hold.
+def refuse(path: Path) -> None:
+    """Refuse a file whose name no table, page or JSON file can hold, or whose format is not read.
 
     Raises:
-        InputError: its path is not valid UTF-8.
+        InputError: its path is not valid UTF-8, or see `is_unread`.
     """
     try:
         str(path).encode("utf-8")
     except UnicodeEncodeError:
         raise InputError(f"{printable(path)}: its name is not valid UTF-8; rename it") from None
+    if is_unread(path):
+        raise InputError(f"{path}: {path.suffix} files are not read; convert it, for example to PNG")
 
 
 def _orientation(path: Path) -> int:
     """EXIF orientation 2..8 of a picture that is to be turned or mirrored for display; else 0.
 
-    Not of TIFF files, which Pillow turns as it reads them. Costs no decoding.
+    Not of TIFF files, which the decoders turn. Costs no decoding.
     """
     import warnings
 

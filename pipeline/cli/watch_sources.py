@@ -6,6 +6,7 @@ A live source does not wait: of what it delivers while a frame is analysed, the 
 from __future__ import annotations
 
 import contextlib
+import stat
 import threading
 import time
 from collections import Counter
@@ -239,6 +240,8 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
                 status = file.stat()
             except FileNotFoundError:
                 continue  # it was moved away
+            if not stat.S_ISREG(status.st_mode):
+                continue
             if status.st_size and sizes.get(file.name) == status.st_size:
                 ready.append((status.st_mtime_ns, file.name))
             sizes[file.name] = status.st_size

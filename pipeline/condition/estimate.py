@@ -246,7 +246,7 @@ def _with_structure(estimate: BlurEstimate, stack: NDArray[np.float32]) -> BlurE
     lost = structureless(stack) & ~estimate.abstained if len(stack) else np.zeros(0, np.bool_)
     if not lost.any():
         return estimate
-    parts = {name: getattr(estimate, name) for name in ("mtf", "low", "high")}
+    parts = {name: getattr(estimate, name) for name in ("mtf", "low", "high", "half")}
     masked: dict[str, Any] = {
         name: np.where(lost[:, None, None], np.nan, value) for name, value in parts.items() if value is not None
     }

@@ -37,7 +37,7 @@ REASONS = {
     "compressed": "a codec may have removed it",
     "uncertain": "it looks like grain of the scene",
     "alternating": "it alternates from pixel to pixel, as a raw colour mosaic does; demosaic it first",
-    "median-filtered": "a median filter has smoothed it",
+    "streaked": "neighbouring pixels are equal too often, as behind a median filter",
     "saturated": "too bright or too dark",
     "flat": "no variation to measure",
     "structureless": "no structure, only shading and noise",

@@ -7,7 +7,7 @@
 | float (TIFF) | taken as it is; every value must be a number in [0, 1] |
 | colour (RGB, palette, CMYK) | BT.601 luma: 0.299 R + 0.587 G + 0.114 B, not rounded |
 | alpha channel | dropped; the colour beneath counts |
-| EXIF rotation | not applied: labels refer to the pixels as stored; of TIFF with 8 bits a channel Pillow applies it |
+| EXIF rotation | not applied: labels refer to the pixels as stored; of TIFF the decoders apply it |
 | empty, truncated, not a picture, several pages, NaN, out of range, too small | `BadPicture` with the reason |
 
 Pillow decodes, because it notices files that end early: OpenCV returns a JPEG whose lower half is missing

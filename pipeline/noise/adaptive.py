@@ -172,7 +172,7 @@ class Adaptive(CellMapper):
                 sigma[indices], low[indices], high[indices] = white.sigma_dn, white.low_dn, white.high_dn
                 white_sigma[indices] = white.sigma_dn
 
-        looks_white, equal, known = _seen(stack)
+        looks_white, streaks, known = _screened(stack)
         answer_white(np.flatnonzero(looks_white))
         requested = np.flatnonzero(~(looks_white & (low > PLAIN_SIGMA_DN)))
         answer = self.correlated.predict(stack[requested], [known[index] for index in requested])
@@ -211,7 +211,7 @@ class Adaptive(CellMapper):
         reason[unsure] = np.where((coded | hidden)[unsure], COMPRESSED, UNCERTAIN)
         beyond = (low > LARGEST_DN) & (reason == "")
         reason[beyond] = UNCERTAIN
-        reason[equal & ~coded & ((reason == "") | unsure | beyond)] = STREAKED
+        reason[streaks & ~coded & ((reason == "") | unsure | beyond)] = STREAKED
         reason[alternating(stack) & ((reason == "") | unsure | beyond)] = ALTERNATING
         return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
 
@@ -221,18 +221,21 @@ class Adaptive(CellMapper):
         return np.asarray(np.where(traces.strong, self.widest_compressed_reach, uncoded_or_quantised))
 
 
-def _seen(
+def _screened(
     stack: NDArray[np.floating],
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], list[Moments | None]]:
-    """Which patches (N, H, W) vary without correlation where flat, and are not coded; streaks and moments of others."""
-    white, equal, known = np.zeros(len(stack), bool), np.zeros(len(stack), bool), []
+    """Which patches (N, H, W) are white, which are streaked, and the moments of those that are not white.
+
+    White: flat areas vary without correlation, and no codec shows at the corner.
+    """
+    white, streaks, known = np.zeros(len(stack), bool), np.zeros(len(stack), bool), []
     for index, patch in enumerate(stack):
         pixels = np.rint(patch * np.float32(FULL_SCALE_DN)).astype(np.uint8)
         fine = fine_windows(pixels)
         white[index] = whiteness(pixels, fine) < PLAINLY_WHITE and not at_corner(pixels)
-        equal[index] = not white[index] and streaked(fine)
+        streaks[index] = not white[index] and streaked(fine)
         known.append(None if white[index] else moments(pixels, fine))
-    return white, equal, known
+    return white, streaks, known
 
 
 def decided(answer: Prediction, coded: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -35,7 +35,7 @@ UNCERTAIN = "uncertain"
 ALTERNATING = "alternating"
 """Reason: the patch alternates from pixel to pixel, as a raw colour mosaic or interlaced fields do."""
 
-STREAKED = "median-filtered"
+STREAKED = "streaked"
 """Reason: neighbouring pixels are equal far more often than noise leaves them, as behind a median filter."""
 
 LEAST_SIGMA_DN = 1e-3
@@ -53,7 +53,7 @@ class NoiseEstimate:
         low_dn, high_dn: (N,) ends of a 95 % interval, DN; NaN where abstained or where the method has none.
         abstained: (N,) bool.
         reason: (N,) words for the abstention (``"saturated"``, ``"flat"``, ``"compressed"``, ``"uncertain"``,
-            ``"alternating"``, ``"median-filtered"``); empty where there is an estimate.
+            ``"alternating"``, ``"streaked"``); empty where there is an estimate.
         white_sigma_dn: (N,) the part of sigma that is white, as the sensor's is before processing smooths it, DN; None
             from methods that do not separate it.
         correlation: (N,) correlation of the noise of adjacent pixels, -1 to 1; None likewise.

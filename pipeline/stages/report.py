@@ -53,6 +53,7 @@ def run(run: Run) -> None:
         ablations=tuple(matrix.ablations),
         recorded=run.project / "reports/recorded",
         benchmarks={
+            "coded_noise": run.project / "benchmarks/results/coded_noise.json",
             "control": run.project / "benchmarks/results/control.json",
             "estimators": run.project / "benchmarks/results/estimators.json",
             "flags": run.project / "benchmarks/results/flags.json",

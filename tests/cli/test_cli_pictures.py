@@ -77,6 +77,20 @@ def test_formats_that_are_not_read_are_counted_in_a_folder_and_refused_by_name(t
     assert done.exit_code != 0 and "c.HEIC: .HEIC files are not read; convert it" in done.stderr
 
 
+def test_what_is_named_like_a_format_that_is_not_read_and_is_no_file_is_passed_over(tmp_path: Path) -> None:
+    save(tmp_path / "a.png")
+    (tmp_path / "b.heic").mkdir()
+    os.mkfifo(tmp_path / "c.heic")
+    done = call("noise", tmp_path, "--estimator", "pca")
+    assert done.exit_code == 0 and "left out" not in done.stderr, done.output
+
+
+def test_a_format_that_is_not_read_is_named_by_the_simulated_camera_too(tmp_path: Path) -> None:
+    (tmp_path / "c.heic").write_bytes(b"\0\0\0\x18ftyp")
+    done = call("corrupt", tmp_path / "c.heic", "--out", tmp_path / "out", "--pipeline", "phone")
+    assert done.exit_code != 0 and "c.heic: .heic files are not read; convert it" in done.stderr
+
+
 def test_a_jpeg_that_is_named_like_a_format_that_is_not_read_is_read(tmp_path: Path) -> None:
     file = save(tmp_path / "a.jpg").rename(tmp_path / "a.heic")
     (tmp_path / "b.heic").write_bytes(b"\0\0\0\x18ftyp")

@@ -44,5 +44,6 @@ def test_a_frame_of_shading_has_no_blur():
     frame = noisy(0.2 + 0.5 * x / 600 + 0.1 * y / 400, 3.0)[0, 0]
     read = ConditionMonitor(noise_name="pca").frame(frame)
     assert read.abstained["blur"] and set(read.reasons["blur"]) == {"structureless"}
+    assert np.isnan(read.blur.estimate.half).all()
     assert np.isnan(read.mtf.value).all() and np.isnan(read.blur.estimate.low).all()
     assert float(read.sigma_dn.value) == pytest.approx(3.0, abs=0.5)

@@ -69,6 +69,14 @@ def test_a_frame_that_mostly_abstains_because_of_a_codec_has_no_noise_level(answ
     assert (int(summary.count), int(summary.abstained)) == (answered, without)
 
 
+def test_reasons_that_concern_the_frame_count_together():
+    both = tiles_of_noise(6, COMPRESSED, 7)
+    both.reason[-3:] = STREAKED
+    assert np.isnan(summarise_noise(both).value)
+    both.reason[-3:] = UNCERTAIN
+    assert summarise_noise(both).value == 5
+
+
 @pytest.mark.parametrize("sigma_px", [0.8, 1.2, 2.0, 4.0])
 def test_half_contrast_of_a_gaussian(sigma_px):
     exact = 2 * np.sqrt(np.log(2) / 2) / (np.pi * sigma_px)  # exp(-2 pi^2 s^2 (f / 2)^2) = 1 / 2

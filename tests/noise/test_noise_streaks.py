@@ -1,4 +1,4 @@
-"""Streaks of equal pixels: median filters are told from noise, smoothing, codecs and clipping."""
+"""Streaks of equal pixels: seen behind median filters, not in noise, smoothed, coded or clipped."""
 
 from __future__ import annotations
 
@@ -54,8 +54,26 @@ def test_coded_noise_has_none(quality):
     assert share(jpeg(whole, quality)[..., 0]) < 0.1
 
 
-def test_too_few_grey_levels_show_the_same():
-    assert share(frame(10.0) // 8 * 8) == 1
+@pytest.mark.parametrize("factor", [1.5, 2.0, 4.0])
+def test_stretched_contrast_has_none(factor):
+    """Gaps between grey levels are no streaks."""
+    stretched = np.clip(np.rint(factor * (frame(5.0).astype(float) - 60)), 0, 255).astype(np.uint8)
+    assert share(stretched) == 0
+    assert share(frame(10.0) // 8 * 8) == 0
+
+
+@pytest.mark.parametrize("side_px", [48, 64])
+def test_small_patches_are_judged_too(side_px):
+    shown = cv2.medianBlur(frame(10.0), 3)[:, : 512 // side_px * side_px]
+    squares = [shown[y : y + side_px, x : x + side_px] for y in (0, 100, 200) for x in range(0, 384, side_px)]
+    assert np.mean([streaked(fine_windows(square)) for square in squares]) > 0.7
+
+
+def test_a_patch_that_is_clipped_in_part_is_judged_by_the_rest():
+    shown = cv2.medianBlur(frame(10.0)[:128, :128], 3)
+    clipped = np.arange(128)[:, None] < 90
+    assert streaked(fine_windows(np.where(clipped, 255, shown)))
+    assert not streaked(fine_windows(np.where(clipped, 255, frame(10.0)[:128, :128])))
 
 
 def test_a_frame_behind_a_median_filter_has_no_noise_level_and_the_reason():

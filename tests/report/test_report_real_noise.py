@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from report_makers import REPO
 
 from pipeline import store
+from pipeline.errors import InputError
 from pipeline.experiments import real_noise_records
 from pipeline.experiments.real_noise_tables import REAL_NOISE_PATCHES, REAL_NOISE_SUMMARY
 from pipeline.report.inputs import ReportInputs
@@ -85,3 +88,46 @@ def test_a_stage_that_has_run_takes_the_place_of_the_record(inputs: ReportInputs
 
 def test_without_anything_there_is_no_section(tmp_path: Path) -> None:
     assert real_noise.section(ReportInputs(paper=REPO / "data/paper", recorded=tmp_path)) is None
+
+
+CODED = REPO / "benchmarks/results/coded_noise.json"
+
+
+def test_noise_behind_codecs_is_counted_by_codec_and_level(inputs: ReportInputs) -> None:
+    section = real_noise.section(dataclasses.replace(inputs, benchmarks={"coded_noise": CODED}))
+    assert section is not None and section.runs[-1].line == "python benchmarks/coded_noise.py"
+    table = section.blocks[-1]
+    assert isinstance(table, Table) and table.name == "real_noise_coded"
+    record = json.loads(CODED.read_text())
+    names = [row["codec"] for row in table.rows if row["unit"] == "whole frames"]
+    assert names[:3] == ["no codec", "JPEG 60", "JPEG 80"] and len(table.rows) == 2 * len(names)
+    shown = next(row for row in table.rows if (row["unit"], row["codec"]) == ("patches", "JPEG 95"))
+    about = record["patches"]["by_codec"]["jpeg 95"]["5"]
+    answered, wrong = about["answered"] / about["count"], about["wrong"] / about["answered"]
+    assert shown["added_5"] == f"{100 * answered:.0f} / {100 * wrong:.0f}"
+
+
+LEVEL = {"count": 4, "answered": 4, "wrong": 1}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [{"jpeg 80": {"0": {"count": 3}}}, {"jpeg 80": {level: {**LEVEL, "count": 0} for level in real_noise.ADDED}}, [1]],
+)
+def test_a_record_of_codecs_that_is_no_such_record_is_refused(
+    inputs: ReportInputs, tmp_path: Path, content: Any
+) -> None:
+    broken = tmp_path / "coded_noise.json"
+    parts: dict[str, Any] = {"datasets": ["sim"], "frames": {"by_codec": content}, "patches": {"by_codec": {}}}
+    store.write_json(broken, parts)
+    with pytest.raises(InputError, match=r"coded_noise\.json: not a record of .*benchmarks/coded_noise\.py"):
+        real_noise.section(dataclasses.replace(inputs, benchmarks={"coded_noise": broken}))
+
+
+def test_a_codec_that_has_no_name_here_keeps_its_own(tmp_path: Path) -> None:
+    content = {"webp 80": dict.fromkeys(real_noise.ADDED, LEVEL), "none": dict.fromkeys(real_noise.ADDED, LEVEL)}
+    table = real_noise.behind_codecs(
+        {"datasets": ["sim", "kitti"], "frames": {"by_codec": content}, "patches": {"by_codec": {}}}
+    )
+    assert [row["codec"] for row in table.rows] == ["no codec", "webp 80"] and table.rows[1]["added_5"] == "100 / 25"
+    assert "frames of Sim and KITTI" in table.footnotes[0]

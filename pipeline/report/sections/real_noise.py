@@ -1,18 +1,20 @@
-"""Noise of real cameras: estimates beside the measured truth, and the constants of a sensor from its raw frames."""
+"""Noise of real cameras: estimates beside the measured truth, behind codecs, and the constants of a sensor."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from pipeline.errors import InputError
 from pipeline.experiments import real_noise_records
 from pipeline.experiments.real_noise_records import Examples, Recording, Sensor
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.display_names import word
+from pipeline.report.display_names import listing, word
 from pipeline.report.figures import add_legend
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.spec import Block, Run, Section
@@ -30,6 +32,12 @@ LABELS = {BEFORE: "white noise only", NOW: "default"}
 REASONS = {"compressed": "codec traces"}
 """Reason of an estimator to abstain -> plain words, where they differ."""
 SHOWN = ("adaptive", "cellwise", "pca", "pca_stride_2", "bf")
+CODED = ("coded_noise", ("datasets", "frames", "patches"), "python benchmarks/coded_noise.py")
+"""Benchmark of noise behind codecs: its name, what its record holds at least, and the command that makes it."""
+CODECS = {"none": "no codec", "jpeg": "JPEG", "mjpeg": "Motion JPEG", "mpeg4": "MPEG-4", "h264": "H.264"}
+UNITS = {"frames": "whole frames", "patches": "patches"}
+ADDED = ("0", "2", "5", "10", "25")
+"""DN."""
 
 
 def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> style.Drawing:
@@ -118,13 +126,44 @@ def crops(made: Examples) -> style.Drawing:
     return style.Drawing(figure, f"Crops of three pictures with their noise estimates. {'. '.join(words)}.", made.table)
 
 
+def behind_codecs(record: Mapping[str, Any]) -> Table:
+    """What is answered of frames and patches with noise behind codecs, and how much of that is wrong."""
+    rows = []
+    for unit, title in UNITS.items():
+        codecs = record[unit]["by_codec"]
+        for codec in sorted(codecs, key=_order):
+            name, *quality = codec.split()
+            levels = {f"added_{added}": _answered(codecs[codec][added]) for added in ADDED}
+            stored = " ".join([CODECS.get(name, name), *quality])
+            rows.append({"unit": title, "codec": stored, "count": codecs[codec][ADDED[0]]["count"], **levels})
+    return PAGE.table("real_noise_coded", rows, datasets=listing(map(word, record["datasets"])))
+
+
+def _order(codec: str) -> tuple[int, str, list[int]]:
+    """Sorting key of codecs: by name, then by their number."""
+    name, *quality = codec.split()
+    known = list(CODECS)
+    return known.index(name) if name in known else len(known), name, list(map(int, quality))
+
+
+def _answered(level: Mapping[str, Any]) -> str:
+    """Percentage answered, and percentage of the answers that is wrong: ``"64 / 3"``."""
+    share = f"{100 * level['answered'] / level['count']:.0f}"
+    return f"{share} / {100 * level['wrong'] / level['answered']:.0f}" if level["answered"] else share
+
+
 def section(inputs: ReportInputs) -> Section | None:
-    """Noise of real cameras, or None where nothing of it is known."""
+    """Noise of real cameras, or None where nothing of it is known.
+
+    Raises:
+        InputError: the record of noise behind codecs holds something else.
+    """
     stages = inputs.folders("real_noise")
     parts = real_noise_records.recordings(stages, inputs.recorded)
     made = real_noise_records.sensor(stages, inputs.recorded)
     known = {part.name for part in parts} | ({SENSOR} if made is not None else set())
-    if not known and not stages:
+    coded = inputs.benchmark(*CODED)
+    if not known and not stages and coded is None:
         return None
     examples, blocks = real_noise_records.examples(inputs.recorded), list[Block]()
     if examples is not None:
@@ -138,7 +177,15 @@ def section(inputs: ReportInputs) -> Section | None:
         constants = made.transfer.merge(made.dark, on="plane")
         blocks.append(PAGE.figure("real_sensor", sensor_figure(made), [made.stage] if made.stage else ()))
         blocks.append(PAGE.table("real_sensor_constants", constants, stage=made.stage))
-    return PAGE.section(blocks, [_run(inputs, name, name in known) for name in stages])
+    runs = [_run(inputs, name, name in known) for name in stages]
+    if coded is not None:
+        try:
+            blocks.append(behind_codecs(coded))
+        except (AttributeError, KeyError, TypeError, ValueError, ZeroDivisionError):
+            path = inputs.benchmarks[CODED[0]]
+            raise InputError(f"{path}: not a record of this benchmark; make it again: {CODED[2]}") from None
+        runs.append(Run("Noise behind codecs", "", True, "", CODED[2]))
+    return PAGE.section(blocks, runs)
 
 
 def _sources(parts: Sequence[Recording]) -> Table:
