@@ -66,8 +66,9 @@ def command(
     Prints JSON lines, each with an "event": start; frame (estimates, flags, and under "state" the medians of the last
     frames in numbers and words); alarm (a threshold that begins to be violated, or a trend: noise or blur that has
     grown since the first frames); cleared (measured and not violated; an alarm stays while its quantity
-    is unknown); warning (a frame of another size than the camera's sharp pictures); set_aside and no_signal; stop. Of
-    a live source, frames that come while one is analysed are dropped.
+    is unknown); warning (a frame of another size than the camera's sharp pictures); set_aside (a file that cannot be
+    used, HEIC and raw files among them) and no_signal; stop. Of a live source, frames that come while one is analysed
+    are dropped.
 
     SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm; 3 alarms; else 2 for no such source or
     a video file that is cut short or damaged.
