@@ -80,12 +80,17 @@ def test_colour_planes_of_a_sensor_agree() -> None:
 
 
 def test_noise_of_raw_frames_is_estimated_as_white() -> None:
-    """Raw noise follows photon transfer; the default estimator treats it as white and is right on it."""
+    """Raw noise follows photon transfer; the default estimator treats it as white and is right on it.
+
+    Planes with a pattern from pixel to pixel, whose noise the others read too high, are abstained from.
+    """
     summary = pd.read_csv(SENSOR / files.RAW_SUMMARY_FILE).set_index("estimator")
-    assert summary.loc["adaptive", "true_mae_dn"] < 0.25 and summary.loc["adaptive", "answered_fraction"] > 0.95
+    assert summary.loc["adaptive", "true_mae_dn"] < 0.2 and summary.loc["adaptive", "answered_fraction"] > 0.8
     patches = pd.read_csv(SENSOR / files.RAW_PATCHES_FILE)
     assert patches["true_sigma_dn"].between(0.6, 1.5).all()
-    assert patches.loc[patches["estimator"] == "adaptive", "correlation"].abs().median() < 0.1
+    ours = patches[patches["estimator"] == "adaptive"]
+    assert ours["correlation"].abs().median() < 0.1
+    assert set(ours["reason"].dropna()) == {"alternating"}
 
 
 def test_examples_were_answered_as_zero_and_are_now_right_or_abstained_from() -> None:

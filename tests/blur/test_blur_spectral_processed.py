@@ -38,7 +38,7 @@ def test_the_scale_holds_the_distance_of_the_networks(scenes):
     patches = np.stack([scene[8:200, 8:200] for scene in scenes])[:, None].round(3).astype(np.float32)
     both = blur.create("spectral").predict_members(patches)
     main, scale, sigma_dn = blur.create("spectral", processed=False).predict(patches)
-    quiet = both.sigma_dn - sigma_dn < 1e-6
+    quiet = both.hidden.sigma_dn - sigma_dn < 1e-6
     assert np.array_equal(both.members[:, 0], both.mtf) and quiet.any()
     apart = scale + np.abs(main - both.members[:, 1])
     assert np.allclose(both.scale[quiet], apart[quiet], atol=1e-6) and (both.scale >= apart - 1e-6).all()
