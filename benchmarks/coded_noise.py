@@ -144,11 +144,8 @@ def parse(text: str) -> Dataset:
     Raises:
         InputError: it is no such text, or there is no such dataset.
     """
-    name, _, rest = text.partition("=")
-    kind, _, root = rest.partition(":")
-    if not (name and kind):
-        raise InputError(f"--dataset {text}: expected NAME=KIND:ROOT, for example kitti=kitti:data/raw/kitti")
-    return open_dataset(kind, name, root or None)
+    name, kind, root = common.dataset(text)
+    return open_dataset(kind, name, root)
 
 
 def positive(text: str) -> int:

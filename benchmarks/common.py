@@ -38,6 +38,21 @@ def hold_loaded_libraries() -> None:
         pass
 
 
+def dataset(text: str) -> tuple[str, str, str]:
+    """Name, kind and folder of a dataset, from NAME=KIND:ROOT on the command line.
+
+    Raises:
+        InputError: it is no such text.
+    """
+    from pipeline.errors import InputError
+
+    name, _, rest = text.partition("=")
+    kind, _, root = rest.partition(":")
+    if not (name and kind and root):
+        raise InputError(f"--dataset {text}: expected NAME=KIND:ROOT, for example kitti=kitti:data/raw/kitti")
+    return name, kind, root
+
+
 def machine(*packages: str) -> dict[str, Any]:
     """What the times were measured on.
 

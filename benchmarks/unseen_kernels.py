@@ -44,7 +44,6 @@ from pipeline import blur  # noqa: E402
 from pipeline.blur import camera_calibration, spectral  # noqa: E402
 from pipeline.camera import mtf  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
-from pipeline.errors import InputError  # noqa: E402
 from pipeline.experiments import calibrate, table_one  # noqa: E402
 from pipeline.experiments.condition import SHARP, grid, sharp_kernel  # noqa: E402
 from pipeline.experiments.frames import TestFrame, of_index  # noqa: E402
@@ -83,10 +82,7 @@ def configuration(datasets: Sequence[str]) -> Config:
 
     overrides, names = ["executor.workers=1"], ["photos"]
     for text in datasets:
-        name, _, rest = text.partition("=")
-        kind, _, root = rest.partition(":")
-        if not (name and kind and root):
-            raise InputError(f"--dataset {text}: expected NAME=KIND:ROOT, for example kitti=kitti:data/raw/kitti")
+        name, kind, root = common.dataset(text)
         overrides += [f"+dataset@datasets.{name}={kind}", f"datasets.{name}.root={Path(root).resolve()}"]
         names.append(name)
     content = yaml.safe_load(compose(overrides, ROOT / "conf"))
