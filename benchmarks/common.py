@@ -38,11 +38,22 @@ def hold_loaded_libraries() -> None:
         pass
 
 
+def run(main: Callable[[], object]) -> None:
+    """Run a benchmark; what it cannot use is one line on standard error, and exit code 2."""
+    from pipeline.errors import InputError
+
+    try:
+        main()
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+
+
 def dataset(text: str) -> tuple[str, str, str]:
     """Name, kind and folder of a dataset, from NAME=KIND:ROOT on the command line.
 
     Raises:
-        InputError: it is no such text.
+        InputError: it is no such text, or there is no such folder.
     """
     from pipeline.errors import InputError
 
@@ -50,6 +61,8 @@ def dataset(text: str) -> tuple[str, str, str]:
     kind, _, root = rest.partition(":")
     if not (name and kind and root):
         raise InputError(f"--dataset {text}: expected NAME=KIND:ROOT, for example kitti=kitti:data/raw/kitti")
+    if not Path(root).is_dir():
+        raise InputError(f"--dataset {text}: no folder {root}; expected that of the dataset {name}")
     return name, kind, root
 
 

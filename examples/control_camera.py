@@ -76,7 +76,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--iso", type=float, default=100.0)
     parser.add_argument("--policy", default="iopc_continuous")
     options = parser.parse_args(arguments)
-    driver = OpenCvCamera(options.source, CameraState.of(options.exposure_ms, options.iso))
+    try:
+        driver = OpenCvCamera(options.source, CameraState.of(options.exposure_ms, options.iso))
+    except OSError as error:
+        parser.error(str(error))
     camera = ControlledCamera(Limits(delay_frames=DELAY_FRAMES if driver.live else 0))
     performance = Performance.load(SURFACE) if options.policy.startswith("iopc") else None
     controller = control.Controller(control.create(options.policy, camera=camera, performance=performance))

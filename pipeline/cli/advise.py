@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pipeline.cli.given_paths import GivenPath, refuse_other_format
+from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange
 from pipeline.errors import InputError, printable
 
 if TYPE_CHECKING:
     from pipeline.control.state import CameraState
-
-SURFACE = Path("data/control_surface/all.npz")
 
 
 @click.command("advise")
@@ -31,10 +29,10 @@ SURFACE = Path("data/control_surface/all.npz")
 @click.option(
     "--iso-max", default=3200.0, show_default=True, type=FiniteRange(100, 1_000_000), help="highest ISO allowed"
 )
-@click.option("--surface", default=SURFACE, show_default=True, type=GivenPath(), help="of control")
+@click.option("--surface", type=GivenPath(), help="of average precision; by default data/control_surface/all.npz")
 def command(
     paths: tuple[Path, ...], exposure: str | None, iso: float | None, speed: float | None, sensor: str,
-    exposure_max: str, iso_max: float, surface: Path,
+    exposure_max: str, iso_max: float, surface: Path | None,
 ) -> None:  # fmt: skip
     """Advise exposure time and gain for PATHS: pictures, videos, or folders of them.
 
@@ -49,11 +47,12 @@ def command(
 
     from pipeline.camera import sensor as sensors
     from pipeline.camera.exposure import Camera
-    from pipeline.cli.pictures import expand, named, readable
+    from pipeline.cli.frame_analysis import find_surface
+    from pipeline.cli.pictures import expand, readable
+    from pipeline.cli.set_aside import SetAside
     from pipeline.cli.shot_settings import seconds
     from pipeline.condition import ConditionMonitor
     from pipeline.control.advice import advise
-    from pipeline.control.performance import Performance
     from pipeline.control.policy import ControlledCamera
     from pipeline.control.state import BASE_ISO, Limits
     from pipeline.executor import one_thread
@@ -64,15 +63,16 @@ def command(
     limits = Limits(exposure_max_s=seconds(exposure_max, "--exposure-max"), gain_max=iso_max / BASE_ISO)
     camera = ControlledCamera(limits, Camera(sensors.named(sensor)))
     files = expand(paths)
-    refuse_other_format(surface)
-    performance, monitor = Performance.load(surface), ConditionMonitor()
-    hinted, failed = Counter[int](), 0
+    performance, without = find_surface(surface)
+    if performance is None:
+        raise InputError(without)
+    monitor = ConditionMonitor()
+    hinted, set_aside = Counter[int](), SetAside()
     for path in files:
         try:
             state = _settings(path, exposure, iso)
         except InputError as error:
-            failed += 1
-            click.echo(f"set aside: {error}", err=True)
+            set_aside.add(str(path), error)
             continue
         for name, image, problem in readable([path], hinted=hinted):
             try:
@@ -80,13 +80,11 @@ def command(
                     raise InputError(problem)
                 advice = advise(image, state, camera, performance, monitor, speed)
             except InputError as error:
-                failed += 1
-                click.echo(f"set aside: {named(name, error)}", err=True)
+                set_aside.add(name, error)
                 continue
             row = {key: _plain(value) for key, value in advice.row().items()}
             click.echo(json.dumps({"picture": name, **row}))
-    if failed:
-        raise InputError(f"{failed} of the files given could not be used; see above")
+    set_aside.refuse()
 
 
 def _settings(path: Path, exposure: str | None, iso: float | None) -> CameraState:

@@ -91,13 +91,15 @@ def command(
         run(paths, out, preset, iso, shots, seed, every)
         return
     import numpy as np
+    from click.core import ParameterSource
     from tqdm import tqdm
 
     from pipeline import store
     from pipeline.camera import mtf
     from pipeline.camera.corruption import CAMERAS, conditioned, corrupt
     from pipeline.cli.outputs import OutputFolder
-    from pipeline.cli.pictures import expand, named, readable, result_stem
+    from pipeline.cli.pictures import expand, readable, result_stem
+    from pipeline.cli.set_aside import SetAside
     from pipeline.errors import InputError, did_you_mean
     from pipeline.streams import stream
 
@@ -106,10 +108,11 @@ def command(
         raise InputError(f"--camera {camera}: unknown; {did_you_mean(camera, CAMERAS)}")
     psf = _kernel(blur, size_px, mtf50, angle_deg, seed)
     files = expand(paths)
-    failed = 0
+    set_aside, seen = SetAside(), 0
     with OutputFolder(out, "--out", files) as folder:
         click.echo(f"{'asked DN':>9} {'reached':>8} {'clipped to':>10} {'clipped %':>9}  picture -> file")
         for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
+            seen += 1
             stem = result_stem(name)
             stem = Path(name).stem if stem == Path(name).name else stem
             generator = stream(seed, "corrupt", stem, noise_source, sigma_dn)
@@ -120,8 +123,7 @@ def command(
                     raise InputError(f"the blur kernel of {max(psf.shape)} px is larger than the picture")
                 shown = corrupt(image, noise_source, sigma_dn=sigma_dn, generator=generator, psf=psf, camera=camera)  # type: ignore[arg-type]
             except InputError as error:
-                failed += 1
-                click.echo(f"set aside: {named(name, error)}", err=True)
+                set_aside.add(name, error)
                 continue
             truth = {
                 **shown.row(),
@@ -146,9 +148,11 @@ def command(
             "photon noise enters before the blur, which smooths it: less noise is reached than asked for; "
             "--noise-source readout or dcsn enters behind the blur"
         )
-    click.echo(f"written to {out}")
-    if failed:
-        raise InputError(f"{failed} of the files given could not be used; see above")
+    if len(set_aside.names) < seen:
+        click.echo(f"written to {out}")
+        if blur is None and context.get_parameter_source("sigma_dn") is ParameterSource.DEFAULT:
+            click.echo("warning: these are copies; give --sigma-dn, --blur or --pipeline to corrupt them", err=True)
+    set_aside.refuse()
 
 
 def _check_options(context: click.Context, preset: str | None) -> None:
@@ -179,14 +183,16 @@ def _kernel(
         InputError: a size without a kind, or neither or both of size and MTF50.
     """
     from pipeline.camera.corruption import psf_for_mtf50
-    from pipeline.camera.psf import create
-    from pipeline.errors import InputError
+    from pipeline.camera.psf import create, kinds
+    from pipeline.errors import InputError, did_you_mean
     from pipeline.streams import stream
 
     if blur is None:
         if size_px is not None or mtf50 is not None:
             raise InputError("--size-px and --mtf50 need --blur KIND")
         return None
+    if blur not in kinds():
+        raise InputError(f"--blur {blur}: unknown; {did_you_mean(blur, kinds())}")
     if mtf50 is not None and size_px is None:
         try:
             return psf_for_mtf50(blur, mtf50, angle_deg=angle_deg)[1]

@@ -38,7 +38,8 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
     from pipeline.camera.processing import presets
     from pipeline.camera.processing.delivered import deliver
     from pipeline.cli.outputs import OutputFolder
-    from pipeline.cli.pictures import expand, named, result_stem
+    from pipeline.cli.pictures import expand, result_stem
+    from pipeline.cli.set_aside import SetAside
     from pipeline.errors import InputError
     from pipeline.streams import stream
 
@@ -46,10 +47,11 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
         raise InputError(f"--iso {iso:g}: expected 0 for no noise, or at least {LEAST_ISO}")
     camera = presets.named(preset).at_iso(iso)
     files = expand(paths)
-    failed = 0
+    set_aside, seen = SetAside(), 0
     with OutputFolder(out, "--out", files) as folder:
         click.echo(HEADER)
         for name, image, problem in tqdm(_coloured(files, every), delay=2, leave=False, unit=" frames"):
+            seen += 1
             stem = result_stem(name)
             stem = Path(name).stem if stem == Path(name).name else stem
             try:
@@ -57,8 +59,7 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
                     raise InputError(problem)
                 shown = deliver(image, camera, shots, stream(seed, "corrupt pipeline", stem, preset, iso))
             except InputError as error:
-                failed += 1
-                click.echo(f"set aside: {named(name, error)}", err=True)
+                set_aside.add(name, error)
                 continue
             noise = shown.noise
             picture, sidecar = folder.claim_all(stem, (".png", ".json"))
@@ -79,9 +80,9 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
             click.echo(
                 f"{noise.sigma_dn:8.2f} {noise.white_sigma_dn:7.2f} {noise.correlation:11.2f}  {name} -> {picture.name}"
             )
-    click.echo(f"written to {out}")
-    if failed:
-        raise InputError(f"{failed} of the files given could not be used; see above")
+    if len(set_aside.names) < seen:
+        click.echo(f"written to {out}")
+    set_aside.refuse()
 
 
 def _coloured(files: Sequence[Path], every: int) -> Iterator[tuple[str, np.ndarray | None, str]]:

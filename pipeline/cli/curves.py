@@ -27,8 +27,13 @@ def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) ->
     from pipeline.cli.given_paths import refuse_other_format
     from pipeline.curves import Surface
     from pipeline.errors import InputError
+    from pipeline.store import read_arrays
 
     refuse_other_format(surface)
+    if "calibration" in read_arrays(surface):
+        raise InputError(
+            f"{surface}: a surface for control; expected surface-CLASS.npz of a stage curves (data/curves)"
+        )
     known = Surface.load(surface)
     refused = []
     click.echo(f"{'sigma DN':>9} {'MTF':>6} {'AP %':>7} {'low':>7} {'high':>7}")

@@ -54,12 +54,19 @@ class Settings:
         if self.exposure is not None:
             seconds(self.exposure, "--exposure")
 
-    def of(self, path: Path) -> tuple[float, float] | None:
-        """Exposure time in seconds and ISO of a file; None where they are neither given nor in its EXIF data."""
+    def of(self, path: Path) -> tuple[tuple[float, float] | None, str]:
+        """Exposure time in seconds and ISO of a file, as given or from its EXIF data.
+
+        Returns:
+            both, or None where one is missing; and which option would give it, where only one is.
+        """
         from pipeline.cli.shot_settings import shot_settings
 
         exposure_s, iso = shot_settings(path, self.exposure, self.iso)
-        return None if exposure_s is None or iso is None else (exposure_s, iso)
+        if exposure_s is not None and iso is not None:
+            return (exposure_s, iso), ""
+        given = self.exposure is not None or self.iso is not None
+        return None, f"give --{'exposure' if exposure_s is None else 'iso'} too" if given else ""
 
 
 def find_surface(named: Path | None) -> tuple[Performance | None, str]:
@@ -199,15 +206,19 @@ class FrameAnalysis:
             return
         from pipeline.control.expected_precision import expected_precision
 
-        here = expected_precision(self.performance, row["sigma_dn"], condition.mtf.value, relative=self.relative)
+        level = float(image.mean(dtype="float64"))
+        here = expected_precision(
+            self.performance, row["sigma_dn"], condition.mtf.value, relative=self.relative, level=level
+        )
         row |= {
             "ap_percent": here.ap_percent, "ap_low_percent": here.low_percent, "ap_high_percent": here.high_percent,
             "sharp_ap_percent": here.best_percent,
         }  # fmt: skip
-        taken = self.settings.of(file)
-        if taken is None:
-            return
-        row |= self._advice(image, condition, taken)
+        taken, without = self.settings.of(file)
+        if taken is not None:
+            row |= self._advice(image, condition, taken)
+        elif without:
+            row["advice"] = f"none: {without}"
 
     def _advice(self, image: NDArray[np.float32], condition: Condition, taken: tuple[float, float]) -> dict[str, Any]:
         from pipeline.camera.exposure import Camera
@@ -230,6 +241,7 @@ class FrameAnalysis:
         return {
             "exposure_ms": advice.exposure_ms, "iso": advice.iso, "best_exposure_ms": advice.best_exposure_ms,
             "best_iso": advice.best_iso, "best_ap_percent": advice.best_ap_percent, "advice": advice.action,
+            "advice_reason": advice.reason, "gain_percent": advice.best_ap_percent - advice.ap_percent,
         }  # fmt: skip
 
     def _trend(self, row: dict[str, Any], condition: Condition, sequence: str) -> tuple[str, ...]:

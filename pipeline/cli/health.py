@@ -58,7 +58,7 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 )  # fmt: skip
 @click.option(
     "--calibrate-estimator", is_flag=True,
-    help="with --sharp: calibrate the estimator to the camera, by blurring its sharp pictures (takes seconds)",
+    help="with --sharp: calibrate the estimator to the camera, by blurring its sharp pictures (a minute)",
 )  # fmt: skip
 @click.option(
     "--generic-lens", is_flag=True,
@@ -122,7 +122,8 @@ def command(
     from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds, find_surface
     from pipeline.cli.health_files import HealthFiles, HealthRun
     from pipeline.cli.package_version import version
-    from pipeline.cli.pictures import expand, named, readable, stream_of
+    from pipeline.cli.pictures import expand, readable, stream_of
+    from pipeline.cli.set_aside import SetAside
     from pipeline.condition import ConditionMonitor
     from pipeline.errors import InputError, printable
     from pipeline.executor import one_thread
@@ -139,10 +140,10 @@ def command(
     sharp_files = expand(sharp) if sharp else []
     if calibrate_estimator and not sharp:
         raise InputError("--calibrate-estimator needs sharp pictures of the same camera; give them by --sharp")
-    if generic_lens and (sharp or blur_name != "spectral"):
-        raise InputError(
-            "--generic-lens is for the estimator spectral; leave it out where --sharp is given, which is more exact"
-        )
+    if generic_lens and sharp:
+        raise InputError("--generic-lens is instead of --sharp, which is more exact: leave --generic-lens out")
+    if generic_lens and blur_name != "spectral":
+        raise InputError(f"--generic-lens is for the blur estimator spectral, not {blur_name}; leave one of them out")
     if camera_name is not None and (sharp or generic_lens):
         raise InputError("--camera NAME is instead of --sharp and --generic-lens")
     if maps and out is None:
@@ -155,10 +156,15 @@ def command(
         "version": version(), "blur_estimator": blur_name, "noise_estimator": noise_name,
         "sharp": [printable(file) for file in sharp_files],
         "relative": bool(sharp) or generic_lens or camera is not None,
+        "relative_to": (
+            f"the camera {camera_name}" if camera is not None else
+            "the sharp frames" if sharp else "a generic lens" if generic_lens else ""
+        ),
         "camera": camera_name,
         "thresholds": {"sigma_dn": alarm_sigma_dn, "mtf50": alarm_mtf50, "flags": alarm_flags},
     }  # fmt: skip
-    run = HealthRun(about, without_precision=without_precision)
+    set_aside = SetAside()
+    run = HealthRun(about, set_aside=set_aside.reasons, without_precision=without_precision)
     sequences = sequence_names(files)
     with ExitStack() as stack:
         results = (
@@ -189,9 +195,7 @@ def command(
                 stream, estimated = stream_of(name), estimate()
                 row, condition = analysis.analyse(name, image, stream, stream or sequences.get(name, ""), estimated)
             except InputError as error:
-                reason = named(name, error)
-                run.set_aside.append(reason)
-                click.echo(f"set aside: {reason}", err=True)
+                set_aside.add(name, error)
                 continue
             if sharp_sizes and image.shape not in sharp_sizes:
                 click.echo(f"warning: {camera_store.of_other_size(name, image.shape, sharp_sizes)}", err=True)
@@ -209,8 +213,7 @@ def command(
     if alarmed:
         click.echo(f"alarm: {alarmed} frames violate a threshold or follow a trend alarm", err=True)
         raise SystemExit(ALARM)
-    if run.set_aside:
-        raise InputError(f"{len(run.set_aside)} of the pictures given could not be used; see above")
+    set_aside.refuse()
 
 
 def sequence_names(files: Sequence[Path]) -> dict[str, str]:
@@ -250,7 +253,8 @@ def _print_run(run: HealthRun, as_json: bool) -> None:
     for quantity, released in run.about["weights_released"].items():
         if not released:
             click.echo(f"weights not released: {quantity}")
-    click.echo(f"\n{HEADER}")
+    if run.rows:
+        click.echo(f"\n{HEADER}")
     for row in run.rows:
         click.echo(line(row))
 

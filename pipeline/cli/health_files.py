@@ -50,7 +50,7 @@ class HealthRun:
         return run_verdict(
             self.rows, without_precision=self.without_precision, trend_alarms=self.trend_alarms,
             without_trend=self.without_trend, set_aside=len(self.set_aside), hinted=self.hinted,
-            relative=self.about["relative"],
+            relative_to=self.about["relative_to"],
         )  # fmt: skip
 
     def content(self, *, complete: bool) -> dict[str, Any]:

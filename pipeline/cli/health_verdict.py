@@ -24,7 +24,7 @@ def run_verdict(
     without_trend: str = "",
     set_aside: int = 0,
     hinted: Mapping[int, int] = MappingProxyType({}),
-    relative: bool = False,
+    relative_to: str = "",
 ) -> dict[str, Any]:
     """The verdict on the finished frames.
 
@@ -36,7 +36,7 @@ def run_verdict(
         set_aside: files or frames that could not be used.
         hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits; under
             `pipeline.cli.pictures.TURNED`, those that EXIF data turn.
-        relative: whether blur is relative to sharp frames.
+        relative_to: what blur is relative to, in words; empty for the MTF of the whole system.
 
     Returns:
         ``sentence``, the verdict on the median of the frames; ``sentences``, it and whatever must be known beside it;
@@ -51,7 +51,7 @@ def run_verdict(
     mtf = median_mtf(rows)
     grades = grade(sigma, mtf, _median(row["median_dn"] for row in rows))
     blur, noise = grades.words()
-    blur += " (relative to the sharp frames)" if relative and grades.blur else ""
+    blur += f" (relative to {relative_to})" if relative_to and grades.blur else ""
     condition = f"{blur}; {noise}" + (f" ({sigma:.1f} DN)" if isfinite(sigma) else "")
     start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
     sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
@@ -115,18 +115,32 @@ def _causes(causes: Sequence[str]) -> list[str]:
 
 
 def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
-    advised = [
-        row
-        for row in rows
-        if row.get("advice") == "move" and not row["best_ap_percent"] < row["ap_percent"] + LEAST_GAIN_PERCENT
-    ]
+    """Settings to try, or why there are none; empty where none were asked for.
+
+    The gain is that of `pipeline.control.advice`: AP at the best settings less AP at those taken, by noise and motion,
+    which settings change. The expected AP is of noise and any blur, so the two are not compared.
+    """
+    asked = [row for row in rows if "advice" in row]
+    advised = [row for row in asked if row["advice"] == "move" and not row["gain_percent"] < LEAST_GAIN_PERCENT]
     if not advised:
-        return []
+        counts = Counter(map(_without_advice, asked))
+        return [f"No better settings: {counts.most_common(1)[0][0]}"] if counts else []
     row = sorted(advised, key=lambda row: row["best_exposure_ms"])[len(advised) // 2]
     text = f"Try {row['best_exposure_ms']:.3g} ms at ISO {row['best_iso']:.0f}"
-    if isfinite(row["best_ap_percent"]):
-        text += f" (AP {row['best_ap_percent']:.0f} % expected)"
-    return [text]
+    beside = [f"{row['gain_percent']:.0f} points of AP more expected"] if isfinite(row["gain_percent"]) else []
+    if len(rows) > 1:
+        beside.append(f"as for {row['picture']}; other settings advised in {len(advised)} of {len(rows)} frames")
+    return [text + (f" ({', '.join(beside)})" if beside else "")]
+
+
+def _without_advice(row: dict[str, Any]) -> str:
+    """Why a frame gives no settings to try, in words."""
+    action = row["advice"]
+    if action.startswith("none: "):
+        return str(action.removeprefix("none: "))
+    if action in ("move", "hold"):
+        return f"none within the limits is expected to gain {LEAST_GAIN_PERCENT:g} points of AP"
+    return str(row["advice_reason"])
 
 
 def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -187,4 +201,4 @@ def _trend(alarms: Sequence[dict[str, Any]], without: str) -> list[str]:
 
 
 def _set_aside(count: int) -> list[str]:
-    return [f"{count} files or frames were set aside."] if count else []
+    return [f"{count} {'file or frame was' if count == 1 else 'files or frames were'} set aside."] if count else []

@@ -18,6 +18,8 @@ COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reaso
 @click.argument("paths", nargs=-1, required=True, type=GivenPath())
 @click.option(
     "--estimator",
+    "--noise",
+    "estimator",
     default="adaptive",
     show_default=True,
     help="adaptive, cellwise, correlated, pca, bf, wavelet, immerkaer, or a plug-in's",
@@ -48,7 +50,8 @@ def command(
     from pipeline.cli.health_rows import number
     from pipeline.cli.outputs import OutputFolder, RowFile, refuse_input
     from pipeline.cli.overlay import noise_overlay
-    from pipeline.cli.pictures import expand, named, readable, result_stem
+    from pipeline.cli.pictures import expand, readable, result_stem
+    from pipeline.cli.set_aside import SetAside
     from pipeline.condition.frame_tiles import frame_tiles
     from pipeline.condition.summary import summarise_noise
     from pipeline.datasets.patches import cut
@@ -57,7 +60,7 @@ def command(
 
     method = noise.create(estimator)
     files = expand(paths)
-    failed = 0
+    set_aside = SetAside()
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(OutputFolder(maps, "--map", files)) if maps is not None else None
         if table is not None:
@@ -71,8 +74,7 @@ def command(
                 squares = frame_tiles(image.shape, tile_px, most_tiles)
                 estimate = method.estimate(cut(image, squares))
             except InputError as error:
-                failed += 1
-                click.echo(f"set aside: {named(name, error)}", err=True)
+                set_aside.add(name, error)
                 continue
             whole = summarise_noise(estimate)
             median, least, most = (number(float(value), 2) for value in (whole.value, whole.least, whole.greatest))
@@ -85,5 +87,4 @@ def command(
                 if folder is not None:
                     drawn = noise_overlay(image, squares, estimate.sigma_dn)
                     write_image(folder.claim(result_stem(name), ".noise.png"), drawn)
-    if failed:
-        raise InputError(f"{failed} of the files given could not be used; see above")
+    set_aside.refuse()

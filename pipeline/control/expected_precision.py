@@ -35,21 +35,30 @@ class ExpectedPrecision(NamedTuple):
 
 
 def expected_precision(
-    performance: Performance, sigma_dn: float, mtf: NDArray[np.floating], *, relative: bool = False
+    performance: Performance,
+    sigma_dn: float,
+    mtf: NDArray[np.floating],
+    *,
+    relative: bool = False,
+    level: float | None = None,
 ) -> ExpectedPrecision:
     """Average precision expected in a condition.
 
     Args:
         performance: measured surface of a detector.
-        sigma_dn: noise, DN; NaN where unknown.
+        sigma_dn: noise as the monitor estimates it, DN; NaN where unknown.
         mtf: (2, 8) MTF, horizontal and vertical; NaN where unknown.
         relative: whether the MTF is relative to the camera's sharp frames; it is then multiplied by that of the
             surface's sharp frames.
+        level: mean encoded grey level of the frame, 0..1; one above the brightest measured counts as that. None does
+            not regard it.
     """
     best = float(performance.expected(0.0, 0.0).ap_percent)
     curves = np.asarray(mtf, dtype=np.float64) * (performance.reference if relative else 1.0)
     length_px = equivalent_motion(performance, float(curves[:, performance.frequency_index].mean()))
-    here = performance.expected(sigma_dn, length_px)
+    bright = None if level is None else min(level, performance.level)
+    true_sigma_dn = performance.true_sigma_dn(sigma_dn) if np.isfinite(sigma_dn) else sigma_dn
+    here = performance.expected(true_sigma_dn, length_px, bright)
     return ExpectedPrecision(float(here.ap_percent), float(here.low), float(here.high), best)
 
 

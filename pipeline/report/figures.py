@@ -174,7 +174,10 @@ def lines(
 
         if band is not None:
             low, high = (own[edge].to_numpy(float) for edge in band)
-            axes.fill_between(at, low, high, color=look["color"], alpha=alpha, linewidth=0, gid=gid("band"))
+            if len(at) > 1:
+                axes.fill_between(at, low, high, color=look["color"], alpha=alpha, linewidth=0, gid=gid("band"))
+            else:  # a band has no width here
+                axes.vlines(at, low, high, color=look["color"], alpha=3 * alpha, linewidth=0.8, gid=gid("band"))
         axes.plot(at, own[y].to_numpy(float), zorder=zorder, gid=gid(part), **(look | (change or {})))
         if ring:
             marked = own[list(ring)].any(axis=1).to_numpy()

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -30,6 +30,7 @@ PUBLISHED_COLUMNS = {
 }
 """Columns of the files of published numbers -> as our tables call them."""
 
+Shown = TypeVar("Shown")
 NO_STAGE = "(no stage of this version makes it)"
 
 
@@ -53,6 +54,14 @@ RESULTS: Mapping[str, Result] = {
     "denoised_blur": Result("denoised_blur", "blur.parquet", BLUR_CELLS, DENOISED_FILE),
 }
 """Tables over datasets and estimators that sections, the ledger and claims share."""
+
+
+class Benchmark(NamedTuple):
+    """A benchmark whose record a section shows: its name, the command that makes it, and what it holds at least."""
+
+    name: str
+    command: str
+    keys: tuple[str, ...]
 
 
 class Arrays(dict[str, np.ndarray]):
@@ -178,9 +187,20 @@ class ReportInputs:
         """One of `RESULTS`, with records of datasets on which its stage has not run."""
         return with_records(self.result(name), self.recorded, RESULTS[name].recorded)
 
-    def benchmark(self, name: str, keys: Iterable[str], command: str) -> Any:
-        """The record of a benchmark, or None where it was not made (`pipeline.stage_files.benchmark_record`)."""
-        return benchmark_record(self.benchmarks.get(name), keys, command)
+    def benchmark(self, benchmark: Benchmark, made: Callable[[Any], Shown]) -> Shown | None:
+        """What is made of a benchmark's record, or None where there is no record.
+
+        Raises:
+            InputError: the record holds something else.
+        """
+        path = self.benchmarks.get(benchmark.name)
+        record = benchmark_record(path, benchmark.keys, benchmark.command)
+        try:
+            return None if record is None else made(record)
+        except (AttributeError, KeyError, TypeError, ValueError, ZeroDivisionError):
+            raise InputError(
+                f"{path}: not a record of this benchmark; make the record again: {benchmark.command}"
+            ) from None
 
     def line(self, stage: str) -> str:
         """The command that runs a stage again, or `NO_STAGE` where this version has no such stage."""
@@ -227,7 +247,7 @@ def mode_note(modes: Mapping[str, str], estimators: Iterable[str]) -> str:
     shown = listing(f"{word(name)} in {modes[name]} mode" for name in names)
     return (
         f"{shown}: faster than the paper's programs and not the same numbers. Exact, with kernels of 25 px, they take "
-        "several times as long (table of run times), too long for a default run: see recorded pictures."
+        "several times as long (table of run times), too long for a default run; they were run on recorded frames."
     )
 
 

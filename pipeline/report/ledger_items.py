@@ -273,7 +273,7 @@ def _quantity(item: Item, row: Row) -> str:
         elif math.isfinite(cell):
             words.append(" ".join(part for part in (SYMBOLS.get(key, ""), f"{cell:g}", UNITS.get(key, "")) if part))
     if len(item.values) > 1:
-        words.append(str(row["column"]).rsplit("_percent", 1)[0].replace("_", " "))
+        words.append(word(str(row["column"]).rsplit("_percent", 1)[0]))
     return ", ".join(words)
 
 

@@ -21,7 +21,7 @@ SHOWN_HASH = 10  # letters of a hash that are shown
 class Provenance:
     """The origin of the figures of one stage of DVC, and the command that makes them again.
 
-    ``inputs``: path -> hash of what it read, empty where ``dvc.lock`` does not hold it; parameters as a line of JSON.
+    ``inputs``: path -> hash of what it read; parameters as a line of JSON; ``recorded``: whether ``dvc.lock`` holds it.
     """
 
     items: Sequence[str]
@@ -29,6 +29,7 @@ class Provenance:
     line: str
     inputs: Mapping[str, str]
     parameters: Sequence[str]
+    recorded: bool
 
 
 def read_lock(path: Path | None) -> dict[str, Any]:
@@ -68,7 +69,8 @@ def origin(items: Sequence[str], stage: str, stages: Mapping[str, Any], inputs: 
     ``items`` are names of figures, ``stage`` a member such as ``"noise@sim-pca"``, ``stages`` the content of the lock
     file.
     """
-    entry = stages.get(inputs.in_graph(stage)) or {}
+    name = inputs.in_graph(stage)
+    entry = stages.get(name) or {}
     hashes = {}
     for dependency in entry.get("deps", []):
         path = str(dependency.get("path", ""))
@@ -79,7 +81,7 @@ def origin(items: Sequence[str], stage: str, stages: Mapping[str, Any], inputs: 
         f"{key} = {json.dumps(value, sort_keys=True, ensure_ascii=False)}"
         for values in (entry.get("params") or {}).values() for key, value in sorted(values.items())
     ]  # fmt: skip
-    return Provenance(tuple(items), stage, inputs.line(stage), dict(sorted(hashes.items())), parameters)
+    return Provenance(tuple(items), stage, inputs.line(stage), dict(sorted(hashes.items())), parameters, name in stages)
 
 
 def origins(figures: Sequence[Figure], inputs: ReportInputs) -> list[Provenance]:

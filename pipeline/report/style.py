@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 ONE_COLUMN_IN = 3.46
 TWO_COLUMNS_IN = 7.16
 PNG_DPI = 150
-
+COLOUR_STEPS = 2  # of k-means, after the palette that spans the colours of a picture
 _STYLE = content(resources.files(__package__), "style.yaml")
 INK, MUTED, GRID, PAPER = (_STYLE["colours"][name] for name in ("ink", "muted", "grid", "paper"))
 PALETTE: Sequence[str] = _STYLE["palette"]
@@ -197,13 +197,14 @@ def shrunk(image: np.ndarray, side_px: int) -> tuple[np.ndarray, float]:
 
 
 def _save_png(figure: Figure, path: Path) -> None:
-    """A PNG with a palette of 256 colours, which plots do not exceed by more than the eye sees."""
+    """A PNG with a palette of 256 colours, among them those of thin lines beside photographs and of colour maps."""
     from PIL import Image
 
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png", dpi=PNG_DPI)
     picture = Image.open(drawn).convert("RGB")
-    picture = picture.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    method = Image.Quantize.MAXCOVERAGE
+    picture = picture.quantize(256, method=method, kmeans=COLOUR_STEPS, dither=Image.Dither.NONE)
     picture.save(path, "PNG", optimize=True, dpi=(PNG_DPI, PNG_DPI))
 
 

@@ -37,7 +37,7 @@ def encoded(picture: bytes) -> str:
     """A PNG as a data URL of the smallest suitable kind.
 
     Returns:
-        JPEG for large opaque grey pictures, else PNG, grey or with a palette of 256 colours.
+        JPEG for large opaque grey pictures, else PNG; colour maps and their bars are read off, so they lose nothing.
     """
     from PIL import Image
 
@@ -46,7 +46,8 @@ def encoded(picture: bytes) -> str:
     is_grey = bool((channels[..., :3] == channels[..., :1]).all() and (channels[..., 3] == 255).all())
     out, kind = io.BytesIO(), "png"
     if not is_grey:
-        image.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+        opaque = bool((channels[..., 3] == 255).all())
+        (image.convert("RGB") if opaque else image).save(out, "PNG", optimize=True)
     elif channels.shape[0] * channels.shape[1] < PHOTOGRAPH_PX:
         image.convert("L").save(out, "PNG", optimize=True)
     else:

@@ -30,7 +30,7 @@ def run(run: Run) -> None:
     from pipeline.experiments.headline_metrics import headline
     from pipeline.report.build import build
     from pipeline.report.inputs import ReportInputs, mode_of
-    from pipeline.report.sections.runtime import COMMAND
+    from pipeline.report.sections.runtime import TIMED
 
     params = run.params
     data, listed, matrix = run.inputs / "data", list(params.datasets), params.matrix
@@ -70,7 +70,7 @@ def run(run: Run) -> None:
         aliases=stage_names(params),
         code_version=version("camera-condition-pipeline"),
         profile=params.profile,
-        runs={"runtime": COMMAND},
+        runs={"runtime": TIMED.command},
         modes={name: mode for name, mode in modes.items() if mode},
         seed=params.seed,
     )
@@ -90,6 +90,8 @@ def stage_names(params: Any) -> dict[str, str]:
                 names[f"{group}@{dataset}-{name}"] = f"{group}_{section.kind}@{dataset}-{name}"
     for group, networks in NETWORKS.items():
         names |= {f"{group}@{name}": f"{group}_{name}@{name}-{params.profile}" for name in networks}
+    names["train_mtf@spectral_processed"] = f"train_mtf_spectral_processed@spectral_processed-{params.profile}"
+    names["train_sigma@correlated"] = f"train_sigma_correlated@{params.profile}"
     names["generic_lens"] = f"generic_lens@{params.profile}"
     return names
 

@@ -184,8 +184,8 @@ def test_a_broken_file_is_set_aside_and_the_rest_is_done(tmp_path):
         (["{}/a.png", "--blur", "spectrum"], "did you mean 'spectral'"),
         (["{}/a.png", "--noise", "celwise"], "did you mean 'cellwise'"),
         (["{}/a.png", "--sharp", "{}/white.png"], "sharp"),
-        (["{}/a.png", "--sharp", "{}/a.png", "--generic-lens"], "--generic-lens is for the estimator spectral"),
-        (["{}/a.png", "--blur", "pmp", "--generic-lens"], "--generic-lens is for the estimator spectral"),
+        (["{}/a.png", "--sharp", "{}/a.png", "--generic-lens"], "--generic-lens is instead of --sharp"),
+        (["{}/a.png", "--blur", "pmp", "--generic-lens"], "--generic-lens is for the blur estimator spectral"),
     ],
 )
 def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):

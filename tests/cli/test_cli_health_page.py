@@ -71,7 +71,8 @@ def frame_row(number, **changes):
 
 def run_of(rows, **changes):
     about = {
-        "version": "1", "blur_estimator": "spectral", "noise_estimator": "adaptive", "relative": False, 
+        "version": "1", "blur_estimator": "spectral", "noise_estimator": "adaptive",
+        "relative": False, "relative_to": "",
         "sharp": [], "camera": None,
         "thresholds": {"sigma_dn": 8.0, "mtf50": None, "flags": False},
         "weights_released": {"blur": True, "noise": False}, "weights_sha256": {"a.safetensors": "f" * 64},
@@ -138,16 +139,26 @@ def test_the_verdict_has_what_is_known_only():
     known = frame_row(
         0, blur="moderately blurred", mtf=np.stack([np.linspace(0.9, 0.05, 8), np.linspace(1, 0.6, 8)]),
         ap_percent=71.2, ap_low_percent=66.0, ap_high_percent=75.0, sharp_ap_percent=93.4, best_exposure_ms=4.0,
-        best_iso=800.0, best_ap_percent=85.0, advice="move",
+        best_iso=800.0, best_ap_percent=85.0, gain_percent=13.8, advice="move",
     )  # fmt: skip
     verdict = run_verdict([known], without_precision="")
     assert verdict["sentence"] == (
         "Slightly blurred, mainly horizontal; noise low (2.0 DN). Expected AP 71 % of 93 % (95 % interval 66 to 75). "
-        "Cause: probably motion. Try 4 ms at ISO 800 (AP 85 % expected)."
+        "Cause: probably motion. Try 4 ms at ISO 800 (14 points of AP more expected)."
     )
     assert verdict["sentences"] == [verdict["sentence"]]
-    little = run_verdict([known | {"best_ap_percent": 72.0}], without_precision="")
+    little = run_verdict([known | {"gain_percent": 1.9}], without_precision="")
     assert "Try" not in little["sentence"]
+    assert little["sentence"].endswith("No better settings: none within the limits is expected to gain 2 points of AP.")
+    for advice, reason, words in (
+        ("none: give --iso too", "", "give --iso too"),
+        ("abstained", "noise: flat", "noise: flat"),
+        ("hold", "", "none within the limits is expected to gain 2 points of AP"),
+    ):
+        row = known | {"advice": advice, "advice_reason": reason}
+        assert run_verdict([row], without_precision="")["sentence"].endswith(f"No better settings: {words}.")
+    both = run_verdict([known, known | {"advice": "hold"}], without_precision="")["sentence"]
+    assert both.endswith("(14 points of AP more expected, as for v.mp4#0; other settings advised in 1 of 2 frames).")
     unknown = frame_row(0, blur="", noise="", sigma_dn=np.nan, mtf=np.full((2, 8), np.nan), flags="black",
                         abstained={"blur": {"flat": 4}})  # fmt: skip
     verdict = run_verdict([unknown], without_precision="no surface", without_trend="9 frames", set_aside=2)
@@ -203,7 +214,9 @@ def test_precision_and_advice_follow_where_surface_and_settings_are_known():
     settings = Settings("16ms", 100)
     advised = FrameAnalysis(KnownMonitor(), Thresholds(), performance(), settings).analyse("a.png", image)[0]
     assert advised["exposure_ms"] == pytest.approx(16.0) and advised["advice"] == "move"
-    assert advised["best_ap_percent"] > advised["ap_percent"]
+    assert advised["gain_percent"] > 0 and advised["ap_percent"] == measured["ap_percent"]
+    lacking = FrameAnalysis(KnownMonitor(), Thresholds(), performance(), Settings("16ms"))
+    assert lacking.analyse("a.png", image)[0]["advice"] == "none: give --iso too"
     assert advised["best_exposure_ms"] != pytest.approx(16.0) and 100 <= advised["best_iso"] <= 3200
     relative = FrameAnalysis(KnownMonitor(), Thresholds(), performance(), settings, relative=True)
     assert relative.analyse("a.png", image)[0]["ap_percent"] < measured["ap_percent"]

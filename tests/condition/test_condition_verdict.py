@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control_makers import REFERENCE, formula_ap, performance
+from control_makers import REFERENCE, darker_performance, formula_ap, performance
 
 from pipeline.camera.mtf import sample
 from pipeline.camera.psf import create
@@ -61,6 +61,16 @@ def test_expected_precision_is_that_of_the_motion_which_leaves_the_same_contrast
         assert here.low_percent <= here.ap_percent <= here.high_percent < here.best_percent
         relative = expected_precision(surface, 10.0, curve / REFERENCE, relative=True)
         assert relative.ap_percent == pytest.approx(here.ap_percent, rel=1e-9)
+
+
+def test_expected_precision_is_that_of_the_frames_brightness():
+    surface, curve = darker_performance(-8.0), REFERENCE
+    bright, dark, middle, glaring = (
+        expected_precision(surface, 10.0, curve, level=level).ap_percent for level in (0.5, 0.25, 0.5**1.5, 0.9)
+    )
+    assert dark == pytest.approx(bright - 8.0) and middle == pytest.approx(bright - 4.0)
+    assert glaring == bright == expected_precision(surface, 10.0, curve).ap_percent
+    assert np.isnan(expected_precision(surface, 10.0, curve, level=0.1).ap_percent)  # darker than any measured
 
 
 def test_an_unmeasured_or_unknown_condition_has_no_precision():

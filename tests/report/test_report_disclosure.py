@@ -64,15 +64,22 @@ def test_the_section_states_sizes_where_they_were_measured(tmp_path: Path) -> No
     (tmp_path / "order_study").mkdir()
     rows = [
         {"order": order, "light": light, "target_sigma_dn": sigma, "amae_percent": amae, "ap_percent": 10 * amae}
-        for light, amae in (("encoded", 2.0), ("linear", 3.0))
-        for order in ("paper", "detector")
+        for light, order, amae in (
+            ("encoded", "paper", 2.0),
+            ("encoded", "detector", 9.0),
+            ("linear", "paper", 9.0),
+            ("linear", "detector", 3.0),
+        )
         for sigma in (5.0, 15.0)
     ]
     pd.DataFrame(rows).to_parquet(tmp_path / "order_study/study.parquet")
     full = dataclasses.replace(TRAINED, ablation=tmp_path, data=tmp_path, modes={"pmp": "fast"})
     text = "\n".join(disclosure.section(full).text)
     assert "7.00 and 7.50 %" in text and "PMP in fast mode" in text
-    assert "AMAE is 2.0 in encoded and 3.0 % in linear light" in text
+    assert (
+        "AMAE is 2.0 % in the paper's order and encoded light and 3.0 % behind the optics and in linear light" in text
+    )
+    assert "AP 20.0 and 30.0 %" in text
     assert "Blur: CNN saw 44,800 samples" in text
 
 

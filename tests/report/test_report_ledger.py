@@ -85,8 +85,9 @@ def test_score_counts_and_speaks() -> None:
     rows += [row(ours=0.1, better="lower"), row(ours=0.5, better="lower")]
     evidence = score([*rows, row(ours=0.3, kind="consistency"), row(ours=9.0, kind="definition", printed=False)])
     assert evidence.sentence == (
-        "Of 5 published measurements compared with ours, 1 agree within both sides' uncertainty, in 1 the paper's "
-        "method as we run it does better, on other frames, 1 are close and 2 differ."
+        "Of 5 published measurements compared with ours, 1 agree within the uncertainty of both sides or, where ours "
+        "has no interval, a tolerance set beforehand, in 1 the paper's method as we run it does better, on other "
+        "frames, 1 are close and 2 differ."
     )
     assert evidence.rest.startswith("The ledger has 9 rows, 8 of them numbers that the paper prints.")
     assert "1 are not run and 1 cannot be compared" in evidence.rest

@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger_items import ITEMS, rows_of
 from pipeline.report.sections import runtime
-from pipeline.report.sections.runtime import COMMAND, patch_times
+from pipeline.report.sections.runtime import TIMED, patch_times
 from pipeline.report.spec import NotRun
 from pipeline.report.tables import Table
 
@@ -55,8 +55,8 @@ def test_the_ledger_takes_them_as_not_comparable() -> None:
 
 def test_without_a_record_the_line_that_makes_it_is_shown(tmp_path: Path) -> None:
     (block,) = runtime.section(dataclasses.replace(INPUTS, benchmarks={"estimators": tmp_path / "absent.json"})).blocks
-    assert isinstance(block, NotRun) and block.line == COMMAND
-    script = REPO / COMMAND.removeprefix("python ")
+    assert isinstance(block, NotRun) and block.line == TIMED.command
+    script = REPO / TIMED.command.removeprefix("python ")
     assert script.is_file()
 
 

@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
 from pipeline.report import style
 
@@ -86,3 +87,19 @@ def test_a_sheet_has_cells_of_the_size_asked_for() -> None:
     assert boxes[1][0].height * height_in == pytest.approx(0.5 * cell_in)
     assert boxes[0][2].width * width_in == pytest.approx(cell_in)
     assert boxes[0][2].x1 * width_in == pytest.approx(width_in - 0.02)
+
+
+@style.styled
+def line_beside_a_photograph() -> object:
+    figure = style.new_figure(4.0, 2.0)
+    left, right = figure.subplots(1, 2)
+    left.imshow(np.add.outer(np.arange(256), np.arange(256)) / 2, cmap="gray")
+    right.plot([0, 1], [0, 1], color=style.PALETTE[1], linewidth=0.8)
+    return figure
+
+
+def test_a_png_keeps_the_colour_of_a_thin_line_beside_a_photograph(tmp_path: Path) -> None:
+    _, png = style.save(line_beside_a_photograph(), tmp_path / "mixed")
+    pixels = np.asarray(Image.open(png).convert("RGB")).reshape(-1, 3).astype(int)
+    line = np.array([0xD5, 0x5E, 0x00])
+    assert np.abs(pixels - line).max(axis=1).min() <= 8

@@ -9,6 +9,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from matplotlib import colormaps
 from PIL import Image
 
 from pipeline.report import style, svg
@@ -67,6 +68,14 @@ def test_colours_and_transparency_stay() -> None:
     address = svg.encoded(png(picture))
     assert address.startswith("data:image/png") and (decoded(address)[0, 0] == picture[0, 0]).all()
     assert decoded(address)[-1, -1, 3] == 0
+
+
+@pytest.mark.parametrize("opacity", [255, 140])
+def test_a_colour_map_loses_nothing(opacity: int) -> None:
+    bar = (255 * colormaps["viridis"](np.linspace(0, 1, 256))).astype(np.uint8)
+    picture = np.repeat(bar[:, None], 12, axis=1)
+    picture[..., 3] = opacity
+    assert (decoded(svg.encoded(png(picture))) == picture).all()
 
 
 @style.styled

@@ -9,7 +9,6 @@ from report_makers import REPO
 from pipeline.errors import InputError
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import blur_amae
-from pipeline.stage_files import described
 
 RECORD = REPO / "benchmarks/results/unseen_kernels.json"
 INPUTS = ReportInputs(paper=REPO / "data/paper", benchmarks={"unseen_kernels": RECORD})
@@ -21,7 +20,7 @@ def content() -> dict:
 
 
 def test_the_committed_record_is_shown_number_by_number(content: dict) -> None:
-    table = blur_amae.unseen_kernels(INPUTS)
+    table = INPUTS.benchmark(blur_amae.UNSEEN, blur_amae.unseen_kernels)
     assert table is not None
     photos = [row for row in table.rows if row["dataset"] == "Photos"]
     answers = {
@@ -40,7 +39,7 @@ def test_the_committed_record_is_shown_number_by_number(content: dict) -> None:
 
 
 def test_peers_stand_beside_the_network_on_the_same_patches() -> None:
-    table = blur_amae.unseen_kernels(INPUTS)
+    table = INPUTS.benchmark(blur_amae.UNSEEN, blur_amae.unseen_kernels)
     assert table is not None
     for dataset in {str(row["dataset"]) for row in table.rows}:
         rows = [row for row in table.rows if row["dataset"] == dataset]
@@ -50,7 +49,11 @@ def test_peers_stand_beside_the_network_on_the_same_patches() -> None:
 
 def test_no_record_is_no_table_and_another_file_is_refused(tmp_path: Path) -> None:
     nothing = ReportInputs(paper=REPO / "data/paper", benchmarks={"unseen_kernels": tmp_path / "absent.json"})
-    assert blur_amae.unseen_kernels(nothing) is None
+    assert nothing.benchmark(blur_amae.UNSEEN, blur_amae.unseen_kernels) is None
     (tmp_path / "other.json").write_text('{"machine": {}}')
+    other = ReportInputs(paper=REPO / "data/paper", benchmarks={"unseen_kernels": tmp_path / "other.json"})
     with pytest.raises(InputError, match=r"other\.json: expected an object with kernels, results"):
-        described(tmp_path, "other.json", ("kernels", "results"))
+        other.benchmark(blur_amae.UNSEEN, blur_amae.unseen_kernels)
+    (tmp_path / "other.json").write_text('{"kernels": [], "results": {"kitti": []}}')
+    with pytest.raises(InputError, match=r"other\.json: not a record of .*benchmarks/unseen_kernels\.py"):
+        other.benchmark(blur_amae.UNSEEN, blur_amae.unseen_kernels)

@@ -138,8 +138,8 @@ def _trade(evidence: Evidence) -> Measurement | None:
         return None
     at = steps[steps["example"] == "sim_yolov4_car"].set_index("step")["detection_score"]
     before, after = float(at["corrupted"]), float(at["final"])
-    text = f"Score of the car {before:.2f} to {after:.2f}, one view without an interval; the paper's 0.25 to 0.50."
-    verdict = claim.PARTLY if after > before else claim.CONTRADICTED  # one view cannot carry more
+    text = f"Mean score of the cars {before:.2f} to {after:.2f}, without an interval; the paper's 0.25 to 0.50."
+    verdict = claim.PARTLY if after > before else claim.CONTRADICTED  # without an interval it carries no more
     return Measurement(text, verdict, after, on=word("sim"))
 
 

@@ -92,7 +92,12 @@ def _table_one(summary: pd.DataFrame, datasets: list[str], inputs: ReportInputs)
     paper = published(inputs, "blur_amae.csv")
     figures = blur_amae.figures(summary, datasets, paper, inputs.modes)
     tables = [table for name in datasets for table in blur_amae.tables_one(name, summary, paper, inputs.modes)]
-    return [*figures, *tables, blur_amae.beside_the_best(summary, paper), blur_amae.unseen_kernels(inputs)]
+    return [
+        *figures,
+        *tables,
+        blur_amae.beside_the_best(summary, paper),
+        inputs.benchmark(blur_amae.UNSEEN, blur_amae.unseen_kernels),
+    ]
 
 
 def _runs(summary: pd.DataFrame, inputs: ReportInputs) -> list[Run]:
@@ -145,16 +150,21 @@ def recorded(inputs: ReportInputs) -> Section | None:
     names = {one.dataset: "; ".join(map(word, in_order(one.estimators, ESTIMATORS))) for one in known}
     sources = [{**one.described(), "estimators": names[one.dataset]} for one in known]
     blocks: list[Block | None] = [PAGE.table("recorded_blur_sources", sources)]
+    exact = {(one.dataset, paper): name for one in known for paper, name in one.exact.items()}
+
+    def beside_exact(paper: pd.DataFrame) -> pd.DataFrame:
+        """The paper's numbers beside our exact programs, on datasets where these were run."""
+        pairs = zip(paper["dataset"], paper["estimator"], strict=True)
+        return paper.assign(estimator=[exact.get(pair, pair[1]) for pair in pairs])
+
     curves = [one.sharp for one in known if len(one.sharp)]
     if curves:
-        drawing = uncorrupted(pd.concat(curves, ignore_index=True), datasets, published(inputs, "uncorrupted_mtf.csv"))
+        paper = beside_exact(published(inputs, "uncorrupted_mtf.csv"))
+        drawing = uncorrupted(pd.concat(curves, ignore_index=True), datasets, paper)
         blocks.append(PAGE.figure("recorded_uncorrupted_mtf", drawing, after=mode_note(modes, settings)))
     summary = pd.concat([one.summary for one in known], ignore_index=True)
     theirs = published(inputs, "blur_amae.csv")
-    exact = {(one.dataset, paper): name for one in known for paper, name in one.exact.items()}
-    pairs = zip(theirs["dataset"], theirs["estimator"], strict=True)
-    # The paper's numbers stand beside our exact programs, on datasets where these were run.
-    paper = theirs.assign(estimator=[exact.get(pair, pair[1]) for pair in pairs])
+    paper = beside_exact(theirs)
     blocks += map(as_recorded, blur_amae.figures(summary, datasets, paper, modes))
     for one in known:
         blurred, few = blur_amae.without_unknown_lenses(one.summary), len(one.provenance["frames"])

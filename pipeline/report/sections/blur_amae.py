@@ -20,7 +20,7 @@ from pipeline.report import style, tables
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import BLURS, DATASETS, ESTIMATORS, in_order, listing, word
 from pipeline.report.figures import beside_the_paper
-from pipeline.report.inputs import ReportInputs, mode_note, relative_mtf
+from pipeline.report.inputs import Benchmark, mode_note, relative_mtf
 from pipeline.report.spec import Figure, pairs_of
 from pipeline.report.tables import Estimate, Row, Table, amae, mean_cell, ordered, pivot, where
 
@@ -36,6 +36,7 @@ UNSEEN_ANSWERS = {
 }  # fmt: skip
 """Answers on unseen kernels, in words; not those of PMP and GBB divided by their own of sharp frames."""
 
+UNSEEN = Benchmark("unseen_kernels", "python benchmarks/unseen_kernels.py", ("kernels", "results"))
 BLUR = ["dataset", "blur_kind", "kernel_size_px"]
 
 
@@ -212,16 +213,9 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
     return PAGE.table("blur_abstentions", rows, cells=cells)
 
 
-def unseen_kernels(inputs: ReportInputs) -> Table | None:
-    """AMAE of kernels of a kind that no network was trained on, as a benchmark recorded it; None without a record.
-
-    Raises:
-        InputError: the record holds something else.
-    """
-    content = inputs.benchmark("unseen_kernels", ("kernels", "results"), "python benchmarks/unseen_kernels.py")
-    if content is None:
-        return None
-    results = content["results"]
+def unseen_kernels(record: Mapping[str, Any]) -> Table:
+    """AMAE of kernels of a kind that no network was trained on, as the benchmark `UNSEEN` recorded it."""
+    results = record["results"]
     rows = []
     for dataset in in_order(results, DATASETS):
         parts = results[dataset], results[dataset].get("few", {})
@@ -230,4 +224,4 @@ def unseen_kernels(inputs: ReportInputs) -> Table | None:
             if result is not None:
                 head = {"dataset": dataset, "estimator": word(name) + how, "patches": part["patches"]}
                 rows.append({**head, **result["mean_of_group_percent"], "mean": result["mean_amae_percent"]})
-    return PAGE.table("blur_unseen_kernels", rows, count=len(content["kernels"]))
+    return PAGE.table("blur_unseen_kernels", rows, count=len(record["kernels"]))

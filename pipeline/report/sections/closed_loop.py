@@ -21,7 +21,7 @@ from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import POLICIES, in_order, listing, word
 from pipeline.report.figures import add_legend
-from pipeline.report.inputs import ReportInputs
+from pipeline.report.inputs import Benchmark, ReportInputs
 from pipeline.report.spec import Block
 from pipeline.report.tables import Estimate, Table, format_number, ordered, records, where
 from pipeline.stage_files import optional
@@ -35,6 +35,7 @@ LOOKS: dict[str, style.Look] = {
 }
 """Policies drawn over time; the tables hold all."""
 
+TIMED = Benchmark("control", "python benchmarks/control.py", ("machine", "decision"))
 PICTURED = ("mean_intensity", "iopc_continuous")
 PANELS: tuple[tuple[str, str, str, bool], ...] = (
     ("light", "", "light [daylight = 1]", True),
@@ -79,12 +80,13 @@ def _film(path: Path) -> dict[int, NDArray[np.uint8]]:
 def decision_ms(inputs: ReportInputs) -> dict[str, float]:
     """Processor time of one decision by registry name of the policy, ms; empty without a record.
 
-    Raises:
-        InputError: the record holds something else.
+    Errors of `ReportInputs.benchmark`.
     """
-    content = inputs.benchmark("control", ("machine", "decision"), "python benchmarks/control.py")
-    decisions = {} if content is None else content["decision"]
-    return {name: float(times["processor_median_ms"]) for name, times in decisions.items()}
+
+    def times(record: Mapping[str, Any]) -> dict[str, float]:
+        return {name: float(policy["processor_median_ms"]) for name, policy in record["decision"].items()}
+
+    return inputs.benchmark(TIMED, times) or {}
 
 
 def _policies(names: Sequence[str]) -> str:
@@ -109,7 +111,8 @@ def overview(results: Sequence[ScenarioResult]) -> Table:
 def measures(results: Sequence[ScenarioResult], decision_ms: Mapping[str, float]) -> Table:
     """Every measure of every policy in every scenario."""
     cells = {
-        "settling_frames": lambda row: _settling(row["settling_frames"]),
+        "settling_frames": lambda row: None if row["policy"] == "oracle" else _settling(row["settling_frames"]),
+        "ripple_stops": lambda row: row["ripple_stops"] if math.isfinite(row["settling_frames"]) else None,
         "decision_ms": lambda row: decision_ms.get(row["policy"].replace("iopc_lamp", "iopc_continuous")),
     }
     return CONTROL.table("control_measures", _summary(results), cells=cells)
@@ -139,7 +142,6 @@ def pairs(results: Sequence[ScenarioResult]) -> Table:
         above, below = one.exceeded(policy), one.exceeding(policy)
         better = f"than {_policies(above)}" if above else "than none"
         better += f"; worse than {_policies(below)}" if below else ""
-        better = "than all four" if one.beats_all(policy) else better
         rows += [{**_head(one), "policy": policy, **cells, "better": better}] if cells else []
     return CONTROL.table("control_pairs", rows, across={name: f"less {word(name)}" for name in others})
 
@@ -251,7 +253,8 @@ def _panel(axes: Axes, rows: pd.DataFrame, policies: list[str], panel: tuple[str
     elif column == "ap_percent":
         axes.set_ylim(0, 103)
     else:
-        is_flat = column == "mean_level" or not rows[column].any()  # a zero everywhere still shows its axis
+        shown = rows[[column, estimated]] if estimated else rows[[column]]
+        is_flat = column == "mean_level" or not shown.fillna(0).any(axis=None)  # a zero everywhere still shows its axis
         axes.set_ylim(0, 1.0 if is_flat else 1.15 * axes.get_ylim()[1])
     axes.set_title(label, fontsize=6.4, pad=3)
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))

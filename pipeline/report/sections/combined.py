@@ -117,7 +117,7 @@ def example_figure(
                 lines(axes, theirs, "sigma_dn", thin, "at", "mtf", change=THIN_PAPER, zorder=2)
             axes.set(xlim=(0, 0.62), ylim=(0, 1.03), xticks=np.arange(0, 0.61, 0.2), yticks=np.arange(0, 1.01, 0.5))
             if down == 0:
-                title = "as recorded" if filter_px == 0 else f"smoothed before ({filter_px:g} px)"
+                title = "as it is" if filter_px == 0 else f"smoothed before ({filter_px:g} px)"
                 axes.set_title(title, fontsize=6.2)
             if down == len(entries) - 1:
                 axes.set_xlabel("frequency [fraction of Nyquist]", fontsize=6.0)
@@ -168,7 +168,7 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> style.Drawing:
     return PAGE.grid(
         "combined_noise", selected, PAGE.alt("combined_noise", medians, dataset=dataset, level=highest), looks,
         under=levels, axes={"xlim": (0, highest), "ylim": (0, top)},
-        legend=[*ordinal_legend(looks, "px", "no blur"), ("present, unclipped", PRESENT | {"color": style.INK}),
+        legend=[*ordinal_legend(looks, "px", "no blur"), ("in the frame, unclipped", PRESENT | {"color": style.INK}),
                 ("target level", {"color": style.MUTED, "linewidth": 0.6})],
     )  # fmt: skip
 

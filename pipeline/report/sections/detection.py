@@ -103,7 +103,8 @@ def _needed(heat: pd.DataFrame) -> str:
     needed = heat.loc[heat["non_monotonic"] & ~heat["certainly"], "objects_needed"].dropna()
     if needed.empty:
         return ""
-    return f"For the others it would take {needed.min():,.0f} objects and more (median {needed.median():,.0f})."
+    least, median = needed.min(), needed.median()
+    return f"For an open triangle to be certain, {least:,.0f} objects and more are needed (median {median:,.0f})."
 
 
 def _curves(dataset: str, results: Sequence[Results], inputs: ReportInputs) -> list[Block]:
@@ -183,7 +184,7 @@ def _refit(inputs: ReportInputs) -> list[Block]:
     if fitted is None or not numbers:
         return []
     words = "; ".join(PAGE.text("refit", grid=word(label), **one) for label, one in sorted(numbers.items()))
-    titled = fitted.assign(fit=fitted["label"].str.replace("_", " "))
+    titled = fitted.assign(fit=fitted["label"].map(word))
     return [PAGE.table("regression_refit", titled, numbers=words)]
 
 

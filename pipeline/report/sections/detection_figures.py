@@ -13,7 +13,7 @@ from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DETECTORS, in_order, listing
 from pipeline.report.figures import RING, cell_map, ink_on, legend_of, lines
-from pipeline.report.tables import ordered, records, where
+from pipeline.report.tables import format_number, ordered, records, where
 
 PAGE = Descriptions("detection")
 LEAST_APART_PX = 4
@@ -140,9 +140,9 @@ def _residuals(axes: Axes, rows: pd.DataFrame, reach: float) -> Any:
         edgecolors=style.MUTED, linewidths=0.4,
     )  # fmt: skip
     for row in records(data):
-        ink = style.PAPER if abs(row["residual"]) > 0.6 * reach else style.INK
-        axes.text(row["iso"], row["exposure_ms"], f"{row['residual']:.1f}", ha="center", va="center", fontsize=3.6,
-                  color=ink)  # fmt: skip
+        ink = style.PAPER if abs(row["residual"]) > 0.5 * reach else style.INK
+        axes.text(row["iso"], row["exposure_ms"], format_number(row["residual"], 0), ha="center", va="center",
+                  fontsize=4.4, color=ink)  # fmt: skip
     return dots
 
 

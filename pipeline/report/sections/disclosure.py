@@ -40,11 +40,13 @@ def _light(inputs: ReportInputs) -> str:
     study = inputs.read("order_study/study.parquet")
     if study is None:
         return PAGE.text("encoded")
-    selected = study[(study["order"] == "paper") & (study["target_sigma_dn"] == study["target_sigma_dn"].max())]
-    means = selected.groupby("light")[["amae_percent", "ap_percent"]].mean()
-    if not {"encoded", "linear"} <= set(means.index):
+    selected = study[study["target_sigma_dn"] == study["target_sigma_dn"].max()]
+    means = selected.groupby(["light", "order"])[["amae_percent", "ap_percent"]].mean()
+    if not {("encoded", "paper"), ("linear", "detector")} <= set(means.index):
         return PAGE.text("encoded")
-    numbers = {f"{light}_{name}": format_number(value, 1) for (light, name), value in means.stack().items()}
+    numbers = {
+        f"{light}_{order}_{name}": format_number(value, 1) for (light, order, name), value in means.stack().items()
+    }
     return " ".join([PAGE.text("encoded"), PAGE.text("linear", **numbers)])
 
 

@@ -2,43 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from pipeline.errors import InputError
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.inputs import ReportInputs
+from pipeline.report.inputs import Benchmark, ReportInputs
 from pipeline.report.spec import Run, Section
-from pipeline.report.tables import Estimate
+from pipeline.report.tables import Estimate, Table
 
 PAGE = Descriptions("frame_ranking")
-COMMAND = "python benchmarks/flags.py"
+FLAGS = Benchmark("flags", "python benchmarks/flags.py", ("results",))
 TITLE = "Ranking of frames by blur and noise"
 QUANTITIES = {"blur": "mtf", "noise": "sigma_dn"}
 """What is ranked -> our measure of it."""
 
 
-def section(inputs: ReportInputs) -> Section | None:
-    """Spearman's rank correlation with the true blur and noise (``benchmarks/results/flags.json``).
-
-    Raises:
-        InputError: the record holds something else.
-    """
-    content = inputs.benchmark("flags", ("results",), COMMAND)
-    if content is None:
-        return None
+def ranking(record: Mapping[str, Any]) -> Table:
+    """Spearman's rank correlation of every measure with the true blur and noise."""
     rows: list[dict[str, Any]] = []
-    try:
-        for quantity, ours in QUANTITIES.items():
-            for pictures, result in content["results"].items():
-                measures = result.get(quantity, {})
-                cells = {"ours" if name == ours else name: _cell(entry) for name, entry in measures.items()}
-                counts = {name: measures[ours][name] for name in ("pictures", "scenes")} if measures else {}
-                rows += [{"quantity": quantity, "dataset": pictures, **counts, **cells}] if measures else []
-    except (KeyError, TypeError, AttributeError):
-        raise InputError(
-            f"{inputs.benchmarks['flags']}: a rank correlation is missing; make it again: {COMMAND}"
-        ) from None
-    return PAGE.section([PAGE.table("frame_ranking", rows)], [Run(TITLE, "", True, "", COMMAND)])
+    for quantity, ours in QUANTITIES.items():
+        for pictures, result in record["results"].items():
+            measures = result.get(quantity, {})
+            cells = {"ours" if name == ours else name: _cell(entry) for name, entry in measures.items()}
+            counts = {name: measures[ours][name] for name in ("pictures", "scenes")} if measures else {}
+            rows += [{"quantity": quantity, "dataset": pictures, **counts, **cells}] if measures else []
+    return PAGE.table("frame_ranking", rows)
+
+
+def section(inputs: ReportInputs) -> Section | None:
+    """The section (``benchmarks/results/flags.json``), or None without a record; errors of `ReportInputs.benchmark`."""
+    table = inputs.benchmark(FLAGS, ranking)
+    return None if table is None else PAGE.section([table], [Run(TITLE, "", True, "", FLAGS.command)])
 
 
 def _cell(entry: dict[str, Any]) -> Estimate:

@@ -175,6 +175,7 @@ def blocks(estimates: pd.DataFrame, datasets: Sequence[str], inputs: ReportInput
         here = where(estimates, dataset=dataset, frame=about["frame"], patch=about["patch"])
         here = where(here, kernel=[entry["kernel"] for entry in about["kernels"]])
         others = here[~here["estimator"].isin(list(hidden))].sort_values(["axis", "frequency"], kind="stable")
-        stages, after = [f"blur@{dataset}-{name}" for name in names], mode_note(inputs.modes, names)
+        drawn = in_order({*names, *others["estimator"]}, ESTIMATORS)
+        stages, after = [f"blur@{dataset}-{name}" for name in drawn], mode_note(inputs.modes, names)
         drawing = draw([galleries[name] for name in names], others[CURVES])
         yield PAGE.figure("kernel_estimates", drawing, stages, after=after, dataset=dataset)

@@ -8,23 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pipeline.errors import InputError
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, in_order, word
-from pipeline.report.inputs import ReportInputs
+from pipeline.report.inputs import Benchmark, ReportInputs
 from pipeline.report.spec import Run, Section
 from pipeline.report.tables import Table
 
 PAGE = Descriptions("real_blur")
-RECORDS = {
-    "real_blur": (
-        "Blur of real pictures",
-        ("pairs",),
-        "python benchmarks/real_blur.py --shake FOLDER --pairs cc=FOLDER",
-    ),
-    "noisy_blur": ("Blur under strong noise", ("sigma_dn", "results"), "python benchmarks/noisy_blur.py"),
-}
-"""Benchmark -> title, what its record holds at least, and the command that makes it."""
+REAL = Benchmark("real_blur", "python benchmarks/real_blur.py --shake FOLDER --pairs cc=FOLDER", ("pairs",))
+NOISY = Benchmark("noisy_blur", "python benchmarks/noisy_blur.py", ("sigma_dn", "results"))
 ESTIMATORS = {"spectral": "Spectral, camera-calibrated", "fused": "Fused, camera-calibrated"}
 KINDS = ("defocus", "linear_motion")
 
@@ -70,27 +62,22 @@ def _mean_percent(fractions: Iterable[float]) -> float:
     return 100 * sum(known) / len(known)
 
 
-def _tables(name: str, record: Mapping[str, Any]) -> list[Table]:
-    """The tables of one record."""
-    if name == "noisy_blur":
-        return [strong_noise(record)]
-    return [*([shake(record["shake"])] if "shake" in record else []), paired(record["pairs"])]
-
-
 def section(inputs: ReportInputs) -> Section | None:
     """Blur of real pictures (``benchmarks/results/real_blur.json`` and ``noisy_blur.json``); None without records.
 
-    Raises:
-        InputError: a record holds something else.
+    Errors of `ReportInputs.benchmark`.
     """
     blocks, runs = list[Table](), list[Run]()
-    for name, (title, keys, command) in RECORDS.items():
-        record = inputs.benchmark(name, keys, command)
-        if record is None:
-            continue
-        try:
-            blocks += _tables(name, record)
-        except (KeyError, TypeError, AttributeError):
-            raise InputError(f"{inputs.benchmarks[name]}: a number is missing; make it again: {command}") from None
-        runs.append(Run(title, "", True, "", command))
+    for title, benchmark, shown in (
+        ("Blur of real pictures", REAL, _real),
+        ("Blur under strong noise", NOISY, lambda record: [strong_noise(record)]),
+    ):
+        tables = inputs.benchmark(benchmark, shown)
+        if tables is not None:
+            blocks += tables
+            runs.append(Run(title, "", True, "", benchmark.command))
     return PAGE.section(blocks, runs) if blocks else None
+
+
+def _real(record: Mapping[str, Any]) -> list[Table]:
+    return [*([shake(record["shake"])] if "shake" in record else []), paired(record["pairs"])]

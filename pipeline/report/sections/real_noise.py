@@ -9,14 +9,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from pipeline.errors import InputError
 from pipeline.experiments import real_noise_records
 from pipeline.experiments.real_noise_records import Examples, Recording, Sensor
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import listing, word
 from pipeline.report.figures import add_legend
-from pipeline.report.inputs import ReportInputs
+from pipeline.report.inputs import Benchmark, ReportInputs
 from pipeline.report.spec import Block, Run, Section
 from pipeline.report.tables import Row, Table, ordered, records, where
 
@@ -32,8 +31,7 @@ LABELS = {BEFORE: "white noise only", NOW: "default"}
 REASONS = {"compressed": "codec traces"}
 """Reason of an estimator to abstain -> plain words, where they differ."""
 SHOWN = ("adaptive", "cellwise", "pca", "pca_stride_2", "bf")
-CODED = ("coded_noise", ("datasets", "frames", "patches"), "python benchmarks/coded_noise.py")
-"""Benchmark of noise behind codecs: its name, what its record holds at least, and the command that makes it."""
+CODED = Benchmark("coded_noise", "python benchmarks/coded_noise.py", ("datasets", "frames", "patches"))
 CODECS = {"none": "no codec", "jpeg": "JPEG", "mjpeg": "Motion JPEG", "mpeg4": "MPEG-4", "h264": "H.264"}
 UNITS = {"frames": "whole frames", "patches": "patches"}
 ADDED = ("0", "2", "5", "10", "25")
@@ -57,7 +55,7 @@ def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> style.Draw
             rows["cleaned_sigma_dn"], rows["sigma_dn"].clip(upper=top), s=2.5, linewidths=0, alpha=0.55, color=colour,
             zorder=2, rasterized=True,
         )  # fmt: skip
-        note = f"error {rows['error'].mean():.2f} DN\n{100 * rows['sigma_dn'].notna().mean():.0f} % answered"
+        note = f"error {rows['error'].mean():.2f} DN\n{100 * rows['sigma_dn'].notna().mean():.0f} % estimated"
         axes.text(0.04, 0.96, note, transform=axes.transAxes, va="top", fontsize=5, color=style.INK)
         axes.set(xlim=(0, top), ylim=(0, top))
 
@@ -153,16 +151,12 @@ def _answered(level: Mapping[str, Any]) -> str:
 
 
 def section(inputs: ReportInputs) -> Section | None:
-    """Noise of real cameras, or None where nothing of it is known.
-
-    Raises:
-        InputError: the record of noise behind codecs holds something else.
-    """
+    """Noise of real cameras, or None where nothing of it is known; errors of `ReportInputs.benchmark`."""
     stages = inputs.folders("real_noise")
     parts = real_noise_records.recordings(stages, inputs.recorded)
     made = real_noise_records.sensor(stages, inputs.recorded)
     known = {part.name for part in parts} | ({SENSOR} if made is not None else set())
-    coded = inputs.benchmark(*CODED)
+    coded = inputs.benchmark(CODED, behind_codecs)
     if not known and not stages and coded is None:
         return None
     examples, blocks = real_noise_records.examples(inputs.recorded), list[Block]()
@@ -179,12 +173,8 @@ def section(inputs: ReportInputs) -> Section | None:
         blocks.append(PAGE.table("real_sensor_constants", constants, stage=made.stage))
     runs = [_run(inputs, name, name in known) for name in stages]
     if coded is not None:
-        try:
-            blocks.append(behind_codecs(coded))
-        except (AttributeError, KeyError, TypeError, ValueError, ZeroDivisionError):
-            path = inputs.benchmarks[CODED[0]]
-            raise InputError(f"{path}: not a record of this benchmark; make it again: {CODED[2]}") from None
-        runs.append(Run("Noise behind codecs", "", True, "", CODED[2]))
+        blocks.append(coded)
+        runs.append(Run("Noise behind codecs", "", True, "", CODED.command))
     return PAGE.section(blocks, runs)
 
 

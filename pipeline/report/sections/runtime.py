@@ -11,15 +11,14 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.errors import InputError
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import ESTIMATORS, word
-from pipeline.report.inputs import ReportInputs, published_table
+from pipeline.report.inputs import Benchmark, ReportInputs, published_table
 from pipeline.report.spec import STAGE_ABSENT, Run, Section
 from pipeline.report.tables import Table, ordered, records
 
 PAGE = Descriptions("runtime")
-COMMAND = "python benchmarks/estimators.py"
+TIMED = Benchmark("estimators", "python benchmarks/estimators.py", ("machine", "results", "frame_px", "patch_px"))
 TITLE = "Run times"
 TASKS = {"blur": "Blur", "noise": "Noise"}
 PUBLISHED = {
@@ -39,41 +38,28 @@ TIMES = [
 """Columns of `patch_times`."""
 
 
-def record(inputs: ReportInputs) -> Mapping[str, Any] | None:
-    """The benchmark's record, or None where it was not made.
-
-    Raises:
-        InputError: the file holds something else.
-    """
-    content: Mapping[str, Any] | None = inputs.benchmark(
-        "estimators", ("machine", "results", "frame_px", "patch_px"), COMMAND
-    )
-    return content
-
-
 def patch_times(inputs: ReportInputs) -> pd.DataFrame:
     """Processor times of every estimator of the record, one thread; empty without a record.
+
+    Errors of `ReportInputs.benchmark`.
 
     Returns:
         task, estimator, name (the paper's), patch_px, one_ms and batched_ms (medians per patch, alone and among many),
         preprocessing_ms (per patch, of a network that was timed apart; None else), untrained, clock_fps and
         processor_fps (whole frames per second of two processes; None where not timed).
-
-    Raises:
-        InputError: the file holds something else.
     """
-    content = record(inputs) or {"results": {}}
+    times = inputs.benchmark(TIMED, _times)
+    return pd.DataFrame(columns=TIMES, dtype=object) if times is None else times
+
+
+def _times(record: Mapping[str, Any]) -> pd.DataFrame:
     rows: list[tuple[Any, ...]] = []
     for task in TASKS:
-        for name, entry in content["results"].get(task, {}).items():
-            try:
-                one, batched = (entry[key]["processor_median_ms"] for key in ("one_patch", "batched"))
-            except (KeyError, TypeError):
-                where = inputs.benchmarks["estimators"]
-                raise InputError(f"{where}: no times of '{name}'; make the record again: {COMMAND}") from None
+        for name, entry in record["results"].get(task, {}).items():
+            one, batched = (entry[key]["processor_median_ms"] for key in ("one_patch", "batched"))
             frame = entry.get("frame") or {}
             before = entry.get("preprocessing", {}).get("processor_median_ms")
-            head = (task, name, PUBLISHED.get((task, name), ""), content["patch_px"][task], one, batched, before)
+            head = (task, name, PUBLISHED.get((task, name), ""), record["patch_px"][task], one, batched, before)
             untrained = entry.get("weights") == "untrained"
             rows.append((*head, untrained, frame.get("clock_fps"), frame.get("processor_fps")))
     return pd.DataFrame(rows, columns=TIMES, dtype=object)
@@ -88,9 +74,8 @@ def _paper_ms(inputs: ReportInputs) -> dict[str, float]:
     }
 
 
-def _table(content: Mapping[str, Any], inputs: ReportInputs) -> Table:
-    paper = _paper_ms(inputs)
-    times = ordered(patch_times(inputs), task=TASKS, estimator=ESTIMATORS)
+def _table(record: Mapping[str, Any], paper: Mapping[str, float]) -> Table:
+    times = ordered(_times(record), task=TASKS, estimator=ESTIMATORS)
     cells = {
         "task": lambda row: TASKS[row["task"]],
         "estimator": lambda row: word(row["estimator"]) + (" (untrained)" if row["untrained"] else ""),
@@ -98,17 +83,17 @@ def _table(content: Mapping[str, Any], inputs: ReportInputs) -> Table:
         "ratio": lambda row: paper[row["name"]] / row["one_ms"] if row["name"] in paper else None,
         "asked_fps": lambda row: REQUIRED_FPS.get((row["task"], row["estimator"])),
     }
-    about, packages = content["machine"], content["machine"].get("packages", {})
+    about, packages = record["machine"], record["machine"].get("packages", {})
     versions = ", ".join(f"{name} {version}" for name, version in sorted(packages.items()) if version)
     machine = (
         f"{about.get('processor')}, {about.get('cores')} cores, load {about.get('load')} at the end, Python "
         f"{about.get('python')}, {versions}"
     )
-    width, height = content["frame_px"]
+    width, height = record["frame_px"]
     notes = [
         f"Blur, noise and maps of a frame in one call ({name}): {entry['frame']['processor_fps']:g} frames a second on "
         f"two free cores, {entry['frame']['clock_fps']:g} on the clock."
-        for name, entry in content["results"].get("joint", {}).items()
+        for name, entry in record["results"].get("joint", {}).items()
     ]
     if times["untrained"].any():
         notes.append("Untrained: with fresh weights, which take as long as trained ones.")
@@ -117,6 +102,7 @@ def _table(content: Mapping[str, Any], inputs: ReportInputs) -> Table:
 
 def section(inputs: ReportInputs) -> Section:
     """Run times as recorded; the ledger holds the paper's too, as not comparable across hardware."""
-    content = record(inputs)
-    run = Run(TITLE, "", content is not None, "" if content is not None else STAGE_ABSENT, COMMAND)
-    return PAGE.section([_table(content, inputs)] if content else [], [run], command=COMMAND)
+    paper = _paper_ms(inputs)
+    table = inputs.benchmark(TIMED, lambda record: _table(record, paper))
+    run = Run(TITLE, "", table is not None, STAGE_ABSENT if table is None else "", TIMED.command)
+    return PAGE.section([] if table is None else [table], [run], command=TIMED.command)

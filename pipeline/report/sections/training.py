@@ -99,7 +99,14 @@ def curves_figure(curves: Sequence[LearningCurve]) -> style.Drawing:
                 head = {"network": one.name, "measure": one.measure, "samples": samples}
                 tables.append(pd.DataFrame({"step": values.index, "value": values.to_numpy()}).assign(**head))
         value = f"{one.at_release(HELD_OUT + one.measure):.3g} {one.unit}".strip()
-        words.append({"title": network_title(one), "measure": measure_title(one), "value": value, "steps": one.steps})
+        words.append(
+            {
+                "title": network_title(one),
+                "measure": measure_title(one),
+                "value": value,
+                "steps": one.chosen or one.steps,
+            }
+        )
     alt = PAGE.alt("learning_curves", words)
     return style.Drawing(figure, alt, pd.concat(tables)[["network", "measure", "samples", "step", "value"]])
 
