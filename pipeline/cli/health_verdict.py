@@ -7,7 +7,10 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from statistics import median
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.condition.verdict import Grades
 
 LEAST_GAIN_PERCENT = 2.0
 """Points of average precision that other settings must promise to be advised."""
@@ -54,7 +57,7 @@ def run_verdict(
     blur += f" (relative to {relative_to})" if relative_to and grades.blur else ""
     condition = f"{blur}; {noise}" + (f" ({sigma:.1f} DN)" if isfinite(sigma) else "")
     start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
-    sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
+    sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows, grades)]) + "."
     sentences = [
         sentence, *_worst(rows), *_unknown(rows), *_flags(rows), *_trend(trend_alarms, without_trend),
         *_hinted(hinted), *_set_aside(set_aside),
@@ -114,8 +117,10 @@ def _causes(causes: Sequence[str]) -> list[str]:
     return [f"Cause: {'; '.join(causes)}"] if causes else []
 
 
-def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
+def _advice(rows: Sequence[dict[str, Any]], grades: Grades) -> list[str]:
     """Settings to try, or why there are none; empty where none were asked for.
+
+    Advice takes any blur for motion: where it may be defocus, that is stated.
 
     The gain is that of `pipeline.control.advice`: AP at the best settings less AP at those taken, by noise and motion,
     which settings change. The expected AP is of noise and any blur, so the two are not compared.
@@ -128,6 +133,8 @@ def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
     row = sorted(advised, key=lambda row: row["best_exposure_ms"])[len(advised) // 2]
     text = f"Try {row['best_exposure_ms']:.3g} ms at ISO {row['best_iso']:.0f}"
     beside = [f"{row['gain_percent']:.0f} points of AP more expected"] if isfinite(row["gain_percent"]) else []
+    if grades.blur_cause and not grades.direction:
+        beside.append("if the blur is of motion")
     if len(rows) > 1:
         beside.append(f"as for {row['picture']}; other settings advised in {len(advised)} of {len(rows)} frames")
     return [text + (f" ({', '.join(beside)})" if beside else "")]

@@ -157,6 +157,8 @@ def test_the_verdict_has_what_is_known_only():
     ):
         row = known | {"advice": advice, "advice_reason": reason}
         assert run_verdict([row], without_precision="")["sentence"].endswith(f"No better settings: {words}.")
+    round_blur = run_verdict([known | {"mtf": np.tile(np.linspace(0.9, 0.05, 8), (2, 1))}], without_precision="")
+    assert round_blur["sentence"].endswith("(14 points of AP more expected, if the blur is of motion).")
     both = run_verdict([known, known | {"advice": "hold"}], without_precision="")["sentence"]
     assert both.endswith("(14 points of AP more expected, as for v.mp4#0; other settings advised in 1 of 2 frames).")
     unknown = frame_row(0, blur="", noise="", sigma_dn=np.nan, mtf=np.full((2, 8), np.nan), flags="black",

@@ -122,9 +122,13 @@ def test_readmes_foreign_estimator_enters_table_one():
     code = next(block for block in re.findall(r"```python\n(.*?)```", readme, re.S) if "table_one.measure" in block)
     assert len([line for line in code.splitlines() if line.strip()]) <= 10
     printed = []
-    exec(code, {"print": printed.append, "MyEstimator": Half})
-    assert set(printed[0]["estimator"]) == {"mine"} and printed[0]["amae_percent"].notna().all()
-    assert set(printed[0]["blur_kind"]) == {"sharp", "defocus", "linear_motion", "nonlinear_motion"}
+    known = {"print": printed.append, "MyEstimator": Half}
+    exec(code, known)
+    summary = known["result"].summary
+    assert set(summary["estimator"]) == {"mine"} and summary["amae_percent"].notna().all()
+    lines = printed[0].splitlines()
+    assert len(lines) == 1 + len(summary) and {"blur_kind", "amae_percent", "high_percent"} <= set(lines[0].split())
+    assert set(summary["blur_kind"]) == {"sharp", "defocus", "linear_motion", "nonlinear_motion"}
 
 
 def test_the_stage_writes_it(root, found, once, tmp_path):

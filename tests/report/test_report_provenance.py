@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import html
+import re
 from pathlib import Path
 
 import pytest
-from report_makers import LOCK
+from report_makers import LOCK, REPO
 
 from pipeline.errors import InputError
 from pipeline.report.inputs import ReportInputs
@@ -23,6 +25,7 @@ def test_hashes_parameters_and_lines(tmp_path: Path) -> None:
     assert result.line == "dvc repro noise@sim-pca"
     unknown = origin(["sim_star"], "star", stages, inputs)
     assert (unknown.inputs, unknown.parameters, unknown.line) == ({}, [], "dvc repro -s star")
+    assert result.recorded and not unknown.recorded
 
 
 def test_no_lock_file_means_no_record(tmp_path: Path) -> None:
@@ -44,3 +47,13 @@ def test_a_broken_lock_file_is_refused(tmp_path: Path, content: str) -> None:
 )
 def test_absolute_paths_lose_the_machines_part(path: str, shown: str) -> None:
     assert shown_path(path) == shown
+
+
+def test_every_command_of_the_committed_page_names_a_stage_of_dvc_lock() -> None:
+    page = (REPO / "reports/index.html").read_text(encoding="utf-8")
+    commands = {html.unescape(line) for line in re.findall(r"<code>(dvc repro [^<]+)</code>", page)}
+    named = {command.split()[-1] for command in commands if "--" not in command}
+    stages = set(read_lock(REPO / "dvc.lock"))
+    assert len(named) > 40
+    assert not {name for name in named if name not in stages}
+    assert "No record of this stage" not in page
