@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import itertools
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    from pipeline.config.schema import Config
 
 MOST_COMBINATIONS = 64  # of a sweep, that are checked one by one
 LAUNCHER_EXTRAS = {"joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster"}
 """Hydra's launchers -> the extra of this package that installs them."""
 
 
-def check_overrides(arguments: Sequence[str], conf: Path) -> None:
+def check_overrides(
+    arguments: Sequence[str], conf: Path, further: Callable[[Config], None] = lambda config: None
+) -> None:
     """Compose every combination of a stage's overrides once.
 
     Args:
         arguments: of the command line: overrides, of which some may sweep, and Hydra's options.
         conf: the folder of groups.
+        further: a check of every combination beyond the schema, e.g. `pipeline.config.references.check_references`.
 
     Raises:
         InputError: an override cannot be read, names a key, option or value that does not exist, or a launcher that is
@@ -46,7 +53,7 @@ def check_overrides(arguments: Sequence[str], conf: Path) -> None:
             continue
         choices.append(_values(override) if isinstance(override, Override) else [word])
     for chosen in itertools.islice(itertools.product(*choices), MOST_COMBINATIONS):
-        parse(compose(chosen, conf), "conf/")
+        further(parse(compose(chosen, conf), "conf/"))
 
 
 def check_scheduler(arguments: Sequence[str]) -> None:
