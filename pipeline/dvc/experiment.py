@@ -1,4 +1,4 @@
-"""Settings of ``dvc exp run -S``, checked before DVC starts: its own message spans many lines and names no key nearby."""
+"""Settings of ``dvc exp run -S``, checked before DVC starts: its own message spans lines and names no key nearby."""
 
 from __future__ import annotations
 

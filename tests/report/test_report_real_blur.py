@@ -14,7 +14,7 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import real_blur
 from pipeline.report.tables import Estimate, Table
 
-RECORDS = {name: REPO / f"benchmarks/results/{name}.json" for name in (real_blur.REAL.name, real_blur.NOISY.name)}
+RECORDS = {name: REPO / f"benchmarks/results/{name}.json" for name in ("real_blur", "noisy_blur", "other_frames")}
 
 
 def inputs(**records: Path) -> ReportInputs:
@@ -60,6 +60,26 @@ def test_strong_noise_is_shown_for_every_dataset_and_estimator(tables: dict[str,
     kitti = record["results"]["kitti"]["spectral"]
     row = next(row for row in rows if row["dataset"] == "KITTI" and str(row["estimator"]).startswith("Spectral"))
     assert (row["defocus"], row["linear_motion"]) == tuple(kitti[kind]["amae_percent"] for kind in real_blur.KINDS)
+
+
+def test_every_error_on_other_frames_is_shown(tables: dict[str, Table]) -> None:
+    record = content("other_frames")
+    table = tables["real_blur_other_frames"]
+    rows = {(str(row["estimator"]).split(",")[0].lower(), row["blur"]): row for row in table.rows}
+    for estimator, results in record["estimators"].items():
+        for name, part in (
+            ("Table I", results["table_one"]["mean"]),
+            ("Linear motion under noise", results["noisy"]["linear_motion"]),
+            *([("Rendered optics", results["optics"]["mean"])] if "optics" in results else []),
+        ):
+            row = rows.pop((estimator, name))
+            assert (row["amae_percent"], row["patch_error_percent"]) == (
+                part["amae_percent"],
+                part["patch_error_percent"],
+            )
+            assert row["coverage_percent"] == pytest.approx(100 * part["coverage"])
+    assert {blur for _, blur in rows} == {"Defocus under noise"}
+    assert f"{record['calibrated_on']['frames']} frames" in table.footnotes[0]
 
 
 def test_without_records_there_is_no_section_and_a_broken_one_is_named(tmp_path: Path) -> None:
