@@ -35,8 +35,7 @@ def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) ->
             f"{surface}: a surface for control; expected surface-CLASS.npz of a stage curves (data/curves)"
         )
     known = Surface.load(surface)
-    refused = []
-    click.echo(f"{'sigma DN':>9} {'MTF':>6} {'AP %':>7} {'low':>7} {'high':>7}")
+    lines, refused = [], []
     for sigma in sigma_dn:
         for contrast in mtf:
             try:
@@ -44,7 +43,9 @@ def query(surface: Path, sigma_dn: tuple[float, ...], mtf: tuple[float, ...]) ->
             except InputError as error:
                 refused.append(str(error))
                 continue
-            click.echo(f"{sigma:9.2f} {contrast:6.3f} {precision:7.2f} {low:7.2f} {high:7.2f}")
+            lines.append(f"{sigma:9.2f} {contrast:6.3f} {precision:7.2f} {low:7.2f} {high:7.2f}")
+    if lines:
+        click.echo("\n".join([f"{'sigma DN':>9} {'MTF':>6} {'AP %':>7} {'low':>7} {'high':>7}", *lines]))
     if refused:
         raise InputError("\n".join(refused))
 

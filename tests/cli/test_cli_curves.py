@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from control_makers import performance
 
 from pipeline.curves import build
 from pipeline.streams import stream
@@ -67,3 +68,15 @@ def test_a_folder_that_holds_something_else_is_not_replaced(tmp_path: Path) -> N
     done = ask("record", *given)
     assert done.returncode == 2 and "holds thesis.tex, which no earlier run" in done.stderr
     assert (tmp_path / "thesis.tex").read_text() == "kept"
+
+
+def test_a_surface_for_control_is_named_as_such(tmp_path: Path) -> None:
+    performance().save(tmp_path / "all.npz")
+    answer = ask("query", str(tmp_path / "all.npz"), "--sigma", "5", "--mtf", "0.8")
+    assert answer.returncode == 2 and answer.stdout == ""
+    assert answer.stderr.count("\n") == 1 and "a surface for control; expected surface-CLASS.npz" in answer.stderr
+
+
+def test_without_an_answer_there_is_no_table(surface: Path) -> None:
+    answer = ask("query", str(surface), "--sigma", "90", "--mtf", "0.95")
+    assert answer.returncode == 2 and answer.stdout == ""
