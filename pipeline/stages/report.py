@@ -58,6 +58,7 @@ def run(run: Run) -> None:
             "estimators": run.project / "benchmarks/results/estimators.json",
             "flags": run.project / "benchmarks/results/flags.json",
             "noisy_blur": run.project / "benchmarks/results/noisy_blur.json",
+            "other_frames": run.project / "benchmarks/results/other_frames.json",
             "real_blur": run.project / "benchmarks/results/real_blur.json",
             "unseen_kernels": run.project / "benchmarks/results/unseen_kernels.json",
         },

@@ -1,4 +1,4 @@
-"""Blur of real pictures: measured camera shake, noisy photographs beside the mean of many, and blur under strong noise.
+"""Blur of real pictures: measured shake, noisy photographs beside the mean of many, strong noise, calibrated cameras.
 
 All of it was recorded by benchmarks, on pictures that are not kept.
 """
@@ -17,6 +17,10 @@ from pipeline.report.tables import Table
 PAGE = Descriptions("real_blur")
 REAL = Benchmark("real_blur", "python benchmarks/real_blur.py --shake FOLDER --pairs cc=FOLDER", ("pairs",))
 NOISY = Benchmark("noisy_blur", "python benchmarks/noisy_blur.py", ("sigma_dn", "results"))
+OTHER = Benchmark(
+    "other_frames", "python benchmarks/other_frames.py --calibrate ... --evaluate ...",
+    ("calibrated_on", "kernels", "sigma_dn", "estimators"),
+)  # fmt: skip
 ESTIMATORS = {"spectral": "Spectral, camera-calibrated", "fused": "Fused, camera-calibrated"}
 KINDS = ("defocus", "linear_motion")
 
@@ -53,6 +57,22 @@ def strong_noise(record: Mapping[str, Any]) -> Table:
     return PAGE.table("real_blur_strong_noise", rows, sigma=record["sigma_dn"])
 
 
+def other_frames(record: Mapping[str, Any]) -> Table:
+    """AMAE on frames of a camera by the calibration to others of it, of each estimator."""
+    rows = []
+    for estimator, results in record["estimators"].items():
+        parts = {"table_one": results["table_one"]["mean"]}
+        parts |= {f"noisy_{kind}": results["noisy"][kind] for kind in KINDS}
+        parts |= {"optics": results["optics"]["mean"]} if "optics" in results else {}
+        counts = {name: results[name] for name in ("frames", "patches")}
+        head = {"estimator": ESTIMATORS.get(estimator, word(estimator)), **counts}
+        rows += [
+            {**head, "blur": name, **one, "coverage_percent": 100 * one["coverage"]} for name, one in parts.items()
+        ]
+    kernels, calibrated = PAGE.text(f"kernels_{record['kernels']}"), record["calibrated_on"]
+    return PAGE.table("real_blur_other_frames", rows, sigma=record["sigma_dn"], kernels=kernels, **calibrated)
+
+
 def _percent(fraction: float | None) -> float | None:
     return None if fraction is None else 100 * fraction
 
@@ -63,7 +83,7 @@ def _mean_percent(fractions: Iterable[float]) -> float:
 
 
 def section(inputs: ReportInputs) -> Section | None:
-    """Blur of real pictures (``benchmarks/results/real_blur.json`` and ``noisy_blur.json``); None without records.
+    """Blur of real pictures (``real_blur``, ``noisy_blur`` and ``other_frames`` of ``benchmarks/results``); else None.
 
     Errors of `ReportInputs.benchmark`.
     """
@@ -71,6 +91,7 @@ def section(inputs: ReportInputs) -> Section | None:
     for title, benchmark, shown in (
         ("Blur of real pictures", REAL, _real),
         ("Blur under strong noise", NOISY, lambda record: [strong_noise(record)]),
+        ("Blur of other frames of a calibrated camera", OTHER, lambda record: [other_frames(record)]),
     ):
         tables = inputs.benchmark(benchmark, shown)
         if tables is not None:
