@@ -109,9 +109,10 @@ def command(
     if fit is not None:
         before, after = fit["error_percent"]
         click.echo(f"mean absolute error on {fit['samples']} blurred patches: {before:.1f} %, calibrated {after:.1f} %")
-    if camera_store.path_of(name).is_file():
-        click.echo(f"replaces the stored calibration of {name}")
+    replaced = camera_store.path_of(name).is_file()
     click.echo(f"written to {camera_store.save(stored)}")
+    if replaced:
+        click.echo(f"replaces the stored calibration of {name}")
 
 
 def edge_mtf(

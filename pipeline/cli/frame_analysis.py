@@ -65,8 +65,8 @@ class Settings:
         exposure_s, iso = shot_settings(path, self.exposure, self.iso)
         if exposure_s is not None and iso is not None:
             return (exposure_s, iso), ""
-        given = self.exposure is not None or self.iso is not None
-        return None, f"give --{'exposure' if exposure_s is None else 'iso'} too" if given else ""
+        one = (exposure_s is None) != (iso is None)
+        return None, f"give --{'exposure' if exposure_s is None else 'iso'} too" if one else ""
 
 
 def find_surface(named: Path | None) -> tuple[Performance | None, str]:
@@ -241,7 +241,7 @@ class FrameAnalysis:
         return {
             "exposure_ms": advice.exposure_ms, "iso": advice.iso, "best_exposure_ms": advice.best_exposure_ms,
             "best_iso": advice.best_iso, "best_ap_percent": advice.best_ap_percent, "advice": advice.action,
-            "advice_reason": advice.reason, "gain_percent": advice.best_ap_percent - advice.ap_percent,
+            "gain_percent": advice.best_ap_percent - advice.ap_percent,
         }  # fmt: skip
 
     def _trend(self, row: dict[str, Any], condition: Condition, sequence: str) -> tuple[str, ...]:

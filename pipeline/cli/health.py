@@ -157,7 +157,7 @@ def command(
         "sharp": [printable(file) for file in sharp_files],
         "relative": bool(sharp) or generic_lens or camera is not None,
         "relative_to": (
-            f"the camera {camera_name}" if camera is not None else
+            f"the calibration of the camera {camera_name}" if camera is not None else
             "the sharp frames" if sharp else "a generic lens" if generic_lens else ""
         ),
         "camera": camera_name,

@@ -7,10 +7,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from statistics import median
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from pipeline.condition.verdict import Grades
+from typing import Any
 
 LEAST_GAIN_PERCENT = 2.0
 """Points of average precision that other settings must promise to be advised."""
@@ -57,7 +54,7 @@ def run_verdict(
     blur += f" (relative to {relative_to})" if relative_to and grades.blur else ""
     condition = f"{blur}; {noise}" + (f" ({sigma:.1f} DN)" if isfinite(sigma) else "")
     start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
-    sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows, grades)]) + "."
+    sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
     sentences = [
         sentence, *_worst(rows), *_unknown(rows), *_flags(rows), *_trend(trend_alarms, without_trend),
         *_hinted(hinted), *_set_aside(set_aside),
@@ -106,10 +103,9 @@ def _precision(rows: Sequence[dict[str, Any]]) -> list[str]:
     known = [row for row in rows if isfinite(row["ap_percent"])]
     if not known:
         return ["Expected AP unknown, the condition was not measured"] if "sharp_ap_percent" in rows[0] else []
-    here, low, high = (
-        _median(row[name] for row in known) for name in ("ap_percent", "ap_low_percent", "ap_high_percent")
-    )
-    text = f"Expected AP {here:.0f} % of {known[0]['sharp_ap_percent']:.0f} %"
+    names = ("ap_percent", "ap_low_percent", "ap_high_percent", "sharp_ap_percent")
+    here, low, high, best = (_median(row[name] for row in known) for name in names)
+    text = f"Expected AP {here:.0f} % of {best:.0f} %"
     return [text + (f" (95 % interval {low:.0f} to {high:.0f})" if isfinite(low) and isfinite(high) else "")]
 
 
@@ -117,23 +113,21 @@ def _causes(causes: Sequence[str]) -> list[str]:
     return [f"Cause: {'; '.join(causes)}"] if causes else []
 
 
-def _advice(rows: Sequence[dict[str, Any]], grades: Grades) -> list[str]:
+def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Settings to try, or why there are none; empty where none were asked for.
 
-    Advice takes any blur for motion: where it may be defocus, that is stated.
-
-    The gain is that of `pipeline.control.advice`: AP at the best settings less AP at those taken, by noise and motion,
-    which settings change. The expected AP is of noise and any blur, so the two are not compared.
+    Advice takes any blur for motion: where that of its frame may be defocus, that is stated. The gain is that of
+    `pipeline.control.advice`: AP at the best settings less AP at those taken, by noise and motion, which settings
+    change. The expected AP is of noise and any blur, so the two are not compared.
     """
     asked = [row for row in rows if "advice" in row]
     advised = [row for row in asked if row["advice"] == "move" and not row["gain_percent"] < LEAST_GAIN_PERCENT]
     if not advised:
-        counts = Counter(map(_without_advice, asked))
-        return [f"No better settings: {counts.most_common(1)[0][0]}"] if counts else []
+        return [Counter(map(_without_advice, asked)).most_common(1)[0][0]] if asked else []
     row = sorted(advised, key=lambda row: row["best_exposure_ms"])[len(advised) // 2]
     text = f"Try {row['best_exposure_ms']:.3g} ms at ISO {row['best_iso']:.0f}"
     beside = [f"{row['gain_percent']:.0f} points of AP more expected"] if isfinite(row["gain_percent"]) else []
-    if grades.blur_cause and not grades.direction:
+    if row["blur"] not in ("", "sharp") and not row["blur_direction"]:
         beside.append("if the blur is of motion")
     if len(rows) > 1:
         beside.append(f"as for {row['picture']}; other settings advised in {len(advised)} of {len(rows)} frames")
@@ -142,12 +136,14 @@ def _advice(rows: Sequence[dict[str, Any]], grades: Grades) -> list[str]:
 
 def _without_advice(row: dict[str, Any]) -> str:
     """Why a frame gives no settings to try, in words."""
-    action = row["advice"]
-    if action.startswith("none: "):
-        return str(action.removeprefix("none: "))
+    action = str(row["advice"])
     if action in ("move", "hold"):
-        return f"none within the limits is expected to gain {LEAST_GAIN_PERCENT:g} points of AP"
-    return str(row["advice_reason"])
+        return f"No better settings: none within the limits is expected to gain {LEAST_GAIN_PERCENT:g} points of AP"
+    if action == "abstained":
+        return "No advice: blur or noise is unknown"
+    if action == "refused":
+        return "No advice: no average precision was measured at such blur and noise"
+    return f"No advice: {action.removeprefix('none: ')}"
 
 
 def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:

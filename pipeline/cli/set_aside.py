@@ -42,5 +42,5 @@ class SetAside:
 
         if self.names:
             first = printable(self.names[0])
-            which = first if len(self.names) == 1 else f"{len(self.names)} of the files given, the first {first},"
-            raise InputError(f"{which} could not be used; see above")
+            which = first if len(self.names) == 1 else f"{len(self.names)} files or frames, the first {first},"
+            raise InputError(f"{which} could not be used, or not in full; see above")

@@ -25,7 +25,7 @@ class ExpectedPrecision(NamedTuple):
     Attributes:
         ap_percent: average precision expected.
         low_percent, high_percent: ends of its 95 % interval.
-        best_percent: average precision of sharp frames with the least noise.
+        best_percent: average precision of sharp frames with the least noise, of the same brightness.
     """
 
     ap_percent: float
@@ -53,10 +53,10 @@ def expected_precision(
         level: mean encoded grey level of the frame, 0..1; one above the brightest measured counts as that. None does
             not regard it.
     """
-    best = float(performance.expected(0.0, 0.0).ap_percent)
+    bright = None if level is None else min(level, performance.level)
+    best = float(performance.expected(0.0, 0.0, bright).ap_percent)
     curves = np.asarray(mtf, dtype=np.float64) * (performance.reference if relative else 1.0)
     length_px = equivalent_motion(performance, float(curves[:, performance.frequency_index].mean()))
-    bright = None if level is None else min(level, performance.level)
     true_sigma_dn = performance.true_sigma_dn(sigma_dn) if np.isfinite(sigma_dn) else sigma_dn
     here = performance.expected(true_sigma_dn, length_px, bright)
     return ExpectedPrecision(float(here.ap_percent), float(here.low), float(here.high), best)

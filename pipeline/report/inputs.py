@@ -197,7 +197,7 @@ class ReportInputs:
         record = benchmark_record(path, benchmark.keys, benchmark.command)
         try:
             return None if record is None else made(record)
-        except (AttributeError, KeyError, TypeError, ValueError, ZeroDivisionError):
+        except (AttributeError, LookupError, TypeError, ValueError, ZeroDivisionError):
             raise InputError(
                 f"{path}: not a record of this benchmark; make the record again: {benchmark.command}"
             ) from None

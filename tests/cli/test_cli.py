@@ -127,11 +127,21 @@ def test_corrupt_says_why_blur_takes_noise_away(tmp_path, noise_source, less):
 
 def test_corrupt_at_level_zero_changes_nothing_and_never_overwrites_its_input(tmp_path):
     source = noisy(tmp_path / "a.png", 3.0)
-    assert call("corrupt", source, "--out", tmp_path / "out").exit_code == 0
+    copied = call("corrupt", source, "--out", tmp_path / "out")
+    assert copied.exit_code == 0 and "warning: these are copies; give --sigma-dn" in copied.stderr
+    assert "copies" not in call("corrupt", source, "--out", tmp_path / "out", "--sigma-dn", "0").stderr
     assert (cv2.imread(str(tmp_path / "out/a.png"), 0) == cv2.imread(str(source), 0)).all()
     done = call("corrupt", source, "--out", tmp_path)
     assert done.exit_code == 2
     assert "overwrite" in done.output
+
+
+def test_corrupt_writes_of_nothing_where_nothing_can_be_used(tmp_path):
+    (tmp_path / "a.png").write_text("no picture")
+    for options in (("--sigma-dn", "3"), ("--pipeline", "phone")):
+        done = call("corrupt", tmp_path / "a.png", "--out", tmp_path / "out", *options)
+        assert done.exit_code == 2 and "a.png could not be used" in done.stderr
+        assert "written to" not in done.output and "copies" not in done.output
 
 
 def test_dataset_says_what_it_found(tmp_path):

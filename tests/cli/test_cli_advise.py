@@ -101,7 +101,7 @@ def test_a_bad_file_is_named_and_the_others_are_answered(tmp_path):
     assert done.exit_code == 2
     assert [json.loads(line)["picture"] for line in done.stdout.splitlines()] == files[2:]
     lines = done.stderr.splitlines()
-    assert len(lines) == 3 and "2 of the files" in lines[2]
+    assert len(lines) == 3 and "2 files or frames" in lines[2]
     assert [line.split(": ")[:2] for line in lines[:2]] == [["set aside", file] for file in files[:2]]
     picture = files[2]
     done = CliRunner().invoke(main, ["advise", picture, "--surface", str(tmp_path / "surface.npz")])

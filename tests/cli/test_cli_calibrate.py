@@ -54,7 +54,9 @@ def edge(upright, size_px=120):
 def test_two_edges_give_both_axes_and_the_stored_camera_is_used(tmp_path, home):
     files = [save(tmp_path / f"{upright}.png", edge(upright)) for upright in (True, False)]
     done = call("calibrate", "front", *files, "--chart", "edge")
-    assert done.exit_code == 0, done.output
+    assert done.exit_code == 0 and "replaces" not in done.output, done.output
+    again = call("calibrate", "front", *files, "--chart", "edge")
+    assert "replaces the stored calibration of front" in again.output
     stored = camera_store.load("front")
     truth = gaussian_mtf() * np.sinc(FREQUENCIES / 2)
     np.testing.assert_allclose(stored.sharp_mtf, truth, atol=0.03)
@@ -68,6 +70,7 @@ def test_two_edges_give_both_axes_and_the_stored_camera_is_used(tmp_path, home):
         content = json.loads(done.stdout)
         rows.append(np.array(content["pictures"][0]["mtf"]))
     assert content["relative"] is True and content["camera"] == "front"
+    assert "(relative to the calibration of the camera front)" in content["verdict"]["sentence"]
     np.testing.assert_allclose(rows[1], np.clip(rows[0] / np.array(stored.sharp_mtf), 0, 1), atol=1e-3)
     assert stored.size_px is None and "448x320" not in done.stderr  # a crop of a chart says nothing of the frames
 

@@ -137,7 +137,8 @@ def test_names_of_frames_cannot_inject_markup():
 
 def test_the_verdict_has_what_is_known_only():
     known = frame_row(
-        0, blur="moderately blurred", mtf=np.stack([np.linspace(0.9, 0.05, 8), np.linspace(1, 0.6, 8)]),
+        0, blur="moderately blurred", blur_direction="horizontal",
+        mtf=np.stack([np.linspace(0.9, 0.05, 8), np.linspace(1, 0.6, 8)]),
         ap_percent=71.2, ap_low_percent=66.0, ap_high_percent=75.0, sharp_ap_percent=93.4, best_exposure_ms=4.0,
         best_iso=800.0, best_ap_percent=85.0, gain_percent=13.8, advice="move",
     )  # fmt: skip
@@ -149,16 +150,24 @@ def test_the_verdict_has_what_is_known_only():
     assert verdict["sentences"] == [verdict["sentence"]]
     little = run_verdict([known | {"gain_percent": 1.9}], without_precision="")
     assert "Try" not in little["sentence"]
-    assert little["sentence"].endswith("No better settings: none within the limits is expected to gain 2 points of AP.")
-    for advice, reason, words in (
-        ("none: give --iso too", "", "give --iso too"),
-        ("abstained", "noise: flat", "noise: flat"),
-        ("hold", "", "none within the limits is expected to gain 2 points of AP"),
+    none = "No better settings: none within the limits is expected to gain 2 points of AP."
+    assert little["sentence"].endswith(none)
+    for advice, words in (
+        ("hold", none),
+        ("none: give --iso too", "No advice: give --iso too."),
+        ("abstained", "No advice: blur or noise is unknown."),
+        ("refused", "No advice: no average precision was measured at such blur and noise."),
     ):
-        row = known | {"advice": advice, "advice_reason": reason}
-        assert run_verdict([row], without_precision="")["sentence"].endswith(f"No better settings: {words}.")
-    round_blur = run_verdict([known | {"mtf": np.tile(np.linspace(0.9, 0.05, 8), (2, 1))}], without_precision="")
+        assert run_verdict([known | {"advice": advice}], without_precision="")["sentence"].endswith(words)
+    undirected = known | {"blur_direction": ""}
+    round_blur = run_verdict([undirected], without_precision="")
     assert round_blur["sentence"].endswith("(14 points of AP more expected, if the blur is of motion).")
+    sharp = known | {"blur": "sharp", "mtf": np.full((2, 8), 0.99), "advice": "hold"}
+    mixed = run_verdict([sharp, sharp, undirected], without_precision="")["sentence"]
+    assert (
+        "sharp; noise" in mixed
+        and "if the blur is of motion, as for v.mp4#0; other settings advised in 1 of 3" in mixed
+    )
     both = run_verdict([known, known | {"advice": "hold"}], without_precision="")["sentence"]
     assert both.endswith("(14 points of AP more expected, as for v.mp4#0; other settings advised in 1 of 2 frames).")
     unknown = frame_row(0, blur="", noise="", sigma_dn=np.nan, mtf=np.full((2, 8), np.nan), flags="black",

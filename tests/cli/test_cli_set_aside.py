@@ -17,10 +17,12 @@ def test_each_is_named_with_its_reason_and_the_error_names_the_first(capsys: pyt
     aside = SetAside()
     aside.add("a.png", InputError("empty file"))
     assert capsys.readouterr().err == "set aside: a.png: empty file\n"
-    with pytest.raises(InputError, match=r"^a\.png could not be used; see above$"):
+    with pytest.raises(InputError, match=r"^a\.png could not be used, or not in full; see above$"):
         aside.refuse()
     aside.add("b.mp4", InputError("b.mp4: cut short; encode it anew"))
     assert capsys.readouterr().err == "set aside: b.mp4: cut short; encode it anew\n"
-    with pytest.raises(InputError, match=r"^2 of the files given, the first a\.png, could not be used; see above$"):
+    with pytest.raises(
+        InputError, match=r"^2 files or frames, the first a\.png, could not be used, or not in full; see above$"
+    ):
         aside.refuse()
     assert aside.reasons == ["a.png: empty file", "b.mp4: cut short; encode it anew"]

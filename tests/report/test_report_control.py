@@ -161,13 +161,13 @@ def test_example_pictures_carry_scores_and_settings(inputs: ReportInputs) -> Non
         "final",
         "built_in_18",
     ]  # one picture of the built-in control
-    assert "30.0 < 50.0 < 70.0 %" in findings[0] and "holds" in findings[0]
+    assert "30.0 < 50.0 < 70.0 %" in findings[0] and "the means are in" in findings[0]
 
 
 def test_the_published_order_of_the_controllers_may_fail(tmp_path: Path) -> None:
     made.make_examples(tmp_path, (70.0, 50.0, 30.0))
     _, findings = control_examples.blocks(ReportInputs(paper=made.PAPER, data=tmp_path))
-    assert "70.0, 50.0, 30.0 %" in findings[0] and "does not hold" in findings[0]
+    assert "70.0, 50.0, 30.0 %" in findings[0] and "the means are not in" in findings[0]
 
 
 def test_the_replay_is_compared_with_the_published_curve(inputs: ReportInputs) -> None:

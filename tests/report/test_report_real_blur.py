@@ -88,3 +88,8 @@ def test_without_records_there_is_no_section_and_a_broken_one_is_named(tmp_path:
     (tmp_path / "real_blur.json").write_text('{"pairs": {"cc": {"pictures": 8, "spectral": {}}}}')
     with pytest.raises(InputError, match=r"real_blur\.json: .*python benchmarks/real_blur\.py"):
         real_blur.section(inputs(real_blur=tmp_path / "real_blur.json"))
+    other = content("other_frames")
+    for broken in (other | {"kernels": "foo"}, other | {"estimators": {"spectral": {"frames": 1, "patches": 1}}}):
+        (tmp_path / "other_frames.json").write_text(json.dumps(broken))
+        with pytest.raises(InputError, match=r"other_frames\.json: .*python benchmarks/other_frames\.py"):
+            real_blur.section(inputs(other_frames=tmp_path / "other_frames.json"))

@@ -162,6 +162,6 @@ def _findings(ours: pd.DataFrame, paper: pd.DataFrame, precision: pd.DataFrame) 
     order = (" < " if holds else ", ").join(f"{value:.1f}" for value in values)
     error = rmse_ms(ours, paper)
     return [
-        CONTROL.text("order", order=order, holds="holds" if holds else "does not hold"),
+        CONTROL.text("order", order=order, are="are" if holds else "are not"),
         CONTROL.text("law", error=error, within="within" if error <= AGREE_MS else "beyond", bound=AGREE_MS),
     ]

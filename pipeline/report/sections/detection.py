@@ -104,7 +104,8 @@ def _needed(heat: pd.DataFrame) -> str:
     if needed.empty:
         return ""
     least, median = needed.min(), needed.median()
-    return f"For an open triangle to be certain, {least:,.0f} objects and more are needed (median {median:,.0f})."
+    beside = f" and more are needed (median {median:,.0f})" if len(needed) > 1 else " are needed"
+    return f"For an open triangle to be certain, {least:,.0f} objects{beside}."
 
 
 def _curves(dataset: str, results: Sequence[Results], inputs: ReportInputs) -> list[Block]:

@@ -18,11 +18,13 @@ PAGE = Descriptions("real_blur")
 REAL = Benchmark("real_blur", "python benchmarks/real_blur.py --shake FOLDER --pairs cc=FOLDER", ("pairs",))
 NOISY = Benchmark("noisy_blur", "python benchmarks/noisy_blur.py", ("sigma_dn", "results"))
 OTHER = Benchmark(
-    "other_frames", "python benchmarks/other_frames.py --calibrate ... --evaluate ...",
+    "other_frames",
+    "python benchmarks/other_frames.py --calibrate NAME=KIND:FOLDER --evaluate NAME=KIND:FOLDER --kernels FOLDER",
     ("calibrated_on", "kernels", "sigma_dn", "estimators"),
 )  # fmt: skip
 ESTIMATORS = {"spectral": "Spectral, camera-calibrated", "fused": "Fused, camera-calibrated"}
 KINDS = ("defocus", "linear_motion")
+KERNELS = {"paper": "kernels_paper", "generated": "kernels_generated"}
 
 
 def shake(record: Mapping[str, Any]) -> Table:
@@ -69,7 +71,7 @@ def other_frames(record: Mapping[str, Any]) -> Table:
         rows += [
             {**head, "blur": name, **one, "coverage_percent": 100 * one["coverage"]} for name, one in parts.items()
         ]
-    kernels, calibrated = PAGE.text(f"kernels_{record['kernels']}"), record["calibrated_on"]
+    kernels, calibrated = PAGE.text(KERNELS[record["kernels"]]), record["calibrated_on"]
     return PAGE.table("real_blur_other_frames", rows, sigma=record["sigma_dn"], kernels=kernels, **calibrated)
 
 
