@@ -193,11 +193,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/coded_noise.json")
     options = parser.parse_args(arguments)
     common.hold_loaded_libraries()
-    try:
-        named = [parse(text) for text in (f"sim=sim:{ROOT / 'data/sim'}", *options.dataset)]
-        table = pd.concat([measure(dataset, options.frames, options.patches) for dataset in named], ignore_index=True)
-    except InputError as error:
-        parser.error(str(error))
+    named = [parse(text) for text in (f"sim=sim:{ROOT / 'data/sim'}", *options.dataset)]
+    table = pd.concat([measure(dataset, options.frames, options.patches) for dataset in named], ignore_index=True)
     if options.rows:
         table.to_csv(options.rows, index=False)
     record: dict[str, Any] = {

@@ -60,9 +60,9 @@ def dataset(text: str) -> tuple[str, str, str]:
     name, _, rest = text.partition("=")
     kind, _, root = rest.partition(":")
     if not (name and kind and root):
-        raise InputError(f"--dataset {text}: expected NAME=KIND:ROOT, for example kitti=kitti:data/raw/kitti")
+        raise InputError(f"{text}: expected NAME=KIND:ROOT, for example kitti=kitti:data/raw/kitti")
     if not Path(root).is_dir():
-        raise InputError(f"--dataset {text}: no folder {root}; expected that of the dataset {name}")
+        raise InputError(f"{text}: no folder {root}; expected that of the dataset {name}")
     return name, kind, root
 
 

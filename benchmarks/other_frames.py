@@ -102,14 +102,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     shared = {item.frame.name for item in sharp} & {item.frame.name for item in every}
     if shared:
         raise InputError(f"--evaluate {second}: shares the frame {min(shared)} with {first}; give other frames")
-    estimators: dict[str, Any] = {}
+    tried, estimators = conditions(config, options.kernels), dict[str, Any]()
     for estimator, count in (("spectral", options.frames), ("fused", options.fused_frames)):
         evaluated_on = evenly_spread(work, count)
         registered = Registered(blur.create, estimator)
         fitted = calibrate.fit_frames(sharp, estimator=registered, samples=table_one_samples(config), seed=config.seed)
         method = Method(estimator, "mtf", calibrate.Calibrated(registered, fitted))
         results = estimators[estimator] = {"frames": len(evaluated_on), "patches": _patches(evaluated_on)}
-        for name, (under, evaluated) in conditions(config, options.kernels).items():
+        for name, (under, evaluated) in tried.items():
             if estimator in evaluated:
                 table = run(evaluated_on, under, [method], camera=config.camera, seed=config.seed)
                 results[name] = errors(name, table, config.seed)

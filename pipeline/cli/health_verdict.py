@@ -120,10 +120,10 @@ def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
     `pipeline.control.advice`: AP at the best settings less AP at those taken, by noise and motion, which settings
     change. The expected AP is of noise and any blur, so the two are not compared.
     """
-    asked = [row for row in rows if "advice" in row]
-    advised = [row for row in asked if row["advice"] == "move" and not row["gain_percent"] < LEAST_GAIN_PERCENT]
+    with_settings = [row for row in rows if "advice" in row]
+    advised = [row for row in with_settings if row["advice"] == "move" and not row["gain_percent"] < LEAST_GAIN_PERCENT]
     if not advised:
-        return [Counter(map(_without_advice, asked)).most_common(1)[0][0]] if asked else []
+        return [Counter(map(_without_advice, with_settings)).most_common(1)[0][0]] if with_settings else []
     row = sorted(advised, key=lambda row: row["best_exposure_ms"])[len(advised) // 2]
     text = f"Try {row['best_exposure_ms']:.3g} ms at ISO {row['best_iso']:.0f}"
     beside = [f"{row['gain_percent']:.0f} points of AP more expected"] if isfinite(row["gain_percent"]) else []

@@ -15,7 +15,7 @@ USES: dict[str, list[str]] = {
     "pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": [], "pipeline.control": [],
 }  # fmt: skip
 NETWORKS = {
-    "train_mtf": ("spectral", "cnn"),
+    "train_mtf": ("spectral", "spectral_processed", "cnn"),
     "train_sigma": ("cellwise", "cnn"),
     "train_detector": ("compact", "compact_two_stage"),
 }
@@ -91,7 +91,6 @@ def stage_names(params: Any) -> dict[str, str]:
                 names[f"{group}@{dataset}-{name}"] = f"{group}_{section.kind}@{dataset}-{name}"
     for group, networks in NETWORKS.items():
         names |= {f"{group}@{name}": f"{group}_{name}@{name}-{params.profile}" for name in networks}
-    names["train_mtf@spectral_processed"] = f"train_mtf_spectral_processed@spectral_processed-{params.profile}"
     names["train_sigma@correlated"] = f"train_sigma_correlated@{params.profile}"
     names["generic_lens"] = f"generic_lens@{params.profile}"
     return names
