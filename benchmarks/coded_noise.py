@@ -1,10 +1,11 @@
-"""The default noise estimator on frames with white noise that a codec stored: right, abstained, or wrong.
+"""The default noise estimator on frames with white noise behind a codec or a filter: right, abstained, or wrong.
 
     python benchmarks/coded_noise.py [--dataset NAME=KIND:ROOT ...] [--frames N] [--patches N] [--rows CSV] [--out FILE]
 
 Frames of *Sim* and of the datasets named (kinds of `pipeline.datasets`, e.g. ``kitti=kitti:data/raw/kitti``) get normal
 noise of 0 to 25 DN, equal in all colours, and are stored as JPEG, Motion JPEG, MPEG-4 or H.264
-(`pipeline.camera.processing.codec`); a video is of three frames, the last is taken. The *truth* of a patch is the
+(`pipeline.camera.processing.codec`); a video is of three frames, the last is taken. Others are filtered, scaled or
+turned (`FILTERS`), as frames are that were denoised, resized or rectified before. The *truth* of a patch is the
 standard deviation over four shots of the decoded frames, each with its own noise: what differs from shot to shot is
 noise, whoever made it. Noise that a recorded frame has itself stays the same and is not among it, so that weak noise is
 judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere; frames are estimated whole
@@ -12,7 +13,7 @@ judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere
 
 An answer is ``wrong`` where it is off by more than 20 % of the truth and by more than 0.5 DN. ``wrong_fraction`` and
 ``held_fraction`` (of truths in the 95 % interval) are of the answers; ``compressed_fraction`` is that of abstentions
-that name compression. ``none``, the same frames without a codec, stands beside them.
+that name compression. ``none``, the same frames as they were, stands beside them.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +33,7 @@ from benchmarks import common  # noqa: E402
 
 common.one_thread()
 
+import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
@@ -58,6 +61,28 @@ CODECS = (
     Codec("mpeg4", 4),
     Codec("h264", 23),
 )
+TURNED_DEG = 2.0
+
+
+def turned(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A frame turned about its middle, as rectification does."""
+    height, width = frame.shape
+    matrix = cv2.getRotationMatrix2D((width / 2, height / 2), TURNED_DEG, 1)
+    return np.asarray(cv2.warpAffine(frame, matrix, (width, height), borderMode=cv2.BORDER_REFLECT), np.uint8)
+
+
+FILTERS: Mapping[str, Callable[[NDArray[np.uint8]], Any]] = {
+    "scaled 0.7": partial(cv2.resize, dsize=None, fx=0.7, fy=0.7, interpolation=cv2.INTER_AREA),
+    "scaled 1.3": partial(cv2.resize, dsize=None, fx=1.3, fy=1.3, interpolation=cv2.INTER_LINEAR),
+    "turned": turned,
+    "gaussian": partial(cv2.GaussianBlur, ksize=(0, 0), sigmaX=0.8),
+    "median": partial(cv2.medianBlur, ksize=3),
+    "bilateral": partial(cv2.bilateralFilter, d=5, sigmaColor=25, sigmaSpace=2),
+    "nlm": partial(cv2.fastNlMeansDenoising, h=7, templateWindowSize=5, searchWindowSize=15),
+}
+"""Name -> what is done to the grey frame with its noise."""
+
+PROCESSINGS: tuple[Codec | str, ...] = (*CODECS, *FILTERS)
 SIGMAS_DN = (0.0, 2.0, 5.0, 10.0, 25.0)
 SHOTS, FRAMES_BEFORE = 4, 2
 PATCH_PX = 128
@@ -65,12 +90,12 @@ TOLERANCE, TOLERANCE_DN = 0.2, 0.5
 SEED = 1
 
 
-def shots(frame: NDArray[np.uint8], codec: Codec, sigma_dn: float, *key: str | float) -> NDArray[np.uint8]:
-    """Shots of one scene as they come back from a codec.
+def shots(frame: NDArray[np.uint8], processing: Codec | str, sigma_dn: float, *key: str | float) -> NDArray[np.uint8]:
+    """Shots of one scene as they come back from a codec or a filter.
 
     Args:
         frame: (H, W) grey levels, without added noise.
-        codec: how they are stored.
+        processing: the codec that stores them, or one of `FILTERS`.
         sigma_dn: of the normal noise added before.
         key: of the random stream.
 
@@ -79,12 +104,17 @@ def shots(frame: NDArray[np.uint8], codec: Codec, sigma_dn: float, *key: str | f
     """
     generator = stream(SEED, "coded noise", *key)
 
-    def noisy() -> NDArray[np.uint8]:
-        grey = np.rint(frame + sigma_dn * generator.standard_normal(frame.shape))
-        return np.repeat(np.clip(grey, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+    def grey() -> NDArray[np.uint8]:
+        drawn = np.rint(frame + sigma_dn * generator.standard_normal(frame.shape))
+        return np.clip(drawn, 0, 255).astype(np.uint8)
 
-    before = FRAMES_BEFORE if codec.name in VIDEO else 0
-    stored = [store(noisy(), codec, [noisy() for _ in range(before)]) for _ in range(SHOTS)]
+    def noisy() -> NDArray[np.uint8]:
+        return np.repeat(grey()[..., None], 3, axis=2)
+
+    if isinstance(processing, str):
+        return np.stack([FILTERS[processing](grey()) for _ in range(SHOTS)])
+    before = FRAMES_BEFORE if processing.name in VIDEO else 0
+    stored = [store(noisy(), processing, [noisy() for _ in range(before)]) for _ in range(SHOTS)]
     return np.stack([np.rint(picture.mean(axis=2)).astype(np.uint8) for picture in stored])
 
 
@@ -108,12 +138,13 @@ def measure(dataset: Dataset, frames: int, patches: int) -> pd.DataFrame:
     chosen = evenly_spread(dataset.frames(), frames)
     for number, frame in enumerate(chosen):
         grey = read_grey8(frame.path)
-        squares = places(grey.shape, patches, stream(SEED, "coded noise", "places", dataset.name, frame.name))
-        for codec in CODECS:
+        for processing in PROCESSINGS:
             for sigma_dn in SIGMAS_DN:
-                key = (dataset.name, frame.name, codec.name, codec.quality, sigma_dn)
-                taken = shots(grey, codec, sigma_dn, *key)
-                about = {"dataset": dataset.name, "codec": described(codec), "added_dn": sigma_dn}
+                name = (processing,) if isinstance(processing, str) else (processing.name, processing.quality)
+                taken = shots(grey, processing, sigma_dn, dataset.name, frame.name, *name, sigma_dn)
+                where = stream(SEED, "coded noise", "places", dataset.name, frame.name)
+                squares = places(taken.shape[1:], patches, where)
+                about = {"dataset": dataset.name, "codec": described(processing), "added_dn": sigma_dn}
                 estimate = monitor.noise_estimator.estimate(cut(taken[0], squares))
                 for index, truth in enumerate(true_dn(taken, squares)):
                     ends = {
@@ -155,9 +186,11 @@ def positive(text: str) -> int:
     return int(text)
 
 
-def described(codec: Codec) -> str:
-    """Of a codec, for the record."""
-    return codec.name if codec.name == "none" else f"{codec.name} {codec.quality}"
+def described(processing: Codec | str) -> str:
+    """Of a codec or filter, for the record."""
+    if isinstance(processing, str) or processing.name == "none":
+        return str(getattr(processing, "name", processing))
+    return f"{processing.name} {processing.quality}"
 
 
 def summarised(table: pd.DataFrame) -> dict[str, Any]:

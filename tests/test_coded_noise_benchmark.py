@@ -32,6 +32,14 @@ def test_frames_without_noise_come_back_alike_from_a_codec(codec):
     assert coded_noise.true_dn(taken, coded_noise.places(frame.shape, 2, np.random.default_rng(1))).max() == 0
 
 
+@pytest.mark.parametrize(("name", "shape"), [("scaled 0.7", (112, 134)), ("turned", (160, 192)), ("nlm", (160, 192))])
+def test_shots_are_filtered(name, shape):
+    frame = np.full((160, 192), 120, np.uint8)
+    taken = coded_noise.shots(frame, name, 8.0, "flat")
+    assert taken.shape == (coded_noise.SHOTS, *shape) and taken.dtype == np.uint8
+    assert 0 < np.sqrt(taken.var(axis=0, ddof=1).mean()) < 7
+
+
 def test_answers_are_counted():
     nan = np.nan
     table = pd.DataFrame(

@@ -100,7 +100,7 @@ def test_noise_behind_codecs_is_counted_by_codec_and_level(inputs: ReportInputs)
     assert isinstance(table, Table) and table.name == "real_noise_coded"
     record = json.loads(CODED.read_text())
     names = [row["codec"] for row in table.rows if row["unit"] == "whole frames"]
-    assert names[:3] == ["no codec", "JPEG 60", "JPEG 80"] and len(table.rows) == 2 * len(names)
+    assert names[:3] == ["as it is", "JPEG 60", "JPEG 80"] and len(table.rows) == 2 * len(names)
     shown = next(row for row in table.rows if (row["unit"], row["codec"]) == ("patches", "JPEG 95"))
     about = record["patches"]["by_codec"]["jpeg 95"]["5"]
     answered, wrong = about["answered"] / about["count"], about["wrong"] / about["answered"]
@@ -129,5 +129,5 @@ def test_a_codec_that_has_no_name_here_keeps_its_own(tmp_path: Path) -> None:
     table = real_noise.behind_codecs(
         {"datasets": ["sim", "kitti"], "frames": {"by_codec": content}, "patches": {"by_codec": {}}}
     )
-    assert [row["codec"] for row in table.rows] == ["no codec", "webp 80"] and table.rows[1]["added_5"] == "100 / 25"
+    assert [row["codec"] for row in table.rows] == ["as it is", "webp 80"] and table.rows[1]["added_5"] == "100 / 25"
     assert "frames of Sim and KITTI" in table.footnotes[0]

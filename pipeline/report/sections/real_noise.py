@@ -32,7 +32,19 @@ REASONS = {"compressed": "codec traces"}
 """Reason of an estimator to abstain -> plain words, where they differ."""
 SHOWN = ("adaptive", "cellwise", "pca", "pca_stride_2", "bf")
 CODED = Benchmark("coded_noise", "python benchmarks/coded_noise.py", ("datasets", "frames", "patches"))
-CODECS = {"none": "no codec", "jpeg": "JPEG", "mjpeg": "Motion JPEG", "mpeg4": "MPEG-4", "h264": "H.264"}
+CODECS = {
+    "none": "as it is",
+    "jpeg": "JPEG",
+    "mjpeg": "Motion JPEG",
+    "mpeg4": "MPEG-4",
+    "h264": "H.264",
+    "scaled": "scaled by",
+    "turned": "turned by 2 degrees",
+    "gaussian": "smoothed, 0.8 px",
+    "median": "median filter, 3 px",
+    "bilateral": "bilateral filter",
+    "nlm": "non-local means",
+}
 UNITS = {"frames": "whole frames", "patches": "patches"}
 ADDED = ("0", "2", "5", "10", "25")
 """DN."""
@@ -125,7 +137,7 @@ def crops(made: Examples) -> style.Drawing:
 
 
 def behind_codecs(record: Mapping[str, Any]) -> Table:
-    """What is answered of frames and patches with noise behind codecs, and how much of that is wrong."""
+    """What is answered of frames and patches with noise behind codecs and filters, and how much of that is wrong."""
     rows = []
     for unit, title in UNITS.items():
         codecs = record[unit]["by_codec"]
@@ -137,11 +149,11 @@ def behind_codecs(record: Mapping[str, Any]) -> Table:
     return PAGE.table("real_noise_coded", rows, datasets=listing(map(word, record["datasets"])))
 
 
-def _order(codec: str) -> tuple[int, str, list[int]]:
-    """Sorting key of codecs: by name, then by their number."""
+def _order(codec: str) -> tuple[int, str, list[float]]:
+    """Sorting key of codecs and filters: by name, then by their number."""
     name, *quality = codec.split()
     known = list(CODECS)
-    return known.index(name) if name in known else len(known), name, list(map(int, quality))
+    return known.index(name) if name in known else len(known), name, list(map(float, quality))
 
 
 def _answered(level: Mapping[str, Any]) -> str:
