@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
 import numpy as np  # noqa: E402
-from common import machine  # noqa: E402
+from common import machine, run  # noqa: E402
 
 from pipeline.config.compose import compose, parse  # noqa: E402
 from pipeline.datasets.frame import Box, Frame  # noqa: E402
@@ -151,4 +151,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

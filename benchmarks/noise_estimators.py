@@ -13,17 +13,18 @@ measured elsewhere on another machine: orders of magnitude, not a race.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_name] = "1"  # before NumPy loads its libraries
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks import common  # noqa: E402
+
+common.one_thread()
 
 import numpy as np  # noqa: E402
 
@@ -95,7 +96,7 @@ def peers() -> dict[str, tuple[str, Estimate]]:
 def main() -> None:
     """Compare, time, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results" / "noise_estimators.json")
+    parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/noise_estimators.json")
     parser.add_argument("--repeats", type=int, default=100)
     arguments = parser.parse_args()
     import cv2
@@ -130,26 +131,9 @@ def main() -> None:
             f"   in 64 {many[name]['least_ms']:.4f} ms   {results[name].get('ratio', '')}"
         )
     record = {"patch": "128 x 128 px", "true_sigma_dn": SIGMA_DN, "results": results, "recorded_ms": RECORDED_MS}
-    write(arguments.out, record)
-
-
-def write(path: Path, record: dict[str, Any]) -> None:
-    """The record with what it was measured on."""
-    import platform
-    from importlib.metadata import version
-
-    from pipeline.store import write_json
-
-    machine = {
-        "processor": platform.processor() or platform.machine(),
-        "threads": 1,
-        "load": [round(value, 2) for value in os.getloadavg()],
-        "python": platform.python_version(),
-        **{name: version(name) for name in ("numpy", "scipy", "opencv-python-headless", "scikit-image")},
-    }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_json(path, {"machine": machine, **record})
+    about = common.machine("opencv-python-headless", "scikit-image")
+    print(f"written to {common.write('noise_estimators', {'machine': about, **record}, arguments.out)}")
 
 
 if __name__ == "__main__":
-    main()
+    common.run(main)
