@@ -58,6 +58,7 @@ def tiles_of_noise(answered: int, reason: str, without: int) -> NoiseEstimate:
 @pytest.mark.parametrize(
     ("answered", "reason", "without", "known"),
     [(6, COMPRESSED, 6, True), (5, COMPRESSED, 6, False), (1, COMPRESSED, 29, False), (3, UNCERTAIN, 20, True),
+     (2, UNCERTAIN, 20, False), (2, "flat", 20, True),
      (2, "saturated", 5, True), (0, COMPRESSED, 4, False), (3, ALTERNATING, 4, False), (4, ALTERNATING, 4, True),
      (3, STREAKED, 4, False)],
 )  # fmt: skip
