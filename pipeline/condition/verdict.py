@@ -35,7 +35,7 @@ DIM_MEDIAN_DN = 48.0
 AXES = ("horizontal", "vertical")
 REASONS = {
     "compressed": "a codec may have removed it",
-    "uncertain": "it looks like grain of the scene",
+    "uncertain": "it may be grain of the scene, or noise that a filter, scaling or rotation changed",
     "alternating": "it alternates from pixel to pixel, as a raw colour mosaic does; demosaic it first",
     "streaked": "neighbouring pixels are equal too often, as behind a median filter",
     "saturated": "too bright or too dark",
