@@ -6,7 +6,7 @@ Frames of *Sim* and of the datasets named (kinds of `pipeline.datasets`, e.g. ``
 noise of 0 to 25 DN, equal in all colours, and are stored as JPEG, Motion JPEG, MPEG-4 or H.264
 (`pipeline.camera.processing.codec`); a video is of three frames, the last is taken. Others are filtered, scaled or
 turned (`FILTERS`), as frames are that were denoised, resized or rectified before. The *truth* of a patch is the
-standard deviation over four shots of the decoded frames, each with its own noise: what differs from shot to shot is
+standard deviation over four shots of the processed frames, each with its own noise: what differs from shot to shot is
 noise, whoever made it. Noise that a recorded frame has itself stays the same and is not among it, so that weak noise is
 judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere; frames are estimated whole
 (`pipeline.condition.ConditionMonitor`), and their truth is that of the median tile.
@@ -140,8 +140,8 @@ def measure(dataset: Dataset, frames: int, patches: int) -> pd.DataFrame:
         grey = read_grey8(frame.path)
         for processing in PROCESSINGS:
             for sigma_dn in SIGMAS_DN:
-                name = (processing,) if isinstance(processing, str) else (processing.name, processing.quality)
-                taken = shots(grey, processing, sigma_dn, dataset.name, frame.name, *name, sigma_dn)
+                key = (processing,) if isinstance(processing, str) else (processing.name, processing.quality)
+                taken = shots(grey, processing, sigma_dn, dataset.name, frame.name, *key, sigma_dn)
                 where = stream(SEED, "coded noise", "places", dataset.name, frame.name)
                 squares = places(taken.shape[1:], patches, where)
                 about = {"dataset": dataset.name, "codec": described(processing), "added_dn": sigma_dn}
@@ -179,18 +179,11 @@ def parse(text: str) -> Dataset:
     return open_dataset(kind, name, root)
 
 
-def positive(text: str) -> int:
-    """A whole number of at least 1."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text}: expected a whole number of at least 1")
-    return int(text)
-
-
 def described(processing: Codec | str) -> str:
     """Of a codec or filter, for the record."""
-    if isinstance(processing, str) or processing.name == "none":
-        return str(getattr(processing, "name", processing))
-    return f"{processing.name} {processing.quality}"
+    if isinstance(processing, str):
+        return processing
+    return processing.name if processing.name == "none" else f"{processing.name} {processing.quality}"
 
 
 def summarised(table: pd.DataFrame) -> dict[str, Any]:
@@ -220,8 +213,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Store, estimate, compare, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--dataset", action="append", default=[], metavar="NAME=KIND:ROOT", help="may be repeated")
-    parser.add_argument("--frames", type=positive, default=6, help="at most this many of each dataset")
-    parser.add_argument("--patches", type=positive, default=6, help="of each frame")
+    parser.add_argument("--frames", type=common.positive, default=6, help="at most this many of each dataset")
+    parser.add_argument("--patches", type=common.positive, default=6, help="of each frame")
     parser.add_argument("--rows", type=Path, metavar="CSV", help="every estimate with its truth, for a closer look")
     parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/coded_noise.json")
     options = parser.parse_args(arguments)
@@ -237,7 +230,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 for codec, part in kind.groupby("codec", sort=False)
             },
             "by_dataset": {
-                str(name): summarised(part[part["codec"] != "none"])
+                str(name): summarised(part[~part["codec"].isin(["none", *FILTERS])])
                 for name, part in kind.groupby("dataset", sort=False)
             },
         }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import platform
 import sys
@@ -40,13 +41,22 @@ def hold_loaded_libraries() -> None:
 
 def run(main: Callable[[], object]) -> None:
     """Run a benchmark; what it cannot use is one line on standard error, and exit code 2."""
-    from pipeline.errors import InputError
-
     try:
         main()
-    except InputError as error:
+    except Exception as error:
+        from pipeline.errors import InputError  # not before: importing the package pins instruction sets
+
+        if not isinstance(error, InputError):
+            raise
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(2) from None
+
+
+def positive(text: str) -> int:
+    """A whole number of at least 1, of a command line."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text}: expected a whole number of at least 1")
+    return int(text)
 
 
 def dataset(text: str) -> tuple[str, str, str]:

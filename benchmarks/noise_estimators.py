@@ -97,7 +97,7 @@ def main() -> None:
     """Compare, time, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/noise_estimators.json")
-    parser.add_argument("--repeats", type=int, default=100)
+    parser.add_argument("--repeats", type=common.positive, default=100)
     arguments = parser.parse_args()
     import cv2
 

@@ -67,7 +67,7 @@ def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--repeats", type=int, default=15)
+    parser.add_argument("--repeats", type=common.positive, default=15)
     arguments = parser.parse_args()
     common.hold_loaded_libraries()
     rows = measured(arguments.repeats)

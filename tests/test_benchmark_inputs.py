@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -25,3 +27,10 @@ def test_wrong_input_is_one_line_and_exit_code_2(tmp_path: Path, capsys: pytest.
     assert stopped.value.code == 2
     captured = capsys.readouterr()
     assert captured.err.startswith("error: ") and captured.err.count("\n") == 1 and captured.out == ""
+
+
+def test_a_benchmark_runs_before_instruction_sets_are_pinned() -> None:
+    """Some compare pinned with free instruction sets, which importing the package would settle."""
+    code = "import sys; from benchmarks import common; common.run(lambda: print('pipeline' in sys.modules))"
+    ran = subprocess.run([sys.executable, "-c", code], cwd=common.ROOT, capture_output=True, text=True, check=True)
+    assert ran.stdout == "False\n"

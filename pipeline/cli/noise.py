@@ -41,8 +41,8 @@ def command(
     """Estimate the noise of PATHS: pictures, videos, or folders of them.
 
     Prints, per frame, the robust median over its tiles with their range, in grey levels (DN, 0..255), and how many
-    tiles the estimator abstained on. A frame whose tiles mostly abstain because of a codec has no median. The same
-    estimator as ``camera-monitor health`` unless another is named.
+    tiles the estimator abstained on. A frame whose tiles mostly abstain because of a codec or filter, or of which less
+    than an eighth answer, has no median. The same estimator as ``camera-monitor health`` unless another is named.
     """
     from tqdm import tqdm
 

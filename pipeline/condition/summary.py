@@ -7,7 +7,8 @@ it is a bootstrap interval of the median, which knows of the spread between patc
 
 A frame whose tiles mostly abstain because a codec may have removed the noise has no noise level either: the few that
 answer are those whose own grain looks like noise (asphalt, foliage), not a sample of the frame. Nor has one whose tiles
-mostly alternate from pixel to pixel, or show the streaks of a median filter: both are of whole frames.
+mostly alternate from pixel to pixel, or show the streaks of a median filter: both are of whole frames. Nor has one of
+which hardly any tile answers.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.mtf import FREQUENCIES
-from pipeline.noise.base import ALTERNATING, COMPRESSED, STREAKED, UNCERTAIN, NoiseEstimate
+from pipeline.camera.saturation import SATURATED
+from pipeline.noise.base import ALTERNATING, COMPRESSED, FLAT, STREAKED, NoiseEstimate
 from pipeline.statistics import bootstrap_interval, inliers
 from pipeline.streams import stream
 
@@ -130,8 +132,8 @@ def summarise_noise(estimate: NoiseEstimate) -> Summary:
     """
     summary = summarise(estimate.sigma_dn, estimate.low_dn, estimate.high_dn)
     processed = np.isin(estimate.reason, (COMPRESSED, ALTERNATING, STREAKED)).sum()
-    uncertain = (estimate.reason == UNCERTAIN).sum()
-    if processed <= summary.count and summary.count >= LEAST_ANSWERING * (summary.count + processed + uncertain):
+    judged = np.count_nonzero(~np.isin(estimate.reason, (FLAT, SATURATED)))
+    if processed <= summary.count and summary.count >= LEAST_ANSWERING * judged:
         return summary
     unknown = np.full_like(summary.value, np.nan)
     return replace(summary, value=unknown, low=unknown, high=unknown, least=unknown, greatest=unknown)

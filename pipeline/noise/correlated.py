@@ -7,7 +7,8 @@ procedural scenes through random cameras (`correlated_training`). It estimates
     white_sigma_dn    its white part; the rest is smooth
     correlation       of adjacent pixels: 0 white, 0.3 to 0.8 in processed pictures
 
-with a 95 % interval of sigma. White noise is estimated more precisely by `cellwise`; `adaptive` chooses between them.
+with a 95 % interval of sigma. White noise is estimated more precisely by `cellwise`; `adaptive` weighs one against the
+other.
 
 Maps follow the estimated noise curve over grey level, so they show how noise differs with brightness, not between
 places of equal brightness.

@@ -239,18 +239,19 @@ def _lags(covariances: NDArray[np.float64], count: int) -> NDArray[np.float64]:
 
 def _bands(variance: Float, means: Float) -> NDArray[np.float64]:
     """Noise by brightness: log of the relative deviation of the flattest tenth, and the share of windows, per band."""
-    overall = _flattest(variance)
+    overall = flattest_tenth(variance)
     band = np.minimum((means * (BANDS / (WHITE_DN + 1))).astype(np.uint8), BANDS - 1)
     ratios, shares = np.zeros(BANDS), np.zeros(BANDS)
     for number, count in enumerate(np.bincount(band, minlength=BANDS).tolist()):
         shares[number] = count / len(variance)
         if LEAST_WINDOWS // 4 <= count < len(variance):
             inside = variance[band == number]
-            ratios[number] = 0.5 * np.log((_flattest(inside) + POWER_FLOOR_DN2) / (overall + POWER_FLOOR_DN2))
+            ratios[number] = 0.5 * np.log((flattest_tenth(inside) + POWER_FLOOR_DN2) / (overall + POWER_FLOOR_DN2))
     return np.concatenate([ratios, shares])
 
 
-def _flattest(variance: Float) -> float:
+def flattest_tenth(variance: Float) -> float:
+    """Mean of the least tenth of numbers (n,)."""
     count = max(len(variance) // 10, 1)
     return float(np.partition(variance, count - 1)[:count].mean())
 

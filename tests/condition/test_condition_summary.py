@@ -70,6 +70,16 @@ def test_a_frame_that_mostly_abstains_because_of_a_codec_has_no_noise_level(answ
     assert (int(summary.count), int(summary.abstained)) == (answered, without)
 
 
+def test_a_frame_of_which_hardly_any_tile_answers_has_no_noise_level():
+    tiles = tiles_of_noise(1, UNCERTAIN, 8)
+    tiles.reason[-1] = COMPRESSED
+    assert np.isnan(summarise_noise(tiles).value)
+    tiles.reason[-2:] = "flat", "saturated"
+    assert summarise_noise(tiles).value == 5
+    plugged_in = tiles_of_noise(1, "out of its range", 40)
+    assert np.isnan(summarise_noise(plugged_in).value)
+
+
 def test_reasons_that_concern_the_frame_count_together():
     both = tiles_of_noise(6, COMPRESSED, 7)
     both.reason[-3:] = STREAKED

@@ -107,6 +107,12 @@ def test_noise_behind_codecs_is_counted_by_codec_and_level(inputs: ReportInputs)
     assert shown["added_5"] == f"{100 * answered:.0f} / {100 * wrong:.0f}"
 
 
+def test_every_codec_and_filter_of_the_benchmark_has_a_name() -> None:
+    from benchmarks.coded_noise import PROCESSINGS, described
+
+    assert {described(processing).split()[0] for processing in PROCESSINGS} <= set(real_noise.CODECS)
+
+
 LEVEL = {"count": 4, "answered": 4, "wrong": 1}
 
 
