@@ -22,13 +22,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_name] = "1"  # before NumPy loads its libraries
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
+from common import machine, one_thread, run  # noqa: E402
+
+one_thread()
+
 import numpy as np  # noqa: E402
-from common import machine, run  # noqa: E402
 
 from pipeline.config.compose import compose, parse  # noqa: E402
 from pipeline.datasets.frame import Box, Frame  # noqa: E402

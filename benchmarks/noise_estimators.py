@@ -84,7 +84,6 @@ def peers() -> dict[str, tuple[str, Estimate]]:
     except ImportError as error:
         print(f"deepinv: not run ({error})")
         return results
-    torch.set_num_threads(1)
     network = PatchCovarianceNoiseEstimator()
     results["deepinv PatchCovarianceNoiseEstimator"] = (
         "pca",
@@ -99,9 +98,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/noise_estimators.json")
     parser.add_argument("--repeats", type=common.positive, default=100)
     arguments = parser.parse_args()
-    import cv2
-
-    cv2.setNumThreads(1)
+    common.hold_loaded_libraries()
     batch = patches()
     estimators = {name: noise.create(name) for name in ("pca", "bf", "wavelet", "immerkaer")}
     implementations: dict[str, Estimate] = {

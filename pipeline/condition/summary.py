@@ -132,8 +132,8 @@ def summarise_noise(estimate: NoiseEstimate) -> Summary:
     """
     summary = summarise(estimate.sigma_dn, estimate.low_dn, estimate.high_dn)
     processed = np.isin(estimate.reason, (COMPRESSED, ALTERNATING, STREAKED)).sum()
-    judged = np.count_nonzero(~np.isin(estimate.reason, (FLAT, SATURATED)))
-    if processed <= summary.count and summary.count >= LEAST_ANSWERING * judged:
+    measurable = np.count_nonzero(~np.isin(estimate.reason, (FLAT, SATURATED)))
+    if processed <= summary.count and summary.count >= LEAST_ANSWERING * measurable:
         return summary
     unknown = np.full_like(summary.value, np.nan)
     return replace(summary, value=unknown, low=unknown, high=unknown, least=unknown, greatest=unknown)
