@@ -74,11 +74,12 @@ def evaluate(
     from pipeline.learning.training import validation_samples
 
     trained = train(changed, run_options, form)
+    here = replace(run_options, device="cpu")  # where the trained network is
 
     def judged(training: Training) -> dict[str, float]:
         with torch.no_grad():
             transform = partial(feature_arrays, block_px=form.block_px)
-            return measure(trained.model, validation_samples(training, run_options, transform))
+            return measure(trained.model, validation_samples(training, here, transform))
 
     result = judged(released)
     others = {f"mtf_error_{name}_percent": judged(training)["mtf_error_percent"] for name, training in further.items()}

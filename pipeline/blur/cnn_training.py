@@ -44,10 +44,10 @@ class Loss:
         import torch
 
         patches = batch["patches_dn"].float() / 255
-        turned = torch.arange(len(patches)) % 2 == 1
+        turned = torch.arange(len(patches), device=patches.device) % 2 == 1
         patches[turned] = torch.rot90(patches[turned], -1, (1, 2))
         truth = torch.where(turned[:, None], batch["mtf"][:, 1], batch["mtf"][:, 0])
-        with torch.autocast("cpu", torch.bfloat16, enabled=self.half_precision):
+        with torch.autocast(patches.device.type, torch.bfloat16, enabled=self.half_precision):
             result = model(patches)
         result = result.float()
         value = (result - truth).square().mean()

@@ -84,7 +84,7 @@ class SpectralNet(nn.Module):
     def hidden(self, maps: torch.Tensor, vector: torch.Tensor) -> torch.Tensor:
         """(N, hidden) units of the first hidden layer, after its ReLU."""
         maps = maps.contiguous(memory_format=torch.channels_last)
-        with torch.autocast("cpu", torch.bfloat16, enabled=self.half_precision):
+        with torch.autocast(maps.device.type, torch.bfloat16, enabled=self.half_precision):
             seen = self.body(maps)
         return self.head[1](self.head[0](torch.cat([seen.float().flatten(1), vector], dim=1)))
 

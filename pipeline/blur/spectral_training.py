@@ -67,7 +67,7 @@ def loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[tor
     from pipeline.blur.spectral_net import laplace_loss
 
     maps = batch["maps"].float()
-    other = torch.arange(len(maps)) % 2 == 1
+    other = torch.arange(len(maps), device=maps.device) % 2 == 1
     maps[other] = mirrored(maps[other])
     mtf, scale, sigma_dn, sigma_scale = model(maps, batch["vector"].float())
     value = laplace_loss(mtf, scale, batch["mtf"])

@@ -15,8 +15,17 @@ Root = Annotated[str, Field(pattern=r"^([\w.-]+/)*$")]
 
 
 class ExecutorSettings(Settings):
-    """Where parallel work runs; changes no result. ``workers: 0`` means one per core."""
+    """Where work runs.
+
+    Attributes:
+        backend: of parallel work.
+        workers: processes; 0 means one per core. Changes no result.
+        address: of the Dask scheduler; None without one.
+        device: that networks are trained on, ``cpu`` or a GPU, ``cuda`` or ``cuda:1``; weights that a GPU has trained
+            differ in their last digits.
+    """
 
     backend: Literal["processes", "dask"]
     workers: Annotated[int, Field(ge=0, le=1024)]
     address: str | None
+    device: Annotated[str, Field(pattern=r"^(cpu|cuda(:\d+)?)$")] = "cpu"

@@ -38,15 +38,15 @@ def fingerprint(settings: LoopSettings, code: Code) -> str:
     return closure.fingerprint(code, asdict(settings))
 
 
-def held_out(make: Maker, chunks: int) -> dict[str, torch.Tensor]:
-    """Samples to validate on: chunks 0 .. `chunks` - 1 of a maker, as tensors by name."""
+def held_out(make: Maker, chunks: int, device: str = "cpu") -> dict[str, torch.Tensor]:
+    """Samples to validate on: chunks 0 .. `chunks` - 1 of a maker, as tensors by name on a device."""
     import torch
 
     from pipeline.executor import one_thread
 
     one_thread()
     made = [make(number) for number in range(chunks)]
-    return {name: torch.from_numpy(np.concatenate([item[name] for item in made])) for name in made[0]}
+    return {name: torch.from_numpy(np.concatenate([item[name] for item in made])).to(device) for name in made[0]}
 
 
 def fit(
@@ -94,6 +94,7 @@ def fit(
             folder=run_options.folder or run_options.cache / f"{name}-{fingerprint(settings, code)}",
             validate=validate,
             score=score,
+            device=run_options.device,
             report=run_options.report,
             stop_after=run_options.stop_after,
         )
@@ -136,4 +137,6 @@ def save(
         "step": trained.best_step,
         "measures": final_measures(trained),
     }
+    if trained.device != "cpu":
+        header["device"] = trained.device
     weights.save(path, trained.model.state_dict() if tensors is None else tensors, architecture, **header | details)

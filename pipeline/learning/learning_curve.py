@@ -37,6 +37,7 @@ class LearningCurve:
         chosen: step whose weights are released; None where that is not known.
         samples: patches or pictures of one step; None where the settings do not tell.
         settings: of the training.
+        device: that it ran on; None without a weight file.
     """
 
     name: str
@@ -46,6 +47,7 @@ class LearningCurve:
     chosen: int | None = None
     samples: int | None = None
     settings: Mapping[str, Any] | None = None
+    device: str | None = None
 
     @property
     def unit(self) -> str:
@@ -111,7 +113,8 @@ def _one(path: Path) -> LearningCurve:
     settings = header.get("settings") or {}
     step = header.get("step")
     chosen = int(step) if isinstance(step, (int, float)) else None
-    return LearningCurve(path.stem, curve, measure, _parameters(weights), chosen, _samples(settings), settings)
+    device = header.get("device", "cpu")
+    return LearningCurve(path.stem, curve, measure, _parameters(weights), chosen, _samples(settings), settings, device)
 
 
 def _parameters(path: Path) -> int:

@@ -39,11 +39,13 @@ class Trained:
         curve: one row every so many steps: step, learning rate, mean of each measure since the row before, and
             validation measures where there are some (prefix ``validation_``).
         best_step: which step that was.
+        device: that it was trained on.
     """
 
     model: torch.nn.Module
     curve: list[dict[str, float]]
     best_step: int
+    device: str = "cpu"
 
 
 @dataclass
@@ -53,6 +55,7 @@ class _State:
     model: torch.nn.Module
     optimiser: torch.optim.Optimizer
     average: dict[str, torch.Tensor]
+    device: str = "cpu"
     best: dict[str, torch.Tensor] = field(default_factory=dict)
     best_score: float = math.inf
     best_step: int = 0
@@ -73,6 +76,7 @@ def train(
     folder: Path | None = None,
     validate: Callable[[torch.nn.Module], dict[str, float]] | None = None,
     score: str = "",
+    device: str = "cpu",
     report: Callable[[dict[str, float]], None] | None = None,
     stop_after: int | None = None,
 ) -> Trained:
@@ -86,6 +90,7 @@ def train(
         folder: where checkpoints are kept; None keeps none.
         validate: measures of a model, taken at checkpoints on the averaged weights.
         score: which of them selects the best checkpoint (smallest); "" takes the last.
+        device: that the network is trained on; it comes back on the processor.
         report: called with every new row of the curve.
         stop_after: stop at this step as if interrupted (a checkpoint is written).
 
@@ -94,11 +99,12 @@ def train(
     """
     import torch
 
+    model.to(device)
     kinds = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
     options: dict[str, Any] = {"lr": schedule.learning_rate, "betas": schedule.betas, "eps": schedule.epsilon}
     options["fused"] = True  # its square root is the same on any processor, that of the other forms is MKL's
     optimiser = kinds[schedule.optimiser](model.parameters(), weight_decay=schedule.weight_decay, **options)
-    state = _State(model, optimiser, {name: value.clone() for name, value in model.state_dict().items()})
+    state = _State(model, optimiser, {name: value.clone() for name, value in model.state_dict().items()}, device)
     path = None if folder is None else Path(folder) / CHECKPOINT
     if path is not None and path.is_file():
         _restore(path, state, schedule)
@@ -120,7 +126,7 @@ def train(
         _keep(path, state, schedule)
     chosen = state.best if state.best else state.average
     model.load_state_dict(chosen)
-    return Trained(model.eval(), state.curve, state.best_step or state.step)
+    return Trained(model.cpu().eval(), state.curve, state.best_step or state.step, device)
 
 
 def _one_step(state: _State, loss: Loss, loader: ChunkLoader, schedule: Schedule) -> None:
@@ -128,7 +134,7 @@ def _one_step(state: _State, loss: Loss, loader: ChunkLoader, schedule: Schedule
 
     for group in state.optimiser.param_groups:
         group["lr"] = schedule.rate(state.step)
-    batch = {name: torch.from_numpy(values) for name, values in loader.batch(state.step).items()}
+    batch = {name: torch.from_numpy(values).to(state.device) for name, values in loader.batch(state.step).items()}
     value, measures = loss(state.model, batch)
     state.optimiser.zero_grad(set_to_none=True)
     value.backward()
@@ -224,7 +230,8 @@ def _restore(path: Path, state: _State, schedule: Schedule) -> None:
         raise InputError(f"{path}: belongs to a training with another schedule; delete its folder to begin anew")
 
     def part(prefix: str) -> dict[str, torch.Tensor]:
-        return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+        own = {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+        return {name: value.to(state.device) for name, value in own.items()}
 
     try:
         state.model.load_state_dict(part("model."))

@@ -70,7 +70,7 @@ class Maker:
 def validation_samples(training: Training, run_options: RunOptions, transform: Transform) -> dict[str, torch.Tensor]:
     """All validation samples, as tensors by name; makes their banks."""
     opened = open_samples(training, run_options.cache, validation=True, **run_options.executor)
-    return held_out(lambda number: transform(opened.chunk(number)), training.validation_chunks)
+    return held_out(lambda number: transform(opened.chunk(number)), training.validation_chunks, run_options.device)
 
 
 def train_on_samples(

@@ -1,8 +1,8 @@
 """The paper's learned noise estimator: a network that gives every pixel's sigma; a patch's is their median.
 
 Wischow et al. (T-ITS 2023), after Tan et al. (2019). The network (`cnn_net`) and its loss are the paper's; it is
-trained here on procedural pictures and 48 px crops (`training`), a small share of the paper's budget. It has no
-interval, and white skies, which clip half of the noise away, are abstained from as by the classical estimators.
+trained here on procedural pictures and 48 px crops (`training`); the report states its share of the paper's samples. It
+has no interval, and white skies, which clip half of the noise away, are abstained from as by the classical estimators.
 """
 
 from __future__ import annotations

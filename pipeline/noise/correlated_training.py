@@ -158,7 +158,8 @@ def train(settings: CorrelatedTraining, run_options: RunOptions) -> Trained:
     initialise(model, settings.seed, "correlated noise network")
     first = [torch.from_numpy(make(number)["statistics"]) for number in range(STANDARDISING_ROUNDS * len(KINDS))]
     model.standardise(torch.cat(first))
-    held = fitting.held_out(Maker(settings, run_options.cache, validation=True), settings.validation_chunks)
+    unseen = Maker(settings, run_options.cache, validation=True)
+    held = fitting.held_out(unseen, settings.validation_chunks, run_options.device)
     return fitting.fit(
         model,
         loss,  # type: ignore[arg-type]

@@ -68,7 +68,9 @@ class Maker(PictureMaker[SigmaTraining]):
         return program.arrays(samples.chunk(self.tiles, settings.recipe, settings.seed, purpose, number))
 
 
-def validation(settings: SigmaTraining, cache: Path) -> Callable[[torch.nn.Module], dict[str, float]]:
+def validation(
+    settings: SigmaTraining, cache: Path, device: str = "cpu"
+) -> Callable[[torch.nn.Module], dict[str, float]]:
     """Measures of a network on samples held out: errors over all and by true sigma, and what interval holds 95 %.
 
     ``interval`` is the factor k for which t +- k b holds ln(1 + sigma) in 95 % of the patches (cell-wise only);
@@ -76,7 +78,7 @@ def validation(settings: SigmaTraining, cache: Path) -> Callable[[torch.nn.Modul
     """
     import torch
 
-    data = fitting.held_out(Maker(settings, cache, validation=True), settings.validation_chunks)
+    data = fitting.held_out(Maker(settings, cache, validation=True), settings.validation_chunks, device)
     truth = data["sigma_dn"]
     program: Program = PROGRAMS.get(settings.kind)
 
@@ -122,7 +124,7 @@ def train(settings: SigmaTraining, run_options: RunOptions) -> Trained:
         run_options,
         name=f"sigma-{kind}",
         code=program.module,
-        validate=validation(settings, cache),
+        validate=validation(settings, cache, run_options.device),
         score="score_dn",
     )
 

@@ -17,6 +17,7 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.tables import format_number
 
 PAPER_SAMPLES = {"mtf_cnn": 51 * 136_425, "sigma_cnn": 99 * 4_744}
+MEASURES = {"mtf_cnn": "blur", "sigma_cnn": "noise"}
 NETWORK = "cnn"
 """Registry name of the paper's networks, of blur and of noise."""
 
@@ -31,18 +32,24 @@ def percents(inputs: ReportInputs) -> dict[str, float]:
 
 
 def in_words(percent: float) -> str:
-    """``"at most 0.7 % of the paper's samples"``: rounded up, to one significant digit below 10 %, else to 1 %."""
+    """``"at most 0.7 % of the paper's samples"``; see `rounded_up`."""
+    return f"at most {rounded_up(percent)} % of the paper’s samples"
+
+
+def rounded_up(percent: float) -> str:
+    """A percentage rounded up, to one significant digit below 10 %, else to 1 %."""
     step = 10.0 ** math.floor(math.log10(percent)) if 0 < percent < 10 else 1.0
-    rounded = round(step * math.ceil(round(percent / step, 6)), 10)
-    return f"at most {format_number(rounded)} % of the paper’s samples"
+    return format_number(round(step * math.ceil(round(percent / step, 6)), 10))
 
 
 def names(inputs: ReportInputs) -> dict[str, str]:
-    """Display names of the paper's networks with their share of the paper's training; empty without a record of it.
+    """The one name of the paper's two networks with their shares of the paper's training, ``"NAME (blur: at most 11 %,
+    noise: at most 92 % of the paper's samples)"``.
 
-    Both networks have one name, so that the larger share counts; full training needs no words.
+    Empty without a record of them; a network that was trained in full needs no words.
     """
-    shares = percents(inputs)
-    if not shares or max(shares.values()) >= 100:
+    shares = {MEASURES[name]: percent for name, percent in percents(inputs).items() if percent < 100}
+    if not shares:
         return {}
-    return {NETWORK: f"{ESTIMATORS[NETWORK]} ({in_words(max(shares.values()))})"}
+    words = ", ".join(f"{measure}: at most {rounded_up(percent)} %" for measure, percent in shares.items())
+    return {NETWORK: f"{ESTIMATORS[NETWORK]} ({words} of the paper’s samples)"}

@@ -31,7 +31,7 @@ def run(run: Run) -> None:
 
     if changed.half_precision:
         processor.release_torch()
-    run_options = RunOptions.reporting(name, steps, run.executor.workers)
+    run_options = RunOptions.reporting(name, steps, run.executor.workers, run.executor.device)
     result = ablation.evaluate(released, changed, form, further, run_options)
     training_record.write_measures(run.outputs / f"reports/metrics/ablation/{name}.json", result)
 

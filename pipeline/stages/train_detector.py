@@ -22,7 +22,8 @@ def run(run: Run) -> None:
         processor.release_torch()
     from pipeline.detection.compact import training
 
-    trained = training.train(name, settings, RunOptions.reporting(name, settings.schedule.steps, run.executor.workers))
+    run_options = RunOptions.reporting(name, settings.schedule.steps, run.executor.workers, run.executor.device)
+    trained = training.train(name, settings, run_options)
     training.save(
         run.outputs / f"data/weights/detector_{name}.safetensors", name, trained, settings, released=run.released
     )

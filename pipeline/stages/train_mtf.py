@@ -41,7 +41,8 @@ def run(run: Run) -> None:
     if training.half_precision:
         processor.release_torch()
 
-    trained = PROGRAMS.get(name)(training, RunOptions.reporting(name, training.schedule.steps, run.executor.workers))
+    run_options = RunOptions.reporting(name, training.schedule.steps, run.executor.workers, run.executor.device)
+    trained = PROGRAMS.get(name)(training, run_options)
     SAVERS.get(name)(run.outputs / f"data/weights/mtf_{name}.safetensors", trained, training, released=run.released)
     training_record.write(run.outputs, f"mtf_{name}", trained.curve, final_measures(trained))
 

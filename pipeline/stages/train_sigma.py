@@ -19,7 +19,8 @@ def run(run: Run) -> None:
     name = run.job["network"]
     settings: SigmaTraining = run.params.train.sigma[name]
 
-    trained = training.train(settings, RunOptions.reporting(name, settings.schedule.steps, run.executor.workers))
+    run_options = RunOptions.reporting(name, settings.schedule.steps, run.executor.workers, run.executor.device)
+    trained = training.train(settings, run_options)
     training.save(run.outputs / f"data/weights/sigma_{name}.safetensors", trained, settings, released=run.released)
     training_record.write(run.outputs, f"sigma_{name}", trained.curve, final_measures(trained))
 

@@ -15,7 +15,7 @@ def run(run: Run) -> None:
     from pipeline.noise.settings import CorrelatedTraining
 
     settings: CorrelatedTraining = run.params.train.sigma_correlated
-    run_options = RunOptions.reporting("correlated", settings.schedule.steps, run.executor.workers)
+    run_options = RunOptions.reporting("correlated", settings.schedule.steps, run.executor.workers, run.executor.device)
     trained = correlated_training.train(settings, run_options)
     path = run.outputs / "data/weights/sigma_correlated.safetensors"
     correlated_training.save(path, trained, settings, released=run.released)

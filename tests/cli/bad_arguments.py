@@ -281,6 +281,7 @@ SETTINGS: dict[str, str] = {
     "executor.workers=-1": "executor.workers",
     "executor.workers=two": "executor.workers",
     "executor.backend=slurm": "executor.backend",
+    "executor.device=gpu": "executor.device",
     "root=elsewhere": "root",
     "scenes.samples=0": "scenes.samples",
     "real_noise.recordings={x:1}": "real_noise.recordings",

@@ -28,7 +28,7 @@ def section(network="spectral", **changes):
 
 def configuration():
     training = {"spectral": section(), "cnn": section("cnn")}
-    return SimpleNamespace(train=SimpleNamespace(mtf=training), executor=SimpleNamespace(workers=1))
+    return SimpleNamespace(train=SimpleNamespace(mtf=training), executor=SimpleNamespace(workers=1, device="cpu"))
 
 
 @pytest.fixture

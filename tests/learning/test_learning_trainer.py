@@ -48,6 +48,18 @@ def weights_of(trained):
     return torch.cat([value.flatten() for value in trained.model.state_dict().values()])
 
 
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU that torch sees")
+def test_on_a_gpu_it_ends_near_the_same_weights_and_resumes(tmp_path):
+    options = {"validate": lambda model: {"first": float(next(model.parameters()).detach().sum())}, "score": "first"}
+    here, there = run(**options), run(device="cuda", **options)
+    run(device="cuda", folder=tmp_path, stop_after=33, **options)
+    resumed = run(device="cuda", folder=tmp_path, **options)
+    assert {value.device.type for value in there.model.state_dict().values()} == {"cpu"}
+    assert torch.allclose(weights_of(here), weights_of(there), atol=1e-3)
+    assert torch.allclose(weights_of(resumed), weights_of(there), atol=1e-3)
+    assert (here.device, there.device) == ("cpu", "cuda")
+
+
 def test_it_learns_and_records():
     trained = run(replace(SCHEDULE, steps=150))
     assert trained.curve[-1]["error"] < 0.3 * trained.curve[0]["error"]

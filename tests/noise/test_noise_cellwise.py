@@ -60,7 +60,8 @@ def test_every_filter_answers_white_noise_with_its_deviation(sigma: float, level
     statistics, base = features(torch.from_numpy(image))
     result = power(statistics)[0].mean((1, 2)).sqrt()
     averages = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, *range(15, POWERS)]  # but for extremes and the mean modulus
-    np.testing.assert_allclose(result[averages], np.hypot(sigma, 1 / 12**0.5), rtol=0.07)
+    # The coarsest filters scatter by 2.3 % from draw to draw and read 1 % high: five deviations.
+    np.testing.assert_allclose(result[averages], np.hypot(sigma, 1 / 12**0.5), rtol=0.12)
     assert float(base.mean()) == pytest.approx(sigma, rel=0.08)
 
 

@@ -39,8 +39,10 @@ def test_shares_follow_from_the_record_of_the_training() -> None:
 
 def test_the_name_of_the_papers_networks_carries_the_share_wherever_it_stands() -> None:
     names = training_budget.names(TRAINED)
-    largest = training_budget.in_words(max(training_budget.percents(TRAINED).values()))
-    assert names == {"cnn": f"CNN ({largest})"}
+    blur, noise = (
+        training_budget.rounded_up(training_budget.percents(TRAINED)[name]) for name in ("mtf_cnn", "sigma_cnn")
+    )
+    assert names == {"cnn": f"CNN (blur: at most {blur} %, noise: at most {noise} % of the paper’s samples)"}
     item = next(item for item in ITEMS if item.name == "blur_amae")
     with qualified(names):
         assert word("cnn") == names["cnn"] and word("pmp") == "PMP"
@@ -80,7 +82,7 @@ def test_the_section_states_sizes_where_they_were_measured(tmp_path: Path) -> No
         "AMAE is 2.0 % in the paper's order and encoded light and 3.0 % behind the optics and in linear light" in text
     )
     assert "AP 20.0 and 30.0 %" in text
-    assert "Blur: CNN saw 44,800 samples" in text
+    assert "Blur: CNN saw 704,000 samples" in text
 
 
 OUR_NETWORK = re.compile(r"(?<!R-)(?<!paper's )(?<!Paper, )(?<![Ii]ts )\bCNN\b")
@@ -103,5 +105,5 @@ def test_claims_on_the_papers_networks_carry_the_share() -> None:
     )
     with qualified(training_budget.names(inputs)):
         texts = [measured.text for _, measured in claims.measurements(inputs)]
-    assert sum("CNN (at most" in text for text in texts) >= 2
-    assert not [text for text in texts if re.search(r"(?<!R-)CNN(?! \(at most)", text)]
+    assert sum("CNN (blur: at most" in text for text in texts) >= 2
+    assert not [text for text in texts if re.search(r"(?<!R-)CNN(?! \(blur: at most)", text)]

@@ -40,7 +40,7 @@ def folder(tmp_path: Path) -> Path:
         validation_mtf_error_percent=[None, 10.0, None, 11.0], validation_mean_squared_error=[None, 0.02, None, 0.03],
     )  # fmt: skip
     settings = {"new_chunks_per_step": 2, "replays": 3, "recipe": {"views": 16, "kernels_per_view": 2}}
-    save(tmp_path / "mtf_cnn.safetensors", (3, 4), step=200, settings=settings)
+    save(tmp_path / "mtf_cnn.safetensors", (3, 4), step=200, settings=settings, device="cuda")
     write(tmp_path, "detector_compact", validation_ap=[0.1, 0.5, 0.8, 0.79], validation_loss=[3.0, 2.0, 1.0, 1.0])
     write(tmp_path, "sigma_cellwise", sigma_error_dn=[3.0, 1.0], validation_sigma_error_dn=[2.0, 0.5])
     return tmp_path
@@ -69,7 +69,8 @@ def test_the_section_shows_budget_size_and_error_beside_the_papers(folder: Path)
     assert "MTF error 10 %" in figure.drawing.alt
     row = table.rows[0]
     assert row["samples"] == 400 * 192 and row["released"] == 200 and row["training"] == 9.0
-    assert row["squared"] == Estimate(0.02, reference=0.0083)
+    assert row["squared"] == Estimate(0.02, reference=0.0083) and row["device"] == "GPU"
+    assert table.rows[1].get("device") is None  # without weights nobody knows
     assert row["parameters"] == Estimate(17, reference=6_757_384)
     missing = [block for block in result.blocks if isinstance(block, NotRun)]
     assert [block.line for block in missing] == ["dvc repro train_mtf@spectral"]

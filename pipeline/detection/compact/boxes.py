@@ -15,15 +15,19 @@ LARGEST_LOG = 4.5  # exp(4.5) = 90 cells, 2880 px at stride 32
 
 
 @functools.lru_cache(maxsize=16)
-def cells(height_px: int, width_px: int, strides: tuple[int, ...]) -> tuple[torch.Tensor, torch.Tensor]:
+def cells(
+    height_px: int, width_px: int, strides: tuple[int, ...], device: torch.device | None = None
+) -> tuple[torch.Tensor, torch.Tensor]:
     """Centres (P, 2), x y in pixels, and strides (P,) of all cells: finest stride first, row by row."""
     centres, sizes = [], []
     for stride in strides:
         rows, columns = torch.meshgrid(
-            torch.arange(height_px // stride), torch.arange(width_px // stride), indexing="ij"
+            torch.arange(height_px // stride, device=device),
+            torch.arange(width_px // stride, device=device),
+            indexing="ij",
         )
         centres.append((torch.stack([columns, rows], -1).reshape(-1, 2) + 0.5) * stride)
-        sizes.append(torch.full((rows.numel(),), float(stride)))
+        sizes.append(torch.full((rows.numel(),), float(stride), device=device))
     return torch.cat(centres), torch.cat(sizes)
 
 

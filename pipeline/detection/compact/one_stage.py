@@ -69,11 +69,11 @@ class OneStage(nn.Module):
 
     def forward(self, images: torch.Tensor) -> Found:
         """What all cells say of (N, 1, H, W) images in [0, 1], H and W multiples of 32."""
-        with torch.autocast("cpu", torch.bfloat16, enabled=self.half_precision):
+        with torch.autocast(images.device.type, torch.bfloat16, enabled=self.half_precision):
             maps = self.trunk(images)
             logits = [out(branch(x)) for out, branch, x in zip(self.class_out, self.class_branch, maps, strict=True)]
             numbers = [out(branch(x)) for out, branch, x in zip(self.box_out, self.box_branch, maps, strict=True)]
-        centres, strides = boxes.cells(images.shape[2], images.shape[3], STRIDES)
+        centres, strides = boxes.cells(images.shape[2], images.shape[3], STRIDES, images.device)
         joined = torch.cat([x.flatten(2) for x in logits], 2).transpose(1, 2).float()
         box = boxes.spelled(torch.cat([x.flatten(2) for x in numbers], 2).transpose(1, 2).float(), centres, strides)
         return Found(joined, box, centres, strides, maps)

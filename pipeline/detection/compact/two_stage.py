@@ -91,15 +91,16 @@ class TwoStage(nn.Module):
 def pooled(maps: list[torch.Tensor], regions: torch.Tensor) -> torch.Tensor:
     """What the pyramid holds in each region, (N, R, 64, 7, 7)."""
     count, many = regions.shape[:2]
-    parts = (torch.arange(PARTS) + 0.5) / PARTS
+    parts = (torch.arange(PARTS, device=regions.device) + 0.5) / PARTS
     x = regions[..., 0:1] + parts * (regions[..., 2:3] - regions[..., 0:1])  # (N, R, 7)
     y = regions[..., 1:2] + parts * (regions[..., 3:4] - regions[..., 1:2])
     where = torch.stack([x[:, :, None, :].expand(-1, -1, PARTS, -1), y[..., None].expand(-1, -1, -1, PARTS)], -1)
     size = square_root(boxes.areas(regions))
     level = (size > FINE_PX).long() + (size > MIDDLE_PX).long()
-    total = torch.zeros(count, many, PYRAMID, PARTS, PARTS)
+    total = torch.zeros(count, many, PYRAMID, PARTS, PARTS, device=regions.device)
     for index, (features, stride) in enumerate(zip(maps, STRIDES, strict=True)):
-        extent = torch.tensor([features.shape[3] * stride, features.shape[2] * stride], dtype=torch.float32)
+        sides = [features.shape[3] * stride, features.shape[2] * stride]
+        extent = torch.tensor(sides, dtype=torch.float32, device=regions.device)
         grid = (2 * where / extent - 1).reshape(count, many * PARTS, PARTS, 2)
         seen = functional.grid_sample(features.float(), grid, padding_mode="border", align_corners=False)
         seen = seen.reshape(count, PYRAMID, many, PARTS, PARTS).transpose(1, 2)
@@ -128,9 +129,9 @@ def proposals(found: Found, max_detections: int, iou_threshold: float = 0.7) -> 
         best = logit.topk(min(4 * max_detections, len(logit))).indices
         score, region = logit[best].sigmoid(), box[best]
         kind = np.zeros(len(best), np.int64)
-        kept = suppress(region.numpy(), score.numpy(), kind, iou_threshold, max_detections)
+        kept = suppress(region.cpu().numpy(), score.cpu().numpy(), kind, iou_threshold, max_detections)
         rest = np.setdiff1d(np.arange(len(best)), kept)[: max_detections - len(kept)]
-        order = torch.from_numpy(np.concatenate([kept, rest]))
+        order = torch.from_numpy(np.concatenate([kept, rest])).to(region.device)
         chosen.append(region[order])
         scores.append(score[order])
     return torch.stack(chosen), torch.stack(scores)

@@ -126,6 +126,7 @@ def _networks(curves: Sequence[LearningCurve]) -> Table:
             "samples": None if one.samples is None else one.steps * one.samples, "measure": measure_heading(one),
             "held_out": one.at_release(HELD_OUT + one.measure), "squared": squared(one),
             "training": None if one.training() is None else one.at_release(one.measure),
+            "device": None if one.device is None else "processor" if one.device == "cpu" else "GPU",
         }
         for one in curves
     ]  # fmt: skip
