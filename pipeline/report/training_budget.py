@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from pipeline.learning.learning_curve import read
+from pipeline.learning.learning_curve import LearningCurve, read
 from pipeline.report.display_names import ESTIMATORS
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.tables import format_number
@@ -24,11 +24,15 @@ NETWORK = "cnn"
 
 def percents(inputs: ReportInputs) -> dict[str, float]:
     """Network -> percent of the paper's samples that its training here saw; without those of no record."""
-    return {
-        one.name: 100 * one.steps * one.samples / PAPER_SAMPLES[one.name]
-        for one in read(inputs.weights)
-        if one.name in PAPER_SAMPLES and one.samples is not None
-    }
+    shares = {one.name: percent_of(one) for one in read(inputs.weights)}
+    return {name: percent for name, percent in shares.items() if percent is not None}
+
+
+def percent_of(one: LearningCurve) -> float | None:
+    """Percent of the paper's samples that a training saw; None for other networks, and without a record."""
+    if one.name not in PAPER_SAMPLES or one.samples is None:
+        return None
+    return 100 * one.steps * one.samples / PAPER_SAMPLES[one.name]
 
 
 def in_words(percent: float) -> str:

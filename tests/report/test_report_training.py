@@ -11,6 +11,8 @@ from report_makers import REPO
 
 from pipeline.errors import InputError
 from pipeline.learning.learning_curve import read
+from pipeline.report import training_budget
+from pipeline.report.display_names import qualified
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import training
 from pipeline.report.spec import Figure, NotRun
@@ -74,6 +76,13 @@ def test_the_section_shows_budget_size_and_error_beside_the_papers(folder: Path)
     assert row["parameters"] == Estimate(17, reference=6_757_384)
     missing = [block for block in result.blocks if isinstance(block, NotRun)]
     assert [block.line for block in missing] == ["dvc repro train_mtf@spectral"]
+
+
+def test_titles_of_the_papers_networks_carry_their_own_share(folder: Path) -> None:
+    inputs = dataclasses.replace(NOTHING, weights=folder)
+    with qualified(training_budget.names(inputs)):
+        titles = [training.network_title(one) for one in read(folder)]
+    assert titles == ["Blur: CNN (at most 2 % of the paper’s samples)", "Noise: Cell-wise", "Detector: Compact"]
 
 
 def test_one_panel_a_network_with_the_released_step_marked(folder: Path) -> None:

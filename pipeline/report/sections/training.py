@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from pipeline.learning.learning_curve import HELD_OUT, LearningCurve, read
-from pipeline.report import style
+from pipeline.report import style, training_budget
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.display_names import word
+from pipeline.report.display_names import ESTIMATORS, word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.spec import Block, Section, single
 from pipeline.report.tables import Estimate, Table
@@ -41,9 +41,12 @@ MEASURES |= {"mtf_error_percent": "MTF error", "missed_percent": "mean AP missed
 
 
 def network_title(one: LearningCurve) -> str:
-    """``"Blur: Spectral"``."""
+    """``"Blur: Spectral"``; of the paper's networks with their own share of its training, where names carry it."""
     task, _, network = one.name.partition("_")
-    return f"{TASKS.get(task, word(task))}: {word(network)}"
+    name, share = word(network), training_budget.percent_of(one)
+    if share is not None and name != ESTIMATORS[network]:
+        name = ESTIMATORS[network] if share >= 100 else f"{ESTIMATORS[network]} ({training_budget.in_words(share)})"
+    return f"{TASKS.get(task, word(task))}: {name}"
 
 
 def measure_title(one: LearningCurve) -> str:
