@@ -18,13 +18,13 @@ MOST_PRODUCERS = 8
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a training runs; but for a GPU nothing here changes the weights it ends with.
+    """How a training runs; nothing here changes the weights it ends with, but for their last digits on a GPU.
 
     Attributes:
         cache: folder for banks, frames and checkpoints, outside of any stage's outputs.
         folder: of the checkpoint; None names one in the cache by the fingerprint of settings and code.
         producers: processes that make samples ahead; 0 makes them in this one.
-        device: that the network is trained on, ``"cpu"`` or ``"cuda"``; sums of a GPU differ in their last digits.
+        device: that the network is trained on, ``"cpu"`` or ``"cuda"``.
         executor: arguments of `pipeline.executor.run_map`, for banks and frames, which are made first.
         report: called with every new row of the learning curve.
         stop_after: stop at this step as if interrupted (a checkpoint is written); None goes on to the end.
@@ -54,14 +54,17 @@ class RunOptions:
         workers = workers or available_cores()
         return cls(
             producers=min(workers - 1, MOST_PRODUCERS),
-            device=present(device),
+            device=available(device),
             executor={"workers": workers},
             report=reporter(name, steps),
         )
 
 
-def present(device: str) -> str:
+def available(device: str) -> str:
     """The device, if torch sees it.
+
+    Args:
+        device: ``"cpu"``, ``"cuda"`` or ``"cuda:NUMBER"``.
 
     Raises:
         InputError: it does not.

@@ -230,8 +230,8 @@ def _restore(path: Path, state: _State, schedule: Schedule) -> None:
         raise InputError(f"{path}: belongs to a training with another schedule; delete its folder to begin anew")
 
     def part(prefix: str) -> dict[str, torch.Tensor]:
-        own = {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
-        return {name: value.to(state.device) for name, value in own.items()}
+        named = ((name, value.to(state.device)) for name, value in tensors.items() if name.startswith(prefix))
+        return {name.removeprefix(prefix): value for name, value in named}
 
     try:
         state.model.load_state_dict(part("model."))

@@ -1,8 +1,8 @@
 """Training the noise networks: what they are fed, what they minimise, how they are validated.
 
 Pictures are procedural only (`pipeline.learning.images`), noise is drawn anew for every sample (`samples`). The
-cell-wise network gets the fixed statistics of whole patches; the paper's gets 48 px crops, which is all that its
-17 GFLOP a patch leave time for on a processor.
+cell-wise network gets the fixed statistics of whole patches; the paper's gets 48 px crops, a seventh
+of its 17 GFLOP a patch.
 """
 
 from __future__ import annotations

@@ -17,22 +17,22 @@ from pipeline.report.inputs import ReportInputs
 from pipeline.report.tables import format_number
 
 PAPER_SAMPLES = {"mtf_cnn": 51 * 136_425, "sigma_cnn": 99 * 4_744}
-MEASURES = {"mtf_cnn": "blur", "sigma_cnn": "noise"}
+TASKS = {"mtf_cnn": "blur", "sigma_cnn": "noise"}
 NETWORK = "cnn"
 """Registry name of the paper's networks, of blur and of noise."""
 
 
 def percents(inputs: ReportInputs) -> dict[str, float]:
     """Network -> percent of the paper's samples that its training here saw; without those of no record."""
-    shares = {one.name: percent_of(one) for one in read(inputs.weights)}
-    return {name: percent for name, percent in shares.items() if percent is not None}
+    each = {curve.name: percent_of(curve) for curve in read(inputs.weights)}
+    return {name: percent for name, percent in each.items() if percent is not None}
 
 
-def percent_of(one: LearningCurve) -> float | None:
+def percent_of(curve: LearningCurve) -> float | None:
     """Percent of the paper's samples that a training saw; None for other networks, and without a record."""
-    if one.name not in PAPER_SAMPLES or one.samples is None:
+    if curve.name not in PAPER_SAMPLES or curve.samples is None:
         return None
-    return 100 * one.steps * one.samples / PAPER_SAMPLES[one.name]
+    return 100 * curve.steps * curve.samples / PAPER_SAMPLES[curve.name]
 
 
 def in_words(percent: float) -> str:
@@ -52,8 +52,8 @@ def names(inputs: ReportInputs) -> dict[str, str]:
 
     Empty without a record of them; a network that was trained in full needs no words.
     """
-    shares = {MEASURES[name]: percent for name, percent in percents(inputs).items() if percent < 100}
-    if not shares:
+    partial = {TASKS[name]: percent for name, percent in percents(inputs).items() if percent < 100}
+    if not partial:
         return {}
-    words = ", ".join(f"{measure}: at most {rounded_up(percent)} %" for measure, percent in shares.items())
+    words = ", ".join(f"{task}: at most {rounded_up(percent)} %" for task, percent in partial.items())
     return {NETWORK: f"{ESTIMATORS[NETWORK]} ({words} of the paper’s samples)"}

@@ -3,7 +3,7 @@
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.learning.run_options import MOST_PRODUCERS, RunOptions, present
+from pipeline.learning.run_options import MOST_PRODUCERS, RunOptions, available
 
 ROW = {"step": 100.0, "loss": 1.23456789, "error_percent": 20.0}
 
@@ -20,7 +20,8 @@ def test_samples_are_made_beside_the_training_where_there_are_two_workers(monkey
 
 def test_a_gpu_that_is_not_there_is_refused_with_what_to_do(monkeypatch):
     monkeypatch.setattr("torch.cuda.device_count", lambda: 1)
-    assert RunOptions.reporting("mine", 500, 2, "cuda").device == present("cuda:0")[:4]
+    assert RunOptions.reporting("mine", 500, 2, "cuda").device == "cuda"
+    assert [available(device) for device in ("cpu", "cuda:0")] == ["cpu", "cuda:0"]
     with pytest.raises(InputError, match=r"executor.device is 'cuda:1', but torch .* sees 1 CUDA devices; set it to"):
         RunOptions.reporting("mine", 500, 2, "cuda:1")
 

@@ -73,9 +73,9 @@ def measure(name: str, frames: SimFrames) -> Callable[[torch.nn.Module], dict[st
     def measures(model: torch.nn.Module) -> dict[str, float]:
         entries = []
         for image in frames.images:
-            raw = candidates(model, filled(image / np.float32(255)).to(next(model.parameters()).device), 0.01)
-            found = tuple(values.cpu() for values in raw)
-            entries.append(to_detections(found, image.shape, iou_threshold=0.5, max_detections=300))
+            picture = filled(image / np.float32(255)).to(next(model.parameters()).device)
+            raw = tuple(values.cpu() for values in candidates(model, picture, 0.01))
+            entries.append(to_detections(raw, image.shape, iou_threshold=0.5, max_detections=300))
         results = evaluate(entries, truths, LABELS)
         values = {f"ap_{label}_percent": 100 * result.average_precision for label, result in results.items()}
         mean = mean_average_precision(results.values())

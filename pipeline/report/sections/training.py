@@ -43,9 +43,9 @@ MEASURES |= {"mtf_error_percent": "MTF error", "missed_percent": "mean AP missed
 def network_title(one: LearningCurve) -> str:
     """``"Blur: Spectral"``; of the paper's networks with their own share of its training, where names carry it."""
     task, _, network = one.name.partition("_")
-    name, share = word(network), training_budget.percent_of(one)
-    if share is not None and name != ESTIMATORS[network]:
-        name = ESTIMATORS[network] if share >= 100 else f"{ESTIMATORS[network]} ({training_budget.in_words(share)})"
+    name, percent = word(network), training_budget.percent_of(one)
+    if percent is not None and name != ESTIMATORS[network]:
+        name = ESTIMATORS[network] if percent >= 100 else f"{ESTIMATORS[network]} ({training_budget.in_words(percent)})"
     return f"{TASKS.get(task, word(task))}: {name}"
 
 
