@@ -42,11 +42,12 @@ def test_the_name_of_the_papers_networks_carries_the_share_wherever_it_stands() 
     blur, noise = (
         training_budget.rounded_up(training_budget.percents(TRAINED)[name]) for name in ("mtf_cnn", "sigma_cnn")
     )
-    assert names == {"cnn": f"CNN (blur: at most {blur} %, noise: at most {noise} % of the paper’s samples)"}
+    assert names == {"cnn": f"CNN (blur: at most {blur} %; noise: at most {noise} % of the paper’s samples)"}
     item = next(item for item in ITEMS if item.name == "blur_amae")
     with qualified(names):
         assert word("cnn") == names["cnn"] and word("pmp") == "PMP"
         rows = rows_of(item, TRAINED)
+    assert "," not in names["cnn"]  # which separates the parts of the ledger's quantities
     assert sum(names["cnn"] in row.quantity for row in rows) == 45
     assert word("cnn") == ESTIMATORS["cnn"]
 
