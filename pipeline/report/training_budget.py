@@ -47,10 +47,10 @@ def rounded_up(percent: float) -> str:
 
 
 def names(inputs: ReportInputs) -> dict[str, str]:
-    """The one name of the paper's two networks with their shares of the paper's training, ``"NAME (blur: at most 11 %;
-    noise: at most 92 % of the paper's samples)"``, without a comma, which separates the parts of the ledger's quantities.
+    """The one name of the paper's two networks with their shares of the paper's training.
 
-    Empty without a record of them; a network that was trained in full needs no words.
+    ``"NAME (blur: at most 11 %; noise: at most 92 % of the paper's samples)"``, without a comma, which separates the
+    parts of the ledger's quantities. Empty without a record of them; a network trained in full needs no words.
     """
     partial = {TASKS[name]: percent for name, percent in percents(inputs).items() if percent < 100}
     if not partial:
