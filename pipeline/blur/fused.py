@@ -1,4 +1,4 @@
-"""Fused estimator: the spectral network on every patch, GBB and PMP on a few blurred ones, joined by a learned gate.
+"""Fused estimator: networks on every patch, GBB and PMP on a few blurred ones, joined by a learned gate.
 
 The spectral network costs milliseconds and its errors are a common bias of scene and kernel; those of GBB and PMP are
 nearly independent of it (`pipeline.blur.fusion_gate`). Blind deconvolution costs about half a second a patch, and
@@ -8,11 +8,17 @@ pays only where there is blur: with m the mean MTF by the spectral network (cali
 
 so sharp frames stay at milliseconds; and so do patches that the spectral network is sure of, by the mean b of its scale
 before any calibration (defocus by a disc, as a rule): on procedural samples of b below 0.013 its mean error is 0.53
-points and that of the gate 0.58. Patches of one call that are blurred alike (`pipeline.blur.shared_blur`) share one
-kernel: GBB and PMP solve the stacked equations of at most `deconvolved_patches` of them, and the gate joins the answer
-with the spectral MTF of every one (or, without `joint`, each of them is solved alone). A patch with another blur is
-deconvolved alone. Nothing is random; the answer for a patch depends on the other patches of the call, by which ones are
-deconvolved with it.
+points and that of the gate 0.58. Where it is not, and there is a calibration, spectral stands for
+
+    (1 - u / 2) spectral + u / 2 (spectral and pixel network calibrated together),  u = clip((b - 0.013) / 0.007, 0, 1),
+
+the mean of two calibrations, because the pixel network errs in other ways (`pipeline.blur.spectral_and_pixels`) and on
+single patches more: by the second one alone KITTI was estimated worse, by their mean all recorded frames better.
+
+Patches of one call that are blurred alike (`pipeline.blur.shared_blur`) share one kernel: GBB and PMP solve the stacked
+equations of at most `deconvolved_patches` of them, and the gate joins the answer with the spectral MTF of every one
+(or, without `joint`, each of them is solved alone). A patch with another blur is deconvolved alone. Nothing is random;
+the answer for a patch depends on the other patches of the call, by which ones are deconvolved with it.
 
 Answers are total MTFs until `Fused.calibrated` makes them relative to a camera's sharp frames. Ours; the gate is
 trained on procedural pictures only (`pipeline.blur.fusion_training`).
@@ -28,34 +34,41 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.blur import shared_blur
+from pipeline.blur import overlap, shared_blur
 from pipeline.blur.base import BlurEstimate, Estimator, as_patches
 from pipeline.blur.camera_calibration import SAMPLES, fit_map
 from pipeline.blur.fusion_camera import SHARP_PATCHES, FusionMap
 from pipeline.blur.fusion_members import Deconvolution, join_members
 from pipeline.blur.spectral import RELEASED as RELEASED_SPECTRAL
 from pipeline.blur.spectral import RELEASED_PROCESSED, Spectral
+from pipeline.blur.spectral_and_pixels import RELEASED as RELEASED_PIXELS
+from pipeline.blur.spectral_and_pixels import SpectralAndPixels
 from pipeline.camera.mtf import CAMERA, SYSTEM
 from pipeline.errors import InputError, did_you_mean
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
 RELEASED = located("data/weights/mtf_fusion.safetensors")
-RELEASED_BESIDE = {"spectral_weights": RELEASED_SPECTRAL, "processed_weights": RELEASED_PROCESSED}
+RELEASED_BESIDE = {
+    "spectral_weights": RELEASED_SPECTRAL,
+    "processed_weights": RELEASED_PROCESSED,
+    "pixel_weights": RELEASED_PIXELS,
+}
 SHARED = ("auto", "always", "never")
 PAYS_BELOW = 0.6  # mean MTF under which deconvolution begins to help
 PAYS_FULLY_BELOW = 0.4
-PAYS_ABOVE_SCALE = 0.013  # mean scale of the spectral network over which deconvolution begins to help
-PAYS_FULLY_ABOVE_SCALE = 0.02
+UNSURE_ABOVE_SCALE = 0.013  # mean scale of the spectral network over which other estimators begin to help
+UNSURE_FULLY_ABOVE_SCALE = 0.02
+PIXELS_WEIGHT = 0.5  # of the calibration with the pixel network, where the spectral one is fully unsure
 
 
 @dataclass(frozen=True)
 class SpectralAnswer:
-    """What the spectral network returns of N patches, calibrated where there is a calibration.
+    """What the networks return of N patches, calibrated where there is a calibration.
 
     Attributes:
         mtf: (N, 2, 8).
-        scale: (N, 2, 8) its Laplace scale.
+        scale: (N, 2, 8) Laplace scale of the spectral one.
         sigma_dn: (N,) noise, DN.
         pays: (N,) weight in [0, 1] of what deconvolution adds.
     """
@@ -81,8 +94,13 @@ def deconvolution_pays(mtf: NDArray[np.float64], scale: NDArray[np.float64]) -> 
         (N,) in [0, 1].
     """
     blurred = (PAYS_BELOW - mtf.mean(axis=(1, 2))) / (PAYS_BELOW - PAYS_FULLY_BELOW)
-    unsure = (scale.mean(axis=(1, 2)) - PAYS_ABOVE_SCALE) / (PAYS_FULLY_ABOVE_SCALE - PAYS_ABOVE_SCALE)
-    return np.asarray(np.clip(blurred, 0.0, 1.0) * np.clip(unsure, 0.0, 1.0))
+    return np.asarray(np.clip(blurred, 0.0, 1.0) * unsureness(scale))
+
+
+def unsureness(scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How unsure the spectral network is, u of the module: (N,) in [0, 1] for its Laplace scale (N, 2, 8)."""
+    above = (scale.mean(axis=(1, 2)) - UNSURE_ABOVE_SCALE) / (UNSURE_FULLY_ABOVE_SCALE - UNSURE_ABOVE_SCALE)
+    return np.asarray(np.clip(above, 0.0, 1.0))
 
 
 class Fused(Estimator):
@@ -91,6 +109,7 @@ class Fused(Estimator):
     Args:
         weights: file of the gate; None for the released one.
         spectral_weights: file of the spectral network; None for the released one.
+        pixel_weights: file of the pixel network; None for the released one.
         deconvolved_patches: how many of the patches that share a blur are deconvolved, evenly spread over them.
         shared_blur: whether the patches of one call are blurred alike: ``"always"`` (a frame, a cell of a table),
             ``"never"`` (every blurred patch is deconvolved), or ``"auto"``, which takes those for alike whose spectral
@@ -98,7 +117,7 @@ class Fused(Estimator):
         joint: solve one kernel for the patches that share a blur; else each is solved alone and the median of what that
             adds to the spectral answers is added to those of all.
         kernel_size: side of the kernels, odd, pixels.
-        batch, device: of the spectral network.
+        batch, device: of the networks.
 
     Attributes:
         camera: calibration, or None: answers are then total MTFs.
@@ -114,6 +133,7 @@ class Fused(Estimator):
         weights: str | Path | None = None,
         *,
         spectral_weights: str | Path | None = None,
+        pixel_weights: str | Path | None = None,
         deconvolved_patches: int = 4,
         shared_blur: str = "auto",
         joint: bool = True,
@@ -130,21 +150,17 @@ class Fused(Estimator):
             raise InputError(f"shared_blur={shared_blur!r}: {did_you_mean(str(shared_blur), SHARED)}")
         self.deconvolved_patches, self.shared_blur, self.joint = deconvolved_patches, shared_blur, joint
         self.spectral = Spectral(spectral_weights, batch=batch, device=device)
+        self.networks = SpectralAndPixels(pixel_weights, weights=spectral_weights, batch=batch, device=device)
         self.deconvolution = Deconvolution(kernel_size)
         gate = FusionGate()
         header = into(gate, Path(weights or active(RELEASED)), ARCHITECTURE)
-        self.released = bool(header["released"]) and self.spectral.released
+        self.released = bool(header["released"]) and self.networks.released
         self.gate, self.interval = gate.eval(), float(header["interval"])
 
     def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
         """See `pipeline.blur.base.Estimator.measure`; relative MTFs where there is a calibration."""
-        networks = self.spectral.predict_members(patches)
-        mtf, scale = np.asarray(networks.mtf, np.float64), np.asarray(networks.scale, np.float64)
-        unwidened = scale
-        if self.camera is not None:
-            mtf, scale = self.camera.spectral(networks.members, networks.hidden), scale * self.camera.spectral.widening
-        pays = deconvolution_pays(mtf, unwidened)
-        spectral = SpectralAnswer(mtf, scale, np.asarray(networks.hidden.sigma_dn, np.float64), pays)
+        spectral = self._of_networks(patches, reason)
+        mtf, scale, pays = spectral.mtf, spectral.scale, spectral.pays
         answer, width = mtf.copy(), self.spectral.interval * scale
         blurred = np.flatnonzero((reason == "") & (pays > 0))
         for members in self._groups(mtf[blurred], scale[blurred]):
@@ -161,6 +177,24 @@ class Fused(Estimator):
         answer[abstained] = width[abstained] = np.nan
         low, high = (np.clip(answer + sign * width, 0.0, 1.0) for sign in (-1, 1))
         return BlurEstimate(answer, abstained, reason, low=low, high=high)
+
+    def _of_networks(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> SpectralAnswer:
+        """What the networks say of patches; the pixel network where the camera's calibration knows it."""
+        networks = self.spectral.predict_members(patches)
+        mtf, scale = np.asarray(networks.mtf, np.float64), np.asarray(networks.scale, np.float64)
+        unwidened = scale
+        if self.camera is not None:
+            mtf, scale = self.camera.spectral(networks.members, networks.hidden), scale * self.camera.spectral.widening
+            unsure = np.where(reason == "", unsureness(unwidened), 0.0)
+            asked = np.flatnonzero(unsure)
+            if self.camera.networks is not None and len(asked):
+                every = self.networks.predict_members(patches[asked])
+                weight = PIXELS_WEIGHT * unsure[asked, None, None]
+                joint = self.camera.networks(every.members, every.hidden)
+                mtf[asked] += weight * (joint - mtf[asked])
+                scale[asked] += weight * (unwidened[asked] * self.camera.networks.widening - scale[asked])
+        sigma_dn = np.asarray(networks.hidden.sigma_dn, np.float64)
+        return SpectralAnswer(mtf, scale, sigma_dn, deconvolution_pays(mtf, unwidened))
 
     def _groups(self, mtf: NDArray[np.float64], scale: NDArray[np.float64]) -> list[NDArray[np.int_]]:
         """Indices of the blurred patches, by blur."""
@@ -197,7 +231,7 @@ class Fused(Estimator):
 
         Args:
             sharp_patches: (N, 1, 192, 192) float in [0, 1] of the camera's sharp frames; some tens, from
-                different scenes, are enough.
+                different scenes, are enough. Of a single scene, the pixel network takes no part.
             samples: see `pipeline.blur.camera_calibration.fit_map`.
             seed: see there.
 
@@ -205,11 +239,14 @@ class Fused(Estimator):
             InputError: see there.
         """
         sharp = as_patches(sharp_patches, "sharp_patches")
-        spectral = fit_map(self.spectral, sharp, samples=samples, seed=seed)
+        spectral, networks = fit_map(self.spectral, sharp, samples=samples, seed=seed), None
+        if overlap.scenes(sharp[:, 0]).any():  # with a single one there is none to judge the pixel network by
+            networks = fit_map(self.networks, sharp, samples=samples, seed=seed)
         picked = shared_blur.spread(np.arange(len(sharp)), SHARP_PATCHES)
         result = self.deconvolution.gbb.estimate(sharp[picked])
         kept = np.asarray(result.mtf, np.float64)[~result.abstained]
-        return FusionMap(spectral, np.median(kept, axis=0) if len(kept) else np.ones(result.mtf.shape[1:]))
+        sharp_mtf = np.median(kept, axis=0) if len(kept) else np.ones(result.mtf.shape[1:])
+        return FusionMap(spectral, sharp_mtf, networks)
 
     def with_camera(self, camera: FusionMap | None) -> Self:
         """The same estimator with this calibration and no other; None for total MTFs."""
@@ -221,8 +258,7 @@ class Fused(Estimator):
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same estimator, calibrated to the camera of these sharp patches: answers are relative MTFs.
 
-        Takes half a minute: the spectral network is run on 2400 blurred patches, without and with noise, GBB on ten
-        sharp ones.
+        Takes two minutes: the networks are run on 2400 blurred patches, without and with noise, GBB on ten sharp ones.
 
         Args:
             sharp_patches: see `fit_camera`.

@@ -1,4 +1,4 @@
-"""The fused estimator's calibration to one camera: the map of the spectral networks and GBB's MTF of sharp frames.
+"""The fused estimator's calibration to one camera: maps of its networks and GBB's MTF of sharp frames.
 
 PMP is left as it is: its answers for sharp frames are no measure of the camera, and dividing by them makes it worse.
 """
@@ -26,12 +26,15 @@ class FusionMap:
     """See the module.
 
     Attributes:
-        spectral: map of the spectral network's answers.
+        spectral: map of the spectral networks' answers.
         gbb_sharp_mtf: (2, 8) median MTF by GBB over sharp patches; 1 where it could measure none.
+        networks: map of these and of the pixel network (`pipeline.blur.spectral_and_pixels`); None where the latter
+            takes no part, as in calibrations made before there was one.
     """
 
     spectral: Calibration
     gbb_sharp_mtf: NDArray[np.float64]
+    networks: Calibration | None = None
 
     @property
     def samples(self) -> int:
@@ -56,7 +59,10 @@ class FusionMap:
         """Write it as JSON."""
         from pipeline.store import write_json
 
-        write_json(Path(path), {"spectral": self.spectral.content(), "gbb_sharp_mtf": self.gbb_sharp_mtf.tolist()})
+        content = {"spectral": self.spectral.content(), "gbb_sharp_mtf": self.gbb_sharp_mtf.tolist()}
+        if self.networks is not None:
+            content["networks"] = self.networks.content()
+        write_json(Path(path), content)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -70,7 +76,8 @@ class FusionMap:
             sharp = np.array(content["gbb_sharp_mtf"], float)
             if sharp.shape != (2, FREQUENCIES) or not np.isfinite(sharp).all():
                 raise ValueError(f"gbb_sharp_mtf of shape {sharp.shape}, expected (2, {FREQUENCIES}) finite numbers")
-            return cls(Calibration.from_content(content["spectral"]), sharp)
+            networks = Calibration.from_content(content["networks"]) if "networks" in content else None
+            return cls(Calibration.from_content(content["spectral"]), sharp, networks)
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(
                 f"{path}: not the calibration of the fused estimator ({error}); "

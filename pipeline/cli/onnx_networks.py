@@ -96,6 +96,13 @@ def _network_of(package: str, name: str, attribute: str = "network", **options: 
     return load
 
 
+def _mtf_pixels() -> torch.nn.Module:
+    from pipeline.blur.spectral_and_pixels import SpectralAndPixels
+
+    network: torch.nn.Module = SpectralAndPixels().pixels
+    return network
+
+
 def _mtf_cnn() -> torch.nn.Module:
     import torch
     from torch import nn
@@ -124,6 +131,10 @@ NETWORKS = {
     "mtf_spectral_processed": Network(
         _network_of("blur", "spectral", "processed"), _spectral_features, 192, SPECTRAL_OUTPUTS,
         f"{SPECTRAL} of processed pictures",
+    ),
+    "mtf_pixels": Network(
+        _mtf_pixels, lambda patches: {"patches_dn": (patches[:, 0] * 255).round()}, 192, SPECTRAL_OUTPUTS,
+        "patches, DN, to the MTF",
     ),
     "mtf_cnn": Network(
         _mtf_cnn, lambda patches: {"patches": patches[:, 0]}, 192, ("mtf",), "patches in [0, 1] to the MTF"

@@ -12,7 +12,7 @@ from pipeline.learning.settings import Training
 from pipeline.noise.settings import CorrelatedTraining, SigmaTraining
 from pipeline.settings import Settings
 
-BlurNetwork = Annotated[str, Field(pattern="^(spectral|spectral_processed|cnn)$")]
+BlurNetwork = Annotated[str, Field(pattern="^(spectral|spectral_processed|pixels|cnn)$")]
 NoiseNetwork = Annotated[str, Field(pattern="^(cellwise|cnn)$")]
 DetectorNetwork = Annotated[str, Field(pattern="^(compact|compact_two_stage)$")]
 

@@ -15,7 +15,7 @@ USES: dict[str, list[str]] = {
     "pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": [], "pipeline.control": [],
 }  # fmt: skip
 NETWORKS = {
-    "train_mtf": ("spectral", "spectral_processed", "cnn"),
+    "train_mtf": ("spectral", "spectral_processed", "pixels", "cnn"),
     "train_sigma": ("cellwise", "cnn"),
     "train_detector": ("compact", "compact_two_stage"),
 }

@@ -11,6 +11,7 @@ PROGRAMS = Registry(
     {
         "spectral": "pipeline.blur.spectral_training:train",
         "spectral_processed": "pipeline.blur.spectral_training:train",
+        "pixels": "pipeline.blur.pixel_training:train",
         "cnn": "pipeline.blur.cnn_training:train",
     },
 )
@@ -20,6 +21,7 @@ SAVERS = Registry(
     {
         "spectral": "pipeline.blur.spectral_training:save",
         "spectral_processed": "pipeline.blur.spectral_training:save",
+        "pixels": "pipeline.blur.pixel_training:save",
         "cnn": "pipeline.blur.cnn_training:save",
     },
 )

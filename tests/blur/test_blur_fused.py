@@ -6,7 +6,7 @@ import pytest
 from pipeline import blur
 from pipeline.blur import fusion_gate
 from pipeline.blur.base import Estimator
-from pipeline.blur.fused import Fused, deconvolution_pays
+from pipeline.blur.fused import Fused, deconvolution_pays, unsureness
 from pipeline.blur.fusion_camera import FusionMap
 from pipeline.blur.fusion_members import Deconvolution, join_members
 from pipeline.camera.blur import blur as convolve
@@ -152,6 +152,39 @@ def test_calibration_covers_the_members(gate_file, camera, blurred, tmp_path):
     (tmp_path / "camera.json").write_text("[]")
     with pytest.raises(InputError, match="not the calibration of the fused estimator"):
         FusionMap.load(tmp_path / "camera.json")
+
+
+def test_the_pixel_network_takes_part_where_the_spectral_one_is_unsure(gate_file, camera, sharp):
+    """Patches with hardly any blur, and blurred ones that the spectral network is sure of: nothing is deconvolved."""
+    estimator = make(gate_file)
+    far = rounded(convolve(sharp, defocus(17.0)))
+    sure = unsureness(estimator.spectral.predict(far)[1]) == 0
+    patches = np.concatenate([sharp, far[sure]])
+    before = FusionMap(camera.spectral, camera.gbb_sharp_mtf)
+    answers = [estimator.with_camera(one).estimate(patches).mtf for one in (camera, before)]
+    assert not estimator.deconvolution.sizes
+    unsure = unsureness(estimator.spectral.predict(patches)[1])
+    every = estimator.networks.predict_members(patches)
+    joint = camera.networks(every.members, every.hidden)
+    weight = 0.5 * unsure[:, None, None]
+    assert (unsure == 0).any() and (unsure > 0).any()
+    assert np.array_equal(answers[0][unsure == 0], answers[1][unsure == 0])
+    assert np.allclose(answers[0], (1 - weight) * answers[1] + weight * joint, atol=1e-6)
+
+
+def test_of_a_single_scene_the_pixel_network_takes_no_part(gate_file, camera, sharp):
+    """There is none to hold out, by which it could be judged."""
+    assert camera.networks is not None
+    assert make(gate_file).fit_camera(sharp[:1], samples=100).networks is None
+
+
+def test_a_calibration_made_before_there_was_a_pixel_network_still_loads(gate_file, camera, sharp, tmp_path):
+    before = FusionMap(camera.spectral, camera.gbb_sharp_mtf)
+    before.save(tmp_path / "camera.json")
+    read = FusionMap.load(tmp_path / "camera.json")
+    assert read.networks is None
+    estimator = make(gate_file)
+    assert np.array_equal(read.answer(estimator, sharp).mtf, before.answer(estimator, sharp).mtf)
 
 
 def test_gbb_is_divided_by_its_sharp_mtf_but_not_by_noise(camera):

@@ -34,7 +34,7 @@ BLUR = [
     ("spectral", {"output": "relative"}, [*SPECTRAL, TYPICAL]),
     ("spectral", {"processed": False}, SPECTRAL[:1]),
     ("cnn", {}, ["mtf_cnn.safetensors"]),
-    ("fused", {}, ["mtf_fusion.safetensors", *SPECTRAL]),
+    ("fused", {}, ["mtf_fusion.safetensors", "mtf_pixels.safetensors", *SPECTRAL]),
     ("pmp", {"mode": "fast"}, []),
     ("gbb", {}, []),
 ]
