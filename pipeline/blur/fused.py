@@ -150,7 +150,7 @@ class Fused(Estimator):
             raise InputError(f"shared_blur={shared_blur!r}: {did_you_mean(str(shared_blur), SHARED)}")
         self.deconvolved_patches, self.shared_blur, self.joint = deconvolved_patches, shared_blur, joint
         self.spectral = Spectral(spectral_weights, batch=batch, device=device)
-        self.networks = SpectralAndPixels(pixel_weights, weights=spectral_weights, batch=batch, device=device)
+        self.networks = SpectralAndPixels(self.spectral, pixel_weights)
         self.deconvolution = Deconvolution(kernel_size)
         gate = FusionGate()
         header = into(gate, Path(weights or active(RELEASED)), ARCHITECTURE)
@@ -179,20 +179,20 @@ class Fused(Estimator):
         return BlurEstimate(answer, abstained, reason, low=low, high=high)
 
     def _of_networks(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> SpectralAnswer:
-        """What the networks say of patches; the pixel network where the camera's calibration knows it."""
+        """What the networks estimate of patches, with the pixel network where the camera's calibration has it."""
         networks = self.spectral.predict_members(patches)
         mtf, scale = np.asarray(networks.mtf, np.float64), np.asarray(networks.scale, np.float64)
         unwidened = scale
         if self.camera is not None:
             mtf, scale = self.camera.spectral(networks.members, networks.hidden), scale * self.camera.spectral.widening
             unsure = np.where(reason == "", unsureness(unwidened), 0.0)
-            asked = np.flatnonzero(unsure)
-            if self.camera.networks is not None and len(asked):
-                every = self.networks.predict_members(patches[asked])
-                weight = PIXELS_WEIGHT * unsure[asked, None, None]
-                joint = self.camera.networks(every.members, every.hidden)
-                mtf[asked] += weight * (joint - mtf[asked])
-                scale[asked] += weight * (unwidened[asked] * self.camera.networks.widening - scale[asked])
+            unsure_patches = unsure > 0
+            if (joint := self.camera.networks) is not None and unsure_patches.any():
+                seen = networks.members[unsure_patches], networks.hidden.part(unsure_patches)
+                joint_mtf = joint(*self.networks.beside(*seen, patches[unsure_patches]))
+                weight = PIXELS_WEIGHT * unsure[unsure_patches, None, None]
+                mtf[unsure_patches] += weight * (joint_mtf - mtf[unsure_patches])
+                scale[unsure_patches] += weight * (unwidened[unsure_patches] * joint.widening - scale[unsure_patches])
         sigma_dn = np.asarray(networks.hidden.sigma_dn, np.float64)
         return SpectralAnswer(mtf, scale, sigma_dn, deconvolution_pays(mtf, unwidened))
 

@@ -3,9 +3,9 @@
 Where `spectral_net` sees log power spectra, this one sees edges: how a step or a line spreads shows a short motion that
 a spectrum without phases does not tell from a softer scene. The patch, less its mean and divided by its contrast, is
 folded to half the size with four channels; three pairs of residual blocks halve it to 12 x 12 cells; heads of attention
-then say which cells to listen to, and together with mean and contrast two hidden layers of 256 give what the spectral
-network gives: 16 MTF values, 16 scales of their Laplace distribution, noise sigma and its scale. 1.41 million
-parameters, 13 ms a patch on a core.
+weight the cells, and together with mean and contrast two hidden layers of 256 give what the spectral network gives:
+16 MTF values, 16 scales of their Laplace distribution, noise sigma and its scale. 1.41 million parameters, 13 ms a
+patch on a core.
 """
 
 from __future__ import annotations
@@ -89,12 +89,12 @@ class PixelNet(nn.Module):
         folded = functional.pixel_unshuffle(normal[:, None], FOLD_PX).contiguous(memory_format=torch.channels_last)
         with torch.autocast(folded.device.type, torch.bfloat16, enabled=self.half_precision):
             seen = self.body(folded)
-            where = self.attention(seen)
+            scores = self.attention(seen)
         cells = seen.float().flatten(2)
-        weights = where.float().flatten(2).softmax(dim=2)
-        heard = torch.einsum("nhcp,nhp->nhc", cells.unflatten(1, (HEADS, -1)), weights).flatten(1)
+        weights = scores.float().flatten(2).softmax(dim=2)
+        attended = torch.einsum("nhcp,nhp->nhc", cells.unflatten(1, (HEADS, -1)), weights).flatten(1)
         numbers = torch.cat([mean.flatten(1) / 255, (contrast.flatten(1) / CONTRAST_UNIT).clamp_min(1e-3).log()], dim=1)
-        return self.head[1](self.head[0](torch.cat([cells.mean(2), heard, numbers], dim=1)))
+        return self.head[1](self.head[0](torch.cat([cells.mean(2), attended, numbers], dim=1)))
 
     def outputs(self, hidden: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         """The answer from these units; see `forward`."""

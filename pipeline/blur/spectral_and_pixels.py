@@ -2,20 +2,21 @@
 
 Networks that see the same features err alike, however long they are trained; the pixel network (`pixel_net`) sees edges
 in place of spectra, and its errors correlate by .3 to .4 with those of the spectral ones. Alone it is worse on recorded
-frames, but where motion is short. So it has no say in what an uncalibrated estimator answers: a camera's calibration
-(`camera_calibration`), which knows by scenes held out how each network does on that camera, joins all three.
+frames, but where motion is short. So an uncalibrated estimate does not depend on it: a camera's calibration
+(`camera_calibration`), which measures on scenes held out how each network does on that camera, joins all three.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.blur.base import FREQUENCIES, HiddenUnits
+from pipeline.blur.base import FREQUENCIES, BlurEstimate, Estimator, HiddenUnits
 from pipeline.blur.camera_correction import OutputLayers
-from pipeline.blur.spectral import FIRST, SECOND, Prediction, Spectral
+from pipeline.blur.spectral import FIRST, SECOND, Spectral
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
@@ -30,50 +31,65 @@ MIDDLE = 1
 last for the one that knows halos."""
 
 
-class SpectralAndPixels(Spectral):
-    """Answers as `Spectral` does until it is calibrated; see the module.
+class SpectralAndPixels(Estimator):
+    """Estimates as `Spectral` does, with the pixel network's MTF among those of the networks; see the module.
 
     Args:
+        spectral: not calibrated, of total MTFs, with both its networks.
         pixel_weights: file of the pixel network; None for the released one.
-        spectral: options of `pipeline.blur.spectral.Spectral`; both its networks take part.
 
     Raises:
-        InputError: a weight file that is absent, broken or of another network; see `Spectral`.
+        InputError: a weight file that is absent, broken or of another network.
     """
 
-    def __init__(self, pixel_weights: str | Path | None = None, **spectral: Any) -> None:
+    def __init__(self, spectral: Spectral, pixel_weights: str | Path | None = None) -> None:
         import torch
 
         from pipeline.blur.pixel_net import ARCHITECTURE, PixelNet
         from pipeline.learning.weights import into
 
-        super().__init__(**spectral)
-        network = PixelNet()
+        self.spectral, network = spectral, PixelNet()
         header = into(network, Path(pixel_weights or active(RELEASED)), ARCHITECTURE)
-        self.released &= bool(header["released"])
-        self.pixels = network.eval().to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.released = spectral.released and bool(header["released"])
+        self.pixels = network.eval().to(spectral.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
 
-    def predict_members(self, patches: NDArray[np.float32]) -> Prediction:
-        """What the networks return, together and apart; the pixel network's is between those of the spectral ones."""
+    def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
+        """The uncalibrated answer; see `pipeline.blur.base.Estimator.measure`."""
+        estimate = self.spectral.measure(patches, reason)
+        assert estimate.members is not None and estimate.hidden is not None
+        members, hidden = self.beside(estimate.members, estimate.hidden, patches)
+        members[estimate.abstained] = np.nan
+        return replace(estimate, members=members, hidden=hidden)
+
+    def beside(
+        self, members: NDArray[np.floating], hidden: HiddenUnits, patches: NDArray[np.float32]
+    ) -> tuple[NDArray[np.floating], HiddenUnits]:
+        """What all three networks estimate of patches that the spectral ones have seen.
+
+        Args:
+            members: (N, 2, 2, 8) MTFs by the spectral networks.
+            hidden: their units.
+            patches: (N, 1, 192, 192) float32 in [0, 1].
+
+        Returns:
+            MTFs (N, 3, 2, 8) and units of the three, the pixel network's between those of the spectral ones.
+        """
         import torch
 
-        spectral = super().predict_members(patches)
-        mtf = np.empty((len(patches), *spectral.members.shape[2:]), np.float32)
-        units = np.empty((len(patches), spectral.hidden.units.shape[2]), np.float32)
+        mtf = np.empty((len(patches), *members.shape[2:]), np.float32)
+        units = np.empty((len(patches), hidden.units.shape[2]), np.float32)
         with torch.inference_mode():
             for first in range(0, len(patches), AT_ONCE):
                 part = slice(first, first + AT_ONCE)
-                levels = torch.from_numpy(np.rint(patches[part, 0] * 255)).to(self.device)
-                hidden = self.pixels.hidden(levels)
-                mtf[part], units[part] = self.pixels.outputs(hidden)[0].cpu().numpy(), hidden.cpu().numpy()
-        members = np.insert(spectral.members, MIDDLE, mtf, axis=1)
-        hidden_units = np.insert(spectral.hidden.units, MIDDLE, units, axis=1)
-        hidden = HiddenUnits(hidden_units, spectral.hidden.second_share, spectral.hidden.sigma_dn)
-        return Prediction(spectral.mtf, spectral.scale, members, hidden)
+                levels = torch.from_numpy(np.rint(patches[part, 0] * 255)).to(self.spectral.device)
+                seen = self.pixels.hidden(levels)
+                mtf[part], units[part] = self.pixels.outputs(seen)[0].cpu().numpy(), seen.cpu().numpy()
+        every_unit = np.insert(hidden.units, MIDDLE, units, axis=1)
+        return np.insert(members, MIDDLE, mtf, axis=1), replace(hidden, units=every_unit)
 
     def output_layers(self) -> OutputLayers:
         """The last two layers of all three; see `pipeline.blur.camera_correction`."""
-        spectral, head, values = super().output_layers(), self.pixels.head, 2 * FREQUENCIES
+        spectral, head, values = self.spectral.output_layers(), self.pixels.head, 2 * FREQUENCIES
 
         def beside(others: NDArray[np.float64], values: torch.Tensor) -> NDArray[np.float64]:
             return np.insert(others, MIDDLE, values.detach().cpu().double().numpy(), axis=0)

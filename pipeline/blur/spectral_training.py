@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.blur import mtf_likelihood
 from pipeline.blur.spectral_features import BLOCK_PX
 from pipeline.learning.run_options import RunOptions
 from pipeline.learning.samples import Chunk
@@ -17,10 +18,6 @@ from pipeline.learning.trainer import Trained
 if TYPE_CHECKING:
     import numpy as np
     import torch
-
-SIGMA_WEIGHT = 0.05  # of the noise's likelihood beside the MTF's
-COVERAGE = 0.95
-SCORE = "mtf_error_percent"
 
 
 @dataclass(frozen=True)
@@ -64,40 +61,17 @@ def loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[tor
     import torch
 
     from pipeline.blur.spectral_features import mirrored
-    from pipeline.blur.spectral_net import laplace_loss
 
     maps = batch["maps"].float()
     other = torch.arange(len(maps), device=maps.device) % 2 == 1
     maps[other] = mirrored(maps[other])
-    mtf, scale, sigma_dn, sigma_scale = model(maps, batch["vector"].float())
-    value = laplace_loss(mtf, scale, batch["mtf"])
-    value = value + SIGMA_WEIGHT * laplace_loss(sigma_dn, sigma_scale, batch["sigma_dn"])
-    measures = {
-        "mtf_error_percent": 100 * float((mtf - batch["mtf"]).detach().abs().mean()),
-        "sigma_error_dn": float((sigma_dn - batch["sigma_dn"]).detach().abs().mean()),
-    }
-    return value, measures
+    return mtf_likelihood.loss(model(maps, batch["vector"].float()), batch)
 
 
 def measure(model: torch.nn.Module, data: Mapping[str, torch.Tensor]) -> dict[str, float]:
-    """Mean absolute errors on held-out samples, and how wide intervals must be.
-
-    ``interval`` is the factor k for which m +- k b holds the truth in 95 % of the values.
-    """
-    import torch
-
+    """Measures on held-out samples (`pipeline.blur.mtf_likelihood.measures`)."""
     pieces = zip(data["maps"].split(256), data["vector"].split(256), strict=True)
-    results = [model(maps.float(), vector.float()) for maps, vector in pieces]
-    mtf, scale, sigma_dn, _ = (torch.cat(parts) for parts in zip(*results, strict=True))
-    error = (mtf - data["mtf"]).abs()
-    clean = data["sigma_dn"] == 0
-    return {
-        "mtf_error_percent": 100 * float(error.mean()),
-        "mtf_error_clean_percent": 100 * float(error[clean].mean()),
-        "mtf_error_noisy_percent": 100 * float(error[~clean].mean()),
-        "sigma_error_dn": float((sigma_dn - data["sigma_dn"]).abs().mean()),
-        "interval": float(torch.quantile((error / scale).flatten(), COVERAGE)),
-    }
+    return mtf_likelihood.measures([model(maps.float(), vector.float()) for maps, vector in pieces], data)
 
 
 def train(training: Training, run_options: RunOptions, form: Form | None = None) -> Trained:
@@ -120,7 +94,7 @@ def train(training: Training, run_options: RunOptions, form: Form | None = None)
     initialise(model, training.seed, "spectral network")
     trained = train_on_samples(
         model, training, run_options, partial(feature_arrays, block_px=form.block_px), loss, measure,
-        name=f"mtf-spectral{form.suffix}", code=__name__, score=SCORE,
+        name=f"mtf-spectral{form.suffix}", code=__name__, score=mtf_likelihood.SCORE,
     )  # fmt: skip
     model.half_precision = False
     return trained
@@ -129,9 +103,5 @@ def train(training: Training, run_options: RunOptions, form: Form | None = None)
 def save(path: Path, trained: Trained, training: Training, *, released: bool = False) -> None:
     """Write the weight file of a training: weights, settings, measures and the interval's factor."""
     from pipeline.blur.spectral_net import ARCHITECTURE
-    from pipeline.learning import fitting
 
-    interval = fitting.final_measures(trained)["validation_interval"]
-    fitting.save(
-        path, trained, training, architecture=ARCHITECTURE, code=__name__, released=released, interval=interval
-    )
+    mtf_likelihood.save(path, trained, training, ARCHITECTURE, __name__, released=released)

@@ -97,9 +97,7 @@ def _network_of(package: str, name: str, attribute: str = "network", **options: 
 
 
 def _mtf_pixels() -> torch.nn.Module:
-    from pipeline.blur.spectral_and_pixels import SpectralAndPixels
-
-    network: torch.nn.Module = SpectralAndPixels().pixels
+    network: torch.nn.Module = _network_of("blur", "fused", "networks")().pixels  # type: ignore[assignment]
     return network
 
 

@@ -164,7 +164,7 @@ def test_the_pixel_network_takes_part_where_the_spectral_one_is_unsure(gate_file
     answers = [estimator.with_camera(one).estimate(patches).mtf for one in (camera, before)]
     assert not estimator.deconvolution.sizes
     unsure = unsureness(estimator.spectral.predict(patches)[1])
-    every = estimator.networks.predict_members(patches)
+    every = estimator.networks.estimate(patches)
     joint = camera.networks(every.members, every.hidden)
     weight = 0.5 * unsure[:, None, None]
     assert (unsure == 0).any() and (unsure > 0).any()

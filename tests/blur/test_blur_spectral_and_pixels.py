@@ -21,7 +21,7 @@ def patches():
 
 @pytest.fixture(scope="module")
 def estimator():
-    return SpectralAndPixels(batch=3)
+    return SpectralAndPixels(Spectral(batch=3))
 
 
 def test_uncalibrated_it_answers_as_the_spectral_networks_do(estimator, patches):
@@ -30,7 +30,7 @@ def test_uncalibrated_it_answers_as_the_spectral_networks_do(estimator, patches)
 
 
 def test_the_pixel_network_stands_between_the_spectral_ones(estimator, patches):
-    every, spectral = estimator.predict_members(patches), Spectral(batch=3).predict_members(patches)
+    every, spectral = estimator.estimate(patches), Spectral(batch=3).predict_members(patches)
     assert every.members.shape == (4, 3, 2, 8) and every.hidden.units.shape == (4, 3, 256)
     assert np.array_equal(every.members[:, ::2], spectral.members)
     assert np.array_equal(every.hidden.units[:, ::2], spectral.hidden.units)
@@ -42,7 +42,7 @@ def test_the_pixel_network_stands_between_the_spectral_ones(estimator, patches):
 
 
 def test_output_layers_give_the_networks_answers(estimator, patches):
-    every, layers = estimator.predict_members(patches), estimator.output_layers()
+    every, layers = estimator.estimate(patches), estimator.output_layers()
     seen = np.maximum(np.einsum("nef,ekf->nek", every.hidden.units, layers.first) + layers.first_offset, 0)
     logits = np.einsum("nek,evk->nev", seen, layers.second) + layers.second_offset
     read = (1 / (1 + np.exp(-logits))).reshape(every.members.shape)
@@ -53,7 +53,7 @@ def test_output_layers_give_the_networks_answers(estimator, patches):
 def test_a_calibration_joins_all_three(estimator, patches):
     made = fit_map(estimator, patches[:3], samples=100)
     assert made.members == 3
-    read = estimator.predict_members(patches)
+    read = estimator.estimate(patches)
     moved = read.members.copy()
     moved[:, 1] = np.clip(moved[:, 1] + 0.1, 0, 0.99)
     assert not np.allclose(made(read.members, read.hidden), made(moved, read.hidden), atol=1e-3)
@@ -64,6 +64,6 @@ def test_weights_that_are_not_released_are_known_for_it(tmp_path):
     initialise(network, 1, "test")
     path = tmp_path / "net.safetensors"
     weights.save(path, network.state_dict(), ARCHITECTURE, released=False)
-    assert not SpectralAndPixels(path).released
+    assert not SpectralAndPixels(Spectral(), path).released
     with pytest.raises(InputError, match="no such weight file"):
-        SpectralAndPixels(tmp_path / "absent.safetensors")
+        SpectralAndPixels(Spectral(), tmp_path / "absent.safetensors")
