@@ -8,8 +8,10 @@ noise of 0 to 25 DN, equal in all colours, and are stored as JPEG, Motion JPEG, 
 turned (`FILTERS`), as frames are that were denoised, resized or rectified before. The *truth* of a patch is the
 standard deviation over four shots of the processed frames, each with its own noise: what differs from shot to shot is
 noise, whoever made it. Noise that a recorded frame has itself stays the same and is not among it, so that weak noise is
-judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere; frames are estimated whole
-(`pipeline.condition.ConditionMonitor`), and their truth is that of the median tile.
+judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere; those with more than 5 % of black or
+white pixels (``saturated``) are left out: clipping took part of their noise, and the estimate is of the rest of the
+patch. Frames are estimated whole (`pipeline.condition.ConditionMonitor`), and their truth is that of the
+median tile.
 
 An answer is ``wrong`` where it is off by more than 20 % of the truth and by more than 0.5 DN. ``wrong_fraction`` and
 ``held_fraction`` (of truths in the 95 % interval) are of the answers; ``compressed_fraction`` is that of abstentions
@@ -86,6 +88,7 @@ PROCESSINGS: tuple[Codec | str, ...] = (*CODECS, *FILTERS)
 SIGMAS_DN = (0.0, 2.0, 5.0, 10.0, 25.0)
 SHOTS, FRAMES_BEFORE = 4, 2
 PATCH_PX = 128
+MOST_SATURATED = 0.05
 TOLERANCE, TOLERANCE_DN = 0.2, 0.5
 SEED = 1
 
@@ -132,6 +135,11 @@ def true_dn(taken: NDArray[np.uint8], patches: Sequence[Patch]) -> NDArray[np.fl
     return np.array([temporal_noise.measure(part).sigma_dn for part in stack])
 
 
+def saturated_fraction(patches: NDArray[np.float32]) -> NDArray[np.float64]:
+    """(N,) fraction of black and of white pixels of patches (N, 1, H, W) in [0, 1]."""
+    return np.asarray(((patches <= 0) | (patches >= 1)).mean(axis=(1, 2, 3)))
+
+
 def measure(dataset: Dataset, frames: int, patches: int) -> pd.DataFrame:
     """Estimates of patches and of whole frames of a dataset, each with its truth, one row each."""
     monitor, rows = ConditionMonitor(), []
@@ -145,17 +153,18 @@ def measure(dataset: Dataset, frames: int, patches: int) -> pd.DataFrame:
                 where = stream(SEED, "coded noise", "places", dataset.name, frame.name)
                 squares = places(taken.shape[1:], patches, where)
                 about = {"dataset": dataset.name, "codec": described(processing), "added_dn": sigma_dn}
-                estimate = monitor.noise_estimator.estimate(cut(taken[0], squares))
+                windows = cut(taken[0], squares)
+                estimate, saturated = monitor.noise_estimator.estimate(windows), saturated_fraction(windows)
                 for index, truth in enumerate(true_dn(taken, squares)):
                     ends = {
                         name: getattr(estimate, name)[index] for name in ("sigma_dn", "low_dn", "high_dn", "reason")
                     }
-                    rows.append(about | {"of": "patches", "true_dn": truth} | ends)
+                    rows.append(about | {"of": "patches", "true_dn": truth, "saturated": saturated[index]} | ends)
                 whole = monitor.frame(taken[0].astype(np.float32) / np.float32(255)).noise
                 middle = whole.summary
                 rows.append(
                     about
-                    | {"of": "frames", "true_dn": float(np.median(true_dn(taken, whole.patches)))}
+                    | {"of": "frames", "true_dn": float(np.median(true_dn(taken, whole.patches))), "saturated": 0.0}
                     | {"sigma_dn": float(middle.value), "low_dn": float(middle.low), "high_dn": float(middle.high)}
                     | {"reason": "" if np.isfinite(middle.value) else reason_of(whole.estimate)}
                 )
@@ -188,6 +197,8 @@ def described(processing: Codec | str) -> str:
 
 def summarised(table: pd.DataFrame) -> dict[str, Any]:
     """Counts and fractions over some rows."""
+    saturated = int((table["saturated"] > MOST_SATURATED).sum())
+    table = table[table["saturated"] <= MOST_SATURATED]
     answered = table[np.isfinite(table["sigma_dn"])]
     error = (answered["sigma_dn"] - answered["true_dn"]).abs()
     wrong = error > np.maximum(TOLERANCE * answered["true_dn"], TOLERANCE_DN)
@@ -199,6 +210,7 @@ def summarised(table: pd.DataFrame) -> dict[str, Any]:
 
     return {
         "count": len(table),
+        "saturated": saturated,
         "true_dn": round(float(table["true_dn"].mean()), 3),
         "answered": len(answered),
         "wrong": int(wrong.sum()),

@@ -43,14 +43,20 @@ def test_shots_are_filtered(name, shape):
 def test_answers_are_counted():
     nan = np.nan
     table = pd.DataFrame(
-        [(5.0, 5.9, 5.0, 7.0, ""), (5.0, 6.1, 5.5, 7.0, ""), (0.4, 0.0, 0.0, 0.5, ""),
-         (5.0, nan, nan, nan, "compressed"), (5.0, nan, nan, nan, "saturated")],
-        columns=["true_dn", "sigma_dn", "low_dn", "high_dn", "reason"],
+        [(5.0, 5.9, 5.0, 7.0, "", 0.05), (5.0, 6.1, 5.5, 7.0, "", 0), (0.4, 0.0, 0.0, 0.5, "", 0),
+         (5.0, nan, nan, nan, "compressed", 0), (5.0, nan, nan, nan, "uncertain", 0), (5.0, 9.0, 8.0, 9.9, "", 0.06)],
+        columns=["true_dn", "sigma_dn", "low_dn", "high_dn", "reason", "saturated"],
     )  # fmt: skip
-    found = coded_noise.summarised(table)
-    assert (found["count"], found["answered"], found["wrong"]) == (5, 3, 1)
-    assert found["held_fraction"] == pytest.approx(2 / 3, abs=1e-4)
-    assert found["compressed_fraction"] == 0.5
+    counts = coded_noise.summarised(table)
+    assert (counts["count"], counts["answered"], counts["wrong"], counts["saturated"]) == (5, 3, 1, 1)
+    assert counts["held_fraction"] == pytest.approx(2 / 3, abs=1e-4)
+    assert counts["compressed_fraction"] == 0.5
+
+
+def test_black_and_white_pixels_are_saturated():
+    patches = np.full((2, 1, 4, 4), 0.5, np.float32)
+    patches[1, 0, 0] = 0, 1, 0.004, 0.996
+    assert coded_noise.saturated_fraction(patches).tolist() == [0, 2 / 16]
 
 
 def test_a_dataset_is_named_by_kind_and_folder(tmp_path: Path):
