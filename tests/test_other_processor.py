@@ -63,7 +63,7 @@ def answers(*command):
     return json.loads(ran.stdout.splitlines()[-1])
 
 
-@pytest.mark.slow
+@pytest.mark.full("instruction by instruction the answers take two minutes")
 @pytest.mark.skipif(QEMU is None, reason="qemu-x86_64 is absent: apt-get install qemu-user")
 @pytest.mark.skipif(not processor.pins(processor.cpu_features()), reason="the processor has no AVX2")
 def test_answers_are_the_same_bytes_on_an_emulated_haswell():
