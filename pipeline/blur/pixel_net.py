@@ -14,14 +14,7 @@ import torch
 import torch.nn.functional as functional
 from torch import nn
 
-from pipeline.blur.spectral_net import (
-    FREQUENCIES,
-    HIDDEN,
-    SCALE_FACTOR,
-    SIGMA_FACTOR,
-    SMALLEST_SCALE,
-    SMALLEST_SIGMA_SCALE,
-)
+from pipeline.blur.spectral_net import HIDDEN, VALUES, Answer, answer
 
 ARCHITECTURE = "mtf-pixels-1"
 FOLD_PX = 2
@@ -73,11 +66,11 @@ class PixelNet(nn.Module):
             nn.ReLU(),
             nn.Linear(HIDDEN, HIDDEN),
             nn.ReLU(),
-            nn.Linear(HIDDEN, 4 * FREQUENCIES + 2),
+            nn.Linear(HIDDEN, VALUES),
         )
 
-    def forward(self, patches_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """The answer for patches (N, 192, 192), 0..255: see `pipeline.blur.spectral_net.SpectralNet.forward`."""
+    def forward(self, patches_dn: torch.Tensor) -> Answer:
+        """For patches (N, 192, 192), 0..255: see `pipeline.blur.spectral_net.answer`."""
         return self.outputs(self.hidden(patches_dn))
 
     def hidden(self, patches_dn: torch.Tensor) -> torch.Tensor:
@@ -96,12 +89,6 @@ class PixelNet(nn.Module):
         numbers = torch.cat([mean.flatten(1) / 255, (contrast.flatten(1) / CONTRAST_UNIT).clamp_min(1e-3).log()], dim=1)
         return self.head[1](self.head[0](torch.cat([cells.mean(2), attended, numbers], dim=1)))
 
-    def outputs(self, hidden: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+    def outputs(self, hidden: torch.Tensor) -> Answer:
         """The answer from these units; see `forward`."""
-        out = self.head[2:](hidden)
-        count = 2 * FREQUENCIES
-        mtf = torch.sigmoid(out[:, :count]).unflatten(1, (2, FREQUENCIES))
-        scale = functional.softplus(out[:, count : 2 * count]) * SCALE_FACTOR + SMALLEST_SCALE
-        sigma_dn = functional.softplus(out[:, -2]) * SIGMA_FACTOR
-        sigma_scale_dn = functional.softplus(out[:, -1]) + SMALLEST_SIGMA_SCALE
-        return mtf, scale.unflatten(1, (2, FREQUENCIES)), sigma_dn, sigma_scale_dn
+        return answer(self.head[2:](hidden))

@@ -15,6 +15,7 @@ from pipeline.blur.spectral_features import BLOCK_PX, MAPS, VECTOR_LENGTH
 
 ARCHITECTURE = "mtf-spectral-1"
 FREQUENCIES = 8
+VALUES = 4 * FREQUENCIES + 2
 WIDTHS = (24, 40, 56)
 REDUCED = 32
 HIDDEN = 256
@@ -23,6 +24,9 @@ SCALE_FACTOR = 0.1
 SIGMA_FACTOR = 10.0
 SMALLEST_SIGMA_SCALE = 0.1
 BRANCH_START = 0.3  # initial weight of a residual branch
+
+Answer = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
+"""See `answer`."""
 
 
 class Residual(nn.Module):
@@ -67,18 +71,11 @@ class SpectralNet(nn.Module):
             nn.ReLU(),
             nn.Linear(hidden, hidden),
             nn.ReLU(),
-            nn.Linear(hidden, 4 * FREQUENCIES + 2),
+            nn.Linear(hidden, VALUES),
         )
 
-    def forward(
-        self, maps: torch.Tensor, vector: torch.Tensor
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """The answer for features (`spectral_features.features`).
-
-        Returns:
-            mtf: (N, 2, 8) in (0, 1); scale: (N, 2, 8) > 0, mean absolute error expected; sigma_dn: (N,) noise added
-            after the blur; sigma_scale_dn: (N,).
-        """
+    def forward(self, maps: torch.Tensor, vector: torch.Tensor) -> Answer:
+        """The answer for features (`spectral_features.features`); see `answer`."""
         return self.outputs(self.hidden(maps, vector))
 
     def hidden(self, maps: torch.Tensor, vector: torch.Tensor) -> torch.Tensor:
@@ -88,19 +85,24 @@ class SpectralNet(nn.Module):
             seen = self.body(maps)
         return self.head[1](self.head[0](torch.cat([seen.float().flatten(1), vector], dim=1)))
 
-    def outputs(self, hidden: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+    def outputs(self, hidden: torch.Tensor) -> Answer:
         """The answer from these units; see `forward`."""
-        out = self.head[2:](hidden)
-        count = 2 * FREQUENCIES
-        mtf = torch.sigmoid(out[:, :count]).unflatten(1, (2, FREQUENCIES))
-        scale = functional.softplus(out[:, count : 2 * count]) * SCALE_FACTOR + SMALLEST_SCALE
-        sigma_dn = functional.softplus(out[:, -2]) * SIGMA_FACTOR
-        return (
-            mtf,
-            scale.unflatten(1, (2, FREQUENCIES)),
-            sigma_dn,
-            functional.softplus(out[:, -1]) + SMALLEST_SIGMA_SCALE,
-        )
+        return answer(self.head[2:](hidden))
+
+
+def answer(values: torch.Tensor) -> Answer:
+    """MTF and noise with their uncertainty, from the values (N, 34) of a network's last layer.
+
+    Returns:
+        mtf: (N, 2, 8) in (0, 1); scale: (N, 2, 8) > 0, mean absolute error expected; sigma_dn: (N,) noise added
+        after the blur; sigma_scale_dn: (N,).
+    """
+    count = 2 * FREQUENCIES
+    mtf = torch.sigmoid(values[:, :count]).unflatten(1, (2, FREQUENCIES))
+    scale = functional.softplus(values[:, count : 2 * count]) * SCALE_FACTOR + SMALLEST_SCALE
+    sigma_dn = functional.softplus(values[:, -2]) * SIGMA_FACTOR
+    sigma_scale_dn = functional.softplus(values[:, -1]) + SMALLEST_SIGMA_SCALE
+    return mtf, scale.unflatten(1, (2, FREQUENCIES)), sigma_dn, sigma_scale_dn
 
 
 def laplace_loss(mean: torch.Tensor, scale: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:

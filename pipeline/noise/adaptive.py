@@ -70,7 +70,7 @@ from pipeline.noise.cell_mapper import CellMapper
 from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
 from pipeline.noise.correlated import RELEASED as RELEASED_CORRELATED
-from pipeline.noise.correlated import Correlated
+from pipeline.noise.correlated import Correlated, Prediction
 from pipeline.noise.correlated_features import (
     GRID_START,
     LEAST_PX,
@@ -184,66 +184,50 @@ class Adaptive(CellMapper):
         self, stack: NDArray[np.floating], reason: NDArray[np.object_]
     ) -> tuple[Measured, NDArray[np.float32]]:
         """See `pipeline.noise.cell_mapper.CellMapper.measure_cells`; writes its own reasons to abstain."""
-        count, (height, width) = len(stack), (side // CELL_PX for side in stack.shape[1:])
-        sigma, low, high, white_sigma, correlation = np.zeros((5, count))
-        cells = np.zeros((count, height, width), np.float32)
-
-        def answer_white(indices: NDArray[np.intp]) -> None:
-            if len(indices):
-                part = stack if len(indices) == count else stack[indices]
-                white, cells[indices] = self.white.measure_cells(part, reason[indices])
-                sigma[indices], low[indices], high[indices] = white.sigma_dn, white.low_dn, white.high_dn
-                white_sigma[indices] = white.sigma_dn
-
+        height, width = (side // CELL_PX for side in stack.shape[1:])
+        nothing, no_cells = np.zeros((5, len(stack))), np.zeros((len(stack), height, width), np.float32)
+        levels = Levels(nothing[0], nothing[1], nothing[2], nothing[3], nothing[4], no_cells)
         seen = _screened(stack)
-        answer_white(np.flatnonzero(seen.looks_white))
-        plain = seen.looks_white & (low > PLAIN_SIGMA_DN) & (seen.flat_dn < FLAT_EXCESS * sigma)
-        requested = np.flatnonzero(~plain)
-        answer = self.correlated.predict(stack[requested], [seen.moments[index] for index in requested])
+        self._answer_white(stack, reason, np.flatnonzero(seen.looks_white), levels)
+        plain = seen.looks_white & (levels.low_dn > PLAIN_SIGMA_DN) & (seen.flat_dn < FLAT_EXCESS * levels.sigma_dn)
+        indices = np.flatnonzero(~plain)
+        answer = self.correlated.predict(stack[indices], [seen.moments[index] for index in indices])
         answer = replace(answer, reach=REAL_CAMERAS * answer.reach)
         traces = codec_traces(answer.statistics, stack.shape[1] * stack.shape[2])
-        alone = decided(answer.correlation, traces.coded) & ~seen.looks_white[requested]
-        answer_white(requested[~seen.looks_white[requested] & ~alone])
-        weight = np.where(alone, 1.0, weights(sigma[requested], answer.sigma_dn, traces.coded))
-        level, white_level = np.log1p(answer.sigma_dn), np.log1p(sigma[requested])
-        apart = np.sqrt(weight * (1 - weight)) * np.abs(level - white_level)  # deviation of two values by their weights
+        alone = decided(answer.correlation, traces.coded) & ~seen.looks_white[indices]
+        self._answer_white(stack, reason, indices[~seen.looks_white[indices] & ~alone], levels)
+        weight = np.where(alone, 1.0, weights(levels.sigma_dn[indices], answer.sigma_dn, traces.coded))
+        second = Second(indices, answer, traces, weight)
 
-        reach, widest = np.log1p(high) - np.log1p(sigma), np.full(count, self.widest_white_reach)
-        reach[requested] += weight * (answer.reach - reach[requested])
-        widest[requested] += weight * (self._widest(traces) - widest[requested])
+        wide = self._reaches_too_far(levels, second)
+        _join(levels, second)
+        _abstain(reason, seen, second, levels, wide, alternating(stack))
+        white_sigma_dn = np.minimum(levels.white_sigma_dn, levels.sigma_dn)
+        measured = Measured(levels.sigma_dn, levels.low_dn, levels.high_dn, white_sigma_dn, levels.correlation)
+        return measured, levels.cells_dn
 
-        processed = np.interp(answer.correlation, PROCESSED, (0.0, 1.0))
-        level = level + COARSE_PART * processed
-        detected = np.maximum(level - np.maximum(answer.reach - level, 0.0), 0.0)
-        sigma[requested] = _between(sigma[requested], detected, weight)
-        low[requested] = _between(low[requested], np.maximum(level - answer.reach, 0.0), weight, -apart)
-        high[requested] = _between(high[requested], level + answer.reach, weight, apart)
-        white_sigma[requested] = _between(white_sigma[requested], np.log1p(answer.white_sigma_dn), weight)
-        correlation[requested] = answer.correlation
-        scale = sigma[requested] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
-        adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
-        cells[requested] = np.where(weight[:, None, None] >= 0.5, adapted, cells[requested])
+    def _answer_white(
+        self, stack: NDArray[np.floating], reason: NDArray[np.object_], indices: NDArray[np.intp], levels: Levels
+    ) -> None:
+        """Writes the answers of `cellwise` for the patches with these indices."""
+        if len(indices):
+            part = stack if len(indices) == len(stack) else stack[indices]
+            white, levels.cells_dn[indices] = self.white.measure_cells(part, reason[indices])
+            levels.sigma_dn[indices], levels.low_dn[indices] = white.sigma_dn, white.low_dn
+            levels.high_dn[indices], levels.white_sigma_dn[indices] = white.high_dn, white.sigma_dn
 
-        coded, flickering, hiding, grain = np.zeros((4, count), bool)
-        coded[requested], flickering[requested] = traces.coded, traces.quantised & traces.detail
-        hiding[requested] = (traces.quantised | traces.suspected) & traces.detail
-        wide = (reach > widest) & ((high >= WEAK_DN) | flickering)
-        grain[requested] = (
-            (weight >= 0.5)
-            & (answer.correlation > LEAST_GRAIN_CORRELATION)
-            & (anisotropy(answer.statistics) > FORESHORTENED)
-            & (high[requested] >= WEAK_DN)
-        )
-        filtered = (sigma > FILTERED_DN) & (seen.flat_correlation > FILTERED)
-        filtered[requested] &= weight < 0.5
-        hidden = hiding & (sigma < UNDETECTED_DN) & (low < UNDETECTED_LOW_DN)
-        unsure = (wide | hidden | grain | filtered) & (reason == "")
-        reason[unsure] = np.where((coded | hidden)[unsure], COMPRESSED, UNCERTAIN)
-        beyond = (low > LARGEST_DN) & (reason == "")
-        reason[beyond] = UNCERTAIN
-        reason[seen.streaks & ~coded & ((reason == "") | unsure | beyond)] = STREAKED
-        reason[alternating(stack) & ((reason == "") | unsure | beyond)] = ALTERNATING
-        return Measured(sigma, low, high, np.minimum(white_sigma, sigma), correlation), cells
+    def _reaches_too_far(self, levels: Levels, second: Second) -> NDArray[np.bool_]:
+        """(N,) whether the interval of both networks is wider than it may be; see the module.
+
+        Args:
+            levels: of `cellwise`.
+            second: of the other network.
+        """
+        reach = np.log1p(levels.high_dn) - np.log1p(levels.sigma_dn)
+        widest = np.full(len(reach), self.widest_white_reach)
+        reach[second.indices] += second.weight * (second.answer.reach - reach[second.indices])
+        widest[second.indices] += second.weight * (self._widest(second.traces) - widest[second.indices])
+        return np.asarray(reach > widest)
 
     def _widest(self, traces: Traces) -> NDArray[np.float64]:
         """Reach of the second network's interval beyond which there is no answer, (N,)."""
@@ -356,6 +340,100 @@ def compressed(statistics: NDArray[np.float32]) -> NDArray[np.bool_]:
     """
     grid = statistics[:, GRID_START : GRID_START + 9]
     return np.asarray((np.minimum(grid[:, 0], grid[:, 3]) > GRID_STEP) | (grid[:, 8] > VANISHED_COEFFICIENTS))
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Answers for all N patches, which are written one network after the other.
+
+    Attributes:
+        sigma_dn, low_dn, high_dn, white_sigma_dn, correlation: (N,), see `pipeline.noise.base.Measured`.
+        cells_dn: (N, H // 8, W // 8).
+    """
+
+    sigma_dn: NDArray[np.float64]
+    low_dn: NDArray[np.float64]
+    high_dn: NDArray[np.float64]
+    white_sigma_dn: NDArray[np.float64]
+    correlation: NDArray[np.float64]
+    cells_dn: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Second:
+    """What the network for correlated noise says of the K patches that ask it.
+
+    Attributes:
+        indices: (K,) of these patches.
+        answer: its answers.
+        traces: of a codec in them.
+        weight: (K,) of its answers.
+    """
+
+    indices: NDArray[np.intp]
+    answer: Prediction
+    traces: Traces
+    weight: NDArray[np.float64]
+
+
+def _join(levels: Levels, second: Second) -> None:
+    """Makes a mean of the answers of `cellwise` in `levels` and those of the second network; see the module."""
+    at, answer, weight = second.indices, second.answer, second.weight
+    sigma, low, high = levels.sigma_dn, levels.low_dn, levels.high_dn
+    level, white_level = np.log1p(answer.sigma_dn), np.log1p(sigma[at])
+    apart = np.sqrt(weight * (1 - weight)) * np.abs(level - white_level)  # deviation of two values by their weights
+    processed = np.interp(answer.correlation, PROCESSED, (0.0, 1.0))
+    level = level + COARSE_PART * processed
+    detected = np.maximum(level - np.maximum(answer.reach - level, 0.0), 0.0)
+    sigma[at] = _between(sigma[at], detected, weight)
+    low[at] = _between(low[at], np.maximum(level - answer.reach, 0.0), weight, -apart)
+    high[at] = _between(high[at], level + answer.reach, weight, apart)
+    levels.white_sigma_dn[at] = _between(levels.white_sigma_dn[at], np.log1p(answer.white_sigma_dn), weight)
+    levels.correlation[at] = answer.correlation
+    scale = sigma[at] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
+    adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
+    levels.cells_dn[at] = np.where(weight[:, None, None] >= 0.5, adapted, levels.cells_dn[at])
+
+
+def _abstain(
+    reason: NDArray[np.object_],
+    seen: Screened,
+    second: Second,
+    levels: Levels,
+    reaches_too_far: NDArray[np.bool_],
+    alternates: NDArray[np.bool_],
+) -> None:
+    """Writes the reasons to abstain beside those known before; see the module.
+
+    Args:
+        reason: (N,) is written.
+        seen: of the patches.
+        second: of the second network.
+        levels: of both networks.
+        reaches_too_far: (N,) see `Adaptive`.
+        alternates: (N,) from pixel to pixel.
+    """
+    at, traces, weight = second.indices, second.traces, second.weight
+    sigma, low, high = levels.sigma_dn, levels.low_dn, levels.high_dn
+    coded, flickering, hiding, grain = np.zeros((4, len(reason)), bool)
+    coded[at], flickering[at] = traces.coded, traces.quantised & traces.detail
+    hiding[at] = (traces.quantised | traces.suspected) & traces.detail
+    wide = reaches_too_far & ((high >= WEAK_DN) | flickering)
+    grain[at] = (
+        (weight >= 0.5)
+        & (second.answer.correlation > LEAST_GRAIN_CORRELATION)
+        & (anisotropy(second.answer.statistics) > FORESHORTENED)
+        & (high[at] >= WEAK_DN)
+    )
+    filtered = (sigma > FILTERED_DN) & (seen.flat_correlation > FILTERED)
+    filtered[at] &= weight < 0.5
+    hidden = hiding & (sigma < UNDETECTED_DN) & (low < UNDETECTED_LOW_DN)
+    unsure = (wide | hidden | grain | filtered) & (reason == "")
+    reason[unsure] = np.where((coded | hidden)[unsure], COMPRESSED, UNCERTAIN)
+    beyond = (low > LARGEST_DN) & (reason == "")
+    reason[beyond] = UNCERTAIN
+    reason[seen.streaks & ~coded & ((reason == "") | unsure | beyond)] = STREAKED
+    reason[alternates & ((reason == "") | unsure | beyond)] = ALTERNATING
 
 
 def _between(

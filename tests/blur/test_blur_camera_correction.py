@@ -13,7 +13,7 @@ from pipeline.blur.base import BlurEstimate, Estimator, HiddenUnits
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration, fit_map
 from pipeline.blur.camera_correction import Correction, OutputLayers, Part
 from pipeline.errors import InputError
-from pipeline.learning import images
+from pipeline.learning import descent, images
 from pipeline.streams import stream
 
 COUNT, VALUES, UNITS, INPUTS = 600, 16, 12, 20
@@ -90,6 +90,16 @@ def test_what_hidden_units_tell_is_mended_on_scenes_held_out(layers, monkeypatch
     assert made is not None and made.weight == camera_correction.WEIGHTS[-1]
     assert after < 0.5 * before
     assert not np.array_equal(made.matrix, start()[0])
+
+
+@pytest.mark.parametrize(("count", "steps"), [(40, 100), (400, 1000), (4000, 1000)])
+def test_few_kernels_are_not_passed_more_often(layers, monkeypatch, count, steps):
+    taken = []
+    monkeypatch.setattr(descent, "descend", lambda *_, steps, **__: taken.append(steps))
+    hidden = HiddenUnits(np.zeros((count, 2, INPUTS), np.float32), *np.zeros((2, count), np.float32))
+    part = Part(hidden, np.zeros((count, VALUES)), np.full((count, VALUES), 0.5))
+    camera_correction._trained(layers, start(), [part], np.ones(count, bool), np.arange(count), 1)
+    assert taken == [steps]
 
 
 def test_errors_that_are_a_scenes_own_get_no_correction(layers):

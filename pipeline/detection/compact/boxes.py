@@ -18,7 +18,17 @@ LARGEST_LOG = 4.5  # exp(4.5) = 90 cells, 2880 px at stride 32
 def cells(
     height_px: int, width_px: int, strides: tuple[int, ...], device: torch.device | None = None
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Centres (P, 2), x y in pixels, and strides (P,) of all cells: finest stride first, row by row."""
+    """Where the cells of all strides lie: finest stride first, row by row.
+
+    Args:
+        height_px: of the picture.
+        width_px: likewise.
+        strides: of the grids, px.
+        device: where the tensors are made; the processor if None.
+
+    Returns:
+        centres (P, 2), x y in pixels, and strides (P,).
+    """
     centres, sizes = [], []
     for stride in strides:
         rows, columns = torch.meshgrid(
