@@ -1,16 +1,19 @@
 """Blur estimators calibrated to a camera once and evaluated on other frames of it, as a user's camera would be.
 
-    python benchmarks/other_frames.py --calibrate NAME=KIND:ROOT --evaluate NAME=KIND:ROOT [--kernels FOLDER]
-        [--frames N] [--fused-frames N] [--patches N] [--out FILE]
+    python benchmarks/other_frames.py [--calibrate NAME=KIND:ROOT --evaluate NAME=KIND:ROOT]
+        [--leave-one-out NAME=KIND:ROOT ...] [--kernels FOLDER] [--frames N] [--fused-frames N] [--patches N]
+        [--out FILE]
 
-Both datasets (kinds of `pipeline.datasets`, e.g. ``kitti=kitti:data/raw/kitti``) are of one camera and share no frame.
-Table I cross-fits: each half of a few frames is evaluated with the calibration to the other half. Here the calibration
-has all sharp frames of one dataset, and the frames of the other are blurred
+Datasets are of kinds of `pipeline.datasets`, e.g. ``kitti=kitti:data/raw/kitti``. Those of --calibrate and --evaluate
+are of one camera and share no frame: the calibration has all sharp frames of the first, and the frames of the second
+are evaluated. Of a camera with few frames, --leave-one-out evaluates each frame with the calibration to all others.
+(Table I cross-fits: each half of the frames is evaluated with the calibration to the other half, so to fewer.) The
+frames evaluated are blurred
 
     table_one   by the kernels of Table I: the paper's own, in FOLDER (`pipeline.camera.paper_kernels`), or generated
                 ones like them (``match="paper"``)
     noisy       by discs and lines like the paper's, then with dark-current shot noise of 25 DN
-    optics      by rendered optics (benchmarks/rendered_psf.py), which no network was trained on; spectral only
+    optics      by rendered optics (benchmarks/rendered_psf.py), none of which a network was trained on; spectral only
 
 Errors are AMAE of the robust median over the patches, percent, mean over kernels; ``patch_error_percent`` is of single
 patches, ``coverage`` that of their 95 % intervals.
@@ -20,7 +23,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +55,7 @@ if TYPE_CHECKING:
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.config.schema import Config
     from pipeline.experiments.condition import Condition
+    from pipeline.experiments.frames import TestFrame
 
 SIGMA_DN = 25.0
 MEASURES = ["amae_percent", "patch_error_percent", "coverage"]
@@ -84,44 +89,112 @@ def errors(name: str, table: pd.DataFrame, seed: int) -> dict[str, Any]:
     return {"cells": len(cells), **means}
 
 
+@dataclass(frozen=True)
+class Camera:
+    """A camera to calibrate to.
+
+    Attributes:
+        calibrated_on, evaluated_on: names of the datasets; the same one where every frame is left out once.
+        calibrations: sharp frames of each calibration, with all their patches.
+        frames: to be evaluated, each with the number of its calibration as its fold.
+    """
+
+    calibrated_on: str
+    evaluated_on: str
+    calibrations: Sequence[Sequence[TestFrame]]
+    frames: Sequence[TestFrame]
+
+
+def other_dataset(config: Config, first: str, second: str, patches: int) -> Camera:
+    """Calibrated to the frames of one dataset, evaluated on those of another.
+
+    Raises:
+        InputError: they share a frame.
+    """
+    (_, sharp), (work, every) = (indexed(config, name, patches) for name in (first, second))
+    shared = {item.frame.name for item in sharp} & {item.frame.name for item in every}
+    if shared:
+        raise InputError(f"--evaluate {second}: shares the frame {min(shared)} with {first}; give other frames")
+    return Camera(first, second, [sharp], work)
+
+
+def leave_one_out(config: Config, name: str, patches: int) -> Camera:
+    """Each frame of a dataset evaluated with the calibration to all its other frames.
+
+    Raises:
+        InputError: fewer than two frames.
+    """
+    work, every = indexed(config, name, patches)
+    if len(every) < 2:
+        raise InputError(f"--leave-one-out {name}: {len(every)} usable frame; expected at least two")
+    others = [[item for item in every if item.frame.name != left.frame.name] for left in work]
+    return Camera(name, name, others, [replace(item, fold=number) for number, item in enumerate(work)])
+
+
+def measure(camera: Camera, config: Config, kernels: Path | None, frames: Mapping[str, int]) -> dict[str, Any]:
+    """Both estimators on a camera, for the record.
+
+    Args:
+        camera: to calibrate to.
+        config: of the study.
+        kernels: folder of the paper's own, or None for generated ones.
+        frames: estimator -> at most this many to evaluate on.
+    """
+    tried, estimators = conditions(config, kernels), dict[str, Any]()
+    for estimator, count in frames.items():
+        evaluated_on = evenly_spread(camera.frames, count)
+        registered, folds = Registered(blur.create, estimator), dict[int, calibrate.Calibrated]()
+        for fold in sorted({item.fold for item in evaluated_on}):
+            sharp, samples = camera.calibrations[fold], table_one_samples(config)
+            fitted = calibrate.fit_frames(sharp, estimator=registered, samples=samples, seed=config.seed)
+            folds[fold] = calibrate.Calibrated(registered, fitted)
+        numbers = list(folds)
+        chosen = [replace(item, fold=numbers.index(item.fold)) for item in evaluated_on]
+        method = Method(estimator, "mtf", registered, of_folds=tuple(folds.values()))
+        results = estimators[estimator] = {"frames": len(chosen), "patches": _patches(chosen)}
+        for name, (under, evaluated) in tried.items():
+            if estimator in evaluated:
+                table = run(chosen, under, [method], camera=config.camera, seed=config.seed)
+                results[name] = errors(name, table, config.seed)
+                print(camera.evaluated_on, estimator, name, results[name], flush=True)
+    least = min(camera.calibrations, key=_patches)
+    return {
+        "calibrated_on": {"dataset": camera.calibrated_on, "frames": len(least), "patches": _patches(least)},
+        "evaluated_on": {"dataset": camera.evaluated_on},
+        "estimators": estimators,
+    }
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Calibrate, blur, estimate, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--calibrate", required=True, metavar="NAME=KIND:ROOT")
-    parser.add_argument("--evaluate", required=True, metavar="NAME=KIND:ROOT")
+    parser.add_argument("--calibrate", metavar="NAME=KIND:ROOT", help="sharp frames of a camera")
+    parser.add_argument("--evaluate", metavar="NAME=KIND:ROOT", help="other frames of it")
+    parser.add_argument(
+        "--leave-one-out", action="append", default=[], metavar="NAME=KIND:ROOT", help="may be repeated"
+    )
     parser.add_argument("--kernels", type=Path, help="folder of the paper's own kernels")
     parser.add_argument("--frames", type=int, default=49, help="at most this many to evaluate on, evenly spread")
     parser.add_argument("--fused-frames", type=int, default=16, help="the same for fused, which takes a minute a frame")
     parser.add_argument("--patches", type=int, default=4, help="at most this many of each frame")
     parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/other_frames.json")
     options = parser.parse_args(arguments)
+    pair = [text for text in (options.calibrate, options.evaluate) if text]
+    if len(pair) == 1 or not (pair or options.leave_one_out):
+        raise InputError("no camera; give --calibrate together with --evaluate, or --leave-one-out, or all three")
     common.hold_loaded_libraries()
-    config = configuration([options.calibrate, options.evaluate])
-    first, second = (common.dataset(text)[0] for text in (options.calibrate, options.evaluate))
-    (_, sharp), (work, every) = (indexed(config, name, options.patches) for name in (first, second))
-    shared = {item.frame.name for item in sharp} & {item.frame.name for item in every}
-    if shared:
-        raise InputError(f"--evaluate {second}: shares the frame {min(shared)} with {first}; give other frames")
-    tried, estimators = conditions(config, options.kernels), dict[str, Any]()
-    for estimator, count in (("spectral", options.frames), ("fused", options.fused_frames)):
-        evaluated_on = evenly_spread(work, count)
-        registered = Registered(blur.create, estimator)
-        fitted = calibrate.fit_frames(sharp, estimator=registered, samples=table_one_samples(config), seed=config.seed)
-        method = Method(estimator, "mtf", calibrate.Calibrated(registered, fitted))
-        results = estimators[estimator] = {"frames": len(evaluated_on), "patches": _patches(evaluated_on)}
-        for name, (under, evaluated) in tried.items():
-            if estimator in evaluated:
-                table = run(evaluated_on, under, [method], camera=config.camera, seed=config.seed)
-                results[name] = errors(name, table, config.seed)
-                print(estimator, name, results[name], flush=True)
+    config = configuration([*pair, *options.leave_one_out])
+    cameras = [leave_one_out(config, common.dataset(text)[0], options.patches) for text in options.leave_one_out]
+    if pair:
+        first, second = (common.dataset(text)[0] for text in pair)
+        cameras.insert(0, other_dataset(config, first, second, options.patches))
+    frames = {"spectral": options.frames, "fused": options.fused_frames}
     record = {
-        "calibrated_on": {"dataset": first, "frames": len(sharp), "patches": _patches(sharp)},
-        "evaluated_on": {"dataset": second},
         "kernels": "generated" if options.kernels is None else "paper",
         "noise_source": NOISE_SOURCE,
         "sigma_dn": SIGMA_DN,
         "seed": config.seed,
-        "estimators": estimators,
+        "cameras": [measure(camera, config, options.kernels, frames) for camera in cameras],
     }
     print(common.write("other_frames", record, options.out))
 

@@ -9,7 +9,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks import common, other_frames
+from pipeline.datasets.dataset import Frame
+from pipeline.datasets.patches import Patch
 from pipeline.errors import InputError
+from pipeline.experiments.frames import TestFrame
 
 
 def test_a_dataset_is_named_by_its_kind_and_a_folder_that_exists(tmp_path: Path) -> None:
@@ -34,3 +37,22 @@ def test_a_benchmark_runs_before_instruction_sets_are_pinned() -> None:
     code = "import sys; from benchmarks import common; common.run(lambda: print('pipeline' in sys.modules))"
     ran = subprocess.run([sys.executable, "-c", code], cwd=common.ROOT, capture_output=True, text=True, check=True)
     assert ran.stdout == "False\n"
+
+
+@pytest.mark.parametrize("given", [[], ["--calibrate", "a=folder:."], ["--evaluate", "a=folder:."]])
+def test_other_frames_wants_frames_to_calibrate_on_and_others(given: list[str]) -> None:
+    with pytest.raises(InputError, match=r"give --calibrate together with --evaluate, or --leave-one-out"):
+        other_frames.main(given)
+
+
+def test_leave_one_out_calibrates_to_every_frame_but_the_one_evaluated(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = [TestFrame(Frame("mine", name, Path(f"{name}.png")), {"mtf": [Patch(0, 0, 192)]}) for name in "abc"]
+    monkeypatch.setattr(other_frames, "indexed", lambda config, name, patches: (frames, frames))
+    camera = other_frames.leave_one_out(None, "mine", 4)
+    assert [item.frame.name for item in camera.frames] == ["a", "b", "c"]
+    for item in camera.frames:
+        calibrated_on = {sharp.frame.name for sharp in camera.calibrations[item.fold]}
+        assert calibrated_on == {"a", "b", "c"} - {item.frame.name}
+    del frames[1:]
+    with pytest.raises(InputError, match=r"--leave-one-out mine: 1 usable frame; expected at least two"):
+        other_frames.leave_one_out(None, "mine", 4)

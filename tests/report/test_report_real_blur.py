@@ -10,6 +10,7 @@ import pytest
 from report_makers import REPO
 
 from pipeline.errors import InputError
+from pipeline.report.display_names import word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import real_blur
 from pipeline.report.tables import Estimate, Table
@@ -64,22 +65,23 @@ def test_strong_noise_is_shown_for_every_dataset_and_estimator(tables: dict[str,
 
 def test_every_error_on_other_frames_is_shown(tables: dict[str, Table]) -> None:
     record = content("other_frames")
-    table = tables["real_blur_other_frames"]
-    rows = {(str(row["estimator"]).split(",")[0].lower(), row["blur"]): row for row in table.rows}
-    for estimator, results in record["estimators"].items():
-        for name, part in (
-            ("Table I", results["table_one"]["mean"]),
-            ("Linear motion under noise", results["noisy"]["linear_motion"]),
-            *([("Rendered optics", results["optics"]["mean"])] if "optics" in results else []),
-        ):
-            row = rows.pop((estimator, name))
-            assert (row["amae_percent"], row["patch_error_percent"]) == (
-                part["amae_percent"],
-                part["patch_error_percent"],
-            )
-            assert row["coverage_percent"] == pytest.approx(100 * part["coverage"])
-    assert {blur for _, blur in rows} == {"Defocus under noise"}
-    assert f"{record['calibrated_on']['frames']} frames" in table.footnotes[0]
+    named = ("dataset", "estimator", "blur")
+    rows = {tuple(str(row[name]) for name in named): row for row in tables["real_blur_other_frames"].rows}
+    assert len(rows) == len(tables["real_blur_other_frames"].rows)
+    for camera in record["cameras"]:
+        for estimator, results in camera["estimators"].items():
+            key = (word(camera["calibrated_on"]["dataset"]), real_blur.ESTIMATORS[estimator])
+            for name, part in (
+                ("Table I", results["table_one"]["mean"]),
+                ("Defocus under noise", results["noisy"]["defocus"]),
+                ("Linear motion under noise", results["noisy"]["linear_motion"]),
+                *([("Rendered optics", results["optics"]["mean"])] if "optics" in results else []),
+            ):
+                row = rows.pop((*key, name))
+                shown = [row[measure] for measure in ("amae_percent", "patch_error_percent", "coverage_percent")]
+                assert shown == [part["amae_percent"], part["patch_error_percent"], 100 * part["coverage"]]
+                assert row["calibrated_frames"] == camera["calibrated_on"]["frames"]
+    assert not rows
 
 
 def test_without_records_there_is_no_section_and_a_broken_one_is_named(tmp_path: Path) -> None:
@@ -89,7 +91,8 @@ def test_without_records_there_is_no_section_and_a_broken_one_is_named(tmp_path:
     with pytest.raises(InputError, match=r"real_blur\.json: .*python benchmarks/real_blur\.py"):
         real_blur.section(inputs(real_blur=tmp_path / "real_blur.json"))
     other = content("other_frames")
-    for broken in (other | {"kernels": "foo"}, other | {"estimators": {"spectral": {"frames": 1, "patches": 1}}}):
+    camera = {"calibrated_on": {"dataset": "kitti", "frames": 1}, "estimators": {"spectral": {"frames": 1}}}
+    for broken in (other | {"kernels": "foo"}, other | {"cameras": [camera]}):
         (tmp_path / "other_frames.json").write_text(json.dumps(broken))
         with pytest.raises(InputError, match=r"other_frames\.json: .*python benchmarks/other_frames\.py"):
             real_blur.section(inputs(other_frames=tmp_path / "other_frames.json"))

@@ -1,4 +1,4 @@
-"""The table of kernels of a kind that no network was trained on: the record's numbers, nothing without a record."""
+"""The table of rendered optics that no network was trained on: the record's numbers, nothing without a record."""
 
 import json
 from pathlib import Path
@@ -7,6 +7,7 @@ import pytest
 from report_makers import REPO
 
 from pipeline.errors import InputError
+from pipeline.report.display_names import word
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import blur_amae
 
@@ -45,6 +46,15 @@ def test_peers_stand_beside_the_network_on_the_same_patches() -> None:
         rows = [row for row in table.rows if row["dataset"] == dataset]
         peers = {row["patches"] for row in rows if row["estimator"] in ("PMP", "GBB")}
         assert peers <= {row["patches"] for row in rows if row["estimator"] == "Spectral"}
+
+
+def test_the_fused_estimator_stands_once_beside_the_network(content: dict) -> None:
+    table = INPUTS.benchmark(blur_amae.UNSEEN, blur_amae.unseen_kernels)
+    assert table is not None
+    rows = {row["dataset"]: row["mean"] for row in table.rows if row["estimator"] == "Fused, camera-calibrated"}
+    means = {word(name): about["fused"]["camera_calibrated"]["mean_amae_percent"] for name, about in
+             content["results"].items()}  # fmt: skip
+    assert rows == means
 
 
 def test_no_record_is_no_table_and_another_file_is_refused(tmp_path: Path) -> None:

@@ -32,9 +32,11 @@ MEAN = "Mean"
 OTHER_FRAMES = "Frames differ from the paper's; on Sim they are of another renderer."
 UNSEEN_ANSWERS = {
     ("spectral", "raw"): "", ("spectral", "generic_lens"): ", generic lens", ("spectral", "calibrated"): ", calibrated",
-    ("spectral", "camera_calibrated"): ", camera-calibrated", ("pmp", "raw"): "", ("gbb", "raw"): "",
+    ("spectral", "camera_calibrated"): ", camera-calibrated",
+    ("fused", "camera_calibrated"): "", ("pmp", "raw"): "", ("gbb", "raw"): "",
 }  # fmt: skip
-"""Answers on unseen kernels, in words; not those of PMP and GBB divided by their own of sharp frames."""
+"""Answers on unseen kernels, in words beside the estimator's; not those of PMP and GBB divided by their own of sharp
+frames."""
 
 UNSEEN = Benchmark("unseen_kernels", "python benchmarks/unseen_kernels.py", ("kernels", "results"))
 BLUR = ["dataset", "blur_kind", "kernel_size_px"]
@@ -214,7 +216,7 @@ def abstentions(summary: pd.DataFrame, estimates: pd.DataFrame) -> Table:
 
 
 def unseen_kernels(record: Mapping[str, Any]) -> Table:
-    """AMAE of kernels of a kind that no network was trained on, as the benchmark `UNSEEN` recorded it."""
+    """AMAE of rendered optics that no network was trained on, as the benchmark `UNSEEN` recorded it."""
     results = record["results"]
     rows = []
     for dataset in in_order(results, DATASETS):

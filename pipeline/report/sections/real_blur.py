@@ -19,8 +19,9 @@ REAL = Benchmark("real_blur", "python benchmarks/real_blur.py --shake FOLDER --p
 NOISY = Benchmark("noisy_blur", "python benchmarks/noisy_blur.py", ("sigma_dn", "results"))
 OTHER = Benchmark(
     "other_frames",
-    "python benchmarks/other_frames.py --calibrate NAME=KIND:FOLDER --evaluate NAME=KIND:FOLDER --kernels FOLDER",
-    ("calibrated_on", "kernels", "sigma_dn", "estimators"),
+    "python benchmarks/other_frames.py --calibrate NAME=KIND:FOLDER --evaluate NAME=KIND:FOLDER "
+    "--leave-one-out NAME=KIND:FOLDER --kernels FOLDER",
+    ("kernels", "sigma_dn", "cameras"),
 )  # fmt: skip
 ESTIMATORS = {"spectral": "Spectral, camera-calibrated", "fused": "Fused, camera-calibrated"}
 KINDS = ("defocus", "linear_motion")
@@ -60,19 +61,31 @@ def strong_noise(record: Mapping[str, Any]) -> Table:
 
 
 def other_frames(record: Mapping[str, Any]) -> Table:
-    """AMAE on frames of a camera by the calibration to others of it, of each estimator."""
-    rows = []
-    for estimator, results in record["estimators"].items():
-        parts = {"table_one": results["table_one"]["mean"]}
-        parts |= {f"noisy_{kind}": results["noisy"][kind] for kind in KINDS}
-        parts |= {"optics": results["optics"]["mean"]} if "optics" in results else {}
-        counts = {name: results[name] for name in ("frames", "patches")}
-        head = {"estimator": ESTIMATORS.get(estimator, word(estimator)), **counts}
-        rows += [
-            {**head, "blur": name, **one, "coverage_percent": 100 * one["coverage"]} for name, one in parts.items()
-        ]
-    kernels, calibrated = PAGE.text(KERNELS[record["kernels"]]), record["calibrated_on"]
-    return PAGE.table("real_blur_other_frames", rows, sigma=record["sigma_dn"], kernels=kernels, **calibrated)
+    """AMAE on frames of a camera by the calibration to others of it, of each camera and estimator."""
+    rows = [
+        {
+            "dataset": camera["calibrated_on"]["dataset"],
+            "calibrated_frames": camera["calibrated_on"]["frames"],
+            "estimator": ESTIMATORS.get(estimator, word(estimator)),
+            "frames": results["frames"],
+            "patches": results["patches"],
+            "blur": name,
+            **one,
+            "coverage_percent": 100 * one["coverage"],
+        }
+        for camera in record["cameras"]
+        for estimator, results in camera["estimators"].items()
+        for name, one in _blurs(results).items()
+    ]
+    kernels = PAGE.text(KERNELS[record["kernels"]])
+    return PAGE.table("real_blur_other_frames", rows, sigma=record["sigma_dn"], kernels=kernels)
+
+
+def _blurs(results: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Kind of blur -> errors of one estimator on one camera."""
+    parts = {"table_one": results["table_one"]["mean"]}
+    parts |= {f"noisy_{kind}": results["noisy"][kind] for kind in KINDS}
+    return parts | ({"optics": results["optics"]["mean"]} if "optics" in results else {})
 
 
 def _percent(fraction: float | None) -> float | None:
