@@ -7,8 +7,8 @@
 Datasets are of kinds of `pipeline.datasets`, e.g. ``kitti=kitti:data/raw/kitti``. Those of --calibrate and --evaluate
 are of one camera and share no frame: the calibration has all sharp frames of the first, and the frames of the second
 are evaluated. Of a camera with few frames, --leave-one-out evaluates each frame with the calibration to all others.
-(Table I cross-fits: each half of the frames is evaluated with the calibration to the other half, so to fewer.) The
-frames evaluated are blurred
+Frames that follow each other show much the same scene, which flatters; Table I therefore cross-fits, each half of the
+frames with the calibration to the other half. The frames evaluated are blurred
 
     table_one   by the kernels of Table I: the paper's own, in FOLDER (`pipeline.camera.paper_kernels`), or generated
                 ones like them (``match="paper"``)
