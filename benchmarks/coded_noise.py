@@ -41,6 +41,7 @@ import pandas as pd  # noqa: E402
 
 from pipeline.camera.processing import temporal_noise  # noqa: E402
 from pipeline.camera.processing.codec import VIDEO, Codec, store  # noqa: E402
+from pipeline.camera.saturation import saturated_fraction  # noqa: E402
 from pipeline.condition import ConditionMonitor  # noqa: E402
 from pipeline.datasets import open_dataset  # noqa: E402
 from pipeline.datasets.patches import Patch, cut  # noqa: E402
@@ -133,11 +134,6 @@ def true_dn(taken: NDArray[np.uint8], patches: Sequence[Patch]) -> NDArray[np.fl
     """(N,) standard deviation over the shots in each patch, DN."""
     stack = np.stack([cut(shot, patches)[:, 0] * 255 for shot in taken], axis=1)
     return np.array([temporal_noise.measure(part).sigma_dn for part in stack])
-
-
-def saturated_fraction(patches: NDArray[np.float32]) -> NDArray[np.float64]:
-    """(N,) fraction of black and of white pixels of patches (N, 1, H, W) in [0, 1]."""
-    return np.asarray(((patches <= 0) | (patches >= 1)).mean(axis=(1, 2, 3)))
 
 
 def measure(dataset: Dataset, frames: int, patches: int) -> pd.DataFrame:

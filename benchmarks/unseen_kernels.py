@@ -28,7 +28,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -122,12 +121,11 @@ def camera_calibrated(
     samples: int,
 ) -> tuple[pd.DataFrame, list[float]]:
     """Estimates by one estimator calibrated to the other half's frames; each calibration's held-out error, %."""
-    fold_of = {item.frame.name: fold for item, fold in zip(every, calibrate.folds(len(every)), strict=True)}
     estimator = Registered(blur.create, name)
     maps = calibrate.cross_fit(every, estimator, samples=samples, seed=config.seed)
-    folded = [replace(item, fold=fold_of[item.frame.name]) for item in frames]
     folds = tuple(calibrate.Calibrated(estimator, one) for one in maps)
     method = Method(name, "mtf", estimator, of_folds=folds)
+    folded = calibrate.in_folds(frames, every)
     table = run(folded, grid([sharp_kernel(), *kernels]), [method], camera=config.camera, seed=config.seed)
     return table, [round(one.error_percent[1], 3) for one in maps]
 
