@@ -4,6 +4,8 @@ BIN := .venv/bin
 READY := .venv/.ready
 # the commands in dvc.yaml call `python`
 export PATH := $(CURDIR)/$(BIN):$(PATH)
+# stages and tests start hundreds of processes, each of which would compile every module anew
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help repro test smoke check lint docs bench params clean-venv
 .DEFAULT_GOAL := help
@@ -14,7 +16,8 @@ help: ## show this list
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "error: Python 3.11 or newer is needed; try make PYTHON=python3.12" >&2; exit 2; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -r requirements.lock
+	@$(BIN)/python -m compileall -qq -j 0 .venv/lib || true   # pip does it by a single process; some files are no Python 3
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
 	@touch $@
 

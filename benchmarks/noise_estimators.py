@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -55,16 +55,10 @@ Estimate = Callable[[np.ndarray], np.ndarray]
 
 def timed(implementations: dict[str, Estimate], batch: np.ndarray, repeats: int) -> dict[str, dict[str, float]]:
     """Least and median time per patch of each, ms; they take turns, so that a busy moment hits all alike."""
-    times: dict[str, list[float]] = {name: [] for name in implementations}
-    for turn in range(repeats + 1):
-        for name, estimate in implementations.items():
-            start = time.perf_counter()
-            estimate(batch)
-            if turn:  # the first turn warms up
-                times[name].append((time.perf_counter() - start) * 1e3 / len(batch))
+    calls = {name: partial(estimate, batch) for name, estimate in implementations.items()}
     return {
-        name: {"least_ms": round(min(item), 5), "median_ms": round(float(np.median(item)), 5)}
-        for name, item in times.items()
+        name: {measure: round(times[measure] / len(batch), 5) for measure in ("least_ms", "median_ms")}
+        for name, times in common.take_turns(calls, repeats).items()
     }
 
 

@@ -196,10 +196,16 @@ def _hidden(estimates: Sequence[BlurEstimate], usable: NDArray[np.bool_]) -> Hid
     return HiddenUnits(*arrays).part(usable)
 
 
-@lru_cache(maxsize=2)
 def _kernels(count: int, seed: int) -> NDArray[np.float32]:
-    """(count, 49, 49) kernels to calibrate with; rendered lenses take seconds, so the last are kept."""
-    from pipeline.learning.kernels import BLOCK, block
+    """(count, 49, 49) kernels to calibrate with."""
+    from pipeline.learning.kernels import BLOCK
 
-    blocks = range(-(-count // BLOCK))
-    return np.concatenate([block(index, seed, "camera fit kernels", distribution=KERNELS) for index in blocks])[:count]
+    return np.concatenate([_block(index, seed) for index in range(-(-count // BLOCK))])[:count]
+
+
+@lru_cache(maxsize=16)
+def _block(index: int, seed: int) -> NDArray[np.float32]:
+    """So many of them as are drawn at once; rendered lenses take seconds, so the last are kept."""
+    from pipeline.learning.kernels import block
+
+    return block(index, seed, "camera fit kernels", distribution=KERNELS)

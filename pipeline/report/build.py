@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
+from pipeline.executor import run_map
 from pipeline.report import page, provenance, style, table_formats, training_budget
 from pipeline.report.display_names import qualified
 from pipeline.report.inputs import ReportInputs
@@ -27,7 +30,7 @@ from pipeline.report.sections import (
     runtime,
     training,
 )
-from pipeline.report.spec import Figure
+from pipeline.report.spec import Figure, Section
 from pipeline.report.tables import Table
 from pipeline.store import replacing_folder, write_text
 
@@ -55,8 +58,35 @@ SECTIONS = (
 """Every section in the paper's order: a function of the inputs, None where it has nothing to show."""
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """Makes a section and writes its figures, in whatever process it is called.
+
+    Attributes:
+        inputs: the files of the stages.
+        folder: where figures are written.
+        names: words that are qualified on this page (`pipeline.report.display_names.qualified`).
+    """
+
+    inputs: ReportInputs
+    folder: Path
+    names: Mapping[str, str]
+
+    @style.styled
+    def __call__(self, make: Callable[[ReportInputs], Section | None]) -> Section | None:
+        """The section, its figures emptied: what they show is in their files. None where there is nothing to show."""
+        with qualified(self.names):
+            section = make(self.inputs)
+        figures = [] if section is None else [block for block in section.blocks if isinstance(block, Figure)]
+        for one in figures:
+            style.save(one.drawing.figure, self.folder / one.name, one.drawing.values)
+        for one in figures:
+            one.drawing.figure.clear()
+        return section
+
+
 @style.styled
-def build(inputs: ReportInputs, out_dir: str | Path) -> Score:
+def build(inputs: ReportInputs, out_dir: str | Path, workers: int = 1) -> Score:
     """Write the report into a folder; sub-folders of an earlier run are replaced.
 
     Writes ``index.html``, ``figures/`` (SVG, PNG, values as CSV), ``tables/`` (CSV, Markdown, LaTeX; the whole ledger
@@ -65,6 +95,7 @@ def build(inputs: ReportInputs, out_dir: str | Path) -> Score:
     Args:
         inputs: the files of the stages.
         out_dir: usually ``reports``.
+        workers: processes that sections are drawn by; changes no byte.
 
     Returns:
         the ledger's score, whose `Score.metrics` suit a metrics file.
@@ -73,20 +104,20 @@ def build(inputs: ReportInputs, out_dir: str | Path) -> Score:
         InputError: a stage's file is broken or incomplete. A stage that has not run is no error: it is shown as such.
     """
     out = Path(out_dir)
-    with qualified(training_budget.names(inputs)):
+    names = training_budget.names(inputs)
+    with qualified(names):
         rows = all_rows(inputs)
-        sections = [section for make in SECTIONS if (section := make(inputs)) is not None]
-        blocks = [block for section in sections for block in section.blocks]
-        svgs = {}
         with replacing_folder(out / "figures") as folder:
-            for figure in (block for block in blocks if isinstance(block, Figure)):
-                written = style.save(figure.drawing.figure, folder / figure.name, figure.drawing.values)
-                svgs[figure.name] = written[0].read_text(encoding="utf-8")
+            made = run_map(Drawn(inputs, folder, names), SECTIONS, workers=workers, label="sections of the report")
+            sections = [section for section in made if section is not None]
+            blocks = [block for section in sections for block in section.blocks]
+            figures = [block for block in blocks if isinstance(block, Figure)]
+            svgs = {one.name: (folder / f"{one.name}.svg").read_text(encoding="utf-8") for one in figures}
         with replacing_folder(out / "tables") as folder:
             for block in [*blocks, to_table(rows), summary_table(rows, TITLES, NO_REAL_FRAMES)]:
                 if isinstance(block, Table):
                     table_formats.save(block, folder)
-        origins = provenance.origins([block for block in blocks if isinstance(block, Figure)], inputs)
+        origins = provenance.origins(figures, inputs)
         text = page.render(sections, rows, origins, svgs, inputs.profile, inputs.code_version)
         write_text(out / "index.html", text)
         return score(rows)

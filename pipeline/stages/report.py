@@ -14,6 +14,7 @@ READS = [
 USES: dict[str, list[str]] = {
     "pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": [], "pipeline.control": [],
 }  # fmt: skip
+MOST_WORKERS = 4  # of few long sections, more would wait for the longest
 NETWORKS = {
     "train_mtf": ("spectral", "spectral_processed", "pixels", "cnn"),
     "train_sigma": ("cellwise", "cnn"),
@@ -27,6 +28,7 @@ def run(run: Run) -> None:
     from importlib.metadata import version
 
     from pipeline import store, yaml_text
+    from pipeline.executor import available_cores
     from pipeline.experiments.headline_metrics import headline
     from pipeline.report.build import build
     from pipeline.report.inputs import ReportInputs, mode_of
@@ -75,7 +77,9 @@ def run(run: Run) -> None:
         modes={name: mode for name, mode in modes.items() if mode},
         seed=params.seed,
     )
-    score = build(inputs, run.outputs / "reports")
+    # the last stage has the machine to itself, while `executor.workers` leaves cores to stages that run at once
+    workers = max(run.executor.workers, min(MOST_WORKERS, available_cores()))
+    score = build(inputs, run.outputs / "reports", workers)
     store.write_json(run.outputs / "reports/metrics/report.json", score.metrics)
     metrics = run.inputs / "reports/metrics"
     summary = headline(metrics, score.metrics, members["blur"], members["noise"])

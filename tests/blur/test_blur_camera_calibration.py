@@ -152,7 +152,7 @@ def test_the_spectral_network_learns_a_camera_that_is_not_sharp_by_itself(sharp)
     selected = convolve(sharp, defocus(2.5))
     seen = _rounded(np.stack([_sharpened(one) for one in selected[:, 0]])[:, None])
     network = blur.create("spectral")
-    fitted = CalibratedEstimator(network, camera_calibration.calibrate(network, seen[:4], samples=600))
+    fitted = CalibratedEstimator(network, camera_calibration.calibrate(network, seen[:4], samples=300))
     error = {"plain": [], "fitted": []}
     for psf in (defocus(3), motion(5, 0), motion(9, 90)):
         patches = _rounded(convolve(seen[4:], psf))
@@ -211,14 +211,13 @@ def test_the_networks_of_an_ensemble_are_weighted_anew(sharp, truth, tmp_path):
         CalibratedEstimator(Bent(truth, np.array), made).estimate(sharp)
 
 
-@pytest.mark.full("a calibration at full size takes 30 s")
 def test_calibration_does_no_harm_under_halos_and_irises():
     """Kernels of other draws, scenes of other draws: at most a tenth worse than without calibration."""
     views = [images.view(images.picture(i, 9, "test optics"), stream(9, "test optics", i), 192) for i in range(8)]
     lens = gaussian(0.5)
     seen = _rounded(convolve(np.stack(views)[:, None].clip(0, 1), lens))
     generator, estimator = stream(9, "test optics kernels"), blur.create("spectral")
-    calibrated = estimator.calibrated(seen[:5])
+    calibrated = CalibratedEstimator(estimator, camera_calibration.calibrate(estimator, seen[:5], samples=SAMPLES))
     makers = (kernels._with_halo, lambda source: kernels._iris(source, source.uniform(4, 20)))
     for make in makers:
         psfs = [make(generator) for _ in range(8)]

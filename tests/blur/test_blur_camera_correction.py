@@ -39,7 +39,7 @@ def layers():
 @pytest.fixture(scope="module")
 def camera(sharp):
     """The spectral estimator's calibration to these scenes."""
-    return fit_map(blur.create("spectral"), sharp, samples=400)
+    return fit_map(blur.create("spectral"), sharp, samples=200)
 
 
 def start():

@@ -134,13 +134,13 @@ def test_a_broken_stage_output_is_refused_by_name(tmp_path: Path, report_inputs:
 
 
 @pytest.mark.slow
-def test_two_builds_in_two_places_are_the_same_bytes_and_leave_nothing_stale(
+def test_two_builds_in_two_places_by_one_and_two_workers_are_the_same_bytes_and_leave_nothing_stale(
     tmp_path: Path, report_folder: Path
 ) -> None:
     again = tmp_path / "again"
     (again / "figures").mkdir(parents=True)
     (again / "figures" / "stale.svg").write_text("old")
-    build(make_all(tmp_path / "stages", ("sim",), ("pca", "bf")), again)
+    build(make_all(tmp_path / "stages", ("sim",), ("pca", "bf")), again, workers=2)
     first = {path.relative_to(report_folder): path.read_bytes() for path in report_folder.rglob("*") if path.is_file()}
     second = {path.relative_to(again): path.read_bytes() for path in again.rglob("*") if path.is_file()}
     assert first.keys() == second.keys()
