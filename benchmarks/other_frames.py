@@ -1,14 +1,16 @@
 """Blur estimators calibrated to a camera once and evaluated on other frames of it, as a user's camera would be.
 
     python benchmarks/other_frames.py [--calibrate NAME=KIND:ROOT --evaluate NAME=KIND:ROOT]
-        [--leave-one-out NAME=KIND:ROOT ...] [--kernels FOLDER] [--frames N] [--fused-frames N] [--patches N]
-        [--out FILE]
+        [--leave-one-out NAME=KIND:ROOT ...] [--whole-frames] [--kernels FOLDER] [--frames N] [--fused-frames N]
+        [--patches N] [--out FILE]
 
 Datasets are of kinds of `pipeline.datasets`, e.g. ``kitti=kitti:data/raw/kitti``. Those of --calibrate and --evaluate
 are of one camera and share no frame: the calibration has all sharp frames of the first, and the frames of the second
 are evaluated. Of a camera with few frames, --leave-one-out evaluates each frame with the calibration to all others.
 Frames that follow each other show much the same scene, which flatters; Table I therefore cross-fits, each half of the
-frames with the calibration to the other half. The frames evaluated are blurred
+frames with the calibration to the other half. Patches are those over labelled objects; with --whole-frames a camera is
+calibrated to tiles all over its sharp frames, which shows how much its sharpness depends on where. The frames evaluated
+are blurred
 
     table_one   by the kernels of Table I: the paper's own, in FOLDER (`pipeline.camera.paper_kernels`), or generated
                 ones like them (``match="paper"``)
@@ -35,6 +37,8 @@ from benchmarks import common  # noqa: E402
 
 common.one_thread()
 
+import numpy as np  # noqa: E402
+
 from benchmarks import rendered_psf  # noqa: E402
 from benchmarks.noisy_blur import KINDS as NOISY_KINDS  # noqa: E402
 from benchmarks.noisy_blur import SOURCE as NOISE_SOURCE  # noqa: E402
@@ -43,6 +47,7 @@ from benchmarks.unseen_kernels import configuration, indexed  # noqa: E402
 from pipeline import blur  # noqa: E402
 from pipeline.camera import paper_kernels  # noqa: E402
 from pipeline.camera.psf.bank import bank  # noqa: E402
+from pipeline.datasets.patches import BLUR_PX, cut, tiles  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
 from pipeline.experiments import calibrate, table_one  # noqa: E402
@@ -58,6 +63,7 @@ if TYPE_CHECKING:
     from pipeline.experiments.frames import TestFrame
 
 SIGMA_DN = 25.0
+LEAST_CONTRAST = 0.04  # standard deviation of a tile, of full scale
 MEASURES = ["amae_percent", "patch_error_percent", "coverage"]
 
 
@@ -131,6 +137,21 @@ def leave_one_out(config: Config, name: str, patches: int) -> Camera:
     return Camera(name, name, others, [replace(item, fold=number) for number, item in enumerate(work)])
 
 
+def over_the_frame(sharp: TestFrame) -> TestFrame:
+    """A sharp frame with tiles all over it, but flat ones, in place of its patches.
+
+    Raises:
+        InputError: all are flat.
+    """
+    image = np.asarray(sharp.frame.image())
+    squares = tiles(image.shape, BLUR_PX, "cover")
+    contrast = cut(image, squares).std(axis=(1, 2, 3))
+    kept = [square for square, one in zip(squares, contrast, strict=True) if one >= LEAST_CONTRAST]
+    if not kept:
+        raise InputError(f"{sharp.frame.path}: no tile with structure to calibrate to; leave the frame out")
+    return replace(sharp, patches={**sharp.patches, "mtf": kept})
+
+
 def measure(camera: Camera, config: Config, kernels: Path | None, frames: Mapping[str, int]) -> dict[str, Any]:
     """Both estimators on a camera, for the record.
 
@@ -173,6 +194,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--leave-one-out", action="append", default=[], metavar="NAME=KIND:ROOT", help="may be repeated"
     )
+    parser.add_argument("--whole-frames", action="store_true", help="calibrate to tiles all over the sharp frames")
     parser.add_argument("--kernels", type=Path, help="folder of the paper's own kernels")
     parser.add_argument("--frames", type=int, default=49, help="at most this many to evaluate on, evenly spread")
     parser.add_argument("--fused-frames", type=int, default=16, help="the same for fused, which takes a minute a frame")
@@ -182,18 +204,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
     pair = [text for text in (options.calibrate, options.evaluate) if text]
     if len(pair) == 1 or not (pair or options.leave_one_out):
         raise InputError("no camera; give --calibrate together with --evaluate, or --leave-one-out, or all three")
+    if options.whole_frames and options.out is None:
+        raise InputError("--whole-frames: the record is of labelled objects; give --out FILE as well")
     common.hold_loaded_libraries()
     config = configuration([*pair, *options.leave_one_out])
     cameras = [leave_one_out(config, common.dataset(text)[0], options.patches) for text in options.leave_one_out]
     if pair:
         first, second = (common.dataset(text)[0] for text in pair)
         cameras.insert(0, other_dataset(config, first, second, options.patches))
-    frames = {"spectral": options.frames, "fused": options.fused_frames}
+    if options.whole_frames:
+        cameras = [
+            replace(one, calibrations=[[over_the_frame(item) for item in sharp] for sharp in one.calibrations])
+            for one in cameras
+        ]
+    counts = {"spectral": options.frames, "fused": options.fused_frames}
+    frames = {estimator: count for estimator, count in counts.items() if count}
     record = {
         "kernels": "generated" if options.kernels is None else "paper",
         "noise_source": NOISE_SOURCE,
         "sigma_dn": SIGMA_DN,
         "seed": config.seed,
+        **({"calibrated_over": "whole frames"} if options.whole_frames else {}),
         "cameras": [measure(camera, config, options.kernels, frames) for camera in cameras],
     }
     print(common.write("other_frames", record, options.out))

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from benchmarks import common, other_frames
@@ -42,6 +44,20 @@ def test_a_benchmark_runs_before_instruction_sets_are_pinned() -> None:
 @pytest.mark.parametrize("given", [[], ["--calibrate", "a=folder:."], ["--evaluate", "a=folder:."]])
 def test_other_frames_wants_frames_to_calibrate_on_and_others(given: list[str]) -> None:
     with pytest.raises(InputError, match=r"give --calibrate together with --evaluate, or --leave-one-out"):
+        other_frames.main(given)
+
+
+def test_whole_frames_are_calibrated_to_on_tiles_with_structure(tmp_path: Path) -> None:
+    picture = np.full((192, 400), 128, np.uint8)
+    picture[:, 200:] = 60 + 120 * (np.arange(200) // 10 % 2)
+    cv2.imwrite(str(tmp_path / "a.png"), picture)
+    sharp = TestFrame(Frame("mine", "a", tmp_path / "a.png"), {"mtf": [Patch(5, 0, 192)]})
+    assert other_frames.over_the_frame(sharp).patches["mtf"] == [Patch(192, 0, 192), Patch(208, 0, 192)]
+    cv2.imwrite(str(tmp_path / "a.png"), np.full_like(picture, 128))
+    with pytest.raises(InputError, match=r"a\.png: no tile with structure"):
+        other_frames.over_the_frame(sharp)
+    given = [f"--leave-one-out=mine=folder:{tmp_path}", "--whole-frames"]
+    with pytest.raises(InputError, match=r"--whole-frames: .*give --out FILE as well"):
         other_frames.main(given)
 
 
