@@ -9,8 +9,8 @@ are of one camera and share no frame: the calibration has all sharp frames of th
 are evaluated. Of a camera with few frames, --leave-one-out evaluates each frame with the calibration to all others.
 Frames that follow each other show much the same scene, which flatters; Table I therefore cross-fits, each half of the
 frames with the calibration to the other half. Patches are those over labelled objects; with --whole-frames a camera is
-calibrated to tiles all over its sharp frames, which shows how much its sharpness depends on where. The frames evaluated
-are blurred
+calibrated to tiles all over its sharp frames, which shows how much it matters what they show. The frames evaluated are
+blurred
 
     table_one   by the kernels of Table I: the paper's own, in FOLDER (`pipeline.camera.paper_kernels`), or generated
                 ones like them (``match="paper"``)
@@ -47,6 +47,7 @@ from benchmarks.unseen_kernels import configuration, indexed  # noqa: E402
 from pipeline import blur  # noqa: E402
 from pipeline.camera import paper_kernels  # noqa: E402
 from pipeline.camera.psf.bank import bank  # noqa: E402
+from pipeline.condition.structure import structureless  # noqa: E402
 from pipeline.datasets.patches import BLUR_PX, cut, tiles  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
@@ -63,7 +64,6 @@ if TYPE_CHECKING:
     from pipeline.experiments.frames import TestFrame
 
 SIGMA_DN = 25.0
-LEAST_CONTRAST = 0.04  # standard deviation of a tile, of full scale
 MEASURES = ["amae_percent", "patch_error_percent", "coverage"]
 
 
@@ -138,15 +138,15 @@ def leave_one_out(config: Config, name: str, patches: int) -> Camera:
 
 
 def over_the_frame(sharp: TestFrame) -> TestFrame:
-    """A sharp frame with tiles all over it, but flat ones, in place of its patches.
+    """A sharp frame with tiles all over it, but those without structure, in place of its patches.
 
     Raises:
-        InputError: all are flat.
+        InputError: none has structure.
     """
     image = np.asarray(sharp.frame.image())
     squares = tiles(image.shape, BLUR_PX, "cover")
-    contrast = cut(image, squares).std(axis=(1, 2, 3))
-    kept = [square for square, one in zip(squares, contrast, strict=True) if one >= LEAST_CONTRAST]
+    left_out = structureless(cut(image, squares))
+    kept = [square for square, without in zip(squares, left_out, strict=True) if not without]
     if not kept:
         raise InputError(f"{sharp.frame.path}: no tile with structure to calibrate to; leave the frame out")
     return replace(sharp, patches={**sharp.patches, "mtf": kept})

@@ -78,10 +78,10 @@ class Drawn:
         with qualified(self.names):
             section = make(self.inputs)
         figures = [] if section is None else [block for block in section.blocks if isinstance(block, Figure)]
-        for one in figures:
-            style.save(one.drawing.figure, self.folder / one.name, one.drawing.values)
-        for one in figures:
-            one.drawing.figure.clear()
+        for figure in figures:
+            style.save(figure.drawing.figure, self.folder / figure.name, figure.drawing.values)
+        for figure in figures:
+            figure.drawing.figure.clear()  # of no use any more, and slow to hand to another process
         return section
 
 
@@ -112,7 +112,7 @@ def build(inputs: ReportInputs, out_dir: str | Path, workers: int = 1) -> Score:
             sections = [section for section in made if section is not None]
             blocks = [block for section in sections for block in section.blocks]
             figures = [block for block in blocks if isinstance(block, Figure)]
-            svgs = {one.name: (folder / f"{one.name}.svg").read_text(encoding="utf-8") for one in figures}
+            svgs = {item.name: (folder / f"{item.name}.svg").read_text(encoding="utf-8") for item in figures}
         with replacing_folder(out / "tables") as folder:
             for block in [*blocks, to_table(rows), summary_table(rows, TITLES, NO_REAL_FRAMES)]:
                 if isinstance(block, Table):

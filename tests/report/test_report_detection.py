@@ -177,6 +177,7 @@ def test_the_page_is_built_twice_with_the_same_bytes(inputs: ReportInputs, tmp_p
     for path in sorted((tmp_path / "first").rglob("*")):
         if path.is_file():
             assert path.read_bytes() == (tmp_path / "second" / path.relative_to(tmp_path / "first")).read_bytes()
+    assert {"regression_sim.svg", "iopc_heat_sim.svg"} <= {path.name for path in (tmp_path / "first/figures").iterdir()}
     page = (tmp_path / "first/index.html").read_text()
     assert "Object detection under blur and noise" in page and "Compact, two stages" in page
 
