@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from data_makers import picture
 
+from pipeline.datasets import video
 from pipeline.datasets.video import BadVideo, read_video
 
 FRAMES = 20
@@ -62,6 +63,17 @@ def test_what_others_write_meanwhile_is_no_damage_and_is_not_lost(tmp_path, capf
     assert numbers == list(range(FRAMES)) * 3
     written = capfd.readouterr().err.splitlines()
     assert len(written) > 3 and set(written) == {remark}
+
+
+@pytest.mark.parametrize("unread", [b"|U\0\0", b"\n\x1cV\x85", b"a.\nb", b"\r\n\r\n"])
+def test_bytes_that_opencv_quotes_without_having_read_them_are_no_lines(unread, capfd):
+    messages = []
+    with video._decoder_messages(messages):
+        os.write(
+            2, b"Unexpected element. Expected: LIST. Got: " + unread + b".\nCorrupt JPEG data: bad code\na plug-in\n"
+        )
+    assert messages == ["Unexpected element. Expected: LIST. Got: ?.", "Corrupt JPEG data: bad code"]
+    assert capfd.readouterr() == ("", "a plug-in\n")
 
 
 def test_a_video_cut_short_gives_its_frames_and_then_counts_the_missing(tmp_path, capfd):

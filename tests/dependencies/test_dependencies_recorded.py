@@ -44,3 +44,15 @@ def test_processes_execute_and_open_what_is_declared(project):
     missing = compare.problems(top / "records", top)
     assert "sensor: executes pipeline/camera/moments.py, which is not in deps" in missing
     assert "refit: opens data/paper/fitted_ap_grid.csv, which is not in deps or outs" in missing
+
+
+def test_the_costliest_stages_come_first(tmp_path):
+    records = [("noise", "sim", 2.0), ("blur", "sim", 5.0), ("blur", "sim", 1.0), ("blur", "kitti", 1.0)]
+    for number, (stage, dataset, processor_s) in enumerate(records):
+        words = [f"pipeline.stages.{stage}", f"+job.dataset={dataset}"]
+        (tmp_path / f"{number}.json").write_text(json.dumps({"stage": words, "processor_s": processor_s}))
+    total, *stages = compare.costliest(tmp_path, most=2)
+    assert total.split()[0] == "9" and [line.split() for line in stages] == [
+        ["6", "s", "67%", "blur", "sim"],
+        ["2", "s", "22%", "noise", "sim"],
+    ]

@@ -1,11 +1,12 @@
 """Compares what stage processes executed and opened with the dependencies that ``dvc.yaml`` declares for them.
 
 ``python tests/recorder/compare.py FOLDER`` in the project's top folder prints each difference and exits with 1 if there
-is one; `make smoke` calls it.
+is one; `make smoke` calls it. It also prints which stages took most of the processors' time.
 """
 
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 
 import yaml
@@ -71,7 +72,21 @@ def problems(folder, top=Path()):
     return sorted(results)
 
 
+def costliest(folder, most=12):
+    """Stages by the processor time of all their processes, one line each, with their share of the whole."""
+    spent = Counter()
+    for path in Path(folder).glob("*.json"):
+        record = json.loads(path.read_text(encoding="utf-8"))
+        words = [word.rpartition("=")[2] for word in record["stage"][1:]]
+        spent[" ".join([record["stage"][0].removeprefix("pipeline.stages."), *words])] += record["processor_s"]
+    total = sum(spent.values())
+    return [f"{total:6.0f} s of processor time, of which"] + [
+        f"{seconds:6.0f} s  {seconds / total:4.0%}  {stage}" for stage, seconds in spent.most_common(most)
+    ]
+
+
 if __name__ == "__main__":
+    print("\n".join(costliest(sys.argv[1])))
     lines = problems(sys.argv[1])
     print("\n".join(lines) or "every module executed and file opened is a declared dependency")
     raise SystemExit(1 if lines else 0)

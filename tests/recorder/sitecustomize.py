@@ -9,6 +9,7 @@ import atexit
 import json
 import os
 import sys
+import time
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -40,6 +41,7 @@ def _start() -> None:
         executed = {file.removeprefix(top) for file in files if file}
         executed |= {path for path in opened if path.startswith("pipeline/stages/")}  # -m runs it as __main__
         record = {"stage": json.loads(os.environ[_STAGE]), "executed": sorted(executed), "opened": sorted(opened)}
+        record["processor_s"] = time.process_time()
         (folder / f"{os.getpid()}.json").write_text(json.dumps(record), encoding="utf-8")
 
     sys.addaudithook(hook)
