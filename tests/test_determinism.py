@@ -124,6 +124,7 @@ def test_the_report_is_a_pure_function_of_its_inputs(data, once, tmp_path, monke
     for name in ("dvc.yaml", "dvc.lock"):
         shutil.copy(ROOT / name, tmp_path / "run")
     monkeypatch.chdir(tmp_path / "run")
+    monkeypatch.setattr(report, "MOST_WORKERS", 1)  # more change nothing (test_report_page) and start slowly
     for name in ("first", "second"):
         report.run.run(tiny(data, 1), {}, tmp_path / "run", tmp_path / name)
     first = digests(tmp_path / "first")

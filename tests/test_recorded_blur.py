@@ -10,13 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.camera import kernel_bank
 from pipeline.config.compose import compose, parse
+from pipeline.config.schema import Config
 from pipeline.executor import run_map
-from pipeline.experiments import blur_records
+from pipeline.experiments import blur_records, calibrate
 from pipeline.experiments.blur_records import BlurRecord
-from pipeline.experiments.condition import SHARP
+from pipeline.experiments.condition import SHARP, grid
+from pipeline.experiments.frames import with_patches
+from pipeline.experiments.run import Method, run
+from pipeline.experiments.table_one import Candidate
 from pipeline.recording.blur import record
 from pipeline.recording.blur_statistics import summarise_again
+from pipeline.recording.frames import indexed
 from pipeline.report.inputs import ReportInputs
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -137,20 +143,8 @@ def test_they_are_of_the_pictures_and_kernels_they_name(shared: Path, records: d
         assert set(one.provenance["kernels"].values()) <= pictures
 
 
-CALIBRATED = pytest.mark.full("two calibrations at full size take two minutes")
-REPEATED = [
-    *((dataset, "spectral") for dataset in DATASETS),
-    pytest.param("udacity", "camera_calibrated", marks=CALIBRATED),  # one of them: the code is the same
-]
-
-
-@pytest.mark.shared
-@pytest.mark.slow
-@pytest.mark.parametrize(("dataset", "estimator"), REPEATED)
-def test_they_can_be_repeated(
-    shared: Path, records: dict[str, BlurRecord], tmp_path: Path, dataset: str, estimator: str
-) -> None:
-    """A few cells again, on all frames: the same numbers to what a platform's rounding moves."""
+def configured(shared: Path, dataset: str) -> Config:
+    """A few cells of a record, with its pictures and kernels."""
     overrides = [
         f"+dataset@datasets.{dataset}={KINDS[dataset]}",
         f"datasets.{dataset}.root={shared / 'realdata' / dataset}",
@@ -161,11 +155,44 @@ def test_they_can_be_repeated(
         "blur.patches_per_frame=4",
         "blur.bootstrap_draws=2",
     ]
-    config = parse(compose(overrides, ROOT / "conf"), "conf/")
-    record(config, dataset, [estimator], tmp_path / "again", "again", partial(run_map, workers=1))
+    return parse(compose(overrides, ROOT / "conf"), "conf/")
+
+
+@pytest.mark.shared
+@pytest.mark.slow
+@pytest.mark.parametrize("dataset", DATASETS)
+def test_they_can_be_repeated(shared: Path, records: dict[str, BlurRecord], tmp_path: Path, dataset: str) -> None:
+    """A few cells again, on all frames: the same numbers to what a platform's rounding moves."""
+    config = configured(shared, dataset)
+    record(config, dataset, ["spectral"], tmp_path / "again", "again", partial(run_map, workers=1))
     (again,) = blur_records.read(tmp_path)
     keys = ["estimator", "blur_kind", "kernel_size_px", "calibrated"]
     both = again.summary.merge(records[dataset].summary, on=keys, suffixes=("", "_kept"))
-    assert len(both) == len(again.summary) == (2 if estimator == "spectral" else 1) * 3
+    assert len(both) == len(again.summary) == 2 * 3
     assert (both["count"] == both["count_kept"]).all()
     assert np.abs(both["amae_percent"] - both["amae_percent_kept"]).max() < 0.2
+
+
+@pytest.mark.shared
+@pytest.mark.full("a calibration at full size takes 40 s")
+def test_a_calibration_can_be_repeated(shared: Path) -> None:
+    """On one dataset the calibration to the second half of the frames, and what it estimates in the first."""
+    config = configured(shared, "udacity")
+    candidate = Candidate.configured(config.blur.estimators["camera_calibrated"])
+    index = indexed(config, "udacity", partial(run_map, workers=1))
+    frames = with_patches(index.usable, {"mtf": index.patches_for("blur", None)}, "udacity")
+    folds = calibrate.folds(len(frames))
+    second = [item for item, fold in zip(frames, folds, strict=True) if fold == 1]
+    camera = calibrate.fit_frames(
+        second, estimator=candidate.estimator, samples=candidate.calibration_samples, seed=config.seed
+    )
+    method = Method("camera_calibrated", "mtf", calibrate.Calibrated(candidate.estimator, camera))
+    conditions = grid(kernel_bank.configured(config.psf, config.camera.kind, config.seed))
+    first = [item for item, fold in zip(frames, folds, strict=True) if fold == 0]
+    again = run(first, conditions, [method], camera=config.camera, seed=config.seed)
+    kept = blur_records.estimates_of(INPUTS.recorded / "udacity-blur")
+    keys = ["estimator", "kernel", "frame", "patch", "axis", "point"]
+    again, kept = (each.assign(point=each.groupby(keys[:-1]).cumcount()) for each in (again, kept))
+    both = again.merge(kept, on=keys, suffixes=("", "_kept"))
+    assert len(both) == len(again) >= 16 * len(first) * len(conditions)
+    assert np.abs(both["estimate"] - both["mtf"]).max() < 0.02
