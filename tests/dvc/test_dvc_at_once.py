@@ -1,6 +1,5 @@
 """``python -m pipeline.dvc repro``: stages at once, from one server, with the results, messages and file of DVC."""
 
-import json
 import os
 import shutil
 import signal
@@ -19,7 +18,7 @@ from pipeline.dvc.at_once import stages_at_once, startable
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/recorder"))
-from compare import STARTS  # noqa: E402
+import compare  # noqa: E402
 
 MEETING = """
 import sys, time
@@ -224,13 +223,12 @@ def test_a_served_stage_is_recorded_like_a_process_of_its_own(tmp_path):
     records = folder / "records"
     records.mkdir()
     run(folder, "pipeline.dvc", "repro", PYTHONPATH=f"{ROOT}/tests/recorder:{folder}", RECORD_STAGES=str(records))
-    written = [json.loads(path.read_text()) for path in records.glob("*.json")]
-    by_module = {record["stage"][0]: record for record in written}
+    by_module = {record["stage"][0]: record for record in compare.records(records)}
     assert set(by_module) == {"pipeline.stages.show", "pipeline.stages.release"}
     for module, out in (("show", "1.txt"), ("release", "2.txt")):
         record = by_module[f"pipeline.stages.{module}"]
         assert record["stage"] == [f"pipeline.stages.{module}", f"+job.out={out}"]
-        executed = {path for path in record["executed"] if path.endswith(".py") and not path.startswith(STARTS)}
+        executed = {path for path in record["executed"] if path.endswith(".py") and not path.startswith(compare.STARTS)}
         names = ("__init__", "processor", "stages/__init__", f"stages/{module}")
         assert executed == {f"pipeline/{name}.py" for name in names}
         assert out in record["opened"]

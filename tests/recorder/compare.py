@@ -38,13 +38,17 @@ def declared(group, item, params):
     return {dvc_yaml._filled(line, values) for line in [*body["deps"], *outs]}
 
 
-def problems(folder, top=Path()):
-    """Differences of all records of a folder, one line each."""
+def records(folder):
+    """What `sitecustomize` wrote of each process."""
+    return [json.loads(path.read_text(encoding="utf-8")) for path in sorted(Path(folder).glob("*.json"))]
+
+
+def problems(recorded, top=Path()):
+    """Differences of all records, one line each."""
     params = yaml.safe_load((top / "params.yaml").read_text(encoding="utf-8"))
     groups = dvc_yaml.groups(yaml.safe_load((top / "dvc.yaml").read_text(encoding="utf-8")), params)
     results = set()
-    for path in sorted(Path(folder).glob("*.json")):
-        record = json.loads(path.read_text(encoding="utf-8"))
+    for record in recorded:
         module, *words = record["stage"]
         job = dict(word.removeprefix("+job.").split("=", 1) for word in words)
         members = [(g, item) for g in groups for item, of in zip(g.items, g.jobs(), strict=False)
@@ -72,13 +76,13 @@ def problems(folder, top=Path()):
     return sorted(results)
 
 
-def costliest(folder, most=12):
+def costliest(recorded, most=12):
     """Stages by the processor time of all their processes, one line each, with their share of the whole."""
     spent = Counter()
-    for path in Path(folder).glob("*.json"):
-        record = json.loads(path.read_text(encoding="utf-8"))
-        words = [word.rpartition("=")[2] for word in record["stage"][1:]]
-        spent[" ".join([record["stage"][0].removeprefix("pipeline.stages."), *words])] += record["processor_s"]
+    for record in recorded:
+        module, *words = record["stage"]
+        members = (word.partition("=")[2] for word in words)
+        spent[" ".join([module.removeprefix("pipeline.stages."), *members])] += record["processor_s"]
     total = sum(spent.values())
     return [f"{total:6.0f} s of processor time, of which"] + [
         f"{seconds:6.0f} s  {seconds / total:4.0%}  {stage}" for stage, seconds in spent.most_common(most)
@@ -86,7 +90,8 @@ def costliest(folder, most=12):
 
 
 if __name__ == "__main__":
-    print("\n".join(costliest(sys.argv[1])))
-    lines = problems(sys.argv[1])
+    recorded = records(sys.argv[1])
+    print("\n".join(costliest(recorded)))
+    lines = problems(recorded)
     print("\n".join(lines) or "every module executed and file opened is a declared dependency")
     raise SystemExit(1 if lines else 0)
