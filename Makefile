@@ -46,7 +46,7 @@ docs: $(READY) ## build the site of docs/ into site/, every link checked
 
 bench: $(READY) ## measure speed side by side with peers; results in benchmarks/results
 	@for script in benchmarks/[a-z]*.py; do \
-	    case $$script in */common.py|*/rendered_psf.py|*/processors.py|*/unseen_kernels.py|*/real_blur.py) ;; *) $(BIN)/python $$script || exit 1;; esac; done
+	    case $$script in */common.py|*/camera_shake.py|*/rendered_psf.py|*/processors.py|*/unseen_kernels.py|*/real_blur.py) ;; *) $(BIN)/python $$script || exit 1;; esac; done
 
 params: $(READY) ## compile params.yaml from conf/
 	@$(BIN)/python -m pipeline.config

@@ -26,9 +26,9 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+sys.path.insert(0, str(ROOT))
 
-import common  # noqa: E402
+from benchmarks import camera_shake, common  # noqa: E402
 
 common.one_thread()
 
@@ -90,15 +90,13 @@ def corrupted(frames: dict[str, np.ndarray]) -> Iterator[Sample]:
 
 def levin(folder: Path) -> Iterator[Sample]:
     """Real camera shake: the blurred photographs and, once for each scene, the sharp one."""
-    from scipy.io import loadmat
-
     sharp: set[str] = set()
-    for path in sorted(folder.glob("*.mat")):
-        content, scene = loadmat(path), path.stem.partition("_")[0]
-        if scene not in sharp:
-            sharp.add(scene)
-            yield Sample(scene, content["x"].astype(np.float32), 0.0, None)
-        yield Sample(scene, content["y"].astype(np.float32), 1.0 - float(mtf.sample(content["f"]).mean()), None)
+    for shake in camera_shake.photographs(folder):
+        if shake.scene not in sharp:
+            sharp.add(shake.scene)
+            yield Sample(shake.scene, shake.sharp.astype(np.float32), 0.0, None)
+        loss = 1.0 - float(mtf.sample(shake.psf).mean())
+        yield Sample(shake.scene, shake.blurred.astype(np.float32), loss, None)
 
 
 def cc(folder: Path) -> Iterator[Sample]:

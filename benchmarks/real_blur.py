@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import common  # noqa: E402
+from benchmarks import camera_shake, common  # noqa: E402
 
 common.one_thread()
 
@@ -74,14 +74,10 @@ def shake(folder: Path) -> dict[str, Any]:
     Raises:
         InputError: the folder holds photographs of fewer than two scenes.
     """
-    from scipy.io import loadmat
-
     scenes: dict[str, dict[str, Any]] = {}
-    for path in sorted(folder.glob("*_*.mat")):
-        scene, _, kernel = path.stem.partition("_")
-        content = loadmat(path)
-        about = scenes.setdefault(scene, {"sharp": windows(content["x"]), "blurred": {}})
-        about["blurred"][kernel] = (windows(content["y"]), mtf.sample(content["f"]))
+    for photograph in camera_shake.photographs(folder):
+        about = scenes.setdefault(photograph.scene, {"sharp": windows(photograph.sharp), "blurred": {}})
+        about["blurred"][photograph.kernel] = (windows(photograph.blurred), mtf.sample(photograph.psf))
     if len(scenes) < 2:
         raise InputError(f"{folder}: photographs SCENE_KERNEL.mat of {len(scenes)} scenes; expected two at least")
     peers = {name: blur.create(name, **DECONVOLUTION) for name in PEERS}
@@ -114,7 +110,7 @@ def shake(folder: Path) -> dict[str, Any]:
         for name, values in known.items()
         if values
     }
-    return {"photographs": rows, "summary": summary, "inputs_sha256": hashed(sorted(folder.glob("*_*.mat")))}
+    return {"photographs": rows, "summary": summary, "inputs_sha256": hashed(camera_shake.files(folder))}
 
 
 def agreement(name: str, folder: Path) -> dict[str, Any]:
