@@ -117,6 +117,7 @@ def test_corruption_does_not_depend_on_the_order_of_frames(data):
     assert len(set(noise_of(frames).values())) == len(frames)
 
 
+@pytest.mark.full("two reports take 20 s")
 def test_the_report_is_a_pure_function_of_its_inputs(data, once, tmp_path, monkeypatch):
     """Without the records of recorded pictures, whose figures take most of the time: tests of the report draw them."""
     shutil.copytree(once, tmp_path / "run")
@@ -168,6 +169,7 @@ def controlled(tmp_path_factory):
     return folder, run_control(folder, 1, out)
 
 
+@pytest.mark.full("control, measured again, takes 20 s")
 def test_control_gives_the_same_bytes_for_one_and_two_workers(controlled, tmp_path):
     folder, before = controlled
     shutil.rmtree(folder / ".cache")

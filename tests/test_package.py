@@ -58,6 +58,7 @@ def test_the_wheel_holds_weights_and_templates(wheel):
     assert not any(name.startswith(("tests/", "data/", "benchmarks/")) for name in names)
 
 
+@pytest.mark.full("an environment of its own takes 15 s")
 @pytest.mark.slow
 def test_installed_in_an_empty_environment_the_commands_work_from_another_folder(wheel, tmp_path):
     """The environment holds the wheel; its dependencies are those installed here, which are not fetched again."""

@@ -74,6 +74,7 @@ def one_after_another(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str
     return jobs
 
 
+@pytest.mark.full("three sweeps take 30 s")
 @pytest.mark.slow
 @pytest.mark.parametrize("launcher", LAUNCHERS)
 def test_a_launcher_of_hydra_gives_the_same_bytes(launcher, one_after_another, tmp_path):

@@ -34,6 +34,7 @@ def test_fast_mode_recovers_a_known_blur(estimator, name):
     assert np.median(mtf.amae(estimate.mtf, mtf.sample(KERNELS[name]))) < AMAE_BELOW[estimator][name]
 
 
+@pytest.mark.full("the exact modes take 20 s")
 @pytest.mark.slow
 @both
 @pytest.mark.parametrize("name", ["disc", "diagonal"])

@@ -89,6 +89,7 @@ def test_halves_are_of_frames_that_follow_each_other(count):
     assert abs(halves.count(0) - halves.count(1)) <= 1
 
 
+@pytest.mark.full("two more calibrations take 25 s")
 def test_two_workers_write_the_same_bytes(ran, tmp_path):
     config, inputs, folder = ran
     config = SimpleNamespace(
