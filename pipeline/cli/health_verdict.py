@@ -12,6 +12,9 @@ from typing import Any
 LEAST_GAIN_PERCENT = 2.0
 """Points of average precision that other settings must promise to be advised."""
 
+UNDETECTED_DN, NOTABLE_DN = 1.0, 4.0
+"""Noise below the first may hide in texture; that is stated where the interval reaches the second, moderate noise."""
+
 BAD_BLUR = ("moderately blurred", "strongly blurred")
 BAD_NOISE = ("high", "very high")
 
@@ -47,12 +50,12 @@ def run_verdict(
         return {"sentence": sentence, "sentences": [sentence, *_set_aside(set_aside)], "frames": 0}
     from pipeline.condition.verdict import grade
 
-    sigma = _median(row["sigma_dn"] for row in rows)
+    sigma, high = (_median(row[name] for row in rows) for name in ("sigma_dn", "sigma_high_dn"))
     mtf = median_mtf(rows)
     grades = grade(sigma, mtf, _median(row["median_dn"] for row in rows))
     blur, noise = grades.words()
     blur += f" (relative to {relative_to})" if relative_to and grades.blur else ""
-    condition = f"{blur}; {noise}" + (f" ({sigma:.1f} DN)" if isfinite(sigma) else "")
+    condition = f"{blur}; {noise}" + (f" ({_level(sigma, high)})" if isfinite(sigma) else "")
     start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
     sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
     sentences = [
@@ -90,8 +93,14 @@ def row_words(row: dict[str, Any]) -> str:
     """The condition of one frame in words."""
     blur = row["blur"] or "blur unknown"
     blur += f", mainly {row['blur_direction']}" if row["blur_direction"] else ""
-    noise = f"noise {row['noise']} ({row['sigma_dn']:.1f} DN)" if row["noise"] else "noise unknown"
-    return f"{blur}; {noise}"
+    level = _level(row["sigma_dn"], row["sigma_high_dn"])
+    return f"{blur}; " + (f"noise {row['noise']} ({level})" if row["noise"] else "noise unknown")
+
+
+def _level(sigma_dn: float, high_dn: float) -> str:
+    """Noise in DN, and how much more there may be where next to none was detected."""
+    hidden = sigma_dn < UNDETECTED_DN and high_dn >= NOTABLE_DN
+    return f"{sigma_dn:.1f} DN" + (f"; texture may hide up to {high_dn:.0f} DN" if hidden else "")
 
 
 def _median(values: Any) -> float:

@@ -17,7 +17,10 @@ then reads less than there is or nothing; the second network does not. So it is 
 `SLOPE`), the sooner where a codec shows (`CODED`). Traces of a codec are steps at block edges, vanished fine detail
 (`compressed`) and quantised transform blocks (`pipeline.noise.block_quantisation`). Where the interval reaches zero the
 noise is not detected, and the answer moves towards zero by as much as the interval would reach below it. The interval
-is widened by the deviation of both answers, sqrt(w (1 - w)) |t_2 - t_1|.
+is widened by the deviation of both answers, sqrt(w (1 - w)) |t_2 - t_1|. Where flat areas are correlated (`FILTERED`),
+or no noise is detected, its upper end is at least that of the second network, whatever w is, up to `MOST_HIDDEN` times
+what the flattest areas allow: `cellwise`, whose interval is that of white noise, does not know how much smoothed noise
+texture may hide.
 
 A patch is abstained from, as ``"compressed"`` where a codec shows, else as ``"uncertain"``, where
 
@@ -139,6 +142,10 @@ FILTERED, FILTERED_DN = 0.2, 2.0
 filter leaves 4 to 5 DN, of which 1 to 2.5 are estimated. With smaller answers frames with 2 DN of white noise over
 texture would be lost."""
 
+MOST_HIDDEN = 3.0
+"""How much noise there may be over the white noise with which the flattest windows would vary as they do. It is at most
+1.2 times that as recorded, scaled or turned, 3 behind a bilateral filter and in most pictures of real cameras."""
+
 LARGEST_DN = 60.0  # the networks were trained on noise up to 45 DN; more is no camera's, but a pattern
 WEAK_DN = 2.5  # where the interval ends below, noise is certainly weak
 UNDETECTED_DN, UNDETECTED_LOW_DN = 0.5, 0.05  # an answer and lower end below these are an answer of zero
@@ -202,6 +209,7 @@ class Adaptive(CellMapper):
         wide = self._reaches_too_far(levels, second)
         _join(levels, second)
         _abstain(reason, seen, second, levels, wide, alternating(stack))
+        _concede(levels, second, seen)
         white_sigma_dn = np.minimum(levels.white_sigma_dn, levels.sigma_dn)
         measured = Measured(levels.sigma_dn, levels.low_dn, levels.high_dn, white_sigma_dn, levels.correlation)
         return measured, levels.cells_dn
@@ -393,6 +401,15 @@ def _join(levels: Levels, second: Second) -> None:
     scale = sigma[at] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
     adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
     levels.cells_dn[at] = np.where(weight[:, None, None] >= 0.5, adapted, levels.cells_dn[at])
+
+
+def _concede(levels: Levels, second: Second, seen: Screened) -> None:
+    """Raises upper ends in `levels` to those of the second network where `cellwise` cannot know; see the module."""
+    at, answer, high = second.indices, second.answer, levels.high_dn
+    may_hide = (seen.flat_correlation[at] > FILTERED) | (levels.low_dn[at] < UNDETECTED_LOW_DN)
+    most = np.expm1(np.log1p(answer.sigma_dn) + answer.reach)
+    most = np.minimum(most, MOST_HIDDEN * seen.flat_dn[at])
+    high[at] = np.where(may_hide, np.maximum(high[at], most), high[at])
 
 
 def _abstain(

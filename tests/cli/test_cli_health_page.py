@@ -59,7 +59,8 @@ def assert_self_contained(html):
 
 def frame_row(number, **changes):
     row = {
-        "picture": f"v.mp4#{number}", "sigma_dn": 2.0, "mtf50_horizontal": 0.3, "mtf50_vertical": 0.4,
+        "picture": f"v.mp4#{number}", "sigma_dn": 2.0, "sigma_low_dn": 1.8, "sigma_high_dn": 2.3,
+        "mtf50_horizontal": 0.3, "mtf50_vertical": 0.4,
         "median_dn": 90.0, "mtf": np.full((2, 8), 0.7), "flags": "", "alarms": "", "trend": "",
         "blur": "slightly blurred", "blur_direction": "", "noise": "low", "causes": "", "abstained": {},
         "ap_percent": np.nan, "ap_low_percent": np.nan, "ap_high_percent": np.nan,
@@ -250,6 +251,15 @@ def test_a_surface_of_another_format_is_named_and_nothing_is_to_be_deleted(tmp_p
     done = CliRunner().invoke(main, [*command, str(tmp_path / "a.png"), "--surface", str(tmp_path / "a.png")])
     assert done.exit_code == 2 and len(done.stderr.splitlines()) == 1
     assert "a.png: not a surface of average precision (.npz)" in done.stderr and "delete" not in done.stderr
+
+
+def test_noise_that_texture_may_hide_is_stated_beside_none():
+    row = frame_row(0, sigma_dn=0.02, sigma_low_dn=0.0, sigma_high_dn=14.2, noise="very low", blur="sharp")
+    sentence = run_verdict([row], without_precision="")["sentence"]
+    assert "noise very low (0.0 DN; texture may hide up to 14 DN)" in sentence
+    assert "(0.0 DN)" in run_verdict([row | {"sigma_high_dn": 1.0}], without_precision="")["sentence"]
+    worst = run_verdict([row, row], without_precision="")["sentences"]
+    assert any("Worst frame" in words and "up to 14 DN" in words for words in worst)
 
 
 def test_the_worst_frame_is_one_that_was_measured_and_others_are_named():

@@ -20,6 +20,7 @@ from pipeline.errors import InputError
 from pipeline.noise.adaptive import (
     COMPRESSED,
     FORESHORTENED,
+    MOST_HIDDEN,
     OFFSET,
     REAL_CAMERAS,
     SLOPE,
@@ -214,6 +215,41 @@ def test_noise_of_scaled_frames_is_not_taken_for_less():
     assert ((estimate.low_dn <= truth) & (truth <= estimate.high_dn))[answered].all()
     assert (white.high_dn < truth).all()
     assert (np.abs(estimate.sigma_dn - truth) < np.abs(white.sigma_dn - truth))[answered].all()
+
+
+def test_noise_that_texture_hides_is_within_the_interval():
+    """Noise of frames that were turned is no longer white; of grass, one answer in five held it before."""
+    scene, matrix = cv2.GaussianBlur(data.grass(), (0, 0), 1), cv2.getRotationMatrix2D((256, 256), 2, 1)
+    shots = []
+    for number in range(3):
+        noisy = np.clip(np.rint(scene + stream(1, "turned", number).normal(0, 2, scene.shape)), 0, 255)
+        shots.append(cv2.warpAffine(noisy.astype(np.uint8), matrix, (512, 512), borderMode=cv2.BORDER_REFLECT))
+    corners = [(y, x) for y in range(0, 385, 64) for x in range(0, 385, 64)]
+    pieces = [np.stack(shots)[:, y : y + 128, x : x + 128] for y, x in corners]
+    truth = np.array([temporal_noise.measure(piece).sigma_dn for piece in pieces])
+    estimate = ADAPTIVE.estimate(stack(*(piece[0].astype(np.float32) for piece in pieces)))
+    answered = ~estimate.abstained
+    assert answered.sum() >= 5 and np.median(estimate.sigma_dn[answered]) < 0.6 * np.median(truth)
+    assert ((estimate.low_dn <= truth) & (truth <= estimate.high_dn))[answered].all()
+
+
+@pytest.mark.parametrize(("possible_dn", "high_dn"), [(3, 3), (9, MOST_HIDDEN * 1.38)])
+def test_the_second_network_sets_the_upper_end_where_the_first_cannot_know(monkeypatch, possible_dn, high_dn):
+    """In correlated areas, as far as these vary; white noise that was detected keeps the interval of `cellwise`."""
+    patches, estimator = stack(flat(2, 0.8), flat(10)), Adaptive()
+    before, predict = estimator.estimate(patches), estimator.correlated.predict
+
+    def blind(*arguments):
+        """Nothing seen, and so much possible."""
+        answer = predict(*arguments)
+        nothing = np.zeros_like(answer.sigma_dn)
+        return replace(answer, sigma_dn=nothing, reach=np.full_like(nothing, np.log1p(possible_dn) / REAL_CAMERAS))
+
+    monkeypatch.setattr(estimator.correlated, "predict", blind)
+    monkeypatch.setattr("pipeline.noise.adaptive.decided", lambda correlation, coded: np.zeros_like(coded))
+    estimate = estimator.estimate(patches)
+    assert estimate.sigma_dn[0] < 0.5 and estimate.high_dn[0] == pytest.approx(high_dn, rel=0.02)
+    assert estimate.high_dn[1] == before.high_dn[1] < 11
 
 
 def test_an_interval_holds_both_answers_where_they_differ(monkeypatch):
