@@ -104,7 +104,7 @@ def test_noise_behind_codecs_is_counted_by_codec_and_level(inputs: ReportInputs)
     shown = next(row for row in table.rows if (row["unit"], row["codec"]) == ("patches", "JPEG 95"))
     about = record["patches"]["by_codec"]["jpeg 95"]["5"]
     answered, wrong = about["answered"] / about["count"], about["wrong"] / about["answered"]
-    assert shown["added_5"] == f"{100 * answered:.0f} / {100 * wrong:.0f}"
+    assert shown["added_5"] == f"{100 * answered:.0f} / {100 * wrong:.0f} / {100 * about['held_fraction']:.0f}"
 
 
 def test_every_codec_and_filter_of_the_benchmark_has_a_name() -> None:
@@ -113,7 +113,7 @@ def test_every_codec_and_filter_of_the_benchmark_has_a_name() -> None:
     assert {described(processing).split()[0] for processing in PROCESSINGS} <= set(real_noise.CODECS)
 
 
-LEVEL = {"count": 4, "answered": 4, "wrong": 1}
+LEVEL = {"count": 4, "answered": 4, "wrong": 1, "held_fraction": 1.0}
 
 
 @pytest.mark.parametrize(
@@ -135,5 +135,5 @@ def test_a_codec_that_has_no_name_here_keeps_its_own(tmp_path: Path) -> None:
     table = real_noise.behind_codecs(
         {"datasets": ["sim", "kitti"], "frames": {"by_codec": content}, "patches": {"by_codec": {}}}
     )
-    assert [row["codec"] for row in table.rows] == ["as it is", "webp 80"] and table.rows[1]["added_5"] == "100 / 25"
+    assert [row["codec"] for row in table.rows] == ["as it is", "webp 80"] and table.rows[1]["added_5"] == "100 / 25 / 100"
     assert "frames of Sim and KITTI" in table.footnotes[0]

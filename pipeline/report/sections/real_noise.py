@@ -157,9 +157,11 @@ def _order(codec: str) -> tuple[int, str, list[float]]:
 
 
 def _answered(level: Mapping[str, Any]) -> str:
-    """Percentage answered, and percentage of the answers that is wrong: ``"64 / 3"``."""
+    """Percentages answered, of the answers wrong, and of their intervals that hold the truth: ``"64 / 3 / 98"``."""
     share = f"{100 * level['answered'] / level['count']:.0f}"
-    return f"{share} / {100 * level['wrong'] / level['answered']:.0f}" if level["answered"] else share
+    if not level["answered"]:
+        return share
+    return f"{share} / {100 * level['wrong'] / level['answered']:.0f} / {100 * level['held_fraction']:.0f}"
 
 
 def section(inputs: ReportInputs) -> Section | None:
