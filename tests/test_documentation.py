@@ -82,6 +82,7 @@ def test_toml_is_valid(block):
     assert tomllib.loads(block.text)
 
 
+@pytest.mark.full("compositions of all commands with overrides take 20 s")
 @pytest.mark.parametrize("block", SHELL, ids=str)
 def test_commands_exist_with_their_options(block, monkeypatch):
     monkeypatch.chdir(ROOT)

@@ -159,6 +159,7 @@ def configured(shared: Path, dataset: str) -> Config:
     return parse(compose(overrides, ROOT / "conf"), "conf/")
 
 
+@pytest.mark.full("measuring again takes 9 s")
 @pytest.mark.shared
 @pytest.mark.slow
 @pytest.mark.parametrize("dataset", DATASETS)

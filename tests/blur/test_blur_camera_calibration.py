@@ -65,6 +65,7 @@ def odds(values, factor, power):
     return ratio / (1 + ratio)
 
 
+@pytest.mark.full("a calibration of a network takes 11 s")
 def test_an_estimator_that_is_right_stays_as_it_is(sharp, truth):
     result = camera_calibration.calibrate(Bent(truth, np.array), sharp, samples=SAMPLES)
     assert np.abs(result(truth) - truth).mean() < 0.003
@@ -147,6 +148,7 @@ def test_bad_patches_are_refused(sharp, truth):
         camera_calibration.calibrate(Bent(truth, np.array), sharp[:, :, :100])
 
 
+@pytest.mark.full("a calibration of a network takes 17 s")
 def test_the_spectral_network_learns_a_camera_that_is_not_sharp_by_itself(sharp):
     """Blur added to pictures that are blurred and sharpened already, on scenes it was not fitted to."""
     selected = convolve(sharp, defocus(2.5))
@@ -211,6 +213,7 @@ def test_the_networks_of_an_ensemble_are_weighted_anew(sharp, truth, tmp_path):
         CalibratedEstimator(Bent(truth, np.array), made).estimate(sharp)
 
 
+@pytest.mark.full("a calibration of a network takes 15 s")
 def test_calibration_does_no_harm_under_halos_and_irises():
     """Kernels of other draws, scenes of other draws: at most a tenth worse than without calibration."""
     views = [images.view(images.picture(i, 9, "test optics"), stream(9, "test optics", i), 192) for i in range(8)]

@@ -183,6 +183,7 @@ def test_errors_that_patches_of_a_kernel_share_are_trained_away(layers, monkeypa
     assert shared_percent(KERNELS) < 0.97 * shared_percent(np.arange(COUNT))  # each patch of a kernel of its own
 
 
+@pytest.mark.full("a calibration of a network takes 10 s")
 def test_a_calibration_keeps_its_correction_in_a_file(sharp, camera, tmp_path):
     assert camera.correction is not None
     camera.save(tmp_path / "camera.json")

@@ -136,6 +136,7 @@ def test_flat_patches_are_abstained_from(gate_file, blurred):
     assert len(estimator.estimate(patches[:0])) == 0
 
 
+@pytest.mark.full("a calibration of three estimators takes 12 s")
 def test_calibration_covers_the_members(gate_file, camera, blurred, tmp_path):
     estimator = make(gate_file, shared_blur="always", deconvolved_patches=1)
     assert camera.samples == 100 and camera.gbb_sharp_mtf.shape == (2, 8)

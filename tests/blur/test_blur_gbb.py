@@ -12,6 +12,7 @@ def test_levels_are_the_published_ones():
     assert [size for size, _ in gbb.levels(25, (192, 192))] == [25, 15, 9, 5]
 
 
+@pytest.mark.full("the exact mode takes 8 s")
 @pytest.mark.shared
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["kitti_def7_0", "kitti_lin15_0_0", "udacity_def7_0"])

@@ -92,6 +92,7 @@ def test_an_unknown_answer_or_an_absent_map_is_an_error_that_names_it(tmp_path):
         blur.create("spectral", weights=copy, output="relative")
 
 
+@pytest.mark.full("two trainings take 8 s")
 @pytest.mark.skipif(not spectral.RELEASED.is_file(), reason="released weights absent: run dvc repro train_mtf")
 def test_the_stage_writes_a_map_that_depends_on_its_settings_alone(tmp_path):
     small = "{images: 4, patches: 8, samples: 120}"

@@ -173,6 +173,7 @@ def test_the_answer_is_one_line_that_names_what_is_wrong(case, sound, tmp_path, 
     assert leaked.err == "" and leaked.out == ""  # what C libraries write past Python
 
 
+@pytest.mark.full("sixty compositions take 40 s")
 @pytest.mark.parametrize("override", SETTINGS)
 def test_a_wrong_setting_is_refused_when_it_is_compiled(override, tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)

@@ -21,6 +21,7 @@ def at_top(monkeypatch):
     monkeypatch.chdir(ROOT)
 
 
+@pytest.mark.full("twenty compositions take 12 s")
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [

@@ -35,6 +35,7 @@ def dvc(top, *arguments):
     return done.stdout
 
 
+@pytest.mark.full("DVC on a copy of the project takes 10 s")
 @pytest.mark.parametrize(
     ("edited", "named"),
     [

@@ -174,6 +174,7 @@ def test_a_broken_picture_in_the_cache_is_named(cache: Path) -> None:
         sim_frames(**training.frame_source(settings(), cache))
 
 
+@pytest.mark.full("rendering twice takes 9 s")
 def test_a_frame_is_rendered_once_and_is_the_same_again(tmp_path: Path) -> None:
     options = {"seed": 1, "samples": 1, "width_px": 64, "height_px": 64}
     one = sim_frames(1, cache=tmp_path / "one", first=2, **options)

@@ -169,6 +169,7 @@ def test_a_stage_without_outputs_ends_before_later_ones_begin(tmp_path):
     assert not (folder / "later.txt").exists()
 
 
+@pytest.mark.full("DVC, interrupted and run again, takes 10 s")
 @pytest.mark.parametrize("served", [False, True])
 @pytest.mark.parametrize("at_once", [1, 2])
 def test_an_interrupt_ends_the_commands_and_dvc_and_leaves_the_repository_usable(tmp_path, at_once, served):

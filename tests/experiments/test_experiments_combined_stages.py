@@ -66,6 +66,7 @@ def digests(folder):
             for path in sorted(folder.rglob("*")) if path.is_file()}  # fmt: skip
 
 
+@pytest.mark.full("measuring again takes 10 s")
 def test_two_workers_write_the_same_bytes(root, once, tmp_path):
     config = settings(root, *TINY, workers=2)
     before(config, tmp_path)

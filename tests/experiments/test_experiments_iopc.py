@@ -72,6 +72,7 @@ def test_medians_follow_the_noise_and_the_blur_put_in(table):
     assert ((result["sigma_low_dn"] <= result["sigma_dn"]) & (result["sigma_dn"] <= result["sigma_high_dn"])).all()
 
 
+@pytest.mark.full("measuring again takes 6 s")
 def test_workers_change_nothing(frames, table):
     again = look(frames, executor=lambda function, items, label: run_map(function, items, workers=2))
     pd.testing.assert_frame_equal(again, table)

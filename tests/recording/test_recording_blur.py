@@ -131,6 +131,7 @@ def test_no_place_of_the_machine_and_no_picture_is_kept(root: Path, recorded: Pa
             assert str(root).encode() not in content and str(REPO).encode() not in content
 
 
+@pytest.mark.full("measuring again takes 10 s")
 def test_one_and_two_workers_write_the_same_bytes(root: Path, tmp_path: Path) -> None:
     """Calibrated: see the stage's test."""
     for workers in (1, 2):

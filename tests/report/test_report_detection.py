@@ -169,6 +169,7 @@ def test_recorded_sweeps_are_a_state_of_the_overview_and_show_their_precision(in
     assert isinstance(first, Estimate) and first.value == clean and first.low < clean < first.high
 
 
+@pytest.mark.full("two pages take 10 s")
 @pytest.mark.slow
 def test_the_page_is_built_twice_with_the_same_bytes(inputs: ReportInputs, tmp_path: Path) -> None:
     alone = dataclasses.replace(inputs, recorded=None)  # figures of records: in the next test
@@ -182,6 +183,7 @@ def test_the_page_is_built_twice_with_the_same_bytes(inputs: ReportInputs, tmp_p
     assert "Object detection under blur and noise" in page and "Compact, two stages" in page
 
 
+@pytest.mark.full("figures of two records, twice, take 12 s")
 def test_figures_of_records_drawn_twice_are_the_same_bytes(inputs: ReportInputs, tmp_path: Path) -> None:
     written = []
     for index in ("a", "b"):

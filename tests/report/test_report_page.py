@@ -133,6 +133,7 @@ def test_a_broken_stage_output_is_refused_by_name(tmp_path: Path, report_inputs:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.full("two pages take 10 s")
 @pytest.mark.slow
 def test_two_builds_in_two_places_by_one_and_two_workers_are_the_same_bytes_and_leave_nothing_stale(
     tmp_path: Path, report_folder: Path

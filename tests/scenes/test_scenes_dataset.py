@@ -63,6 +63,7 @@ def _bytes(number: int) -> bytes:
     return render(Viewpoint("train", number), 0, 7, **TINY).radiance.tobytes()
 
 
+@pytest.mark.full("rendering again takes 10 s")
 @pytest.mark.slow
 def test_the_same_bytes_in_another_process(frames):
     with multiprocessing.get_context("spawn").Pool(1) as pool:
