@@ -76,8 +76,10 @@ def shake(folder: Path) -> dict[str, Any]:
     """
     scenes: dict[str, dict[str, Any]] = {}
     for photograph in camera_shake.photographs(folder):
-        about = scenes.setdefault(photograph.scene, {"sharp": windows(photograph.sharp), "blurred": {}})
-        about["blurred"][photograph.kernel] = (windows(photograph.blurred), mtf.sample(photograph.psf))
+        if photograph.scene not in scenes:
+            scenes[photograph.scene] = {"sharp": windows(photograph.sharp), "blurred": {}}
+        seen = windows(photograph.blurred), mtf.sample(photograph.psf)
+        scenes[photograph.scene]["blurred"][photograph.kernel] = seen
     if len(scenes) < 2:
         raise InputError(f"{folder}: photographs SCENE_KERNEL.mat of {len(scenes)} scenes; expected two at least")
     peers = {name: blur.create(name, **DECONVOLUTION) for name in PEERS}

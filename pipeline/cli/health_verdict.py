@@ -12,9 +12,6 @@ from typing import Any
 LEAST_GAIN_PERCENT = 2.0
 """Points of average precision that other settings must promise to be advised."""
 
-UNDETECTED_DN, NOTABLE_DN = 1.0, 4.0
-"""Noise below the first may hide in texture; that is stated where the interval reaches the second, moderate noise."""
-
 BAD_BLUR = ("moderately blurred", "strongly blurred")
 BAD_NOISE = ("high", "very high")
 
@@ -94,12 +91,16 @@ def row_words(row: dict[str, Any]) -> str:
     blur = row["blur"] or "blur unknown"
     blur += f", mainly {row['blur_direction']}" if row["blur_direction"] else ""
     level = _level(row["sigma_dn"], row["sigma_high_dn"])
-    return f"{blur}; " + (f"noise {row['noise']} ({level})" if row["noise"] else "noise unknown")
+    noise = f"noise {row['noise']} ({level})" if row["noise"] else "noise unknown"
+    return f"{blur}; {noise}"
 
 
 def _level(sigma_dn: float, high_dn: float) -> str:
-    """Noise in DN, and how much more there may be where next to none was detected."""
-    hidden = sigma_dn < UNDETECTED_DN and high_dn >= NOTABLE_DN
+    """Noise in DN; where it is very low, but moderate or more within its interval, how much texture may hide."""
+    from pipeline.condition.verdict import NOISE_GRADES
+
+    (very_low, _), (low, _), *_ = NOISE_GRADES
+    hidden = sigma_dn < very_low and high_dn >= low
     return f"{sigma_dn:.1f} DN" + (f"; texture may hide up to {high_dn:.0f} DN" if hidden else "")
 
 

@@ -135,7 +135,6 @@ def test_a_codec_that_has_no_name_here_keeps_its_own(tmp_path: Path) -> None:
     table = real_noise.behind_codecs(
         {"datasets": ["sim", "kitti"], "frames": {"by_codec": content}, "patches": {"by_codec": {}}}
     )
-    assert [row["codec"] for row in table.rows] == ["as it is", "webp 80"] and table.rows[1][
-        "added_5"
-    ] == "100 / 25 / 100"
+    assert [row["codec"] for row in table.rows] == ["as it is", "webp 80"]
+    assert table.rows[1]["added_5"] == "100 / 25 / 100"
     assert "frames of Sim and KITTI" in table.footnotes[0]
