@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.processors import INTERPRETER, environment
+from benchmarks.processors import INTERPRETER, command, environment
 from pipeline import processor
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -53,18 +53,26 @@ print(json.dumps({name: hashlib.sha256(answer.tobytes()).hexdigest() for name, a
 """
 
 
-def answers(*command):
+def answers(words):
     unpinned = {name: value for name, value in os.environ.items() if name not in processor.AVX512_PINS}
-    ran = subprocess.run(
-        [*command, INTERPRETER, "-c", PROGRAM],
-        env=unpinned | environment(ROOT), cwd=ROOT, capture_output=True, text=True,
-    )  # fmt: skip
+    ran = subprocess.run(words, env=unpinned | environment(ROOT), cwd=ROOT, capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
     return json.loads(ran.stdout.splitlines()[-1])
 
 
-@pytest.mark.full("instruction by instruction the answers take two minutes")
+def emulated():
+    """Answers of the emulated Haswell; where the emulator itself crashed there is none, and it starts again, twice."""
+    for _ in range(2):
+        try:
+            return answers(command(QEMU, "Haswell", PROGRAM))
+        except AssertionError as crash:
+            if "qemu: uncaught target signal" not in str(crash):
+                raise
+    return answers(command(QEMU, "Haswell", PROGRAM))
+
+
+@pytest.mark.full("instruction by instruction the answers take half a minute")
 @pytest.mark.skipif(QEMU is None, reason="qemu-x86_64 is absent: apt-get install qemu-user")
 @pytest.mark.skipif(not processor.pins(processor.cpu_features()), reason="the processor has no AVX2")
 def test_answers_are_the_same_bytes_on_an_emulated_haswell():
-    assert answers(QEMU, "-cpu", "Haswell") == answers()
+    assert emulated() == answers([INTERPRETER, "-c", PROGRAM])
