@@ -6,7 +6,7 @@ import base64
 import heapq
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import isinf
+from math import isinf, isnan
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -149,14 +149,17 @@ def _plots(content: dict[str, Any]) -> list[Any]:
         for axis, style in (("horizontal", "first"), ("vertical", "second"))
     ]
     noise = Line("noise", [row["sigma_dn"] for row in rows], "first")
-    plots = [
-        plot("Noise σ [DN]", [noise], threshold=thresholds["sigma_dn"], marks=marks, least_high=LEAST_SIGMA_DN),
-        plot("MTF50 [fraction of Nyquist]", halves, threshold=thresholds["mtf50"], marks=marks, least_high=LEAST_MTF50),
+    precision = Line("AP", [row["ap_percent"] for row in rows], "first")
+    shown: list[tuple[str, list[Line], dict[str, Any]]] = [
+        ("Noise σ [DN]", [noise], {"threshold": thresholds["sigma_dn"], "least_high": LEAST_SIGMA_DN}),
+        ("MTF50 [fraction of Nyquist]", halves, {"threshold": thresholds["mtf50"], "least_high": LEAST_MTF50}),
+        ("Expected AP [%]", [precision], {"least_high": 100.0}),
     ]
-    precision = [row["ap_percent"] for row in rows]
-    if any(value == value for value in precision):
-        plots.append(plot("Expected AP [%]", [Line("AP", precision, "first")], marks=marks, least_high=100.0))
-    return plots
+    return [
+        plot(title, lines, marks=marks, **options)
+        for title, lines, options in shown
+        if any(not isnan(value) for line in lines for value in line.values)
+    ]
 
 
 def _thumbnail(row: dict[str, Any], picture: NDArray[np.uint8], longest_px: int) -> Thumbnail:

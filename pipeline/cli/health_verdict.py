@@ -112,11 +112,18 @@ def _median(values: Any) -> float:
 def _precision(rows: Sequence[dict[str, Any]]) -> list[str]:
     known = [row for row in rows if isfinite(row["ap_percent"])]
     if not known:
-        return ["Expected AP unknown, the condition was not measured"] if "sharp_ap_percent" in rows[0] else []
+        return [f"Expected AP unknown: {_without_precision(rows)}"] if "sharp_ap_percent" in rows[0] else []
     names = ("ap_percent", "ap_low_percent", "ap_high_percent", "sharp_ap_percent")
     here, low, high, best = (_median(row[name] for row in known) for name in names)
     text = f"Expected AP {here:.0f} % of {best:.0f} %"
     return [text + (f" (95 % interval {low:.0f} to {high:.0f})" if isfinite(low) and isfinite(high) else "")]
+
+
+def _without_precision(rows: Sequence[dict[str, Any]]) -> str:
+    """Why no frame has an expected AP, though precision was measured."""
+    if any(row["blur"] and row["noise"] for row in rows):
+        return "none was measured at such blur and noise"
+    return " and ".join(name for name in ("blur", "noise") if not all(row[name] for row in rows)) + " unknown"
 
 
 def _causes(causes: Sequence[str]) -> list[str]:

@@ -42,8 +42,10 @@ def command(
 
     Prints, per frame, the robust median over its tiles with their range, in grey levels (DN, 0..255), and how many
     tiles the estimator abstained on. A frame whose tiles mostly abstain because of a codec or filter, or of which less
-    than an eighth answer, has no median. The same estimator as ``camera-monitor health`` unless another is named.
+    than an eighth answer, has no median, and its map no number. The same estimator as ``camera-monitor health`` unless
+    another is named.
     """
+    import numpy as np
     from tqdm import tqdm
 
     from pipeline import noise
@@ -85,6 +87,7 @@ def command(
                     if rows is not None:
                         rows.write(dict(zip(COLUMNS, values, strict=True)))
                 if folder is not None:
-                    drawn = noise_overlay(image, squares, estimate.sigma_dn)
+                    shown = np.full(len(squares), np.nan) if np.isnan(whole.value) else estimate.sigma_dn
+                    drawn = noise_overlay(image, squares, shown)
                     write_image(folder.claim(result_stem(name), ".noise.png"), drawn)
     set_aside.refuse()

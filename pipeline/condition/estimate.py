@@ -64,7 +64,8 @@ class NoiseState:
         grid: (rows, columns) of the patches.
         summary: over the patches: arrays of shape (); without an answer where most patches abstain because of a codec.
         map_dn: (h, w) sigma over the frame, DN, NaN where unknown: of every 8 x 8 px cell where the estimator gives it,
-            else the patches' answers as (rows, columns).
+            else the patches' answers as (rows, columns). All of it is NaN where the summary has no answer: the few
+            patches that answer then mostly have grain that looks like noise.
         milliseconds: time on the clock.
     """
 
@@ -238,7 +239,10 @@ class ConditionMonitor:
             result = self.noise_estimator.estimate(stack)
             whole = result.sigma_dn.reshape(grid)
         taken = (time.perf_counter() - start) * 1e3
-        return NoiseState(squares, result, grid, summarise_noise(result), whole, taken)
+        summary = summarise_noise(result)
+        if np.isnan(summary.value):
+            whole = np.full_like(whole, np.nan)
+        return NoiseState(squares, result, grid, summary, whole, taken)
 
 
 def _with_structure(estimate: BlurEstimate, stack: NDArray[np.float32]) -> BlurEstimate:

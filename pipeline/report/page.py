@@ -19,6 +19,9 @@ from pipeline.report.provenance import Provenance
 from pipeline.report.spec import Figure, Section
 from pipeline.report.table_formats import to_html
 
+FOLDED_ROWS = 40
+"""Tables of more rows open by a click on the number of their rows."""
+
 # The figures' neutral colours, and the blue that is too dark on a dark page, become the page's own.
 _COLOURS = {
     style.INK: "var(--ink)",
@@ -71,7 +74,8 @@ def render(
         ledger_summary=to_html(summary_table(rows, TITLES, NO_REAL_FRAMES)), pictures_only=PICTURES_ONLY,
         states=Counter(run.state for run in runs), profile=profile, code_version=code_version, listing=listing,
         css=templates.text("style.css"), script=templates.text("script.js"), shared=themed(shared),
-        svg=lambda figure: themed(drawn[figure.name]), table=to_html, word=word, themed=themed,
+        svg=lambda figure: themed(drawn[figure.name]), word=word, themed=themed,
+        table=lambda table: to_html(table, folded=len(table.rows) > FOLDED_ROWS),
         width=lambda figure: round(100 * figure.drawing.figure.get_figwidth() / style.TWO_COLUMNS_IN),
         datasets=in_order((run.dataset for run in runs if run.dataset), DATASETS),
     )  # fmt: skip

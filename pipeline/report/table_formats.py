@@ -103,8 +103,13 @@ def to_latex(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-def to_html(table: Table) -> str:
-    """A ``<figure>`` with a sortable table, for the page; every text is escaped by the template engine."""
+def to_html(table: Table, folded: bool = False) -> str:
+    """A ``<figure>`` with a sortable table, for the page; every text is escaped by the template engine.
+
+    Args:
+        table: what it shows.
+        folded: the rows open by a click on their number.
+    """
     from pipeline.report.templates import environment
 
     def sort_key(cell: Cell) -> str | None:  # of a number; text is its own key
@@ -116,7 +121,7 @@ def to_html(table: Table) -> str:
     return environment().get_template("table.html.j2").render(
         table=table, numeric={column.name: table.is_numeric(column) for column in table.columns}, sort_key=sort_key,
         is_estimate=lambda cell: isinstance(cell, Estimate), number=format_number, interval=format_interval,
-        line=format_cell,
+        line=format_cell, folded=folded,
     )  # fmt: skip
 
 

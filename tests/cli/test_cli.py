@@ -11,7 +11,9 @@ import pytest
 from click.testing import CliRunner
 from data_makers import make_folder, make_kitti, picture
 
+from pipeline import noise
 from pipeline.cli import COMMANDS, main
+from pipeline.noise.base import NoiseEstimate
 from pipeline.streams import stream
 
 
@@ -54,6 +56,26 @@ def test_noise_finds_what_was_added(tmp_path, sigma_dn):
     assert abs(float(done.output.splitlines()[1].split()[0]) - sigma_dn) < 0.1 * sigma_dn
     assert len((tmp_path / "t.csv").read_text().splitlines()) == 1 + 12  # 448 x 320 covered by 4 x 3 tiles
     assert cv2.imread(str(tmp_path / "maps/a.png.noise.png")).shape == (320, 448, 3)
+
+
+def test_a_frame_without_noise_level_has_no_number_on_its_map(tmp_path, monkeypatch):
+    class MostlyCompressed:
+        def estimate(self, patches):
+            reason = np.full(len(patches), "compressed", object)
+            reason[0] = ""
+            sigma_dn = np.full(len(patches), np.nan)
+            sigma_dn[0] = 9.0
+            return NoiseEstimate(sigma_dn, sigma_dn, sigma_dn, reason != "", reason)
+
+    path = noisy(tmp_path / "a.png", 5.0)
+    monkeypatch.setattr(noise, "create", lambda name: MostlyCompressed())
+    done = call("noise", path, "--csv", tmp_path / "t.csv", "--map", tmp_path / "maps")
+    assert done.exit_code == 0, done.output
+    assert done.output.splitlines()[1].split()[:5] == ["-", "-", "-", "12", "11"]
+    assert "9.0000" in (tmp_path / "t.csv").read_text()
+    drawn, image = (cv2.imread(str(file)).astype(int) for file in (tmp_path / "maps/a.png.noise.png", path))
+    assert np.ptp(drawn[:128, :128], axis=2).max() == 0  # crossed out, without a colour
+    assert (drawn != image).any()
 
 
 def test_noise_reads_videos(tmp_path):

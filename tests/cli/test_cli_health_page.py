@@ -183,6 +183,20 @@ def test_the_verdict_has_what_is_known_only():
     assert run_verdict([], without_precision="", set_aside=1)["sentences"][0] == "No frame could be analysed."
 
 
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ([{"blur": "sharp", "noise": ""}], "noise unknown"),
+        ([{"blur": "", "noise": ""}], "blur and noise unknown"),
+        ([{"blur": "sharp", "noise": ""}, {"blur": "", "noise": "low"}], "blur and noise unknown"),
+        ([{"blur": "sharp", "noise": "low"}, {"blur": "", "noise": "low"}], "none was measured at such blur and noise"),
+    ],
+)
+def test_why_the_expected_precision_is_unknown(parts, words):
+    rows = [frame_row(index, ap_percent=np.nan, sharp_ap_percent=93.4, **part) for index, part in enumerate(parts)]
+    assert f"Expected AP unknown: {words}." in run_verdict(rows, without_precision="")["sentence"]
+
+
 class KnownMonitor:
     """Stands for the estimators: the condition that a picture's mean level names, so that long series take no time."""
 

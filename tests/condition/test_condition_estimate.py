@@ -51,7 +51,7 @@ def test_a_coded_frame_with_little_noise_is_unknown_and_one_with_much_is_read(mo
     path = shared / "realdata/kitti/training/image_2/000000.png"
     if not path.is_file():
         pytest.skip("frame absent: ../shared/realdata/kitti")
-    grey = read_grey8(path)
+    grey, answering = read_grey8(path), []
     for sigma_dn, known in ((0, False), (10, True)):
         noisy = grey + stream(0, "coded frame", sigma_dn).normal(0, sigma_dn, grey.shape)
         colours = np.repeat(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)[..., None], 3, 2)
@@ -59,10 +59,13 @@ def test_a_coded_frame_with_little_noise_is_unknown_and_one_with_much_is_read(mo
             coded = store(colours[: grey.shape[0] // 2 * 2, : grey.shape[1] // 2 * 2], codec)[..., 1] / np.float32(255)
             result = monitor.frame(coded)
             assert result.abstained["noise"] is not known
+            assert np.isfinite(result.noise.map_dn).any() == known
             if known:
                 assert float(result.sigma_dn.value) == pytest.approx(10, rel=0.2)
             else:
                 assert result.reasons["noise"]["compressed"] > len(result.noise.patches) / 2
+                answering.append(int(result.sigma_dn.count))
+    assert any(answering)  # tiles that the map does not show
 
 
 def test_motion_is_told_by_direction(monitor):

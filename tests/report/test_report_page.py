@@ -17,6 +17,8 @@ from pipeline.errors import InputError
 from pipeline.report import page, templates
 from pipeline.report.build import build
 from pipeline.report.inputs import ReportInputs
+from pipeline.report.spec import Section
+from pipeline.report.tables import Column, Table
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
@@ -153,6 +155,15 @@ def test_figures_share_outlines_of_letters_and_follow_the_colours_of_the_page(te
     assert document.tags["metadata"] == 0
     outlines = [name for name in document.ids if re.fullmatch(r"g\d+", name)]
     assert len(outlines) > 20 and max(Counter(outlines).values()) == 1
+
+
+@pytest.mark.parametrize(("most", "folds"), [(1, True), (10**6, False)])
+def test_long_tables_are_folded_where_they_stand(monkeypatch: pytest.MonkeyPatch, most: int, folds: bool) -> None:
+    monkeypatch.setattr(page, "FOLDED_ROWS", most)
+    rows = Table("long", "Two rows.", (Column("a"),), ({"a": 1}, {"a": 2}))
+    shown = page.render([Section("noise", "Noise", (), (rows,))], [], [], {}, "default", "")
+    Document(shown)
+    assert ('<details class="long"><summary>2 rows</summary>' in shown) == folds
 
 
 def test_script_is_short_and_the_page_reads_without_it(text: str) -> None:

@@ -126,6 +126,15 @@ def test_html_is_well_formed_escaped_and_sortable() -> None:
     assert parsed.sort == [None, "5.25", "3", None, "", None]  # text is its own key
 
 
+def test_folded_rows_open_by_a_click_on_their_number() -> None:
+    parsed, open_rows = _Cells(), table_formats.to_html(table())
+    folded = table_formats.to_html(table(), folded=True)
+    parsed.feed(folded)
+    assert parsed.open == []
+    assert f'<details class="long"><summary>{len(table().rows)} rows</summary>' in folded
+    assert "<details" not in open_rows and folded.count("<td") == open_rows.count("<td")
+
+
 def test_saving_writes_three_files(tmp_path: object) -> None:
     written = table_formats.save(table(), str(tmp_path))
     assert [path.name for path in written] == ["small.csv", "small.md", "small.tex"]

@@ -60,6 +60,7 @@
     for (let part = target && target.parentElement; part; part = part.parentElement) {
       if (part.tagName === "DETAILS") part.open = true;
     }
+    if (target) target.querySelectorAll(":scope > details.long").forEach(function (part) { part.open = true; });
   }
   window.addEventListener("hashchange", reveal);
   reveal();
@@ -73,6 +74,6 @@
   reach();
 
   window.addEventListener("beforeprint", function () {
-    document.querySelectorAll("details.alt").forEach(function (part) { part.open = true; });
+    document.querySelectorAll("details.alt, details.long").forEach(function (part) { part.open = true; });
   });
 })();
