@@ -15,7 +15,9 @@ median tile.
 
 An answer is ``wrong`` where it is off by more than 20 % of the truth and by more than 0.5 DN. ``wrong_fraction`` and
 ``held_fraction`` (of truths in the 95 % interval) are of the answers; ``compressed_fraction`` is that of abstentions
-that name compression. ``none``, the same frames as they were, stands beside them.
+that name compression. Where there is no answer but a bound (`NoiseEstimate.at_most_dn`, of frames
+`NoiseState.at_most_dn`), ``bounded`` counts them, ``bound_dn`` is its median and ``bound_held_fraction`` the share of
+truths below it. ``none``, the same frames as they were, stands beside them.
 """
 
 from __future__ import annotations
@@ -153,7 +155,8 @@ def measure(dataset: Dataset, frames: int, patches: int) -> pd.DataFrame:
                 estimate, saturated = monitor.noise_estimator.estimate(windows), saturated_fraction(windows)
                 for index, truth in enumerate(true_dn(taken, squares)):
                     ends = {
-                        name: getattr(estimate, name)[index] for name in ("sigma_dn", "low_dn", "high_dn", "reason")
+                        name: getattr(estimate, name)[index]
+                        for name in ("sigma_dn", "low_dn", "high_dn", "reason", "at_most_dn")
                     }
                     rows.append(about | {"of": "patches", "true_dn": truth, "saturated": saturated[index]} | ends)
                 whole = monitor.frame(taken[0].astype(np.float32) / np.float32(255)).noise
@@ -163,6 +166,7 @@ def measure(dataset: Dataset, frames: int, patches: int) -> pd.DataFrame:
                     | {"of": "frames", "true_dn": float(np.median(true_dn(taken, whole.patches))), "saturated": 0.0}
                     | {"sigma_dn": float(middle.value), "low_dn": float(middle.low), "high_dn": float(middle.high)}
                     | {"reason": "" if np.isfinite(middle.value) else reason_of(whole.estimate)}
+                    | {"at_most_dn": whole.at_most_dn}
                 )
         print(dataset.name, f"{number + 1} of {len(chosen)} frames", flush=True)
     return pd.DataFrame(rows)
@@ -200,6 +204,7 @@ def summarised(table: pd.DataFrame) -> dict[str, Any]:
     wrong = error > np.maximum(TOLERANCE * answered["true_dn"], TOLERANCE_DN)
     held = answered["true_dn"].between(answered["low_dn"], answered["high_dn"])
     abstained = table[~np.isfinite(table["sigma_dn"])]
+    bounded = abstained[np.isfinite(abstained["at_most_dn"])]
 
     def fraction(values: pd.Series) -> float | None:
         return round(float(values.mean()), 4) if len(values) else None
@@ -214,6 +219,9 @@ def summarised(table: pd.DataFrame) -> dict[str, Any]:
         "held_fraction": fraction(held),
         "mean_error_dn": round(float(error.mean()), 3) if len(error) else None,
         "compressed_fraction": fraction(abstained["reason"] == COMPRESSED),
+        "bounded": len(bounded),
+        "bound_dn": round(float(bounded["at_most_dn"].median()), 2) if len(bounded) else None,
+        "bound_held_fraction": fraction(bounded["true_dn"] <= bounded["at_most_dn"]),
     }
 
 

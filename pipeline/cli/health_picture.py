@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,7 +69,8 @@ def _noise(axes: Axes, image: NDArray[np.float32], condition: Condition) -> None
     reasons = condition.reasons["noise"]
     why = max(reasons, key=lambda reason: reasons[reason]) if reasons else ""
     without = "no estimate" + (f", {REASONS.get(why, why)}" if why else "")
-    reported = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else without
+    at_most = f", at most {ceil(most)} DN" if isfinite(most := condition.noise.at_most_dn) else ""
+    reported = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else without + at_most
     _over(axes, image, f"Noise: {reported}")
     cells = condition.noise.map_dn
     known_cells = cells[np.isfinite(cells)]

@@ -11,8 +11,9 @@ if TYPE_CHECKING:
 
 AXES = ("horizontal", "vertical")
 COLUMNS = (
-    "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "noise_patches", "noise_abstained", "mtf50_horizontal",
-    "mtf50_vertical", "mtf50_horizontal_status", "mtf50_vertical_status", "blur_patches", "blur_abstained",
+    "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "noise_patches", "noise_abstained",
+    "mtf50_horizontal", "mtf50_vertical", "mtf50_horizontal_status", "mtf50_vertical_status", "blur_patches",
+    "blur_abstained",
     "milliseconds", "bright_dn", "median_dn", "saturated_fraction", "obstructed_fraction", "repeats", "flags", "alarms",
     "drawn",
 )  # fmt: skip
@@ -46,8 +47,8 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
     noise, blur = condition.noise.estimate, condition.blur.estimate
     numbers = (
         name, float(condition.sigma_dn.value), float(condition.sigma_dn.low), float(condition.sigma_dn.high),
-        len(noise), int(noise.abstained.sum()), horizontal, vertical, status(horizontal), status(vertical), len(blur),
-        int(blur.abstained.sum()), round(condition.milliseconds, 1), flags.bright_dn,
+        condition.noise.at_most_dn, len(noise), int(noise.abstained.sum()), horizontal, vertical, status(horizontal),
+        status(vertical), len(blur), int(blur.abstained.sum()), round(condition.milliseconds, 1), flags.bright_dn,
         flags.median_dn, flags.saturated_fraction, flags.obstructed_fraction, flags.repeats, ", ".join(flags.names),
         "", "",
     )  # fmt: skip
@@ -89,7 +90,7 @@ def line(row: dict[str, Any]) -> str:
     """A row as text under `HEADER`."""
     patches = row["noise_patches"] + row["blur_patches"]
     answered = f"{patches - row['noise_abstained'] - row['blur_abstained']}/{patches}"
-    interval = f"{number(row['sigma_low_dn'], 2)} .. {number(row['sigma_high_dn'], 2)}"
+    interval = f"{number(row['sigma_low_dn'], 2)} .. {number(row['sigma_at_most_dn'], 2)}"
     halves = " ".join(f"{number(row[f'mtf50_{axis}'], 2):>8}" for axis in AXES)
     reasons = [f"{part} {reason} {n}" for part, counts in row["abstained"].items() for reason, n in counts.items()]
     note = f"  ({', '.join(reasons)})" if reasons else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import ceil, isfinite
 from statistics import median
 from types import MappingProxyType
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 LEAST_GAIN_PERCENT = 2.0
 """Points of average precision that other settings must promise to be advised."""
 
+LEVEL = ("sigma_dn", "sigma_high_dn", "sigma_at_most_dn")
 BAD_BLUR = ("moderately blurred", "strongly blurred")
 BAD_NOISE = ("high", "very high")
 
@@ -47,12 +48,13 @@ def run_verdict(
         return {"sentence": sentence, "sentences": [sentence, *_set_aside(set_aside)], "frames": 0}
     from pipeline.condition.verdict import grade
 
-    sigma, high = (_median(row[name] for row in rows) for name in ("sigma_dn", "sigma_high_dn"))
+    level = _level(*(_median(row[name] for row in rows) for name in LEVEL))
+    sigma = _median(row["sigma_dn"] for row in rows)
     mtf = median_mtf(rows)
     grades = grade(sigma, mtf, _median(row["median_dn"] for row in rows))
     blur, noise = grades.words()
     blur += f" (relative to {relative_to})" if relative_to and grades.blur else ""
-    condition = f"{blur}; {noise}" + (f" ({_level(sigma, high)})" if isfinite(sigma) else "")
+    condition = f"{blur}; {noise}{level}"
     start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
     sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
     sentences = [
@@ -90,18 +92,22 @@ def row_words(row: dict[str, Any]) -> str:
     """The condition of one frame in words."""
     blur = row["blur"] or "blur unknown"
     blur += f", mainly {row['blur_direction']}" if row["blur_direction"] else ""
-    level = _level(row["sigma_dn"], row["sigma_high_dn"])
-    noise = f"noise {row['noise']} ({level})" if row["noise"] else "noise unknown"
-    return f"{blur}; {noise}"
+    level = _level(*(row[name] for name in LEVEL))
+    return f"{blur}; noise {row['noise'] or 'unknown'}{level}"
 
 
-def _level(sigma_dn: float, high_dn: float) -> str:
-    """Noise in DN; where it is very low, but moderate or more within its interval, how much texture may hide."""
+def _level(sigma_dn: float, high_dn: float, at_most_dn: float) -> str:
+    """Noise in DN, in brackets; where it is unknown, its bound, and nothing without one.
+
+    Where it is very low, but moderate or more within its interval, how much texture may hide is stated too.
+    """
     from pipeline.condition.verdict import NOISE_GRADES
 
+    if not isfinite(sigma_dn):
+        return f" (at most {ceil(at_most_dn)} DN)" if isfinite(at_most_dn) else ""
     (very_low, _), (low, _), *_ = NOISE_GRADES
     hidden = sigma_dn < very_low and high_dn >= low
-    return f"{sigma_dn:.1f} DN" + (f"; texture may hide up to {high_dn:.0f} DN" if hidden else "")
+    return f" ({sigma_dn:.1f} DN" + (f"; texture may hide up to {high_dn:.0f} DN)" if hidden else ")")
 
 
 def _median(values: Any) -> float:
@@ -111,6 +117,10 @@ def _median(values: Any) -> float:
 
 def _precision(rows: Sequence[dict[str, Any]]) -> list[str]:
     known = [row for row in rows if isfinite(row["ap_percent"])]
+    bounded = [row for row in rows if isfinite(row["ap_low_percent"])]
+    if not known and bounded:
+        low, best = (_median(row[name] for row in bounded) for name in ("ap_low_percent", "sharp_ap_percent"))
+        return [f"Expected AP at least {low:.0f} % of {best:.0f} %"]
     if not known:
         return [f"Expected AP unknown: {_without_precision(rows)}"] if "sharp_ap_percent" in rows[0] else []
     names = ("ap_percent", "ap_low_percent", "ap_high_percent", "sharp_ap_percent")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 ALARM = 3  # exit code
 STATED = (
-    "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "mtf50_horizontal", "mtf50_vertical",
+    "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "mtf50_horizontal", "mtf50_vertical",
     "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "flags", "alarms", "milliseconds",
 )  # fmt: skip
 QUANTITIES = {"noise": "sigma_dn", **{f"blur {axis}": f"mtf50_{axis}" for axis in AXES}}

@@ -21,7 +21,7 @@ from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
 from pipeline.condition.structure import STRUCTURELESS, structureless
-from pipeline.condition.summary import Summary, summarise, summarise_noise
+from pipeline.condition.summary import Summary, most_noise_dn, summarise, summarise_noise
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
 from pipeline.noise.base import NoiseEstimate
@@ -67,6 +67,8 @@ class NoiseState:
             else the patches' answers as (rows, columns). All of it is NaN where the summary has no answer: the few
             patches that answer then mostly have grain that looks like noise.
         milliseconds: time on the clock.
+        at_most_dn: upper end of the summary's interval; where it has no answer because of a codec, what the frame holds
+            at most (`pipeline.condition.summary.most_noise_dn`); else NaN. DN.
     """
 
     patches: Sequence[Patch]
@@ -75,6 +77,7 @@ class NoiseState:
     summary: Summary
     map_dn: NDArray[np.floating]
     milliseconds: float
+    at_most_dn: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -240,9 +243,10 @@ class ConditionMonitor:
             whole = result.sigma_dn.reshape(grid)
         taken = (time.perf_counter() - start) * 1e3
         summary = summarise_noise(result)
+        at_most_dn = float(summary.high)
         if np.isnan(summary.value):
-            whole = np.full_like(whole, np.nan)
-        return NoiseState(squares, result, grid, summary, whole, taken)
+            whole, at_most_dn = np.full_like(whole, np.nan), most_noise_dn(result)
+        return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn)
 
 
 def _with_structure(estimate: BlurEstimate, stack: NDArray[np.float32]) -> BlurEstimate:

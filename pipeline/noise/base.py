@@ -57,6 +57,8 @@ class NoiseEstimate:
         white_sigma_dn: (N,) the part of sigma that is white, as the sensor's is before processing smooths it, DN; None
             from methods that do not separate it.
         correlation: (N,) correlation of the noise of adjacent pixels, -1 to 1; None likewise.
+        at_most_dn: (N,) upper end of the interval, DN, known too where there is no estimate because a codec may have
+            removed noise (``"compressed"``); NaN elsewhere; None from methods without intervals.
     """
 
     sigma_dn: NDArray[np.float64]
@@ -66,6 +68,7 @@ class NoiseEstimate:
     reason: NDArray[np.object_]
     white_sigma_dn: NDArray[np.float64] | None = None
     correlation: NDArray[np.float64] | None = None
+    at_most_dn: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.sigma_dn)
@@ -203,6 +206,7 @@ def assemble(measured: Measured, reason: NDArray[np.object_]) -> NoiseEstimate:
         reason=reason,
         white_sigma_dn=None if measured.white_sigma_dn is None else kept(measured.white_sigma_dn),
         correlation=None if measured.correlation is None else kept(measured.correlation),
+        at_most_dn=None if measured.high_dn is None else np.where(np.isin(reason, ("", COMPRESSED)), high_dn, np.nan),
     )
 
 

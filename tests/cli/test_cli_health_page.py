@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import cv2
@@ -60,7 +61,7 @@ def assert_self_contained(html):
 def frame_row(number, **changes):
     row = {
         "picture": f"v.mp4#{number}", "sigma_dn": 2.0, "sigma_low_dn": 1.8, "sigma_high_dn": 2.3,
-        "mtf50_horizontal": 0.3, "mtf50_vertical": 0.4,
+        "sigma_at_most_dn": 2.3, "mtf50_horizontal": 0.3, "mtf50_vertical": 0.4,
         "median_dn": 90.0, "mtf": np.full((2, 8), 0.7), "flags": "", "alarms": "", "trend": "",
         "blur": "slightly blurred", "blur_direction": "", "noise": "low", "causes": "", "abstained": {},
         "ap_percent": np.nan, "ap_low_percent": np.nan, "ap_high_percent": np.nan,
@@ -171,8 +172,8 @@ def test_the_verdict_has_what_is_known_only():
     )
     both = run_verdict([known, known | {"advice": "hold"}], without_precision="")["sentence"]
     assert both.endswith("(14 points of AP more expected, as for v.mp4#0; other settings advised in 1 of 2 frames).")
-    unknown = frame_row(0, blur="", noise="", sigma_dn=np.nan, mtf=np.full((2, 8), np.nan), flags="black",
-                        abstained={"blur": {"flat": 4}})  # fmt: skip
+    unknown = frame_row(0, blur="", noise="", sigma_dn=np.nan, sigma_at_most_dn=np.nan, mtf=np.full((2, 8), np.nan),
+                        flags="black", abstained={"blur": {"flat": 4}})  # fmt: skip
     verdict = run_verdict([unknown], without_precision="no surface", without_trend="9 frames", set_aside=2)
     sentences = verdict["sentences"]
     assert sentences[0] == "Blur unknown; noise unknown."
@@ -274,6 +275,31 @@ def test_noise_that_texture_may_hide_is_stated_beside_none():
     assert "(0.0 DN)" in run_verdict([row | {"sigma_high_dn": 1.0}], without_precision="")["sentence"]
     worst = run_verdict([row, row], without_precision="")["sentences"]
     assert any("Worst frame" in words and "up to 14 DN" in words for words in worst)
+
+
+def test_what_a_coded_frame_holds_at_most_stands_beside_unknown_noise_with_the_least_precision():
+    coded = frame_row(0, sigma_dn=np.nan, sigma_at_most_dn=3.2, noise="", blur="sharp", ap_low_percent=88.4,
+                      sharp_ap_percent=93.4, mtf=np.full((2, 8), 0.99))  # fmt: skip
+    verdict = run_verdict([coded, coded], without_precision="")
+    assert verdict["sentence"].endswith("sharp; noise unknown (at most 4 DN). Expected AP at least 88 % of 93 %.")
+    assert any("Worst frame" in words and "(at most 4 DN)" in words for words in verdict["sentences"])
+
+
+def test_the_least_precision_is_that_of_the_most_noise(monkeypatch):
+    image = np.full((40, 40), 0.4, np.float32)
+    known = FrameAnalysis(KnownMonitor(), Thresholds(), performance()).analyse("a.png", image)[0]
+
+    class Withheld(KnownMonitor):
+        def frame(self, image):
+            seen = super().frame(image)
+            unknown = np.full_like(seen.noise.summary.value, np.nan)
+            summary = replace(seen.noise.summary, value=unknown, low=unknown, high=unknown)
+            most = float(seen.noise.summary.value)
+            return replace(seen, noise=replace(seen.noise, summary=summary, at_most_dn=most))
+
+    row = FrameAnalysis(Withheld(), Thresholds(), performance()).analyse("a.png", image)[0]
+    assert np.isnan(row["ap_percent"]) and np.isnan(row["ap_high_percent"])
+    assert row["ap_low_percent"] == known["ap_low_percent"] and row["sigma_at_most_dn"] == known["sigma_dn"]
 
 
 def test_the_worst_frame_is_one_that_was_measured_and_others_are_named():

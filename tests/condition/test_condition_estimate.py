@@ -62,9 +62,11 @@ def test_a_coded_frame_with_little_noise_is_unknown_and_one_with_much_is_read(mo
             assert np.isfinite(result.noise.map_dn).any() == known
             if known:
                 assert float(result.sigma_dn.value) == pytest.approx(10, rel=0.2)
+                assert result.noise.at_most_dn == float(result.sigma_dn.high)
             else:
                 assert result.reasons["noise"]["compressed"] > len(result.noise.patches) / 2
                 answering.append(int(result.sigma_dn.count))
+                assert 0 < result.noise.at_most_dn < 10
     assert any(answering)  # tiles that the map does not show
 
 

@@ -1,10 +1,12 @@
 """From patches to a frame: robust medians, intervals that do not shrink with the number of patches, MTF50."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline.camera import mtf
-from pipeline.condition.summary import half_contrast, summarise, summarise_noise
+from pipeline.condition.summary import half_contrast, most_noise_dn, summarise, summarise_noise
 from pipeline.noise.base import ALTERNATING, COMPRESSED, STREAKED, UNCERTAIN, NoiseEstimate
 from pipeline.streams import stream
 
@@ -52,7 +54,8 @@ def tiles_of_noise(answered: int, reason: str, without: int) -> NoiseEstimate:
     """Tiles that answer 5 DN, 4 to 6, and tiles without an answer."""
     words = np.array([""] * answered + [reason] * without, dtype=object)
     five = np.where(words == "", 5.0, np.nan)
-    return NoiseEstimate(five, five - 1, five + 1, words != "", words)
+    bound = np.where(np.isin(words, ["", COMPRESSED]), np.arange(1.0, len(words) + 1), np.nan)
+    return NoiseEstimate(five, five - 1, five + 1, words != "", words, at_most_dn=bound)
 
 
 @pytest.mark.parametrize(
@@ -100,3 +103,14 @@ def test_half_contrast_beyond_the_frequencies_and_where_nothing_is_known():
     assert np.isinf(result[0])
     assert np.isnan(result[1])
     assert result[2] == pytest.approx(mtf.FREQUENCIES[0])
+
+
+@pytest.mark.parametrize(
+    ("answered", "reason", "without", "bound_dn"),
+    [(2, COMPRESSED, 7, 3.0), (0, COMPRESSED, 5, 2.0), (1, UNCERTAIN, 8, np.nan), (2, STREAKED, 7, np.nan),
+     (3, "flat", 8, np.nan)],
+)  # fmt: skip
+def test_a_coded_frame_holds_at_most_what_the_lowest_quarter_of_its_tiles_allows(answered, reason, without, bound_dn):
+    tiles = tiles_of_noise(answered, reason, without)
+    assert most_noise_dn(tiles) == pytest.approx(bound_dn, nan_ok=True)
+    assert np.isnan(most_noise_dn(replace(tiles, at_most_dn=None)))

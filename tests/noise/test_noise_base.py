@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pipeline import noise
 from pipeline.camera.saturation import SATURATED
 from pipeline.errors import InputError
-from pipeline.noise.base import FLAT, Estimator, Measured, as_stack, assemble, screen
+from pipeline.noise.base import COMPRESSED, FLAT, UNCERTAIN, Estimator, Measured, as_stack, assemble, screen
 from pipeline.streams import stream
 
 NAMES = ["bf", "immerkaer", "pca", "wavelet"]
@@ -202,3 +202,12 @@ def test_a_subclass_only_measures():
         Deviation().estimate(patches[..., :3])
     with pytest.raises(InputError, match="saturated_fraction"):
         Deviation(saturated_fraction=0.0)
+
+
+def test_the_bound_is_known_where_a_codec_hides_the_noise_and_nowhere_else_without_an_estimate() -> None:
+    four = np.full(4, 4.0)
+    reason = np.array(["", COMPRESSED, UNCERTAIN, FLAT], dtype=object)
+    estimate = assemble(Measured(four, four - 1, four + 1), reason)
+    np.testing.assert_array_equal(estimate.at_most_dn, [5.0, 5.0, np.nan, np.nan])
+    np.testing.assert_array_equal(estimate.high_dn, [5.0, np.nan, np.nan, np.nan])
+    assert assemble(Measured(four), reason).at_most_dn is None
