@@ -43,14 +43,17 @@ def test_shots_are_filtered(name, shape):
 def test_answers_are_counted():
     nan = np.nan
     table = pd.DataFrame(
-        [(5.0, 5.9, 5.0, 7.0, "", 0.05), (5.0, 6.1, 5.5, 7.0, "", 0), (0.4, 0.0, 0.0, 0.5, "", 0),
-         (5.0, nan, nan, nan, "compressed", 0), (5.0, nan, nan, nan, "uncertain", 0), (5.0, 9.0, 8.0, 9.9, "", 0.06)],
-        columns=["true_dn", "sigma_dn", "low_dn", "high_dn", "reason", "saturated"],
+        [(5.0, 5.9, 5.0, 7.0, "", 0.05, 7.0), (5.0, 6.1, 5.5, 7.0, "", 0, 7.0), (0.4, 0.0, 0.0, 0.5, "", 0, 0.5),
+         (5.0, nan, nan, nan, "compressed", 0, 6.0), (5.0, nan, nan, nan, "compressed", 0, 4.0),
+         (5.0, nan, nan, nan, "uncertain", 0, nan), (5.0, nan, nan, nan, "uncertain", 0, nan),
+         (5.0, 9.0, 8.0, 9.9, "", 0.06, 9.9)],
+        columns=["true_dn", "sigma_dn", "low_dn", "high_dn", "reason", "saturated", "at_most_dn"],
     )  # fmt: skip
     counts = coded_noise.summarised(table)
-    assert (counts["count"], counts["answered"], counts["wrong"], counts["saturated"]) == (5, 3, 1, 1)
+    assert (counts["count"], counts["answered"], counts["wrong"], counts["saturated"]) == (7, 3, 1, 1)
     assert counts["held_fraction"] == pytest.approx(2 / 3, abs=1e-4)
     assert counts["compressed_fraction"] == 0.5
+    assert (counts["bounded"], counts["bound_dn"], counts["bound_held_fraction"]) == (2, 5.0, 0.5)
 
 
 def test_black_and_white_pixels_are_saturated():

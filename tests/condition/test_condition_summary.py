@@ -107,10 +107,10 @@ def test_half_contrast_beyond_the_frequencies_and_where_nothing_is_known():
 
 @pytest.mark.parametrize(
     ("answered", "reason", "without", "bound_dn"),
-    [(2, COMPRESSED, 7, 3.0), (0, COMPRESSED, 5, 2.0), (1, UNCERTAIN, 8, np.nan), (2, STREAKED, 7, np.nan),
+    [(2, COMPRESSED, 9, 5.0), (0, COMPRESSED, 6, 3.0), (1, UNCERTAIN, 8, np.nan), (2, STREAKED, 7, np.nan),
      (3, "flat", 8, np.nan)],
 )  # fmt: skip
-def test_a_coded_frame_holds_at_most_what_the_lowest_quarter_of_its_tiles_allows(answered, reason, without, bound_dn):
+def test_a_coded_frame_holds_at_most_what_two_fifths_of_its_tiles_allow(answered, reason, without, bound_dn):
     tiles = tiles_of_noise(answered, reason, without)
     assert most_noise_dn(tiles) == pytest.approx(bound_dn, nan_ok=True)
     assert np.isnan(most_noise_dn(replace(tiles, at_most_dn=None)))

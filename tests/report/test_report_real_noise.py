@@ -96,8 +96,9 @@ CODED = REPO / "benchmarks/results/coded_noise.json"
 def test_noise_behind_codecs_is_counted_by_codec_and_level(inputs: ReportInputs) -> None:
     section = real_noise.section(dataclasses.replace(inputs, benchmarks={"coded_noise": CODED}))
     assert section is not None and section.runs[-1].line == "python benchmarks/coded_noise.py"
-    table = section.blocks[-1]
+    table, bounds = section.blocks[-2:]
     assert isinstance(table, Table) and table.name == "real_noise_coded"
+    assert isinstance(bounds, Table) and bounds.name == "real_noise_bounds"
     record = json.loads(CODED.read_text())
     names = [row["codec"] for row in table.rows if row["unit"] == "whole frames"]
     assert names[:3] == ["as it is", "JPEG 60", "JPEG 80"] and len(table.rows) == 2 * len(names)
@@ -105,6 +106,10 @@ def test_noise_behind_codecs_is_counted_by_codec_and_level(inputs: ReportInputs)
     about = record["patches"]["by_codec"]["jpeg 95"]["5"]
     answered, wrong = about["answered"] / about["count"], about["wrong"] / about["answered"]
     assert shown["added_5"] == f"{100 * answered:.0f} / {100 * wrong:.0f} / {100 * about['held_fraction']:.0f}"
+    shown, about = bounds.rows[0], record["frames"]["by_codec"]["jpeg 60"]["0"]
+    assert shown["codec"] == "JPEG 60"
+    held = 100 * about["bound_held_fraction"]
+    assert shown["added_0"] == f"{about['bounded']} / {about['bound_dn']:.1f} / {held:.0f}"
 
 
 def test_every_codec_and_filter_of_the_benchmark_has_a_name() -> None:
@@ -113,7 +118,7 @@ def test_every_codec_and_filter_of_the_benchmark_has_a_name() -> None:
     assert {described(processing).split()[0] for processing in PROCESSINGS} <= set(real_noise.CODECS)
 
 
-LEVEL = {"count": 4, "answered": 4, "wrong": 1, "held_fraction": 1.0}
+LEVEL = {"count": 4, "answered": 4, "wrong": 1, "held_fraction": 1.0, "bounded": 0}
 
 
 @pytest.mark.parametrize(
@@ -138,3 +143,12 @@ def test_a_codec_that_has_no_name_here_keeps_its_own(tmp_path: Path) -> None:
     assert [row["codec"] for row in table.rows] == ["as it is", "webp 80"]
     assert table.rows[1]["added_5"] == "100 / 25 / 100"
     assert "frames of Sim and KITTI" in table.footnotes[0]
+
+
+def test_codecs_without_bounds_have_no_row_and_levels_without_them_no_number() -> None:
+    bounded = {"count": 4, "answered": 1, "bounded": 3, "bound_dn": 4.26, "bound_held_fraction": 1.0}
+    coded = {**dict.fromkeys(real_noise.ADDED, LEVEL), "2": bounded}
+    table = real_noise.bounds(
+        {"frames": {"by_codec": {"none": dict.fromkeys(real_noise.ADDED, LEVEL), "h264 23": coded}}}
+    )
+    assert [(row["codec"], row["added_0"], row["added_2"]) for row in table.rows] == [("H.264 23", "", "3 / 4.3 / 100")]

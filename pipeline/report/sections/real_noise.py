@@ -48,6 +48,8 @@ CODECS = {
 UNITS = {"frames": "whole frames", "patches": "patches"}
 ADDED = ("0", "2", "5", "10", "25")
 """DN."""
+BOUNDED = ADDED[:-1]
+"""Of them those with frames that have no estimate."""
 
 
 def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> style.Drawing:
@@ -142,11 +144,27 @@ def behind_codecs(record: Mapping[str, Any]) -> Table:
     for unit, title in UNITS.items():
         codecs = record[unit]["by_codec"]
         for codec in sorted(codecs, key=_order):
-            name, *quality = codec.split()
             levels = {f"added_{added}": _answered(codecs[codec][added]) for added in ADDED}
-            stored = " ".join([CODECS.get(name, name), *quality])
-            rows.append({"unit": title, "codec": stored, "count": codecs[codec][ADDED[0]]["count"], **levels})
+            count = codecs[codec][ADDED[0]]["count"]
+            rows.append({"unit": title, "codec": _stored(codec), "count": count, **levels})
     return PAGE.table("real_noise_coded", rows, datasets=listing(map(word, record["datasets"])))
+
+
+def bounds(record: Mapping[str, Any]) -> Table:
+    """How much noise there is at most in whole frames without an estimate, by codec or filter."""
+    codecs = record["frames"]["by_codec"]
+    rows = [
+        {"codec": _stored(codec), **{f"added_{added}": _bound(codecs[codec][added]) for added in BOUNDED}}
+        for codec in sorted(codecs, key=_order)
+        if any(codecs[codec][added]["bounded"] for added in BOUNDED)
+    ]
+    return PAGE.table("real_noise_bounds", rows)
+
+
+def _stored(codec: str) -> str:
+    """A codec or filter and its number, in words."""
+    name, *quality = codec.split()
+    return " ".join([CODECS.get(name, name), *quality])
 
 
 def _order(codec: str) -> tuple[int, str, list[float]]:
@@ -164,13 +182,20 @@ def _answered(level: Mapping[str, Any]) -> str:
     return f"{share} / {100 * level['wrong'] / level['answered']:.0f} / {100 * level['held_fraction']:.0f}"
 
 
+def _bound(level: Mapping[str, Any]) -> str:
+    """Frames with a bound, its median and the percentage that it holds: ``"20 / 4.9 / 100"``; empty where none has."""
+    if not level["bounded"]:
+        return ""
+    return f"{level['bounded']} / {level['bound_dn']:.1f} / {100 * level['bound_held_fraction']:.0f}"
+
+
 def section(inputs: ReportInputs) -> Section | None:
     """Noise of real cameras, or None where nothing of it is known; errors of `ReportInputs.benchmark`."""
     stages = inputs.folders("real_noise")
     parts = real_noise_records.recordings(stages, inputs.recorded)
     made = real_noise_records.sensor(stages, inputs.recorded)
     known = {part.name for part in parts} | ({SENSOR} if made is not None else set())
-    coded = inputs.benchmark(CODED, behind_codecs)
+    coded = inputs.benchmark(CODED, lambda record: [behind_codecs(record), bounds(record)])
     if not known and not stages and coded is None:
         return None
     examples, blocks = real_noise_records.examples(inputs.recorded), list[Block]()
@@ -187,7 +212,7 @@ def section(inputs: ReportInputs) -> Section | None:
         blocks.append(PAGE.table("real_sensor_constants", constants, stage=made.stage))
     runs = [_run(inputs, name, name in known) for name in stages]
     if coded is not None:
-        blocks.append(coded)
+        blocks += coded
         runs.append(Run("Noise behind codecs", "", True, "", CODED.command))
     return PAGE.section(blocks, runs)
 
