@@ -66,7 +66,7 @@ def test_a_coded_frame_with_little_noise_is_unknown_and_one_with_much_is_read(mo
             else:
                 assert result.reasons["noise"]["compressed"] > len(result.noise.patches) / 2
                 answering.append(int(result.sigma_dn.count))
-                assert 0 < result.noise.at_most_dn < 10
+                assert 0 < result.noise.at_most_dn < np.nanmax(result.noise.estimate.at_most_dn)
     assert any(answering)  # tiles that the map does not show
 
 
