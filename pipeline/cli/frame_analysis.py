@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -208,15 +209,14 @@ class FrameAnalysis:
         from pipeline.control.expected_precision import expected_precision
 
         level = float(image.mean(dtype="float64"))
-        here, noisiest = (
-            expected_precision(self.performance, row[name], condition.mtf.value, relative=self.relative, level=level)
-            for name in ("sigma_dn", "sigma_at_most_dn")
-        )
-        unknown = isnan(row["sigma_dn"])  # AP falls with noise: the most that there may be gives the least AP
+        at = partial(expected_precision, self.performance, mtf=condition.mtf.value, relative=self.relative, level=level)
+        here = at(row["sigma_dn"])
         row |= {
-            "ap_percent": here.ap_percent, "ap_low_percent": (noisiest if unknown else here).low_percent,
-            "ap_high_percent": here.high_percent, "sharp_ap_percent": here.best_percent,
+            "ap_percent": here.ap_percent, "ap_low_percent": here.low_percent, "ap_high_percent": here.high_percent,
+            "sharp_ap_percent": here.best_percent,
         }  # fmt: skip
+        if isnan(row["sigma_dn"]):  # AP falls with noise: the most that there may be gives the least AP
+            row["ap_low_percent"] = at(row["sigma_at_most_dn"]).low_percent
         taken, without = self.settings.of(file)
         if taken is not None:
             row |= self._advice(image, condition, taken)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from math import ceil, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.camera.mtf import FREQUENCIES
 from pipeline.condition.summary import half_contrast
-from pipeline.condition.verdict import REASONS
+from pipeline.condition.verdict import REASONS, bound_words
 from pipeline.report import style
 
 if TYPE_CHECKING:
@@ -68,9 +67,8 @@ def _noise(axes: Axes, image: NDArray[np.float32], condition: Condition) -> None
     known = np.isfinite(sigma.value)
     reasons = condition.reasons["noise"]
     why = max(reasons, key=lambda reason: reasons[reason]) if reasons else ""
-    without = "no estimate" + (f", {REASONS.get(why, why)}" if why else "")
-    at_most = f", at most {ceil(most)} DN" if isfinite(most := condition.noise.at_most_dn) else ""
-    reported = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else without + at_most
+    without = ", ".join(filter(None, ["no estimate", REASONS.get(why, why), bound_words(condition.noise.at_most_dn)]))
+    reported = f"σ {sigma.value:.2f} DN ({sigma.low:.2f} to {sigma.high:.2f})" if known else without
     _over(axes, image, f"Noise: {reported}")
     cells = condition.noise.map_dn
     known_cells = cells[np.isfinite(cells)]

@@ -13,9 +13,8 @@ AXES = ("horizontal", "vertical")
 COLUMNS = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "noise_patches", "noise_abstained",
     "mtf50_horizontal", "mtf50_vertical", "mtf50_horizontal_status", "mtf50_vertical_status", "blur_patches",
-    "blur_abstained",
-    "milliseconds", "bright_dn", "median_dn", "saturated_fraction", "obstructed_fraction", "repeats", "flags", "alarms",
-    "drawn",
+    "blur_abstained", "milliseconds", "bright_dn", "median_dn", "saturated_fraction", "obstructed_fraction", "repeats",
+    "flags", "alarms", "drawn",
 )  # fmt: skip
 WRITTEN = (
     *COLUMNS, "blur", "blur_direction", "noise", "causes", "ap_percent", "ap_low_percent", "ap_high_percent",

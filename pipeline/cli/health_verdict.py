@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from math import ceil, isfinite
+from math import isfinite
 from statistics import median
 from types import MappingProxyType
 from typing import Any
@@ -12,7 +12,9 @@ from typing import Any
 LEAST_GAIN_PERCENT = 2.0
 """Points of average precision that other settings must promise to be advised."""
 
-LEVEL = ("sigma_dn", "sigma_high_dn", "sigma_at_most_dn")
+NOISE = ("sigma_dn", "sigma_high_dn", "sigma_at_most_dn")
+"""Columns that the noise is put into words from."""
+
 BAD_BLUR = ("moderately blurred", "strongly blurred")
 BAD_NOISE = ("high", "very high")
 
@@ -48,13 +50,12 @@ def run_verdict(
         return {"sentence": sentence, "sentences": [sentence, *_set_aside(set_aside)], "frames": 0}
     from pipeline.condition.verdict import grade
 
-    level = _level(*(_median(row[name] for row in rows) for name in LEVEL))
-    sigma = _median(row["sigma_dn"] for row in rows)
+    sigma, high, at_most = (_median(row[name] for row in rows) for name in NOISE)
     mtf = median_mtf(rows)
     grades = grade(sigma, mtf, _median(row["median_dn"] for row in rows))
     blur, noise = grades.words()
     blur += f" (relative to {relative_to})" if relative_to and grades.blur else ""
-    condition = f"{blur}; {noise}{level}"
+    condition = f"{blur}; {noise}{_level(sigma, high, at_most)}"
     start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
     sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
     sentences = [
@@ -92,8 +93,7 @@ def row_words(row: dict[str, Any]) -> str:
     """The condition of one frame in words."""
     blur = row["blur"] or "blur unknown"
     blur += f", mainly {row['blur_direction']}" if row["blur_direction"] else ""
-    level = _level(*(row[name] for name in LEVEL))
-    return f"{blur}; noise {row['noise'] or 'unknown'}{level}"
+    return f"{blur}; noise {row['noise'] or 'unknown'}{_level(*(row[name] for name in NOISE))}"
 
 
 def _level(sigma_dn: float, high_dn: float, at_most_dn: float) -> str:
@@ -101,10 +101,11 @@ def _level(sigma_dn: float, high_dn: float, at_most_dn: float) -> str:
 
     Where it is very low, but moderate or more within its interval, how much texture may hide is stated too.
     """
-    from pipeline.condition.verdict import NOISE_GRADES
+    from pipeline.condition.verdict import NOISE_GRADES, bound_words
 
     if not isfinite(sigma_dn):
-        return f" (at most {ceil(at_most_dn)} DN)" if isfinite(at_most_dn) else ""
+        bound = bound_words(at_most_dn)
+        return f" ({bound})" if bound else ""
     (very_low, _), (low, _), *_ = NOISE_GRADES
     hidden = sigma_dn < very_low and high_dn >= low
     return f" ({sigma_dn:.1f} DN" + (f"; texture may hide up to {high_dn:.0f} DN)" if hidden else ")")

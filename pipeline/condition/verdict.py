@@ -19,6 +19,7 @@ not distinguish them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,11 @@ class Grades:
     def causes(self) -> list[str]:
         """Probable causes, blur first."""
         return [cause for cause in (self.blur_cause, self.noise_cause) if cause]
+
+
+def bound_words(at_most_dn: float) -> str:
+    """How much noise there is at most, rounded up: ``"at most 7 DN"``; empty where that is unknown (NaN)."""
+    return f"at most {ceil(at_most_dn)} DN" if isfinite(at_most_dn) else ""
 
 
 def grade(sigma_dn: float, mtf: NDArray[np.floating], median_dn: float = float("nan")) -> Grades:

@@ -6,7 +6,7 @@ from control_makers import REFERENCE, darker_performance, formula_ap, performanc
 
 from pipeline.camera.mtf import sample
 from pipeline.camera.psf import create
-from pipeline.condition.verdict import grade
+from pipeline.condition.verdict import bound_words, grade
 from pipeline.control.expected_precision import equivalent_motion, expected_precision
 from pipeline.control.motion import motion_mtf
 from pipeline.streams import stream
@@ -78,3 +78,7 @@ def test_an_unmeasured_or_unknown_condition_has_no_precision():
     for sigma, contrast in ((80.0, 0.9), (5.0, 0.0), (np.nan, 0.9), (5.0, np.nan)):
         here = expected_precision(surface, sigma, np.full((2, 8), contrast))
         assert np.isnan(here.ap_percent) and here.best_percent > 80
+
+
+def test_a_bound_is_rounded_up_and_nothing_where_it_is_unknown():
+    assert [bound_words(dn) for dn in (3.2, 7.0, float("nan"))] == ["at most 4 DN", "at most 7 DN", ""]
