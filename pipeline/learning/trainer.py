@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Union
 
 from pipeline.errors import InputError
 from pipeline.learning import weights
@@ -61,10 +61,11 @@ class _State:
     best_step: int = 0
     step: int = 0
     curve: list[dict[str, float]] = field(default_factory=list)
-    sums: dict[str, float] = field(default_factory=dict)
+    sums: dict[str, Number] = field(default_factory=dict)
 
 
-Loss = Callable[["torch.nn.Module", Mapping[str, Any]], tuple["torch.Tensor", dict[str, float]]]
+Number = Union[float, "torch.Tensor"]
+Loss = Callable[["torch.nn.Module", Mapping[str, Any]], tuple["torch.Tensor", Mapping[str, Number]]]
 
 
 def train(
@@ -85,6 +86,7 @@ def train(
     Args:
         model: freshly initialised, in the same way on every start.
         loss: (model, batch) -> loss to minimise, and measures to record; the batch holds the feed's arrays as tensors.
+            A measure is a number, or a tensor of one, which a GPU need not be waited for.
         loader: batches by step.
         schedule: how.
         folder: where checkpoints are kept; None keeps none.
@@ -114,6 +116,9 @@ def train(
             break
         _one_step(state, loss, loader, schedule)
         row = _row(state, schedule)
+        last = state.step in (schedule.steps, stop_after)
+        if not schedule.ema_decay and (last or state.step % schedule.checkpoint_every == 0):
+            state.average = {name: value.clone() for name, value in state.model.state_dict().items()}
         if state.step % schedule.checkpoint_every == 0 or state.step == schedule.steps:
             result = _validated(state, validate, score)
             if row is not None:
@@ -141,16 +146,22 @@ def _one_step(state: _State, loss: Loss, loader: ChunkLoader, schedule: Schedule
     if schedule.max_grad_norm is not None:
         torch.nn.utils.clip_grad_norm_(state.model.parameters(), schedule.max_grad_norm)
     state.optimiser.step()
-    decay = min(schedule.ema_decay, (1 + state.step) / (10 + state.step)) if schedule.ema_decay else 0.0
-    with torch.no_grad():
-        for name, tensor in state.model.state_dict().items():
-            if tensor.dtype.is_floating_point:
-                state.average[name].lerp_(tensor, 1 - decay)
-            else:
-                state.average[name].copy_(tensor)
+    if schedule.ema_decay:
+        decay = min(schedule.ema_decay, (1 + state.step) / (10 + state.step))
+        with torch.no_grad():
+            for name, tensor in state.model.state_dict().items():
+                if tensor.dtype.is_floating_point:
+                    state.average[name].lerp_(tensor, 1 - decay)
+                else:
+                    state.average[name].copy_(tensor)
     state.step += 1
-    for name, number in {"loss": float(value.detach()), **measures}.items():
-        state.sums[name] = state.sums.get(name, 0.0) + number
+    for name, number in {"loss": value, **measures}.items():
+        state.sums[name] = state.sums.get(name, 0.0) + _double(number)
+
+
+def _double(number: Number) -> Number:
+    """A number, or a tensor of one where it is, in double precision."""
+    return number if isinstance(number, float) else number.detach().double()
 
 
 def _row(state: _State, schedule: Schedule) -> dict[str, float] | None:
@@ -159,7 +170,7 @@ def _row(state: _State, schedule: Schedule) -> dict[str, float] | None:
         return None
     count = state.step % schedule.report_every or schedule.report_every
     row = {"step": float(state.step), "learning_rate": schedule.rate(state.step - 1)}
-    row |= {name: total / count for name, total in state.sums.items()}
+    row |= {name: float(total) / count for name, total in state.sums.items()}
     state.sums = {}
     state.curve.append(row)
     return row
@@ -218,7 +229,7 @@ def _keep(path: Path, state: _State, schedule: Schedule) -> None:
         schedule=_identity(schedule),
         step=state.step,
         curve=state.curve,
-        sums=state.sums,
+        sums={name: float(total) for name, total in state.sums.items()},
         best_score=None if math.isinf(state.best_score) else state.best_score,
         best_step=state.best_step,
     )

@@ -28,12 +28,12 @@ def arrays(chunk: Chunk) -> dict[str, np.ndarray]:
     return {"image": chunk.patches_dn[:, None], "sigma_dn": chunk.sigma_dn}
 
 
-def loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, float]]:
+def loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
     """See `pipeline.noise.cnn_net.loss`."""
     estimate = model(batch["image"].float() / 255)
     truth = batch["sigma_dn"] / 255
     error = 255 * (estimate.detach().flatten(1).median(1).values - truth).abs().mean()
-    return cnn_net.loss(estimate, truth), {"sigma_error_dn": float(error)}
+    return cnn_net.loss(estimate, truth), {"sigma_error_dn": error}
 
 
 def answers(model: torch.nn.Module, data: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, torch.Tensor | None]:

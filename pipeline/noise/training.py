@@ -26,6 +26,8 @@ from pipeline.registry import Registry
 if TYPE_CHECKING:
     import torch
 
+    from pipeline.learning.trainer import Loss
+
 COVERAGE = 0.95
 SPREAD_LEVELS_DN = (0.0, 0.5, 2.0, 5.0, 10.0, 20.0, 60.0)
 """Ends of the ranges of true sigma over which validation reports the error."""
@@ -53,7 +55,7 @@ class Program:
     architecture: str
     network: Callable[[int], torch.nn.Module]
     arrays: Callable[[samples.Chunk], dict[str, np.ndarray]]
-    loss: Callable[[torch.nn.Module, Mapping[str, torch.Tensor]], tuple[torch.Tensor, dict[str, float]]]
+    loss: Loss
     answers: Callable[[torch.nn.Module, Mapping[str, torch.Tensor]], tuple[torch.Tensor, torch.Tensor | None]]
 
 

@@ -67,6 +67,38 @@ def test_it_learns_and_records():
     assert trained.best_step == 150
 
 
+def test_measures_may_stay_where_they_were_computed(tmp_path):
+    """A loss that gives tensors has the curve and the checkpoint of one that gives numbers."""
+
+    def unread(model, batch):
+        error = model(batch["x"])[:, 0] - batch["y"]
+        return error.square().mean(), {"error": error.detach().abs().mean()}
+
+    numbers = run(folder=tmp_path / "numbers")
+    tensors = train(network(), unread, loader(), SCHEDULE, folder=tmp_path / "tensors", stop_after=33)
+    tensors = train(network(), unread, loader(), SCHEDULE, folder=tmp_path / "tensors")
+    assert tensors.curve == numbers.curve and torch.equal(weights_of(tensors), weights_of(numbers))
+    kept = [(tmp_path / name / CHECKPOINT).read_bytes() for name in ("numbers", "tensors")]
+    assert kept[0] == kept[1]
+
+
+@pytest.mark.parametrize("stop_after", [None, 33])
+def test_without_an_average_the_weights_are_the_networks_own(stop_after):
+    schedule, validated = replace(SCHEDULE, ema_decay=0.0), []
+    model = network()
+
+    def validate(averaged):
+        validated.append(torch.cat([value.flatten().clone() for value in averaged.parameters()]))
+        return {}
+
+    trained = train(model, loss, loader(), schedule, validate=validate, stop_after=stop_after)
+    assert len(validated) == (3 if stop_after is None else 1) and not torch.equal(validated[0], weights_of(trained))
+    stopped_early = train(network(), loss, loader(), schedule, stop_after=20)
+    assert torch.equal(validated[0], weights_of(stopped_early))
+    if stop_after is None:
+        assert torch.equal(validated[-1], weights_of(trained))
+
+
 @pytest.mark.parametrize("optimiser", ["adamw", "adam"])
 def test_an_interrupted_run_ends_the_same_to_the_bit(tmp_path, optimiser):
     schedule = replace(SCHEDULE, optimiser=optimiser)
