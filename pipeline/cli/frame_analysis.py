@@ -244,7 +244,7 @@ class FrameAnalysis:
         return {
             "exposure_ms": advice.exposure_ms, "iso": advice.iso, "best_exposure_ms": advice.best_exposure_ms,
             "best_iso": advice.best_iso, "best_ap_percent": advice.best_ap_percent, "advice": advice.action,
-            "gain_percent": advice.best_ap_percent - advice.ap_percent,
+            "gain_percent": advice.gain_percent,
         }  # fmt: skip
 
     def _trend(self, row: dict[str, Any], condition: Condition, sequence: str) -> tuple[str, ...]:

@@ -154,7 +154,9 @@ def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
         return [Counter(map(_without_advice, with_settings)).most_common(1)[0][0]] if with_settings else []
     row = sorted(advised, key=lambda row: row["best_exposure_ms"])[len(advised) // 2]
     text = f"Try {row['best_exposure_ms']:.3g} ms at ISO {row['best_iso']:.0f}"
-    beside = [f"{row['gain_percent']:.0f} points of AP more expected"] if isfinite(row["gain_percent"]) else []
+    least = "" if isfinite(row["sigma_dn"]) else "at least "  # of any noise up to a bound
+    gain = f"{least}{row['gain_percent']:.0f} points of AP more expected"
+    beside = [gain] if isfinite(row["gain_percent"]) else []
     if row["blur"] not in ("", "sharp") and not row["blur_direction"]:
         beside.append("if the blur is of motion")
     if len(rows) > 1:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.control.decision import Action
 from pipeline.control.motion import motion_length
+from pipeline.control.noise_bound import decide_within
 from pipeline.control.observation import observe
 from pipeline.control.performance import Performance
 from pipeline.control.policies.iopc_optimal import IopcOptimal
@@ -30,9 +31,12 @@ class Advice:
     Attributes:
         exposure_ms, iso: settings of the picture.
         sigma_dn, motion_px: estimated condition.
-        ap_percent, low_percent, high_percent: average precision expected at these settings, with its interval.
+        sigma_at_most_dn: noise that there is at most; where a codec hides it, that is all that is known.
+        ap_percent, low_percent, high_percent: average precision expected at these settings, with its interval; where
+            only a bound of the noise is known, its ends.
         best_exposure_ms, best_iso: advised settings, inside the limits.
-        best_ap_percent: average precision expected there.
+        best_ap_percent, gain_percent: average precision expected there, and how much more that is; the least of any
+            noise up to a bound (`pipeline.control.noise_bound`).
         action: kind of decision (`pipeline.control.decision.Action`).
         reason: one sentence.
     """
@@ -40,6 +44,7 @@ class Advice:
     exposure_ms: float
     iso: float
     sigma_dn: float
+    sigma_at_most_dn: float
     motion_px: float
     ap_percent: float
     low_percent: float
@@ -47,6 +52,7 @@ class Advice:
     best_exposure_ms: float
     best_iso: float
     best_ap_percent: float
+    gain_percent: float
     action: str
     reason: str
 
@@ -101,14 +107,8 @@ def advise(
     Raises:
         InputError: not such a picture.
     """
-    seen = observe(image, monitor, condition)
-    policy = _FromInside(camera, performance, least_gain_percent=0.5, margin=0.0)
-    policy.known_speed_px_s = speed_px_s
-    decision = policy.decide(seen, state)
-    action, reason = decision.action, decision.reason
-    if policy.ordered(state) != state:
-        action = Action.MOVE if action is Action.HOLD else action
-        reason = f"settings outside the limits; from the nearest inside: {reason}"
+    condition = condition or monitor.frame(np.asarray(image, dtype=np.float32))
+    seen, at_most = observe(image, condition=condition), float(condition.noise.at_most_dn)
     nan = float("nan")
     sigma = nan if seen.sigma_dn is None else float(seen.sigma_dn.value)
     motion = nan
@@ -117,13 +117,27 @@ def advise(
     elif seen.mtf is not None:
         motion = motion_length(seen.mtf, performance.reference).value_px
     level = min(seen.mean_level, performance.level)  # a brighter frame counts as the brightest measured
-    true_sigma = float(performance.true_sigma_dn(sigma))
-    here = performance.expected(true_sigma, motion, level) if np.isfinite([sigma, motion]).all() else (nan, nan, nan)
-    ap, low, high = (float(part) for part in here)
+    ap, low, high = _expected(performance, sigma, motion, level)
+
+    def policy() -> _FromInside:
+        made = _FromInside(camera, performance, least_gain_percent=0.5, margin=0.0)
+        made.known_speed_px_s = speed_px_s
+        return made
+
+    bounded = None
+    if seen.sigma_dn is None and seen.mtf is not None and np.isfinite(at_most):
+        low, high = _expected(performance, at_most, motion, level)[1], _expected(performance, 0.0, motion, level)[2]
+        bounded = decide_within(policy, seen, state, at_most)
+    decision = bounded.decision if bounded else policy().decide(seen, state)
+    action, reason = decision.action, decision.reason
+    if inside(camera.limits, state) != state:
+        action = Action.MOVE if action is Action.HOLD else action
+        reason = f"settings outside the limits; from the nearest inside: {reason}"
     return Advice(
         exposure_ms=state.exposure_ms,
         iso=state.iso,
         sigma_dn=sigma,
+        sigma_at_most_dn=at_most,
         motion_px=motion,
         ap_percent=ap,
         low_percent=low,
@@ -131,6 +145,15 @@ def advise(
         best_exposure_ms=decision.state.exposure_ms,
         best_iso=decision.state.iso,
         best_ap_percent=decision.ap_percent,
+        gain_percent=bounded.gain_percent if bounded else decision.ap_percent - ap,
         action=str(action.value),
         reason=reason,
     )
+
+
+def _expected(performance: Performance, sigma_dn: float, motion_px: float, level: float) -> tuple[float, float, float]:
+    """Average precision and the ends of its interval at estimated noise and motion; NaN where either is unknown."""
+    if not np.isfinite([sigma_dn, motion_px]).all():
+        return (float("nan"),) * 3
+    ap, low, high = performance.expected(float(performance.true_sigma_dn(sigma_dn)), motion_px, level)
+    return float(ap), float(low), float(high)

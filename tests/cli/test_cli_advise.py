@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from PIL import Image
 from pipeline.cli import main
 from pipeline.cli.advise import command
 from pipeline.cli.shot_settings import exif, seconds, shot_settings
+from pipeline.condition import ConditionMonitor
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -88,6 +90,33 @@ def test_settings_outside_the_limits_move_inside(tmp_path, given, flat):
     longest = 6.0 if "--exposure-max" in given else 33.0
     assert row["best_exposure_ms"] <= longest and 100 <= row["best_iso"] <= (800 if "--iso-max" in given else 3200)
     assert row["action"] == ("abstained" if flat else "move") and "outside the limits" in row["reason"]
+
+
+@pytest.mark.parametrize("at_most_dn", [4.0, float("nan")])
+def test_a_bound_of_the_noise_serves_where_there_is_no_estimate(tmp_path, monkeypatch, at_most_dn):
+    write_inputs(tmp_path)
+    whole = ConditionMonitor.frame
+
+    def without_noise(self, image):
+        seen = whole(self, image)
+        nan = np.full_like(seen.noise.summary.value, np.nan)
+        summary = replace(seen.noise.summary, value=nan, low=nan, high=nan)
+        return replace(seen, noise=replace(seen.noise, summary=summary, at_most_dn=at_most_dn))
+
+    requested = [str(tmp_path / "frame.png"), "--exposure", "16ms", "--iso", "100", "--speed", "760"]
+    requested += ["--surface", str(tmp_path / "surface.npz")]
+    known = json.loads(CliRunner().invoke(command, requested).stdout)
+    monkeypatch.setattr(ConditionMonitor, "frame", without_noise)
+    row = json.loads(CliRunner().invoke(command, requested).stdout)
+    assert row["sigma_dn"] is None and row["ap_percent"] is None
+    if np.isnan(at_most_dn):
+        assert row["action"] == "abstained" and row["gain_percent"] is None and row["sigma_at_most_dn"] is None
+        return
+    assert row["action"] == "move" and row["best_exposure_ms"] < 16 and row["gain_percent"] > 0
+    assert row["sigma_at_most_dn"] == at_most_dn and row["low_percent"] < row["high_percent"]
+    assert "shorter exposure" in row["reason"] and "4 DN" in row["reason"]
+    assert known["sigma_at_most_dn"] >= known["sigma_dn"]
+    assert known["gain_percent"] == pytest.approx(known["best_ap_percent"] - known["ap_percent"], abs=0.02)
 
 
 def test_a_bad_file_is_named_and_the_others_are_answered(tmp_path):
