@@ -11,7 +11,9 @@ from pipeline.cli.frame_samples import tiles_option
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.held_signals import held
 
-COLUMNS = ("picture", "x_px", "y_px", "size_px", "sigma_dn", "abstained", "reason")
+COLUMNS = (
+    "picture", "x_px", "y_px", "size_px", "sigma_dn", "sigma_at_most_dn", "abstained", "reason", "frame_sigma_dn",
+)  # fmt: skip
 
 
 @click.command("noise")
@@ -42,8 +44,9 @@ def command(
 
     Prints, per frame, the robust median over its tiles with their range, in grey levels (DN, 0..255), and how many
     tiles the estimator abstained on. A frame whose tiles mostly abstain because of a codec or filter, or of which less
-    than an eighth answer, has no median, and its map no number. The same estimator as ``camera-monitor health`` unless
-    another is named.
+    than an eighth answer, has no median (``frame_sigma_dn`` of the CSV is nan), and its map no number: the tiles that
+    answer then are mostly grain that looks like noise. Behind a codec it has a bound. The same estimator as
+    ``camera-monitor health`` unless another is named.
     """
     import numpy as np
     from tqdm import tqdm
@@ -55,7 +58,7 @@ def command(
     from pipeline.cli.pictures import expand, readable, result_stem
     from pipeline.cli.set_aside import SetAside
     from pipeline.condition.frame_tiles import frame_tiles
-    from pipeline.condition.summary import summarise_noise
+    from pipeline.condition.summary import most_noise_dn, summarise_noise
     from pipeline.datasets.patches import cut
     from pipeline.errors import InputError
     from pipeline.store import write_image
@@ -68,7 +71,7 @@ def command(
         if table is not None:
             refuse_input(table, "--csv", files)
         rows = stack.enter_context(RowFile(table, COLUMNS)) if table is not None else None
-        click.echo(f"{'sigma DN':>9} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9}  picture")
+        click.echo(f"{'sigma DN':>9} {'at most':>7} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9}  picture")
         for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
             try:
                 if image is None:
@@ -79,15 +82,25 @@ def command(
                 set_aside.add(name, error)
                 continue
             whole = summarise_noise(estimate)
-            median, least, most = (number(float(value), 2) for value in (whole.value, whole.least, whole.greatest))
-            click.echo(f"{median:>9} {least:>7} {most:>7} {len(squares):6d} {whole.abstained:9d}  {name}")
+            unknown = np.isnan(whole.value)
+            at_most = most_noise_dn(estimate) if unknown else float(whole.high)
+            level, bound, least, most = (
+                number(float(value), 2) for value in (whole.value, at_most, whole.least, whole.greatest)
+            )
+            click.echo(f"{level:>9} {bound:>7} {least:>7} {most:>7} {len(squares):6d} {whole.abstained:9d}  {name}")
+            bounds = np.full(len(squares), np.nan) if estimate.at_most_dn is None else estimate.at_most_dn
             with held():  # all rows and the map of a frame, or none
-                for square, sigma, reason in zip(squares, estimate.sigma_dn, estimate.reason, strict=True):
-                    values = (name, square.x_px, square.y_px, square.size_px, f"{sigma:.4f}", bool(reason), str(reason))
+                for square, sigma, most_dn, reason in zip(
+                    squares, estimate.sigma_dn, bounds, estimate.reason, strict=True
+                ):
+                    values = (
+                        name, square.x_px, square.y_px, square.size_px, f"{sigma:.4f}", f"{most_dn:.4f}", bool(reason),
+                        str(reason), f"{whole.value:.4f}",
+                    )  # fmt: skip
                     if rows is not None:
                         rows.write(dict(zip(COLUMNS, values, strict=True)))
                 if folder is not None:
-                    shown = np.full(len(squares), np.nan) if np.isnan(whole.value) else estimate.sigma_dn
+                    shown = np.full(len(squares), np.nan) if unknown else estimate.sigma_dn
                     drawn = noise_overlay(image, squares, shown)
                     write_image(folder.claim(result_stem(name), ".noise.png"), drawn)
     set_aside.refuse()

@@ -7,6 +7,7 @@ import time
 
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 from data_makers import make_folder, make_kitti, picture
@@ -53,8 +54,12 @@ def test_a_typo_gets_a_hint():
 def test_noise_finds_what_was_added(tmp_path, sigma_dn):
     done = call("noise", noisy(tmp_path / "a.png", sigma_dn), "--csv", tmp_path / "t.csv", "--map", tmp_path / "maps")
     assert done.exit_code == 0, done.output
-    assert abs(float(done.output.splitlines()[1].split()[0]) - sigma_dn) < 0.1 * sigma_dn
-    assert len((tmp_path / "t.csv").read_text().splitlines()) == 1 + 12  # 448 x 320 covered by 4 x 3 tiles
+    level, at_most = (float(word) for word in done.output.splitlines()[1].split()[:2])
+    assert abs(level - sigma_dn) < 0.1 * sigma_dn and level < at_most
+    table = pd.read_csv(tmp_path / "t.csv")
+    assert len(table) == 12  # 448 x 320 covered by 4 x 3 tiles
+    assert (table["frame_sigma_dn"].round(2) == level).all()
+    assert (table["sigma_at_most_dn"] >= table["sigma_dn"])[~table["abstained"]].all()
     assert cv2.imread(str(tmp_path / "maps/a.png.noise.png")).shape == (320, 448, 3)
 
 
@@ -65,14 +70,17 @@ def test_a_frame_without_noise_level_has_no_number_on_its_map(tmp_path, monkeypa
             reason[0] = ""
             sigma_dn = np.full(len(patches), np.nan)
             sigma_dn[0] = 9.0
-            return NoiseEstimate(sigma_dn, sigma_dn, sigma_dn, reason != "", reason)
+            bound = np.full(len(patches), 12.5)
+            return NoiseEstimate(sigma_dn, sigma_dn, sigma_dn, reason != "", reason, at_most_dn=bound)
 
     path = noisy(tmp_path / "a.png", 5.0)
     monkeypatch.setattr(noise, "create", lambda name: MostlyCompressed())
     done = call("noise", path, "--csv", tmp_path / "t.csv", "--map", tmp_path / "maps")
     assert done.exit_code == 0, done.output
-    assert done.output.splitlines()[1].split()[:5] == ["-", "-", "-", "12", "11"]
-    assert "9.0000" in (tmp_path / "t.csv").read_text()
+    assert done.output.splitlines()[1].split()[:6] == ["-", "12.50", "-", "-", "12", "11"]
+    table = pd.read_csv(tmp_path / "t.csv")
+    assert table["sigma_dn"][0] == 9.0 and table["frame_sigma_dn"].isna().all()  # so that tile is not to be trusted
+    assert (table["sigma_at_most_dn"] == 12.5).all()
     drawn, image = (cv2.imread(str(file)).astype(int) for file in (tmp_path / "maps/a.png.noise.png", path))
     assert np.ptp(drawn[:128, :128], axis=2).max() == 0  # crossed out, without a colour
     assert (drawn != image).any()
