@@ -36,7 +36,9 @@ def percent_of(curve: LearningCurve) -> float | None:
 
 
 def in_words(percent: float) -> str:
-    """``"at most 0.7 % of the paper's samples"``; see `rounded_up`."""
+    """``"at most 0.7 % of the paper's samples"``, see `rounded_up`; from 100 % on that there are no fewer."""
+    if percent >= 100:
+        return "as many as the paper’s, as far as is known"
     return f"at most {rounded_up(percent)} % of the paper’s samples"
 
 
@@ -49,8 +51,9 @@ def rounded_up(percent: float) -> str:
 def names(inputs: ReportInputs) -> dict[str, str]:
     """The one name of the paper's two networks with their shares of the paper's training.
 
-    ``"NAME (blur: at most 11 %; noise: at most 92 % of the paper's samples)"``, without a comma, which separates the
-    parts of the ledger's quantities. Empty without a record of them; a network trained in full needs no words.
+    ``"NAME (blur: at most 48 % of the paper's samples)"``, with a semicolon between both where both had fewer: a comma
+    separates the parts of the ledger's quantities. Empty without a record of them; a network trained in full needs no
+    words.
     """
     partial = {TASKS[name]: percent for name, percent in percents(inputs).items() if percent < 100}
     if not partial:
