@@ -123,6 +123,7 @@ def _of_frame(
             "y_px": [y for y, _ in corners],
             "mean_picture_sigma_dn": np.nan,
             "mean_picture_reason": "",
+            "mean_picture_at_most_dn": np.nan,
             "true_sigma_dn": sigma,
             "cleaned_sigma_dn": sigma,
             "true_correlation": 0.0,

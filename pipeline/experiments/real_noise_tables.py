@@ -17,8 +17,10 @@ REAL_NOISE_PATCHES = Schema(
         "white_sigma_dn": "float64",
         "correlation": "float64",
         "reason": "string",  # of an abstention, else ""
+        "at_most_dn": "float64",  # NaN where there is no bound
         "mean_picture_sigma_dn": "float64",
         "mean_picture_reason": "string",
+        "mean_picture_at_most_dn": "float64",
         "true_sigma_dn": "float64",
         "cleaned_sigma_dn": "float64",
         "true_correlation": "float64",

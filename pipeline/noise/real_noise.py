@@ -56,7 +56,8 @@ REAL, MEAN = "_real", "_mean"
 
 COLUMNS = (
     "picture", "x_px", "y_px", "estimator", "sigma_dn", "low_dn", "high_dn", "white_sigma_dn", "correlation", "reason",
-    "mean_picture_sigma_dn", "mean_picture_reason", "true_sigma_dn", "cleaned_sigma_dn", "true_correlation",
+    "at_most_dn", "mean_picture_sigma_dn", "mean_picture_reason", "mean_picture_at_most_dn", "true_sigma_dn",
+    "cleaned_sigma_dn", "true_correlation",
 )  # fmt: skip
 
 
@@ -175,6 +176,7 @@ def measure(pair: Pair, estimators: Mapping[str, NoiseEstimator], tile_px: int =
         columns = answer_columns(name, answer) | {
             "mean_picture_sigma_dn": of_mean.sigma_dn,
             "mean_picture_reason": of_mean.reason,
+            "mean_picture_at_most_dn": _or_nan(of_mean, of_mean.at_most_dn),
         }
         tables.append(pd.DataFrame(truth | columns)[list(COLUMNS)])
     return pd.concat(tables, ignore_index=True)
@@ -195,6 +197,7 @@ def answer_columns(name: str, answer: NoiseEstimate) -> dict[str, Any]:
         "white_sigma_dn": _or_nan(answer, answer.white_sigma_dn),
         "correlation": _or_nan(answer, answer.correlation),
         "reason": answer.reason,
+        "at_most_dn": _or_nan(answer, answer.at_most_dn),
     }
 
 

@@ -12,7 +12,13 @@ from pipeline.config.compose import compose, parse
 from pipeline.datasets.raw_frames import raw_frames
 from pipeline.errors import InputError
 from pipeline.executor import run_map
-from pipeline.experiments.real_noise import BRIGHTEST_DN, measure_pairs, measure_raw, real_noise_metrics
+from pipeline.experiments.real_noise import (
+    BRIGHTEST_DN,
+    measure_pairs,
+    measure_raw,
+    real_noise_metrics,
+)
+from pipeline.experiments.real_noise_bounds import picture_bounds
 from pipeline.experiments.real_noise_tables import REAL_NOISE_PATCHES, REAL_NOISE_SUMMARY, TRANSFER
 from pipeline.experiments.sensor_constants import sensor_constants
 from pipeline.noise.real_noise import summarise
@@ -118,3 +124,29 @@ def test_mistakes_in_a_recording_name_the_key(override, word):
 
     with pytest.raises(InputError, match=word):
         check_references(parse(compose([override]), "test"))
+
+
+def test_pictures_without_an_estimate_have_the_bound_of_a_frame():
+    """Two coded pictures, one of which holds more than its bound, one with an estimate, one too flat for a bound."""
+    names = np.repeat(["held", "missed", "known", "flat"], 5)
+    coded, answered = ["compressed"] * 4 + [""], [""] * 5
+    bound = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+    table = pd.DataFrame(
+        {
+            "picture": names,
+            "sigma_dn": [*[np.nan] * 4, 1.0, *[np.nan] * 4, 1.0, *[2.0] * 5, *[np.nan] * 5],
+            "reason": [*coded, *coded, *answered, *["flat"] * 5],
+            "at_most_dn": np.concatenate([bound, bound, bound, np.full(5, np.nan)]),
+            "cleaned_sigma_dn": np.repeat([2.0, 4.0, 2.0, 0.0], 5),
+            "mean_picture_sigma_dn": np.nan,
+            "mean_picture_reason": "compressed",
+            "mean_picture_at_most_dn": np.tile(bound, 4),
+        }
+    )
+    photographs, means = picture_bounds(table).to_dict("records")
+    assert (photographs["of"], photographs["pictures"], photographs["bounded"]) == ("photographs", 4, 2)
+    assert photographs["bound_dn"] == pytest.approx(np.quantile(bound, 0.4)) and photographs["true_dn"] == 3.0
+    assert photographs["held_fraction"] == 0.5
+    assert (means["bounded"], means["true_dn"], means["held_fraction"]) == (4, 0.0, 1.0)
+    nothing = picture_bounds(table[table["picture"] == "known"]).iloc[0]
+    assert nothing["bounded"] == 0 and np.isnan(nothing["bound_dn"]) and np.isnan(nothing["held_fraction"])

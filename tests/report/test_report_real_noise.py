@@ -43,7 +43,13 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
     assert section is not None and [run.ran for run in section.runs] == [False] * 3
     assert all("real_noise.recordings." in run.line for run in section.runs)
     blocks = {block.name: block for block in section.blocks if isinstance(block, (Figure, Table))}
-    tables = ["real_noise_errors", "real_noise_sources", "real_sensor", "real_sensor_constants"]
+    tables = [
+        "real_noise_errors",
+        "real_noise_picture_bounds",
+        "real_noise_sources",
+        "real_sensor",
+        "real_sensor_constants",
+    ]
     assert list(blocks) == ["real_noise_examples", "real_noise", *tables]
     table = blocks["real_noise_errors"]
     assert isinstance(table, Table)
@@ -53,6 +59,12 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
     error = first["true_mae_dn"]
     assert isinstance(error, Estimate)
     assert error.value == selected["true_mae_dn"] and error.low == selected["true_mae_low_dn"]
+    bounds = blocks["real_noise_picture_bounds"]
+    assert isinstance(bounds, Table)
+    shown = {(row["recording"], row["of"]): row for row in bounds.rows}
+    assert set(shown) == {("CC", "means"), ("PolyU", "photographs"), ("PolyU", "means")}  # others have an estimate
+    noisy = shown["PolyU", "photographs"]
+    assert noisy["held_fraction"] == 100 and noisy["true_dn"] < noisy["bound_dn"] < 2 * noisy["true_dn"]
     figure = blocks["real_noise"]
     assert isinstance(figure, Figure) and figure.stages == () and "Adaptive on CC" in figure.drawing.alt
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from pipeline.experiments import real_noise_records
+from pipeline.experiments import real_noise_bounds, real_noise_records
 from pipeline.experiments.real_noise_records import Examples, Recording, Sensor
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
@@ -82,6 +82,17 @@ def errors(parts: Sequence[Recording]) -> Table:
     rows = pd.concat([part.summary.assign(recording=part.name) for part in parts], ignore_index=True)
     rows = ordered(rows, recording=[part.name for part in parts], estimator=ORDER)
     return PAGE.table("real_noise_errors", rows)
+
+
+def picture_bounds(parts: Sequence[Recording]) -> Table:
+    """Whole pictures without an estimate of the default estimator, and how much noise there is at most in them."""
+    rows = [
+        {"recording": part.name, **row}
+        for part in parts
+        for row in records(real_noise_bounds.picture_bounds(where(part.patches, estimator=NOW)))
+        if row["bounded"]
+    ]
+    return PAGE.table("real_noise_picture_bounds", rows)
 
 
 def sensor_figure(made: Sensor) -> style.Drawing:
@@ -205,7 +216,7 @@ def section(inputs: ReportInputs) -> Section | None:
         made_by = tuple(part.stage for part in parts if part.stage)
         estimators = [name for name in SHOWN if any((part.patches["estimator"] == name).any() for part in parts)]
         drawing = scatter(parts, estimators)
-        blocks += [PAGE.figure("real_noise", drawing, made_by), errors(parts), _sources(parts)]
+        blocks += [PAGE.figure("real_noise", drawing, made_by), errors(parts), picture_bounds(parts), _sources(parts)]
     if made is not None:
         constants = made.transfer.merge(made.dark, on="plane")
         blocks.append(PAGE.figure("real_sensor", sensor_figure(made), [made.stage] if made.stage else ()))
