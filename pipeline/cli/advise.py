@@ -38,9 +38,9 @@ def command(
 
     Prints one JSON object per frame: estimated noise and motion blur, the average precision expected at the present
     settings with its 95 % interval, the best settings inside the limits, and the reason. Where a codec hides the noise
-    but there is a bound, the advice is what holds from the noise of the sensor's model to that bound. Where the
-    estimators abstain or nothing was measured, the action states it. Pictures taken with settings outside the limits
-    get settings inside them. A file that cannot be used is named on standard error and left out.
+    but there is a bound, the advised settings are better with any noise up to it. Where the estimators abstain or
+    nothing was measured, the action states it. Pictures taken with settings outside the limits get settings inside
+    them. A file that cannot be used is named on standard error and left out.
 
     Exit codes: 0 done; 2 if a file could not be used; 130 interrupted.
     """

@@ -118,17 +118,13 @@ def advise(
         motion = motion_length(seen.mtf, performance.reference).value_px
     level = min(seen.mean_level, performance.level)  # a brighter frame counts as the brightest measured
     ap, low, high = _expected(performance, sigma, motion, level)
-
-    def policy() -> _FromInside:
-        made = _FromInside(camera, performance, least_gain_percent=0.5, margin=0.0)
-        made.known_speed_px_s = speed_px_s
-        return made
-
+    policy = _FromInside(camera, performance, least_gain_percent=0.5, margin=0.0)
+    policy.known_speed_px_s = speed_px_s
     bounded = None
     if seen.sigma_dn is None and seen.mtf is not None and np.isfinite(at_most):
         low, high = _expected(performance, at_most, motion, level)[1], _expected(performance, 0.0, motion, level)[2]
         bounded = decide_within(policy, seen, state, at_most)
-    decision = bounded.decision if bounded else policy().decide(seen, state)
+    decision = bounded.decision if bounded else policy.decide(seen, state)
     action, reason = decision.action, decision.reason
     if inside(camera.limits, state) != state:
         action = Action.MOVE if action is Action.HOLD else action
