@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 NOMINAL = 1.02
 """Settings are named roundly: 1/30 s is written as 33 ms."""
 
+LEAST_GAIN_PERCENT = 0.5
+"""Points of average precision that other settings must promise."""
+
 
 @dataclass(frozen=True)
 class Advice:
@@ -118,13 +121,17 @@ def advise(
         motion = motion_length(seen.mtf, performance.reference).value_px
     level = min(seen.mean_level, performance.level)  # a brighter frame counts as the brightest measured
     ap, low, high = _expected(performance, sigma, motion, level)
-    policy = _FromInside(camera, performance, least_gain_percent=0.5, margin=0.0)
-    policy.known_speed_px_s = speed_px_s
+
+    def policy() -> _FromInside:
+        made = _FromInside(camera, performance, least_gain_percent=LEAST_GAIN_PERCENT, margin=0.0)
+        made.known_speed_px_s = speed_px_s
+        return made
+
     bounded = None
     if seen.sigma_dn is None and seen.mtf is not None and np.isfinite(at_most):
         low, high = _expected(performance, at_most, motion, level)[1], _expected(performance, 0.0, motion, level)[2]
-        bounded = decide_within(policy, seen, state, at_most)
-    decision = bounded.decision if bounded else policy.decide(seen, state)
+        bounded = decide_within(policy(), seen, state, at_most)
+    decision = bounded.decision if bounded else policy().decide(seen, state)
     action, reason = decision.action, decision.reason
     if inside(camera.limits, state) != state:
         action = Action.MOVE if action is Action.HOLD else action
