@@ -122,16 +122,17 @@ def advise(
     level = min(seen.mean_level, performance.level)  # a brighter frame counts as the brightest measured
     ap, low, high = _expected(performance, sigma, motion, level)
 
-    def policy() -> _FromInside:
+    def policy(speed: float | None) -> _FromInside:
         made = _FromInside(camera, performance, least_gain_percent=LEAST_GAIN_PERCENT, margin=0.0)
-        made.known_speed_px_s = speed_px_s
+        made.known_speed_px_s = speed
         return made
 
     bounded = None
     if seen.sigma_dn is None and seen.mtf is not None and np.isfinite(at_most):
         low, high = _expected(performance, at_most, motion, level)[1], _expected(performance, 0.0, motion, level)[2]
-        bounded = decide_within(policy(), seen, state, at_most)
-    decision = bounded.decision if bounded else policy().decide(seen, state)
+        # The motion as estimated: a policy trusts a short one the less the more noise there is, which is not known.
+        bounded = decide_within(policy(motion / state.exposure_s), seen, state, at_most)
+    decision = bounded.decision if bounded else policy(speed_px_s).decide(seen, state)
     action, reason = decision.action, decision.reason
     if inside(camera.limits, state) != state:
         action = Action.MOVE if action is Action.HOLD else action

@@ -48,7 +48,8 @@ def decide_within(
     """Decide for a frame whose noise is at most so much.
 
     Args:
-        policy: that has seen no frame yet; its limits, surface and speed are used, and what it asks a change to gain.
+        policy: that has seen no frame yet, of known speed: else it trusts a short motion as little as with the most
+            noise.
         observation: of the frame, with an estimate of its MTF and without one of noise.
         state: settings it was taken with.
         at_most_dn: what the monitor would estimate at most, DN.
