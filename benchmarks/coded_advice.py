@@ -21,6 +21,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,15 +35,12 @@ common.one_thread()
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from pipeline.camera.exposure import Camera  # noqa: E402
 from pipeline.camera.processing.codec import Codec  # noqa: E402
-from pipeline.camera.sensor import named  # noqa: E402
 from pipeline.condition import ConditionMonitor  # noqa: E402
-from pipeline.control.advice import advise  # noqa: E402
+from pipeline.control.advice import advise, usual_camera  # noqa: E402
+from pipeline.control.noise_bound import expected_with  # noqa: E402
 from pipeline.control.performance import Performance  # noqa: E402
-from pipeline.control.policy import ControlledCamera  # noqa: E402
-from pipeline.control.prediction import predict  # noqa: E402
-from pipeline.control.state import BASE_ISO, CameraState, Limits  # noqa: E402
+from pipeline.control.state import BASE_ISO, CameraState  # noqa: E402
 from pipeline.datasets.pictures import read_grey8  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
 
@@ -57,12 +55,7 @@ SETTINGS = tuple(CameraState(ms / 1e3, iso / BASE_ISO) for ms, iso in ((4, 800),
 SPEEDS_PX_S = (None, 400.0, 760.0)
 WITHIN, AT = "within_the_bound", "at_the_bound"
 LOSS_PERCENT = 0.1
-LEAST_DN = 1e-3
-
-
-def camera() -> ControlledCamera:
-    """The camera of ``camera-monitor advise`` with its limits."""
-    return ControlledCamera(Limits(exposure_max_s=0.033, gain_max=3200 / BASE_ISO), Camera(named("paper")))
+CAMERA = usual_camera()
 
 
 def as_if_estimated(condition: Condition) -> Condition:
@@ -74,11 +67,8 @@ def as_if_estimated(condition: Condition) -> Condition:
 
 def gained(advice: Advice, state: CameraState, true_dn: float, level: float, surface: Performance) -> float:
     """Points of average precision by the settings advised, with the noise that the frame has."""
-    formation = camera().formation
     best = CameraState(advice.best_exposure_ms / 1e3, advice.best_iso / BASE_ISO)
-    linear = max(level, 1e-3) ** formation.gamma
-    at = predict(formation, max(true_dn, LEAST_DN), advice.motion_px, linear, state, [state, best])
-    here, there = surface.ap_percent(at.sigma_dn, at.motion_px, at.level)
+    here, there = expected_with(true_dn, advice.motion_px, level, state, [state, best], CAMERA.formation, surface)
     return float(there - here)
 
 
@@ -98,16 +88,14 @@ def measure(dataset: Dataset, frames: int, surface: Performance) -> pd.DataFrame
                     continue
                 true_dn = float(np.median(coded_noise.true_dn(taken, condition.noise.patches)))
                 level = float(image.mean(dtype=np.float64))
-                for state in SETTINGS:
-                    for speed in SPEEDS_PX_S:
-                        for name, seen in ((WITHIN, condition), (AT, as_if_estimated(condition))):
-                            advice = advise(image, state, camera(), surface, monitor, speed, seen)
-                            gain = gained(advice, state, true_dn, level, surface)
-                            about = {"dataset": dataset.name, "added_dn": sigma_dn, "decision": name}
-                            moved = (advice.best_exposure_ms, advice.best_iso) != (state.exposure_ms, state.iso)
-                            rows.append(about | {"moved": moved, "gain_percent": gain, "action": advice.action})
+                conditions = {WITHIN: condition, AT: as_if_estimated(condition)}
+                for state, speed, name in product(SETTINGS, SPEEDS_PX_S, conditions):
+                    advice = advise(image, state, CAMERA, surface, monitor, speed, conditions[name])
+                    gain = gained(advice, state, true_dn, level, surface)
+                    moved = (advice.best_exposure_ms, advice.best_iso) != (state.exposure_ms, state.iso)
+                    rows.append((sigma_dn, name, moved, gain))
         print(dataset.name, f"{number + 1} of {len(chosen)} frames", flush=True)
-    return pd.DataFrame(rows, columns=["dataset", "added_dn", "decision", "moved", "gain_percent", "action"])
+    return pd.DataFrame(rows, columns=["added_dn", "decision", "moved", "gain_percent"])
 
 
 def summarised(table: pd.DataFrame) -> dict[str, Any]:

@@ -224,17 +224,12 @@ class FrameAnalysis:
             row["advice"] = f"none: {without}"
 
     def _advice(self, image: NDArray[np.float32], condition: Condition, taken: tuple[float, float]) -> dict[str, Any]:
-        from pipeline.camera.exposure import Camera
-        from pipeline.camera.sensor import named
-        from pipeline.control.advice import advise
-        from pipeline.control.policy import ControlledCamera
-        from pipeline.control.state import BASE_ISO, CameraState, Limits
+        from pipeline.control.advice import advise, usual_camera
+        from pipeline.control.state import BASE_ISO, CameraState
 
         assert self.performance is not None
         if self._camera is None:
-            self._camera = ControlledCamera(
-                Limits(exposure_max_s=0.033, gain_max=3200 / BASE_ISO), Camera(named("paper"))
-            )
+            self._camera = usual_camera()
         total = system_mtf(condition, self.performance.reference) if self.relative else condition
         state = CameraState(taken[0], taken[1] / BASE_ISO)
         try:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera import sensor
+from pipeline.camera.exposure import Camera
 from pipeline.control.decision import Action
 from pipeline.control.motion import motion_length
 from pipeline.control.noise_bound import decide_within
@@ -15,7 +17,7 @@ from pipeline.control.observation import observe
 from pipeline.control.performance import Performance
 from pipeline.control.policies.iopc_optimal import IopcOptimal
 from pipeline.control.policy import ControlledCamera
-from pipeline.control.state import CameraState, Limits
+from pipeline.control.state import BASE_ISO, CameraState, Limits
 
 if TYPE_CHECKING:
     from pipeline.condition import Condition, ConditionMonitor
@@ -62,6 +64,11 @@ class Advice:
     def row(self) -> dict[str, Any]:
         """The fields by name."""
         return asdict(self)
+
+
+def usual_camera() -> ControlledCamera:
+    """The camera that is advised on where none is described: up to 33 ms and ISO 3200, with the paper's sensor."""
+    return ControlledCamera(Limits(exposure_max_s=0.033, gain_max=3200 / BASE_ISO), Camera(sensor.named("paper")))
 
 
 class _FromInside(IopcOptimal):

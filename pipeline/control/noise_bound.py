@@ -12,13 +12,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.exposure import Camera
 from pipeline.control.decision import Action, Decision
 from pipeline.control.iopc import IopcPolicy
 from pipeline.control.observation import Estimate, Observation
+from pipeline.control.performance import Performance
 from pipeline.control.prediction import predict
 from pipeline.control.state import CameraState
 
@@ -27,6 +30,9 @@ LEVELS = 5
 
 LEAST_DN = 1e-3
 """Stands for no noise, of which nothing could be predicted in proportion."""
+
+SAME_STOPS = 0.02
+"""Exposures that differ by less are the same."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +69,21 @@ def decide_within(
     noisy = replace(observation, sigma_dn=Estimate(exact, exact, exact))
     if policy.decide(noisy, state).action not in (Action.MOVE, Action.HOLD):
         return None
-    gamma, total = policy.camera.formation.gamma, state.total_exposure_s
+    total = state.total_exposure_s
     if policy.metering is not None:
-        total *= policy.metering.factor(observation, gamma)
+        total *= policy.metering.factor(observation, policy.camera.formation.gamma)
     states = [kept, *policy.candidates(noisy, state, total).states]
-    expected = _expected(policy, observation, state, states, at_most_dn)
+    with_noise = partial(
+        expected_with,
+        motion_px=policy.speed_px_s * state.exposure_s,
+        mean_level=observation.mean_level,
+        state=state,
+        states=states,
+        formation=policy.camera.formation,
+        performance=policy.performance,
+    )
+    levels_dn = policy.performance.true_sigma_dn(np.linspace(0.0, at_most_dn, LEVELS))
+    expected = np.array([with_noise(float(true_dn)) for true_dn in levels_dn])
     if not np.isfinite(expected[:, 0]).all():
         return None
     gains = expected - expected[:, :1]
@@ -87,24 +103,38 @@ def decide_within(
     return BoundedDecision(Decision(kept, Action.HOLD, reason, float(expected[-1, 0])), 0.0)
 
 
-def _expected(
-    policy: IopcPolicy, observation: Observation, state: CameraState, states: list[CameraState], at_most_dn: float
+def expected_with(
+    true_dn: float,
+    motion_px: float,
+    mean_level: float,
+    state: CameraState,
+    states: list[CameraState],
+    formation: Camera,
+    performance: Performance,
 ) -> NDArray[np.float64]:
-    """(`LEVELS`, N) average precision expected at N settings with noise from none to the most."""
-    formation, performance = policy.camera.formation, policy.performance
-    level = max(observation.mean_level, 1e-3) ** formation.gamma
-    motion_px = policy.speed_px_s * state.exposure_s
-    each = []
-    for sigma_dn in performance.true_sigma_dn(np.linspace(0.0, at_most_dn, LEVELS)):
-        at = predict(formation, max(float(sigma_dn), LEAST_DN), motion_px, level, state, states)
-        each.append(performance.ap_percent(at.sigma_dn, at.motion_px, at.level))
-    return np.array(each)
+    """Average precision expected at other settings of a frame whose noise and motion are so much.
+
+    Args:
+        true_dn: noise of the frame, DN.
+        motion_px: its motion.
+        mean_level: its mean encoded grey level, 0..1.
+        state: settings it was taken with.
+        states: N other settings.
+        formation: sensor and tone curve.
+        performance: surface asked.
+
+    Returns:
+        (N,) percent, NaN where nothing was measured.
+    """
+    linear_level = max(mean_level, 1e-3) ** formation.gamma
+    at = predict(formation, max(true_dn, LEAST_DN), motion_px, linear_level, state, states)
+    return performance.ap_percent(at.sigma_dn, at.motion_px, at.level)
 
 
 def _change(kept: CameraState, chosen: CameraState) -> str:
     """What other settings change, in words."""
     time = math.log2(chosen.exposure_s / kept.exposure_s)
     brightness = math.log2(chosen.total_exposure_s / kept.total_exposure_s)
-    words = [f"{'longer' if time > 0 else 'shorter'} exposure"] if abs(time) > 0.02 else []
-    words += [f"a {'brighter' if brightness > 0 else 'darker'} frame"] if abs(brightness) > 0.02 else []
+    words = [f"{'longer' if time > 0 else 'shorter'} exposure"] if abs(time) > SAME_STOPS else []
+    words += [f"a {'brighter' if brightness > 0 else 'darker'} frame"] if abs(brightness) > SAME_STOPS else []
     return " and ".join(words) or "other settings"

@@ -12,12 +12,7 @@ from pipeline.config.compose import compose, parse
 from pipeline.datasets.raw_frames import raw_frames
 from pipeline.errors import InputError
 from pipeline.executor import run_map
-from pipeline.experiments.real_noise import (
-    BRIGHTEST_DN,
-    measure_pairs,
-    measure_raw,
-    real_noise_metrics,
-)
+from pipeline.experiments.real_noise import BRIGHTEST_DN, measure_pairs, measure_raw, real_noise_metrics
 from pipeline.experiments.real_noise_bounds import picture_bounds
 from pipeline.experiments.real_noise_tables import REAL_NOISE_PATCHES, REAL_NOISE_SUMMARY, TRANSFER
 from pipeline.experiments.sensor_constants import sensor_constants
