@@ -78,17 +78,22 @@ def live(device: int | str, name: str, rate: float, stop: threading.Event) -> It
     A ``None`` frame without a problem is yielded at every look that brings nothing.
 
     Args:
-        device: index or address.
+        device: index or address; it is opened at once.
         name: for the frames.
         rate: most frames per second.
         stop: ends it.
 
     Raises:
-        InputError: it cannot be opened at the start.
+        InputError: it cannot be opened.
     """
     reader = _NewestFrame(device, stop)
     if not reader.opened:
         raise InputError(f"{name}: cannot be opened; check the index or address, and that nothing else uses it")
+    return _newest_frames(reader, name, rate, stop)
+
+
+def _newest_frames(reader: _NewestFrame, name: str, rate: float, stop: threading.Event) -> Iterator[SourceFrame]:
+    """See `live`."""
     reader.start()
     shown, number, lost = 0, 0, False
     while not stop.is_set():

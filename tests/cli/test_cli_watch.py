@@ -239,7 +239,7 @@ def test_an_alarm_stays_while_its_quantity_is_unknown(capsys):
 def test_a_source_that_cannot_be_opened_is_one_line(source, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(main, ["watch", source, "--noise", "pca"])
-    assert done.exit_code == 2
+    assert done.exit_code == 2 and done.stdout == ""  # nothing has started
     assert [line for line in done.output.splitlines() if line.startswith("error: ")] and "Traceback" not in done.output
 
 
