@@ -205,7 +205,7 @@ def _kernels(count: int, seed: int) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=16)
 def _block(index: int, seed: int) -> NDArray[np.float32]:
-    """So many of them as are drawn at once; rendered lenses take seconds, so the last are kept."""
+    """One block of kernels (`pipeline.learning.kernels`); rendered lenses take seconds, so the last blocks are kept."""
     from pipeline.learning.kernels import block
 
     return block(index, seed, "camera fit kernels", distribution=KERNELS)

@@ -17,14 +17,14 @@ from pipeline.learning.trainer import Trained
 if TYPE_CHECKING:
     import torch
 
-    Outputs = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
+    from pipeline.blur.spectral_net import Answer
 
 SIGMA_WEIGHT = 0.05  # of the noise's likelihood beside the MTF's
 COVERAGE = 0.95
 SCORE = "mtf_error_percent"
 
 
-def loss(outputs: Outputs, truth: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, float]]:
+def loss(outputs: Answer, truth: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, float]]:
     """The loss of the module, and mean absolute errors.
 
     Args:
@@ -43,7 +43,7 @@ def loss(outputs: Outputs, truth: Mapping[str, torch.Tensor]) -> tuple[torch.Ten
     return value, measures
 
 
-def measures(outputs: Sequence[Outputs], truth: Mapping[str, torch.Tensor]) -> dict[str, float]:
+def measures(outputs: Sequence[Answer], truth: Mapping[str, torch.Tensor]) -> dict[str, float]:
     """Mean absolute errors on held-out samples, and how wide intervals must be.
 
     ``interval`` is the factor k for which m +- k b holds the truth in 95 % of the values.

@@ -56,7 +56,7 @@ def feature_arrays(chunk: Chunk, block_px: int = BLOCK_PX) -> dict[str, np.ndarr
 def loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, float]]:
     """Likelihood of MTF and noise.
 
-    Every second sample of the batch is seen mirrored, so that one which comes again elsewhere may look different.
+    Every second sample of the batch is seen mirrored; chunks are of even size, so it is the same ones each time.
     """
     import torch
 

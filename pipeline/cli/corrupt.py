@@ -108,11 +108,10 @@ def command(
         raise InputError(f"--camera {camera}: unknown; {did_you_mean(camera, CAMERAS)}")
     psf = _kernel(blur, size_px, mtf50, angle_deg, seed)
     files = expand(paths)
-    set_aside, seen = SetAside(), 0
+    set_aside = SetAside()
     with OutputFolder(out, "--out", files) as folder:
         click.echo(f"{'asked DN':>9} {'reached':>8} {'clipped to':>10} {'clipped %':>9}  picture -> file")
         for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
-            seen += 1
             stem = result_stem(name)
             stem = Path(name).stem if stem == Path(name).name else stem
             generator = stream(seed, "corrupt", stem, noise_source, sigma_dn)
@@ -148,7 +147,7 @@ def command(
             "photon noise enters before the blur, which smooths it: less noise is reached than asked for; "
             "--noise-source readout or dcsn enters behind the blur"
         )
-    if len(set_aside.names) < seen:
+    if folder.any_claimed:
         click.echo(f"written to {out}")
         if blur is None and context.get_parameter_source("sigma_dn") is ParameterSource.DEFAULT:
             click.echo("warning: these are copies; give --sigma-dn, --blur or --pipeline to corrupt them", err=True)

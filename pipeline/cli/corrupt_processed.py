@@ -47,11 +47,10 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
         raise InputError(f"--iso {iso:g}: expected 0 for no noise, or at least {LEAST_ISO}")
     camera = presets.named(preset).at_iso(iso)
     files = expand(paths)
-    set_aside, seen = SetAside(), 0
+    set_aside = SetAside()
     with OutputFolder(out, "--out", files) as folder:
         click.echo(HEADER)
         for name, image, problem in tqdm(_coloured(files, every), delay=2, leave=False, unit=" frames"):
-            seen += 1
             stem = result_stem(name)
             stem = Path(name).stem if stem == Path(name).name else stem
             try:
@@ -80,7 +79,7 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
             click.echo(
                 f"{noise.sigma_dn:8.2f} {noise.white_sigma_dn:7.2f} {noise.correlation:11.2f}  {name} -> {picture.name}"
             )
-    if len(set_aside.names) < seen:
+    if folder.any_claimed:
         click.echo(f"written to {out}")
     set_aside.refuse()
 

@@ -58,7 +58,7 @@ def command(
     from pipeline.cli.pictures import expand, readable, result_stem
     from pipeline.cli.set_aside import SetAside
     from pipeline.condition.frame_tiles import frame_tiles
-    from pipeline.condition.summary import most_noise_dn, summarise_noise
+    from pipeline.condition.summary import at_most_dn, summarise_noise
     from pipeline.datasets.patches import cut
     from pipeline.errors import InputError
     from pipeline.store import write_image
@@ -82,10 +82,9 @@ def command(
                 set_aside.add(name, error)
                 continue
             whole = summarise_noise(estimate)
-            unknown = np.isnan(whole.value)
-            at_most = most_noise_dn(estimate) if unknown else float(whole.high)
             level, bound, least, most = (
-                number(float(value), 2) for value in (whole.value, at_most, whole.least, whole.greatest)
+                number(float(value), 2)
+                for value in (whole.value, at_most_dn(estimate, whole), whole.least, whole.greatest)
             )
             click.echo(f"{level:>9} {bound:>7} {least:>7} {most:>7} {len(squares):6d} {whole.abstained:9d}  {name}")
             bounds = np.full(len(squares), np.nan) if estimate.at_most_dn is None else estimate.at_most_dn
@@ -100,7 +99,7 @@ def command(
                     if rows is not None:
                         rows.write(dict(zip(COLUMNS, values, strict=True)))
                 if folder is not None:
-                    shown = np.full(len(squares), np.nan) if unknown else estimate.sigma_dn
+                    shown = np.full(len(squares), np.nan) if np.isnan(whole.value) else estimate.sigma_dn
                     drawn = noise_overlay(image, squares, shown)
                     write_image(folder.claim(result_stem(name), ".noise.png"), drawn)
     set_aside.refuse()

@@ -62,6 +62,11 @@ class OutputFolder:
     ) -> None:
         self._list.close()
 
+    @property
+    def any_claimed(self) -> bool:
+        """Whether this run has results."""
+        return bool(self._taken)
+
     def claim(self, stem: str, suffix: str) -> Path:
         """A file of this folder that no other result of this run has.
 

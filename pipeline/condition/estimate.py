@@ -21,7 +21,7 @@ from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
 from pipeline.condition.structure import STRUCTURELESS, structureless
-from pipeline.condition.summary import Summary, most_noise_dn, summarise, summarise_noise
+from pipeline.condition.summary import Summary, at_most_dn, summarise, summarise_noise
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
 from pipeline.noise.base import NoiseEstimate
@@ -243,10 +243,9 @@ class ConditionMonitor:
             whole = result.sigma_dn.reshape(grid)
         taken = (time.perf_counter() - start) * 1e3
         summary = summarise_noise(result)
-        at_most_dn = float(summary.high)
         if np.isnan(summary.value):
-            whole, at_most_dn = np.full_like(whole, np.nan), most_noise_dn(result)
-        return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn)
+            whole = np.full_like(whole, np.nan)
+        return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary))
 
 
 def _with_structure(estimate: BlurEstimate, stack: NDArray[np.float32]) -> BlurEstimate:

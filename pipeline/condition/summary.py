@@ -143,6 +143,11 @@ def summarise_noise(estimate: NoiseEstimate) -> Summary:
     return replace(summary, value=unknown, low=unknown, high=unknown, least=unknown, greatest=unknown)
 
 
+def at_most_dn(estimate: NoiseEstimate, summary: Summary) -> float:
+    """Noise that a frame holds at most, DN: the upper end of its interval, or `most_noise_dn` without an answer."""
+    return most_noise_dn(estimate) if np.isnan(summary.value) else float(summary.high)
+
+
 def most_noise_dn(estimate: NoiseEstimate) -> float:
     """How much noise a coded frame holds at most, be it too little for an estimate.
 

@@ -116,10 +116,10 @@ def train(
             break
         _one_step(state, loss, loader, schedule)
         row = _row(state, schedule)
-        last = state.step in (schedule.steps, stop_after)
-        if not schedule.ema_decay and (last or state.step % schedule.checkpoint_every == 0):
+        due = state.step == schedule.steps or state.step % schedule.checkpoint_every == 0
+        if not schedule.ema_decay and (due or state.step == stop_after):
             state.average = {name: value.clone() for name, value in state.model.state_dict().items()}
-        if state.step % schedule.checkpoint_every == 0 or state.step == schedule.steps:
+        if due:
             result = _validated(state, validate, score)
             if row is not None:
                 row |= result

@@ -192,8 +192,7 @@ class Adaptive(CellMapper):
     ) -> tuple[Measured, NDArray[np.float32]]:
         """See `pipeline.noise.cell_mapper.CellMapper.measure_cells`; writes its own reasons to abstain."""
         height, width = (side // CELL_PX for side in stack.shape[1:])
-        nothing, no_cells = np.zeros((5, len(stack))), np.zeros((len(stack), height, width), np.float32)
-        levels = Levels(nothing[0], nothing[1], nothing[2], nothing[3], nothing[4], no_cells)
+        levels = Levels.zero(len(stack), (height, width))
         seen = _screened(stack)
         self._answer_white(stack, reason, np.flatnonzero(seen.looks_white), levels)
         plain = seen.looks_white & (levels.low_dn > PLAIN_SIGMA_DN) & (seen.flat_dn < FLAT_EXCESS * levels.sigma_dn)
@@ -366,6 +365,12 @@ class Levels:
     correlation: NDArray[np.float64]
     cells_dn: NDArray[np.float32]
 
+    @classmethod
+    def zero(cls, patches: int, cells: tuple[int, int]) -> Levels:
+        """Levels of so many patches, each of (rows, columns) of cells, before anything is written."""
+        sigma, low, high, white, correlation = np.zeros((5, patches))
+        return cls(sigma, low, high, white, correlation, np.zeros((patches, *cells), np.float32))
+
 
 @dataclass(frozen=True)
 class Second:
@@ -407,8 +412,7 @@ def _concede(levels: Levels, second: Second, seen: Screened) -> None:
     """Raises upper ends in `levels` to those of the second network where `cellwise` cannot know; see the module."""
     at, answer, high = second.indices, second.answer, levels.high_dn
     may_hide = (seen.flat_correlation[at] > FILTERED) | (levels.low_dn[at] < UNDETECTED_LOW_DN)
-    most = np.expm1(np.log1p(answer.sigma_dn) + answer.reach)
-    most = np.minimum(most, MOST_HIDDEN * seen.flat_dn[at])
+    most = np.minimum(answer.high_dn, MOST_HIDDEN * seen.flat_dn[at])
     high[at] = np.where(may_hide, np.maximum(high[at], most), high[at])
 
 

@@ -54,6 +54,16 @@ class Prediction:
     cells_dn: NDArray[np.float32]
     statistics: NDArray[np.float32]
 
+    @property
+    def low_dn(self) -> NDArray[np.float64]:
+        """(N,) lower end of the interval, DN."""
+        return np.maximum(np.expm1(np.log1p(self.sigma_dn) - self.reach), 0.0)
+
+    @property
+    def high_dn(self) -> NDArray[np.float64]:
+        """(N,) upper end of the interval, DN."""
+        return np.asarray(np.expm1(np.log1p(self.sigma_dn) + self.reach))
+
 
 class Correlated(CellMapper):
     """See the module.
@@ -87,9 +97,10 @@ class Correlated(CellMapper):
     ) -> tuple[Measured, NDArray[np.float32]]:
         """See `pipeline.noise.cell_mapper.CellMapper.measure_cells`."""
         answer = self.predict(stack)
-        level = np.log1p(answer.sigma_dn)
-        low, high = np.maximum(np.expm1(level - answer.reach), 0.0), np.expm1(level + answer.reach)
-        return Measured(answer.sigma_dn, low, high, answer.white_sigma_dn, answer.correlation), answer.cells_dn
+        measured = Measured(
+            answer.sigma_dn, answer.low_dn, answer.high_dn, answer.white_sigma_dn, answer.correlation
+        )  # fmt: skip
+        return measured, answer.cells_dn
 
     def predict(self, stack: NDArray[np.floating], known: Sequence[Moments | None] | None = None) -> Prediction:
         """The network's answers before abstentions.

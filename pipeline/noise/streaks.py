@@ -20,6 +20,7 @@ With noise alone, smoothed or not, it is 0.3 at most. Local equalisation of the 
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from pipeline.noise.base import WHITE_DN
@@ -40,14 +41,16 @@ def streaked(windows: Windows) -> bool:
     Returns:
         False also where fewer than `LEAST_WINDOWS` are free of clipped pixels.
     """
-    levels = np.rint(windows.values + windows.means[:, None]).astype(np.uint8)
-    unclipped = (levels.min(axis=1) > 1) & (levels.max(axis=1) < WHITE_DN - 1)
-    levels, power = levels[unclipped], windows.power[unclipped]
+    pixels, power = windows.values + windows.means[:, None], windows.power
+    levels = np.rint(pixels, out=pixels).astype(np.uint8)
+    if levels.size and (levels.min() <= 1 or levels.max() >= WHITE_DN - 1):
+        unclipped = ((levels > 1) & (levels < WHITE_DN - 1)).all(axis=1)
+        levels, power = levels[unclipped], power[unclipped]
     if len(levels) < LEAST_WINDOWS:
         return False
     count = max(int(JUDGED_FRACTION * len(levels)), LEAST_WINDOWS)
     flattest = np.argpartition(power, count - 1)[:count]
-    rank = np.cumsum(np.bincount(levels.ravel(), minlength=256) > 0)
+    rank = np.cumsum(cv2.calcHist([levels], [0], None, [256], [0, 256]) > 0)
     square = rank[levels[flattest]].reshape(-1, SIDE, SIDE)
     steps = np.abs(np.concatenate([np.diff(square, axis=2).ravel(), np.diff(square, axis=1).ravel()]))
     power_of_steps = float(np.square(steps).mean())

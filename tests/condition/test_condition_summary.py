@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.camera import mtf
-from pipeline.condition.summary import half_contrast, most_noise_dn, summarise, summarise_noise
+from pipeline.condition.summary import at_most_dn, half_contrast, most_noise_dn, summarise, summarise_noise
 from pipeline.noise.base import ALTERNATING, COMPRESSED, STREAKED, UNCERTAIN, NoiseEstimate
 from pipeline.streams import stream
 
@@ -114,3 +114,9 @@ def test_a_coded_frame_holds_at_most_what_two_fifths_of_its_tiles_allow(answered
     tiles = tiles_of_noise(answered, reason, without)
     assert most_noise_dn(tiles) == pytest.approx(bound_dn, nan_ok=True)
     assert np.isnan(most_noise_dn(replace(tiles, at_most_dn=None)))
+
+
+def test_noise_is_at_most_the_upper_end_of_an_answer_and_the_bound_without_one():
+    answered, coded = tiles_of_noise(9, COMPRESSED, 2), tiles_of_noise(2, COMPRESSED, 9)
+    assert at_most_dn(answered, summarise_noise(answered)) == summarise_noise(answered).high == 6
+    assert at_most_dn(coded, summarise_noise(coded)) == most_noise_dn(coded) == 5
