@@ -177,7 +177,7 @@ class FrameAnalysis:
         Raises:
             InputError: not such a frame.
         """
-        from pipeline.cli.health_rows import alarms, condition_row
+        from pipeline.cli.health_rows import alarms, condition_row, undecided
 
         estimated = estimated or self.estimate(image)
         condition = estimated.condition
@@ -188,6 +188,7 @@ class FrameAnalysis:
         limits = self.thresholds
         raised = alarms(row, limits.sigma_dn, limits.mtf50, limits.flags)
         row["alarms"] = ", ".join(raised + [f"trend {name}" for name in row["trend"].split(", ") if name])
+        row["undecided"] = ", ".join(undecided(row, limits.sigma_dn, limits.mtf50))
         return row, condition
 
     def _words(self, row: dict[str, Any], condition: Condition) -> None:

@@ -110,6 +110,9 @@ def command(
     noise or blur of a video or folder grows over time, a trend alarm is raised: less than one false alarm an hour at
     10 frames per second.
 
+    Where a threshold is given, but its quantity is unknown and no bound of it keeps the threshold, the frame is
+    *undecided*, which the verdict counts.
+
     Exit codes: 0 fine; 3 alarm (threshold or trend); else 2 if a file could not be used; 130 interrupted.
     """
     import json
@@ -121,6 +124,7 @@ def command(
     from pipeline.cli.frame_ahead import estimated_ahead
     from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds, find_surface
     from pipeline.cli.health_files import HealthFiles, HealthRun
+    from pipeline.cli.health_verdict import undecided
     from pipeline.cli.package_version import version
     from pipeline.cli.pictures import expand, readable, stream_of
     from pipeline.cli.set_aside import SetAside
@@ -209,6 +213,8 @@ def command(
                 click.echo(json.dumps(plain_json(row), sort_keys=True))
     if results is not None:
         click.echo(f"written to {out}; page {results.page}", err=as_json or as_lines)
+    for sentence in undecided(run.rows) if as_lines else ():  # which have no verdict
+        click.echo(f"warning: {sentence}", err=True)
     alarmed = sum(bool(row["alarms"]) for row in run.rows)
     if alarmed:
         click.echo(f"alarm: {alarmed} frames violate a threshold or follow a trend alarm", err=True)

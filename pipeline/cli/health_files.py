@@ -61,9 +61,10 @@ class HealthRun:
         """
         from pipeline.camera.mtf import FREQUENCIES
 
-        alarmed = sum(bool(row["alarms"]) for row in self.rows)
+        alarmed, undecided = (sum(bool(row[name]) for row in self.rows) for name in ("alarms", "undecided"))
         return {
-            **self.about, "verdict": self.verdict(), "alarmed_frames": alarmed, "complete": complete,
+            **self.about, "verdict": self.verdict(), "alarmed_frames": alarmed, "undecided_frames": undecided,
+            "complete": complete,
             "frequencies_of_nyquist": FREQUENCIES, "pictures": self.rows, "set_aside": self.set_aside,
             "trend_alarms": self.trend_alarms,
         }  # fmt: skip

@@ -14,7 +14,7 @@ COLUMNS = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "noise_patches", "noise_abstained",
     "mtf50_horizontal", "mtf50_vertical", "mtf50_horizontal_status", "mtf50_vertical_status", "blur_patches",
     "blur_abstained", "milliseconds", "bright_dn", "median_dn", "saturated_fraction", "obstructed_fraction", "repeats",
-    "flags", "alarms", "drawn",
+    "flags", "alarms", "undecided", "drawn",
 )  # fmt: skip
 WRITTEN = (
     *COLUMNS, "blur", "blur_direction", "noise", "causes", "ap_percent", "ap_low_percent", "ap_high_percent",
@@ -35,7 +35,8 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
         flags: its exposure and repetition.
 
     Returns:
-        `COLUMNS` (``alarms`` and ``drawn`` empty), the MTF (2, 8) with its interval, and the reasons of abstentions.
+        `COLUMNS` (``alarms``, ``undecided`` and ``drawn`` empty), the MTF (2, 8) with its interval, and the reasons of
+        abstentions.
         MTF50 is a fraction of Nyquist; its status distinguishes a value that is ``measured`` from one ``above_range``
         (contrast stays above half up to the last frequency; the number is infinite) and one that is ``unknown`` (NaN).
     """
@@ -49,7 +50,7 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
         condition.noise.at_most_dn, len(noise), int(noise.abstained.sum()), horizontal, vertical, status(horizontal),
         status(vertical), len(blur), int(blur.abstained.sum()), round(condition.milliseconds, 1), flags.bright_dn,
         flags.median_dn, flags.saturated_fraction, flags.obstructed_fraction, flags.repeats, ", ".join(flags.names),
-        "", "",
+        "", "", "",
     )  # fmt: skip
     reasons = condition.reasons
     if not len(blur):
@@ -61,7 +62,7 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
 def alarms(
     row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: float | None, flagged: bool = False
 ) -> list[str]:
-    """Thresholds that a frame violates; what is unknown violates none.
+    """Thresholds that a frame violates; what is unknown violates none, but may be `undecided`.
 
     Args:
         row: of `condition_row`.
@@ -76,6 +77,27 @@ def alarms(
     if least_mtf50 is not None:
         result += [f"blur {axis}" for axis in AXES if row[f"mtf50_{axis}"] < least_mtf50]
     return result + (row["flags"].split(", ") if flagged and row["flags"] else [])
+
+
+def undecided(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: float | None) -> list[str]:
+    """Thresholds of which a frame does not show whether it violates them.
+
+    Noise that is unknown but for a bound keeps a threshold that is no lower than the bound.
+
+    Args:
+        row: of `condition_row`.
+        most_sigma_dn: see `alarms`.
+        least_mtf50: see `alarms`.
+
+    Returns:
+        ``noise``, ``blur horizontal`` and ``blur vertical``, those that apply.
+    """
+    result = []
+    if most_sigma_dn is not None and isnan(row["sigma_dn"]) and not row["sigma_at_most_dn"] <= most_sigma_dn:
+        result.append("noise")
+    if least_mtf50 is not None:
+        result += [f"blur {axis}" for axis in AXES if isnan(row[f"mtf50_{axis}"])]
+    return result
 
 
 def status(mtf50: float) -> str:
@@ -95,6 +117,7 @@ def line(row: dict[str, Any]) -> str:
     note = f"  ({', '.join(reasons)})" if reasons else ""
     note += f"  [{row['flags']}]" if row["flags"] else ""
     note += f"  ALARM: {row['alarms']}" if row["alarms"] else ""
+    note += f"  undecided: {row['undecided']}" if row["undecided"] else ""
     return (
         f"{number(row['sigma_dn'], 2):>9} {interval:>15} {halves} {answered:>11} {row['milliseconds']:>6.0f}"
         f"  {row['picture']}{note}"

@@ -59,7 +59,7 @@ def run_verdict(
     start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
     sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
     sentences = [
-        sentence, *_worst(rows), *_unknown(rows), *_flags(rows), *_trend(trend_alarms, without_trend),
+        sentence, *_worst(rows), *_unknown(rows), *undecided(rows), *_flags(rows), *_trend(trend_alarms, without_trend),
         *_hinted(hinted), *_set_aside(set_aside),
     ]  # fmt: skip
     if without_precision:
@@ -203,6 +203,17 @@ def _unknown(rows: Sequence[dict[str, Any]]) -> list[str]:
             words = ", ".join(REASONS.get(reason, reason) for reason, _ in reasons.most_common(3)) or "no estimate"
             sentences.append(f"{part.capitalize()} is unknown in {len(without)} of {len(rows)} frames ({words}).")
     return sentences
+
+
+def undecided(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """That limits of alarms could not be compared with what is unknown: one sentence, or none where all could.
+
+    Args:
+        rows: of the finished frames.
+    """
+    counts = Counter(name for row in rows for name in row["undecided"].split(", ") if name)
+    words = ", ".join(f"{name} in {count}" for name, count in counts.most_common())
+    return [f"Alarms undecided for want of an estimate: {words} of {len(rows)} frames."] if words else []
 
 
 def _flags(rows: Sequence[dict[str, Any]]) -> list[str]:

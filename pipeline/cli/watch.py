@@ -7,9 +7,9 @@ import signal
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from math import isnan
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,6 @@ import click
 
 from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.given_paths import GivenPath
-from pipeline.cli.health_rows import AXES
 from pipeline.cli.numbers import FiniteRange
 from pipeline.signals import handled
 
@@ -29,10 +28,9 @@ if TYPE_CHECKING:
 ALARM = 3  # exit code
 STATED = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "mtf50_horizontal", "mtf50_vertical",
-    "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "flags", "alarms", "milliseconds",
+    "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "flags", "alarms", "undecided",
+    "milliseconds",
 )  # fmt: skip
-QUANTITIES = {"noise": "sigma_dn", **{f"blur {axis}": f"mtf50_{axis}" for axis in AXES}}
-"""Alarm of a threshold -> column of the quantity it is on; alarms on flags have none."""
 
 
 @click.command("watch")
@@ -65,10 +63,10 @@ def command(
 
     Prints JSON lines, each with an "event": start; frame (estimates, flags, and under "state" the medians of the last
     frames in numbers and words); alarm (a threshold that begins to be violated, or a trend: noise or blur that has
-    grown since the first frames); cleared (measured and not violated; an alarm stays while its quantity
-    is unknown); warning (a frame of another size than the camera's sharp pictures); set_aside (a file that cannot be
-    used, HEIC and raw files among them) and no_signal; stop. Of a live source, frames that come while one is analysed
-    are dropped.
+    grown since the first frames); cleared (known not to be violated; an alarm stays while it is undecided); undecided
+    (for a whole window of frames a quantity was unknown, so that the alarm of its threshold could not be raised);
+    warning (a frame of another size than the camera's sharp pictures); set_aside (a file that cannot be used, HEIC and
+    raw files among them) and no_signal; stop. Of a live source, frames that come while one is analysed are dropped.
 
     SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm; 3 alarms; else 2 for no such source or
     a video file that is cut short or damaged.
@@ -127,6 +125,8 @@ class _Watch:
         self._sharp_px = sharp_px
         self._began = time.monotonic()
         self._active: list[str] = []
+        self._undecided: Counter[str] = Counter()
+        self._window = window
 
     def emit(self, event: str, **content: Any) -> None:
         """Print one line and flush it, so that a pipe gets it at once."""
@@ -172,8 +172,9 @@ class _Watch:
         self.emit("frame", **{name: row[name] for name in STATED}, trend=trend, state=self.state.add(row))
         started = {f"trend {alarm['quantity']}": alarm["words"] for alarm in self.analysis.trend_alarms[before:]}
         active = [name for name in row["alarms"].split(", ") if name]
-        # an alarm is neither cleared nor raised again while its quantity is not measured
-        active += [name for name in self._active if name not in active and _is_unknown(row, name)]
+        unknown = [name for name in row["undecided"].split(", ") if name]
+        # an alarm is neither cleared nor raised again while it is undecided
+        active += [name for name in self._active if name in unknown]
         for name in active:
             if name not in self._active:
                 self.alarms += 1
@@ -182,17 +183,16 @@ class _Watch:
             if name not in active:
                 self.emit("cleared", alarm=name, picture=row["picture"])
         self._active = active
+        self._undecided = Counter({name: self._undecided[name] + 1 for name in unknown})
+        for name, count in self._undecided.items():
+            if count == self._window:  # once, until it is known again
+                self.emit("undecided", alarm=name, picture=row["picture"], frames=count)
 
     def _problem(self, frame: SourceFrame) -> None:
         self.set_aside += 1
         self.problem = frame.problem
         event = "no_signal" if frame.signal_lost else "set_aside"
         self.emit(event, picture=frame.name, reason=frame.problem)
-
-
-def _is_unknown(row: dict[str, Any], alarm: str) -> bool:
-    """Whether a frame does not show the quantity that an alarm is on."""
-    return alarm in QUANTITIES and isnan(row[QUANTITIES[alarm]])
 
 
 class _Stop:

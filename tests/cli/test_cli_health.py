@@ -14,6 +14,7 @@ from data_makers import picture
 from pipeline.blur import camera_calibration
 from pipeline.cli import main
 from pipeline.cli.frame_ahead import WAITING, estimated_ahead
+from pipeline.cli.health_rows import undecided
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -349,9 +350,29 @@ def test_thresholds_raise_an_alarm_by_exit_code_and_in_the_row(tmp_path, options
         assert json.loads(done.stdout.splitlines()[0])["alarms"] == alarms
 
 
-def test_what_is_unknown_raises_no_alarm(tmp_path):
+def test_what_is_unknown_raises_no_alarm_but_is_stated(tmp_path):
+    limits = ("--alarm-sigma-dn", 1, "--alarm-mtf50", 0.5)
     cv2.imwrite(str(tmp_path / "white.png"), np.full((320, 448), 255, np.uint8))
-    assert call(tmp_path / "white.png", "--alarm-sigma-dn", 1, "--alarm-mtf50", 0.5).exit_code == 0
+    done = call(tmp_path / "white.png", *limits)
+    counts = "noise in 1, blur horizontal in 1, blur vertical in 1 of 1 frames"
+    assert done.exit_code == 0 and f"Alarms undecided for want of an estimate: {counts}." in done.output
+    assert "undecided: noise, blur horizontal, blur vertical" in table(done.output)[-1]
+    lines = call(tmp_path / "white.png", "--jsonl", *limits)
+    assert json.loads(lines.stdout)["undecided"] == "noise, blur horizontal, blur vertical"
+    assert lines.stderr == f"warning: Alarms undecided for want of an estimate: {counts}.\n"
+    assert json.loads(call(tmp_path / "white.png", "--json", *limits).stdout)["undecided_frames"] == 1
+    assert "undecided" not in call(tmp_path / "white.png").output  # no limits were given
+
+
+@pytest.mark.parametrize(
+    ("sigma_dn", "at_most_dn", "limits"),
+    [(3.0, 9.0, []), (9.0, 12.0, []), (np.nan, 4.0, []), (np.nan, 5.0, []), (np.nan, 6.0, ["noise"]),
+     (np.nan, np.nan, ["noise"])],
+)  # fmt: skip
+def test_a_bound_of_noise_decides_where_it_keeps_the_limit(sigma_dn, at_most_dn, limits):
+    row = {"sigma_dn": sigma_dn, "sigma_at_most_dn": at_most_dn, "mtf50_horizontal": np.nan, "mtf50_vertical": np.inf}
+    assert undecided(row, 5.0, None) == limits
+    assert undecided(row, None, 0.2) == ["blur horizontal"] and undecided(row, None, None) == []
 
 
 def test_frozen_and_dark_frames_are_flagged_and_alarm_on_request(tmp_path):

@@ -62,7 +62,7 @@ def frame_row(number, **changes):
     row = {
         "picture": f"v.mp4#{number}", "sigma_dn": 2.0, "sigma_low_dn": 1.8, "sigma_high_dn": 2.3,
         "sigma_at_most_dn": 2.3, "mtf50_horizontal": 0.3, "mtf50_vertical": 0.4,
-        "median_dn": 90.0, "mtf": np.full((2, 8), 0.7), "flags": "", "alarms": "", "trend": "",
+        "median_dn": 90.0, "mtf": np.full((2, 8), 0.7), "flags": "", "alarms": "", "undecided": "", "trend": "",
         "blur": "slightly blurred", "blur_direction": "", "noise": "low", "causes": "", "abstained": {},
         "ap_percent": np.nan, "ap_low_percent": np.nan, "ap_high_percent": np.nan,
         "best_exposure_ms": np.nan, "best_iso": np.nan,

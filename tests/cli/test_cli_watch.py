@@ -220,19 +220,32 @@ def test_a_device_that_has_gone_silent_counts_as_idle(tmp_path):
         clock.cancel()
 
 
-def test_an_alarm_stays_while_its_quantity_is_unknown(capsys):
-    nan = float("nan")
-    seen = [(30.0, "noise"), (nan, ""), (30.0, "noise"), (nan, ""), (2.0, ""), (nan, ""), (30.0, "noise")]
+VIOLATED, UNDECIDED, KEPT = ("noise", ""), ("", "noise"), ("", "")
+
+
+def changes_of(seen, window, capsys):
+    """Events but frames, each with the number of its frame; each frame by its alarms and undecided limits."""
     analysis = SimpleNamespace(trend_alarms=[], trends={"device 40x40": SimpleNamespace(state=lambda: "learning")})
-    loop = _Watch("device", analysis, 5)
+    loop = _Watch("device", analysis, window)
     loop.state = SimpleNamespace(add=lambda row: {})
-    for number, (sigma_dn, alarms) in enumerate(seen):
-        row = {**dict.fromkeys(STATED, 0.2), "picture": number, "sigma_dn": sigma_dn, "alarms": alarms}
+    for number, (alarms, undecided) in enumerate(seen):
+        row = {**dict.fromkeys(STATED, 0.2), "picture": number, "alarms": alarms, "undecided": undecided}
         analysis.analyse = lambda *_, row=row: (row, None)
         loop._frame(SourceFrame(str(number), np.zeros((40, 40), np.float32)))
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    changes = [(line["event"], line["picture"]) for line in lines if line["event"] != "frame"]
+    return [(line["event"], line["picture"]) for line in lines if line["event"] != "frame"], loop
+
+
+def test_an_alarm_stays_while_it_is_undecided(capsys):
+    seen = [VIOLATED, UNDECIDED, VIOLATED, UNDECIDED, KEPT, UNDECIDED, VIOLATED]
+    changes, loop = changes_of(seen, 5, capsys)
     assert changes == [("alarm", 0), ("cleared", 4), ("alarm", 6)] and loop.alarms == 2
+
+
+def test_a_limit_that_no_frame_of_a_window_decides_is_stated_once(capsys):
+    seen = [UNDECIDED, UNDECIDED, KEPT, *[UNDECIDED] * 6, KEPT, *[UNDECIDED] * 3]
+    changes, _ = changes_of(seen, 3, capsys)
+    assert changes == [("undecided", 5), ("undecided", 12)]
 
 
 @pytest.mark.parametrize("source", ["absent", "97", "rtsp://127.0.0.1:9/none"])
