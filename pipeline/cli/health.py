@@ -235,11 +235,19 @@ def sequence_names(files: Sequence[Path]) -> dict[str, str]:
 
 
 def _without_trend(analysis: FrameAnalysis, reference_frames: int) -> str:
-    """Why no trend can be stated, or empty where one can or none is expected."""
-    if not analysis.trends or any(trend.watched for trend in analysis.trends.values()):
+    """Which quantities have no trend and why, one sentence; empty where all have one or none is expected."""
+    from pipeline.condition.trend import QUANTITIES
+
+    series = [trend.learning for trend in analysis.trends.values()]
+    if not series:
         return ""
-    longest = max(trend.frames for trend in analysis.trends.values())
-    return f"{longest} frames in a row, the reference period alone takes {reference_frames}"
+    counts = {name: max(part[name] for part in series) for name in QUANTITIES if all(name in part for part in series)}
+    if not counts:
+        return ""
+    of = "" if len(counts) == len(QUANTITIES) else f" of {', '.join(counts)}"
+    frames = sorted({min(counts.values()), max(counts.values())})
+    known = " to ".join(str(count) for count in frames)
+    return f"No trend{of}: {known} frames of a series have an estimate, the reference alone takes {reference_frames}."
 
 
 def _print_run(run: HealthRun, as_json: bool) -> None:

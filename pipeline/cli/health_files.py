@@ -34,7 +34,8 @@ class HealthRun:
         hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits, and under
             `pipeline.cli.pictures.TURNED` those that EXIF data turn.
         trend_alarms: that began (`pipeline.cli.frame_analysis.FrameAnalysis.trend_alarms`).
-        without_precision, without_trend: why the expected precision or the trend is unknown, or empty.
+        without_precision: why the expected precision is unknown, or empty.
+        without_trend: the sentence that states what has no trend and why, or empty.
     """
 
     about: dict[str, Any]

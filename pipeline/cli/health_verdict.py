@@ -35,7 +35,7 @@ def run_verdict(
         rows: of `pipeline.cli.frame_analysis.FrameAnalysis.analyse`.
         without_precision: why the expected precision is unknown, or empty.
         trend_alarms: that began in the run.
-        without_trend: why there is no trend, or empty.
+        without_trend: the sentence that states what has no trend and why, or empty.
         set_aside: files or frames that could not be used.
         hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits; under
             `pipeline.cli.pictures.TURNED`, those that EXIF data turn.
@@ -239,9 +239,7 @@ def _hinted(counts: Mapping[int, int]) -> list[str]:
 
 
 def _trend(alarms: Sequence[dict[str, Any]], without: str) -> list[str]:
-    if alarms:
-        return [f"Trend alarm: {alarm['words']}." for alarm in alarms]
-    return [f"No trend: {without}."] if without else []
+    return [f"Trend alarm: {alarm['words']}." for alarm in alarms] + ([without] if without else [])
 
 
 def _set_aside(count: int) -> list[str]:

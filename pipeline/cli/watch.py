@@ -168,8 +168,11 @@ class _Watch:
             reason = of_other_size(frame.name, frame.image.shape, [self._sharp_px])
             self.emit("warning", picture=frame.name, reason=reason)
             self._sharp_px = None  # once is enough
-        trend = self.analysis.trends[sequence].state()
-        self.emit("frame", **{name: row[name] for name in STATED}, trend=trend, state=self.state.add(row))
+        trend = self.analysis.trends[sequence]
+        self.emit(
+            "frame", **{name: row[name] for name in STATED}, trend=trend.state(), trend_of=trend.watched,
+            state=self.state.add(row),
+        )  # fmt: skip
         started = {f"trend {alarm['quantity']}": alarm["words"] for alarm in self.analysis.trend_alarms[before:]}
         active = [name for name in row["alarms"].split(", ") if name]
         unknown = [name for name in row["undecided"].split(", ") if name]

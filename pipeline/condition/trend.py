@@ -135,6 +135,11 @@ class ConditionTrend:
         """Quantities whose reference period is complete."""
         return tuple(name for name, part in self._quantities.items() if part.chart is not None)
 
+    @property
+    def learning(self) -> dict[str, int]:
+        """Quantities whose reference period is not complete, each with how many frames it has an estimate of."""
+        return {name: len(part.learned) for name, part in self._quantities.items() if part.chart is None}
+
     def state(self) -> str:
         """``learning`` until a reference is complete, then ``alarm`` or ``watching``."""
         if not self.watched:

@@ -7,6 +7,7 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -17,10 +18,12 @@ from data_makers import picture
 
 from pipeline.cli import main
 from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds
+from pipeline.cli.health import _without_trend
 from pipeline.cli.health_files import HealthRun
 from pipeline.cli.health_page import MOST_THUMBNAILS, WORST_FRAMES, PageFrames, page
 from pipeline.cli.health_verdict import run_verdict
 from pipeline.condition import ConditionMonitor
+from pipeline.condition.trend import ConditionTrend
 from pipeline.streams import stream
 
 CONDITION = ConditionMonitor(noise_name="immerkaer").patches(np.full((1, 1, 192, 192), 0.5, np.float32))
@@ -174,7 +177,7 @@ def test_the_verdict_has_what_is_known_only():
     assert both.endswith("(14 points of AP more expected, as for v.mp4#0; other settings advised in 1 of 2 frames).")
     unknown = frame_row(0, blur="", noise="", sigma_dn=np.nan, sigma_at_most_dn=np.nan, mtf=np.full((2, 8), np.nan),
                         flags="black", abstained={"blur": {"flat": 4}})  # fmt: skip
-    verdict = run_verdict([unknown], without_precision="no surface", without_trend="9 frames", set_aside=2)
+    verdict = run_verdict([unknown], without_precision="no surface", without_trend="No trend: 9 frames.", set_aside=2)
     sentences = verdict["sentences"]
     assert sentences[0] == "Blur unknown; noise unknown."
     assert "Blur is unknown in 1 of 1 frames (no variation to measure)." in sentences
@@ -230,6 +233,20 @@ def test_a_series_that_worsens_raises_a_trend_alarm_with_exit_code_and_a_steady_
         assert any("trend noise" in row["alarms"] for row in rows[120:]) == alarmed
         assert not any(row["alarms"] for row in rows[:120])
     assert analysis.trend_alarms[0]["frame"] >= 120
+
+
+@pytest.mark.parametrize(
+    ("frames", "sigma_dn", "sentence"),
+    [(9, 3.0, "No trend: 9 frames of a series have an estimate, the reference alone takes 100."),
+     (150, np.nan, "No trend of noise: 0 frames of a series have an estimate, the reference alone takes 100."),
+     (150, 3.0, "")],
+)  # fmt: skip
+def test_what_has_no_trend_for_want_of_estimates_is_stated(frames, sigma_dn, sentence):
+    trend = ConditionTrend(100)
+    for _ in range(frames):
+        trend.step(sigma_dn, np.full((2, 8), 0.5))
+    assert _without_trend(SimpleNamespace(trends={"v.mp4": trend}), 100) == sentence
+    assert _without_trend(SimpleNamespace(trends={}), 100) == ""
 
 
 def test_precision_and_advice_follow_where_surface_and_settings_are_known():

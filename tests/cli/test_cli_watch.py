@@ -52,6 +52,7 @@ def test_every_frame_of_a_video_becomes_a_line_and_a_threshold_an_alarm(tmp_path
     frames = [line for line in lines if line["event"] == "frame"]
     assert [line["state"]["frames"] for line in frames] == [1, 2, 3, 3, 3]
     assert "blurred" in frames[-1]["state"]["words"] and frames[-1]["trend"] == "learning"
+    assert frames[-1]["trend_of"] == []
     assert lines[-1] == {**lines[-1], "frames": 5, "alarms": 2, "reason": "end", "set_aside": 0}
 
 
@@ -225,7 +226,8 @@ VIOLATED, UNDECIDED, KEPT = ("noise", ""), ("", "noise"), ("", "")
 
 def changes_of(seen, window, capsys):
     """Events but frames, each with the number of its frame; each frame by its alarms and undecided limits."""
-    analysis = SimpleNamespace(trend_alarms=[], trends={"device 40x40": SimpleNamespace(state=lambda: "learning")})
+    trend = SimpleNamespace(state=lambda: "learning", watched=())
+    analysis = SimpleNamespace(trend_alarms=[], trends={"device 40x40": trend})
     loop = _Watch("device", analysis, window)
     loop.state = SimpleNamespace(add=lambda row: {})
     for number, (alarms, undecided) in enumerate(seen):
