@@ -50,7 +50,7 @@ def run_verdict(
         return {"sentence": sentence, "sentences": [sentence, *_set_aside(set_aside)], "frames": 0}
     from pipeline.condition.verdict import grade
 
-    sigma, high, at_most = (_median(row[name] for row in rows) for name in NOISE)
+    sigma, high, at_most = median_noise(rows)
     mtf = median_mtf(rows)
     grades = grade(sigma, mtf, _median(row["median_dn"] for row in rows))
     blur, noise = grades.words()
@@ -65,9 +65,10 @@ def run_verdict(
     if without_precision:
         sentences.append(f"Expected average precision is unknown: {without_precision}.")
     return {
-        "sentence": sentence, "sentences": sentences, "frames": len(rows), "median_sigma_dn": sigma, "median_mtf": mtf,
-        "blur": grades.blur, "blur_direction": grades.direction, "noise": grades.noise, "causes": grades.causes(),
-        "median_ap_percent": _median(row["ap_percent"] for row in rows),
+        "sentence": sentence, "sentences": sentences, "frames": len(rows), "median_sigma_dn": sigma,
+        "median_sigma_at_most_dn": at_most, "median_mtf": mtf, "blur": grades.blur,
+        "blur_direction": grades.direction, "noise": grades.noise, "causes": grades.causes(),
+        "median_ap_percent": float("nan") if mostly_coded(rows) else _median(row["ap_percent"] for row in rows),
     }  # fmt: skip
 
 
@@ -78,6 +79,28 @@ def median_mtf(rows: Sequence[dict[str, Any]]) -> Any:
     curves = np.array([row["mtf"] for row in rows], dtype=float)
     known = curves[np.isfinite(curves).all(axis=(1, 2))]
     return np.median(known, axis=0) if len(known) else np.full((2, 8), np.nan)
+
+
+def mostly_coded(rows: Sequence[dict[str, Any]]) -> bool:
+    """Whether a codec hides the noise of more frames than have an estimate.
+
+    Those that have one are then the noisiest, not a sample of the frames.
+    """
+    hidden = sum(not isfinite(row["sigma_dn"]) and isfinite(row["sigma_at_most_dn"]) for row in rows)
+    return hidden > sum(isfinite(row["sigma_dn"]) for row in rows)
+
+
+def median_noise(rows: Sequence[dict[str, Any]]) -> tuple[float, float, float]:
+    """Medians of the frames' noise, of the upper ends of its intervals, and of what there is at most, DN.
+
+    Args:
+        rows: of frames.
+
+    Returns:
+        NaN where no frame has one; of noise and intervals also where the frames are `mostly_coded`.
+    """
+    sigma, high, at_most = (_median(row[name] for row in rows) for name in NOISE)
+    return (float("nan"), float("nan"), at_most) if mostly_coded(rows) else (sigma, high, at_most)
 
 
 def badness(row: dict[str, Any]) -> float:
@@ -119,7 +142,7 @@ def _median(values: Any) -> float:
 def _precision(rows: Sequence[dict[str, Any]]) -> list[str]:
     known = [row for row in rows if isfinite(row["ap_percent"])]
     bounded = [row for row in rows if isfinite(row["ap_low_percent"])]
-    if not known and bounded:
+    if bounded and (not known or mostly_coded(rows)):
         low, best = (_median(row[name] for row in bounded) for name in ("ap_low_percent", "sharp_ap_percent"))
         return [f"Expected AP at least {low:.0f} % of {best:.0f} %"]
     if not known:

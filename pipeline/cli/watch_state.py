@@ -24,22 +24,25 @@ class RollingState:
         """Take a frame's row (`pipeline.cli.frame_analysis.FrameAnalysis.analyse`).
 
         Returns:
-            ``frames`` summarised, medians ``sigma_dn``, ``mtf50_horizontal``, ``mtf50_vertical`` and ``ap_percent``
-            (infinite MTF50: above the range; NaN: unknown), ``words``, and ``flags`` with the share of frames.
+            ``frames`` summarised, medians ``sigma_dn``, ``sigma_at_most_dn``, ``mtf50_horizontal``, ``mtf50_vertical``
+            and ``ap_percent`` (infinite MTF50: above the range; NaN: unknown, noise and precision also where a codec
+            hides the noise of most frames), ``words``, and ``flags`` with the share of frames.
         """
-        from pipeline.cli.health_verdict import median_mtf
+        from pipeline.cli.health_verdict import median_mtf, median_noise, mostly_coded
         from pipeline.condition.summary import half_contrast
         from pipeline.condition.verdict import grade
 
         self._rows.append(row)
         rows = list(self._rows)
         mtf = median_mtf(rows)
-        sigma, level, precision = (_median(rows, name) for name in ("sigma_dn", "median_dn", "ap_percent"))
+        sigma, _, at_most = median_noise(rows)
+        level, precision = (_median(rows, name) for name in ("median_dn", "ap_percent"))
+        precision = float("nan") if mostly_coded(rows) else precision
         horizontal, vertical = (float(value) for value in half_contrast(mtf))
         flags = Counter(name for part in rows for name in part["flags"].split(", ") if name)
         return {
-            "frames": len(rows), "sigma_dn": sigma, "mtf50_horizontal": horizontal, "mtf50_vertical": vertical,
-            "ap_percent": precision, "words": "; ".join(grade(sigma, mtf, level).words()),
+            "frames": len(rows), "sigma_dn": sigma, "sigma_at_most_dn": at_most, "mtf50_horizontal": horizontal,
+            "mtf50_vertical": vertical, "ap_percent": precision, "words": "; ".join(grade(sigma, mtf, level).words()),
             "flags": {name: count / len(rows) for name, count in sorted(flags.items())},
         }  # fmt: skip
 

@@ -294,6 +294,20 @@ def test_noise_that_texture_may_hide_is_stated_beside_none():
     assert any("Worst frame" in words and "up to 14 DN" in words for words in worst)
 
 
+def test_a_run_whose_noise_a_codec_mostly_hides_is_not_judged_by_the_frames_that_have_an_estimate():
+    coded = frame_row(0, sigma_dn=np.nan, sigma_high_dn=np.nan, sigma_at_most_dn=14.2, noise="", blur="sharp",
+                      ap_low_percent=31.0, sharp_ap_percent=96.0, mtf=np.full((2, 8), 0.99))  # fmt: skip
+    noisy = coded | {"sigma_dn": 18.0, "sigma_high_dn": 20.0, "sigma_at_most_dn": 20.0, "noise": "high",
+                     "ap_percent": 25.0, "ap_low_percent": 17.0, "ap_high_percent": 33.0}  # fmt: skip
+    verdict = run_verdict([coded, coded, noisy], without_precision="")
+    start = "Median of 3 frames: sharp; noise unknown (at most 15 DN). Expected AP at least 31 % of 96 %."
+    assert verdict["sentence"] == start and "Worst frame: v.mp4#0, sharp; noise high (18.0 DN)." in verdict["sentences"]
+    assert np.isnan([verdict["median_sigma_dn"], verdict["median_ap_percent"]]).all()
+    assert verdict["median_sigma_at_most_dn"] == 14.2
+    half = run_verdict([coded, noisy], without_precision="")
+    assert half["median_sigma_dn"] == 18 and "noise high (18.0 DN)" in half["sentence"]
+
+
 def test_what_a_coded_frame_holds_at_most_stands_beside_unknown_noise_with_the_least_precision():
     coded = frame_row(0, sigma_dn=np.nan, sigma_at_most_dn=3.2, noise="", blur="sharp", ap_low_percent=88.4,
                       sharp_ap_percent=93.4, mtf=np.full((2, 8), 0.99))  # fmt: skip
