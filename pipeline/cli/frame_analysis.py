@@ -194,10 +194,11 @@ class FrameAnalysis:
     def _words(self, row: dict[str, Any], condition: Condition) -> None:
         from pipeline.condition.verdict import grade
 
-        grades = grade(row["sigma_dn"], condition.mtf.value, row["median_dn"])
+        mtf = condition.mtf
+        grades = grade(row["sigma_dn"], mtf.value, row["median_dn"], (mtf.low, mtf.high))
         row |= {
-            "blur": grades.blur, "blur_direction": grades.direction, "noise": grades.noise,
-            "causes": "; ".join(grades.causes()),
+            "blur": grades.blur, "blur_direction": grades.direction, "blur_range": grades.blur_range,
+            "noise": grades.noise, "causes": "; ".join(grades.causes()),
         }  # fmt: skip
 
     def _precision(self, row: dict[str, Any], image: NDArray[np.float32], condition: Condition, file: Path) -> None:
@@ -210,14 +211,19 @@ class FrameAnalysis:
         from pipeline.control.expected_precision import expected_precision
 
         level = float(image.mean(dtype="float64"))
-        at = partial(expected_precision, self.performance, mtf=condition.mtf.value, relative=self.relative, level=level)
-        here = at(row["sigma_dn"])
+        mtf = condition.mtf
+        at = partial(expected_precision, self.performance, relative=self.relative, level=level)
+        here = at(row["sigma_dn"], mtf.value)
         row |= {
             "ap_percent": here.ap_percent, "ap_low_percent": here.low_percent, "ap_high_percent": here.high_percent,
             "sharp_ap_percent": here.best_percent,
         }  # fmt: skip
+        least_mtf = mtf.low if row["blur_range"] else mtf.value
         if isnan(row["sigma_dn"]):  # AP falls with noise: the most that there may be gives the least AP
-            row["ap_low_percent"] = at(row["sigma_at_most_dn"]).low_percent
+            row["ap_low_percent"] = at(row["sigma_at_most_dn"], least_mtf).low_percent
+        elif row["blur_range"] and not isnan(here.ap_percent):  # and with blur; below what was measured it may be none
+            low, high = at(row["sigma_dn"], least_mtf).low_percent, at(row["sigma_dn"], mtf.high).high_percent
+            row |= {"ap_low_percent": 0.0 if isnan(low) else low, "ap_high_percent": high}
         taken, without = self.settings.of(file)
         if taken is not None:
             row |= self._advice(image, condition, taken)

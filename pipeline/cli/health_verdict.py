@@ -52,7 +52,8 @@ def run_verdict(
 
     sigma, high, at_most = median_noise(rows)
     mtf = median_mtf(rows)
-    grades = grade(sigma, mtf, _median(row["median_dn"] for row in rows))
+    ends = median_mtf(rows, "mtf_low"), median_mtf(rows, "mtf_high")
+    grades = grade(sigma, mtf, _median(row["median_dn"] for row in rows), ends)
     blur, noise = grades.words()
     blur += f" (relative to {relative_to})" if relative_to and grades.blur else ""
     condition = f"{blur}; {noise}{_level(sigma, high, at_most)}"
@@ -67,16 +68,22 @@ def run_verdict(
     return {
         "sentence": sentence, "sentences": sentences, "frames": len(rows), "median_sigma_dn": sigma,
         "median_sigma_at_most_dn": at_most, "median_mtf": mtf, "blur": grades.blur,
-        "blur_direction": grades.direction, "noise": grades.noise, "causes": grades.causes(),
+        "blur_direction": grades.direction, "blur_range": grades.blur_range, "noise": grades.noise,
+        "causes": grades.causes(),
         "median_ap_percent": float("nan") if mostly_coded(rows) else _median(row["ap_percent"] for row in rows),
     }  # fmt: skip
 
 
-def median_mtf(rows: Sequence[dict[str, Any]]) -> Any:
-    """(2, 8) median MTF of the frames that have one; NaN where none has."""
+def median_mtf(rows: Sequence[dict[str, Any]], column: str = "mtf") -> Any:
+    """(2, 8) median MTF of the frames that have one; NaN where none has.
+
+    Args:
+        rows: of frames.
+        column: ``mtf``, or ``mtf_low`` and ``mtf_high`` for the ends of its interval.
+    """
     import numpy as np
 
-    curves = np.array([row["mtf"] for row in rows], dtype=float)
+    curves = np.array([row[column] for row in rows], dtype=float)
     known = curves[np.isfinite(curves).all(axis=(1, 2))]
     return np.median(known, axis=0) if len(known) else np.full((2, 8), np.nan)
 
@@ -114,8 +121,9 @@ def badness(row: dict[str, Any]) -> float:
 
 def row_words(row: dict[str, Any]) -> str:
     """The condition of one frame in words."""
-    blur = row["blur"] or "blur unknown"
-    blur += f", mainly {row['blur_direction']}" if row["blur_direction"] else ""
+    from pipeline.condition.verdict import blur_words
+
+    blur = blur_words(row["blur"], row["blur_direction"], row["blur_range"])
     return f"{blur}; noise {row['noise'] or 'unknown'}{_level(*(row[name] for name in NOISE))}"
 
 
@@ -202,7 +210,7 @@ def _without_advice(row: dict[str, Any]) -> str:
 def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
     if len(rows) < 2:
         return []
-    bad = sum(row["blur"] in BAD_BLUR or row["noise"] in BAD_NOISE for row in rows)
+    bad = sum((row["blur"] in BAD_BLUR and not row["blur_range"]) or row["noise"] in BAD_NOISE for row in rows)
     sentences = [f"{bad} of {len(rows)} frames are at least moderately blurred or highly noisy."] if bad else []
     measured = [row for row in rows if row["blur"] or row["noise"]]
     if measured:

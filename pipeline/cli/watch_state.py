@@ -34,7 +34,7 @@ class RollingState:
 
         self._rows.append(row)
         rows = list(self._rows)
-        mtf = median_mtf(rows)
+        mtf, low, high = (median_mtf(rows, name) for name in ("mtf", "mtf_low", "mtf_high"))
         sigma, _, at_most = median_noise(rows)
         level, precision = (_median(rows, name) for name in ("median_dn", "ap_percent"))
         precision = float("nan") if mostly_coded(rows) else precision
@@ -42,7 +42,8 @@ class RollingState:
         flags = Counter(name for part in rows for name in part["flags"].split(", ") if name)
         return {
             "frames": len(rows), "sigma_dn": sigma, "sigma_at_most_dn": at_most, "mtf50_horizontal": horizontal,
-            "mtf50_vertical": vertical, "ap_percent": precision, "words": "; ".join(grade(sigma, mtf, level).words()),
+            "mtf50_vertical": vertical, "ap_percent": precision,
+            "words": "; ".join(grade(sigma, mtf, level, (low, high)).words()),
             "flags": {name: count / len(rows) for name, count in sorted(flags.items())},
         }  # fmt: skip
 

@@ -9,6 +9,10 @@ Blur is graded by the MTF50, the frequency of half contrast, of the worse axis, 
 | 0.11 .. 0.22 | moderately blurred | 5 to 11 px |
 | below 0.11 | strongly blurred | more than 11 px |
 
+The ends of the MTF's 95 % interval are graded alike. Where they are two grades apart or more, as on noisy photographs
+of cameras, the grade is uncertain, and so stated (*strongly blurred (uncertain: sharp to strongly blurred)*); a cause
+is not named where the picture may be sharp.
+
 Noise by its standard deviation: very low below 1 DN, low below 4, moderate below 10, high below 20, else very high.
 
 Blur has a direction where the mean MTF of one axis is below the other's by more than a fifth. That is what motion (or
@@ -26,8 +30,10 @@ from numpy.typing import NDArray
 
 from pipeline.condition.summary import half_contrast
 
-BLUR_GRADES = ((0.11, "strongly blurred"), (0.22, "moderately blurred"), (0.35, "slightly blurred"))
 SHARP = "sharp"
+BLUR_GRADES = ((0.11, "strongly blurred"), (0.22, "moderately blurred"), (0.35, "slightly blurred"), (np.inf, SHARP))
+UNCERTAIN_GRADES = 2
+"""So many grades between the ends of an interval make the grade uncertain."""
 NOISE_GRADES = ((1.0, "very low"), (4.0, "low"), (10.0, "moderate"), (20.0, "high"))
 HIGHEST_NOISE = "very high"
 DIRECTED_RATIO = 0.8  # of the mean MTF of the lower axis to the other's
@@ -54,26 +60,35 @@ class Grades:
     Attributes:
         blur: grade of blur.
         direction: ``horizontal``, ``vertical``, or empty where both axes are alike or the picture is sharp.
+        blur_range: grades that the interval of the MTF reaches, where it is uncertain: ``sharp to strongly blurred``.
         noise: grade of noise.
         blur_cause, noise_cause: probable causes, or empty.
     """
 
     blur: str
     direction: str
+    blur_range: str
     noise: str
     blur_cause: str
     noise_cause: str
 
     def words(self) -> list[str]:
         """Phrases for blur and noise; abstentions are stated."""
-        blur = self.blur or "blur unknown"
-        if self.direction:
-            blur += f", mainly {self.direction}"
-        return [blur, f"noise {self.noise}" if self.noise else "noise unknown"]
+        return [
+            blur_words(self.blur, self.direction, self.blur_range),
+            f"noise {self.noise}" if self.noise else "noise unknown",
+        ]
 
     def causes(self) -> list[str]:
         """Probable causes, blur first."""
         return [cause for cause in (self.blur_cause, self.noise_cause) if cause]
+
+
+def blur_words(blur: str, direction: str, blur_range: str) -> str:
+    """A phrase for blur; see `Grades`."""
+    words = blur or "blur unknown"
+    words += f", mainly {direction}" if direction else ""
+    return words + (f" (uncertain: {blur_range})" if blur_range else "")
 
 
 def bound_words(at_most_dn: float) -> str:
@@ -81,28 +96,45 @@ def bound_words(at_most_dn: float) -> str:
     return f"at most {ceil(at_most_dn)} DN" if isfinite(at_most_dn) else ""
 
 
-def grade(sigma_dn: float, mtf: NDArray[np.floating], median_dn: float = float("nan")) -> Grades:
+def grade(
+    sigma_dn: float,
+    mtf: NDArray[np.floating],
+    median_dn: float = float("nan"),
+    ends: tuple[NDArray[np.floating], NDArray[np.floating]] | None = None,
+) -> Grades:
     """Grade a condition.
 
     Args:
         sigma_dn: noise, DN; NaN where unknown.
         mtf: (2, 8) MTF, horizontal and vertical; NaN where unknown.
         median_dn: median grey level, DN; NaN where unknown.
+        ends: (2, 8) lower and upper ends of the MTF's 95 % interval; None or NaN where there is none.
     """
-    blur = direction = blur_cause = noise_cause = ""
+    blur = direction = blur_range = blur_cause = noise_cause = ""
     curves = np.asarray(mtf, dtype=np.float64)
     if np.isfinite(curves).all():
-        worse = float(half_contrast(curves).min())
-        blur = next((name for limit, name in BLUR_GRADES if worse < limit), SHARP)
+        names = [name for _, name in BLUR_GRADES]
+        blur = names[_blur_grade(curves)]
+        if ends is not None and np.isfinite(ends).all():
+            blurriest, sharpest = (_blur_grade(end) for end in ends)
+            if sharpest - blurriest >= UNCERTAIN_GRADES:
+                blur_range = f"{names[sharpest]} to {names[blurriest]}"
         means = curves.mean(axis=1)
         if blur != SHARP:
             directed = means.min() < DIRECTED_RATIO * means.max()
             direction = AXES[int(np.argmin(means))] if directed else ""
-            blur_cause = "probably motion" if directed else "defocus, water on the lens or diagonal motion"
+            if not blur_range.startswith(SHARP):
+                blur_cause = "probably motion" if directed else "defocus, water on the lens or diagonal motion"
     noise = ""
     if np.isfinite(sigma_dn):
         noise = next((name for limit, name in NOISE_GRADES if sigma_dn < limit), HIGHEST_NOISE)
         if sigma_dn >= HIGH_NOISE_DN:
             dim = np.isfinite(median_dn) and median_dn < DIM_MEDIAN_DN
             noise_cause = "little light" if dim else "probably high gain"
-    return Grades(blur, direction, noise, blur_cause, noise_cause)
+    return Grades(blur, direction, blur_range, noise, blur_cause, noise_cause)
+
+
+def _blur_grade(mtf: NDArray[np.floating]) -> int:
+    """Index of a grade in `BLUR_GRADES`."""
+    worse = float(half_contrast(mtf).min())
+    return next(index for index, (limit, _) in enumerate(BLUR_GRADES) if worse < limit or limit == np.inf)

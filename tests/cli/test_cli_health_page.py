@@ -21,7 +21,7 @@ from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds
 from pipeline.cli.health import _without_trend
 from pipeline.cli.health_files import HealthRun
 from pipeline.cli.health_page import MOST_THUMBNAILS, WORST_FRAMES, PageFrames, page
-from pipeline.cli.health_verdict import run_verdict
+from pipeline.cli.health_verdict import row_words, run_verdict
 from pipeline.condition import ConditionMonitor
 from pipeline.condition.trend import ConditionTrend
 from pipeline.streams import stream
@@ -66,7 +66,9 @@ def frame_row(number, **changes):
         "picture": f"v.mp4#{number}", "sigma_dn": 2.0, "sigma_low_dn": 1.8, "sigma_high_dn": 2.3,
         "sigma_at_most_dn": 2.3, "mtf50_horizontal": 0.3, "mtf50_vertical": 0.4,
         "median_dn": 90.0, "mtf": np.full((2, 8), 0.7), "flags": "", "alarms": "", "undecided": "", "trend": "",
-        "blur": "slightly blurred", "blur_direction": "", "noise": "low", "causes": "", "abstained": {},
+        "mtf_low": np.full((2, 8), 0.7), "mtf_high": np.full((2, 8), 0.7),
+        "blur": "slightly blurred", "blur_direction": "", "blur_range": "", "noise": "low",
+        "causes": "", "abstained": {},
         "ap_percent": np.nan, "ap_low_percent": np.nan, "ap_high_percent": np.nan,
         "best_exposure_ms": np.nan, "best_iso": np.nan,
         "best_ap_percent": np.nan,
@@ -264,6 +266,31 @@ def test_precision_and_advice_follow_where_surface_and_settings_are_known():
     assert advised["best_exposure_ms"] != pytest.approx(16.0) and 100 <= advised["best_iso"] <= 3200
     relative = FrameAnalysis(KnownMonitor(), Thresholds(), performance(), settings, relative=True)
     assert relative.analyse("a.png", image)[0]["ap_percent"] < measured["ap_percent"]
+
+
+def test_the_expected_precision_reaches_as_far_as_an_uncertain_blur():
+    class Unsure(KnownMonitor):
+        def __init__(self, low, high):
+            self.ends = (np.full((2, 8), end) for end in (low, high))
+
+        def frame(self, image):
+            seen = super().frame(image)
+            low, high = self.ends
+            summary = replace(seen.blur.summary, low=low, high=high)
+            return replace(seen, blur=replace(seen.blur, summary=summary))
+
+    image = np.full((40, 40), 0.4, np.float32)
+    sure, unsure = (
+        FrameAnalysis(Unsure(*ends), Thresholds(), performance()).analyse("a.png", image)[0]
+        for ends in ((0.58, 0.62), (0.05, 1.0))
+    )
+    assert (sure["blur_range"], unsure["blur_range"]) == ("", "sharp to strongly blurred")
+    assert unsure["ap_percent"] == sure["ap_percent"]
+    assert unsure["ap_low_percent"] < sure["ap_low_percent"] and unsure["ap_high_percent"] > sure["ap_high_percent"]
+    assert row_words(unsure).startswith("sharp (uncertain: sharp to strongly blurred); noise")
+    sentences = run_verdict([unsure, unsure | {"blur": "strongly blurred"}], without_precision="")["sentences"]
+    assert "(uncertain: sharp to strongly blurred)" in sentences[0]
+    assert not any("at least moderately blurred" in sentence for sentence in sentences)  # none certainly is
 
 
 def test_a_failing_advice_states_its_own_reason():

@@ -21,6 +21,8 @@ from pipeline.cli.watch import STATED, _Watch
 from pipeline.cli.watch_sources import SourceFrame, filling_folder, live, played_video
 from pipeline.cli.watch_state import RollingState
 
+SHARP = dict.fromkeys(("mtf", "mtf_low", "mtf_high"), np.full((2, 8), 0.9))
+
 
 def film(path, frames, fault_from=None, size=(224, 208)):
     """A panning video; from a frame on its pictures are blurred."""
@@ -261,7 +263,7 @@ def test_a_source_that_cannot_be_opened_is_one_line(source, tmp_path, monkeypatc
 def test_the_rolling_state_forgets():
     state = RollingState(2)
     noise = {"sigma_dn": 2.0, "sigma_high_dn": 3.0, "sigma_at_most_dn": 3.0}
-    row = {**noise, "median_dn": 90.0, "ap_percent": np.nan, "flags": "dark", "mtf": np.full((2, 8), 0.9)}
+    row = {**noise, "median_dn": 90.0, "ap_percent": np.nan, "flags": "dark", **SHARP}
     assert state.add(row)["flags"] == {"dark": 1.0}
     assert state.add({**row, "flags": ""})["flags"] == {"dark": 0.5}
     result = state.add({**row, "flags": "", "sigma_dn": 12.0})
@@ -270,7 +272,7 @@ def test_the_rolling_state_forgets():
 
 
 def test_the_rolling_state_does_not_take_the_frames_that_have_an_estimate_for_those_that_a_codec_hides():
-    state, clear = RollingState(3), {"median_dn": 90.0, "flags": "", "mtf": np.full((2, 8), 0.9)}
+    state, clear = RollingState(3), {"median_dn": 90.0, "flags": "", **SHARP}
     coded = {**clear, "sigma_dn": np.nan, "sigma_high_dn": np.nan, "sigma_at_most_dn": 14.0, "ap_percent": np.nan}
     noisy = {**clear, "sigma_dn": 18.0, "sigma_high_dn": 20.0, "sigma_at_most_dn": 20.0, "ap_percent": 25.0}
     for row in (coded, coded, noisy):

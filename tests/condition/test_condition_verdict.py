@@ -39,6 +39,26 @@ def test_sharp_pictures_have_neither_direction_nor_cause():
     assert grades.words() == ["sharp", "noise very low"]
 
 
+@pytest.mark.parametrize(
+    ("low_px", "high_px", "blur_range", "cause"),
+    [
+        (21, 7, "", "probably motion"),
+        (21, 4, "slightly blurred to strongly blurred", "probably motion"),
+        (21, 0, "sharp to strongly blurred", ""),
+        (7, 0, "sharp to moderately blurred", ""),
+    ],
+)
+def test_a_grade_whose_interval_reaches_two_grades_off_is_uncertain(low_px, high_px, blur_range, cause):
+    """No cause is named where the picture may be sharp."""
+    low, high = (blurred("linear_motion", size_px) if size_px else LENS for size_px in (low_px, high_px))
+    grades = grade(2.0, blurred("linear_motion", 7), ends=(low, high))
+    assert (grades.blur_range, grades.blur_cause) == (blur_range, cause)
+    uncertain = f" (uncertain: {blur_range})" if blur_range else ""
+    assert grades.words()[0] == f"moderately blurred, mainly horizontal{uncertain}"
+    nothing = np.full((2, 8), np.nan)
+    assert grade(2.0, LENS, ends=(nothing, nothing)).blur_range == ""
+
+
 def test_what_is_unknown_is_stated():
     grades = grade(np.nan, np.full((2, 8), np.nan))
     assert grades.words() == ["blur unknown", "noise unknown"] and grades.causes() == []
