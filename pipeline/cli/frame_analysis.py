@@ -245,7 +245,8 @@ class FrameAnalysis:
             return {"advice": f"none: {error}"}
         return {
             "exposure_ms": advice.exposure_ms, "iso": advice.iso, "best_exposure_ms": advice.best_exposure_ms,
-            "best_iso": advice.best_iso, "best_ap_percent": advice.best_ap_percent, "advice": advice.action,
+            "best_iso": advice.best_iso, "best_ap_percent": advice.best_ap_percent,
+            "advice": "undecided" if advice.undecided else advice.action,
             "gain_percent": advice.gain_percent,
         }  # fmt: skip
 

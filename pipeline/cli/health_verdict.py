@@ -185,7 +185,7 @@ def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
         return [Counter(map(_without_advice, with_settings)).most_common(1)[0][0]] if with_settings else []
     row = sorted(advised, key=lambda row: row["best_exposure_ms"])[len(advised) // 2]
     text = f"Try {row['best_exposure_ms']:.3g} ms at ISO {row['best_iso']:.0f}"
-    least = "" if isfinite(row["sigma_dn"]) else "at least "  # of any noise up to a bound
+    least = "" if isfinite(row["sigma_dn"]) and not row["blur_range"] else "at least "  # of all that is possible
     gain = f"{least}{row['gain_percent']:.0f} points of AP more expected"
     beside = [gain] if isfinite(row["gain_percent"]) else []
     if row["blur"] not in ("", "sharp") and not row["blur_direction"]:
@@ -200,6 +200,8 @@ def _without_advice(row: dict[str, Any]) -> str:
     action = str(row["advice"])
     if action in ("move", "hold"):
         return f"No better settings: none within the limits is expected to gain {LEAST_GAIN_PERCENT:g} points of AP"
+    if action == "undecided":
+        return "No advice: what is better depends on blur or noise, which is unknown or uncertain"
     if action == "abstained":
         return "No advice: blur or noise is unknown"
     if action == "refused":

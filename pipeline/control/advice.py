@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera import sensor
 from pipeline.camera.exposure import Camera
+from pipeline.condition.verdict import grade
 from pipeline.control.decision import Action
 from pipeline.control.motion import motion_length
 from pipeline.control.noise_bound import decide_within
@@ -37,11 +38,13 @@ class Advice:
         exposure_ms, iso: settings of the picture.
         sigma_dn, motion_px: estimated condition.
         sigma_at_most_dn: noise that there is at most; where a codec hides it, that is all that is known.
+        motion_low_px, motion_high_px: ends of the interval of the motion.
         ap_percent, low_percent, high_percent: average precision expected at these settings, with its interval; where
-            only a bound of the noise is known, its ends.
+            only a bound of the noise is known, or the motion is uncertain, it reaches as far.
         best_exposure_ms, best_iso: advised settings, inside the limits.
         best_ap_percent, gain_percent: average precision expected there, and how much more that is; the least of any
-            noise up to a bound (`pipeline.control.noise_bound`).
+            noise up to a bound and any motion within an uncertain interval (`pipeline.control.noise_bound`).
+        undecided: whether the settings are kept because what is unknown decides.
         action: kind of decision (`pipeline.control.decision.Action`).
         reason: one sentence.
     """
@@ -51,6 +54,8 @@ class Advice:
     sigma_dn: float
     sigma_at_most_dn: float
     motion_px: float
+    motion_low_px: float
+    motion_high_px: float
     ap_percent: float
     low_percent: float
     high_percent: float
@@ -58,6 +63,7 @@ class Advice:
     best_iso: float
     best_ap_percent: float
     gain_percent: float
+    undecided: bool
     action: str
     reason: str
 
@@ -121,11 +127,14 @@ def advise(
     seen, at_most = observe(image, condition=condition), float(condition.noise.at_most_dn)
     nan = float("nan")
     sigma = nan if seen.sigma_dn is None else float(seen.sigma_dn.value)
-    motion = nan
+    motion = least_px = most_px = nan
+    uncertain = False
     if speed_px_s is not None:
-        motion = speed_px_s * state.exposure_s
+        motion = least_px = most_px = speed_px_s * state.exposure_s
     elif seen.mtf is not None:
-        motion = motion_length(seen.mtf, performance.reference).value_px
+        motion, least_px, most_px, _ = motion_length(seen.mtf, performance.reference)
+        uncertain = bool(grade(sigma, seen.mtf.value, ends=(seen.mtf.low, seen.mtf.high)).blur_range)
+    motions_px = (least_px, motion, most_px) if uncertain else (motion,)
     level = min(seen.mean_level, performance.level)  # a brighter frame counts as the brightest measured
     ap, low, high = _expected(performance, sigma, motion, level)
 
@@ -135,13 +144,15 @@ def advise(
         return made
 
     bounded = None
-    if seen.sigma_dn is None and seen.mtf is not None and np.isfinite(at_most):
-        low, high = _expected(performance, at_most, motion, level)[1], _expected(performance, 0.0, motion, level)[2]
+    noise_dn = (0.0, at_most) if seen.sigma_dn is None else (sigma, sigma)
+    if seen.mtf is not None and np.isfinite(noise_dn).all() and (seen.sigma_dn is None or uncertain):
+        low, high = _reaching(performance, noise_dn, motions_px, level)
         # The motion as estimated: a policy trusts a short one the less the more noise there is, which is not known.
-        bounded = decide_within(policy(motion / state.exposure_s), seen, state, at_most)
+        bounded = decide_within(policy(motion / state.exposure_s), seen, state, noise_dn, motions_px)
     decision = bounded.decision if bounded else policy(speed_px_s).decide(seen, state)
+    kept = inside(camera.limits, state)
     action, reason = decision.action, decision.reason
-    if inside(camera.limits, state) != state:
+    if kept != state:
         action = Action.MOVE if action is Action.HOLD else action
         reason = f"settings outside the limits; from the nearest inside: {reason}"
     return Advice(
@@ -150,6 +161,8 @@ def advise(
         sigma_dn=sigma,
         sigma_at_most_dn=at_most,
         motion_px=motion,
+        motion_low_px=least_px,
+        motion_high_px=most_px,
         ap_percent=ap,
         low_percent=low,
         high_percent=high,
@@ -157,9 +170,19 @@ def advise(
         best_iso=decision.state.iso,
         best_ap_percent=decision.ap_percent,
         gain_percent=bounded.gain_percent if bounded else decision.ap_percent - ap,
+        undecided=bounded is not None and bounded.undecided,
         action=str(action.value),
         reason=reason,
     )
+
+
+def _reaching(
+    performance: Performance, noise_dn: tuple[float, float], motions_px: tuple[float, ...], level: float
+) -> tuple[float, float]:
+    """Average precision expected with the least and the most noise and motion: its ends; 0 beyond what was measured."""
+    low = _expected(performance, noise_dn[1], motions_px[-1], level)[1]
+    high = _expected(performance, noise_dn[0], motions_px[0], level)[2]
+    return 0.0 if np.isnan(low) and len(motions_px) > 1 else low, high
 
 
 def _expected(performance: Performance, sigma_dn: float, motion_px: float, level: float) -> tuple[float, float, float]:

@@ -1,16 +1,18 @@
-"""A decision where noise is unknown but for a bound, as behind a codec: settings better with any noise up to it.
+"""A decision where noise has only a bound, as behind a codec, or motion is uncertain: better whatever they are.
 
 Of all settings the camera accepts, those s are taken whose least gain over the settings kept, k, is greatest,
 
-    max_s  min_sigma  AP(s; sigma) - AP(k; sigma),        sigma: noise of the frame, from none to the bound,
+    max_s  min_(sigma, v)  AP(s; sigma, v) - AP(k; sigma, v)
 
-if that is more than a policy asks for. Noise at other settings follows from that of the frame by the sensor's model
-(`pipeline.control.prediction`). The model's own noise is no lower end: a camera may have less.
+if that is more than a policy asks for: sigma the noise of the frame, from none to its bound or as estimated; v its
+motion, as estimated and at the ends of its interval. Noise and motion at other settings follow from those of the frame
+by the sensor's model (`pipeline.control.prediction`). The model's own noise is no lower end: a camera may have less.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -37,35 +39,43 @@ SAME_STOPS = 0.02
 
 @dataclass(frozen=True)
 class BoundedDecision:
-    """A decision for any noise up to a bound.
+    """A decision for any noise and motion that there may be.
 
     Attributes:
-        decision: settings for the next frame; its ``ap_percent`` is that with the most noise, the least there is.
+        decision: settings for the next frame; its ``ap_percent`` is that with the most of both, the least there is.
         gain_percent: least gain of average precision over the settings kept, points; 0 where they are kept.
+        undecided: whether they are kept because noise or motion decides.
     """
 
     decision: Decision
     gain_percent: float
+    undecided: bool = False
 
 
 def decide_within(
-    policy: IopcPolicy, observation: Observation, state: CameraState, at_most_dn: float
+    policy: IopcPolicy,
+    observation: Observation,
+    state: CameraState,
+    noise_dn: tuple[float, float],
+    motions_px: Sequence[float],
 ) -> BoundedDecision | None:
-    """Decide for a frame whose noise is at most so much.
+    """Decide for a frame whose noise or motion is not known exactly.
 
     Args:
         policy: that has seen no frame yet, of known speed: else it trusts a short motion as little as with the most
             noise.
-        observation: of the frame, with an estimate of its MTF and without one of noise.
+        observation: of the frame, with an estimate of its MTF.
         state: settings it was taken with.
-        at_most_dn: what the monitor would estimate at most, DN.
+        noise_dn: the least and the most that the monitor would estimate, DN; twice the same where it is known.
+        motions_px: motion that the frame may have, from the least to the most; of several, that beyond what was
+            measured counts as the longest measured.
 
     Returns:
         the decision; None where there is none with the most noise either (most of the frame is clipped, or nothing was
         measured at such noise and motion).
     """
     kept, required = policy.ordered(state), policy.hysteresis.required_percent
-    exact = np.asarray(at_most_dn, dtype=np.float64)
+    exact = np.asarray(noise_dn[1], dtype=np.float64)
     noisy = replace(observation, sigma_dn=Estimate(exact, exact, exact))
     if policy.decide(noisy, state).action not in (Action.MOVE, Action.HOLD):
         return None
@@ -75,32 +85,54 @@ def decide_within(
     states = [kept, *policy.candidates(noisy, state, total).states]
     with_noise = partial(
         expected_with,
-        motion_px=policy.speed_px_s * state.exposure_s,
         mean_level=observation.mean_level,
         state=state,
         states=states,
         formation=policy.camera.formation,
         performance=policy.performance,
     )
-    levels_dn = policy.performance.true_sigma_dn(np.linspace(0.0, at_most_dn, LEVELS))
-    expected = np.array([with_noise(float(true_dn)) for true_dn in levels_dn])
+    levels_dn = policy.performance.true_sigma_dn(np.unique(np.linspace(*noise_dn, LEVELS)))
+    longest_px = policy.performance.longest_px if len(motions_px) > 1 else math.inf
+    lengths_px = [min(length, longest_px) for length in motions_px]
+    expected = np.array([with_noise(float(dn), length) for length in lengths_px for dn in levels_dn])
     if not np.isfinite(expected[:, 0]).all():
         return None
     gains = expected - expected[:, :1]
     least = np.where(np.isfinite(gains).all(axis=0), gains.min(axis=0), -np.inf)
     best = int(np.argmax(least))
-    most = f"{math.ceil(at_most_dn)} DN, the most there may be"
+    any_of, unknown, ends = _words(noise_dn, motions_px)
     if least[best] > required:
-        reason = f"{_change(kept, states[best])}: better with any noise up to {most}"
+        reason = f"{_change(kept, states[best])}: better with any {any_of}"
         decision = Decision(states[best], Action.MOVE, reason, float(expected[-1, best]))
         return BoundedDecision(decision, float(least[best]))
-    ends = [int(np.nanargmax(gains[end])) for end in (0, -1)]
-    if max(gains[0, ends[0]], gains[-1, ends[1]]) > required:
-        none, noisiest = (f"{states[end].exposure_ms:.3g} ms at ISO {states[end].iso:.0f}" for end in ends)
-        reason = f"the noise decides, which is unknown: {none} without any, {noisiest} with {most}; settings are kept"
+    first, last = (int(np.nanargmax(gains[end])) for end in (0, -1))
+    undecided = bool(max(gains[0, first], gains[-1, last]) > required)
+    if undecided:
+        least_of, most_of = (f"{states[end].exposure_ms:.3g} ms at ISO {states[end].iso:.0f}" for end in (first, last))
+        reason = f"{unknown}: {least_of} {ends[0]}, {most_of} {ends[1]}; settings are kept"
     else:
-        reason = f"no split promises clearly more with any noise up to {most}"
-    return BoundedDecision(Decision(kept, Action.HOLD, reason, float(expected[-1, 0])), 0.0)
+        reason = f"no split promises clearly more with any {any_of}"
+    return BoundedDecision(Decision(kept, Action.HOLD, reason, float(expected[-1, 0])), 0.0, undecided)
+
+
+def _words(noise_dn: tuple[float, float], motions_px: Sequence[float]) -> tuple[str, str, tuple[str, str]]:
+    """What may be anything; that it decides; with the least and with the most of it."""
+    most = f"{math.ceil(noise_dn[1])} DN, the most there may be"
+    motion = f"{motions_px[0]:.0f} to {motions_px[-1]:.0f} px"
+    if len(motions_px) == 1:
+        return f"noise up to {most}", "the noise decides, which is unknown", ("without any", f"with {most}")
+    if noise_dn[0] == noise_dn[1]:
+        return (
+            f"motion of {motion}",
+            f"the motion decides, which is uncertain ({motion})",
+            ("with the least", "with the most"),
+        )
+    both = f"noise up to {math.ceil(noise_dn[1])} DN and motion of {motion}"
+    return (
+        both,
+        f"noise (up to {math.ceil(noise_dn[1])} DN) and motion ({motion}) decide",
+        ("with the least", "with the most"),
+    )
 
 
 def expected_with(

@@ -46,7 +46,7 @@ def gains(surface, state, chosen, motion_px, most_dn, count=23):
 @pytest.mark.parametrize(("time_s", "gain"), [(0.002, 4.0), (0.008, 2.0), (0.02, 1.0)])
 def test_no_noise_up_to_the_bound_makes_the_decision_a_loss(surface, motion_px, at_most_dn, time_s, gain):
     state = CameraState(time_s, gain)
-    answer = decide_within(make(surface, motion_px / time_s), frame(motion_px), state, at_most_dn)
+    answer = decide_within(make(surface, motion_px / time_s), frame(motion_px), state, (0.0, at_most_dn), [motion_px])
     chosen = answer.decision.state
     assert (answer.decision.action is Action.HOLD) == (chosen == state)
     if chosen == state:
@@ -59,7 +59,7 @@ def test_no_noise_up_to_the_bound_makes_the_decision_a_loss(surface, motion_px, 
 
 def test_strong_motion_asks_for_less_of_it_whatever_the_noise():
     state = CameraState(0.02, 1.0)
-    answer = decide_within(make(), frame(14.0), state, 6.0)
+    answer = decide_within(make(), frame(14.0), state, (0.0, 6.0), [14.0])
     assert answer.decision.action is Action.MOVE and answer.decision.state.exposure_s < state.exposure_s
     assert answer.decision.reason.startswith("shorter exposure: better")
     known = make().decide(replace(frame(14.0), sigma_dn=scalar(6.0)), state)
@@ -69,7 +69,7 @@ def test_strong_motion_asks_for_less_of_it_whatever_the_noise():
 def test_settings_are_kept_where_the_noise_decides():
     """Much noise and little motion: a longer exposure would serve, but only if there is noise."""
     state = CameraState(0.004, 4.0)
-    answer = decide_within(make(), frame(3.0), state, 25.0)
+    answer = decide_within(make(), frame(3.0), state, (0.0, 25.0), [3.0])
     assert answer.decision.action is Action.HOLD and answer.decision.state == state
     assert answer.decision.reason.startswith("the noise decides")
     noisy = make().decide(replace(frame(3.0), sigma_dn=scalar(25.0)), state)
@@ -80,10 +80,10 @@ def test_settings_are_kept_where_the_noise_decides():
 
 def test_nothing_to_gain_is_said_so():
     state = CameraState(0.0005, 1.0)
-    answer = decide_within(make(), frame(0.1), state, 0.5)
+    answer = decide_within(make(), frame(0.1), state, (0.0, 0.5), [0.1])
     assert answer.decision.action is Action.HOLD and answer.decision.reason.startswith("no split promises clearly more")
 
 
 def test_clipped_frames_and_noise_beyond_the_surface_have_no_answer():
-    assert decide_within(make(), frame(3.0, saturated=0.9), CameraState(0.008, 1.0), 5.0) is None
-    assert decide_within(make(), frame(3.0), CameraState(0.008, 1.0), 90.0) is None
+    assert decide_within(make(), frame(3.0, saturated=0.9), CameraState(0.008, 1.0), (0.0, 5.0), [3.0]) is None
+    assert decide_within(make(), frame(3.0), CameraState(0.008, 1.0), (0.0, 90.0), [3.0]) is None

@@ -1,0 +1,73 @@
+"""Advice where motion is uncertain: other settings are better with any motion that there may be, or settings stay."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from control_makers import CAMERA, performance, seen_mtf
+
+from pipeline.blur.base import BlurEstimate
+from pipeline.condition import BlurState, Condition, NoiseState
+from pipeline.condition.summary import summarise
+from pipeline.control.advice import LEAST_GAIN_PERCENT, advise
+from pipeline.control.prediction import predict
+from pipeline.control.state import CameraState
+from pipeline.noise.base import NoiseEstimate
+
+SURFACE, LEVEL, STATE = performance(), 0.5, CameraState(0.016, 1.0)
+IMAGE = np.full((40, 40), LEVEL, np.float32)
+
+
+def condition(motions_px, sigma_dn=3.0):
+    """A frame whose motion is estimated at the second length, and may be of the first to the third."""
+    high, value, low = (seen_mtf(length).value[None] for length in motions_px)
+    no, why = np.zeros(1, bool), np.array([""], dtype=np.str_)
+    noise = NoiseEstimate(np.array([sigma_dn]), np.array([sigma_dn]), np.array([sigma_dn]), no, why.astype(object))
+    summary = summarise(value, low, high)
+    return Condition(
+        BlurState((), BlurEstimate(value, no, why), (1, 1), summary, 1.0),
+        NoiseState((), noise, (1, 1), summarise(noise.sigma_dn), noise.sigma_dn.reshape(1, 1), 1.0, sigma_dn),
+    )
+
+
+def advice(motions_px, speed_px_s=None):
+    return advise(IMAGE, STATE, CAMERA, SURFACE, SimpleNamespace(), speed_px_s, condition(motions_px))
+
+
+def points_gained(chosen, motions_px, sigma_dn=3.0):
+    """By other settings over those of the frame, with each motion."""
+    linear, gains = LEVEL**CAMERA.formation.gamma, []
+    for motion_px in motions_px:
+        true_dn = float(SURFACE.true_sigma_dn(sigma_dn))
+        at = predict(CAMERA.formation, true_dn, motion_px, linear, STATE, [STATE, chosen])
+        here, there = SURFACE.ap_percent(at.sigma_dn, at.motion_px, at.level)
+        gains.append(there - here)
+    return np.array(gains)
+
+
+def test_settings_stay_where_the_motion_decides_and_is_uncertain():
+    sure, unsure = advice((13.0, 14.0, 15.0)), advice((0.0, 14.0, 28.0))
+    assert sure.action == "move" and sure.best_exposure_ms < 16 and sure.gain_percent > 5 and not sure.undecided
+    assert (unsure.action, unsure.best_exposure_ms, unsure.gain_percent) == ("hold", 16.0, 0.0) and unsure.undecided
+    assert "the motion decides, which is uncertain (0 to 28 px)" in unsure.reason
+    assert unsure.ap_percent == sure.ap_percent
+    assert unsure.low_percent < sure.low_percent < sure.high_percent < unsure.high_percent
+    assert (unsure.motion_low_px, unsure.motion_high_px) == pytest.approx((0, 28), abs=0.5)
+
+
+def test_a_known_speed_leaves_no_motion_uncertain():
+    known = advice((0.0, 14.0, 28.0), speed_px_s=14.0 / 0.016)
+    assert known.action == "move" and not known.undecided
+    assert known.motion_low_px == known.motion_px == known.motion_high_px
+
+
+def test_settings_that_are_better_with_any_possible_motion_are_advised_with_their_least_gain():
+    wide, exact = advice((4.0, 14.0, 28.0)), advice((13.0, 14.0, 15.0))
+    assert wide.action == "move" and "better with any motion of 4 to 28 px" in wide.reason
+    assert wide.best_exposure_ms > exact.best_exposure_ms
+    chosen = CameraState(wide.best_exposure_ms / 1e3, wide.best_iso / 100)
+    gains = points_gained(chosen, np.linspace(4.0, 28.0, 25))
+    assert gains.min() > wide.gain_percent - 0.2 > LEAST_GAIN_PERCENT - 0.2
+    assert points_gained(chosen, [0.0])[0] < 0  # which is why it matters
