@@ -124,7 +124,7 @@ def command(
     from pipeline.cli.frame_ahead import estimated_ahead
     from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds, find_surface
     from pipeline.cli.health_files import HealthFiles, HealthRun
-    from pipeline.cli.health_verdict import undecided
+    from pipeline.cli.health_verdict import undecided_alarms
     from pipeline.cli.package_version import version
     from pipeline.cli.pictures import expand, readable, stream_of
     from pipeline.cli.set_aside import SetAside
@@ -213,7 +213,7 @@ def command(
                 click.echo(json.dumps(plain_json(row), sort_keys=True))
     if results is not None:
         click.echo(f"written to {out}; page {results.page}", err=as_json or as_lines)
-    for sentence in undecided(run.rows) if as_lines else ():  # which have no verdict
+    for sentence in undecided_alarms(run.rows) if as_lines else ():  # which have no verdict
         click.echo(f"warning: {sentence}", err=True)
     alarmed = sum(bool(row["alarms"]) for row in run.rows)
     if alarmed:

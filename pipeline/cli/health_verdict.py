@@ -60,8 +60,8 @@ def run_verdict(
     start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
     sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
     sentences = [
-        sentence, *_worst(rows), *_unknown(rows), *undecided(rows), *_flags(rows), *_trend(trend_alarms, without_trend),
-        *_hinted(hinted), *_set_aside(set_aside),
+        sentence, *_worst(rows), *_unknown(rows), *undecided_alarms(rows), *_flags(rows),
+        *_trend(trend_alarms, without_trend), *_hinted(hinted), *_set_aside(set_aside),
     ]  # fmt: skip
     if without_precision:
         sentences.append(f"Expected average precision is unknown: {without_precision}.")
@@ -238,7 +238,7 @@ def _unknown(rows: Sequence[dict[str, Any]]) -> list[str]:
     return sentences
 
 
-def undecided(rows: Sequence[dict[str, Any]]) -> list[str]:
+def undecided_alarms(rows: Sequence[dict[str, Any]]) -> list[str]:
     """That limits of alarms could not be compared with what is unknown: one sentence, or none where all could.
 
     Args:

@@ -13,12 +13,12 @@ from pipeline.camera.exposure import Camera
 from pipeline.condition.verdict import grade
 from pipeline.control.decision import Action
 from pipeline.control.motion import motion_length
-from pipeline.control.noise_bound import decide_within
 from pipeline.control.observation import observe
 from pipeline.control.performance import Performance
 from pipeline.control.policies.iopc_optimal import IopcOptimal
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import BASE_ISO, CameraState, Limits
+from pipeline.control.worst_case import decide_within
 
 if TYPE_CHECKING:
     from pipeline.condition import Condition, ConditionMonitor
@@ -43,7 +43,7 @@ class Advice:
             only a bound of the noise is known, or the motion is uncertain, it reaches as far.
         best_exposure_ms, best_iso: advised settings, inside the limits.
         best_ap_percent, gain_percent: average precision expected there, and how much more that is; the least of any
-            noise up to a bound and any motion within an uncertain interval (`pipeline.control.noise_bound`).
+            noise up to a bound and any motion within an uncertain interval (`pipeline.control.worst_case`).
         undecided: whether the settings are kept because what is unknown decides.
         action: kind of decision (`pipeline.control.decision.Action`).
         reason: one sentence.

@@ -1,4 +1,4 @@
-"""Decisions where noise has only a bound: no loss with any noise up to it, or the settings stay."""
+"""Decisions for the worst case of what is unknown: no loss with any noise up to its bound, or the settings stay."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import pytest
 from control_makers import CAMERA, darker_performance, performance, scalar, seen_mtf
 
 from pipeline.control.decision import Action
-from pipeline.control.noise_bound import decide_within
 from pipeline.control.observation import Observation
 from pipeline.control.policies.iopc_optimal import IopcOptimal
 from pipeline.control.prediction import predict
 from pipeline.control.state import CameraState
+from pipeline.control.worst_case import decide_within
 
 SURFACES = {"one level": performance(), "darker too": darker_performance(3.0)}
 LEVEL, LEAST_GAIN = 0.5, 0.5
