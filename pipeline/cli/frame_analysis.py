@@ -208,6 +208,7 @@ class FrameAnalysis:
         row["best_ap_percent"] = nan
         if self.performance is None:
             return
+        from pipeline.condition.verdict import noise_ends
         from pipeline.control.expected_precision import expected_precision
 
         level = float(image.mean(dtype="float64"))
@@ -218,12 +219,13 @@ class FrameAnalysis:
             "ap_percent": here.ap_percent, "ap_low_percent": here.low_percent, "ap_high_percent": here.high_percent,
             "sharp_ap_percent": here.best_percent,
         }  # fmt: skip
-        least_mtf = mtf.low if row["blur_range"] else mtf.value
+        least_mtf, most_mtf = (mtf.low, mtf.high) if row["blur_range"] else (mtf.value, mtf.value)
+        least_dn, most_dn = noise_ends(row["sigma_dn"], row["sigma_low_dn"], row["sigma_high_dn"])
         if isnan(row["sigma_dn"]):  # AP falls with noise: the most that there may be gives the least AP
             row["ap_low_percent"] = at(row["sigma_at_most_dn"], least_mtf).low_percent
-        elif row["blur_range"] and not isnan(here.ap_percent):  # and with blur; below what was measured it may be none
-            low, high = at(row["sigma_dn"], least_mtf).low_percent, at(row["sigma_dn"], mtf.high).high_percent
-            row |= {"ap_low_percent": 0.0 if isnan(low) else low, "ap_high_percent": high}
+        elif (row["blur_range"] or least_dn != most_dn) and not isnan(here.ap_percent):
+            low, high = at(most_dn, least_mtf).low_percent, at(least_dn, most_mtf).high_percent
+            row |= {"ap_low_percent": 0.0 if isnan(low) else low, "ap_high_percent": high}  # beyond what was measured
         taken, without = self.settings.of(file)
         if taken is not None:
             row |= self._advice(image, condition, taken)

@@ -179,13 +179,17 @@ def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
     `pipeline.control.advice`: AP at the best settings less AP at those taken, by noise and motion, which settings
     change. The expected AP is of noise and any blur, so the two are not compared.
     """
+    from pipeline.condition.verdict import noise_ends
+
     with_settings = [row for row in rows if "advice" in row]
     advised = [row for row in with_settings if row["advice"] == "move" and not row["gain_percent"] < LEAST_GAIN_PERCENT]
     if not advised:
         return [Counter(map(_without_advice, with_settings)).most_common(1)[0][0]] if with_settings else []
     row = sorted(advised, key=lambda row: row["best_exposure_ms"])[len(advised) // 2]
     text = f"Try {row['best_exposure_ms']:.3g} ms at ISO {row['best_iso']:.0f}"
-    least = "" if isfinite(row["sigma_dn"]) and not row["blur_range"] else "at least "  # of all that is possible
+    least_dn, most_dn = noise_ends(row["sigma_dn"], row["sigma_low_dn"], row["sigma_high_dn"])
+    exact = isfinite(row["sigma_dn"]) and least_dn == most_dn and not row["blur_range"]
+    least = "" if exact else "at least "  # of all that is possible
     gain = f"{least}{row['gain_percent']:.0f} points of AP more expected"
     beside = [gain] if isfinite(row["gain_percent"]) else []
     if row["blur"] not in ("", "sharp") and not row["blur_direction"]:

@@ -11,7 +11,7 @@ Blur is graded by the MTF50, the frequency of half contrast, of the worse axis, 
 
 The ends of the MTF's 95 % interval are graded alike. Where they are two grades apart or more, as on noisy photographs
 of cameras, the grade is uncertain, and so stated (*strongly blurred (uncertain: sharp to strongly blurred)*); a cause
-is not named where the picture may be sharp.
+is not named where the picture may be sharp. So it is with noise (`noise_ends`), which texture may hide.
 
 Noise by its standard deviation: very low below 1 DN, low below 4, moderate below 10, high below 20, else very high.
 
@@ -94,6 +94,23 @@ def blur_words(blur: str, direction: str, blur_range: str) -> str:
 def bound_words(at_most_dn: float) -> str:
     """How much noise there is at most, rounded up: ``"at most 7 DN"``; empty where that is unknown (NaN)."""
     return f"at most {ceil(at_most_dn)} DN" if isfinite(at_most_dn) else ""
+
+
+def noise_ends(sigma_dn: float, low_dn: float, high_dn: float) -> tuple[float, float]:
+    """Noise to be reckoned with, least and most, DN.
+
+    Args:
+        sigma_dn: estimate.
+        low_dn: lower end of its 95 % interval; NaN where there is none.
+        high_dn: upper end.
+
+    Returns:
+        the ends of the interval where they are as many grades apart as make a grade uncertain, else the estimate twice.
+    """
+    if not np.isfinite([sigma_dn, low_dn, high_dn]).all():
+        return sigma_dn, sigma_dn
+    least, most = (sum(end >= limit for limit, _ in NOISE_GRADES) for end in (low_dn, high_dn))
+    return (low_dn, high_dn) if most - least >= UNCERTAIN_GRADES else (sigma_dn, sigma_dn)
 
 
 def grade(

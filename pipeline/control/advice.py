@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera import sensor
 from pipeline.camera.exposure import Camera
-from pipeline.condition.verdict import grade
+from pipeline.condition.verdict import grade, noise_ends
 from pipeline.control.decision import Action
 from pipeline.control.motion import motion_length
 from pipeline.control.observation import observe
@@ -144,9 +144,13 @@ def advise(
         return made
 
     bounded = None
-    noise_dn = (0.0, at_most) if seen.sigma_dn is None else (sigma, sigma)
-    if seen.mtf is not None and np.isfinite(noise_dn).all() and (seen.sigma_dn is None or uncertain):
+    noise_dn = (0.0, at_most)
+    if seen.sigma_dn is not None:
+        noise_dn = noise_ends(sigma, float(seen.sigma_dn.low), float(seen.sigma_dn.high))
+    unsure = seen.sigma_dn is None or noise_dn[0] != noise_dn[1] or uncertain
+    if seen.mtf is not None and np.isfinite(noise_dn).all() and unsure:
         low, high = _reaching(performance, noise_dn, motions_px, level)
+        low = 0.0 if np.isnan(low) and np.isfinite(ap) else low  # beyond what was measured
         # The motion as estimated: a policy trusts a short one the less the more noise there is, which is not known.
         bounded = decide_within(policy(motion / state.exposure_s), seen, state, noise_dn, motions_px)
     decision = bounded.decision if bounded else policy(speed_px_s).decide(seen, state)
@@ -179,10 +183,10 @@ def advise(
 def _reaching(
     performance: Performance, noise_dn: tuple[float, float], motions_px: tuple[float, ...], level: float
 ) -> tuple[float, float]:
-    """Average precision expected with the least and the most noise and motion: its ends; 0 beyond what was measured."""
+    """Average precision expected with the most and with the least noise and motion: its ends."""
     low = _expected(performance, noise_dn[1], motions_px[-1], level)[1]
     high = _expected(performance, noise_dn[0], motions_px[0], level)[2]
-    return 0.0 if np.isnan(low) and len(motions_px) > 1 else low, high
+    return low, high
 
 
 def _expected(performance: Performance, sigma_dn: float, motion_px: float, level: float) -> tuple[float, float, float]:

@@ -6,7 +6,7 @@ from control_makers import REFERENCE, darker_performance, formula_ap, performanc
 
 from pipeline.camera.mtf import sample
 from pipeline.camera.psf import create
-from pipeline.condition.verdict import bound_words, grade
+from pipeline.condition.verdict import bound_words, grade, noise_ends
 from pipeline.control.expected_precision import equivalent_motion, expected_precision
 from pipeline.control.motion import motion_mtf
 from pipeline.streams import stream
@@ -57,6 +57,15 @@ def test_a_grade_whose_interval_reaches_two_grades_off_is_uncertain(low_px, high
     assert grades.words()[0] == f"moderately blurred, mainly horizontal{uncertain}"
     nothing = np.full((2, 8), np.nan)
     assert grade(2.0, LENS, ends=(nothing, nothing)).blur_range == ""
+
+
+@pytest.mark.parametrize(
+    ("low_dn", "high_dn", "uncertain"),
+    [(1.5, 3.1, False), (1.7, 6.0, False), (0.0, 3.9, False), (0.0, 4.0, True), (0.0, 19.0, True), (3.0, 12.0, True)],
+)
+def test_noise_is_reckoned_with_as_far_as_its_interval_reaches_two_grades(low_dn, high_dn, uncertain):
+    assert noise_ends(2.5, low_dn, high_dn) == ((low_dn, high_dn) if uncertain else (2.5, 2.5))
+    assert noise_ends(2.5, np.nan, np.nan) == (2.5, 2.5)
 
 
 def test_what_is_unknown_is_stated():

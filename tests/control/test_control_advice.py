@@ -1,4 +1,4 @@
-"""Advice where motion is uncertain: other settings are better with any motion that there may be, or settings stay."""
+"""Advice where motion or noise is uncertain: settings that are better whatever it is, or those there are."""
 
 from __future__ import annotations
 
@@ -20,20 +20,22 @@ SURFACE, LEVEL, STATE = performance(), 0.5, CameraState(0.016, 1.0)
 IMAGE = np.full((40, 40), LEVEL, np.float32)
 
 
-def condition(motions_px, sigma_dn=3.0):
-    """A frame whose motion is estimated at the second length, and may be of the first to the third."""
+def condition(motions_px, sigma_dn=3.0, ends_dn=(3.0, 3.0)):
+    """A frame whose motion is estimated at the second length, and may be of the first to the third; noise likewise."""
     high, value, low = (seen_mtf(length).value[None] for length in motions_px)
     no, why = np.zeros(1, bool), np.array([""], dtype=np.str_)
-    noise = NoiseEstimate(np.array([sigma_dn]), np.array([sigma_dn]), np.array([sigma_dn]), no, why.astype(object))
+    low_dn, high_dn = (np.array([end]) for end in ends_dn)
+    noise = NoiseEstimate(np.array([sigma_dn]), low_dn, high_dn, no, why.astype(object))
+    of_noise = summarise(noise.sigma_dn, low_dn, high_dn)
     summary = summarise(value, low, high)
     return Condition(
         BlurState((), BlurEstimate(value, no, why), (1, 1), summary, 1.0),
-        NoiseState((), noise, (1, 1), summarise(noise.sigma_dn), noise.sigma_dn.reshape(1, 1), 1.0, sigma_dn),
+        NoiseState((), noise, (1, 1), of_noise, noise.sigma_dn.reshape(1, 1), 1.0, ends_dn[1]),
     )
 
 
-def advice(motions_px, speed_px_s=None):
-    return advise(IMAGE, STATE, CAMERA, SURFACE, SimpleNamespace(), speed_px_s, condition(motions_px))
+def advice(motions_px, speed_px_s=None, **noise):
+    return advise(IMAGE, STATE, CAMERA, SURFACE, SimpleNamespace(), speed_px_s, condition(motions_px, **noise))
 
 
 def points_gained(chosen, motions_px, sigma_dn=3.0):
@@ -71,3 +73,11 @@ def test_settings_that_are_better_with_any_possible_motion_are_advised_with_thei
     gains = points_gained(chosen, np.linspace(4.0, 28.0, 25))
     assert gains.min() > wide.gain_percent - 0.2 > LEAST_GAIN_PERCENT - 0.2
     assert points_gained(chosen, [0.0])[0] < 0  # which is why it matters
+
+
+def test_noise_that_texture_may_hide_counts_as_far_as_it_may_reach():
+    sure = advice((6.9, 7.0, 7.1), sigma_dn=0.02, ends_dn=(0.0, 0.5))
+    hidden = advice((6.9, 7.0, 7.1), sigma_dn=0.02, ends_dn=(0.0, 18.0))
+    assert hidden.ap_percent == sure.ap_percent and hidden.low_percent < sure.low_percent - 20
+    assert "noise up to 18 DN" in hidden.reason or hidden.undecided
+    assert hidden.gain_percent < sure.gain_percent
