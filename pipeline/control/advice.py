@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from pipeline.camera import sensor
 from pipeline.camera.exposure import Camera
 from pipeline.condition.verdict import grade, noise_ends
-from pipeline.control.decision import Action
+from pipeline.control.decision import Action, Decision
 from pipeline.control.motion import motion_length
 from pipeline.control.observation import observe
 from pipeline.control.performance import Performance
 from pipeline.control.policies.iopc_optimal import IopcOptimal
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import BASE_ISO, CameraState, Limits
-from pipeline.control.worst_case import decide_within
+from pipeline.control.worst_case import BoundedDecision, decide_within
 
 if TYPE_CHECKING:
     from pipeline.condition import Condition, ConditionMonitor
@@ -155,6 +155,10 @@ def advise(
         bounded = decide_within(policy(motion / state.exposure_s), seen, state, noise_dn, motions_px)
     decision = bounded.decision if bounded else policy(speed_px_s).decide(seen, state)
     kept = inside(camera.limits, state)
+    if bounded is None and unsure and decision.action is Action.MOVE:
+        reason = "noise or motion may be more than was measured; settings are kept"
+        decision = Decision(kept, Action.HOLD, reason, ap)
+        bounded = BoundedDecision(decision, 0.0, undecided=True)
     action, reason = decision.action, decision.reason
     if kept != state:
         action = Action.MOVE if action is Action.HOLD else action

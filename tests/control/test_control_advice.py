@@ -81,3 +81,9 @@ def test_noise_that_texture_may_hide_counts_as_far_as_it_may_reach():
     assert hidden.ap_percent == sure.ap_percent and hidden.low_percent < sure.low_percent - 20
     assert "noise up to 18 DN" in hidden.reason or hidden.undecided
     assert hidden.gain_percent < sure.gain_percent
+
+
+def test_settings_stay_where_noise_may_be_more_than_was_measured():
+    beyond = advice((13.0, 14.0, 15.0), sigma_dn=8.0, ends_dn=(3.0, 90.0))
+    assert beyond.action == "hold" and beyond.undecided and "more than was measured" in beyond.reason
+    assert (beyond.best_exposure_ms, beyond.gain_percent, beyond.low_percent) == (16.0, 0.0, 0.0)
