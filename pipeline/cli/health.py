@@ -213,8 +213,9 @@ def command(
                 click.echo(json.dumps(plain_json(row), sort_keys=True))
     if results is not None:
         click.echo(f"written to {out}; page {results.page}", err=as_json or as_lines)
-    for sentence in undecided_alarms(run.rows) if as_lines else ():  # which have no verdict
-        click.echo(f"warning: {sentence}", err=True)
+    if as_lines:  # which have no verdict
+        for sentence in undecided_alarms(run.rows):
+            click.echo(f"warning: {sentence}", err=True)
     alarmed = sum(bool(row["alarms"]) for row in run.rows)
     if alarmed:
         click.echo(f"alarm: {alarmed} frames violate a threshold or follow a trend alarm", err=True)

@@ -53,7 +53,7 @@ def run_verdict(
     sigma, high, at_most = median_noise(rows)
     mtf = median_mtf(rows)
     ends = median_mtf(rows, "mtf_low"), median_mtf(rows, "mtf_high")
-    grades = grade(sigma, mtf, _median(row["median_dn"] for row in rows), ends)
+    grades = grade(sigma, mtf, known_median(row["median_dn"] for row in rows), ends)
     blur, noise = grades.words()
     blur += f" (relative to {relative_to})" if relative_to and grades.blur else ""
     condition = f"{blur}; {noise}{_level(sigma, high, at_most)}"
@@ -70,7 +70,7 @@ def run_verdict(
         "median_sigma_at_most_dn": at_most, "median_mtf": mtf, "blur": grades.blur,
         "blur_direction": grades.direction, "blur_range": grades.blur_range, "noise": grades.noise,
         "causes": grades.causes(),
-        "median_ap_percent": float("nan") if mostly_coded(rows) else _median(row["ap_percent"] for row in rows),
+        "median_ap_percent": median_precision(rows),
     }  # fmt: skip
 
 
@@ -106,8 +106,13 @@ def median_noise(rows: Sequence[dict[str, Any]]) -> tuple[float, float, float]:
     Returns:
         NaN where no frame has one; of noise and intervals also where the frames are `mostly_coded`.
     """
-    sigma, high, at_most = (_median(row[name] for row in rows) for name in NOISE)
+    sigma, high, at_most = (known_median(row[name] for row in rows) for name in NOISE)
     return (float("nan"), float("nan"), at_most) if mostly_coded(rows) else (sigma, high, at_most)
+
+
+def median_precision(rows: Sequence[dict[str, Any]]) -> float:
+    """Median of the expected AP of the frames, percent; NaN where none has one, or the frames are `mostly_coded`."""
+    return float("nan") if mostly_coded(rows) else known_median(row["ap_percent"] for row in rows)
 
 
 def badness(row: dict[str, Any]) -> float:
@@ -142,7 +147,8 @@ def _level(sigma_dn: float, high_dn: float, at_most_dn: float) -> str:
     return f" ({sigma_dn:.1f} DN" + (f"; texture may hide up to {high_dn:.0f} DN)" if hidden else ")")
 
 
-def _median(values: Any) -> float:
+def known_median(values: Any) -> float:
+    """Median of the values that are known; NaN where none is."""
     known = [float(value) for value in values if isfinite(value)]
     return median(known) if known else float("nan")
 
@@ -151,12 +157,12 @@ def _precision(rows: Sequence[dict[str, Any]]) -> list[str]:
     known = [row for row in rows if isfinite(row["ap_percent"])]
     bounded = [row for row in rows if isfinite(row["ap_low_percent"])]
     if bounded and (not known or mostly_coded(rows)):
-        low, best = (_median(row[name] for row in bounded) for name in ("ap_low_percent", "sharp_ap_percent"))
+        low, best = (known_median(row[name] for row in bounded) for name in ("ap_low_percent", "sharp_ap_percent"))
         return [f"Expected AP at least {low:.0f} % of {best:.0f} %"]
     if not known:
         return [f"Expected AP unknown: {_without_precision(rows)}"] if "sharp_ap_percent" in rows[0] else []
     names = ("ap_percent", "ap_low_percent", "ap_high_percent", "sharp_ap_percent")
-    here, low, high, best = (_median(row[name] for row in known) for name in names)
+    here, low, high, best = (known_median(row[name] for row in known) for name in names)
     text = f"Expected AP {here:.0f} % of {best:.0f} %"
     return [text + (f" (95 % interval {low:.0f} to {high:.0f})" if isfinite(low) and isfinite(high) else "")]
 

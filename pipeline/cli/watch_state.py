@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from math import isfinite
-from statistics import median
 from typing import Any
 
 WINDOW = 30
@@ -28,7 +26,7 @@ class RollingState:
             and ``ap_percent`` (infinite MTF50: above the range; NaN: unknown, noise and precision also where a codec
             hides the noise of most frames), ``words``, and ``flags`` with the share of frames.
         """
-        from pipeline.cli.health_verdict import median_mtf, median_noise, mostly_coded
+        from pipeline.cli.health_verdict import known_median, median_mtf, median_noise, median_precision
         from pipeline.condition.summary import half_contrast
         from pipeline.condition.verdict import grade
 
@@ -36,18 +34,12 @@ class RollingState:
         rows = list(self._rows)
         mtf, low, high = (median_mtf(rows, name) for name in ("mtf", "mtf_low", "mtf_high"))
         sigma, _, at_most = median_noise(rows)
-        level, precision = (_median(rows, name) for name in ("median_dn", "ap_percent"))
-        precision = float("nan") if mostly_coded(rows) else precision
+        level = known_median(part["median_dn"] for part in rows)
         horizontal, vertical = (float(value) for value in half_contrast(mtf))
         flags = Counter(name for part in rows for name in part["flags"].split(", ") if name)
         return {
             "frames": len(rows), "sigma_dn": sigma, "sigma_at_most_dn": at_most, "mtf50_horizontal": horizontal,
-            "mtf50_vertical": vertical, "ap_percent": precision,
+            "mtf50_vertical": vertical, "ap_percent": median_precision(rows),
             "words": "; ".join(grade(sigma, mtf, level, (low, high)).words()),
             "flags": {name: count / len(rows) for name, count in sorted(flags.items())},
         }  # fmt: skip
-
-
-def _median(rows: list[dict[str, Any]], name: str) -> float:
-    known = [row[name] for row in rows if isfinite(row[name])]
-    return float(median(known)) if known else float("nan")

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from pipeline.condition.summary import half_contrast
 
 SHARP = "sharp"
-BLUR_GRADES = ((0.11, "strongly blurred"), (0.22, "moderately blurred"), (0.35, "slightly blurred"), (np.inf, SHARP))
+BLUR_GRADES = ((0.11, "strongly blurred"), (0.22, "moderately blurred"), (0.35, "slightly blurred"))
 UNCERTAIN_GRADES = 2
 """So many grades between the ends of an interval make the grade uncertain."""
 NOISE_GRADES = ((1.0, "very low"), (4.0, "low"), (10.0, "moderate"), (20.0, "high"))
@@ -109,8 +109,22 @@ def noise_ends(sigma_dn: float, low_dn: float, high_dn: float) -> tuple[float, f
     """
     if not np.isfinite([sigma_dn, low_dn, high_dn]).all():
         return sigma_dn, sigma_dn
-    least, most = (sum(end >= limit for limit, _ in NOISE_GRADES) for end in (low_dn, high_dn))
+    least, most = (_reached(NOISE_GRADES, end) for end in (low_dn, high_dn))
     return (low_dn, high_dn) if most - least >= UNCERTAIN_GRADES else (sigma_dn, sigma_dn)
+
+
+def blur_range(low: NDArray[np.floating], high: NDArray[np.floating]) -> str:
+    """Grades of blur that the interval of an MTF reaches where it is uncertain, from the sharpest; else empty.
+
+    Args:
+        low: (2, 8) lower ends of the 95 % interval; NaN where there is none.
+        high: upper ends.
+    """
+    if not np.isfinite([low, high]).all():
+        return ""
+    blurriest, sharpest = (_reached(BLUR_GRADES, _worse_mtf50(end)) for end in (low, high))
+    names = [*(name for _, name in BLUR_GRADES), SHARP]
+    return f"{names[sharpest]} to {names[blurriest]}" if sharpest - blurriest >= UNCERTAIN_GRADES else ""
 
 
 def grade(
@@ -127,20 +141,17 @@ def grade(
         median_dn: median grey level, DN; NaN where unknown.
         ends: (2, 8) lower and upper ends of the MTF's 95 % interval; None or NaN where there is none.
     """
-    blur = direction = blur_range = blur_cause = noise_cause = ""
+    blur = direction = uncertain = blur_cause = noise_cause = ""
     curves = np.asarray(mtf, dtype=np.float64)
     if np.isfinite(curves).all():
-        names = [name for _, name in BLUR_GRADES]
-        blur = names[_blur_grade(curves)]
-        if ends is not None and np.isfinite(ends).all():
-            blurriest, sharpest = (_blur_grade(end) for end in ends)
-            if sharpest - blurriest >= UNCERTAIN_GRADES:
-                blur_range = f"{names[sharpest]} to {names[blurriest]}"
+        worse = _worse_mtf50(curves)
+        blur = next((name for limit, name in BLUR_GRADES if worse < limit), SHARP)
+        uncertain = blur_range(*ends) if ends is not None else ""
         means = curves.mean(axis=1)
         if blur != SHARP:
             directed = means.min() < DIRECTED_RATIO * means.max()
             direction = AXES[int(np.argmin(means))] if directed else ""
-            if not blur_range.startswith(SHARP):
+            if not uncertain.startswith(SHARP):
                 blur_cause = "probably motion" if directed else "defocus, water on the lens or diagonal motion"
     noise = ""
     if np.isfinite(sigma_dn):
@@ -148,10 +159,14 @@ def grade(
         if sigma_dn >= HIGH_NOISE_DN:
             dim = np.isfinite(median_dn) and median_dn < DIM_MEDIAN_DN
             noise_cause = "little light" if dim else "probably high gain"
-    return Grades(blur, direction, blur_range, noise, blur_cause, noise_cause)
+    return Grades(blur, direction, uncertain, noise, blur_cause, noise_cause)
 
 
-def _blur_grade(mtf: NDArray[np.floating]) -> int:
-    """Index of a grade in `BLUR_GRADES`."""
-    worse = float(half_contrast(mtf).min())
-    return next(index for index, (limit, _) in enumerate(BLUR_GRADES) if worse < limit or limit == np.inf)
+def _worse_mtf50(mtf: NDArray[np.floating]) -> float:
+    """MTF50 of the worse axis of an MTF (2, 8)."""
+    return float(half_contrast(mtf).min())
+
+
+def _reached(grades: tuple[tuple[float, str], ...], value: float) -> int:
+    """How many limits of grades a value reaches."""
+    return sum(value >= limit for limit, _ in grades)

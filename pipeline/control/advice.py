@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera import sensor
 from pipeline.camera.exposure import Camera
-from pipeline.condition.verdict import grade, noise_ends
+from pipeline.condition.verdict import blur_range, noise_ends
 from pipeline.control.decision import Action, Decision
 from pipeline.control.motion import motion_length
 from pipeline.control.observation import observe
@@ -133,7 +133,7 @@ def advise(
         motion = least_px = most_px = speed_px_s * state.exposure_s
     elif seen.mtf is not None:
         motion, least_px, most_px, _ = motion_length(seen.mtf, performance.reference)
-        uncertain = bool(grade(sigma, seen.mtf.value, ends=(seen.mtf.low, seen.mtf.high)).blur_range)
+        uncertain = bool(blur_range(seen.mtf.low, seen.mtf.high))
     motions_px = (least_px, motion, most_px) if uncertain else (motion,)
     level = min(seen.mean_level, performance.level)  # a brighter frame counts as the brightest measured
     ap, low, high = _expected(performance, sigma, motion, level)

@@ -28,7 +28,7 @@ from pipeline.control.prediction import predict
 from pipeline.control.state import CameraState
 
 LEVELS = 5
-"""Of noise, evenly from none to the bound, at which settings are compared."""
+"""Of noise, evenly from the least to the most, at which settings are compared."""
 
 LEAST_DN = 1e-3
 """Stands for no noise, of which nothing could be predicted in proportion."""
@@ -117,21 +117,19 @@ def decide_within(
 
 def _words(noise_dn: tuple[float, float], motions_px: Sequence[float]) -> tuple[str, str, tuple[str, str]]:
     """What may be anything; that it decides; with the least and with the most of it."""
-    most = f"{math.ceil(noise_dn[1])} DN, the most there may be"
+    least_dn, most_dn = noise_dn[0], f"{math.ceil(noise_dn[1])} DN"
     motion = f"{motions_px[0]:.0f} to {motions_px[-1]:.0f} px"
+    ends = "with the least", "with the most"
     if len(motions_px) == 1:
-        return f"noise up to {most}", "the noise decides, which is unknown", ("without any", f"with {most}")
-    if noise_dn[0] == noise_dn[1]:
-        return (
-            f"motion of {motion}",
-            f"the motion decides, which is uncertain ({motion})",
-            ("with the least", "with the most"),
-        )
-    both = f"noise up to {math.ceil(noise_dn[1])} DN and motion of {motion}"
+        most = f"{most_dn}, the most there may be"
+        none = ends[0] if least_dn else "without any"
+        return f"noise up to {most}", "the noise decides, which is unknown", (none, f"with {most}")
+    if least_dn == noise_dn[1]:
+        return f"motion of {motion}", f"the motion decides, which is uncertain ({motion})", ends
     return (
-        both,
-        f"noise (up to {math.ceil(noise_dn[1])} DN) and motion ({motion}) decide",
-        ("with the least", "with the most"),
+        f"noise up to {most_dn} and motion of {motion}",
+        f"noise (up to {most_dn}) and motion ({motion}) decide",
+        ends,
     )
 
 

@@ -76,6 +76,8 @@ def test_settings_are_kept_where_the_noise_decides():
     assert noisy.state.exposure_s > state.exposure_s
     points = gains("one level", state, noisy.state, 3.0, 25.0)
     assert points.min() < 0 < points.max()
+    known = decide_within(make(), frame(3.0), state, (1.0, 25.0), [3.0])  # some noise there is
+    assert known.undecided and "with the least" in known.decision.reason and "without any" not in known.decision.reason
 
 
 def test_nothing_to_gain_is_said_so():
