@@ -10,8 +10,9 @@ from pipeline.settings import Settings
 
 Profile = Literal["smoke", "default", "paper"]
 """How large a run is."""
-Root = Annotated[str, Field(pattern=r"^([\w.-]+/)*$")]
-"""The folder of everything a run writes: the project for the profile ``default``, ``runs/PROFILE/`` for others."""
+Root = Annotated[str, Field(pattern=r"^(runs/\w[\w.-]*/)?$")]
+"""The folder of everything a run writes: the project itself, "", for the profile ``default``, ``runs/NAME/`` for
+others. No other spelling, so that none can lead back to the project's own weights and report."""
 
 
 class ExecutorSettings(Settings):

@@ -21,7 +21,7 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
         arguments: Hydra's, e.g. ``["seed=1,2", "--multirun", "+job.dataset=sim"]``.
 
     Raises:
-        InputError: no ``conf/`` here, or an override that cannot be composed.
+        InputError: no ``conf/`` here, an override that cannot be composed, or one that names what does not exist.
     """
     import hydra
     from omegaconf import DictConfig, OmegaConf
@@ -29,6 +29,7 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     from pipeline.config.compose import CONF
     from pipeline.config.hydra_plugins import kinds  # noqa: F401  (registers the resolvers of conf/)
     from pipeline.config.overrides import check_overrides, check_scheduler
+    from pipeline.config.references import check_references
     from pipeline.config.schema import validate
 
     def entry(composed: DictConfig) -> None:
@@ -47,7 +48,7 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
 
     if not (CONF / "config.yaml").is_file():
         raise InputError(f"{CONF}/config.yaml: no such file; run from the project's top folder")
-    check_overrides(arguments, CONF)
+    check_overrides(arguments, CONF, check_references)
     check_scheduler(arguments)
     folders = [f"hydra.sweep.dir=multirun/{stage.name}", f"hydra.run.dir=outputs/{stage.name}"]
     sys.argv[1:] = [f"hydra.job.name={stage.name}", *folders, *arguments]  # the user's own come last and win

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from pipeline.camera.sensor import SENSORS
 from pipeline.errors import InputError, did_you_mean
 from pipeline.executor import ADDRESS_PATTERN
 from pipeline.registry import Registry
@@ -59,6 +60,7 @@ def _problems(config: Any) -> Iterator[str]:
         for name, entry in entries.items():
             yield from _kind(f"{key}.{name}", group, entry)
     yield from _names(config)
+    yield from _parts(config)
     yield from _paths(config)
     address, backend = config.executor.address, config.executor.backend
     if backend == "dask" and not (address and re.fullmatch(ADDRESS_PATTERN, address)):
@@ -88,16 +90,41 @@ def _kind(key: str, package: str, entry: Any) -> Iterator[str]:
 def _names(config: Any) -> Iterator[str]:
     """Names that must be keys of another section."""
     noise, blur = config.noise.estimators, config.blur.estimators
-    listed: list[tuple[str, Iterable[str], Mapping[str, Any], str]] = [
-        ("combined.noise_estimators", config.combined.noise_estimators, noise, "noise.estimators"),
-        ("combined.blur_estimators", config.combined.blur_estimators, blur, "blur.estimators"),
-        ("denoised_blur.blur_estimators", config.denoised_blur.blur_estimators, blur, "blur.estimators"),
-        ("detection.datasets", config.detection.datasets, config.datasets, "datasets"),
+    combined, detection = config.combined, config.detection
+    raw = {name: section for name, section in blur.items() if section.calibration_samples is None}
+    uncalibrated = "blur.estimators without calibration_samples"
+    listed: list[tuple[str, Iterable[str], Collection[str], str]] = [
+        ("combined.noise_estimators", combined.noise_estimators, noise, "noise.estimators"),
+        ("combined.blur_estimators", combined.blur_estimators, raw, uncalibrated),
+        ("combined.denoise.sigma_by", [combined.denoise.sigma_by], noise, "noise.estimators"),
+        ("denoised_blur.blur_estimators", config.denoised_blur.blur_estimators, raw, uncalibrated),
+        ("detection.datasets", detection.datasets, config.datasets, "datasets"),
+        ("detection.sweep.options", detection.sweep.options, config.datasets, "datasets"),
+        ("detection.measure.mtf", [detection.measure.mtf], REGISTRIES.get("blur").names(), "blur estimators"),
+        ("detection.measure.sigma", [detection.measure.sigma], REGISTRIES.get("noise").names(), "noise estimators"),
+        ("control.camera.sensor", [config.control.camera.sensor], SENSORS, "sensors"),
     ]
+    for name, part in combined.blur_estimators.items():
+        key = f"combined.blur_estimators.{name}.experiments"
+        listed.append((key, part.experiments or (), combined.experiments, "combined.experiments"))
     for key, names, known, where in listed:
         for name in names:
             if name not in known:
                 yield f"{key}: '{name}' is not among {where}; {did_you_mean(name, known)}"
+
+
+def _parts(config: Any) -> Iterator[str]:
+    """Estimators that are kept to conditions none of which is in the experiment: they would be left out unseen."""
+    combined = config.combined
+    for name, part in combined.blur_estimators.items():
+        for key, conditions in (
+            ("sizes_px", combined.sizes_px),
+            ("target_sigmas_dn", combined.target_sigmas_dn),
+            ("angles_deg", [0.0, *config.psf.angles_deg]),  # a blur without direction has angle 0
+        ):
+            kept = getattr(part, key)
+            if kept is not None and not set(kept) & set(conditions):
+                yield f"combined.blur_estimators.{name}.{key}: {kept} is none of {conditions}; expected some of them"
 
 
 def _paths(config: Any) -> Iterator[str]:

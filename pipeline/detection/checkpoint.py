@@ -2,7 +2,8 @@
 
 A piece is one file in a folder outside of any stage's outputs, named by what it is and by a hash of all it depends on:
 settings, weights, picture, kernel and the source of the detector and of the sweep. A piece that cannot be read is made
-again. Once the run's outputs are in place the folder is removed, so nothing stale can be taken up later.
+again. Each run has a folder to itself, whose key holds where its outputs go, so that runs side by side do not meet.
+Once the outputs are in place the folder is removed, so nothing stale can be taken up later.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -62,5 +64,5 @@ def load_or_compute(
 def clear(folder: Path) -> None:
     """Remove the pieces of a run that is done, and the folder above them if it is empty then."""
     shutil.rmtree(folder, ignore_errors=True)
-    if folder.parent.is_dir() and not any(folder.parent.iterdir()):
+    with suppress(OSError):  # it holds the pieces of another run
         folder.parent.rmdir()

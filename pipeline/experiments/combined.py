@@ -147,10 +147,15 @@ def _registered(sections: Mapping[str, EstimatorSettings], name: str, key: str, 
     """A configured estimator.
 
     Raises:
-        InputError: it is not configured.
+        InputError: it is not configured, or its answers hold only after a calibration that is not made here.
     """
     if name not in sections:
         raise InputError(f"{key}: '{name}' is not among {where}; {did_you_mean(name, sections)}")
+    if getattr(sections[name], "calibration_samples", None) is not None:
+        raise InputError(
+            f"{key}: '{name}' is calibrated to blurred samples ({where}.{name}.calibration_samples), which only Table I "
+            "does; expected an estimator without"
+        )
     create = blur.create if where == "blur.estimators" else noise.create
     return Registered(create, sections[name].kind, dict(sections[name].options))
 

@@ -26,11 +26,22 @@ class EstimatorSettings(Settings):
 
     kind: Name
     options: dict[str, Any] = Field(default_factory=dict)
+
+
+class NoiseEstimatorSettings(EstimatorSettings):
+    """A noise estimator of the noise figure."""
+
     per_frame: Count | None = None
-    """Patches or tiles of a frame that a slow one is run on, where that is fewer than all are."""
+    """Tiles of a frame that a slow one is run on, where that is fewer than all are."""
+
+
+class BlurEstimatorSettings(EstimatorSettings):
+    """A blur estimator of Table I."""
+
+    per_frame: Count | None = None
+    """Patches of a frame that a slow one is run on, where that is fewer than all are."""
     calibration_samples: Annotated[int, Field(ge=100, le=100_000)] | None = None
-    """Blurred sharp patches that a blur estimator is calibrated to each dataset's camera on; null leaves it as it
-    is."""
+    """Blurred sharp patches that it is calibrated to each dataset's camera on; null leaves it as it is."""
 
 
 class NoiseSettings(Settings):
@@ -42,7 +53,7 @@ class NoiseSettings(Settings):
     tiles_per_frame: Count | None
     bootstrap_draws: Draws
     map_target_sigma_dn: Level
-    estimators: dict[Name, EstimatorSettings] = Field(min_length=1)
+    estimators: dict[Name, NoiseEstimatorSettings] = Field(min_length=1)
 
 
 class BlurSettings(Settings):
@@ -51,7 +62,7 @@ class BlurSettings(Settings):
     patch_px: PatchPx
     patches_per_frame: Count | None
     bootstrap_draws: Draws
-    estimators: dict[Name, EstimatorSettings] = Field(min_length=1)
+    estimators: dict[Name, BlurEstimatorSettings] = Field(min_length=1)
 
 
 class GallerySettings(Settings):

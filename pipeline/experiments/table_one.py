@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.camera.psf.kernel import Kernel
-    from pipeline.experiments.settings import EstimatorSettings
+    from pipeline.experiments.settings import BlurEstimatorSettings
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Candidate:
     calibration_samples: int | None = None
 
     @classmethod
-    def configured(cls, section: EstimatorSettings) -> Candidate:
+    def configured(cls, section: BlurEstimatorSettings) -> Candidate:
         """From a section of ``blur.estimators``."""
         return cls(Registered(blur.create, section.kind, section.options), section.calibration_samples)
 

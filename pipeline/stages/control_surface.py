@@ -26,8 +26,9 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.control import measured_surface, setup, tables
-    from pipeline.control.cache import fingerprint, forget
+    from pipeline.control.cache import fingerprint
     from pipeline.control.views import folds, views
+    from pipeline.detection.checkpoint import clear
 
     params, section = run.params, run.params.control
     detector = params.detection.detectors[section.detector]
@@ -41,7 +42,8 @@ def run(run: Run) -> None:
     shared: dict[str, Any] = {"camera": camera, "seed": params.seed}
     key = fingerprint(
         "pipeline.control.measured_surface",
-        {**shared, "designs": designs, "settings": settings, "detector": [detector.kind, options, about["sha256"]]},
+        {**shared, "designs": designs, "settings": settings, "detector": [detector.kind, options, about["sha256"]]}
+        | {"outputs": str(run.outputs)},
     )
     folder = run.inputs / ".cache/control_surface" / key
     conditions = list(zip(designs, settings, strict=True))
@@ -70,7 +72,7 @@ def run(run: Run) -> None:
                     rows.append(table.assign(fold=-1 if name == "all" else label))
             surface.save(out / f"{name}.npz")
         store.write_table(out / "knots.parquet", pd.concat(rows), tables.KNOTS)
-    forget(folder)
+    clear(folder)
 
 
 def measure_view(

@@ -44,7 +44,8 @@ def run(run: Run) -> None:
         seed=params.seed,
     )
     about = store.read_json(run.inputs / "data/detector" / name / "detector.json")
-    key = checkpoint.fingerprint(detect.__name__, {"sweep": vars(sweep), "weights": about["sha256"]}, section.kind)
+    about_run = {"sweep": vars(sweep), "weights": about["sha256"], "job": dict(run.job), "outputs": str(run.outputs)}
+    key = checkpoint.fingerprint(detect.__name__, about_run, section.kind)
     folder = run.inputs / ".cache/detect" / key
     work = [(frame, kernel) for frame in frames for kernel in blurs]
     result = run.map(partial(detect_frame, sweep=sweep, folder=folder), work, f"{name} on {dataset}")

@@ -81,8 +81,7 @@ def run(run: Run) -> None:
     workers = max(run.executor.workers, min(MOST_WORKERS, available_cores()))
     score = build(inputs, run.outputs / "reports", workers)
     store.write_json(run.outputs / "reports/metrics/report.json", score.metrics)
-    metrics = run.inputs / "reports/metrics"
-    summary = headline(metrics, score.metrics, members["blur"], members["noise"])
+    summary = headline(run.inputs / "reports/metrics", score.metrics, members)
     store.write_json(run.outputs / "reports/headline.json", summary)
 
 

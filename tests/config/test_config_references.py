@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.config.compose import CONF, check, compile_params, compose
+from pipeline.config.compose import CONF, check, compile_params, compose, parse
 from pipeline.config.overrides import check_overrides, check_scheduler
 from pipeline.config.references import check_references
 from pipeline.errors import InputError
@@ -38,6 +38,16 @@ def at_top(monkeypatch):
         (["psf=paper", "psf.folder=/nowhere"], ["psf.folder=/nowhere"]),
         (["combined.noise_estimators=[pcaa]"], ["combined.noise_estimators", "did you mean 'pca'"]),
         (["detection.datasets=[simm]"], ["detection.datasets", "did you mean 'sim'"]),
+        (["combined.denoise.sigma_by=cellwize"], ["combined.denoise.sigma_by", "did you mean 'cellwise'"]),
+        (["+combined.blur_estimators.camera_calibrated={}"], ["camera_calibrated", "without calibration_samples"]),
+        (["denoised_blur.blur_estimators=[camera_calibrated]"], ["denoised_blur", "without calibration_samples"]),
+        (["+combined.blur_estimators.spectral.experiments=[defocus]"], ["spectral.experiments", "defocus_dcsn"]),
+        (["combined.blur_estimators.pmp.sizes_px=[5]"], ["combined.blur_estimators.pmp.sizes_px", "[5.0] is none"]),
+        (["+noise.estimators.pca.calibration_samples=200"], ["noise.estimators.pca.calibration_samples"]),
+        (["+real_noise.estimators.pca.per_frame=2"], ["real_noise.estimators.pca.per_frame"]),
+        (["+detection.sweep.options.simm.limit=2"], ["detection.sweep.options", "did you mean 'sim'"]),
+        (["detection.measure.mtf=spectrall"], ["detection.measure.mtf", "did you mean 'spectral'"]),
+        (["control.camera.sensor=papre"], ["control.camera.sensor", "did you mean 'paper'"]),
         (["executor.backend=dask"], ["executor.address"]),
         (["executor.backend=dask", "executor.address=nowhere"], ["executor.address=nowhere"]),
         (["datasets.sim.limit=true"], ["datasets.sim.limit", "valid integer"]),
@@ -51,6 +61,23 @@ def test_what_does_not_exist_is_refused_when_compiling(tmp_path, overrides, word
     assert all(word in message for word in words), message
     assert len(message.splitlines()) == 1
     assert not path.exists()
+
+
+@pytest.mark.parametrize("root", ["./", "data/../", "../other/", "runs/../", "runs/./", "runs/", "runs/a/b/", "mine/"])
+def test_a_run_beside_the_released_one_writes_below_its_own_folder(root):
+    with pytest.raises(InputError, match="root"):
+        parse(compose(["profile=smoke", f"root={root}"]), "test")
+
+
+def test_a_folder_below_runs_may_have_any_name():
+    assert parse(compose(["profile=smoke", "root=runs/night_v1.2/"]), "test").root == "runs/night_v1.2/"
+
+
+def test_a_stage_with_overrides_refuses_what_does_not_exist():
+    command = [sys.executable, "-m", "pipeline.stages.sensor", "noise.estimators.pca.kind=pcaa"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2
+    assert "did you mean 'pca'" in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
 
 
 def test_the_first_stage_of_an_experiment_refuses_too(tmp_path, monkeypatch):

@@ -19,7 +19,7 @@ from pipeline.experiments import calibrate
 from pipeline.experiments.condition import grid
 from pipeline.experiments.frames import of_index
 from pipeline.experiments.run import Method, Registered, run
-from pipeline.experiments.settings import EstimatorSettings
+from pipeline.experiments.settings import BlurEstimatorSettings
 from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY
 from pipeline.stages.blur import run as stage
 
@@ -35,7 +35,7 @@ def prepared(place, frames, workers=1):
     store.write_table(place / "data/index/mine/frames.parquet", indexed.frames, tables.FRAMES)
     store.write_table(place / "data/index/mine/patches.parquet", indexed.patches, tables.PATCHES)
     stored.write(place / "data/psf", BANK, "generated")
-    estimators = {"camera_calibrated": EstimatorSettings(kind="spectral", calibration_samples=SAMPLES)}
+    estimators = {"camera_calibrated": BlurEstimatorSettings(kind="spectral", calibration_samples=SAMPLES)}
     config = SimpleNamespace(
         seed=1,
         camera=CameraSettings(),

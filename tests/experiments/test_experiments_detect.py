@@ -150,6 +150,31 @@ def test_a_killed_run_goes_on_and_its_result_is_the_same_bytes(
     assert digests(tmp_path / "data/detect") == digests(once / "data/detect")
 
 
+def test_runs_side_by_side_keep_their_pieces_apart(
+    data: Path, once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of another dataset of equal settings, or of another job of a sweep; none takes the other's pieces away."""
+    folders = []
+    kept = checkpoint.load_or_compute
+    monkeypatch.setattr(
+        checkpoint, "load_or_compute", lambda folder, *more: folders.append(folder) or kept(folder, *more)
+    )
+    make_udacity(tmp_path / "udacity", frames=2)
+    (tmp_path / "tiny.onnx").write_bytes((data / "tiny.onnx").read_bytes())
+    (tmp_path / "kitti").symlink_to(data / "kitti")
+    configurations = {name: configured(tmp_path, name=name) for name in ("kitti", "udacity")}
+    others = tmp_path / "out/.cache/detect/other/piece.npz"
+    for name, config in configurations.items():
+        prepare(config, tmp_path / "out", name)
+        store.write_arrays(others, x=np.zeros(1))
+        run(config, tmp_path / "out", name)
+        assert others.is_file()
+    detect.run.run(
+        configurations["kitti"], {"dataset": "kitti", "detector": "tiny"}, tmp_path / "out", tmp_path / "job1"
+    )
+    assert len(set(folders)) == 3 and not any(folder.exists() for folder in folders)
+
+
 def test_pieces_of_another_run_are_not_taken_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     one = checkpoint.fingerprint("pipeline.experiments.detect", {"weights": "a", "levels": (0, 5)}, "compact")
     assert one == checkpoint.fingerprint("pipeline.experiments.detect", {"levels": (0, 5), "weights": "a"}, "compact")

@@ -22,7 +22,7 @@ from pipeline.experiments.condition import grid
 from pipeline.experiments.frames import TestFrame
 from pipeline.experiments.kernel_gallery import gallery
 from pipeline.experiments.run import Method, run
-from pipeline.experiments.settings import EstimatorSettings
+from pipeline.experiments.settings import BlurEstimatorSettings
 from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY
 from pipeline.stages.blur import run as stage
 
@@ -125,8 +125,8 @@ def project(root, opened, tmp_path_factory):
     store.write_table(folder / "data/index/mine/patches.parquet", indexed.patches, tables.PATCHES)
     stored.write(folder / "data/psf", BANK, "generated")
     estimators = {
-        "pmp": EstimatorSettings(kind="pmp", options={"mode": "fast", "kernel_size": 15}),
-        "curves": EstimatorSettings(kind="curves"),
+        "pmp": BlurEstimatorSettings(kind="pmp", options={"mode": "fast", "kernel_size": 15}),
+        "curves": BlurEstimatorSettings(kind="curves"),
     }
     config = SimpleNamespace(
         seed=1,

@@ -25,7 +25,7 @@ from pipeline.experiments import calibrate, table_one
 from pipeline.experiments.condition import grid, sharp_kernel
 from pipeline.experiments.frames import TestFrame, with_patches
 from pipeline.experiments.run import Method, Registered, run
-from pipeline.experiments.settings import EstimatorSettings
+from pipeline.experiments.settings import BlurEstimatorSettings
 from pipeline.experiments.tables import BLUR_ESTIMATES, BLUR_SUMMARY, rounded, written
 from pipeline.stages.blur import run as stage
 
@@ -34,8 +34,8 @@ BANK = [
     Kernel("defocus_7", "defocus", 7, 0, defocus(7.0)),
     *(Kernel(f"linear_motion_7_{angle}", "linear_motion", 7, angle, motion(7.0, angle)) for angle in (0, 90)),
 ]
-SPECTRAL = EstimatorSettings(kind="spectral")
-CALIBRATED = EstimatorSettings(kind="spectral", calibration_samples=100)
+SPECTRAL = BlurEstimatorSettings(kind="spectral")
+CALIBRATED = BlurEstimatorSettings(kind="spectral", calibration_samples=100)
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def test_an_estimator_calibrated_to_the_camera_is_cross_fitted_and_not_divided_a
 
 
 def test_a_relative_mtf_is_not_divided_again(work):
-    generic = EstimatorSettings(kind="spectral", options={"output": "relative"})
+    generic = BlurEstimatorSettings(kind="spectral", options={"output": "relative"})
     assert not measured(work, generic).summary["calibrated"].any()
 
 
