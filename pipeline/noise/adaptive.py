@@ -20,7 +20,9 @@ noise is not detected, and the answer moves towards zero by as much as the inter
 is widened by the deviation of both answers, sqrt(w (1 - w)) |t_2 - t_1|. Where flat areas are correlated (`FILTERED`),
 or no noise is detected, its upper end is at least that of the second network, whatever w is, up to `MOST_HIDDEN` times
 what the flattest areas allow: `cellwise`, whose interval is that of white noise, does not know how much smoothed noise
-texture may hide.
+texture may hide. Nor does it know of mild codecs, which leave strong noise white and no trace of themselves, but change
+its strength: where it answers alone, its interval is widened by `PLAIN_PART`. Where a codec shows and the interval ends
+below `WEAK_DN` there may as well be no noise, and the lower end is zero.
 
 A patch is abstained from, as ``"compressed"`` where a codec shows, else as ``"uncertain"``, where
 
@@ -115,6 +117,11 @@ it; of white noise of 5 and 10 DN nine tenths lie below on photographs, but none
 whose patches then ask both networks."""
 
 PLAIN_SIGMA_DN = 1.0
+PLAIN_PART = 0.07
+"""Of ln(1 + sigma), added in squares to both halves of the interval of plainly white noise. JPEG 80 to 95, Motion JPEG
+and MPEG-4 change noise of 7 to 25 DN by up to 6 % of ln(1 + sigma). Of 2,088 such patches of *Sim*, KITTI, Udacity and
+the authors' *Sim* the intervals so hold 91 % behind codecs (67 % without this part), 97 % as they are (83 %)."""
+
 REAL_CAMERAS = 1.5
 """How much wider the second network's intervals must be on real cameras than on the simulated ones that set them."""
 
@@ -209,6 +216,7 @@ class Adaptive(CellMapper):
         _join(levels, second)
         _abstain(reason, seen, second, levels, wide, alternating(stack))
         _concede(levels, second, seen)
+        _widen(levels, np.flatnonzero(plain))
         white_sigma_dn = np.minimum(levels.white_sigma_dn, levels.sigma_dn)
         measured = Measured(levels.sigma_dn, levels.low_dn, levels.high_dn, white_sigma_dn, levels.correlation)
         return measured, levels.cells_dn
@@ -409,11 +417,23 @@ def _join(levels: Levels, second: Second) -> None:
 
 
 def _concede(levels: Levels, second: Second, seen: Screened) -> None:
-    """Raises upper ends in `levels` to those of the second network where `cellwise` cannot know; see the module."""
+    """Moves ends of intervals in `levels` to what a network cannot rule out; see the module.
+
+    Upper ends to those of the second network where `cellwise` cannot know, lower ends of weak coded noise to zero.
+    """
     at, answer, high = second.indices, second.answer, levels.high_dn
     may_hide = (seen.flat_correlation[at] > FILTERED) | (levels.low_dn[at] < UNDETECTED_LOW_DN)
     most = np.minimum(answer.high_dn, MOST_HIDDEN * seen.flat_dn[at])
     high[at] = np.where(may_hide, np.maximum(high[at], most), high[at])
+    may_be_none = second.traces.coded & (high[at] < WEAK_DN)
+    levels.low_dn[at] = np.where(may_be_none, 0.0, levels.low_dn[at])
+
+
+def _widen(levels: Levels, plain: NDArray[np.intp]) -> None:
+    """Widens intervals in `levels` of patches with plainly white noise; see `PLAIN_PART`."""
+    level = np.log1p(levels.sigma_dn[plain])
+    below, above = (np.hypot(np.log1p(end[plain]) - level, PLAIN_PART) for end in (levels.low_dn, levels.high_dn))
+    levels.low_dn[plain], levels.high_dn[plain] = np.expm1(level - below), np.expm1(level + above)
 
 
 def _abstain(

@@ -25,6 +25,7 @@ from pipeline.noise.adaptive import (
     REAL_CAMERAS,
     SLOPE,
     UNCERTAIN,
+    WEAK_DN,
     WIDEST_QUANTISED_REACH,
     WIDEST_REACH,
     Adaptive,
@@ -317,3 +318,36 @@ def test_grain_that_is_finer_along_columns_is_texture_of_the_ground_not_noise():
     estimate, cells = ADAPTIVE.estimate_cells(patches)
     assert tuple(estimate.reason[:2]) == (COMPRESSED, "")
     assert np.isnan(cells[0]).all() and np.isfinite(cells[1]).all()
+
+
+def test_plainly_white_noise_behind_a_mild_codec_is_held_wherever_the_patch_was_cut():
+    """Off the codec's grid it shows no trace of it, but is up to 6 % stronger or weaker; `cellwise` is sure to 4 %."""
+    held, held_by_cellwise = [], []
+    for quality in (80, 90, 95):
+        shots = []
+        for number in range(4):
+            noisy = data.astronaut().mean(axis=2) + stream(1, "strong", quality, number).normal(0, 15, (512, 512))
+            whole = np.repeat(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+            shots.append(codec.jpeg(whole, quality)[..., 0])
+        corners = [(y, x) for y in range(3, 384, 125) for x in range(5, 384, 125)]
+        pieces = [np.stack(shots)[:, y : y + 128, x : x + 128] for y, x in corners]
+        truth = np.array([temporal_noise.measure(piece).sigma_dn for piece in pieces])
+        patches = stack(*(piece[0].astype(np.float32) for piece in pieces))
+        estimate, white = ADAPTIVE.estimate(patches), noise.create("cellwise").estimate(patches)
+        plain = np.isclose(estimate.sigma_dn, white.sigma_dn, rtol=1e-6)
+        held += list(((estimate.low_dn <= truth) & (truth <= estimate.high_dn))[plain])
+        held_by_cellwise += list(((white.low_dn <= truth) & (truth <= white.high_dn))[plain])
+    assert len(held) >= 40
+    assert np.mean(held) > np.mean(held_by_cellwise) + 0.2
+
+
+def test_weak_noise_behind_a_codec_may_as_well_be_none():
+    """What JPEG leaves of a brick's grain is read as noise of 1 DN; the interval says that there may be none."""
+    brick = codec.jpeg(np.repeat(data.brick()[..., None], 3, axis=2), 95)[..., 0]
+    corners = [(y, x) for y in range(0, 257, 128) for x in range(0, 257, 128)]
+    behind = ADAPTIVE.estimate(stack(*(brick[y : y + 128, x : x + 128].astype(np.float32) for y, x in corners)))
+    weak = ~behind.abstained & (behind.high_dn < WEAK_DN)
+    assert weak.sum() >= 5 and (behind.sigma_dn[weak] > 0.5).all()
+    assert (behind.low_dn[weak] == 0).all()
+    white = ADAPTIVE.estimate(stack(flat(1.5)))
+    assert white.high_dn < WEAK_DN and white.low_dn > 1
