@@ -48,7 +48,7 @@ from pipeline.blur.affine_logits import logit, sigmoid
 from pipeline.blur.base import FREQUENCIES, BlurEstimate, BlurEstimator, HiddenUnits, as_patches
 from pipeline.blur.camera_correction import Correction, OutputLayers, Part
 from pipeline.blur.camera_samples import LEAST_SAMPLES, VALUES, HasOutputLayers, Samples, blurred, members
-from pipeline.camera.mtf import CAMERA
+from pipeline.camera.mtf import CAMERA, SYSTEM
 from pipeline.errors import InputError
 
 MOST_MEMBERS = 8
@@ -268,8 +268,14 @@ def corrected(estimate: BlurEstimate, camera: Calibration) -> BlurEstimate:
 def calibrate(estimator: BlurEstimator, sharp_patches: Any, *, samples: int = SAMPLES, seed: int = 1) -> CameraMap:
     """Calibrate an estimator to a camera: by its own `CameraFittable.fit_camera` if it has one, else `fit_map`.
 
-    Arguments and errors are those of `fit_map`.
+    Arguments and errors are those of `fit_map`; an estimator that is calibrated already is one too.
     """
+    relative_to = getattr(estimator, "relative_to", SYSTEM)
+    if relative_to != SYSTEM:
+        raise InputError(
+            f"{type(estimator).__name__}: answers relative to the {relative_to}; expected an estimator of the whole "
+            "system's MTF to calibrate"
+        )
     if isinstance(estimator, CameraFittable):
         return estimator.fit_camera(sharp_patches, samples=samples, seed=seed)
     return fit_map(estimator, sharp_patches, samples=samples, seed=seed)

@@ -109,9 +109,9 @@ class Denoised:
         """
         batch = as_patches(patches)
         noisy = np.asarray(self.sigma_dn(batch)) >= self.from_sigma_dn
-        # A calibration takes the same networks for every batch; of smoothed patches their outputs are of both blurs.
+        # Of smoothed patches kernels and the networks' outputs are of both blurs; no answer depends on its batch.
         if not noisy.any():
-            return replace(self.inner.estimate(batch), half=None, members=None, hidden=None)
+            return replace(self.inner.estimate(batch), kernel=None, half=None, members=None, hidden=None)
         shown = batch.copy()
         shown[noisy] = blur(batch[noisy], self.psf)
         result = self.inner.estimate(shown)

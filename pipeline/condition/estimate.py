@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline import blur, noise
-from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator
+from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator, as_patches
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
 from pipeline.condition.structure import STRUCTURELESS, structureless
@@ -157,11 +157,15 @@ class ConditionMonitor:
         self.noise_estimator = noise.create(noise_name, **self.noise_options)
         self.tile_px, self.most_tiles, self.most_patches = tile_px, most_tiles, most_patches
         estimators = {"blur": self.blur_estimator, "noise": self.noise_estimator}
+        self._calibrated: tuple[Any, Any] = (None, None)
+        """The estimator that `calibrate` made, and the one that it was made of."""
         self.weights_released = {name: bool(getattr(made, "released", True)) for name, made in estimators.items()}
         """Of ``blur`` and ``noise``: False where the estimator runs on weights that are not the released ones."""
 
     def calibrate(self, sharp_frames: Sequence[NDArray[np.floating]], *, fitted: bool = False) -> None:
         """Answer from now on with the blur that was *added* to this camera's own sharp frames.
+
+        Called again, it takes the place of the calibration before.
 
         Args:
             sharp_frames: (H, W) frames in [0, 1], known to be sharp.
@@ -170,23 +174,23 @@ class ConditionMonitor:
                 frames exactly 1, but errs more where there is blur. An estimator of several members is always fitted.
 
         Raises:
-            InputError: none of their patches can be measured.
+            InputError: none of their patches can be measured, or the blur estimator's answers are relative to something
+                already, as the generic lens.
         """
         cuts = [cut(_checked(frame), tiles(frame.shape, PATCH_PX, "cover")) for frame in sharp_frames]
         cuts = [part for part in cuts if len(part)]
         if not cuts:
             raise InputError(f"sharp frames: none is as large as a patch of {PATCH_PX} px; give whole frames")
         patches = np.concatenate(cuts)
-        if (
-            not fitted
-            and isinstance(self.blur_estimator, Estimator)
-            and not isinstance(self.blur_estimator, CameraFittable)
-        ):
-            self.blur_estimator = self.blur_estimator.divided(patches)
+        calibrated, made_of = self._calibrated
+        uncalibrated = made_of if self.blur_estimator is calibrated else self.blur_estimator
+        if not fitted and isinstance(uncalibrated, Estimator) and not isinstance(uncalibrated, CameraFittable):
+            self.blur_estimator = uncalibrated.divided(patches)
         elif fitted:
-            self.blur_estimator = CalibratedEstimator(self.blur_estimator, calibrate(self.blur_estimator, patches))
+            self.blur_estimator = CalibratedEstimator(uncalibrated, calibrate(uncalibrated, patches))
         else:
-            self.blur_estimator = self.blur_estimator.calibrated(patches)
+            self.blur_estimator = uncalibrated.calibrated(patches)
+        self._calibrated = (self.blur_estimator, uncalibrated)
 
     def frame(self, image: NDArray[np.floating]) -> Condition:
         """The condition of one frame.
@@ -218,7 +222,7 @@ class ConditionMonitor:
         Raises:
             InputError: the patches are not as expected.
         """
-        stack = np.ascontiguousarray(patches, dtype=np.float32)
+        stack = as_patches(patches)
         positions = [Patch(0, 0, PATCH_PX) for _ in range(len(stack))]
         return Condition(self._blur(stack, positions), self._noise(stack, positions, None))
 
@@ -253,12 +257,14 @@ def _with_structure(estimate: BlurEstimate, stack: NDArray[np.float32]) -> BlurE
     lost = structureless(stack) & ~estimate.abstained if len(stack) else np.zeros(0, np.bool_)
     if not lost.any():
         return estimate
-    parts = {name: getattr(estimate, name) for name in ("mtf", "low", "high", "half")}
+    parts = {name: getattr(estimate, name) for name in ("mtf", "low", "high", "half", "kernel", "members")}
     masked: dict[str, Any] = {
-        name: np.where(lost[:, None, None], np.nan, value) for name, value in parts.items() if value is not None
+        name: np.where(np.expand_dims(lost, tuple(range(1, value.ndim))), np.nan, value)
+        for name, value in parts.items()
+        if value is not None
     }
     reason = np.where(lost, STRUCTURELESS, estimate.reason)
-    return replace(estimate, abstained=estimate.abstained | lost, reason=reason, **masked)
+    return replace(estimate, abstained=estimate.abstained | lost, reason=reason, hidden=None, **masked)
 
 
 def _checked(image: NDArray[np.floating]) -> NDArray[np.float32]:

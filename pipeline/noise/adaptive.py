@@ -62,12 +62,14 @@ are from .132 to .130.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.errors import InputError
 from pipeline.noise.alternation import alternating
 from pipeline.noise.base import ALTERNATING, COMPRESSED, STREAKED, UNCERTAIN, Measured
 from pipeline.noise.block_quantisation import at_corner, present, suspected
@@ -188,6 +190,12 @@ class Adaptive(CellMapper):
         saturated_fraction: float = SATURATED_FRACTION,
     ) -> None:
         super().__init__(saturated_fraction)
+        for name, reach in (
+            ("widest_reach", widest_reach),
+            ("widest_compressed_reach", widest_compressed_reach),
+            ("widest_white_reach", widest_white_reach),
+        ):
+            check_reach(name, reach)
         self.white = Cellwise(cellwise_weights)
         self.correlated = Correlated(correlated_weights)
         self.released = self.white.released and self.correlated.released
@@ -267,6 +275,16 @@ class Screened:
     flat_dn: NDArray[np.float64]
     flat_correlation: NDArray[np.float64]
     moments: list[Moments | None]
+
+
+def check_reach(name: str, value: float) -> None:
+    """An option that is a half-width of an interval of ln(1 + sigma).
+
+    Raises:
+        InputError: it is no positive number.
+    """
+    if not (isinstance(value, Real) and value > 0):
+        raise InputError(f"{name}: expected a number above 0, not {value!r}")
 
 
 def _screened(stack: NDArray[np.floating]) -> Screened:

@@ -177,11 +177,11 @@ def screen(stack: NDArray[np.floating], saturated_fraction: float = SATURATED_FR
 
 
 def assemble(measured: Measured, reason: NDArray[np.object_]) -> NoiseEstimate:
-    """Join numbers and reasons; an estimate that is no number, or below `LEAST_SIGMA_DN`, becomes an abstention.
+    """Join numbers and reasons; what is no finite number of at least `LEAST_SIGMA_DN` becomes an abstention, `FLAT`.
 
     Args:
         measured: raw estimates, anything where there is a reason. A patch whose interval reaches above `LEAST_SIGMA_DN`
-            may have any estimate.
+            may have any estimate from 0 on.
         reason: (N,) reasons, empty where there is none.
 
     Returns:
@@ -191,7 +191,8 @@ def assemble(measured: Measured, reason: NDArray[np.object_]) -> NoiseEstimate:
     low_dn = nothing if measured.low_dn is None else measured.low_dn
     high_dn = nothing if measured.high_dn is None else measured.high_dn
     reason = reason.copy()
-    seen = (measured.sigma_dn >= LEAST_SIGMA_DN) | (high_dn >= LEAST_SIGMA_DN)
+    a_number = np.isfinite(measured.sigma_dn) & (measured.sigma_dn >= 0)
+    seen = a_number & ((measured.sigma_dn >= LEAST_SIGMA_DN) | (high_dn >= LEAST_SIGMA_DN))
     reason[(reason == "") & ~seen] = FLAT
     abstained = reason != ""
 

@@ -9,9 +9,15 @@
 4. sigma is the standard deviation of (block - smoothed block) over all homogeneous blocks.
 
 Where s_min is at most 1/3 DN the filter has a single tap and step 4 gives 0 whatever the noise: such a patch is
-answered with 0 and the interval [0, s_min], because the noise cannot exceed the quietest block by much. A block that
-does not vary at all is no such bound (it has been clipped or smoothed by the camera), and the patch is flat.
-Elsewhere the method has no interval: its error is bias (the filter follows part of the noise), not scatter.
+answered with 0 and the interval from 0 to what normal noise may have been where the quietest of M blocks varies so
+little. With F the distribution of chi squared of n - 1 = 127 degrees of freedom (n pixels of a block), the quietest
+falls below q sigma in one of twenty patches,
+
+    sigma <= s_min / q,     1 - (1 - F((n - 1) q^2))^M = 0.05.
+
+A block that does not vary at all is no such bound (it has been clipped or smoothed by the camera), and the patch is
+flat. Elsewhere the method has no interval: its error is bias (the filter follows part of the noise), not scatter.
+Where every block varies by more than 100 DN, none is homogeneous and the patch is abstained from as ``"uncertain"``.
 """
 
 from __future__ import annotations
@@ -20,10 +26,11 @@ import functools
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincinv
 
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.saturation import SATURATED_FRACTION
-from pipeline.noise.base import FLAT, LEAST_SIGMA_DN, Estimator, Measured
+from pipeline.noise.base import LEAST_SIGMA_DN, UNCERTAIN, Estimator, Measured
 
 BLOCK_WIDTH_PX = 16
 BLOCK_HEIGHT_PX = 8
@@ -52,15 +59,24 @@ class BlockAndFilter(Estimator):
         super().__init__(saturated_fraction, quantise_like_paper=quantise_like_paper)
 
     def measure(self, stack: NDArray[np.floating], reason: NDArray[np.object_]) -> Measured:
-        """See `pipeline.noise.base.Estimator.measure`; a patch with a block that does not vary at all is flat."""
+        """See `pipeline.noise.base.Estimator.measure`."""
         sigma_dn, quietest_dn = np.empty(len(stack)), np.empty(len(stack))
         for first in range(0, len(stack), _CHUNK):
             part = slice(first, first + _CHUNK)
             sigma_dn[part], quietest_dn[part] = _estimate(stack[part], self.quantise_like_paper)
-        reason[(reason == "") & (quietest_dn < LEAST_SIGMA_DN)] = FLAT
+        reason[(reason == "") & np.isnan(sigma_dn)] = UNCERTAIN
         unresolved = _taps(quietest_dn) == 1
         nan = np.full(len(stack), np.nan)
-        return Measured(sigma_dn, np.where(unresolved, 0.0, nan), np.where(unresolved, quietest_dn, nan))
+        most_dn = quietest_dn / _least_ratio(stack.shape[1] // BLOCK_HEIGHT_PX * (stack.shape[2] // BLOCK_WIDTH_PX))
+        return Measured(sigma_dn, np.where(unresolved, 0.0, nan), np.where(unresolved, most_dn, nan))
+
+
+@functools.lru_cache(maxsize=16)
+def _least_ratio(blocks: int) -> float:
+    """Smallest deviation of so many blocks of normal noise over its sigma, which 95 % of patches exceed."""
+    freedom = BLOCK_WIDTH_PX * BLOCK_HEIGHT_PX - 1
+    chi_squared = 2 * gammaincinv(freedom / 2, 1 - 0.95 ** (1 / blocks))
+    return float(np.sqrt(chi_squared / freedom))
 
 
 def _estimate(stack: NDArray[np.floating], eight_bit: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -113,11 +113,12 @@ def test_what_a_calibration_takes_is_the_same_for_noisy_and_quiet_batches(patche
 
         def measure(self, patches, reason):
             answer = super().measure(patches, reason)
-            return replace(answer, members=np.stack([answer.mtf, answer.mtf], axis=1), half=np.full_like(answer.mtf, 2))
+            kernels, members = np.ones((len(patches), 3, 3)), np.stack([answer.mtf, answer.mtf], axis=1)
+            return replace(answer, kernel=kernels, members=members, half=np.full_like(answer.mtf, 2))
 
     inner = Ensemble(np.ones((2, 8)), np.ones((2, 8)))
     for sigma in (0.0, 20.0):
         estimator = Denoised(inner, lambda batch, sigma=sigma: np.full(len(batch), sigma))
         answer = estimator.estimate(patches)
-        assert answer.members is None and answer.hidden is None and answer.half is None
+        assert all(getattr(answer, name) is None for name in ("kernel", "members", "hidden", "half"))
         assert estimator.relative_to == "camera"

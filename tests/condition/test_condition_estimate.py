@@ -125,6 +125,11 @@ def test_patches_are_answered_as_single_estimators_do(monitor):
     assert result.blur.grid == result.noise.grid == (1, 3)
 
 
+def test_patches_that_are_no_floats_are_refused(monitor):
+    with pytest.raises(InputError, match="uint8"):
+        monitor.patches(np.ones((2, 1, 192, 192), np.uint8))
+
+
 def test_the_cameras_own_blur_can_be_divided_out(monkeypatch):
     monitor = ConditionMonitor()
     selected = create("gaussian", 1.6)
@@ -136,8 +141,14 @@ def test_the_cameras_own_blur_can_be_divided_out(monkeypatch):
     monkeypatch.setattr(estimate, "calibrate", partial(estimate.calibrate, samples=300))  # sooner
     monitor.calibrate(sharp, fitted=True)
     assert monitor.frame(sharp[0]).mtf.value.mean() > soft.mean() + 0.15
+    fitted = monitor.frame(sharp[0]).mtf.value
+    monitor.calibrate(sharp)
+    monitor.calibrate(sharp, fitted=True)  # takes the place of what was before
+    assert np.array_equal(monitor.frame(sharp[0]).mtf.value, fitted)
     with pytest.raises(InputError, match="192 px"):
         monitor.calibrate([sharp[0][:100]])
+    with pytest.raises(InputError, match="relative to the generic lens"):
+        ConditionMonitor(blur_options={"output": "relative"}).calibrate(sharp, fitted=True)
 
 
 def test_any_two_estimators_of_the_registries_serve():

@@ -47,3 +47,15 @@ def test_a_frame_of_shading_has_no_blur():
     assert np.isnan(read.blur.estimate.half).all()
     assert np.isnan(read.mtf.value).all() and np.isnan(read.blur.estimate.low).all()
     assert float(read.sigma_dn.value) == pytest.approx(3.0, abs=0.5)
+
+
+def test_nothing_is_left_of_what_an_estimator_said_of_a_patch_without_structure():
+    """Neither its kernel nor what the networks of an ensemble answered one by one."""
+    picture = data.camera()[100:292, 150:342] / 255
+    patches = np.concatenate([noisy(np.full((192, 192), 0.55), 5.0), noisy(picture, 5.0)])
+    for name in ("gbb", "spectral"):
+        estimate = ConditionMonitor(name).patches(patches).blur.estimate
+        assert estimate.abstained.tolist() == [True, False]
+        parts = [part for part in (estimate.kernel, estimate.members) if part is not None]
+        assert parts and all(np.isnan(part[0]).all() and not np.isnan(part[1]).any() for part in parts)
+        assert estimate.hidden is None

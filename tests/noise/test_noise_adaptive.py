@@ -351,3 +351,10 @@ def test_weak_noise_behind_a_codec_may_as_well_be_none():
     assert (behind.low_dn[weak] == 0).all()
     white = ADAPTIVE.estimate(stack(flat(1.5)))
     assert white.high_dn < WEAK_DN and white.low_dn > 1
+
+
+@pytest.mark.parametrize("option", ["widest_reach", "widest_compressed_reach", "widest_white_reach"])
+@pytest.mark.parametrize("value", [0, -1, float("nan"), "wide", None])
+def test_a_reach_that_is_no_positive_number_is_refused(option, value):
+    with pytest.raises(InputError, match=f"{option}: expected a number above 0"):
+        noise.create("adaptive", **{option: value})

@@ -211,3 +211,11 @@ def test_the_bound_is_known_where_a_codec_hides_the_noise_and_nowhere_else_witho
     np.testing.assert_array_equal(estimate.at_most_dn, [5.0, 5.0, np.nan, np.nan])
     np.testing.assert_array_equal(estimate.high_dn, [5.0, np.nan, np.nan, np.nan])
     assert assemble(Measured(four), reason).at_most_dn is None
+
+
+def test_what_is_no_number_is_an_abstention_whatever_its_interval():
+    level = np.array([np.nan, np.inf, -3.0, 0.0, 2.0])
+    estimate = assemble(Measured(level, np.zeros(5), np.full(5, 5.0)), np.full(5, "", dtype=object))
+    assert estimate.abstained.tolist() == [True, True, True, False, False]
+    assert estimate.reason[:3].tolist() == [FLAT] * 3
+    assert np.isnan(estimate.sigma_dn[:3]).all() and np.isnan(estimate.high_dn[:3]).all()
