@@ -24,27 +24,15 @@ texture may hide. Nor does it know of mild codecs, which leave strong noise whit
 its strength: where it answers alone, its interval is widened by `PLAIN_PART`. Where a codec shows and the interval ends
 below `WEAK_DN` there may as well be no noise, and the lower end is zero.
 
-A patch is abstained from, as ``"compressed"`` where a codec shows, else as ``"uncertain"``, where
+There is no answer (`pipeline.noise.abstentions`) where
 
     (1 - w) reach_1 + w reach_2  >  (1 - w) widest_1 + w widest_2
 
-with the reach of both intervals of ln(1 + sigma). What is wide depends on what shows that the picture was processed:
-behind a codec, smooth grain is probably noise; where nothing shows one, it may as well be asphalt, gravel or foliage,
-which rendered pictures have and which no statistic of one patch separates from noise that was smoothed. An interval
-that ends below 2.5 DN is of use however wide it is relative to the answer, unless detail that a codec quantises anew
-from shot to shot may flicker unseen. An answer of zero is not given where a codec that left detail shows, be it by
-traces too weak for anything else: H.264 removes weak noise, and its own error changes from shot to shot.
-
-Nor is there an answer where grain that looks like smoothed noise is finer along columns than along rows
-(`FORESHORTENED`). Noise of a camera has no direction but for row noise; the grain of a road or floor that is seen at a
-slant is compressed vertically, whether the frame was coded or not.
-
-Nor where more than `FILTERED_DN` of mostly white noise is estimated while flat areas are correlated (`FILTERED`), as
-behind a bilateral filter, which leaves noise at edges; smaller answers there are too low and given.
-
-Nor where the patch alternates from pixel to pixel (`pipeline.noise.alternation`), as a raw colour mosaic does, where
-neighbours are equal as behind a median filter (`pipeline.noise.streaks`), or where the interval begins above
-`LARGEST_DN`: neither network has seen such pictures, or as much noise.
+with the reach of both intervals of ln(1 + sigma), unless noise is certainly weak. What is wide depends on what shows
+that the picture was processed: behind a codec, smooth grain is probably noise; where nothing shows one, it may as well
+be asphalt, gravel or foliage, which rendered pictures have and which no statistic of one patch separates from noise
+that was smoothed. Nor is there an answer to grain that belongs to the ground, to noise that a codec may have removed,
+that a filter left at edges only, or that neither network has seen the like of.
 
 `NoiseEstimate.sigma_dn` is the total noise of the delivered picture, `white_sigma_dn` its white part. Each network runs
 where it may have a weight: a patch that is plainly white skips the second one, a coded or clearly correlated one the
@@ -61,27 +49,28 @@ are from .132 to .130.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from numbers import Real
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.errors import InputError
+from pipeline.noise.abstentions import FILTERED, UNDETECTED_LOW_DN, WEAK_DN, Evidence, reasons
 from pipeline.noise.alternation import alternating
-from pipeline.noise.base import ALTERNATING, COMPRESSED, STREAKED, UNCERTAIN, Measured
-from pipeline.noise.block_quantisation import at_corner, present, suspected
+from pipeline.noise.base import Measured
+from pipeline.noise.block_quantisation import at_corner
 from pipeline.noise.cell_mapper import CellMapper
 from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
+from pipeline.noise.codec_traces import Traces, codec_traces
 from pipeline.noise.correlated import RELEASED as RELEASED_CORRELATED
 from pipeline.noise.correlated import Correlated, Prediction
 from pipeline.noise.correlated_features import (
-    GRID_START,
     LEAST_PX,
-    QUANTISED_START,
     Moments,
     anisotropy,
     fine_windows,
@@ -102,8 +91,6 @@ behind a codec."""
 CORRELATED_ALONE = 0.45
 """Correlation of adjacent pixels from which the second network decides alone. Of noise this correlated `cellwise` reads
 next to nothing; where a codec shows it takes as much time and changes as good as nothing."""
-
-LEAST_GRAIN_CORRELATION = 0.24  # of grain that may belong to a ground plane
 
 FLATTEST_TENTH = 0.6825
 """Standard deviation of the flattest tenth of windows of 4 x 4 pixels with white noise of 1: the root of the mean of
@@ -141,26 +128,10 @@ WIDEST_WHITE_REACH = 0.9
 
 WIDEST_COMPRESSED_REACH = 0.47  # the same behind a strong codec: a factor of 1.6
 WIDEST_QUANTISED_REACH = 0.65  # the same where only quantised transform blocks show a codec
-FORESHORTENED = 0.2
-"""Lag-1 correlation along rows less that along columns, in flat windows, beyond which correlated grain belongs to a
-ground plane. Chosen on tiles of simulated cameras with noise, 99 % of which lie below, and on rendered roads, three
-quarters of whose wrong answers lie above."""
-
-FILTERED, FILTERED_DN = 0.2, 2.0
-"""Lag-1 correlation of flat windows, and answer with w < 1/2, beyond which there is none: of noise of 10 DN a bilateral
-filter leaves 4 to 5 DN, of which 1 to 2.5 are estimated. With smaller answers frames with 2 DN of white noise over
-texture would be lost."""
 
 MOST_HIDDEN = 3.0
 """How much noise there may be over the white noise with which the flattest windows would vary as they do. It is at most
 1.2 times that as recorded, scaled or turned, 3 behind a bilateral filter and in most pictures of real cameras."""
-
-LARGEST_DN = 60.0  # the networks were trained on noise up to 45 DN; more is no camera's, but a pattern
-WEAK_DN = 2.5  # where the interval ends below, noise is certainly weak
-UNDETECTED_DN, UNDETECTED_LOW_DN = 0.5, 0.05  # an answer and lower end below these are an answer of zero
-SMOOTH = 0.9  # fraction of vanished coefficients of quantised blocks above which no detail is left to flicker
-VANISHED_COEFFICIENTS = 0.85  # of high-frequency DCT coefficients: a codec has removed them
-GRID_STEP = 0.12  # ln of the step at block edges over that elsewhere
 
 
 class Adaptive(CellMapper):
@@ -222,7 +193,7 @@ class Adaptive(CellMapper):
 
         wide = self._reaches_too_far(levels, second)
         _join(levels, second)
-        _abstain(reason, seen, second, levels, wide, alternating(stack))
+        reason[:] = reasons(_evidence(seen, second, levels, wide, alternating(stack)), reason)
         _concede(levels, second, seen)
         _widen(levels, np.flatnonzero(plain))
         white_sigma_dn = np.minimum(levels.white_sigma_dn, levels.sigma_dn)
@@ -333,49 +304,6 @@ def weights(
 
 
 @dataclass(frozen=True)
-class Traces:
-    """Traces of a codec in N patches.
-
-    Attributes:
-        strong: (N,) steps at block edges or vanished fine detail (`compressed`).
-        quantised: (N,) quantised transform blocks (`pipeline.noise.block_quantisation.present`).
-        suspected: (N,) likewise, but too weak to be sure of (`pipeline.noise.block_quantisation.suspected`).
-        detail: (N,) whether coefficients are left in the blocks, which may change from shot to shot.
-    """
-
-    strong: NDArray[np.bool_]
-    quantised: NDArray[np.bool_]
-    suspected: NDArray[np.bool_]
-    detail: NDArray[np.bool_]
-
-    @property
-    def coded(self) -> NDArray[np.bool_]:
-        """(N,) whether a codec shows."""
-        return self.strong | self.quantised
-
-
-def codec_traces(statistics: NDArray[np.float32], pixels: int) -> Traces:
-    """Traces of a codec.
-
-    Args:
-        statistics: (N, COUNT), see `correlated_features.statistics`.
-        pixels: of a patch.
-    """
-    numbers, strong = statistics[:, QUANTISED_START:], compressed(statistics)
-    return Traces(strong, present(numbers, pixels), suspected(numbers, pixels) & ~strong, numbers[:, -1] <= SMOOTH)
-
-
-def compressed(statistics: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Whether patches show the traces of a strong codec: steps at block edges or vanished fine detail.
-
-    Args:
-        statistics: (N, COUNT), see `correlated_features.statistics`.
-    """
-    grid = statistics[:, GRID_START : GRID_START + 9]
-    return np.asarray((np.minimum(grid[:, 0], grid[:, 3]) > GRID_STEP) | (grid[:, 8] > VANISHED_COEFFICIENTS))
-
-
-@dataclass(frozen=True)
 class Levels:
     """Answers for all N patches, which are written one network after the other.
 
@@ -454,45 +382,31 @@ def _widen(levels: Levels, plain: NDArray[np.intp]) -> None:
     levels.low_dn[plain], levels.high_dn[plain] = np.expm1(level - below), np.expm1(level + above)
 
 
-def _abstain(
-    reason: NDArray[np.object_],
-    seen: Screened,
-    second: Second,
-    levels: Levels,
-    reaches_too_far: NDArray[np.bool_],
-    alternates: NDArray[np.bool_],
-) -> None:
-    """Writes the reasons to abstain beside those known before; see the module.
+def _evidence(
+    seen: Screened, second: Second, levels: Levels, reaches_too_far: NDArray[np.bool_], alternates: NDArray[np.bool_]
+) -> Evidence:
+    """What is known of all N patches when it is decided whether to answer; (N,) each of the last two."""
 
-    Args:
-        reason: (N,) is written.
-        seen: of the patches.
-        second: of the second network.
-        levels: of both networks.
-        reaches_too_far: (N,) see `Adaptive`.
-        alternates: (N,) from pixel to pixel.
-    """
-    at, traces, weight = second.indices, second.traces, second.weight
-    sigma, low, high = levels.sigma_dn, levels.low_dn, levels.high_dn
-    coded, flickering, hiding, grain = np.zeros((4, len(reason)), bool)
-    coded[at], flickering[at] = traces.coded, traces.quantised & traces.detail
-    hiding[at] = (traces.quantised | traces.suspected) & traces.detail
-    wide = reaches_too_far & ((high >= WEAK_DN) | flickering)
-    grain[at] = (
-        (weight >= 0.5)
-        & (second.answer.correlation > LEAST_GRAIN_CORRELATION)
-        & (anisotropy(second.answer.statistics) > FORESHORTENED)
-        & (high[at] >= WEAK_DN)
+    def everywhere(values: NDArray[Any]) -> NDArray[Any]:
+        """(N,) of the patches that asked the second network, 0 or False elsewhere."""
+        spread = np.zeros(len(alternates), values.dtype)
+        spread[second.indices] = values
+        return spread
+
+    traces = second.traces
+    return Evidence(
+        sigma_dn=levels.sigma_dn,
+        low_dn=levels.low_dn,
+        high_dn=levels.high_dn,
+        weight=everywhere(second.weight),
+        reaches_too_far=reaches_too_far,
+        correlation=everywhere(second.answer.correlation),
+        anisotropy=everywhere(anisotropy(second.answer.statistics)),
+        traces=Traces(*(everywhere(getattr(traces, part.name)) for part in fields(traces))),
+        flat_correlation=seen.flat_correlation,
+        streaks=seen.streaks,
+        alternates=alternates,
     )
-    filtered = (sigma > FILTERED_DN) & (seen.flat_correlation > FILTERED)
-    filtered[at] &= weight < 0.5
-    hidden = hiding & (sigma < UNDETECTED_DN) & (low < UNDETECTED_LOW_DN)
-    unsure = (wide | hidden | grain | filtered) & (reason == "")
-    reason[unsure] = np.where((coded | hidden)[unsure], COMPRESSED, UNCERTAIN)
-    beyond = (low > LARGEST_DN) & (reason == "")
-    reason[beyond] = UNCERTAIN
-    reason[seen.streaks & ~coded & ((reason == "") | unsure | beyond)] = STREAKED
-    reason[alternates & ((reason == "") | unsure | beyond)] = ALTERNATING
 
 
 def _between(

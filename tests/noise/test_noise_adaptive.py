@@ -17,20 +17,18 @@ from pipeline.camera.processing.develop import grey
 from pipeline.condition import ConditionMonitor
 from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
+from pipeline.noise.abstentions import FORESHORTENED, WEAK_DN
 from pipeline.noise.adaptive import (
-    COMPRESSED,
-    FORESHORTENED,
     MOST_HIDDEN,
     OFFSET,
     REAL_CAMERAS,
     SLOPE,
-    UNCERTAIN,
-    WEAK_DN,
     WIDEST_QUANTISED_REACH,
     WIDEST_REACH,
     Adaptive,
     weights,
 )
+from pipeline.noise.base import COMPRESSED, UNCERTAIN
 from pipeline.noise.correlated_features import anisotropy
 from pipeline.streams import stream
 
