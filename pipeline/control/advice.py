@@ -80,8 +80,8 @@ def usual_camera() -> ControlledCamera:
 class _FromInside(IopcOptimal):
     """Settings are compared with those of the picture brought into the limits, as if these were written already."""
 
-    def ordered(self, state: CameraState) -> CameraState:
-        """See `IopcPolicy.ordered`."""
+    def written_last(self, state: CameraState) -> CameraState:
+        """See `IopcPolicy.written_last`."""
         return inside(self.limits, state)
 
 

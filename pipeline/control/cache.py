@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ def fingerprint(module: str, settings: Mapping[str, Any]) -> str:
 def forget(folder: Path) -> None:
     """Remove kept work, and the folder above it if it is empty then."""
     shutil.rmtree(folder, ignore_errors=True)
-    if folder.parent.is_dir() and not any(folder.parent.iterdir()):
+    with suppress(OSError):  # it is not there, or not empty: another process may add to it at any time
         folder.parent.rmdir()
 
 

@@ -30,7 +30,8 @@ class Decision:
         state: the settings, inside the camera's limits.
         action: what kind of decision it is.
         reason: one sentence.
-        ap_percent: average precision expected there, NaN where the policy has no surface.
+        ap_percent: average precision expected with these settings; NaN where the policy has no surface, the frame no
+            estimate, or the surface no answer.
     """
 
     state: CameraState

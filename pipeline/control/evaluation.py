@@ -182,10 +182,19 @@ def summary(
 
 
 def metrics(table: pd.DataFrame) -> dict[str, dict[str, float]]:
-    """Numbers to watch by policy: average precision, regret, frames lost."""
+    """Metrics of a scenario for comparing runs.
+
+    Args:
+        table: schema `SUMMARY` of one scenario.
+
+    Returns:
+        policy -> average precision, regret and frames lost, percent; without those that are unknown, as the regret is
+        where the oracle did not run.
+    """
     names = ("ap_percent", "regret_percent", "frames_lost_percent")
     return {
-        str(row["policy"]): {name: float(np.nan_to_num(row[name])) for name in names} for _, row in table.iterrows()
+        str(row["policy"]): {name: float(row[name]) for name in names if np.isfinite(row[name])}
+        for row in table.to_dict("records")
     }
 
 

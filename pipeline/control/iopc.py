@@ -10,7 +10,11 @@ before they took effect does not make the policy write them again.
 Defined actions in doubt:
 
 * the estimator abstains: the split is kept, only brightness is corrected (``ABSTAINED``);
-* the surface refuses every candidate: the one nearest to the measured region is taken (``REFUSED``).
+* the surface refuses every candidate: the one nearest to the measured region is chosen;
+* the surface refuses the settings decided: these are taken, and the decision is ``REFUSED``.
+
+For every frame, `IopcPolicy.frame` gathers what the decision depends on, each policy's `choose` chooses settings, and
+`IopcPolicy.decide` evaluates the surface at exactly these.
 """
 
 from __future__ import annotations
@@ -19,7 +23,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +56,35 @@ _RATIO_RANGE = (0.2, 5.0)
 
 
 @dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame and what the settings of the next one are compared with.
+
+    Attributes:
+        observation: the frame, with estimates.
+        state: settings it was taken with.
+        written: settings written last: those of the frame, or with a delay those on their way to the sensor.
+        total_s: time x gain wanted, s; that of ``written`` where its brightness is within the tolerance.
+        kept: settings without another split: ``written`` itself where its brightness is within the tolerance or the
+            policy chooses brightness, else its exposure time at the total exposure wanted.
+    """
+
+    observation: Observation
+    state: CameraState
+    written: CameraState
+    total_s: float
+    kept: CameraState
+
+    @property
+    def keeps_brightness(self) -> bool:
+        """Whether the total exposure written last is the one wanted."""
+        return self.total_s == self.written.total_exposure_s
+
+
+@dataclass(frozen=True, eq=False)
 class Candidates:
-    """Settings of one total exposure and what is expected there.
+    """Settings to choose from and what is expected there.
+
+    They split the total exposure wanted; where surfaces of darker frames were measured, smaller totals as well.
 
     Attributes:
         states: N settings, shortest exposure first, darkest first among equal ones.
@@ -70,32 +101,39 @@ class Candidates:
     value: NDArray[np.float64]
     excess: NDArray[np.float64]
 
+    @property
+    def best(self) -> int:
+        """Index of the settings with the highest value, or of those nearest to the measured region."""
+        return int(np.nanargmax(self.value) if np.isfinite(self.value).any() else np.argmin(self.excess))
 
-@dataclass(frozen=True)
-class Choice:
-    """The best of some candidates beside the split that keeps the exposure time.
+    def where(self, chosen: NDArray[np.bool_]) -> Candidates:
+        """Some of the candidates.
+
+        Args:
+            chosen: (N,) True for those to keep.
+        """
+        return Candidates(
+            [self.states[index] for index in np.flatnonzero(chosen)],
+            self.sigma_dn[chosen],
+            self.motion_px[chosen],
+            self.ap_percent[chosen],
+            self.value[chosen],
+            self.excess[chosen],
+        )
+
+
+class Choice(NamedTuple):
+    """Settings that a policy chose.
 
     Attributes:
-        index: of the best among the candidates.
-        state: its settings.
-        action: ``MOVE``, or ``REFUSED`` where nothing was measured at any candidate.
-        ap_percent: expected there, NaN where refused.
-        kept: settings that keep the exposure time, at the total exposure wanted.
-        kept_ap_percent: expected with these, NaN where refused.
-        gain: of value over the kept settings, points; NaN where nothing is known of these.
+        state: the settings.
+        reason: one sentence.
+        among: candidates that were compared, with or without ``state``; None where none were.
     """
 
-    index: int
     state: CameraState
-    action: Action
-    ap_percent: float
-    kept: CameraState
-    kept_ap_percent: float
-    gain: float
-
-    def improves(self, required_percent: float) -> bool:
-        """Whether the best promises so many points more than the present split, or nothing is known of that."""
-        return not np.isfinite(self.kept_ap_percent) or self.gain > required_percent
+    reason: str
+    among: Candidates | None = None
 
 
 class IopcPolicy(Policy):
@@ -145,45 +183,64 @@ class IopcPolicy(Policy):
         self._written: deque[CameraState] = deque(maxlen=self.limits.delay_frames)
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:
-        """See `Policy.decide`."""
-        decision = self._decide(observation, state)
-        self.hysteresis.count(self.ordered(state), decision.state)
+        """See `Policy.decide`; `Decision.ap_percent` is expected with the settings decided."""
+        frame = self.frame(observation, state)
+        decision = self._decide(frame)
+        self.hysteresis.count(frame.written, decision.state)
         self._written.append(decision.state)
         return decision
 
-    def ordered(self, state: CameraState) -> CameraState:
+    def frame(self, observation: Observation, state: CameraState, total_s: float | None = None) -> Frame:
+        """What a decision depends on, beside the memory of earlier frames.
+
+        Args:
+            observation: the frame.
+            state: settings it was taken with.
+            total_s: time x gain wanted, s; None meters the frame.
+        """
+        written = self.written_last(state)
+        total_s = self._total_exposure_s(observation, state, written) if total_s is None else total_s
+        keeps = self.chooses_brightness or total_s == written.total_exposure_s
+        kept = written if keeps else self.limits.at_time(total_s, written.exposure_s)
+        return Frame(observation, state, written, total_s, kept)
+
+    def written_last(self, state: CameraState) -> CameraState:
         """The settings written last; those of the frame where none are on their way to the sensor."""
         return self._written[-1] if self._written else state
 
-    def _decide(self, observation: Observation, state: CameraState) -> Decision:
-        ordered = self.ordered(state)
-        total, factor = self._total_exposure(observation, state, ordered)
+    def _decide(self, frame: Frame) -> Decision:
+        observation = frame.observation
         clipped = observation.saturated_fraction > MOSTLY_SATURATED
         if not (observation.abstained or clipped):
-            self._learn(observation, state)
+            self._learn(observation, frame.state)
         elif not (clipped and self._is_informed):
-            reason = "most of the frame is clipped" if clipped else observation.reason
-            if factor == 1.0 or (self.chooses_brightness and self._is_measured(observation.mean_level)):
-                return Decision(ordered, Action.ABSTAINED, f"no estimate ({reason}); settings are kept")
-            new = self.limits.at_time(total, ordered.exposure_s)
-            return Decision(new, Action.ABSTAINED, f"no estimate ({reason}); brightness only")
-        light = math.nan if clipped else self._level(observation) / state.total_exposure_s
+            return self._without_estimates(frame, "most of the frame is clipped" if clipped else observation.reason)
+        light = math.nan if clipped else self._level(observation) / frame.state.total_exposure_s
         self.hysteresis.observe(light, self._speed.jumps if self.known_speed_px_s is None else self.known_speed_px_s)
-        return self.choose(observation, state, total, factor)
+        new, reason, among = self.choose(frame)
+        known = self.expect(frame, [new]) if among is None or new not in among.states else among
+        expected = float(known.ap_percent[known.states.index(new)])
+        action = Action.HOLD if new == frame.written else Action.MOVE
+        return Decision(new, action if math.isfinite(expected) else Action.REFUSED, reason, expected)
 
-    def _total_exposure(
-        self, observation: Observation, state: CameraState, ordered: CameraState
-    ) -> tuple[float, float]:
-        """Total exposure wanted, s, and its factor on the settings written last; 1 where these are within tolerance."""
+    def _without_estimates(self, frame: Frame, reason: str) -> Decision:
+        """Brightness is corrected at the exposure time written last, unless frames as dark were measured."""
+        measured = self.chooses_brightness and self._is_measured(frame.observation.mean_level)
+        if measured or frame.keeps_brightness:
+            return Decision(frame.written, Action.ABSTAINED, f"no estimate ({reason}); settings are kept")
+        new = self.limits.at_time(frame.total_s, frame.written.exposure_s)
+        return Decision(new, Action.ABSTAINED, f"no estimate ({reason}); brightness only")
+
+    def _total_exposure_s(self, observation: Observation, state: CameraState, written: CameraState) -> float:
+        """Total exposure wanted, s; that of the settings written last where its level is within the tolerance."""
         if self.metering is None:
-            return ordered.total_exposure_s, 1.0
+            return written.total_exposure_s
         gamma = self.camera.formation.gamma
-        total = state.total_exposure_s * self.metering.factor(observation, gamma)
-        ratio = ordered.total_exposure_s / state.total_exposure_s
+        ratio = written.total_exposure_s / state.total_exposure_s
         coming = observation.mean_level * ratio ** (1.0 / gamma)
         if self.metering.accepts(coming) and not observation.saturated_fraction > MOSTLY_SATURATED:
-            return ordered.total_exposure_s, 1.0
-        return total, total / ordered.total_exposure_s
+            return written.total_exposure_s
+        return state.total_exposure_s * self.metering.factor(observation, gamma)
 
     @property
     def chooses_brightness(self) -> bool:
@@ -200,30 +257,30 @@ class IopcPolicy(Policy):
         slack = 2.0**LEVEL_SLACK_STOPS
         return self.performance.darkest_level / slack <= level <= self.performance.level * slack
 
-    def choose(self, observation: Observation, state: CameraState, total: float, factor: float) -> Decision:
-        """The split of a total exposure; implemented by each policy.
-
-        Args:
-            observation: the frame, with estimates.
-            state: settings it was taken with.
-            total: time x gain to reach, s.
-            factor: of the total against that of the settings written last.
-        """
+    def choose(self, frame: Frame) -> Choice:
+        """Settings for the next frame; implemented by each policy."""
         raise NotImplementedError
 
-    def candidates(self, observation: Observation, state: CameraState, total: float) -> Candidates:
-        """Every split of a total exposure that the camera accepts, with predictions; of darker ones if measured."""
-        chooses = self.chooses_brightness
-        totals = darker_totals(total, self.performance, self.camera.formation.gamma) if chooses else [total]
-        times = exposure_times(self.limits, DARKER_TIMES_PER_STOP if chooses else TIMES_PER_STOP)
-        ordered = self.ordered(state)
-        states = {self.limits.at_time(each, time) for each in totals for time in [*times, ordered.exposure_s]}
-        return self.expect(observation, state, sorted({*states, ordered} if chooses else states, key=_by_time))
+    def candidates(self, frame: Frame) -> Candidates:
+        """Every split of the total exposure that the camera accepts, and the settings kept; darker ones if measured."""
+        totals_s, times = [frame.total_s], self.times(TIMES_PER_STOP)
+        if self.chooses_brightness:
+            totals_s = darker_totals(frame.total_s, self.performance, self.camera.formation.gamma)
+            times = [*self.times(DARKER_TIMES_PER_STOP), frame.written.exposure_s]
+        states = {self.limits.at_time(total_s, time) for total_s in totals_s for time in times}
+        return self.expect(frame, sorted({*states, frame.kept}, key=_by_time))
 
-    def expect(self, observation: Observation, state: CameraState, states: list[CameraState]) -> Candidates:
+    def times(self, per_stop: int) -> list[float]:
+        """Exposure times of candidates, s.
+
+        Args:
+            per_stop: so many per factor of two.
+        """
+        return exposure_times(self.limits, per_stop)
+
+    def expect(self, frame: Frame, states: list[CameraState]) -> Candidates:
         """Predictions for given settings."""
-        mean = self._level(observation)
-        model = self.camera.formation
+        state, mean, model = frame.state, self._level(frame.observation), self.camera.formation
         sigma_dn = self._noise.value * float(model_sigma_dn(model, mean, state.gain, state.exposure_s))
         at = predict(model, sigma_dn, self.speed_px_s * state.exposure_s, mean, state, states)
         expected = self.performance.ap_percent(at.sigma_dn, at.motion_px, at.level)
@@ -233,29 +290,22 @@ class IopcPolicy(Policy):
         excess = self.performance.excess(at.sigma_dn, at.motion_px)
         return Candidates(states, at.sigma_dn, at.motion_px, expected, value, excess)
 
-    def best(self, among: Candidates) -> tuple[int, Action]:
-        """Index of the settings with the highest value, or nearest to the measured region."""
-        if np.isfinite(among.value).any():
-            return int(np.nanargmax(among.value)), Action.MOVE
-        return int(np.argmin(among.excess)), Action.REFUSED
+    def preferred(self, frame: Frame, among: Candidates) -> int:
+        """Index of the settings kept unless the best candidate promises enough more, else of the best.
 
-    def compare(self, observation: Observation, state: CameraState, total: float, among: Candidates) -> Choice:
-        """The best of some candidates and the split written last, both with their expected average precision.
+        Settings kept that are no candidate, or where nothing was measured, are left in any case.
 
-        Where brightness is chosen, that split is the settings written last; else that of the total exposure wanted.
+        Args:
+            frame: the frame.
+            among: candidates.
         """
-        index, action = self.best(among)
-        ordered = self.ordered(state)
-        kept = ordered if self.chooses_brightness else self.limits.at_time(total, ordered.exposure_s)
-        known = among if kept in among.states else self.expect(observation, state, [kept])
-        at = known.states.index(kept)
-        gain = float(among.value[index] - known.value[at])
-        here, best = float(known.ap_percent[at]), float(among.ap_percent[index])
-        return Choice(index, among.states[index], action, best, kept, here, gain)
-
-    def held(self, state: CameraState, factor: float, choice: Choice) -> CameraState:
-        """Settings that keep the split written last: these ones, unless brightness has to be corrected."""
-        return self.ordered(state) if factor == 1.0 else choice.kept
+        best = among.best
+        if frame.kept in among.states:
+            kept = among.states.index(frame.kept)
+            gain = among.value[best] - among.value[kept]
+            if gain <= self.hysteresis.required_percent:
+                return kept
+        return best
 
     @property
     def speed_high_px_s(self) -> float:

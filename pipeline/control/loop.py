@@ -71,7 +71,8 @@ class StepRecord:
         light, speed_px_s: truth.
         blur_px, sigma_dn: true motion blur and noise of the leading frame.
         mean_level, saturated_fraction: of the leading frame.
-        estimate_sigma_dn, estimate_motion: what the monitor answered, None where it abstained.
+        estimate_sigma_dn, estimate_mtf: noise and (2, 8) system MTF that the monitor estimated; None where it
+            abstained.
         decision: for the next frame.
         detections: one entry per view: ``boxes``, ``score``, ``label``.
         views: seen at this step.

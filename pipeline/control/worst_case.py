@@ -74,15 +74,15 @@ def decide_within(
         the decision; None where there is none with the most noise either (most of the frame is clipped, or nothing was
         measured at such noise and motion).
     """
-    kept, required = policy.ordered(state), policy.hysteresis.required_percent
+    kept, required = policy.written_last(state), policy.hysteresis.required_percent
     exact = np.asarray(noise_dn[1], dtype=np.float64)
     noisy = replace(observation, sigma_dn=Estimate(exact, exact, exact))
     if policy.decide(noisy, state).action not in (Action.MOVE, Action.HOLD):
         return None
-    total = state.total_exposure_s
+    total_s = state.total_exposure_s
     if policy.metering is not None:
-        total *= policy.metering.factor(observation, policy.camera.formation.gamma)
-    states = [kept, *policy.candidates(noisy, state, total).states]
+        total_s *= policy.metering.factor(observation, policy.camera.formation.gamma)
+    states = [kept, *policy.candidates(policy.frame(noisy, state, total_s)).states]
     with_noise = partial(
         expected_with,
         mean_level=observation.mean_level,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 from pipeline import weight_files
 from pipeline.control.cache import fingerprint, forget
@@ -31,3 +32,18 @@ def test_kept_work_goes_with_its_folder(tmp_path):
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["two"]
     forget(tmp_path / "kept/two")
     assert not (tmp_path / "kept").exists()
+    forget(tmp_path / "kept/two")  # another process was faster
+
+
+def test_work_that_another_process_adds_meanwhile_stays(tmp_path, monkeypatch):
+    """Its folder appears at the very moment at which the empty folder above would be removed."""
+    (tmp_path / "kept/one").mkdir(parents=True)
+    remove = Path.rmdir
+
+    def late(path):
+        (tmp_path / "kept/two").mkdir()
+        remove(path)
+
+    monkeypatch.setattr(Path, "rmdir", late)
+    forget(tmp_path / "kept/one")
+    assert [path.name for path in (tmp_path / "kept").iterdir()] == ["two"]

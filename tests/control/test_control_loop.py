@@ -152,8 +152,23 @@ def test_loop_oracle_and_summary(seen):
     assert rows.loc["oracle", "regret_percent"] == 0.0 and len(pairs) == 2
     assert rows.loc["fixed", "frames"] == 6 and rows.loc["fixed", "objects"] == 12
     assert pairs["difference_percent"].sum() == pytest.approx(0.0)
+    metrics = evaluation.metrics(summary)
+    assert metrics["oracle"]["regret_percent"] == 0.0
+    assert metrics["fixed"]["regret_percent"] == rows.loc["fixed", "regret_percent"]
     level = tables["oracle"]["mean_level"].to_numpy()
     assert np.abs(level - 0.5).max() < 0.06
+
+
+def test_metrics_without_the_oracle_have_no_regret(seen):
+    """Unknown is not perfect: a regret of 0 would say that the policy equals the oracle."""
+    drive, criteria = scenario(steps=2), EvaluationCriteria(bootstrap_draws=5)
+    records = run(make_policy("fixed", {}, CAMERA, None), rig(), drive, seen)
+    table = evaluation.steps_table(drive, "fixed", 0, records, criteria, performance().reference, 1)
+    summary, _ = evaluation.summary(drive, {"fixed": table}, {"fixed": records}, criteria, 1)
+    assert np.isnan(summary.loc[0, "regret_percent"])
+    metrics = evaluation.metrics(summary)["fixed"]
+    assert set(metrics) == {"ap_percent", "frames_lost_percent"}
+    assert metrics["ap_percent"] == summary.loc[0, "ap_percent"]
 
 
 def test_scenario_light_speed_flicker_and_disturbances():

@@ -143,11 +143,100 @@ def test_policies_cap_rate_limit_and_lamp_periods():
     scene = Scene(light=0.5, speed_px_s=1_000.0)
     states, _ = drive(make("iopc_continuous", max_motion_px=4.0), scene, CameraState.of(4, 200))
     assert all(state.exposure_s * 1_000 <= 4.0 * 1.001 for state in states[3:])
-    states, _ = drive(make("iopc_continuous", stops_per_frame=0.5), Scene(0.5, 3_000.0), CameraState.of(13.9, 100))
-    assert np.abs(np.diff(np.log2([state.exposure_s for state in states]))).max() <= 0.5 + 1e-6
+    limited = make("iopc_continuous", stops_per_frame=0.5, max_motion_px=100.0)
+    states, _ = drive(limited, Scene(0.5, 3_000.0), CameraState.of(13.9, 100))
+    stops = np.abs(np.diff(np.log2([state.exposure_s for state in states])))
+    assert stops.max() <= 0.5 + 1e-6 and stops.sum() > 1.0
     states, _ = drive(make("iopc_continuous", lamp_hz=100.0), Scene(0.2, 100.0), CameraState.of(4, 200))
     periods = states[-1].exposure_s * 100
     assert round(periods) >= 1 and abs(periods - round(periods)) < 0.07
+
+
+def known_speed(speed_px_s, **options):
+    """The continuous policy with the speed from odometry."""
+    policy = make("iopc_continuous", **options)
+    policy.known_speed_px_s = speed_px_s
+    return policy
+
+
+@pytest.mark.parametrize("stops_per_frame", [0.25, 2.0])
+@pytest.mark.parametrize("steps_per_stop", [0, 6])
+def test_policies_the_cap_comes_before_the_rate_limit(stops_per_frame, steps_per_stop):
+    """From 14 px of motion, the very next exposure is within the cap of 4 px, as near to it as candidates are."""
+    policy = known_speed(1_000.0, max_motion_px=4.0, stops_per_frame=stops_per_frame)
+    policy.limits = replace(policy.limits, exposure_steps_per_stop=steps_per_stop)
+    scene = Scene(light=0.5, speed_px_s=1_000.0)
+    states, decisions = drive(policy, scene, CameraState.of(13.9, 100))
+    assert all(scene.truth(state).motion_px <= 4.0 * (1 + 1e-9) for state in states[1:])
+    assert scene.truth(states[1]).motion_px > 4.0 * 2.0**-0.5  # no farther than it has to be
+    assert all(scene.truth(state).mean_level == pytest.approx(0.5, rel=0.12) for state in states[1:])
+    assert all("motion" in decision.reason for decision in decisions)
+
+
+def test_policies_brightness_comes_before_the_cap():
+    """In the dark, with the highest gain: the shortest exposure that keeps brightness, though its motion is longer."""
+    scene, policy = Scene(light=0.02, speed_px_s=1_000.0), known_speed(1_000.0, max_motion_px=4.0)
+    states, _ = drive(policy, scene, CameraState.of(20, 1_600))
+    assert scene.truth(states[-1]).motion_px > 8.0
+    assert states[-1].gain == pytest.approx(CAMERA.limits.gain_max, rel=0.01)
+    assert scene.truth(states[-1]).mean_level == pytest.approx(0.5, rel=0.12)
+
+
+@pytest.mark.parametrize(("start_ms", "iso", "speed"), [(10.0, 1_600, 0.0), (30.0, 540, 700.0)])
+def test_policies_lamp_periods_come_before_the_rate_limit(start_ms, iso, speed):
+    """From one or three whole periods to others: half a stop would end between them."""
+    policy = known_speed(speed, lamp_hz=100.0, stops_per_frame=0.5)
+    states, _ = drive(policy, Scene(light=0.05, speed_px_s=speed), CameraState.of(start_ms, iso))
+    periods = np.array([state.exposure_s * 100 for state in states])
+    assert (np.abs(periods - np.round(periods)) < 0.06).all() and (np.round(periods) >= 1).all()
+    assert abs(np.log2(periods[-1] / periods[0])) > 0.5
+
+
+def test_policies_the_rate_limit_holds_where_a_lamp_period_is_within_it():
+    policy = known_speed(0.0, lamp_hz=100.0, stops_per_frame=1.5)
+    states, _ = drive(policy, Scene(light=0.05), CameraState.of(4.0, 3_200))
+    stops = np.diff(np.log2([state.exposure_s for state in states]))
+    assert states[1].exposure_s * 100 == pytest.approx(1.0, abs=0.06)
+    assert states[-1].exposure_s * 100 > 1.9 and stops.max() <= 1.5 + 1e-6
+
+
+def test_policies_less_than_a_lamp_period_is_no_whole_one():
+    """Motion wants 8 ms or less, the brightness allows 10 ms: flicker is averaged over the whole period."""
+    policy = known_speed(1_000.0, lamp_hz=100.0)
+    states, _ = drive(policy, Scene(light=0.2, speed_px_s=1_000.0), CameraState.of(8.0, 500))
+    periods = np.array([state.exposure_s * 100 for state in states[1:]])
+    assert (np.abs(periods - 1.0) < 0.06).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("iopc_target", {}),
+        ("iopc_optimal", {}),
+        ("iopc_continuous", {}),
+        ("iopc_continuous", {"stops_per_frame": 0.5, "max_motion_px": 100.0}),
+        ("iopc_continuous", {"stops_per_frame": 0.5, "max_motion_px": 6.0}),
+    ],
+)
+def test_policies_the_expected_precision_is_that_of_the_settings_decided(name, options):
+    """The surface at the true condition with these settings; also on the way, while the rate limit is active."""
+    scene, policy = Scene(light=0.5, speed_px_s=1_400.0), make(name, **options)
+    policy.known_speed_px_s = scene.speed_px_s
+    _, decisions = drive(policy, scene, CameraState.of(13.9, 100), frames=12)
+    expected = [decision.ap_percent for decision in decisions]
+    conditions = [scene.truth(decision.state) for decision in decisions]
+    truth = [float(SURFACE.expected(each.sigma_dn, each.motion_px).ap_percent) for each in conditions]
+    np.testing.assert_allclose(expected, truth, atol=2.0)
+
+
+def test_policies_a_limited_step_through_what_was_not_measured_is_refused():
+    policy = known_speed(3_000.0, stops_per_frame=0.25, max_motion_px=100.0)
+    scene, state = Scene(light=0.5, speed_px_s=3_000.0), CameraState.of(13.9, 100)
+    first = policy.decide(scene.observe(state), state)
+    assert scene.truth(first.state).motion_px > SURFACE.longest_px
+    assert first.action is Action.REFUSED and np.isnan(first.ap_percent) and first.state.exposure_s < state.exposure_s
+    _, decisions = drive(policy, scene, first.state, frames=12)
+    assert decisions[-1].action is Action.HOLD and np.isfinite(decisions[-1].ap_percent)
 
 
 @pytest.mark.parametrize("name", ["iopc_optimal", "iopc_continuous", "oracle"])
@@ -196,7 +285,7 @@ def test_policies_the_printed_sign_is_wrong_and_ours_moves_noise_against_blur():
     policy, state = make("iopc_optimal"), CameraState.of(8, 400)
     seen = Scene(0.25, 700.0).observe(state)
     policy.decide(seen, state)
-    there = policy.candidates(seen, state, state.total_exposure_s)
+    there = policy.candidates(policy.frame(seen, state, state.total_exposure_s))
     assert (np.diff(there.motion_px) >= 0).all() and (np.diff(there.sigma_dn) <= 1e-9).all()
 
 

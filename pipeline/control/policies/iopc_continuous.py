@@ -1,27 +1,36 @@
 """The split with the highest expected average precision, every frame, made fit for a robot.
 
-Four additions to `iopc_optimal`: hysteresis (a change must promise a point), a rate limit, a hard cap on motion blur
-at the upper end of its interval (``t <= d_max / v``), and exposure times in whole periods of lamp flicker.
+Three additions to `iopc_optimal`. Where they conflict, the first comes before the second and both before the third:
+
+* a cap on motion blur, at the upper end of the interval of the image's speed: ``t <= d_max / v``;
+* exposure times in whole periods of lamp flicker;
+* a rate limit of the exposure time. Where it would stop between lamp periods or above the cap, the farthest exposure
+  time within the limit that respects both is taken, or the next one on the way if there is none within it. The gain
+  keeps the brightness meanwhile.
+
+Brightness comes before all of them: where the highest gain does not suffice, the exposure time is the shortest of those
+that give the brightness wanted (the lowest one measured, where darker frames were), whatever its motion blur. A frame
+without an estimate is followed by a correction of brightness only, as in every `IopcPolicy`.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
-from pipeline.control.decision import Action, Decision
-from pipeline.control.iopc import Candidates, IopcPolicy
-from pipeline.control.observation import Observation
+from pipeline.control.iopc import Candidates, Choice, Frame, IopcPolicy
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState
 from pipeline.errors import InputError
 
+PERIOD_TOLERANCE = 0.06
+"""Of a lamp's period: so near to whole periods an exposure time counts as such."""
+
 
 class IopcContinuous(IopcPolicy):
-    """Argmax every frame with hysteresis, rate limit, cap and flicker periods.
+    """Argmax every frame with hysteresis, cap, flicker periods and rate limit.
 
     Args:
         camera: see `Policy`.
@@ -29,11 +38,15 @@ class IopcContinuous(IopcPolicy):
         target: see `IopcPolicy`.
         tolerance: see `IopcPolicy`.
         least_gain_percent: points that a change must promise; more after reversals (see `IopcPolicy`).
-        stops_per_frame: largest change of the exposure time, factors of two, as long as the gain can take the rest.
-        max_motion_px: hard cap of motion blur.
-        lamp_hz: frequency of light flicker (twice the mains frequency); 0 for none. Where the brightness allows it,
-            exposure times are whole periods.
+        stops_per_frame: rate limit, factors of two of the exposure time, above 0; exceeded where the range of the gain,
+            the cap or the lamp leave no such step.
+        max_motion_px: cap of motion blur, px, above 0; exceeded only where the highest gain does not suffice.
+        lamp_hz: frequency of light flicker (twice the mains frequency); 0 for none. Where brightness and cap allow it,
+            exposure times are whole periods (within `PERIOD_TOLERANCE`), else shorter than a period.
         margin: see `IopcPolicy`.
+
+    Raises:
+        InputError: an option out of range.
     """
 
     def __init__(
@@ -55,53 +68,60 @@ class IopcContinuous(IopcPolicy):
             )
         self.stops_per_frame, self.max_motion_px, self.lamp_hz = stops_per_frame, max_motion_px, lamp_hz
 
-    def choose(self, observation: Observation, state: CameraState, total: float, factor: float) -> Decision:
+    def choose(self, frame: Frame) -> Choice:
         """See `IopcPolicy.choose`."""
-        among = self._allowed(self.candidates(observation, state, total))
-        choice = self.compare(observation, state, total, among)
-        new, action, expected = choice.state, choice.action, choice.ap_percent
-        if self._inside(choice.kept) and not choice.improves(self.hysteresis.required_percent):
-            new, action, expected = (self.held(state, factor, choice)), Action.MOVE, choice.kept_ap_percent
-        ordered = self.ordered(state)
-        new = self._limited(new, ordered)
-        if new == ordered and action is not Action.REFUSED:
-            action = Action.HOLD
+        allowed = self._allowed(self.candidates(frame))
+        wanted = allowed.states[self.preferred(frame, allowed)]
+        new = self._limited(wanted, frame.written, allowed)
         motion = self.speed_px_s * new.exposure_s
-        return Decision(new, action, f"speed {self.speed_px_s:.0f} px/s, motion {motion:.1f} px expected", expected)
+        return Choice(new, f"speed {self.speed_px_s:.0f} px/s, motion {motion:.1f} px expected", allowed)
 
-    def _inside(self, state: CameraState) -> bool:
+    def times(self, per_stop: int) -> list[float]:
+        """See `IopcPolicy.times`; whole periods of the lamp as well."""
+        periods = range(1, math.floor(self.limits.exposure_max_s * self.lamp_hz + PERIOD_TOLERANCE) + 1)
+        return [*super().times(per_stop), *(number / self.lamp_hz for number in periods)]
+
+    def _respects(self, state: CameraState) -> bool:
         """Whether settings respect the cap and the lamp."""
         capped = self.speed_high_px_s * state.exposure_s <= self.max_motion_px * (1 + 1e-9)
-        if not self.lamp_hz:
-            return capped
+        return capped and (not self.lamp_hz or state.exposure_s * self.lamp_hz < 0.95 or self._is_periodic(state))
+
+    def _is_periodic(self, state: CameraState) -> bool:
+        """Whether an exposure time is one or several whole periods of the lamp."""
         periods = state.exposure_s * self.lamp_hz
-        return capped and (periods < 0.95 or abs(periods - round(periods)) < 0.06)
+        return round(periods) >= 1 and abs(periods - round(periods)) < PERIOD_TOLERANCE
 
     def _allowed(self, among: Candidates) -> Candidates:
-        """Candidates inside cap and lamp periods; the shortest one if there is none."""
-        states = among.states
-        chosen = np.array([self._inside(state) for state in states])
-        if self.lamp_hz:
-            whole = np.array([round(state.exposure_s * self.lamp_hz) >= 1 for state in states])
-            if (chosen & whole).any():
-                chosen &= whole
+        """Candidates that respect cap and lamp, whole periods if there are any; the shortest if there is none."""
+        chosen = np.array([self._respects(state) for state in among.states])
+        whole = chosen & np.array([self._is_periodic(state) for state in among.states])
+        if whole.any():
+            chosen = whole
         if not chosen.any():
             chosen[0] = True
-        keep = np.flatnonzero(chosen)
-        return replace(
-            among,
-            states=[states[number] for number in keep],
-            sigma_dn=among.sigma_dn[keep],
-            motion_px=among.motion_px[keep],
-            ap_percent=among.ap_percent[keep],
-            value=among.value[keep],
-            excess=among.excess[keep],
-        )
+        return among.where(chosen)
 
-    def _limited(self, new: CameraState, state: CameraState) -> CameraState:
-        """Exposure time within the rate limit; the gain keeps the brightness."""
-        stops = math.log2(new.exposure_s / state.exposure_s)
-        if abs(stops) <= self.stops_per_frame + 1e-9:
-            return new
-        time = state.exposure_s * 2.0 ** math.copysign(self.stops_per_frame, stops)
-        return self.limits.at_time(new.total_exposure_s, time)
+    def _limited(self, wanted: CameraState, written: CameraState, allowed: Candidates) -> CameraState:
+        """The next settings on the way to those wanted, within the rate limit if cap and lamp allow it.
+
+        Args:
+            wanted: settings to reach.
+            written: settings written last.
+            allowed: candidates that respect cap and lamp, those wanted among them.
+        """
+
+        def stops(exposure_s: float) -> float:
+            return math.log2(exposure_s / written.exposure_s)
+
+        total_s, whole_way, limit = wanted.total_exposure_s, stops(wanted.exposure_s), self.stops_per_frame + 1e-9
+        if abs(whole_way) <= limit:
+            return wanted
+        farthest_s = written.exposure_s * 2.0 ** math.copysign(self.stops_per_frame, whole_way)
+        limited = self.limits.at_time(total_s, farthest_s)
+        if self._respects(limited):
+            return limited
+        times = {state.exposure_s for state in allowed.states}
+        on_the_way = sorted((each for each in times if 0 < stops(each) / whole_way <= 1), key=lambda t: abs(stops(t)))
+        within = [each for each in on_the_way if abs(stops(each)) <= limit]
+        new = self.limits.at_time(total_s, within[-1] if within else on_the_way[0])
+        return new if self._respects(new) else wanted

@@ -7,12 +7,11 @@ leaves the dead band or another split promises clearly more.
 
 from __future__ import annotations
 
-from pipeline.control.decision import Action, Decision
-from pipeline.control.iopc import IopcPolicy
-from pipeline.control.observation import Observation
+import math
+
+from pipeline.control.iopc import Choice, Frame, IopcPolicy
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
-from pipeline.control.state import CameraState
 
 
 class IopcOptimal(IopcPolicy):
@@ -38,18 +37,15 @@ class IopcOptimal(IopcPolicy):
     ) -> None:
         super().__init__(camera, performance, target, tolerance, margin, least_gain_percent)
 
-    def choose(self, observation: Observation, state: CameraState, total: float, factor: float) -> Decision:
+    def choose(self, frame: Frame) -> Choice:
         """See `IopcPolicy.choose`."""
-        among = self.candidates(observation, state, total)
-        choice = self.compare(observation, state, total, among)
-        if not choice.improves(self.hysteresis.required_percent):
-            here = choice.kept_ap_percent
-            held = self.held(state, factor, choice)
-            action = Action.HOLD if held == self.ordered(state) else Action.MOVE
-            return Decision(held, action, f"AP {here:.1f} % expected; no split promises clearly more", here)
-        reason = (
-            f"noise {among.sigma_dn[choice.index]:.1f} DN and motion {among.motion_px[choice.index]:.1f} px expected"
-            if choice.action is Action.MOVE
-            else "nothing was measured at any split; nearest to the measured region"
-        )
-        return Decision(choice.state, choice.action, reason, choice.ap_percent)
+        among = self.candidates(frame)
+        index = self.preferred(frame, among)
+        new, expected = among.states[index], among.ap_percent[index]
+        if math.isnan(expected):
+            reason = "nothing was measured at any split; nearest to the measured region"
+        elif new == frame.kept:
+            reason = f"AP {expected:.1f} % expected; no split promises clearly more"
+        else:
+            reason = f"noise {among.sigma_dn[index]:.1f} DN and motion {among.motion_px[index]:.1f} px expected"
+        return Choice(new, reason, among)

@@ -9,12 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.control.decision import Action, Decision
-from pipeline.control.iopc import IopcPolicy
-from pipeline.control.observation import Observation
+from pipeline.control.iopc import Choice, Frame, IopcPolicy
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
-from pipeline.control.state import CameraState
 from pipeline.errors import InputError
 
 LARGEST_ALPHA = 16.0
@@ -51,17 +48,14 @@ class IopcTarget(IopcPolicy):
             raise InputError(f"policy iopc_target: target_px is a length above 0 px, got {target_px!r}")
         self.target_px, self.slack = target_px, slack
 
-    def choose(self, observation: Observation, state: CameraState, total: float, factor: float) -> Decision:
+    def choose(self, frame: Frame) -> Choice:
         """See `IopcPolicy.choose`."""
-        ratio = alpha(self.speed_px_s * state.exposure_s, self.target_px)
+        motion = self.speed_px_s * frame.state.exposure_s
+        ratio = alpha(motion, self.target_px)
         if abs(ratio - 1.0) <= self.slack:
             ratio = 1.0
-        ordered = self.ordered(state)
-        new = ordered if ratio == 1.0 and factor == 1.0 else self.limits.at_time(total, state.exposure_s / ratio)
-        there = self.expect(observation, state, [new])
-        action = Action.HOLD if new == ordered else Action.MOVE
-        if not np.isfinite(there.ap_percent[0]):
-            action = Action.REFUSED
-        motion = self.speed_px_s * state.exposure_s
-        reason = f"motion {motion:.1f} px, target {self.target_px:g} px: alpha {ratio:.3f}"
-        return Decision(new, action, reason, float(there.ap_percent[0]))
+        if ratio == 1.0 and frame.keeps_brightness:
+            new = frame.written
+        else:
+            new = self.limits.at_time(frame.total_s, frame.state.exposure_s / ratio)
+        return Choice(new, f"motion {motion:.1f} px, target {self.target_px:g} px: alpha {ratio:.3f}")
