@@ -12,7 +12,9 @@ from pipeline.camera import sensor
 from pipeline.camera.exposure import Camera
 from pipeline.condition.verdict import blur_range, noise_ends
 from pipeline.control.decision import Action, Decision
+from pipeline.control.iopc import Frame
 from pipeline.control.motion import motion_length
+from pipeline.control.noise_ratio import ESTIMATE_ERROR_DN
 from pipeline.control.observation import observe
 from pipeline.control.performance import Performance
 from pipeline.control.policies.iopc_optimal import IopcOptimal
@@ -78,11 +80,22 @@ def usual_camera() -> ControlledCamera:
 
 
 class _FromInside(IopcOptimal):
-    """Settings are compared with those of the picture brought into the limits, as if these were written already."""
+    """Settings are compared with those of the picture brought into the limits, as if these were written already.
+
+    A loop trusts its sensor's model as much as estimates of weak noise. Who asks about one picture names a sensor to
+    tell how noise grows with gain, not how much there is: noise at other settings is in proportion to the estimate.
+    """
 
     def written_last(self, state: CameraState) -> CameraState:
         """See `IopcPolicy.written_last`."""
         return inside(self.limits, state)
+
+    def noise_dn(self, frame: Frame) -> float:
+        """The noise estimated, DN, or as much as an estimate errs by: of none nothing could be predicted."""
+        if frame.observation.sigma_dn is None:
+            return super().noise_dn(frame)
+        estimated_dn = float(self.performance.true_sigma_dn(frame.observation.sigma_dn.value))
+        return max(estimated_dn, ESTIMATE_ERROR_DN)
 
 
 def inside(limits: Limits, state: CameraState) -> CameraState:
@@ -143,6 +156,7 @@ def advise(
         made.known_speed_px_s = speed
         return made
 
+    speed = motion / state.exposure_s if np.isfinite(motion) else None
     bounded = None
     noise_dn = (0.0, at_most)
     if seen.sigma_dn is not None:
@@ -151,10 +165,12 @@ def advise(
     if seen.mtf is not None and np.isfinite(noise_dn).all() and unsure:
         low, high = _reaching(performance, noise_dn, motions_px, level)
         low = 0.0 if np.isnan(low) and np.isfinite(ap) else low  # beyond what was measured
-        # The motion as estimated: a policy trusts a short one the less the more noise there is, which is not known.
-        bounded = decide_within(policy(motion / state.exposure_s), seen, state, noise_dn, motions_px)
-    decision = bounded.decision if bounded else policy(speed_px_s).decide(seen, state)
+        bounded = decide_within(policy(speed), seen, state, noise_dn, motions_px)
+    decision = bounded.decision if bounded else policy(speed).decide(seen, state)
     kept = inside(camera.limits, state)
+    if bounded is None and kept == state and decision.ap_percent - ap <= LEAST_GAIN_PERCENT:
+        reason = decision.reason if decision.state == kept else "no other settings promise clearly more"
+        decision = Decision(kept, Action.HOLD, reason, ap)
     if bounded is None and unsure and decision.action is Action.MOVE:
         reason = "noise or motion may be more than was measured; settings are kept"
         decision = Decision(kept, Action.HOLD, reason, ap)

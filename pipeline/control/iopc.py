@@ -281,14 +281,18 @@ class IopcPolicy(Policy):
     def expect(self, frame: Frame, states: list[CameraState]) -> Candidates:
         """Predictions for given settings."""
         state, mean, model = frame.state, self._level(frame.observation), self.camera.formation
-        sigma_dn = self._noise.value * float(model_sigma_dn(model, mean, state.gain, state.exposure_s))
-        at = predict(model, sigma_dn, self.speed_px_s * state.exposure_s, mean, state, states)
+        at = predict(model, self.noise_dn(frame), self.speed_px_s * state.exposure_s, mean, state, states)
         expected = self.performance.ap_percent(at.sigma_dn, at.motion_px, at.level)
         value = expected
         if self.margin:
             value = expected + self.margin * after_fall(self.performance, model, at, states)
         excess = self.performance.excess(at.sigma_dn, at.motion_px)
         return Candidates(states, at.sigma_dn, at.motion_px, expected, value, excess)
+
+    def noise_dn(self, frame: Frame) -> float:
+        """Noise of the frame, DN: that of the sensor's model times the ratio that frames so far had to theirs."""
+        level, state = self._level(frame.observation), frame.state
+        return self._noise.value * float(model_sigma_dn(self.camera.formation, level, state.gain, state.exposure_s))
 
     def preferred(self, frame: Frame, among: Candidates) -> int:
         """Index of the settings kept unless the best candidate promises enough more, else of the best.

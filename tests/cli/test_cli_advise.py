@@ -60,11 +60,11 @@ def write_inputs(folder):
 
 def test_advise_answers_in_json(tmp_path):
     write_inputs(tmp_path)
-    requested = ["--exposure", "4ms", "--iso", "400", "--speed", "760", "--surface", str(tmp_path / "surface.npz")]
+    requested = ["--exposure", "2ms", "--iso", "800", "--speed", "760", "--surface", str(tmp_path / "surface.npz")]
     done = CliRunner().invoke(command, [str(tmp_path / "frame.png"), *requested])
     assert done.exit_code == 0, done.output
     row = json.loads(done.stdout.strip().splitlines()[-1])
-    assert row["motion_px"] == pytest.approx(3.04) and row["exposure_ms"] == 4.0 and row["iso"] == 400.0
+    assert row["motion_px"] == pytest.approx(1.52) and row["exposure_ms"] == 2.0 and row["iso"] == 800.0
     assert 100 <= row["best_iso"] <= 3200 and row["reason"]
     assert row["action"] == "move" and 0 < row["best_ap_percent"] <= 100 and row["low_percent"] <= row["ap_percent"]
 

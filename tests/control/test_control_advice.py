@@ -13,7 +13,7 @@ from pipeline.condition import BlurState, Condition, NoiseState
 from pipeline.condition.summary import summarise
 from pipeline.control.advice import LEAST_GAIN_PERCENT, advise
 from pipeline.control.prediction import predict
-from pipeline.control.state import CameraState
+from pipeline.control.state import BASE_ISO, CameraState
 from pipeline.noise.base import NoiseEstimate
 
 SURFACE, LEVEL, STATE = performance(), 0.5, CameraState(0.016, 1.0)
@@ -87,3 +87,31 @@ def test_settings_stay_where_noise_may_be_more_than_was_measured():
     beyond = advice((13.0, 14.0, 15.0), sigma_dn=8.0, ends_dn=(3.0, 90.0))
     assert beyond.action == "hold" and beyond.undecided and "more than was measured" in beyond.reason
     assert (beyond.best_exposure_ms, beyond.gain_percent, beyond.low_percent) == (16.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("exposure_s", [0.001, 0.004, 0.016, 0.033])
+@pytest.mark.parametrize("iso", [100, 400, 800, 3200])
+@pytest.mark.parametrize("sigma_dn", [0.0, 1.0, 3.0, 10.0])
+@pytest.mark.parametrize("motion_px", [1.0, 3.0, 12.0])
+def test_other_settings_promise_more_than_the_picture_has_whatever_its_noise_is(exposure_s, iso, sigma_dn, motion_px):
+    """Also where the sensor's model takes the noise for much more or less than there is."""
+    state = CameraState(exposure_s, iso / BASE_ISO)
+    of_picture = condition((motion_px,) * 3, sigma_dn, (sigma_dn, sigma_dn))
+    made = advise(IMAGE, state, CAMERA, SURFACE, SimpleNamespace(), None, of_picture)
+    if made.action == "move":
+        assert made.gain_percent > LEAST_GAIN_PERCENT
+        assert made.best_ap_percent == pytest.approx(made.ap_percent + made.gain_percent)
+    elif made.action == "hold":
+        assert (made.best_exposure_ms, made.best_iso) == (state.exposure_ms, state.iso)
+        assert made.gain_percent == 0 and made.best_ap_percent == made.ap_percent
+
+
+def test_noise_at_other_settings_is_in_proportion_to_that_of_the_picture():
+    """A clean picture at a high gain, of a camera better than the sensor named, may be exposed as short again."""
+    fast = CameraState(0.004, 16.0)
+    clean, noisy = (
+        advise(IMAGE, fast, CAMERA, SURFACE, SimpleNamespace(), None, condition((9.0,) * 3, dn, (dn, dn)))
+        for dn in (0.5, 25.0)
+    )
+    assert clean.best_exposure_ms < fast.exposure_ms and clean.gain_percent > 2
+    assert noisy.best_exposure_ms > clean.best_exposure_ms
