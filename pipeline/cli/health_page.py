@@ -62,7 +62,7 @@ class PageFrames:
     def __init__(self, draw: Callable[[NDArray[np.float32], Condition], NDArray[np.uint8]]) -> None:
         self.thumbnails: list[Thumbnail] = []
         self._draw = draw
-        self._worst: list[tuple[float, int, _Kept]] = []
+        self._worst: list[tuple[tuple[float, ...], int, _Kept]] = []
         self._count, self._step = 0, 1
 
     def add(self, row: dict[str, Any], image: NDArray[np.float32], condition: Condition) -> None:

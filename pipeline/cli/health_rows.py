@@ -13,8 +13,8 @@ AXES = ("horizontal", "vertical")
 COLUMNS = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "noise_patches", "noise_abstained",
     "mtf50_horizontal", "mtf50_vertical", "mtf50_horizontal_status", "mtf50_vertical_status", "blur_patches",
-    "blur_abstained", "milliseconds", "bright_dn", "median_dn", "saturated_fraction", "obstructed_fraction", "repeats",
-    "flags", "alarms", "undecided", "drawn",
+    "blur_abstained", "blurred_fraction", "milliseconds", "bright_dn", "median_dn", "saturated_fraction",
+    "obstructed_fraction", "repeats", "flags", "alarms", "undecided", "drawn",
 )  # fmt: skip
 WRITTEN = (
     *COLUMNS, "blur", "blur_direction", "blur_range", "noise", "causes", "ap_percent", "ap_low_percent",
@@ -42,13 +42,15 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
     """
     from pipeline.blur.base import PATCH_PX
     from pipeline.condition.summary import half_contrast
+    from pipeline.condition.verdict import blurred_fraction
 
     horizontal, vertical = (float(value) for value in half_contrast(condition.mtf.value))
     noise, blur = condition.noise.estimate, condition.blur.estimate
     numbers = (
         name, float(condition.sigma_dn.value), float(condition.sigma_dn.low), float(condition.sigma_dn.high),
         condition.noise.at_most_dn, len(noise), int(noise.abstained.sum()), horizontal, vertical, status(horizontal),
-        status(vertical), len(blur), int(blur.abstained.sum()), round(condition.milliseconds, 1), flags.bright_dn,
+        status(vertical), len(blur), int(blur.abstained.sum()), blurred_fraction(blur.mtf, blur.high),
+        round(condition.milliseconds, 1), flags.bright_dn,
         flags.median_dn, flags.saturated_fraction, flags.obstructed_fraction, flags.repeats, ", ".join(flags.names),
         "", "", "",
     )  # fmt: skip

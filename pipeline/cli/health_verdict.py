@@ -18,6 +18,9 @@ NOISE = ("sigma_dn", "sigma_high_dn", "sigma_at_most_dn")
 BAD_BLUR = ("moderately blurred", "strongly blurred")
 BAD_NOISE = ("high", "very high")
 
+LEAST_BLURRED_FRACTION = 0.2
+"""Of a frame's patches, from which it is stated that a part is blurred."""
+
 
 def run_verdict(
     rows: Sequence[dict[str, Any]],
@@ -60,7 +63,7 @@ def run_verdict(
     start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
     sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
     sentences = [
-        sentence, *_worst(rows), *_unknown(rows), *undecided_alarms(rows), *_flags(rows),
+        sentence, *_partly_blurred(rows), *_worst(rows), *_unknown(rows), *undecided_alarms(rows), *_flags(rows),
         *_trend(trend_alarms, without_trend), *_hinted(hinted), *_set_aside(set_aside),
     ]  # fmt: skip
     if without_precision:
@@ -75,7 +78,7 @@ def run_verdict(
 
 
 def median_mtf(rows: Sequence[dict[str, Any]], column: str = "mtf") -> Any:
-    """(2, 8) median MTF of the frames that have one; NaN where none has.
+    """(2, 8) median MTF of the frames that have one; NaN where most have none.
 
     Args:
         rows: of frames.
@@ -85,16 +88,15 @@ def median_mtf(rows: Sequence[dict[str, Any]], column: str = "mtf") -> Any:
 
     curves = np.array([row[column] for row in rows], dtype=float)
     known = curves[np.isfinite(curves).all(axis=(1, 2))]
-    return np.median(known, axis=0) if len(known) else np.full((2, 8), np.nan)
+    return np.median(known, axis=0) if 2 * len(known) >= max(len(rows), 1) else np.full((2, 8), np.nan)
 
 
-def mostly_coded(rows: Sequence[dict[str, Any]]) -> bool:
-    """Whether a codec hides the noise of more frames than have an estimate.
+def noise_mostly_unknown(rows: Sequence[dict[str, Any]]) -> bool:
+    """Whether the noise of more frames is unknown than known.
 
-    Those that have one are then the noisiest, not a sample of the frames.
+    Those that have an estimate are then no sample of them: behind a codec the noisiest, of bright frames the darkest.
     """
-    hidden = sum(not isfinite(row["sigma_dn"]) and isfinite(row["sigma_at_most_dn"]) for row in rows)
-    return hidden > sum(isfinite(row["sigma_dn"]) for row in rows)
+    return 2 * sum(isfinite(row["sigma_dn"]) for row in rows) < len(rows)
 
 
 def median_noise(rows: Sequence[dict[str, Any]]) -> tuple[float, float, float]:
@@ -104,24 +106,35 @@ def median_noise(rows: Sequence[dict[str, Any]]) -> tuple[float, float, float]:
         rows: of frames.
 
     Returns:
-        NaN where no frame has one; of noise and intervals also where the frames are `mostly_coded`.
+        NaN where no frame has one; of noise and intervals also where `noise_mostly_unknown`.
     """
     sigma, high, at_most = (known_median(row[name] for row in rows) for name in NOISE)
-    return (float("nan"), float("nan"), at_most) if mostly_coded(rows) else (sigma, high, at_most)
+    return (float("nan"), float("nan"), at_most) if noise_mostly_unknown(rows) else (sigma, high, at_most)
 
 
 def median_precision(rows: Sequence[dict[str, Any]]) -> float:
-    """Median of the expected AP of the frames, percent; NaN where none has one, or the frames are `mostly_coded`."""
-    return float("nan") if mostly_coded(rows) else known_median(row["ap_percent"] for row in rows)
+    """Median of the expected AP of the frames, percent; NaN where none has one, or `noise_mostly_unknown`."""
+    return float("nan") if noise_mostly_unknown(rows) else known_median(row["ap_percent"] for row in rows)
 
 
-def badness(row: dict[str, Any]) -> float:
-    """Order of frames from good to bad: alarms and flags first, then lost contrast and noise; unknown ones count 0."""
+def badness(row: dict[str, Any]) -> tuple[float, ...]:
+    """Order of frames from good to bad: by alarms, flags, the worse grade, then lost contrast and noise.
+
+    What is unknown counts 0, and so does a grade of blur that is uncertain.
+    """
     import numpy as np
 
-    lost = 1 - float(np.mean(row["mtf"]))
-    sigma = row["sigma_dn"] / 25
-    return 4 * bool(row["alarms"]) + 2 * bool(row["flags"]) + sum(part for part in (lost, sigma) if isfinite(part))
+    from pipeline.condition.verdict import BLUR_GRADES, HIGHEST_NOISE, NOISE_GRADES
+
+    blur = ["", *(name for _, name in reversed(BLUR_GRADES))]
+    noise = ["", *(name for _, name in NOISE_GRADES[2:]), HIGHEST_NOISE]
+    grades = (
+        blur.index(row["blur"]) if row["blur"] in blur and not row["blur_range"] else 0,
+        noise.index(row["noise"]) if row["noise"] in noise else 0,
+    )
+    lost, sigma = 1 - float(np.mean(row["mtf"])), row["sigma_dn"] / 25
+    rest = sum(part for part in (lost, sigma) if isfinite(part))
+    return float(bool(row["alarms"])), float(bool(row["flags"])), float(max(grades)), rest
 
 
 def row_words(row: dict[str, Any]) -> str:
@@ -154,9 +167,9 @@ def known_median(values: Any) -> float:
 
 
 def _precision(rows: Sequence[dict[str, Any]]) -> list[str]:
-    known = [row for row in rows if isfinite(row["ap_percent"])]
+    known = [] if noise_mostly_unknown(rows) else [row for row in rows if isfinite(row["ap_percent"])]
     bounded = [row for row in rows if isfinite(row["ap_low_percent"])]
-    if bounded and (not known or mostly_coded(rows)):
+    if bounded and not known:
         low, best = (known_median(row[name] for row in bounded) for name in ("ap_low_percent", "sharp_ap_percent"))
         return [f"Expected AP at least {low:.0f} % of {best:.0f} %"]
     if not known:
@@ -233,6 +246,18 @@ def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
         first = f"the first {without[0]['picture']}" if len(without) > 1 else without[0]["picture"]
         sentences.append(f"Neither blur nor noise could be measured in {len(without)} of {len(rows)} frames: {first}.")
     return sentences
+
+
+def _partly_blurred(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """That a part of frames is blurred whose grade, that of the median patch, does not say so."""
+    partly = [row for row in rows if row["blur"] not in BAD_BLUR and row["blurred_fraction"] >= LEAST_BLURRED_FRACTION]
+    if not partly:
+        return []
+    row = max(partly, key=lambda row: row["blurred_fraction"])
+    share = f"{100 * row['blurred_fraction']:.0f} % of the patches"
+    if len(rows) > 1:
+        return [f"Partly blurred: {len(partly)} of {len(rows)} frames, {row['picture']} on {share}."]
+    return [f"Partly blurred: {share} are at least moderately blurred; grade and expected AP are of the median patch."]
 
 
 def _unknown(rows: Sequence[dict[str, Any]]) -> list[str]:

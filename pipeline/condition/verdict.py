@@ -17,7 +17,10 @@ Noise by its standard deviation: very low below 1 DN, low below 4, moderate belo
 
 Blur has a direction where the mean MTF of one axis is below the other's by more than a fifth. That is what motion (or
 a shaking mount) does; defocus, water on the lens and motion along a diagonal reduce both axes alike, and two axes do
-not distinguish them.
+not distinguish them. Where both are strongly blurred no direction is told: little contrast is left to compare.
+
+Patches may differ: a drop on the lens or an object in motion blurs a part. A patch is surely blurred where its MTF
+grades it as moderately blurred and the upper end of its interval not as sharp (`blurred_fraction`).
 """
 
 from __future__ import annotations
@@ -127,6 +130,25 @@ def blur_range(low: NDArray[np.floating], high: NDArray[np.floating]) -> str:
     return f"{names[sharpest]} to {names[blurriest]}" if sharpest - blurriest >= UNCERTAIN_GRADES else ""
 
 
+def blurred_fraction(mtf: NDArray[np.floating], high: NDArray[np.floating] | None) -> float:
+    """Share of the patches with an estimate that are surely at least moderately blurred.
+
+    Args:
+        mtf: (N, 2, 8) of patches; NaN where there is no estimate.
+        high: (N, 2, 8) upper ends of the 95 % interval; None where the estimator has none.
+
+    Returns:
+        0..1; NaN without an estimate.
+    """
+    known = np.isfinite(mtf).all(axis=(1, 2))
+    if not known.any():
+        return float("nan")
+    (_, _), (moderate, _), (slight, _) = BLUR_GRADES
+    blurred = half_contrast(mtf[known]).min(axis=-1) < moderate
+    ends = mtf if high is None else high
+    return float(np.mean(blurred & (half_contrast(ends[known]).min(axis=-1) < slight)))
+
+
 def grade(
     sigma_dn: float,
     mtf: NDArray[np.floating],
@@ -149,7 +171,8 @@ def grade(
         uncertain = blur_range(*ends) if ends is not None else ""
         means = curves.mean(axis=1)
         if blur != SHARP:
-            directed = means.min() < DIRECTED_RATIO * means.max()
+            strong = _reached(BLUR_GRADES, float(half_contrast(curves).max())) == 0
+            directed = means.min() < DIRECTED_RATIO * means.max() and not strong
             direction = AXES[int(np.argmin(means))] if directed else ""
             if not uncertain.startswith(SHARP):
                 blur_cause = "probably motion" if directed else "defocus, water on the lens or diagonal motion"

@@ -153,8 +153,8 @@ def _registered(sections: Mapping[str, EstimatorSettings], name: str, key: str, 
         raise InputError(f"{key}: '{name}' is not among {where}; {did_you_mean(name, sections)}")
     if getattr(sections[name], "calibration_samples", None) is not None:
         raise InputError(
-            f"{key}: '{name}' is calibrated to blurred samples ({where}.{name}.calibration_samples), which only Table I "
-            "does; expected an estimator without"
+            f"{key}: '{name}' has calibration_samples ({where}.{name}), to which only Table I calibrates; expected an "
+            "estimator without"
         )
     create = blur.create if where == "blur.estimators" else noise.create
     return Registered(create, sections[name].kind, dict(sections[name].options))

@@ -40,11 +40,8 @@ def run(run: Run) -> None:
     work = [(view, number) for number in range(len(designs)) for view in every_view]
     about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")
     shared: dict[str, Any] = {"camera": camera, "seed": params.seed}
-    key = fingerprint(
-        "pipeline.control.measured_surface",
-        {**shared, "designs": designs, "settings": settings, "detector": [detector.kind, options, about["sha256"]]}
-        | {"outputs": str(run.outputs)},
-    )
+    by = {"detector": [detector.kind, options, about["sha256"]], "outputs": str(run.outputs)}
+    key = fingerprint("pipeline.control.measured_surface", {**shared, **by, "designs": designs, "settings": settings})
     folder = run.inputs / ".cache/control_surface" / key
     conditions = list(zip(designs, settings, strict=True))
     measure = partial(

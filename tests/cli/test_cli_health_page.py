@@ -21,7 +21,7 @@ from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds
 from pipeline.cli.health import _without_trend
 from pipeline.cli.health_files import HealthRun
 from pipeline.cli.health_page import MOST_THUMBNAILS, WORST_FRAMES, PageFrames, page
-from pipeline.cli.health_verdict import row_words, run_verdict
+from pipeline.cli.health_verdict import badness, row_words, run_verdict
 from pipeline.condition import ConditionMonitor
 from pipeline.condition.trend import ConditionTrend
 from pipeline.streams import stream
@@ -67,7 +67,7 @@ def frame_row(number, **changes):
         "sigma_at_most_dn": 2.3, "mtf50_horizontal": 0.3, "mtf50_vertical": 0.4,
         "median_dn": 90.0, "mtf": np.full((2, 8), 0.7), "flags": "", "alarms": "", "undecided": "", "trend": "",
         "mtf_low": np.full((2, 8), 0.7), "mtf_high": np.full((2, 8), 0.7),
-        "blur": "slightly blurred", "blur_direction": "", "blur_range": "", "noise": "low",
+        "blur": "slightly blurred", "blur_direction": "", "blur_range": "", "blurred_fraction": 0.0, "noise": "low",
         "causes": "", "abstained": {},
         "ap_percent": np.nan, "ap_low_percent": np.nan, "ap_high_percent": np.nan,
         "best_exposure_ms": np.nan, "best_iso": np.nan,
@@ -370,3 +370,43 @@ def test_the_worst_frame_is_one_that_was_measured_and_others_are_named():
     assert f"Neither blur nor noise could be measured in 2 of 4 frames: {first}." in sentences
     sentences = run_verdict(rows[2:], without_precision="")["sentences"]
     assert not any(sentence.startswith("Worst frame") for sentence in sentences)
+
+
+def test_a_part_that_is_blurred_is_stated_where_the_median_patch_is_not():
+    (single,) = (text for text in verdict_of([frame_row(0, blurred_fraction=0.43)]) if "Partly" in text)
+    assert "43 % of the patches are at least moderately blurred" in single
+    several = verdict_of([frame_row(0), frame_row(1, blurred_fraction=0.25), frame_row(2, blurred_fraction=0.5)])
+    assert "Partly blurred: 2 of 3 frames, v.mp4#2 on 50 % of the patches." in several
+    whole = [frame_row(0, blur="strongly blurred", blurred_fraction=1.0), frame_row(1, blurred_fraction=0.19)]
+    assert not any("Partly" in text for text in verdict_of(whole))
+
+
+def test_frames_that_have_an_estimate_do_not_stand_for_more_that_have_none():
+    """31 of 40 were too bright to measure noise in; the others, the darkest, had none."""
+    unknown = {"sigma_dn": np.nan, "sigma_high_dn": np.nan, "sigma_at_most_dn": np.nan, "noise": ""}
+    few = verdict_of([frame_row(0), frame_row(1), *(frame_row(number, **unknown) for number in range(2, 5))])
+    assert "noise unknown" in few[0] and "Noise is unknown in 3 of 5 frames" in " ".join(few)
+    most = verdict_of([frame_row(0), frame_row(1), frame_row(2), *(frame_row(3, **unknown) for _ in range(2))])
+    assert "noise low (2.0 DN)" in most[0]
+    blind = {"mtf": np.full((2, 8), np.nan), "blur": ""}
+    assert "blur unknown" in verdict_of([frame_row(0), frame_row(1, **blind), frame_row(2, **blind)])[0]
+
+
+def test_the_worst_frame_has_the_worst_grade_not_the_least_contrast_on_average():
+    moderate = frame_row(0, blur="moderately blurred", mtf=np.full((2, 8), 0.3))
+    strong = frame_row(1, blur="strongly blurred", mtf=np.stack([np.full(8, 0.1), np.full(8, 0.8)]))
+    noisy = frame_row(2, noise="high", sigma_dn=15.0)
+    uncertain = frame_row(3, blur="strongly blurred", blur_range="sharp to strongly blurred", mtf=np.full((2, 8), 0.2))
+    ordered = sorted([strong, moderate, uncertain, noisy, frame_row(4)], key=badness)
+    assert [row["picture"][-1] for row in ordered] == [
+        "3",
+        "4",
+        "0",
+        "2",
+        "1",
+    ]  # "slightly" is worse than what may be sharp
+    assert sorted([strong, frame_row(5, alarms="noise"), frame_row(6, flags="black")], key=badness)[0] is strong
+
+
+def verdict_of(rows):
+    return run_verdict(rows, without_precision="")["sentences"]

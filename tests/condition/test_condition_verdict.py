@@ -6,7 +6,8 @@ from control_makers import REFERENCE, darker_performance, formula_ap, performanc
 
 from pipeline.camera.mtf import sample
 from pipeline.camera.psf import create
-from pipeline.condition.verdict import bound_words, grade, noise_ends
+from pipeline.condition.summary import half_contrast
+from pipeline.condition.verdict import blurred_fraction, bound_words, grade, noise_ends
 from pipeline.control.expected_precision import equivalent_motion, expected_precision
 from pipeline.control.motion import motion_mtf
 from pipeline.streams import stream
@@ -111,3 +112,25 @@ def test_an_unmeasured_or_unknown_condition_has_no_precision():
 
 def test_a_bound_is_rounded_up_and_nothing_where_it_is_unknown():
     assert [bound_words(dn) for dn in (3.2, 7.0, float("nan"))] == ["at most 4 DN", "at most 7 DN", ""]
+
+
+def test_no_direction_is_told_where_little_contrast_is_left_on_both_axes():
+    """A disc of 25 px: estimates of .04 and .06 of the contrast tell no direction."""
+    faint = np.stack([np.geomspace(0.5, 0.02, 8), np.geomspace(0.5, 0.01, 8) * 0.6])
+    assert half_contrast(faint).max() < 0.11
+    graded = grade(2.0, faint)
+    assert (graded.blur, graded.direction) == ("strongly blurred", "")
+    assert graded.blur_cause == "defocus, water on the lens or diagonal motion"
+    moved = np.stack([np.geomspace(0.5, 0.02, 8), np.linspace(1, 0.8, 8)])
+    assert grade(2.0, moved).direction == "horizontal" and grade(2.0, moved).blur_cause == "probably motion"
+
+
+def test_the_share_of_blurred_patches_counts_those_that_are_surely_blurred():
+    sharp, soft, strong = (np.stack([np.linspace(1, end, 8)] * 2) for end in (0.9, -0.4, -3.0))
+    soft, strong = np.maximum(soft, 0), np.maximum(strong, 0)
+    none = np.full((2, 8), np.nan)
+    mtf = np.stack([sharp, strong, strong, none])
+    assert blurred_fraction(mtf, mtf) == pytest.approx(2 / 3)
+    assert blurred_fraction(mtf, np.stack([sharp, strong, sharp, none])) == pytest.approx(1 / 3)
+    assert blurred_fraction(mtf, None) == pytest.approx(2 / 3)
+    assert np.isnan(blurred_fraction(none[None], None))
