@@ -21,7 +21,7 @@ def robust_by(table: pd.DataFrame, by: Sequence[str], value: str, seed: int, pur
 
     Args:
         table: long table.
-        by: columns that form the groups, kept in order of appearance.
+        by: columns that form the groups, kept in order of appearance; a missing value forms a group like any other.
         value: column of the estimates.
         seed: root of the random streams.
         purpose: of the random streams.
@@ -33,9 +33,10 @@ def robust_by(table: pd.DataFrame, by: Sequence[str], value: str, seed: int, pur
     import pandas as pd
 
     rows = []
-    groups: Any = table.groupby(list(by), sort=False)
+    groups: Any = table.groupby(list(by), sort=False, dropna=False)
     for key, group in groups:
-        result = robust(group[value], stream(seed, purpose, part, *key))
+        parts = (None if pd.isna(name) else name for name in key)  # streams have no key part NaN or NA
+        result = robust(group[value], stream(seed, purpose, part, *parts))
         rows.append(dict(zip(by, key, strict=True)) | asdict(result))
     return pd.DataFrame(rows, columns=[*by, *Robust.__dataclass_fields__])
 

@@ -19,6 +19,19 @@ def test_each_group_has_the_statistics_of_its_rows_in_order_of_appearance():
     assert (cells["low"][0], cells["high"][0]) == (alone.low, alone.high)  # a group does not depend on the others
 
 
+def test_rows_without_a_name_form_a_group():
+    table = pd.DataFrame(
+        {"name": pd.array(["b", None, "b", None, "a"], dtype="string"), "level": [1.0, 1.0, 1.0, 1.0, math.nan],
+         "value": [1.0, 5.0, 3.0, 7.0, 9.0]}
+    )  # fmt: skip
+    cells = robust_by(table, ["name", "level"], "value", 3, "report", "frames")
+    assert cells["median"].tolist() == [2.0, 6.0, 9.0] and cells["count"].sum() == len(table)
+    assert cells["name"].isna().tolist() == [False, True, False]
+    assert cells["level"].isna().tolist() == [False, False, True]
+    alone = robust([5.0, 7.0], stream(3, "report", "frames", None, 1.0))
+    assert (cells["low"][1], cells["high"][1]) == (alone.low, alone.high)
+
+
 def test_cells_weigh_by_their_patches_and_cells_without_a_number_not_at_all():
     rows = pd.DataFrame({"error": [1.0, 4.0, math.nan, 9.0], "count": [1, 2, 5, 0]})
     assert weighted_mean(rows, "error") == pytest.approx(3.0)

@@ -13,7 +13,7 @@ gives 4, neighbours correlated.
 
 Noise may be amplified: each source's noise, ``effect(e) - e``, enters multiplied by one common gain, at its own place
 in the chain. With gain 1 the frame is what the sensor would record; the paper's levels of 5 to 25 DN take gains of 10
-to 50 (`levels`). Clipping and rounding happen once, where a camera does them.
+to 50 (`corruption`). Clipping and rounding happen once, where a camera does them.
 """
 
 from __future__ import annotations

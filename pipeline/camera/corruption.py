@@ -271,35 +271,3 @@ def psf_for_mtf50(
         )
     size_px = float(bisect(excess, smallest, largest, xtol=1e-4, rtol=1e-6))
     return size_px, psfs.create(kind, size_px, angle_deg, **options)
-
-
-def corrupt_to_mtf50(
-    image: ArrayLike,
-    kind: str,
-    mtf50: float,
-    *,
-    generator: np.random.Generator,
-    noise_source: str | Sequence[str] = "photon",
-    sigma_dn: float = 0.0,
-    angle_deg: float = 0.0,
-    unit: Literal["nyquist", "cycles_per_px"] = "nyquist",
-    **options: Any,
-) -> Corrupted:
-    """Corrupt a frame with blur of a given MTF50 and, where wanted, noise of a given sigma.
-
-    Args:
-        image: see `corrupt`.
-        kind: see `psf_for_mtf50`, like the next three.
-        mtf50: frequency of half contrast.
-        angle_deg: direction of motion.
-        unit: of ``mtf50``.
-        noise_source: see `corrupt`.
-        sigma_dn: see `corrupt`; 0 for blur alone.
-        generator: where everything comes from.
-        options: further arguments of `corrupt`.
-
-    Returns:
-        the frame and its truth; its ``psf`` is the kernel found.
-    """
-    _, kernel = psf_for_mtf50(kind, mtf50, angle_deg=angle_deg, unit=unit)
-    return corrupt(image, noise_source, sigma_dn=sigma_dn, generator=generator, psf=kernel, **options)

@@ -9,8 +9,10 @@ exactness:
   that quantile as an expansion in ``1 / sqrt(rate)`` so accurate that rounding it down *is* the exact answer
   except within a narrow band around whole numbers, where the distribution function decides.
 
-The second one has a use beyond speed: the count is a monotone function of one normal per pixel, so two frames
-drawn from the same stream at different light levels have *common* noise and differ as little as they can.
+The second one has a use beyond speed: a count is a monotone function of one normal per pixel, so two frames drawn
+from the same stream at different light levels have *common* noise and differ as little as they can. This holds for
+pixels with a mean of at least `HYBRID_FROM` counts in both frames. Fainter pixels are drawn by NumPy's sampler, whose
+counts at two light levels are practically independent.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ Double = NDArray[np.float64]
 PoissonMethod = Literal["exact", "hybrid"]
 
 HYBRID_FROM = 64.0
-"""Mean count from which the normal approximation (``hybrid``) or the expansion (``exact``) serves."""
+"""Mean count from which the normal approximation (``hybrid``) or the expansion (``exact``) serves, and from which
+frames of equal streams have common noise."""
 
 _FARTHEST = 6.8  # no 32-bit Box-Muller normal lies beyond sqrt(2 ln 2^33) = 6.77
 _LARGEST_RATE = 2.0**20  # whole counts and rounding bounds hold in float32 below this

@@ -87,7 +87,10 @@ class Exposed:
         image: (H, W) float32 in [0, 1] on the 8-bit grid, tone curve applied.
         electrons: (H, W) mean photo-electrons after blur and before noise, e-.
         blur_px: length of the motion blur.
-        saturated_fraction: fraction of pixels at or above `SATURATED_LEVEL`.
+        saturated_fraction: fraction of pixels at or above `SATURATED_LEVEL` as delivered. The mean dark signal D is
+            subtracted behind the full well, so that a full well reads ``1 - D / N_fw`` at gain 1: in exposures so long
+            or hot that D nears 2 % of the well (the paper's sensor: 0.26 s at 300 K, 0.03 s at 330 K), full wells are
+            not counted unless the gain lifts them above that level.
         sigma_dn: median over the pixels of the noise's standard deviation after the tone curve (`Camera.sigma_dn`).
     """
 
@@ -231,7 +234,10 @@ class Camera:
     ) -> Exposed:
         """Form one frame.
 
-        Equal generators give common random numbers: frames at different settings differ as little as they can.
+        Equal generators give common random numbers: at different settings read noise comes from the same normals, dark
+        counts from the same random words, and a photon count is a monotone function of the same normal where its mean
+        is at least `draws.HYBRID_FROM` (64) at both settings. The photon noise of a pixel that is fainter at either
+        setting is practically independent.
 
         Args:
             radiance: (H, W) scene radiance, at least 0.
@@ -327,7 +333,7 @@ def kernels(motion: Motion, exposure_s: float) -> list[Float]:
 
 
 def noise_generator(seed: int, *parts: KeyPart) -> np.random.Generator:
-    """The stream of one frame's noise; settings are no part of it, so that noise is common to all settings."""
+    """The stream of one frame's noise; settings are no part of it, for common random numbers (`Camera.expose`)."""
     return stream(seed, "exposure", *parts)
 
 

@@ -105,25 +105,3 @@ class Lens:
             farther = 0.0
         far_m = math.nan if farther < 0 else math.inf if farther == 0 else 1 / farther
         return (math.inf if nearer == 0 else 1 / nearer), far_m
-
-    def focus_for_m(self, diameter_px: float, distance_m: float) -> float:
-        """Where to focus, nearer than the object, so that the object is blurred by a given diameter.
-
-        Args:
-            diameter_px: diameter, pixels, >= 0.
-            distance_m: distance S2 of the object, metres, > f; may be infinite.
-
-        Returns:
-            focus distance S1, metres, f < S1 <= S2.
-
-        Raises:
-            InputError: a negative diameter, or an object not beyond the focal length.
-        """
-        if not (math.isfinite(diameter_px) and diameter_px >= 0):
-            raise InputError(f"diameter_px is {diameter_px!r}; expected a finite number of pixels, 0 or more")
-        if not distance_m > self.focal_length_m:
-            raise InputError(f"distance_m is {distance_m!r}; expected a distance beyond the focal length")
-        # With u = 1 / S1 and S1 <= S2: d = k (u - 1 / S2) / (1 - f u), linear in u.
-        scale = self.aperture_m * self.focal_length_m / self.pixel_pitch_m
-        inverse = (diameter_px + scale / distance_m) / (scale + diameter_px * self.focal_length_m)
-        return math.inf if inverse == 0 else 1 / inverse

@@ -141,27 +141,3 @@ def read_psf(path: Path | str) -> np.ndarray:
     if not total > 0:
         raise InputError(f"'{path}' is all black; expected a kernel")
     return (grey / total).astype(np.float32)
-
-
-def published_mtf(kernel: PaperKernel) -> np.ndarray:
-    """The MTF that the authors store beside a kernel's picture.
-
-    Files are named ``MTF-H*`` or ``MTF-Rad*`` (horizontal) and ``MTF-V*`` or ``MTF-Tang*`` (vertical).
-
-    Returns:
-        (2, 8) float64, rows horizontal and vertical, at `pipeline.camera.mtf.FREQUENCIES`.
-
-    Raises:
-        InputError: a file is missing or holds something else.
-    """
-    rows = []
-    for prefixes in (("MTF-H", "MTF-Rad"), ("MTF-V", "MTF-Tang")):
-        paths = [path for prefix in prefixes for path in sorted((kernel.path.parent / "MTF").glob(f"{prefix}*.npz"))]
-        if len(paths) != 1:
-            raise InputError(f"{len(paths)} files {' or '.join(prefixes)}*.npz beside '{kernel.path}'; expected one")
-        with np.load(paths[0]) as archive:
-            values = archive["arr_0"] if "arr_0" in archive else np.empty(0)
-        if values.size != 8:
-            raise InputError(f"'{paths[0]}' holds {values.size} values under arr_0; expected an MTF at 8 frequencies")
-        rows.append(np.asarray(values, dtype=np.float64).reshape(8))
-    return np.stack(rows)

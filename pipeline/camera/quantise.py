@@ -75,6 +75,21 @@ def to_8bit(image: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.rint(np.clip(image * np.float32(FULL_SCALE_DN), 0.0, FULL_SCALE_DN)).astype(np.uint8)
 
 
+def check_finite(image: NDArray[np.floating], name: str) -> None:
+    """Refuse an image with a value that is not a finite number, which sums and transforms would spread.
+
+    Args:
+        image: any shape.
+        name: what to call it in the error.
+
+    Raises:
+        InputError: NaN or infinite values; states how many.
+    """
+    bad = image.size - int(np.count_nonzero(np.isfinite(image)))
+    if bad:
+        raise InputError(f"{name}: {bad} of {image.size} values are not finite; expected numbers in [0, 1]")
+
+
 def as_image(image: ArrayLike) -> NDArray[np.float32]:
     """An image as (H, W) float32 in [0, 1]; uint8 is divided by 255, float32 is passed on unchanged.
 

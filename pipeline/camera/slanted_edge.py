@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
+from pipeline.camera.quantise import check_finite
 from pipeline.errors import InputError
 
 BINS_PER_PX = 4
@@ -56,11 +57,12 @@ def measure(image: NDArray[np.floating]) -> EdgeMtf:
             that crosses the whole picture.
 
     Raises:
-        InputError: the picture is too small, or holds no such edge.
+        InputError: the picture is too small, holds values that are not finite, or no such edge.
     """
     picture = np.asarray(image, dtype=np.float64)
     if picture.ndim != 2 or min(picture.shape) < LEAST_SIDE_PX:
         raise InputError(f"edge: a picture of shape {picture.shape}; expected (H, W), at least {LEAST_SIDE_PX} px each")
+    check_finite(picture, "edge")
     upright = _contrast(picture) >= _contrast(picture.T)
     rows = picture if upright else picture.T
     contrast_dn = _contrast(rows) * FULL_SCALE_DN

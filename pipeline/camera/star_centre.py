@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.quantise import check_finite
 from pipeline.errors import InputError
 
 LARGEST_OFFSET_FRACTION = 0.25  # of the centre from the middle of the picture, per axis
@@ -25,9 +26,10 @@ def point_of_symmetry(image: NDArray[np.floating]) -> tuple[float, float]:
         (x, y) px, counted from the middle of the top left pixel.
 
     Raises:
-        InputError: not a picture, or one without structure.
+        InputError: not a picture, one with values that are not finite, or one without structure.
     """
     picture = np.asarray(image, dtype=np.float64)
+    check_finite(picture, "star")
     if picture.ndim != 2 or picture.std() < 1e-6:
         raise InputError(f"star: a picture of shape {picture.shape} without structure; expected (H, W) with a star")
     height, width = picture.shape

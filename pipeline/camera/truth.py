@@ -34,7 +34,9 @@ class Corrupted:
     """A corrupted frame and its truth. What costs a second blur is computed when first asked for.
 
     Attributes:
-        image: (H, W) float32 in [0, 1] on the 8-bit grid.
+        image: (H, W) float32. Formed frames are in [0, 1] on the 8-bit grid; without quantisation
+            (`chain.Effects.quantise`) neither rounded nor clipped. A frame to which nothing happened (level 0, no
+            blur) is the input itself, whatever its grid.
         noise_source: its name, or several joined by ``+``; empty for none.
         target_sigma_dn: sigma asked for, DN; NaN where the noise has its natural size.
         noise_scale: factor on the sensor's own noise that reaches it; 1 is natural, 0 no noise.
@@ -110,7 +112,7 @@ class Corrupted:
 
     @cached_property
     def noise_clipped_dn(self) -> Float:
-        """(H, W) noise really present: the 8-bit frame less `clean_dn`."""
+        """(H, W) noise really present: the frame less `clean_dn`."""
         return self.image * np.float32(FULL_SCALE_DN) - self.clean_dn
 
     @cached_property

@@ -52,17 +52,17 @@ def measure(image: np.ndarray) -> ImageStatistics:
     Returns:
         the numbers; the spectrum slope is NaN for a frame without any structure.
     """
-    target_sigma_dn = image.astype(np.float32) * np.float32(255)
-    right = target_sigma_dn[:-1, 1:] - target_sigma_dn[:-1, :-1]
-    down = target_sigma_dn[1:, :-1] - target_sigma_dn[:-1, :-1]
+    grey_dn = image.astype(np.float32) * np.float32(255)
+    right = grey_dn[:-1, 1:] - grey_dn[:-1, :-1]
+    down = grey_dn[1:, :-1] - grey_dn[:-1, :-1]
     gradient = np.hypot(right, down)
     median, p90, p99 = np.percentile(gradient, [50, 90, 99])
     return ImageStatistics(
-        mean_dn=float(target_sigma_dn.mean(dtype=np.float64)),
-        std_dn=float(target_sigma_dn.std(dtype=np.float64)),
-        dark_fraction=float((target_sigma_dn <= DARK_DN).mean()),
-        saturated_fraction=float((target_sigma_dn >= SATURATED_DN).mean()),
-        spectrum_slope=spectrum_slope(target_sigma_dn),
+        mean_dn=float(grey_dn.mean(dtype=np.float64)),
+        std_dn=float(grey_dn.std(dtype=np.float64)),
+        dark_fraction=float((grey_dn <= DARK_DN).mean()),
+        saturated_fraction=float((grey_dn >= SATURATED_DN).mean()),
+        spectrum_slope=spectrum_slope(grey_dn),
         gradient_mean_dn=float(gradient.mean(dtype=np.float64)),
         gradient_median_dn=float(median),
         gradient_p90_dn=float(p90),

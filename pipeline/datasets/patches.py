@@ -171,10 +171,14 @@ def cut(image: np.ndarray, patches: Sequence[Patch]) -> np.ndarray:
         (N, 1, size, size) float32, a copy; (0, 1, 0, 0) without patches.
 
     Raises:
-        InputError: patches of different sizes, or one that leaves the image.
+        InputError: an image of another shape or type, patches of different sizes, or one that leaves the image.
     """
     if image.ndim != 2:
         raise InputError(f"an image of shape {image.shape} was given to cut patches from, expected (H, W)")
+    if image.dtype != np.uint8 and image.dtype.kind != "f":
+        raise InputError(
+            f"an image to cut patches from is uint8, or float in [0, 1], got {image.dtype}; divide by its full scale"
+        )
     if not patches:
         return np.zeros((0, 1, 0, 0), np.float32)
     size_px = patches[0].size_px

@@ -121,6 +121,7 @@ def test_each_image_may_have_its_own_psf() -> None:
     for out in (blur(batch, stack), blur(torch.from_numpy(batch), stack).numpy()):
         for index in range(3):
             assert np.allclose(out[index, 0], blur(batch[index, 0], stack[index]), atol=1e-6)
+    assert np.array_equal(blur(batch, stack)[0], batch[0])  # one pixel: the same bits, for arrays
 
 
 def test_tensors_carry_gradients() -> None:
@@ -151,6 +152,9 @@ def test_a_kernel_with_negative_values_is_not_clipped() -> None:
         (np.zeros((2, 1, 9, 9), np.float32), np.ones((3, 1, 1)), "reflect", "for this batch"),
         (np.zeros((9, 9), np.float32), np.ones((1, 1)), "mirror", "unknown boundary 'mirror'"),
         (torch.zeros((9, 9)), np.full((21, 21), 1 / 441), "reflect", "too large for a tensor"),
+        (np.where(np.eye(9) > 0, np.nan, 0.5), np.ones((1, 1)), "reflect", "not finite"),
+        (np.where(np.eye(9) > 0, -np.inf, 0.5), np.full((3, 3), 1 / 9), "zero", "not finite"),
+        (torch.eye(9) * torch.nan, np.full((3, 3), 1 / 9), "reflect", "not finite"),
     ],
 )
 def test_bad_input_is_named(image, psf, boundary: str, message: str) -> None:  # type: ignore[no-untyped-def]

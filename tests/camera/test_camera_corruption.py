@@ -136,14 +136,6 @@ def test_levels_mtf50_of_a_disc_follows_theory():
     assert size_px == pytest.approx(2.2151 / (np.pi * 0.05), rel=0.01)
 
 
-def test_levels_corrupt_to_mtf50():
-    made = corruption.corrupt_to_mtf50(
-        frame(), "defocus", 0.2, generator=stream(12, "x"), noise_source="dcsn", sigma_dn=5.0
-    )
-    assert np.min(mtf.mtf50(made.psf)) == pytest.approx(0.2, rel=1e-3)
-    assert made.unclipped_sigma_dn == pytest.approx(5.0, rel=1e-3)
-
-
 @dataclass
 class Tile:
     x_px: int

@@ -43,8 +43,13 @@ def test_a_linear_scene_is_the_power_law_of_the_picture():
 
 
 @pytest.mark.parametrize(
-    ("shape", "shots", "word"), [((64, 64), 1, "shots"), ((8, 64), 2, "16 px"), ((64, 64, 4), 2, "4")]
+    ("shape", "shots", "word"), [((64, 64), 1, "shots"), ((16, 64), 2, "24 px"), ((64, 64, 4), 2, "4")]
 )
 def test_bad_input_is_named(shape, shots, word):
     with pytest.raises(InputError, match=word):
         deliver(np.zeros(shape, np.float32), CameraPipeline(), shots, stream(1, "bad"))
+
+
+def test_pictures_scaled_below_the_least_size_are_refused():
+    with pytest.raises(InputError, match="at least 24 px"):
+        deliver(np.zeros((32, 64), np.float32), CameraPipeline(scaling=0.5), 2, stream(1, "small"))

@@ -103,6 +103,20 @@ def test_poisson_hybrid_has_the_moments_of_poisson(mean):
     assert abs(counts.var() - mean) < 3 * mean * np.sqrt(2 / count + 1 / (mean * count))
 
 
+@pytest.mark.parametrize("mean", [64.0, 100.0])
+def test_poisson_hybrid_makes_room_for_the_variance_of_rounding(mean):
+    """The variance is the mean to 0.03: explained by the normals, plus the 1/12 of rounding.
+
+    Splitting it by a regression on the normals takes their own sampling error out, which would hide 1/12.
+    """
+    counts = draws.poisson(np.full(400_000, mean, np.float32), stream(8, "test"), "hybrid").astype(np.float64)
+    w = draws.normals(counts.shape, stream(8, "test")).astype(np.float64)
+    slope, offset = np.polyfit(w, counts, 1)
+    residual = counts - offset - slope * w
+    assert residual.var() == pytest.approx(1 / 12, rel=0.01)
+    assert slope**2 + residual.var() == pytest.approx(mean, abs=0.03)
+
+
 @pytest.mark.parametrize(("mean", "distance"), [(64.0, 0.0105), (1000.0, 0.003), (20_000.0, 0.0025)])
 def test_poisson_hybrid_is_near_poisson_as_its_skewness_allows(mean, distance):
     # Kolmogorov distance of a normal to a Poisson distribution: about 1 / (6 sqrt(2 pi mean)), plus sampling
@@ -127,6 +141,16 @@ def test_poisson_noise_is_common_to_light_levels():
     assert np.all(bright >= dim)
     residues = [(k - m) / np.sqrt(m) for k, m in ((dim, scene), (bright, scene * 1.2))]
     assert np.corrcoef(residues[0].ravel(), residues[1].ravel())[0, 1] > 0.999
+
+
+def test_poisson_noise_of_faint_pixels_is_not_common_to_light_levels():
+    # as documented: an estimate of a difference between exposures has the noise of both in faint pixels
+    shape = (100, 100)
+    for dim, bright in ((20.0, 21.0), (63.0, 64.5)):
+        pair = [draws.poisson(np.full(shape, mean, np.float32), stream(12, "test")) for mean in (dim, bright)]
+        assert abs(np.corrcoef(pair[0].ravel(), pair[1].ravel())[0, 1]) < 0.04  # four standard errors
+    pair = [draws.poisson(np.full(shape, mean, np.float32), stream(12, "test")) for mean in (64.5, 66.0)]
+    assert np.corrcoef(pair[0].ravel(), pair[1].ravel())[0, 1] > 0.998
 
 
 def test_poisson_mixes_faint_and_bright_pixels():

@@ -109,6 +109,14 @@ def test_exposure_saturates_at_the_well_and_at_the_converter():
     assert black.image.max() < 0.2 and np.isfinite(black.sigma_dn)
 
 
+def test_exposure_full_wells_read_below_white_by_the_dark_signal():
+    camera = linear(Sensor(read_noise_e=0.0), temperature_k=330.0)
+    dark = camera.sensor.dark_electrons(330.0, 0.1)
+    frame = camera.expose(flat(5.0), 0.1, 1.0, noise_generator(5, "hot"))
+    assert dark > 1_000
+    np.testing.assert_allclose(frame.image * 255, 255 * (1 - dark / camera.sensor.full_well_e), atol=0.51)
+
+
 @given(exposure_ms=st.floats(0.05, 40), gain=st.floats(1, 30), factor=st.floats(0.2, 5))
 @settings(max_examples=60, deadline=None)
 def test_exposure_compensated_by_gain_keeps_the_brightness(exposure_ms, gain, factor):

@@ -62,14 +62,6 @@ def test_farthest_distance_is_infinite_at_the_blur_of_infinity() -> None:
     assert math.isnan(LENS.distances_m(LENS.infinity_blur_px * 1.01)[1])
 
 
-@given(st.floats(0, 60.0), st.one_of(METRES, st.just(math.inf)))
-def test_focus_that_gives_a_blur(diameter_px: float, distance_m: float) -> None:
-    focus_m = LENS.focus_for_m(diameter_px, distance_m)
-    assert LENS.focal_length_m < focus_m <= distance_m * (1 + 1e-9)
-    lens = Lens(LENS.focal_length_m, LENS.aperture_m, focus_m, LENS.pixel_pitch_m)
-    assert float(lens.blur_diameter_px(distance_m)) == pytest.approx(diameter_px, rel=1e-6, abs=1e-6)
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -79,8 +71,6 @@ def test_focus_that_gives_a_blur(diameter_px: float, distance_m: float) -> None:
         (lambda: Lens.from_f_number(0.05, 0, 2, 5e-6), "f_number"),
         (lambda: LENS.blur_diameter_px([1, 0]), "distance_m"),
         (lambda: LENS.distances_m(-1), "diameter_px"),
-        (lambda: LENS.focus_for_m(-1, 2), "diameter_px"),
-        (lambda: LENS.focus_for_m(1, 0.01), "distance_m"),
     ],
 )
 def test_bad_input_is_named(call, message: str) -> None:  # type: ignore[no-untyped-def]

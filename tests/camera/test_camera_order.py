@@ -70,6 +70,20 @@ def test_order_and_light_meet_the_level(order, light, noise_source):
     assert np.array_equal(np.rint(frame.image * 255), frame.image_8bit)
 
 
+@pytest.mark.parametrize("light", ["encoded", "linear"])
+def test_a_level_at_the_source_is_that_of_the_noise_before_the_optics(light):
+    def options(reach):
+        return {"generator": stream(5, "reach"), "psf": DISC, "light": light, "reach": reach}
+
+    frame = corrupt(GREY, "photon", sigma_dn=8.0, **options("source"))
+    source_dn = frame.encoded_dn(frame.signal_e + frame.noise_e["photon"]) - frame.encoded_dn(frame.signal_e)
+    assert source_dn.std() == pytest.approx(8.0, rel=0.02)
+    # what arrives is smoothed: of white noise sqrt(sum psf^2) is left
+    left = float(np.sqrt((DISC.astype(float) ** 2).sum()))
+    assert frame.unclipped_sigma_dn == pytest.approx(8.0 * left, rel=0.05)
+    assert corrupt(GREY, "photon", sigma_dn=8.0, **options("frame")).unclipped_sigma_dn == pytest.approx(8.0, rel=0.02)
+
+
 def test_order_without_blur_is_the_same_bytes():
     one, other = (
         corrupt(GREY, "combined", sigma_dn=10.0, generator=stream(3, "same"), order=order)

@@ -95,6 +95,30 @@ def test_sharpening_lifts_contrast_as_its_formula():
         )
 
 
+def test_coring_spares_noise_and_sharpens_edges():
+    noise = np.float32(0.01) * stream(1, "coring").standard_normal((128, 128), dtype=np.float32)
+    flat, edge = np.full((128, 128), 0.4, np.float32), np.zeros((128, 128), np.float32)
+    edge[:, 64:] = 0.2
+    open_, cored = Sharpening(1.0, 1.2), Sharpening(1.0, 1.2, coring=8.0)  # the threshold is 4 sigma
+    assert sharpen(flat + noise, open_, 0.01).std() > 1.5 * noise.std()
+    assert sharpen(flat + noise, cored, 0.01).std() == pytest.approx(noise.std(), rel=0.01)
+    # of an edge, detail is lifted less by the threshold: an overshoot of a (d - 0.04)
+    full, less = (np.ptp(sharpen(flat + edge, settings, 0.01)) for settings in (open_, cored))
+    assert full - less == pytest.approx(2 * 0.04, abs=1e-5) and less > 0.24
+
+
+def test_shrinkage_acts_on_coarse_scales_as_set():
+    """A faint wave of 8 px lies in all three bands; what is left is what no threshold took."""
+    f = 1 / 8
+    finest, middle = (np.exp(-2 * (np.pi * f * sigma_px) ** 2) for sigma_px in (0.7, 2.8))
+    wave = np.float32(0.5 + 1e-4 * np.sin(2 * np.pi * f * np.arange(256)))
+    luma = np.broadcast_to(wave, (64, 256)).copy()
+    for coarse, kept in ((0.0, finest), (1.0, middle)):
+        settings = Denoising("shrinkage", strength=3.0, coarse=coarse)
+        smooth = denoise_luma(luma, settings, 0.01)[32, 64:192]
+        assert np.ptp(smooth) / np.ptp(wave) == pytest.approx(kept, abs=0.03)
+
+
 def test_h264_gives_the_same_bytes_whatever_memory_held_before():
     """x264's AVX-512 analysis gave other bytes in 2 % of the runs: of 200, hardly ever in none."""
     picture = np.repeat(np.broadcast_to(np.linspace(0, 255, 92), (60, 92))[..., None], 3, axis=2).astype(np.uint8)
@@ -144,6 +168,19 @@ def test_temporal_noise_measures_white_and_correlated_noise():
     assert result.white_sigma_dn < 0.2 * result.sigma_dn
 
 
+@pytest.mark.parametrize("shape", [(2, 16, 16), (2, 8, 128), (2, 128, 16), (1, 32, 32), (2, 32, 36), (32, 32)])
+def test_temporal_noise_refuses_shots_that_it_cannot_measure(shape):
+    with pytest.raises(InputError, match="at least 24 px"):
+        temporal_noise.measure(np.zeros(shape, np.uint8))
+
+
+def test_temporal_noise_of_the_smallest_patch_is_complete():
+    white = 100 + 6 * stream(1, "least").standard_normal((64, 24, 24)).astype(np.float32)
+    result = temporal_noise.measure(white)
+    assert np.isfinite(result.spectrum_dn2).all()
+    assert 4 < result.white_sigma_dn <= result.sigma_dn == pytest.approx(6, rel=0.05)
+
+
 def test_a_camera_without_noise_repeats_itself():
     for preset in presets.PRESETS.values():
         pair = shots(preset.at_iso(0), count=2)
@@ -175,6 +212,28 @@ def test_encoded_sigma_without_colour_filters_is_exact():
     picture = shots(camera)
     expected = temporal_noise.measure(picture).sigma_dn
     assert 255 * camera.encoded_sigma(float(picture.mean()) / 255) == pytest.approx(expected, rel=0.05)
+
+
+def test_encoded_sigma_knows_that_colour_correction_amplifies_noise():
+    noise = RawNoise(2e-4, 0.05)
+    plain = CameraPipeline(noise=noise, demosaicing="bilinear")
+    corrected = replace(plain, colour_diagonal=(1.9, 1.9, 1.9), colour_split=(0.2, 0.5, 0.8))
+    first, second = (
+        (temporal_noise.measure(picture).sigma_dn, camera.encoded_sigma(float(picture.mean()) / 255))
+        for camera in (plain, corrected)
+        for picture in [shots(camera)]
+    )
+    assert second[0] > 1.15 * first[0]
+    assert second[1] / first[1] == pytest.approx(second[0] / first[0], rel=0.1)
+
+
+def test_encoded_sigma_of_black_is_finite_and_near_the_noise():
+    camera = CameraPipeline(noise=RawNoise(1e-5, 0.02), demosaicing=None)
+    dark = np.full((128, 128, 3), 0.004, np.float32)
+    picture = shots(camera, dark)
+    ratio = 255 * camera.encoded_sigma(float(picture.mean()) / 255) / temporal_noise.measure(picture).sigma_dn
+    assert 0.4 < ratio < 0.8  # the slope of a somewhat brighter shadow stands for that of black
+    assert camera.encoded_sigma(0.0) == camera.encoded_sigma(0.1) > 0
 
 
 def test_transfer_is_the_contrast_of_a_soft_camera():

@@ -9,6 +9,7 @@ from pipeline import streams
 from pipeline.camera import mtf, star
 from pipeline.camera.blur import blur
 from pipeline.camera.psf import create
+from pipeline.camera.star_centre import point_of_symmetry
 from pipeline.errors import InputError
 
 HEIGHT, WIDTH, CENTRE, PERIODS, AMPLITUDE = 768, 896, (447.5, 383.5), 60, 0.35
@@ -138,3 +139,14 @@ def test_bad_input_is_named(options: dict, message: str) -> None:
         star.measure(**arguments)
     with pytest.raises(InputError, match="at least 1"):
         star.synthesise(0, 10, 5)
+
+
+def test_the_centre_is_located_in_complete_pictures_only() -> None:
+    centre = (53.3, 47.8)
+    picture = star.synthesise(100, 110, 24, centre_px=centre)
+    assert point_of_symmetry(picture) == pytest.approx(centre, abs=0.1)
+    picture[3, 4] = np.nan
+    with pytest.raises(InputError, match="1 of 11000 values are not finite"):
+        point_of_symmetry(picture)
+    with pytest.raises(InputError, match="without structure"):
+        point_of_symmetry(np.full((50, 50), 0.5))

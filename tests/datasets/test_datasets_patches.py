@@ -179,6 +179,13 @@ def test_cut_refuses(patches, message):
         cut(np.zeros((30, 30), np.float32), patches)
 
 
+@pytest.mark.parametrize("kind", [np.uint16, np.int64, bool, complex])
+def test_cut_refuses_images_of_unknown_full_scale(kind):
+    for patches in ([Patch(0, 0, 8)], []):
+        with pytest.raises(InputError, match=f"got {np.dtype(kind)}; divide by its full scale"):
+            cut(np.zeros((30, 30), kind), patches)
+
+
 def test_bad_arguments():
     with pytest.raises(InputError, match="policy='some'"):
         tiles((200, 200), 128, "some")

@@ -8,6 +8,10 @@ import torch
 
 from pipeline.camera import mtf
 from pipeline.camera.constants import PAPER_FULL_WELL_E, PAPER_HOT_DARK_E, PAPER_HOT_READOUT_E
+from pipeline.camera.processing.denoise import Denoising
+from pipeline.camera.processing.develop import CameraPipeline
+from pipeline.camera.processing.raw_noise import RawNoise
+from pipeline.camera.processing.sharpen import Sharpening
 from pipeline.learning import kernels, samples
 from pipeline.learning.settings import Recipe
 from pipeline.streams import stream, torch_stream
@@ -60,6 +64,78 @@ def test_intrinsic_blur_is_part_of_the_label():
     point[0, kernels.CANVAS_PX // 2, kernels.CANVAS_PX // 2] = 1
     chunk = sampler(point, replace(RECIPE, intrinsic_px=(0.6, 0.6))).chunk(0)
     assert np.abs(chunk.mtf - mtf.gaussian(0.6, mtf.FREQUENCIES)).max() < 1e-5
+
+
+DELIVERED = replace(RECIPE, views=6, camera_fraction=1.0)
+BARE = CameraPipeline(demosaicing=None, gamma=1.0)  # grey levels in, the same grey levels out
+
+
+def delivered(monkeypatch, bank, camera, recipe=DELIVERED):
+    """The chunk of which every sample is delivered by one camera."""
+    monkeypatch.setattr(samples.cameras, "draw", lambda generator, cameras: camera)
+    return sampler(bank, recipe).chunk(0)
+
+
+def horizontal_contrast(patches_dn):
+    """(8,) root mean power of patches (N, 192, 192) on the horizontal axis, in a band about each label's frequency."""
+    levels = (patches_dn - patches_dn.mean((1, 2), keepdims=True)).mean(axis=1)  # vertical frequency 0
+    power = (np.abs(np.fft.rfft(levels * np.hanning(192), axis=1)) ** 2).mean(0)
+    cycles = np.fft.rfftfreq(192)
+    return np.sqrt([power[np.abs(cycles - f) < 0.012].mean() for f in mtf.FREQUENCIES / 2])
+
+
+def test_a_bare_camera_delivers_the_scene_itself(monkeypatch):
+    """In linear light or not: without blur between decoding and encoding, grey levels come back to rounding."""
+    point = np.zeros((1, kernels.CANVAS_PX, kernels.CANVAS_PX), np.float32)
+    point[0, kernels.CANVAS_PX // 2, kernels.CANVAS_PX // 2] = 1
+    recipe = replace(DELIVERED, intrinsic_px=(0.0, 0.0), clean_fraction=1.0, pre_blur_noise_fraction=0.0)
+    pictures = delivered(monkeypatch, point, BARE, recipe).patches_dn
+    never = replace(recipe, camera_fraction=1e-12)  # the same draws, all below
+    scenes = delivered(monkeypatch, point, BARE, never).patches_dn
+    assert np.abs(pictures.astype(int) - scenes).max() <= 1
+
+
+@pytest.mark.parametrize(
+    "steps", [{"denoising": Denoising(softness_px=0.8)}, {"sharpening": Sharpening(0.8, 1.0)}], ids=["soft", "sharp"]
+)
+def test_the_label_of_a_delivered_picture_is_the_mtf_of_that_picture(monkeypatch, steps):
+    """The same scenes through two cameras: contrasts of the pictures differ as the labels do."""
+    point = np.zeros((1, kernels.CANVAS_PX, kernels.CANVAS_PX), np.float32)
+    point[0, kernels.CANVAS_PX // 2, kernels.CANVAS_PX // 2] = 1
+    recipe = replace(DELIVERED, intrinsic_px=(0.9, 0.9))
+    bare, processed = (delivered(monkeypatch, point, camera, recipe) for camera in (BARE, replace(BARE, **steps)))
+    scene = mtf.gaussian(0.9, mtf.FREQUENCIES)
+    assert np.abs(bare.mtf - scene).max() < 1e-5
+    measured = horizontal_contrast(processed.patches_dn) / horizontal_contrast(bare.patches_dn)
+    labelled = processed.mtf.mean((0, 1)) / scene
+    strong = scene > 0.1  # below, rounding to 8 bit is seen
+    assert strong.sum() >= 5 and np.abs(labelled - 1)[strong].max() > 0.2
+    np.testing.assert_allclose(measured[strong], labelled[strong], rtol=0.05)
+
+
+def test_labels_of_sharpened_pictures_end_at_one(monkeypatch, bank):
+    chunk = delivered(monkeypatch, bank, replace(BARE, sharpening=Sharpening(1.3, 2.0)))
+    assert chunk.mtf.max() == 1.0
+
+
+def test_sigma_of_a_delivered_picture_is_what_its_raw_noise_causes(monkeypatch, bank):
+    recipe = replace(DELIVERED, clean_fraction=0.0)  # no other noise is added
+    assert (delivered(monkeypatch, bank, BARE, recipe).sigma_dn == 0).all()
+    noise = RawNoise(shot=2e-5, read=20.0)  # nearly the same at all levels
+    chunk = delivered(monkeypatch, bank, replace(BARE, noise=noise), recipe)
+    expected = 255 * np.sqrt(2e-5 * 20.4)
+    assert chunk.sigma_dn == pytest.approx(expected, rel=0.08)  # black and white cut some
+    soft = replace(BARE, noise=noise, denoising=Denoising(softness_px=1.0))
+    left = np.sqrt(1 / (4 * np.pi))  # of white noise behind a Gaussian of 1 px
+    assert delivered(monkeypatch, bank, soft, recipe).sigma_dn == pytest.approx(left * expected, rel=0.08)
+
+
+def test_a_fraction_of_the_views_is_delivered(monkeypatch, bank):
+    recipe = replace(RECIPE, views=16, camera_fraction=0.4, clean_fraction=0.0, pre_blur_noise_fraction=0.0)
+    chunk = delivered(monkeypatch, bank, BARE, recipe)
+    clean = chunk.sigma_dn == 0  # of this camera; all others have noise
+    assert 0.1 < clean.mean() < 0.7
+    assert np.array_equal(clean[:16], clean[16:])  # both samples of a view, or none
 
 
 def test_shares_of_clean_samples(bank):

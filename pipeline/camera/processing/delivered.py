@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline.camera import tone_curve
 from pipeline.camera.processing import temporal_noise
 from pipeline.camera.processing.develop import CameraPipeline, Float, Picture, grey
-from pipeline.camera.processing.temporal_noise import CELL_PX, TemporalNoise
+from pipeline.camera.processing.temporal_noise import CELL_PX, LEAST_SIDE_PX, TemporalNoise
 from pipeline.errors import InputError
 
 
@@ -47,12 +47,13 @@ def deliver(
         the first shot, with the noise of all.
 
     Raises:
-        InputError: fewer than two shots, or a picture below 16 x 16 px or of another shape.
+        InputError: fewer than two shots, a picture below 24 x 24 px, before or behind the camera's scaling, or of
+            another shape.
     """
     if shots < 2:
         raise InputError(f"shots: {shots}, expected 2 or more to measure noise from")
-    if picture.ndim not in (2, 3) or min(picture.shape[:2]) < 2 * CELL_PX or picture.shape[2:] not in ((), (3,)):
-        raise InputError(f"picture: shape {picture.shape}, expected (H, W) or (H, W, 3) of {2 * CELL_PX} px or more")
+    if picture.ndim not in (2, 3) or min(picture.shape[:2]) < LEAST_SIDE_PX or picture.shape[2:] not in ((), (3,)):
+        raise InputError(f"picture: shape {picture.shape}, expected (H, W) or (H, W, 3) of {LEAST_SIDE_PX} px or more")
     scene = linear_scene(picture)
     pictures = [camera.shoot(scene, generator) for _ in range(shots)]
     greys = np.stack([grey(shot) for shot in pictures])

@@ -24,6 +24,8 @@ from pipeline.errors import InputError
 Float = NDArray[np.float32]
 CELL_PX = 8
 RINGS = 8
+LEAST_SIDE_PX = 24
+"""Sides of 8 and 16 px have no spatial frequency in the lowest ring, up to 1/16 cycle per pixel."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +52,17 @@ def measure(shots: NDArray[np.uint8] | Float) -> TemporalNoise:
     """Noise of shots of one scene.
 
     Args:
-        shots: (K, H, W) grey levels 0..255, K >= 2; sides a multiple of 8.
+        shots: (K, H, W) grey levels 0..255, K >= 2; sides a multiple of 8, at least 24 px.
 
     Raises:
-        InputError: fewer than two shots, or sides that are no multiple of 8.
+        InputError: fewer than two shots, or sides that are no multiple of 8 or below 24 px.
     """
-    if shots.ndim != 3 or len(shots) < 2 or shots.shape[1] % CELL_PX or shots.shape[2] % CELL_PX:
-        raise InputError(f"shots: {shots.shape}, expected (K, H, W) with K >= 2 and sides a multiple of {CELL_PX}")
+    sides = shots.shape[1:]
+    if shots.ndim != 3 or len(shots) < 2 or min(sides) < LEAST_SIDE_PX or any(side % CELL_PX for side in sides):
+        raise InputError(
+            f"shots: {shots.shape}, expected (K, H, W) with K >= 2 and sides a multiple of {CELL_PX}, "
+            f"at least {LEAST_SIDE_PX} px"
+        )
     values = shots.astype(np.float32)
     residual = values - values.mean(axis=0)
     residual -= residual.mean(axis=(1, 2), keepdims=True)
