@@ -44,9 +44,16 @@ lint: $(READY) ## style
 docs: $(READY) ## build the site of docs/ into site/, every link checked
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict && echo "site: site/index.html"
 
+# shared by benchmarks; nothing to run
+BENCHMARK_MODULES := camera_shake common rendered_psf
+# their records are of data or programs that only a user can give
+BENCHMARKS_OF_DATA := coded_advice coded_noise flags image_formation noisy_blur other_frames processors real_blur unseen_kernels
+BENCHMARKS := $(filter-out $(BENCHMARK_MODULES) $(BENCHMARKS_OF_DATA),$(basename $(notdir $(wildcard benchmarks/[a-z]*.py))))
+
 bench: $(READY) ## measure speed side by side with peers; results in benchmarks/results
-	@for script in benchmarks/[a-z]*.py; do \
-	    case $$script in */common.py|*/camera_shake.py|*/rendered_psf.py|*/processors.py|*/unseen_kernels.py|*/real_blur.py) ;; *) $(BIN)/python $$script || exit 1;; esac; done
+	@for name in $(BENCHMARKS); do $(BIN)/python benchmarks/$$name.py || exit 1; done
+	@echo "left out, since they need data of yours: $(BENCHMARKS_OF_DATA)"
+	@echo "how to run them: docs/reproduce.md, section Benchmarks of your data"
 
 params: $(READY) ## compile params.yaml from conf/
 	@$(BIN)/python -m pipeline.config

@@ -12,7 +12,8 @@ the true noise of the frame (`coded_noise.true_dn`, in the median tile) and the 
 
 So the judge knows the noise and nothing else better than the advice. ``moved`` counts other settings than those of the
 frame, ``lost`` of these those that lose more than `LOSS_PERCENT` points; ``least_gain_percent`` and
-``mean_gain_percent`` are over those moved, 0 where none is.
+``mean_gain_percent`` are over those moved, 0 where none is. ``unjudged`` counts advice that names other settings, or
+none, whose gain is not known; it is in none of the other three.
 """
 
 from __future__ import annotations
@@ -99,11 +100,17 @@ def measure(dataset: Dataset, frames: int, surface: Performance) -> pd.DataFrame
 
 
 def summarised(table: pd.DataFrame) -> dict[str, Any]:
-    """Counts and gains of one kind of decision."""
-    moved = table[table["moved"] & np.isfinite(table["gain_percent"])]
+    """Counts and gains of one kind of decision.
+
+    Args:
+        table: columns ``moved`` (bool) and ``gain_percent`` (NaN where it cannot be judged), a row per decision.
+    """
+    judged = np.isfinite(table["gain_percent"])
+    moved = table[table["moved"] & judged]
     return {
         "count": len(table),
         "moved": len(moved),
+        "unjudged": int((table["moved"] & ~judged).sum()),
         "lost": int((moved["gain_percent"] < -LOSS_PERCENT).sum()),
         "least_gain_percent": round(float(moved["gain_percent"].min()), 2) if len(moved) else 0.0,
         "mean_gain_percent": round(float(moved["gain_percent"].mean()), 2) if len(moved) else 0.0,
@@ -120,6 +127,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     common.hold_loaded_libraries()
     surface = Performance.load(ROOT / "data/control_surface/all.npz")
     named_sets = [coded_noise.parse(text) for text in (f"sim=sim:{ROOT / 'data/sim'}", *options.dataset)]
+    common.check_datasets("coded_advice", [one.name for one in named_sets], options.out)
     table = pd.concat([measure(one, options.frames, surface) for one in named_sets], ignore_index=True)
     record = {
         str(decision): {f"{added:g}": summarised(cell) for added, cell in part.groupby("added_dn")}

@@ -236,6 +236,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     common.hold_loaded_libraries()
     named = [parse(text) for text in (f"sim=sim:{ROOT / 'data/sim'}", *options.dataset)]
+    common.check_datasets("coded_noise", [dataset.name for dataset in named], options.out)
     table = pd.concat([measure(dataset, options.frames, options.patches) for dataset in named], ignore_index=True)
     if options.rows:
         table.to_csv(options.rows, index=False)

@@ -7,7 +7,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -145,21 +145,55 @@ def take_turns(calls: Mapping[str, Callable[[], object]], repeats: int) -> dict[
     }
 
 
+def check_datasets(name: str, datasets: Iterable[str], out: Path | None = None) -> None:
+    """Check that a record names every dataset of the record that it would replace.
+
+    Benchmarks of several datasets call it before they measure; `write` calls it again.
+
+    Args:
+        name: of the benchmark.
+        datasets: that the new record names (its key ``datasets``).
+        out: file of the record; None for ``benchmarks/results/<name>.json``.
+
+    Raises:
+        InputError: the file names a dataset that the new record lacks, or cannot be read.
+    """
+    sys.path.insert(0, str(ROOT))
+    from pipeline.errors import InputError
+    from pipeline.store import read_json
+
+    path = _path(name, out)
+    recorded = read_json(path).get("datasets", []) if path.is_file() else []
+    lacking = sorted(set(recorded) - set(datasets))
+    if lacking:
+        raise InputError(
+            f"{path}: has {', '.join(recorded)}, the new record would lack {', '.join(lacking)}; "
+            f"measure these too, or write another file with --out FILE"
+        )
+
+
 def write(name: str, record: Mapping[str, Any], out: Path | None = None) -> Path:
     """Write a benchmark's record.
 
     Args:
-        name: of the benchmark; the file is ``benchmarks/results/<name>.json`` unless ``out`` says otherwise.
-        record: what to write.
+        name: of the benchmark; the file is ``benchmarks/results/<name>.json`` unless ``out`` names another.
+        record: to write; of a benchmark of several datasets with their names as ``datasets``.
         out: another file.
 
     Returns:
         the file.
+
+    Raises:
+        InputError: errors of `check_datasets`; the file is left as it is.
     """
-    sys.path.insert(0, str(ROOT))
+    check_datasets(name, record.get("datasets", []), out)
     from pipeline.store import write_json
 
-    path = out or RESULTS / f"{name}.json"
+    path = _path(name, out)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, dict(record))
     return path
+
+
+def _path(name: str, out: Path | None) -> Path:
+    return out or RESULTS / f"{name}.json"

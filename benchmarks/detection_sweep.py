@@ -25,7 +25,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
-from common import machine, one_thread, run  # noqa: E402
+from common import machine, one_thread, run, write  # noqa: E402
 
 one_thread()
 
@@ -39,7 +39,7 @@ from pipeline.experiments.condition import grid, sweep_kernels  # noqa: E402
 from pipeline.experiments.corrupt import SharpFrame  # noqa: E402
 from pipeline.experiments.detect import Sweep, class_map, opened, options_of  # noqa: E402
 from pipeline.learning.dead_leaves import draw  # noqa: E402
-from pipeline.store import write_image, write_json  # noqa: E402
+from pipeline.store import write_image  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
 
 WIDTH_PX, HEIGHT_PX = 896, 768
@@ -92,7 +92,7 @@ def growth(sweep: Sweep, shown: list[Frame], blurs: list[Any]) -> dict[str, Any]
 def main() -> None:
     """Measure and write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=ROOT / "benchmarks/results/detection_sweep.json")
+    parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/detection_sweep.json")
     parser.add_argument("--detector", action="append", help="name in conf/detector, or name=weights")
     parser.add_argument("--frames", type=int, default=2)
     parser.add_argument("--kernels", type=int, help="only so many, for a trial")
@@ -147,8 +147,8 @@ def main() -> None:
             sweep = Sweep(chosen.kind, options, tuple(words.classes), section.noise_source, levels, camera, 1)
             each = {"detect_a_frame": least(lambda d=detector: d.detect([sharp]))}  # type: ignore[misc]
             result["detectors"][name] = each | growth(sweep, shown, blurs)
-    write_json(arguments.out, {"machine": machine("onnxruntime", "torch", "opencv-python-headless"), **result})
-    print(arguments.out.read_text(encoding="utf-8"))
+    about = machine("onnxruntime", "torch", "opencv-python-headless")
+    print(write("detection_sweep", {"machine": about, **result}, arguments.out).read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":

@@ -193,6 +193,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
     common.hold_loaded_libraries()
+    datasets = ["sim", "photos", *(["levin2009", "cc"] if arguments.realdata is not None else [])]
+    common.check_datasets("flags", datasets, arguments.out)
     from pipeline.datasets import open_dataset
 
     sources: dict[str, list[Sample]] = {}
@@ -211,7 +213,7 @@ def main() -> None:
             for key, row in content.get(quantity, {}).items():
                 print(f"{name:10} {quantity:6} {key:20} {row['spearman']:8.2f}  {row['low']:.2f} to {row['high']:.2f}")
     about = {
-        "blurs": [list(kind) for kind in BLURS], "noise_dn": NOISE_DN, "crop_px": CROP_PX,
+        "datasets": list(sources), "blurs": [list(kind) for kind in BLURS], "noise_dn": NOISE_DN, "crop_px": CROP_PX,
         "machine": common.machine("opencv-python-headless", "brisque", "torch"),
     }  # fmt: skip
     print(f"written to {common.write('flags', {**about, 'results': results}, arguments.out)}")

@@ -77,6 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     common.hold_loaded_libraries()
     config = configuration(options.dataset)
+    common.check_datasets("noisy_blur", config.datasets, options.out)
     results: dict[str, Any] = {}
     for name in config.datasets:
         results[name] = {}
@@ -84,6 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             results[name][estimator] = measure(config, name, estimator, options.sigma, options.patches)
             print(name, estimator, results[name][estimator], flush=True)
     record = {
+        "datasets": list(results),
         "noise_source": SOURCE,
         "sigma_dn": options.sigma,
         "seed": config.seed,

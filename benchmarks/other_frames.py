@@ -207,7 +207,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.whole_frames and options.out is None:
         raise InputError("--whole-frames: the record is of labelled objects; give --out FILE as well")
     common.hold_loaded_libraries()
-    config = configuration([*pair, *options.leave_one_out])
+    given = [*pair, *options.leave_one_out]
+    datasets = [common.dataset(text)[0] for text in given]
+    common.check_datasets("other_frames", datasets, options.out)
+    config = configuration(given)
     cameras = [leave_one_out(config, common.dataset(text)[0], options.patches) for text in options.leave_one_out]
     if pair:
         first, second = (common.dataset(text)[0] for text in pair)
@@ -220,6 +223,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     counts = {"spectral": options.frames, "fused": options.fused_frames}
     frames = {estimator: count for estimator, count in counts.items() if count}
     record = {
+        "datasets": datasets,
         "kernels": "generated" if options.kernels is None else "paper",
         "noise_source": NOISE_SOURCE,
         "sigma_dn": SIGMA_DN,

@@ -169,8 +169,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if not options.shake and not options.pairs:
         parser.error("nothing to measure; give --shake or --pairs")
     common.hold_loaded_libraries()
-    record: dict[str, Any] = {"shake": shake(options.shake)} if options.shake else {}
     named = [text.partition("=") for text in options.pairs]
+    datasets = [*(["shake"] if options.shake else []), *(name for name, _, _ in named)]
+    common.check_datasets("real_blur", datasets, options.out)
+    record: dict[str, Any] = {"datasets": datasets} | ({"shake": shake(options.shake)} if options.shake else {})
     record["pairs"] = {name: agreement(name, Path(folder)) for name, _, folder in named}
     print(common.write("real_blur", record, options.out))
 

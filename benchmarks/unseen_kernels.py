@@ -277,6 +277,7 @@ def main() -> None:
     arguments = parser.parse_args()
     common.hold_loaded_libraries()
     config = configuration(arguments.dataset)
+    common.check_datasets("unseen_kernels", config.datasets, arguments.out)
     kernels = rendered_psf.bank(config.seed)
     results: dict[str, Any] = {}
     for name in config.datasets:
@@ -288,6 +289,7 @@ def main() -> None:
                     print(f"{name:10s}{estimator:10s}{answer:12s}{item['mean_amae_percent']:6.2f} %", flush=True)
         print(f"{name:10s}{time.perf_counter() - start:.0f} s", flush=True)
     record = {
+        "datasets": list(results),
         "source": SOURCE,
         "weights_sha256": hashlib.sha256(spectral.RELEASED.read_bytes()).hexdigest(),
         "seed": config.seed,

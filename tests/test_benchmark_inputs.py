@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
-from benchmarks import common, other_frames
+from benchmarks import coded_advice, coded_noise, common, flags, noisy_blur, other_frames, unseen_kernels
 from pipeline.datasets.dataset import Frame
 from pipeline.datasets.patches import Patch
 from pipeline.errors import InputError
@@ -72,3 +74,67 @@ def test_leave_one_out_calibrates_to_every_frame_but_the_one_evaluated(monkeypat
     del frames[1:]
     with pytest.raises(InputError, match=r"--leave-one-out mine: 1 usable frame; expected at least two"):
         other_frames.leave_one_out(None, "mine", 4)
+
+
+@pytest.fixture
+def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of records of its own, with one of two datasets."""
+    monkeypatch.setattr(common, "RESULTS", tmp_path / "results")
+    common.write("speed", {"datasets": ["kitti", "sim"], "count": 1})
+    return tmp_path / "results"
+
+
+@pytest.mark.parametrize("record", [{"datasets": ["sim"], "count": 2}, {"count": 2}])
+def test_a_record_of_more_datasets_is_not_replaced(results: Path, record: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=r"speed\.json: has kitti, sim, .* lack kitti.*--out FILE") as refused:
+        common.write("speed", record)
+    assert "\n" not in str(refused.value)
+    assert json.loads((results / "speed.json").read_text())["count"] == 1
+    with pytest.raises(InputError, match="speed"):
+        common.write("other", record, results / "speed.json")
+
+
+def test_a_record_of_as_many_datasets_is_replaced(results: Path, tmp_path: Path) -> None:
+    common.write("speed", {"datasets": ["sim", "udacity", "kitti"], "count": 2})
+    assert json.loads((results / "speed.json").read_text())["count"] == 2
+    path = common.write("speed", {"datasets": ["sim"], "count": 3}, tmp_path / "other.json")
+    assert json.loads(path.read_text())["count"] == 3
+    assert json.loads((results / "speed.json").read_text())["count"] == 2
+
+
+@pytest.mark.parametrize("benchmark", [coded_advice, coded_noise, flags, noisy_blur, unseen_kernels])
+def test_fewer_datasets_are_refused_before_anything_is_measured(
+    benchmark: ModuleType, results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = benchmark.__name__.rpartition(".")[2]
+    common.write(name, {"datasets": ["photos", "sim", "kitti"]})
+    for measuring in ("measure", "measured", "corrupted"):
+        monkeypatch.setattr(benchmark, measuring, lambda *_: pytest.fail("it measures"), raising=False)
+    for opener in (coded_noise, coded_advice):
+        monkeypatch.setattr(opener, "open_dataset", lambda kind, name, root: SimpleNamespace(name=name), raising=False)
+    monkeypatch.setattr(common, "dataset", lambda text: ("sim", "sim", "."))
+    monkeypatch.setattr("sys.argv", [name])
+    with pytest.raises(InputError, match=rf"{name}\.json: has .*kitti"):
+        benchmark.main()
+
+
+def test_committed_records_name_their_datasets() -> None:
+    for name in ("noisy_blur", "unseen_kernels", "flags"):
+        record = json.loads((common.RESULTS / f"{name}.json").read_text())
+        assert set(record["datasets"]) == set(record["results"])
+    for name in ("coded_advice", "coded_noise", "other_frames", "real_blur"):
+        assert json.loads((common.RESULTS / f"{name}.json").read_text())["datasets"]
+
+
+def test_make_bench_runs_what_needs_no_data_and_names_the_rest() -> None:
+    lines = subprocess.run(["make", "-n", "bench"], cwd=common.ROOT, capture_output=True, text=True, check=True).stdout
+    loop = next(line for line in lines.splitlines() if line.startswith("for name in "))
+    ran = set(loop.removeprefix("for name in ").partition(";")[0].split())
+    left_out = next(line for line in lines.splitlines() if "left out" in line).partition(": ")[2].strip('"').split()
+    sources = {path.stem: path.read_text() for path in (common.ROOT / "benchmarks").glob("[a-z]*.py")}
+    assert ran.isdisjoint(left_out)
+    assert ran | set(left_out) == {name for name, text in sources.items() if "__main__" in text}
+    of_datasets = {name for name, text in sources.items() if "check_datasets(" in text} - {"common"}
+    assert of_datasets and of_datasets <= set(left_out)
+    commands = (common.ROOT / "docs/reproduce.md").read_text().partition("## Benchmarks of your data")[2]
+    assert all(f"`python benchmarks/{name}.py" in commands for name in left_out)

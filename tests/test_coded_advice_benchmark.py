@@ -37,10 +37,24 @@ def test_the_bound_stands_for_an_estimate():
 
 
 def test_only_other_settings_count_as_moved():
-    table = pd.DataFrame({"moved": [True, True, False, True], "gain_percent": [2.0, -1.0, 0.0, np.nan]})
+    table = pd.DataFrame({"moved": [True, True, False], "gain_percent": [2.0, -1.0, 0.0]})
     summary = coded_advice.summarised(table)
-    assert summary == {"count": 4, "moved": 2, "lost": 1, "least_gain_percent": -1.0, "mean_gain_percent": 0.5}
-    assert coded_advice.summarised(table[2:3])["least_gain_percent"] == 0.0
+    assert summary == {
+        "count": 3,
+        "moved": 2,
+        "unjudged": 0,
+        "lost": 1,
+        "least_gain_percent": -1.0,
+        "mean_gain_percent": 0.5,
+    }
+    assert coded_advice.summarised(table[2:])["least_gain_percent"] == 0.0
+
+
+def test_advice_whose_gain_is_unknown_is_counted_as_unjudged():
+    table = pd.DataFrame({"moved": [True, True, False], "gain_percent": [2.0, np.nan, 0.0]})
+    summary = coded_advice.summarised(table)
+    assert (summary["count"], summary["moved"], summary["unjudged"], summary["lost"]) == (3, 1, 1, 0)
+    assert summary["mean_gain_percent"] == 2.0
 
 
 def test_the_record_has_no_loss_within_the_bound():
@@ -48,3 +62,4 @@ def test_the_record_has_no_loss_within_the_bound():
     within, at = record[coded_advice.WITHIN], record[coded_advice.AT]
     assert sum(cell["moved"] for cell in within.values()) > 100
     assert sum(cell["lost"] for cell in within.values()) == 0 < sum(cell["lost"] for cell in at.values())
+    assert sum(cell.get("unjudged", 0) for cell in within.values()) == 0  # older records lack the key

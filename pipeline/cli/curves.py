@@ -72,5 +72,7 @@ def record_command(
     config = shared.recording_config(overrides, out, dataset, RESULTS, keep, detector=detector)
     numbers = record(config, dataset, detector, out, source, keeping(keep, workers))
     for label, item in numbers.items():
-        click.echo(f"{label}: {item['clean_ap_percent']:.1f} % sharp and without noise")
+        clean = item.get("clean_ap_percent")
+        known = "not swept" if clean is None else f"{clean:.1f} %"
+        click.echo(f"{label}: {known} sharp and without noise")
     click.echo(f"written to {out}")

@@ -63,14 +63,6 @@ class Calibration:
         """MTF at an exposure time."""
         return motion_mtf(float(self.size_px(exposure_ms)))
 
-    def exposure_for_mtf_ms(self, mtf: float) -> float:
-        """Longest exposure time whose motion leaves this MTF.
-
-        Raises:
-            InputError: see `size_for_mtf_px`.
-        """
-        return float(self.exposure_ms(size_for_mtf_px(mtf)))
-
 
 PAPER = Calibration(lambda1=0.01, lambda2=1.0)
 """The axes of the paper's fitted grids."""

@@ -327,14 +327,17 @@ def _without_gaps(draws: Floats) -> Floats:
 
 
 def metrics(table: pd.DataFrame, made: Mapping[str, Surface]) -> dict[str, dict[str, float]]:
-    """Numbers to watch, of classes with objects: average precision without blur and noise, over all; the surface."""
+    """Numbers to watch, of classes with objects: average precision without blur and noise, over all; the surface.
+
+    ``clean_ap_percent`` is left out where no sharp condition without noise was swept.
+    """
     measures = {}
     for label, rows in table[table["objects"] > 0].groupby("label"):
         clean = rows[(rows["kernel_size_px"] == 0) & (rows["target_sigma_dn"] == 0)]["ap_percent"]
         item = made.get(str(label))
         measures[str(label)] = {
             "objects": float(rows["objects"].iloc[0]),
-            "clean_ap_percent": float(clean.iloc[0]) if len(clean) else 0.0,
+            **({"clean_ap_percent": float(clean.iloc[0])} if len(clean) else {}),
             "mean_ap_percent": float(rows["ap_percent"].mean()),
             "bins": 0.0 if item is None else float((item.cells.count > 0).sum()),
             "non_monotonic": 0.0 if item is None else float(item.non_monotonic().sum()),

@@ -83,22 +83,6 @@ def read_box_labels(path: Path) -> list[Box]:
     return boxes
 
 
-def write_box_labels(path: Path, boxes: Sequence[Box]) -> None:
-    """Write boxes in this layout; `read_box_labels` gives them back."""
-    from pipeline.store import write_text
-
-    rows = [
-        " ".join([box.label, *map(_exact, (box.x1, box.y1, box.x2, box.y2)), *(["difficult"] if box.ignore else [])])
-        for box in boxes
-    ]
-    write_text(path, "".join(f"{row}\n" for row in rows))
-
-
-def _exact(value: float) -> str:
-    """The shortest text that reads back as the same number; whole numbers without a point."""
-    return repr(float(value)).removesuffix(".0")
-
-
 def _is_number(words: Sequence[str]) -> bool:
     try:
         [float(word) for word in words]

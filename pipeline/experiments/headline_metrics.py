@@ -16,16 +16,14 @@ LEDGER_KEYS = ("printed", "compared", "match", "close", "better", "differs", "no
 DECIMALS = 4
 
 
-def headline(
-    metrics: Path, ledger: Mapping[str, Any], blur_members: Collection[str], noise_members: Collection[str]
-) -> dict[str, Any]:
+def headline(metrics: Path, ledger: Mapping[str, Any], members: Mapping[str, Collection[str]]) -> dict[str, Any]:
     """Gather the headline metrics.
 
     Args:
         metrics: folder of the stages' metrics, ``reports/metrics``; a stage that did not run leaves its part out.
         ledger: counts of the ledger by verdict.
-        blur_members: DATASET-ESTIMATOR of every measurement of blur that is configured; older files do not count.
-        noise_members: likewise of noise.
+        members: stage (``blur``, ``noise``, ``curves``, ``regression``, ``closed_loop``) -> its members that are
+            configured, for example DATASET-ESTIMATOR. Files of others are of an earlier configuration and do not count.
 
     Returns:
         by quantity: mean error of every blur estimator (calibrated, percent) and noise estimator (DN) per dataset,
@@ -35,22 +33,29 @@ def headline(
     Raises:
         InputError: a file of metrics is damaged.
     """
+    blur, noise, curves, regression, closed_loop = (
+        _contents(metrics / stage, members[stage]) for stage in ("blur", "noise", "curves", "regression", "closed_loop")
+    )
     content = {
-        "blur_amae_percent": _of_folder(metrics / "blur", _blur_error, blur_members),
-        "noise_error_dn": _of_folder(metrics / "noise", _noise_error, noise_members),
-        "ap_percent": _of_folder(metrics / "curves", lambda part: _of_labels(part, "clean_ap_percent")),
-        "corrupted_ap_percent": _of_folder(metrics / "curves", lambda part: _of_labels(part, "mean_ap_percent")),
-        "regression_r2": _of_folder(metrics / "regression", lambda part: _of_labels(part, "r2")),
-        "control_ap_percent": _policies(metrics / "closed_loop"),
+        "blur_amae_percent": _of_each(blur, _blur_error),
+        "noise_error_dn": _of_each(noise, _noise_error),
+        "ap_percent": _of_each(curves, lambda part: _of_labels(part, "clean_ap_percent")),
+        "corrupted_ap_percent": _of_each(curves, lambda part: _of_labels(part, "mean_ap_percent")),
+        "regression_r2": _of_each(regression, lambda part: _of_labels(part, "r2")),
+        "control_ap_percent": _policies(closed_loop.values()),
         "ledger": {key: ledger[key] for key in LEDGER_KEYS if key in ledger},
     }
     return {name: values for name, values in content.items() if values}
 
 
-def _of_folder(folder: Path, value: Callable[[Any], Any], members: Collection[str] | None = None) -> dict[str, Any]:
-    """Value of every file of a folder, by its name without suffix; of the members only, where they are given."""
-    paths = [path for path in sorted(folder.glob("*.json")) if members is None or path.stem in members]
-    values = {path.stem: value(read_json(path)) for path in paths}
+def _contents(folder: Path, members: Collection[str]) -> dict[str, Any]:
+    """Member -> its metrics, of the members that have a file in a folder."""
+    return {path.stem: read_json(path) for path in sorted(folder.glob("*.json")) if path.stem in members}
+
+
+def _of_each(contents: Mapping[str, Any], value: Callable[[Any], Any]) -> dict[str, Any]:
+    """Member -> the value of its metrics, where they have one."""
+    values = {name: value(content) for name, content in contents.items()}
     return {name: part for name, part in values.items() if part is not None}
 
 
@@ -73,13 +78,12 @@ def _of_labels(content: Any, key: str) -> dict[str, float]:
     return {label: round(float(part[key]), DECIMALS) for label, part in content.items() if part.get(key) is not None}
 
 
-def _policies(folder: Path) -> dict[str, float]:
+def _policies(scenarios: Collection[Any]) -> dict[str, float]:
     """Average precision of every policy that drives in all scenarios, mean over them."""
     drives: dict[str, list[float]] = {}
-    paths = sorted(folder.glob("*.json"))
-    for path in paths:
-        for policy, part in read_json(path).items():
-            drives.setdefault(policy, []).append(float(part["ap_percent"]))
-    return {
-        policy: round(fmean(values), DECIMALS) for policy, values in sorted(drives.items()) if len(values) == len(paths)
-    }
+    for scenario in scenarios:
+        for policy, part in scenario.items():
+            if "ap_percent" in part:  # absent where the drive shows no object
+                drives.setdefault(policy, []).append(float(part["ap_percent"]))
+    in_all = {policy: values for policy, values in sorted(drives.items()) if len(values) == len(scenarios)}
+    return {policy: round(fmean(values), DECIMALS) for policy, values in in_all.items()}

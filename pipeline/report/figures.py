@@ -8,6 +8,7 @@ describes its figures in its YAML file and draws them by `pipeline.report.descri
 from __future__ import annotations
 
 import itertools
+import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -50,6 +51,7 @@ def grid(
     axes: Mapping[str, Any] | None = None,
     values: pd.DataFrame | None = None,
     legend: Legend = (),
+    title: str = "",
     y: str = "",
     panel_in: float = 0.0,
     width_in: float = style.TWO_COLUMNS_IN,
@@ -63,8 +65,9 @@ def grid(
             ``look``; ``x`` (one, or by value across) and ``y``: labels; ``axes`` and ``axes_across``:
             settings of every panel (`Axes.set`), and by value across; ``bar``: label of a colour bar; ``values`` and
             ``sort``: columns of the numbers plotted, and those to sort them by; ``panel_in`` and ``margin_in``: height
-            of a row of panels and of everything else, inches; ``title_size`` of the headings; ``share_x`` and
-            ``share_y``: whether panels share an axis (all by default); ``absent``: text in a panel without rows.
+            of a row of panels and of everything else, inches; ``title_size`` of the headings and ``title_pad`` below
+            them, points; ``share_x`` and ``share_y``: whether panels share an axis (all by default); ``absent``: text
+            in a panel without rows.
         frame: long table.
         alt: description for readers who do not see the figure.
         looks: look of each series of the lines; a reader may switch off those that have a name.
@@ -76,6 +79,7 @@ def grid(
         axes: further settings of every panel.
         values: the numbers plotted, where these are not the frame; see `Drawing`.
         legend: label and look of every entry.
+        title: of the legend; none by default.
         y: label, in place of that of the description.
         panel_in: in place of that of the description.
         width_in: of the figure.
@@ -89,7 +93,7 @@ def grid(
     figure = style.new_figure(width_in, height_in)
     share_x, share_y = (about.get(f"share_{axis}", True) for axis in "xy")
     panels = figure.subplots(len(rows), len(columns), squeeze=False, sharex=share_x, sharey=share_y)
-    size = {"fontsize": about["title_size"]} if "title_size" in about else {}
+    look = {key: about[name] for key, name in (("fontsize", "title_size"), ("pad", "title_pad")) if name in about}
     mappable = None
     for (row, upper), (column, left) in itertools.product(enumerate(rows), enumerate(columns)):
         spot, key = panels[row, column], f"{upper} {left}"
@@ -112,12 +116,12 @@ def grid(
         spot.set(**{**about.get("axes", {}), **(axes or {}), **about.get("axes_across", {}).get(left, {})})
         if row == 0:
             headings = about.get("headings") or {left: word(left)}
-            spot.set_title(headings.format(left) if isinstance(headings, str) else headings[left], **size)
+            spot.set_title(headings.format(left) if isinstance(headings, str) else headings[left], **look)
         if row == len(rows) - 1:
             spot.set_xlabel(x[left] if isinstance(x, dict) else x)
         if column == 0:
             spot.set_ylabel(f"{textwrap.fill(word(upper), ROW_CHARACTERS)}\n{y or about['y']}")
-    add_legend(figure, legend)
+    add_legend(figure, legend, title)
     if "bar" in about and mappable is not None:
         style.colour_bar(figure, mappable, panels, about["bar"], shrink=0.9, pad=0.01)
     plotted = frame if values is None else values
@@ -129,16 +133,35 @@ def grid(
 HANDLE_IN, CHARACTER_IN = 0.5, 0.05
 """Widths in a legend: of an entry's handle with its margins, and of a character."""
 
+MOST_COLUMNS = 8
+"""Of a legend."""
 
-def add_legend(figure: Figure, legend: Legend) -> None:
-    """One legend above all panels."""
+
+def add_legend(figure: Figure, legend: Legend, title: str = "") -> None:
+    """One legend above all panels, under its title where it has one."""
     if legend:
         handles = [Line2D([], [], label=label, **look) for label, look in legend]
-        longest = max(len(label) for label, _ in legend)
-        fitting = int(figure.get_figwidth() / (HANDLE_IN + CHARACTER_IN * longest))
-        wide = sum(HANDLE_IN + CHARACTER_IN * len(label) for label, _ in legend) <= figure.get_figwidth()
-        columns = min(len(handles), 8) if wide else max(1, min(len(handles), fitting))
-        figure.legend(handles=handles, loc="outside upper center", ncols=columns)
+        columns = legend_columns([label for label, _ in legend], figure.get_figwidth())
+        figure.legend(handles=handles, loc="outside upper center", ncols=columns, title=title or None)
+
+
+def legend_columns(labels: Sequence[str], width_in: float) -> int:
+    """The number of columns with which a legend has the fewest rows that fit into a width.
+
+    Args:
+        labels: of the entries, in order; a column is as wide as its longest.
+        width_in: inches.
+
+    Returns:
+        at most `MOST_COLUMNS`; 1 where nothing fits.
+    """
+    for rows in range(1, len(labels)):
+        columns = math.ceil(len(labels) / rows)
+        longest = [max(map(len, part)) for part in np.array_split(list(labels), columns)]  # as matplotlib fills them
+        width = sum(HANDLE_IN + CHARACTER_IN * length for length in longest)
+        if columns <= MOST_COLUMNS and width <= width_in:
+            return columns
+    return 1
 
 
 def lines(

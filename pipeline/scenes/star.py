@@ -1,7 +1,7 @@
-"""Targets whose transfer function is known: a sinusoidal Siemens star and a slanted edge.
+"""A target whose transfer function is known: a sinusoidal Siemens star.
 
-They go through the same rays, samples, lens and pixels as every frame of the dataset, with a linear tone curve, so
-what is measured on them is the dataset's own MTF; `lens.true_mtf` is what it must be.
+It goes through the same rays, samples, lens and pixels as every frame of the dataset, with a linear tone curve, so
+what is measured on it is the dataset's own MTF; `lens.true_mtf` is what it must be.
 """
 
 from __future__ import annotations
@@ -45,15 +45,6 @@ class StarGeometry:
     amplitude: float = 0.35
     radius_px: float = 360.0
 
-    @property
-    def centre_index_px(self) -> tuple[float, float]:
-        """The centre counted from the middle of the top left pixel, as `pipeline.camera.star.measure` counts."""
-        return self.centre_px[0] - 0.5, self.centre_px[1] - 0.5
-
-    def frequency_range(self) -> tuple[float, float]:
-        """Lowest frequency on the target and 0.5, the highest that pixels can carry, cycles per pixel."""
-        return self.periods / (2 * np.pi * self.radius_px), 0.5
-
 
 def star_geometry(width_px: int = 896, height_px: int = 768, periods: int = 60) -> StarGeometry:
     """Where the star is in a frame of this size."""
@@ -74,23 +65,6 @@ class StarPaint:
         wave = geometry.mean + geometry.amplitude * np.sin(geometry.periods * np.arctan2(down, right))
         inside = np.hypot(right, down) < geometry.radius_px * _DISTANCE_M / _FOCAL_PX
         return np.where(inside, wave, geometry.mean).astype(np.float32), np.zeros(len(right), np.float32)
-
-
-@dataclass(frozen=True)
-class EdgePaint:
-    """A straight edge between two grey levels, turned from the vertical by `angle_deg`."""
-
-    angle_deg: float = 5.0
-    dark: float = 0.15
-    bright: float = 0.85
-
-    def __call__(self, surface: Surface) -> tuple[Array, Array]:
-        """See `pipeline.scenes.objects.base.Painter`."""
-        turn = np.deg2rad(self.angle_deg)
-        right = -surface.local[:, 1].astype(np.float64)
-        down = -surface.local[:, 2].astype(np.float64)
-        bright = right * np.cos(turn) + down * np.sin(turn) > 0.0
-        return np.where(bright, self.bright, self.dark).astype(np.float32), np.zeros(len(right), np.float32)
 
 
 def render_star(
@@ -117,19 +91,7 @@ def render_star(
     return _render(paint, samples, width_px, height_px, lens_sigma_px)
 
 
-def render_edge(
-    samples: int = 3,
-    *,
-    width_px: int = 896,
-    height_px: int = 768,
-    angle_deg: float = 5.0,
-    lens_sigma_px: float = lens.LENS_SIGMA_PX,
-) -> Array:
-    """A slanted edge through the image centre: (H, W) float32, .15 on the left and .85 on the right."""
-    return _render(EdgePaint(angle_deg), samples, width_px, height_px, lens_sigma_px)
-
-
-def _render(paint: StarPaint | EdgePaint, samples: int, width_px: int, height_px: int, lens_sigma_px: float) -> Array:
+def _render(paint: StarPaint, samples: int, width_px: int, height_px: int, lens_sigma_px: float) -> Array:
     half = 1.2 * max(width_px, height_px) / 2 * _DISTANCE_M / _FOCAL_PX
     corners = [[0, -half, -half], [0, -half, half], [0, half, half], [0, half, -half]]
     wall = SceneObject(soup(corners, [[0, 1, 2], [0, 2, 3]], _MATERIAL), kind="target", paint={_MATERIAL: paint})

@@ -31,7 +31,7 @@ def test_the_mtf_of_a_length_falls_and_comes_back() -> None:
         assert size_for_mtf_px(value) == pytest.approx(size, abs=1e-3)
     assert size_for_mtf_px(1.0) == 1.0
     camera = Calibration(0.05, 0.76)
-    assert camera.mtf(camera.exposure_for_mtf_ms(0.8)) == pytest.approx(0.8, abs=1e-6)
+    assert camera.mtf(float(camera.exposure_ms(size_for_mtf_px(0.8)))) == pytest.approx(0.8, abs=1e-6)
 
 
 def test_the_papers_worked_examples() -> None:

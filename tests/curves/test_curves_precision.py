@@ -172,6 +172,17 @@ def test_metrics_name_the_clean_value_and_the_surface(judged: tuple[pd.DataFrame
     assert precision.metrics(table, {})["car"]["bins"] == 0
 
 
+@pytest.mark.parametrize("swept", ["kernel_size_px", "target_sigma_dn"])
+def test_metrics_have_no_clean_value_where_no_clean_condition_was_swept(
+    judged: tuple[pd.DataFrame, dict[str, np.ndarray]], swept: str
+) -> None:
+    table, _ = judged
+    corrupted = table[table[swept] > 0]
+    result = precision.metrics(corrupted, {})["car"]
+    assert "clean_ap_percent" not in result
+    assert result["mean_ap_percent"] == corrupted.loc[corrupted["label"] == "car", "ap_percent"].mean()
+
+
 def test_an_effect_outside_the_bins_has_no_curve_and_the_other_keeps_its_own(
     judged: tuple[pd.DataFrame, dict[str, np.ndarray]],
 ) -> None:

@@ -1,4 +1,4 @@
-"""Labels, whitelists and class maps."""
+"""Labels and whitelists."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline import datasets
-from pipeline.datasets.classes import KITTI, PLAIN, UDACITY, class_map
-from pipeline.datasets.folder import read_box_labels, write_box_labels
+from pipeline.datasets.folder import read_box_labels
 from pipeline.datasets.frame import Box
 from pipeline.datasets.labels import NO_BOX, NO_ROW, TWICE, BadLabels, tidy
 from pipeline.datasets.whitelist import read_whitelist, select
@@ -21,10 +20,16 @@ coordinates = st.floats(-1e6, 1e6, allow_nan=False).filter(lambda value: not 0 <
 boxes = st.builds(Box, labels, coordinates, coordinates, coordinates, coordinates, st.booleans(), st.just(0.5))
 
 
+def row(box: Box) -> str:
+    """A box as a line of the plain layout, its numbers exact."""
+    corners = (repr(float(value)).removesuffix(".0") for value in (box.x1, box.y1, box.x2, box.y2))
+    return " ".join([box.label, *corners, *(["difficult"] if box.ignore else [])])
+
+
 @given(st.lists(boxes, max_size=6))
 def test_labels_round_trip(tmp_path_factory, found):
     path = tmp_path_factory.mktemp("labels") / "a.txt"
-    write_box_labels(path, found)
+    path.write_text("".join(f"{row(box)}\n" for box in found), encoding="utf-8")
     again = read_box_labels(path)
     keys = ("label", "x1", "y1", "x2", "y2", "ignore")
     assert [[getattr(b, key) for key in keys] for b in again] == [[getattr(b, key) for key in keys] for b in found]
@@ -134,35 +139,3 @@ def test_whitelist(tmp_path):
     path.write_bytes(b"\xff\xfe")
     with pytest.raises(InputError, match="not a text file"):
         read_whitelist(path)
-
-
-def summary(found):
-    return [(box.label, int(box.x1), box.ignore) for box in found]
-
-
-def test_kitti_classes():
-    kitti = ["Car", "Van", "Truck", "Tram", "Pedestrian", "Person_sitting", "Cyclist", "Misc", "DontCare", "Spaceship"]
-    results = [Box(label, x, 0, x + 1, 1) for x, label in enumerate(kitti)]
-    results.append(Box("Car", 20, 0, 21, 1, ignore=True))
-    assert summary(KITTI.truth(results, "car")) == [
-        ("car", 0, False),
-        *[("car", x, True) for x in (1, 2, 3, 7, 8, 9)],
-        ("car", 20, True),
-    ]
-    assert summary(KITTI.truth(results, "person")) == [
-        ("person", 4, False),
-        *[("person", x, True) for x in (5, 6, 7, 8, 9)],
-    ]
-    assert KITTI.coco_words(results) == ("car", "person")
-
-
-def test_udacity_and_plain_classes():
-    results = [Box(label, x, 0, x + 1, 1) for x, label in enumerate(["car", "pedestrian", "biker", "trafficlight"])]
-    assert summary(UDACITY.truth(results, "person")) == [("person", 1, False), ("person", 2, True)]
-    assert summary(UDACITY.truth(results, "car")) == [("car", 0, False)]
-    assert UDACITY.coco_words(results) == ("car", "person", "traffic light")
-    plain = [Box(label, x, 0, x + 1, 1) for x, label in enumerate(["car", "person", "pedestrian", "DontCare"])]
-    assert summary(PLAIN.truth(plain, "person")) == [("person", 1, False), ("person", 2, False), ("person", 3, True)]
-    assert class_map("sim") is PLAIN
-    with pytest.raises(InputError, match="did you mean 'kitti'"):
-        class_map("kittt")

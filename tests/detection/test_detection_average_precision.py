@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from pipeline.detection.average_precision import evaluate, mean_average_precision, mean_over_classes
 from pipeline.detection.base import Detections
 from pipeline.detection.matching import GroundTruth
-from pipeline.detection.text_files import read_detections
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -170,6 +169,13 @@ def test_coco_rule_breaks_ties_as_peers_do(package: str) -> None:
     ours = evaluate(*case, rule="coco")["car"].average_precision
     assert ours == pytest.approx(coco_peer(case, "car", package), abs=1e-6)
     assert ours < 0.6
+
+
+def read_detections(path: Path) -> Detections:
+    """Detections of an image as Cartucho's mAP program reads them, ``class score x1 y1 x2 y2`` a line."""
+    rows = [line.split() for line in path.read_text().splitlines() if line.strip()]
+    numbers = [[float(word) for word in row[1:]] for row in rows]
+    return Detections.of([row[1:] for row in numbers], [row[0] for row in numbers], [row[0] for row in rows])
 
 
 @pytest.mark.shared

@@ -16,7 +16,6 @@ from pipeline.detection.classes import CLASS_MAPS, ClassMap
 from pipeline.detection.evaluate_frames import evaluate_frames
 from pipeline.detection.letterbox import letterbox
 from pipeline.detection.nms import suppress
-from pipeline.detection.text_files import read_detections, write_detections
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -112,26 +111,6 @@ def test_letterbox_takes_boxes_back(width: int, height: int, canvas: tuple[int, 
     slack = 1.0 / placement.scale  # the inner size and the margins are whole pixels
     np.testing.assert_allclose(back, [[0, 0, width, height]], atol=slack + 1e-6)
     assert np.isclose(fitted, 0.75).sum() == fitted.size - (bottom - top) * (right - left)
-
-
-def test_text_files_come_back(tmp_path: Path) -> None:
-    result = random_detections(9, 1)
-    write_detections(tmp_path / "a.txt", result)
-    back = read_detections(tmp_path / "a.txt")
-    np.testing.assert_array_equal(back.boxes, result.boxes)
-    np.testing.assert_array_equal(back.score, result.score)
-    assert list(back.label) == list(result.label)
-    write_detections(tmp_path / "empty.txt", Detections.none())
-    assert len(read_detections(tmp_path / "empty.txt")) == 0
-
-
-@pytest.mark.parametrize("line", ["car 0.5 1 2 3", "car x 1 2 3 4", "0.5 1 2 3 4", "car nan 1 2 3 4", "car"])
-def test_broken_text_names_the_line(tmp_path: Path, line: str) -> None:
-    (tmp_path / "a.txt").write_text(f"car 0.5 1 2 3 4\n{line}\n")
-    with pytest.raises(InputError, match="line 2"):
-        read_detections(tmp_path / "a.txt")
-    with pytest.raises(InputError, match="cannot be read"):
-        read_detections(tmp_path / "absent.txt")
 
 
 def test_class_maps_say_what_counts() -> None:

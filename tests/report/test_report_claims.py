@@ -63,7 +63,10 @@ def test_with_nothing_run_every_claim_names_its_command() -> None:
     pairs = claims.measurements(inputs)
     assert len(pairs) >= 25
     assert {measured.verdict for _, measured in pairs} == {NOT_MEASURED}
-    assert all(measured.text.startswith("Not run: dvc repro ") for _, measured in pairs)
+    recorded = "Not run: camera-monitor record noise --pairs "
+    assert all(measured.text.startswith(("Not run: dvc repro ", recorded)) for _, measured in pairs)
+    of_real_cameras = next(measured for claim, measured in pairs if "noise of a real camera" in claim.sentence)
+    assert of_real_cameras.text.startswith(recorded) and of_real_cameras.text.endswith("reports/recorded/real-noise")
     assert set(claims.MEASURES) == {claim.measure.func.__name__[1:] for claim, _ in pairs[:-4]}
     assert len({claim.sentence for claim, _ in pairs}) == len(pairs)
     assert all(claim.reservation and claim.source for claim, _ in pairs)
@@ -82,6 +85,25 @@ def test_the_network_is_best_where_its_whole_interval_is_lower(tmp_path: Path) -
     measured = of_blur.MEASURES["network_is_best"](evidence)
     assert measured is not None and measured.verdict == PARTLY and measured.on == "KITTI"
     assert measured.text.startswith("1 for, 1 against, of 3 cells")
+
+
+@pytest.mark.parametrize(
+    ("pca_s", "bf_s", "verdict"),
+    [
+        (0.002, 0.005, SUPPORTED),
+        (0.003, 0.004, CONTRADICTED),
+        (0.001, 0.006, CONTRADICTED),
+        (0.003, 0.006, CONTRADICTED),
+    ],
+)
+def test_published_times_hold_where_they_do_for_both_estimators(pca_s: float, bf_s: float, verdict: str) -> None:
+    evidence = Evidence(NOTHING)
+    evidence.run_times = {"pca": pca_s, "bf": bf_s}
+    measured = of_blur.MEASURES["published_times"](evidence)
+    assert measured is not None and measured.verdict == verdict
+    assert measured.text.startswith(f"PCA {1e3 * pca_s:.2f} ms, B+F {1e3 * bf_s:.2f} ms")
+    del evidence.run_times["pca"]
+    assert of_blur.MEASURES["published_times"](evidence) is None
 
 
 def test_noise_prevents_estimation_by_the_papers_estimators_not_by_ours() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +132,18 @@ def test_sizes_are_told_apart_by_colour_and_marker(inputs: ReportInputs) -> None
     assert drawing.values is not None and len(drawing.values) == 2 * 4 * 2 * 3
     drawn = combined.noise_figure(noise, "sim")
     assert "Cell-wise estimates 23.8 to 23.8 DN of DCSN noise" in drawn.alt
+
+
+def test_figures_of_errors_name_their_estimator_and_their_titles_keep_apart(inputs: ReportInputs) -> None:
+    drawings = {block.name: block.drawing for block in combined.section(inputs).blocks if isinstance(block, Figure)}
+    for name, title in (("combined_amae", "Spectral"), ("combined_amae_calibrated", "Spectral, calibrated")):
+        figure = drawings[name].figure
+        assert [legend.get_title().get_text() for legend in figure.legends] == [title]
+        figure.draw_without_rendering()
+        headings = [axes.title.get_window_extent() for axes in figure.axes if axes.get_title()]
+        assert len(headings) == 4
+        for left, right in itertools.pairwise(headings):
+            assert right.x0 - left.x1 > 0.02 * figure.bbox.width
 
 
 def test_the_page_holds_the_chapter_with_its_figures(inputs: ReportInputs, tmp_path: Path) -> None:

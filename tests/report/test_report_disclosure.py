@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import shutil
 from pathlib import Path
 
 import pandas as pd
@@ -12,6 +11,8 @@ import pytest
 from report_makers import ABSENT, REPO
 
 from pipeline import store
+from pipeline.learning.learning_curve import LearningCurve
+from pipeline.learning.weights import details
 from pipeline.report import training_budget
 from pipeline.report.display_names import ESTIMATORS, qualified, word
 from pipeline.report.inputs import ReportInputs, mode_note, mode_of
@@ -33,17 +34,27 @@ def test_shares_are_rounded_up(percent: float, words: str) -> None:
 def test_shares_follow_from_the_record_of_the_training() -> None:
     percents = training_budget.percents(TRAINED)
     assert set(percents) == set(training_budget.PAPER_SAMPLES)
-    curve = pd.read_csv(REPO / "data/weights/mtf_cnn.csv")
-    samples = percents["mtf_cnn"] / 100 * training_budget.PAPER_SAMPLES["mtf_cnn"]
-    assert samples == pytest.approx(32 * curve["step"].max())  # the paper's batch
+    for name, paper in training_budget.PAPER_SAMPLES.items():
+        step = int(details(REPO / f"data/weights/{name}.safetensors")["step"])
+        assert percents[name] / 100 * paper == pytest.approx(32 * step)  # the paper's batch
+        assert step < pd.read_csv(REPO / f"data/weights/{name}.csv")["step"].max()
     assert training_budget.percents(NOTHING) == {}
+
+
+@pytest.mark.parametrize(("chosen", "samples"), [(12_500, 400_000), (None, 470_400)])
+def test_the_share_counts_samples_until_the_released_step(chosen: int | None, samples: int) -> None:
+    curve = LearningCurve("sigma_cnn", pd.DataFrame({"step": [100, 14_700]}), "sigma_error_dn", 1, chosen, 32)
+    assert training_budget.released_samples(curve) == samples
+    assert training_budget.percent_of(curve) == pytest.approx(100 * samples / 469_656)
+    assert training_budget.percent_of(dataclasses.replace(curve, name="sigma_cellwise")) is None
+    assert training_budget.percent_of(dataclasses.replace(curve, samples=None)) is None
 
 
 def test_the_name_of_the_papers_networks_carries_the_share_wherever_it_stands() -> None:
     names = training_budget.names(TRAINED)
     blur, noise = (training_budget.percents(TRAINED)[name] for name in ("mtf_cnn", "sigma_cnn"))
-    assert blur < 100 <= noise  # trained in full, the network for noise needs no words
-    assert names == {"cnn": f"CNN (blur: at most {training_budget.rounded_up(blur)} % of the paper’s samples)"}
+    words = f"blur: at most {training_budget.rounded_up(blur)} %; noise: at most {training_budget.rounded_up(noise)} %"
+    assert blur < noise < 100 and names == {"cnn": f"CNN ({words} of the paper’s samples)"}
     item = next(item for item in ITEMS if item.name == "blur_amae")
     with qualified(names):
         assert word("cnn") == names["cnn"] and word("pmp") == "PMP"
@@ -84,8 +95,8 @@ def test_the_section_states_sizes_where_they_were_measured(tmp_path: Path) -> No
         "AMAE is 2.0 % in the paper's order and encoded light and 3.0 % behind the optics and in linear light" in text
     )
     assert "AP 20.0 and 30.0 %" in text
-    assert "Blur: CNN saw 3,280,000 samples, at most 48 % of the paper’s samples" in text
-    assert "Noise: CNN saw 470,400 samples, as many as the paper’s, as far as is known" in text
+    assert "Blur: CNN is released after 3,120,000 of 3,280,000 samples, at most 45 % of the paper’s samples" in text
+    assert "Noise: CNN is released after 400,000 of 470,400 samples, at most 86 % of the paper’s samples" in text
 
 
 OUR_NETWORK = re.compile(r"(?<!R-)(?<!paper's )(?<!Paper, )(?<![Ii]ts )\bCNN\b")
@@ -112,11 +123,15 @@ def test_claims_on_the_papers_networks_carry_the_share() -> None:
     assert not [text for text in texts if re.search(r"(?<!R-)CNN(?! \(blur: at most)", text)]
 
 
-def test_the_name_states_both_shares_where_both_networks_had_fewer(tmp_path: Path) -> None:
-    for name in training_budget.PAPER_SAMPLES:
-        for kind in ("csv", "safetensors"):
-            shutil.copy(REPO / f"data/weights/{name}.{kind}", tmp_path)
-        curve = pd.read_csv(tmp_path / f"{name}.csv")
-        curve[curve["step"] <= 5000].to_csv(tmp_path / f"{name}.csv", index=False)
-    names = training_budget.names(dataclasses.replace(NOTHING, weights=tmp_path))
-    assert names == {"cnn": "CNN (blur: at most 3 %; noise: at most 35 % of the paper’s samples)"}
+@pytest.mark.parametrize(
+    ("noise", "name"),
+    [(34.1, "CNN (blur: at most 3 %; noise: at most 35 % of the paper’s samples)"),
+     (100.0, "CNN (blur: at most 3 % of the paper’s samples)")],
+)  # fmt: skip
+def test_the_name_states_the_share_of_each_network_that_saw_fewer(
+    monkeypatch: pytest.MonkeyPatch, noise: float, name: str
+) -> None:
+    monkeypatch.setattr(training_budget, "percents", lambda _: {"mtf_cnn": 2.3, "sigma_cnn": noise})
+    assert training_budget.names(NOTHING) == {"cnn": name}
+    monkeypatch.setattr(training_budget, "percents", lambda _: {"mtf_cnn": 100.0, "sigma_cnn": noise + 100})
+    assert training_budget.names(NOTHING) == {}

@@ -12,6 +12,7 @@ from report_makers import picture
 from pipeline import store, tables
 from pipeline.datasets.power_spectrum import power_spectrum
 from pipeline.errors import InputError
+from pipeline.report import figures, style
 from pipeline.report.inputs import Arrays, ReportInputs
 from pipeline.report.sections import datasets, formation, noise, optics
 from pipeline.report.sections.datasets import DatasetSample
@@ -145,3 +146,29 @@ def test_photon_transfer_compares_slope_and_gain() -> None:
     assert "+1.00 % from the sensor's gain" in formation.photon_transfer(curve).alt
     with pytest.raises(InputError, match="equally long"):
         formation.photon_transfer(curve | {"mean_dn": [0]})
+
+
+@pytest.mark.parametrize(
+    ("labels", "columns"),
+    [
+        (["a"], 1),
+        (["3 px"] * 6, 6),
+        (["3 px"] * 12, 6),
+        (["n" * 70, *["PMP"] * 5], 3),  # one long name leaves room for two columns of short ones
+        (["n" * 140, "PMP"], 1),
+    ],
+)
+def test_a_legend_has_as_many_columns_as_fit(labels: list[str], columns: int) -> None:
+    assert figures.legend_columns(labels, style.TWO_COLUMNS_IN) == columns
+
+
+@style.styled
+def test_a_legend_with_a_long_name_stays_within_its_figure() -> None:
+    figure = style.new_figure(style.TWO_COLUMNS_IN, 2.0)
+    figure.subplots()
+    long = "CNN (blur: at most 45 %; noise: at most 86 % of the paper’s samples)"
+    figures.add_legend(figure, [(name, {}) for name in (long, "PMP", "GBB", "Spectral", "the paper's")], "Title")
+    figure.draw_without_rendering()
+    extent = figure.legends[0].get_window_extent()
+    assert extent.x0 >= 0 and extent.x1 <= figure.bbox.x1
+    assert figure.legends[0].get_title().get_text() == "Title"

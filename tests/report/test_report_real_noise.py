@@ -69,6 +69,17 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
     assert isinstance(figure, Figure) and figure.stages == () and "Adaptive on CC" in figure.drawing.alt
 
 
+def test_errors_stand_above_the_points(inputs: ReportInputs) -> None:
+    drawing = real_noise.scatter(list(recordings(inputs).values()), real_noise.SHOWN)
+    drawing.figure.draw_without_rendering()
+    for axes in drawing.figure.axes:
+        (note,) = axes.texts
+        extent, panel = note.get_window_extent(), axes.get_window_extent()
+        assert note.get_text().startswith("error ") and note.get_text().endswith(" % estimated")
+        assert extent.y0 > panel.y1 and panel.x0 <= extent.x0 and extent.x1 <= panel.x1
+        assert not axes.get_title() or axes.title.get_window_extent().y0 > extent.y1
+
+
 def test_examples_show_both_answers_and_the_reason_to_abstain(inputs: ReportInputs) -> None:
     made = real_noise_records.examples(inputs.recorded)
     assert made is not None and [crop.shape for crop in made.crops] == [(128, 128)] * 3

@@ -70,7 +70,8 @@ def test_the_section_shows_budget_size_and_error_beside_the_papers(folder: Path)
     assert figure.stages == ("train_mtf@cnn", "train_sigma@cellwise", "train_detector@compact")
     assert "MTF error 10 %" in figure.drawing.alt
     row = table.rows[0]
-    assert row["samples"] == 400 * 192 and row["released"] == 200 and row["training"] == 9.0
+    assert row["samples"] == 400 * 192 and row["released"] == 200 and row["released_samples"] == 200 * 192
+    assert row["training"] == 9.0
     assert row["squared"] == Estimate(0.02, reference=0.0083) and row["device"] == "GPU"
     assert table.rows[1].get("device") is None  # without weights nobody knows
     assert row["parameters"] == Estimate(17, reference=6_757_384)
@@ -82,7 +83,7 @@ def test_titles_of_the_papers_networks_carry_their_own_share(folder: Path) -> No
     inputs = dataclasses.replace(NOTHING, weights=folder)
     with qualified(training_budget.names(inputs)):
         titles = [training.network_title(one) for one in read(folder)]
-    assert titles == ["Blur: CNN (at most 2 % of the paper’s samples)", "Noise: Cell-wise", "Detector: Compact"]
+    assert titles == ["Blur: CNN (at most 0.6 % of the paper’s samples)", "Noise: Cell-wise", "Detector: Compact"]
 
 
 def test_one_panel_a_network_with_the_released_step_marked(folder: Path) -> None:

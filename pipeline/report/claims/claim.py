@@ -61,8 +61,8 @@ Measure = Callable[["Evidence"], Measurement | None]
 class Claim:
     """A sentence of the paper in our words, and the section, table or figure it is from.
 
-    ``measure`` gives our measurement, None where what it needs has not run; ``stage`` would produce it; the reservation
-    is why it might not decide the claim.
+    ``measure`` gives our measurement, None where what it needs has not run; ``stage`` would produce it, or ``command``
+    where no stage does; the reservation is why it might not decide the claim.
     """
 
     source: str
@@ -70,6 +70,7 @@ class Claim:
     measure: Measure
     reservation: str = ""
     stage: str = ""
+    command: str = ""
 
 
 class Evidence:

@@ -41,7 +41,7 @@ def measurements(inputs: ReportInputs) -> list[tuple[Claim, Measurement]]:
     for claim in all_claims():
         measured = claim.measure(evidence)
         if measured is None:
-            measured = Measurement(f"Not run: {inputs.line(claim.stage)}", NOT_MEASURED)
+            measured = Measurement(f"Not run: {claim.command or inputs.line(claim.stage)}", NOT_MEASURED)
         pairs.append((claim, measured))
     return pairs
 

@@ -178,7 +178,8 @@ def findings(results: Sequence[ScenarioResult]) -> list[str]:
         text = CONTROL.text("won", won=len(demanding) - len(missed), demanding=len(demanding))
         sentences.append(text + (f" Not in: {listing(map(_cause, missed))}." if missed else ""))
     for policy in OURS:
-        regrets = [regret for one in results if (regret := one.measure(policy, "regret_percent")) is not None]
+        each = [one.measure(policy, "regret_percent") for one in results]
+        regrets = [regret for regret in each if regret is not None and math.isfinite(regret)]  # NaN without the oracle
         losses = [one.largest_loss_percent(policy) for one in results if one.stands]
         known = [loss for loss in losses if loss is not None]
         if regrets:

@@ -176,8 +176,10 @@ def noise_figure(cells: pd.DataFrame, dataset: str) -> style.Drawing:
 def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFrame) -> style.Drawing:
     """Error of the blur estimate over the noise level, coloured by kernel size: datasets down, experiments across.
 
-    ``cells`` of one estimator, raw or calibrated.
+    ``cells`` of one estimator, raw or calibrated, which the legend names.
     """
+    first = cells.iloc[0]
+    title = word(first["estimator"]) + (", calibrated" if first["calibrated"] else "")
     plain = cells[cells["filter_px"] == 0]
     looks = style.ordinal_looks(plain["kernel_size_px"])
     theirs = paper if (plain["experiment"] == "photon_defocus").any() else paper.iloc[:0]
@@ -189,7 +191,7 @@ def amae_figure(cells: pd.DataFrame, datasets: Sequence[str], paper: pd.DataFram
     top = float(np.nanmax([*plain["amae_percent"], *theirs["amae_percent"], 5.0]))
     return PAGE.grid(
         "combined_amae", plain, alt, looks, down=datasets, beside=theirs.assign(experiment="photon_defocus"),
-        axes={"xlim": (0, levels[-1]), "ylim": (0, 1.05 * top)},
+        axes={"xlim": (0, levels[-1]), "ylim": (0, 1.05 * top)}, title=title,
         legend=[*ordinal_legend(looks, "px", "no blur"), *([THE_CNN] if len(theirs) else [])],
     )  # fmt: skip
 

@@ -17,12 +17,14 @@ PAGE = Descriptions("disclosure")
 
 def _networks(inputs: ReportInputs) -> list[str]:
     """How much of the paper's training its two networks have had here."""
-    steps = {one.name: one for one in read(inputs.weights)}
+    curves = {curve.name: curve for curve in read(inputs.weights)}
     sentences = []
     for name, percent in training_budget.percents(inputs).items():
-        one = steps[name]
-        seen = counted(one.steps * (one.samples or 0), "sample")
-        sentences.append(f"{network_title(one).partition(' (')[0]} saw {seen}, {training_budget.in_words(percent)}")
+        curve = curves[name]
+        released = training_budget.released_samples(curve)
+        trained = counted(curve.steps * (curve.samples or 0), "sample")
+        network, words = network_title(curve).partition(" (")[0], training_budget.in_words(percent)
+        sentences.append(f"{network} is released after {released:,} of {trained}, {words}")
     return [f"The paper's networks, trained anew: {'; '.join(sentences)}."] if sentences else []
 
 

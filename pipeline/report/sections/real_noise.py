@@ -69,8 +69,9 @@ def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> style.Draw
             rows["cleaned_sigma_dn"], rows["sigma_dn"].clip(upper=top), s=2.5, linewidths=0, alpha=0.55, color=colour,
             zorder=2, rasterized=True,
         )  # fmt: skip
-        note = f"error {rows['error'].mean():.2f} DN\n{100 * rows['sigma_dn'].notna().mean():.0f} % estimated"
-        axes.text(0.04, 0.96, note, transform=axes.transAxes, va="top", fontsize=5, color=style.INK)
+        note = f"error {rows['error'].mean():.2f} DN, {100 * rows['sigma_dn'].notna().mean():.0f} % estimated"
+        # above the panel, since every corner inside has points in some panel
+        axes.text(0, 1.03, note, transform=axes.transAxes, va="bottom", fontsize=5, color=style.INK)
         axes.set(xlim=(0, top), ylim=(0, top))
 
     words = patches.groupby(["recording", "estimator"], sort=False, as_index=False)["error"].mean()

@@ -127,6 +127,7 @@ def _networks(curves: Sequence[LearningCurve]) -> Table:
         {
             "network": network_title(one), "parameters": parameters(one), "steps": one.steps, "released": one.chosen,
             "samples": None if one.samples is None else one.steps * one.samples, "measure": measure_heading(one),
+            "released_samples": training_budget.released_samples(one),
             "held_out": one.at_release(HELD_OUT + one.measure), "squared": squared(one),
             "training": None if one.training() is None else one.at_release(one.measure),
             "device": None if one.device is None else "processor" if one.device == "cpu" else "GPU",
