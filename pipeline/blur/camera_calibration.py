@@ -315,6 +315,10 @@ def fit_map(
     )  # fmt: skip
 
 
+Map = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""A and b of a map of logits, ``A x + b``."""
+
+
 @dataclass(frozen=True)
 class _Fitted:
     """Maps and correction of a `Calibration`, and the absolute errors (N, 16) of samples that were held out."""
@@ -326,47 +330,94 @@ class _Fitted:
     correction: Correction | None = None
 
 
+@dataclass(frozen=True)
+class _Strength:
+    """How far maps depart from the uncalibrated output.
+
+    Attributes:
+        index: of `STRENGTHS`.
+        weight: of the map beside the uncalibrated output, of `WEIGHTS`.
+    """
+
+    index: int
+    weight: float
+
+    def drawn_back(self, fitted: Sequence[Map]) -> Map:
+        """The map of this strength, of those of all strengths, at this weight."""
+        matrix, offset = fitted[self.index]
+        return _drawn_back(matrix, np.eye(*matrix.shape), self.weight), self.weight * offset
+
+    def held_out(
+        self, maps: Sequence[Sequence[Map]], logits: NDArray[np.float64], folds: NDArray[np.int_]
+    ) -> NDArray[np.float64]:
+        """(N, 16) logits of every sample by such a map of the other folds."""
+        return _drawn_back(_held_out(maps, logits, folds)[self.index], logits[:, :VALUES], self.weight)
+
+
 def _fitted(samples: Samples, layers: OutputLayers | None = None, seed: int = 1) -> _Fitted:
-    """The maps, their strength and weight cross-validated, and the correction beside them.
+    """The map, its strength cross-validated, a correction beside it, and the map of the network that knows halos.
 
     Args:
-        samples: what they are fitted on.
+        samples: that they are fitted on.
         layers: output layers of the estimator's networks, for a correction; None for none.
         seed: of the correction.
     """
-    logits, known, scene = samples.logits, samples.known, samples.scene
-    count = int(scene.max()) + 1
-    groups, plain, last = samples.fold, logits[:, :VALUES], logits[:, -VALUES:]
-    judged = scene if count > FEW_SCENES else np.arange(len(known))
-    maps = _cross_fitted(logits, known, groups, STRENGTHS)
-    held_out = _held_out(maps, logits, groups)
-    if count == 1:
-        index, weight = ONE_SCENE
-        error = _errors(held_out[index], plain, known, weight)
-    else:
-        index, weight, error = _chosen(held_out, plain, known, judged)
-    strengths = STRENGTHS[: index + 1]
-    matrix, offset = _map_drawn_back(affine_logits.fit(logits, known, strengths)[index], weight)
-    correction, joint = None, _drawn_back(held_out[index], plain, weight)
-    if layers is not None and samples.noisy is not None and count > 1:
-        noisy = samples.noisy
-        mapped = _drawn_back(_held_out(maps, noisy.logits, groups)[index], noisy.logits[:, :VALUES], weight)
-        parts = [Part(noisy.clean, joint, known), Part(noisy.hidden, mapped, known)]
-        starts = [_map_drawn_back(of_group[index], weight) for of_group in maps]
-        correction, corrected_logits = camera_correction.fit(
-            layers, parts, groups, samples.kernel, [*starts, (matrix, offset)], seed
-        )
-        joint = corrected_logits[0]
-        error = np.abs(sigmoid(joint) - known)
-    alone = None
-    if logits.shape[1] > VALUES:
-        maps_alone = _cross_fitted(last, known, groups, strengths)
-        other = _drawn_back(_held_out(maps_alone, last, groups)[index], last, weight)
-        switched = np.abs(halo.mixed(sigmoid(joint), sigmoid(other)) - known)
-        if _median_rise(switched, error, scene) <= MOST_RISE:
-            single, shift = _map_drawn_back(affine_logits.fit(last, known, strengths)[index], weight)
-            alone, error = np.concatenate([single, shift[:, None]], axis=1), switched
-    return _Fitted(matrix, offset, alone, error, correction)
+    logits, known = samples.logits, samples.known
+    maps = _cross_fitted(logits, known, samples.fold, STRENGTHS)
+    strength = _strength(samples, maps)
+    whole = strength.drawn_back(affine_logits.fit(logits, known, STRENGTHS[: strength.index + 1]))
+    correction, joint = None, strength.held_out(maps, logits, samples.fold)
+    if layers is not None and samples.noisy is not None and samples.scene.any():
+        correction, joint = _corrected(samples, layers, maps, strength, whole, seed)
+    alone, error = _alone(samples, strength, joint)
+    return _Fitted(*whole, alone, error, correction)
+
+
+def _strength(samples: Samples, maps: Sequence[Sequence[Map]]) -> _Strength:
+    """The strength and weight that samples of other scenes favour; of a single scene, none can be held out."""
+    scenes = int(samples.scene.max()) + 1
+    if scenes == 1:
+        return _Strength(*ONE_SCENE)
+    judged = samples.scene if scenes > FEW_SCENES else np.arange(len(samples.known))
+    held_out = _held_out(maps, samples.logits, samples.fold)
+    return _chosen(held_out, samples.logits[:, :VALUES], samples.known, judged)
+
+
+def _corrected(
+    samples: Samples, layers: OutputLayers, maps: Sequence[Sequence[Map]], strength: _Strength, whole: Map, seed: int
+) -> tuple[Correction | None, NDArray[np.float64]]:
+    """The correction that starts from the maps, by samples without and with noise; held-out logits (N, 16) with it."""
+    noisy = samples.noisy
+    assert noisy is not None
+    clean = strength.held_out(maps, samples.logits, samples.fold)
+    grainy = strength.held_out(maps, noisy.logits, samples.fold)
+    parts = [Part(noisy.clean, clean, samples.known), Part(noisy.hidden, grainy, samples.known)]
+    starts = [*map(strength.drawn_back, maps), whole]
+    correction, logits = camera_correction.fit(layers, parts, samples.fold, samples.kernel, starts, seed)
+    return correction, logits[0]
+
+
+def _alone(
+    samples: Samples, strength: _Strength, joint: NDArray[np.float64]
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+    """A and b of the network that knows halos, where following it costs little; held-out errors (N, 16) with it.
+
+    Args:
+        samples: of an ensemble, whose last network it is, or of a single network.
+        strength: of the map of all networks.
+        joint: (N, 16) held-out logits by that map and the correction.
+    """
+    known, last = samples.known, samples.logits[:, -VALUES:]
+    error = np.abs(sigmoid(joint) - known)
+    if samples.logits.shape[1] == VALUES:
+        return None, error
+    strengths = STRENGTHS[: strength.index + 1]
+    other = strength.held_out(_cross_fitted(last, known, samples.fold, strengths), last, samples.fold)
+    switched = np.abs(halo.mixed(sigmoid(joint), sigmoid(other)) - known)
+    if _median_rise(switched, error, samples.scene) > MOST_RISE:
+        return None, error
+    matrix, offset = strength.drawn_back(affine_logits.fit(last, known, strengths))
+    return np.concatenate([matrix, offset[:, None]], axis=1), switched
 
 
 def _drawn_back(mapped: NDArray[np.float64], start: NDArray[np.float64], weight: float) -> NDArray[np.float64]:
@@ -374,25 +425,15 @@ def _drawn_back(mapped: NDArray[np.float64], start: NDArray[np.float64], weight:
     return np.asarray(weight * mapped + (1 - weight) * start)
 
 
-def _map_drawn_back(
-    fitted: tuple[NDArray[np.float64], NDArray[np.float64]], weight: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A and b of a map at this weight beside the uncalibrated output, which is the first network's."""
-    matrix, offset = fitted
-    return _drawn_back(matrix, np.eye(*matrix.shape), weight), weight * offset
-
-
 def _cross_fitted(
     read: NDArray[np.float64], truth: NDArray[np.float64], groups: NDArray[np.int_], strengths: Sequence[float]
-) -> list[list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+) -> list[list[Map]]:
     """Of each group, in order, the maps of each strength that were calibrated on the other groups."""
     return [affine_logits.fit(read[groups != group], truth[groups != group], strengths) for group in np.unique(groups)]
 
 
 def _held_out(
-    maps: Sequence[Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]],
-    read: NDArray[np.float64],
-    groups: NDArray[np.int_],
+    maps: Sequence[Sequence[Map]], read: NDArray[np.float64], groups: NDArray[np.int_]
 ) -> NDArray[np.float64]:
     """(S, N, 16) logits of every sample by the maps of each strength that were calibrated on the other groups."""
     result = np.empty((len(maps[0]), len(read), VALUES))
@@ -403,17 +444,10 @@ def _held_out(
     return result
 
 
-def _errors(
-    mapped: NDArray[np.float64], plain: NDArray[np.float64], truth: NDArray[np.float64], weight: float
-) -> NDArray[np.float64]:
-    """(N, 16) absolute errors of a map's logits at this weight beside the uncalibrated ones."""
-    return np.asarray(np.abs(sigmoid(_drawn_back(mapped, plain, weight)) - truth))
-
-
 def _chosen(
     held_out: NDArray[np.float64], plain: NDArray[np.float64], truth: NDArray[np.float64], scene: NDArray[np.int_]
-) -> tuple[int, float, NDArray[np.float64]]:
-    """Which strength and weight to take, and the held-out absolute errors (N, 16) with them.
+) -> _Strength:
+    """Which strength and weight to take.
 
     Args:
         held_out: see `_held_out`.
@@ -422,7 +456,7 @@ def _chosen(
         scene: (N,) number, 0 to K - 1, of what each sample shows; the standard error is over these, K > 1.
     """
     errors = {
-        (index, weight): _errors(mapped, plain, truth, weight)
+        (index, weight): np.abs(sigmoid(_drawn_back(mapped, plain, weight)) - truth)
         for index, mapped in enumerate(held_out)
         for weight in WEIGHTS
     }
@@ -434,8 +468,7 @@ def _chosen(
         by_scene = np.bincount(scene, more) / samples
         return bool(more.mean() <= by_scene.std(ddof=1) / np.sqrt(len(by_scene)))
 
-    index, weight = next(key for key, error in errors.items() if as_good(error))
-    return index, weight, errors[index, weight]
+    return _Strength(*next(key for key, error in errors.items() if as_good(error)))
 
 
 def _median_rise(error: NDArray[np.float64], before: NDArray[np.float64], scene: NDArray[np.int_]) -> float:
