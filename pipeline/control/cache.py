@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -27,13 +25,6 @@ def fingerprint(module: str, settings: Mapping[str, Any]) -> str:
     files = {path: active(closure.ROOT / path) for path in named}
     weights = {path: file.read_bytes() for path, file in files.items() if file.is_file()}
     return closure.fingerprint((module,), _plain({"settings": settings, "weights": weights}))
-
-
-def forget(folder: Path) -> None:
-    """Remove kept work, and the folder above it if it is empty then."""
-    shutil.rmtree(folder, ignore_errors=True)
-    with suppress(OSError):  # it is not there, or not empty: another process may add to it at any time
-        folder.parent.rmdir()
 
 
 def _plain(value: Any) -> Any:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
-
 from pipeline import weight_files
-from pipeline.control.cache import fingerprint, forget
+from pipeline.control.cache import fingerprint
 from pipeline.dependencies import closure
 
 MODULE = "pipeline.control.loop"
@@ -23,27 +21,3 @@ def test_a_key_knows_settings_and_the_weights_of_the_monitor(tmp_path):
             (weights / name).write_bytes(b"other")
             assert fingerprint(MODULE, {"seed": 1}) != key
             shutil.copy(closure.ROOT / "data/weights" / name, weights / name)
-
-
-def test_kept_work_goes_with_its_folder(tmp_path):
-    for name in ("one", "two"):
-        (tmp_path / "kept" / name).mkdir(parents=True)
-    forget(tmp_path / "kept/one")
-    assert [path.name for path in (tmp_path / "kept").iterdir()] == ["two"]
-    forget(tmp_path / "kept/two")
-    assert not (tmp_path / "kept").exists()
-    forget(tmp_path / "kept/two")  # another process was faster
-
-
-def test_work_that_another_process_adds_meanwhile_stays(tmp_path, monkeypatch):
-    """Its folder appears at the very moment at which the empty folder above would be removed."""
-    (tmp_path / "kept/one").mkdir(parents=True)
-    remove = Path.rmdir
-
-    def late(path):
-        (tmp_path / "kept/two").mkdir()
-        remove(path)
-
-    monkeypatch.setattr(Path, "rmdir", late)
-    forget(tmp_path / "kept/one")
-    assert [path.name for path in (tmp_path / "kept").iterdir()] == ["two"]
