@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+
 from pipeline import weight_files
 from pipeline.control.cache import fingerprint
 from pipeline.dependencies import closure
