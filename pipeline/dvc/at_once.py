@@ -9,19 +9,19 @@ and DVC's message follows. Ctrl-C does the same; the running commands receive it
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
 from pipeline import yaml_text
 from pipeline.dvc import preloaded
+from pipeline.dvc.core_slots import CoreSlots, affinity
 from pipeline.dvc.lock_file import LockFileWriter
 from pipeline.executor import available_cores
 
@@ -82,11 +82,9 @@ class Stages:
     """
 
     def __init__(self, writer: LockFileWriter, params: Path) -> None:
-        self._writer, self._params, self._at_once = writer, params, 1
+        self._writer, self._params = writer, params
         self._turn = threading.Lock()
-        self._slots: dict[str, int] = {}
-        self._processes: dict[str, int] = {}
-        self._cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+        self._slots = CoreSlots()
 
     def reproduce(self, original: Callable[..., list[Any]]) -> Callable[..., list[Any]]:
         """`dvc.repo.reproduce._reproduce`; the original for options under which the order matters."""
@@ -98,42 +96,20 @@ class Stages:
             plain = options.get("on_error", "fail") == "fail" and not any(
                 options.get(name) for name in ("dry", "interactive", "force_downstream", "pull")
             )
-            if self._at_once == 1 or len(stages) < 2 or graph is None or not plain:
+            if self._slots.count == 1 or len(stages) < 2 or graph is None or not plain:
                 return original(stages, graph=graph, **options)
             options = {name: value for name, value in options.items() if name not in ("on_error", "force_downstream")}
             reproduce_stage = options.pop("repro_fn", _reproduce_stage)
-            upstream = {stage: set(graph.successors(stage)) & set(stages) for stage in stages}
 
             def run(stage: Any) -> Any:
                 with self._turn, stage.repo.lock:
                     return reproduce_stage(stage, upstream=list(graph.successors(stage)), **options)
 
-            results: dict[Any, Any] = {}
-            failed: tuple[Exception, Any] | None = None
-            waiting, running = list(stages), dict[Future[Any], Any]()
+            upstream = {stage: set(graph.successors(stage)) & set(stages) for stage in stages}
             lock = stages[0].repo.lock
             lock.unlock()
             try:
-                with ThreadPoolExecutor(self._at_once) as pool:
-                    while True:
-                        free = self._at_once - len(running) if failed is None else 0
-                        for stage in startable(waiting, list(running.values()), set(results), upstream)[:free]:
-                            waiting.remove(stage)
-                            self._take_slot(stage)
-                            running[pool.submit(run, stage)] = stage
-                        if not running:
-                            break
-                        self._give_all_cores_to_the_last()
-                        for future in wait(running, return_when=FIRST_COMPLETED).done:
-                            stage = running.pop(future)
-                            self._slots.pop(stage.addressing)
-                            error = future.exception()
-                            if error is None:
-                                results[stage] = future.result()
-                            elif not isinstance(error, Exception):
-                                raise error
-                            elif failed is None:
-                                failed = error, stage
+                results, failed = self._run_all(stages, upstream, run)
             finally:
                 lock.lock()
             if failed is not None:
@@ -142,30 +118,49 @@ class Stages:
 
         return reproduce
 
+    def _run_all(
+        self, stages: Sequence[Any], upstream: Mapping[Any, set[Any]], run: Callable[[Any], Any]
+    ) -> tuple[dict[Any, Any], tuple[Exception, Any] | None]:
+        """Run every stage once those it depends on have ended; after a failure no other begins.
+
+        Args:
+            stages: in DVC's order.
+            upstream: those of them that each depends on.
+            run: one stage.
+
+        Returns:
+            what each gave, and the first failure with its stage, or None.
+        """
+        results: dict[Any, Any] = {}
+        failed: tuple[Exception, Any] | None = None
+        waiting, running = list(stages), dict[Future[Any], Any]()
+        with ThreadPoolExecutor(self._slots.count) as pool:
+            while True:
+                free = self._slots.count - len(running) if failed is None else 0
+                for stage in startable(waiting, list(running.values()), set(results), upstream)[:free]:
+                    waiting.remove(stage)
+                    self._slots.take(stage.addressing)
+                    running[pool.submit(run, stage)] = stage
+                if not running:
+                    return results, failed
+                self._slots.give_all_cores_to_the_last()
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    stage = running.pop(future)
+                    self._slots.leave(stage.addressing)
+                    error = future.exception()
+                    if error is None:
+                        results[stage] = future.result()
+                    elif not isinstance(error, Exception):
+                        raise error
+                    elif failed is None:
+                        failed = error, stage
+
     def _choose(self) -> None:
         """Set how many stages run at once, and give their libraries as many threads as their share of the cores."""
         cores = available_cores()
-        self._at_once = stages_at_once(cores, workers(self._params), os.environ.get(SWITCH))
-        if self._at_once > 1:
-            os.environ.setdefault(THREADS, str(max(1, cores // self._at_once)))
-
-    def _take_slot(self, stage: Any) -> None:
-        self._slots[stage.addressing] = min(set(range(self._at_once)) - set(self._slots.values()))
-
-    def _cores_of(self, name: str) -> set[int] | None:
-        """Cores of a stage: all where it runs alone, else those of its slot; None where they cannot be chosen."""
-        if not self._cores:
-            return None
-        if len(self._slots) < 2:
-            return set(self._cores)
-        return set(self._cores[self._slots[name] :: self._at_once]) or set(self._cores)
-
-    def _give_all_cores_to_the_last(self) -> None:
-        """Nothing can join a stage that is left alone before it ends."""
-        if len(self._slots) == 1:
-            for name, process in list(self._processes.items()):
-                with contextlib.suppress(OSError):
-                    os.sched_setaffinity(process, self._cores_of(name) or set())
+        self._slots.count = stages_at_once(cores, workers(self._params), os.environ.get(SWITCH))
+        if self._slots.count > 1:
+            os.environ.setdefault(THREADS, str(max(1, cores // self._slots.count)))
 
     def run(self, original: Callable[..., None]) -> Callable[..., None]:
         """`dvc.stage.run._run`: one command of a stage, with its turn handed over meanwhile."""
@@ -196,16 +191,15 @@ class Stages:
         """Run a command beside others, each line of its output after the name of its stage."""
         import multiprocessing
 
-        cores = self._cores_of(name)
+        cores = self._slots.cores_of(name)
         reading, writing = multiprocessing.Pipe(duplex=False)
         if words is not None:
             process: Any = preloaded.start(words, options["env"], cores, writing)
         else:
-            with _affinity(cores):  # of this thread; its child inherits it
+            with affinity(cores):  # of this thread; its child inherits it
                 process = subprocess.Popen(command, stdout=writing.fileno(), stderr=subprocess.STDOUT, **options)
         writing.close()
-        self._processes[name] = process.pid
-        try:
+        with self._slots.running(name, process.pid):
             with os.fdopen(os.dup(reading.fileno()), encoding="utf-8", errors="replace", newline="\n") as lines:
                 reading.close()
                 for line in lines:
@@ -214,8 +208,6 @@ class Stages:
                         sys.stdout.write(f"{name} | {shown}\n")
                         sys.stdout.flush()
             return int(process.wait()) if words is None else _wait(process)
-        finally:
-            self._processes.pop(name)
 
 
 def _wait(process: Any) -> int:
@@ -227,20 +219,6 @@ def _wait(process: Any) -> int:
     finally:
         if alone:
             signal.signal(signal.SIGINT, before)
-
-
-@contextlib.contextmanager
-def _affinity(cores: set[int] | None) -> Iterator[None]:
-    """The cores of this thread, and of what it starts meanwhile."""
-    if cores is None:
-        yield
-        return
-    before = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, cores)
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, before)
 
 
 def install(writer: LockFileWriter) -> None:
