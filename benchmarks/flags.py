@@ -1,4 +1,4 @@
-"""How well blur and noise of frames are ranked: our estimates beside the variance of the Laplacian and BRISQUE.
+"""How well blur and noise of frames are ranked, beside usual measures, and how often flags of noise are raised.
 
 Usage::
 
@@ -11,6 +11,10 @@ scene or the other corruption loses. ``--realdata`` adds pictures that may not b
 with measured kernels (Levin et al. 2009, ``levin2009/*.mat``) and noise of real cameras (CC, ``cc_noise``). Intervals
 are 95 %, from a bootstrap over scenes.
 
+Under ``flags`` are the rates of the flags ``banded`` and ``impulses`` (`benchmarks.flag_rates`), on whole frames, and
+with ``--realdata`` on those of its folders ``kitti``, ``kitti_more``, ``udacity``, ``sim_authors``, ``pennfudan`` and
+``polyu`` too, as far as they are there.
+
 BRISQUE (Mittal et al. 2012) is that of the package ``brisque``, whose dependencies are installed already:
 ``pip install --no-deps brisque libsvm-official``. Without it its rows are left out.
 """
@@ -20,7 +24,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,7 +32,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import camera_shake, common  # noqa: E402
+from benchmarks import camera_shake, common, flag_rates  # noqa: E402
 
 common.one_thread()
 
@@ -39,7 +43,7 @@ from scipy.stats import spearmanr  # noqa: E402
 from pipeline.camera import mtf, psf  # noqa: E402
 from pipeline.camera.blur import blur  # noqa: E402
 from pipeline.condition import ConditionMonitor  # noqa: E402
-from pipeline.datasets.pictures import read_grey, to_eight_bit  # noqa: E402
+from pipeline.datasets.pictures import read_grey, read_grey8, to_eight_bit  # noqa: E402
 from pipeline.noise.real_noise import cleaned, pairs  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
 
@@ -48,6 +52,11 @@ BLURS = (("defocus", 0.0), ("defocus", 5.0), ("linear_motion", 9.0), ("defocus",
 NOISE_DN = (0.0, 5.0, 10.0, 20.0)
 DRAWS = 1000
 OURS = {"blur": "mtf", "noise": "sigma_dn"}
+FLAG_FOLDERS = {
+    "kitti": "kitti", "kitti_more": "kitti_more", "udacity": "udacity", "sim_authors": "sim_authors",
+    "pennfudan": "pennfudan/PNGImages", "polyu": "polyu",
+}  # fmt: skip
+"""Datasets that only flags are counted on -> their folder."""
 STAND_INS = ("laplacian_variance", "brisque")
 
 
@@ -193,27 +202,43 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
     common.hold_loaded_libraries()
-    datasets = ["sim", "photos", *(["levin2009", "cc"] if arguments.realdata is not None else [])]
+    folders = {} if arguments.realdata is None else {
+        name: arguments.realdata / folder
+        for name, folder in FLAG_FOLDERS.items()
+        if (arguments.realdata / folder).is_dir()
+    }  # fmt: skip
+    datasets = ["sim", "photos", *(["levin2009", "cc"] if arguments.realdata is not None else []), *folders]
     common.check_datasets("flags", datasets, arguments.out)
     from pipeline.datasets import open_dataset
 
     sources: dict[str, list[Sample]] = {}
+    whole: dict[str, Iterable[tuple[str, np.ndarray]]] = {}
     for name, root in (("sim", arguments.sim), ("photos", None)):
         dataset = open_dataset(name, name, root)
         frames = {frame.name: centre(read_grey(frame.path)) for frame in dataset.frames()[: arguments.frames]}
         sources[name] = list(corrupted(frames))
+        whole[name] = [(frame.name, read_grey8(frame.path)) for frame in dataset.frames()]
     if arguments.realdata is not None:
         sources["levin2009"] = list(levin(arguments.realdata / "levin2009"))
         sources["cc"] = list(cc(arguments.realdata / "cc_noise"))
+        shaken = enumerate(sample.image for sample in sources["levin2009"])
+        whole["levin2009"] = [(str(number), to_eight_bit(image)) for number, image in shaken]
+        whole["cc"] = flag_rates.frames_below(arguments.realdata / "cc_noise")
+        whole |= {name: flag_rates.frames_below(folder) for name, folder in folders.items()}
     methods = measures()
     results = {name: measured(samples, methods) for name, samples in sources.items()}
+    for name, frames_of in whole.items():
+        results.setdefault(name, {})["flags"] = flag_rates.rates(name, frames_of)
     print(f"{'pictures':10} {'truth':6} {'measure':20} {'Spearman':>8}  95 % interval")
     for name, content in results.items():
         for quantity in ("blur", "noise"):
             for key, row in content.get(quantity, {}).items():
                 print(f"{name:10} {quantity:6} {key:20} {row['spearman']:8.2f}  {row['low']:.2f} to {row['high']:.2f}")
+    for name, content in results.items():
+        for condition, row in (content["flags"]["false"] | content["flags"]["true"]).items():
+            print(f"{name:11} {condition:24} banded {row['banded']:6.1%}  impulses {row['impulses']:6.1%}")
     about = {
-        "datasets": list(sources), "blurs": [list(kind) for kind in BLURS], "noise_dn": NOISE_DN, "crop_px": CROP_PX,
+        "datasets": list(results), "blurs": [list(kind) for kind in BLURS], "noise_dn": NOISE_DN, "crop_px": CROP_PX,
         "machine": common.machine("opencv-python-headless", "brisque", "torch"),
     }  # fmt: skip
     print(f"written to {common.write('flags', {**about, 'results': results}, arguments.out)}")

@@ -49,7 +49,7 @@ def command(
     from pipeline.camera import sensor as sensors
     from pipeline.camera.exposure import Camera
     from pipeline.cli.frame_analysis import find_surface
-    from pipeline.cli.pictures import expand, readable
+    from pipeline.cli.pictures import expand, least_side_px, readable
     from pipeline.cli.set_aside import SetAside
     from pipeline.cli.shot_settings import seconds
     from pipeline.condition import ConditionMonitor
@@ -75,7 +75,7 @@ def command(
         except InputError as error:
             set_aside.add(str(path), error)
             continue
-        for name, image, problem in readable([path], hinted=hinted):
+        for name, image, problem in readable([path], 1, hinted, least_side_px(monitor.noise_estimator)):
             try:
                 if image is None:
                     raise InputError(problem)
@@ -95,8 +95,11 @@ def _settings(path: Path, exposure: str | None, iso: float | None) -> CameraStat
 
     time, known_iso = shot_settings(path, exposure, iso)
     if time is None or known_iso is None:
-        option = "--exposure" if time is None else "--iso"
-        raise InputError(f"{printable(path)}: no EXIF data say its settings; give {option}")
+        missing = {"exposure time": "--exposure"} if time is None else {}
+        missing |= {"ISO": "--iso"} if known_iso is None else {}
+        names, options = " and ".join(missing), " and ".join(missing.values())
+        verb = "is" if len(missing) == 1 else "are"
+        raise InputError(f"{printable(path)}: its {names} {verb} in no EXIF data; give {options}")
     return CameraState(time, known_iso / BASE_ISO)
 
 

@@ -29,7 +29,7 @@ LARGEST_KERNEL_PX = 255
     "--sigma-dn", default=0.0, show_default=True, type=FiniteRange(0, 255),
     help="standard deviation of the noise, grey levels 0..255",
 )  # fmt: skip
-@click.option("--blur", default=None, help="defocus, linear_motion or nonlinear_motion")
+@click.option("--blur", default=None, help="defocus, gaussian, linear_motion or nonlinear_motion")
 @click.option("--size-px", default=None, type=FiniteRange(0, LARGEST_KERNEL_PX), help="size of the blur kernel, pixels")
 @click.option(
     "--mtf50", default=None, type=FiniteRange(0, 1),

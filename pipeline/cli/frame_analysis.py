@@ -208,12 +208,19 @@ class FrameAnalysis:
         row["best_ap_percent"] = nan
         if self.performance is None:
             return
+        from pipeline.cli.flag_words import left_out_words
         from pipeline.condition.verdict import noise_ends
         from pipeline.control.expected_precision import expected_precision
 
         level = float(image.mean(dtype="float64"))
         mtf = condition.mtf
         at = partial(expected_precision, self.performance, relative=self.relative, level=level)
+        taken, without = self.settings.of(file)
+        if left_out_words(row):  # detection was measured with white noise only
+            row["sharp_ap_percent"] = at(nan, mtf.value).best_percent
+            if taken is not None:
+                row["advice"] = "none: noise of rows, columns or single pixels, with which detection was not measured"
+            return
         here = at(row["sigma_dn"], mtf.value)
         row |= {
             "ap_percent": here.ap_percent, "ap_low_percent": here.low_percent, "ap_high_percent": here.high_percent,
@@ -226,7 +233,6 @@ class FrameAnalysis:
         elif (row["blur_range"] or least_dn != most_dn) and not isnan(here.ap_percent):
             low, high = at(most_dn, least_mtf).low_percent, at(least_dn, most_mtf).high_percent
             row |= {"ap_low_percent": 0.0 if isnan(low) else low, "ap_high_percent": high}  # beyond what was measured
-        taken, without = self.settings.of(file)
         if taken is not None:
             row |= self._advice(image, condition, taken)
         elif without:

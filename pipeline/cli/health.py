@@ -13,6 +13,7 @@ from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.held_signals import held
 from pipeline.cli.numbers import FiniteRange
+from pipeline.errors import printable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -74,7 +75,10 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
     "--alarm-mtf50", type=FiniteRange(0, 1),
     help="alarm (exit code 3) when contrast falls to half below this fraction of Nyquist, on either axis",
 )  # fmt: skip
-@click.option("--alarm-flags", is_flag=True, help="alarm on flags too: black, dark, over-exposed, obstructed, frozen")
+@click.option(
+    "--alarm-flags", is_flag=True,
+    help="alarm on flags too: black, dark, over-exposed, obstructed, banded, impulses, frozen",
+)  # fmt: skip
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 @click.option("--exposure", help="exposure time of the pictures, e.g. 4ms, for advice; from EXIF if left out")
 @click.option("--iso", type=FiniteRange(1, 1_000_000), help="their ISO, for advice; from EXIF if left out")
@@ -106,7 +110,8 @@ def command(
     the estimator's error on this camera's pictures. Without sharp pictures, --generic-lens gives the MTF relative to
     a generic lens.
 
-    Frames that are black, dark, over-exposed, obstructed or frozen are flagged, in brackets after their name. Where
+    Frames that are black, dark, over-exposed, obstructed or frozen are flagged, in brackets after their name, and so
+    is noise that the estimate leaves out: of whole rows or columns (banded), and of single pixels (impulses). Where
     noise or blur of a video or folder grows over time, a trend alarm is raised: less than one false alarm an hour at
     10 frames per second.
 
@@ -126,10 +131,10 @@ def command(
     from pipeline.cli.health_files import HealthFiles, HealthRun
     from pipeline.cli.health_verdict import undecided_alarms
     from pipeline.cli.package_version import version
-    from pipeline.cli.pictures import expand, readable, stream_of
+    from pipeline.cli.pictures import expand, least_side_px, readable, stream_of
     from pipeline.cli.set_aside import SetAside
     from pipeline.condition import ConditionMonitor
-    from pipeline.errors import InputError, printable
+    from pipeline.errors import InputError
     from pipeline.executor import one_thread
     from pipeline.recording.provenance import monitor_weights
     from pipeline.store import plain_json
@@ -193,7 +198,8 @@ def command(
         run.trend_alarms = analysis.trend_alarms
         if not as_lines:
             stack.callback(_print_run, run, as_json)
-        frames = stack.enter_context(closing(estimated_ahead(analysis, readable(files, every, run.hinted))))
+        pictures = readable(files, every, run.hinted, least_side_px(monitor.noise_estimator))
+        frames = stack.enter_context(closing(estimated_ahead(analysis, pictures)))
         for name, image, estimate in tqdm(frames, delay=2, leave=False, unit=" frames"):
             try:
                 stream, estimated = stream_of(name), estimate()
@@ -236,19 +242,45 @@ def sequence_names(files: Sequence[Path]) -> dict[str, str]:
 
 
 def _without_trend(analysis: FrameAnalysis, reference_frames: int) -> str:
-    """Which quantities have no trend and why, one sentence; empty where all have one or none is expected."""
+    """Which quantities have no trend, or no reliable one, and why; empty where all have one or none is expected."""
     from pipeline.condition.trend import QUANTITIES
 
     series = [trend.learning for trend in analysis.trends.values()]
     if not series:
         return ""
+    sentences = _drifted(analysis, reference_frames)
     counts = {name: max(part[name] for part in series) for name in QUANTITIES if all(name in part for part in series)}
-    if not counts:
-        return ""
-    of = "" if len(counts) == len(QUANTITIES) else f" of {', '.join(counts)}"
-    frames = sorted({min(counts.values()), max(counts.values())})
-    known = " to ".join(str(count) for count in frames)
-    return f"No trend{of}: {known} frames of a series have an estimate, the reference alone takes {reference_frames}."
+    if counts:
+        of = "" if len(counts) == len(QUANTITIES) else f" of {', '.join(counts)}"
+        frames = sorted({min(counts.values()), max(counts.values())})
+        known = " to ".join(str(count) for count in frames)
+        sentences.append(
+            f"No trend{of}: {known} frames of a series have an estimate, the reference alone takes {reference_frames}."
+        )
+    return " ".join(sentences)
+
+
+def _drifted(analysis: FrameAnalysis, reference_frames: int) -> list[str]:
+    """That quantities changed within their reference, so that later changes may not show: a sentence per series."""
+    from pipeline.condition.change_point import LEAST_REFERENCE
+
+    sentences = []
+    for name, trend in analysis.trends.items():
+        drifts = trend.drifts.values()
+        if not drifts:
+            continue
+        where = f" in {printable(name)}" if len(analysis.trends) > 1 else ""
+        words = "; ".join(drift.words() for drift in drifts)
+        unreliable = [drift.quantity for drift in drifts if drift.instead is None]
+        if unreliable:
+            fewer = "give fewer --reference-frames, or " if reference_frames > LEAST_REFERENCE else ""
+            sentences.append(
+                f"No reliable trend of {', '.join(unreliable)}{where}: changed within the reference ({words}); "
+                f"{fewer}start from a camera in order."
+            )
+        else:
+            sentences.append(f"Changed within the first reference of the trend{where}: {words}.")
+    return sentences
 
 
 def _print_run(run: HealthRun, as_json: bool) -> None:
@@ -282,13 +314,13 @@ def _calibrate(
 
     import numpy as np
 
-    from pipeline.cli.pictures import read
+    from pipeline.cli.pictures import least_side_px, read
     from pipeline.condition.summary import half_contrast
 
     images: list[NDArray[np.float32]] = []
     hinted = Counter[int]()
     for file in files:
-        for name, image in read(file, every, hinted):
+        for name, image in read(file, every, hinted, least_side_px(monitor.noise_estimator)):
             mtf50 = half_contrast(monitor.frame(image).mtf.value)
             if np.isfinite(mtf50).any() and np.nanmin(mtf50) < SHARP_MTF50:
                 click.echo(

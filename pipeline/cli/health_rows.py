@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import isinf, isnan
 from typing import TYPE_CHECKING, Any
 
+from pipeline.cli.flag_words import IMPULSES, flag_names, flag_words, line_noise_dn
+
 if TYPE_CHECKING:
     from pipeline.condition import Condition
     from pipeline.condition.frame_flags import FrameFlags
@@ -14,7 +16,8 @@ COLUMNS = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "noise_patches", "noise_abstained",
     "mtf50_horizontal", "mtf50_vertical", "mtf50_horizontal_status", "mtf50_vertical_status", "blur_patches",
     "blur_abstained", "blurred_fraction", "milliseconds", "bright_dn", "median_dn", "saturated_fraction",
-    "obstructed_fraction", "repeats", "flags", "alarms", "undecided", "drawn",
+    "obstructed_fraction", "row_noise_dn", "column_noise_dn", "impulse_fraction", "repeats", "flags", "alarms",
+    "undecided", "drawn",
 )  # fmt: skip
 WRITTEN = (
     *COLUMNS, "blur", "blur_direction", "blur_range", "noise", "causes", "ap_percent", "ap_low_percent",
@@ -32,7 +35,7 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
     Args:
         name: of the frame.
         condition: its blur and noise.
-        flags: its exposure and repetition.
+        flags: its exposure, its noise of rows, columns and single pixels, and its repetition.
 
     Returns:
         `COLUMNS` (``alarms``, ``undecided`` and ``drawn`` empty), the MTF (2, 8) with its interval, and the reasons of
@@ -51,7 +54,8 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
         condition.noise.at_most_dn, len(noise), int(noise.abstained.sum()), horizontal, vertical, status(horizontal),
         status(vertical), len(blur), int(blur.abstained.sum()), blurred_fraction(blur.mtf, blur.high),
         round(condition.milliseconds, 1), flags.bright_dn,
-        flags.median_dn, flags.saturated_fraction, flags.obstructed_fraction, flags.repeats, ", ".join(flags.names),
+        flags.median_dn, flags.saturated_fraction, flags.obstructed_fraction, flags.row_noise_dn,
+        flags.column_noise_dn, flags.impulse_fraction, flags.repeats, ", ".join(flags.names),
         "", "", "",
     )  # fmt: skip
     reasons = condition.reasons
@@ -66,6 +70,8 @@ def alarms(
 ) -> list[str]:
     """Thresholds that a frame violates; what is unknown violates none, but may be `undecided`.
 
+    Noise of whole rows or columns, which the estimate of noise leaves out, violates its threshold too.
+
     Args:
         row: of `condition_row`.
         most_sigma_dn: noise above it is an alarm, DN; None for no threshold.
@@ -75,16 +81,17 @@ def alarms(
     Returns:
         ``noise``, ``blur horizontal``, ``blur vertical`` and names of flags, those that apply.
     """
-    result = ["noise"] if most_sigma_dn is not None and row["sigma_dn"] > most_sigma_dn else []
+    result = ["noise"] if most_sigma_dn is not None and _noisier(row, most_sigma_dn) else []
     if least_mtf50 is not None:
         result += [f"blur {axis}" for axis in AXES if row[f"mtf50_{axis}"] < least_mtf50]
-    return result + (row["flags"].split(", ") if flagged and row["flags"] else [])
+    return result + (flag_names(row) if flagged else [])
 
 
 def undecided(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: float | None) -> list[str]:
     """Thresholds of which a frame does not show whether it violates them.
 
-    Noise that is unknown but for a bound keeps a threshold that is no lower than the bound.
+    Noise that is unknown but for a bound keeps a threshold that is no lower than the bound. Of impulses, which the
+    estimate leaves out, the fraction is measured, but not the noise that they amount to.
 
     Args:
         row: of `condition_row`.
@@ -95,11 +102,17 @@ def undecided(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: flo
         ``noise``, ``blur horizontal`` and ``blur vertical``, those that apply.
     """
     result = []
-    if most_sigma_dn is not None and isnan(row["sigma_dn"]) and not row["sigma_at_most_dn"] <= most_sigma_dn:
-        result.append("noise")
+    if most_sigma_dn is not None and not _noisier(row, most_sigma_dn):
+        unknown = isnan(row["sigma_dn"]) and not row["sigma_at_most_dn"] <= most_sigma_dn
+        result += ["noise"] if unknown or IMPULSES in flag_names(row) else []
     if least_mtf50 is not None:
         result += [f"blur {axis}" for axis in AXES if isnan(row[f"mtf50_{axis}"])]
     return result
+
+
+def _noisier(row: dict[str, Any], most_sigma_dn: float) -> bool:
+    """Whether the noise of a frame, or that of its rows or columns, is above a threshold."""
+    return bool(row["sigma_dn"] > most_sigma_dn or line_noise_dn(row) > most_sigma_dn)
 
 
 def status(mtf50: float) -> str:
@@ -117,7 +130,7 @@ def line(row: dict[str, Any]) -> str:
     halves = " ".join(f"{number(row[f'mtf50_{axis}'], 2):>8}" for axis in AXES)
     reasons = [f"{part} {reason} {n}" for part, counts in row["abstained"].items() for reason, n in counts.items()]
     note = f"  ({', '.join(reasons)})" if reasons else ""
-    note += f"  [{row['flags']}]" if row["flags"] else ""
+    note += f"  [{'; '.join(flag_words(row))}]" if row["flags"] else ""
     note += f"  ALARM: {row['alarms']}" if row["alarms"] else ""
     note += f"  undecided: {row['undecided']}" if row["undecided"] else ""
     return (

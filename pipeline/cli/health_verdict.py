@@ -51,6 +51,7 @@ def run_verdict(
     if not rows:
         sentence = "No frame could be analysed."
         return {"sentence": sentence, "sentences": [sentence, *_set_aside(set_aside)], "frames": 0}
+    from pipeline.cli.flag_words import left_out_words
     from pipeline.condition.verdict import grade
 
     sigma, high, at_most = median_noise(rows)
@@ -59,7 +60,8 @@ def run_verdict(
     grades = grade(sigma, mtf, known_median(row["median_dn"] for row in rows), ends)
     blur, noise = grades.words()
     blur += f" (relative to {relative_to})" if relative_to and grades.blur else ""
-    condition = f"{blur}; {noise}{_level(sigma, high, at_most)}"
+    beside = left_out_words(rows[0]) if len(rows) == 1 else []
+    condition = "; ".join([blur, f"{noise}{_level(sigma, high, at_most)}", *beside])
     start = f"Median of {len(rows)} frames: {condition}" if len(rows) > 1 else condition[:1].upper() + condition[1:]
     sentence = ". ".join([start, *_precision(rows), *_causes(grades.causes()), *_advice(rows)]) + "."
     sentences = [
@@ -139,10 +141,12 @@ def badness(row: dict[str, Any]) -> tuple[float, ...]:
 
 def row_words(row: dict[str, Any]) -> str:
     """The condition of one frame in words."""
+    from pipeline.cli.flag_words import left_out_words
     from pipeline.condition.verdict import blur_words
 
     blur = blur_words(row["blur"], row["blur_direction"], row["blur_range"])
-    return f"{blur}; noise {row['noise'] or 'unknown'}{_level(*(row[name] for name in NOISE))}"
+    noise = f"noise {row['noise'] or 'unknown'}{_level(*(row[name] for name in NOISE))}"
+    return "; ".join([blur, noise, *left_out_words(row)])
 
 
 def _level(sigma_dn: float, high_dn: float, at_most_dn: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,7 +46,7 @@ def command(folder: Path) -> None:
         write_image(folder / f"data/images/scene_{number}.png", image)
         lines = "".join(f"car {x1} {y1} {x2} {y2}\n" for x1, y1, x2, y2 in boxes)
         write_text(folder / f"data/labels/scene_{number}.txt", lines)
-    click.echo(f"written to {folder}; next: cd {folder} && python run.py")
+    click.echo(f"written to {folder}; next: cd {shlex.quote(str(folder))} && python run.py")
 
 
 def scene(number: int) -> tuple[NDArray[np.uint8], list[tuple[int, int, int, int]]]:

@@ -27,8 +27,9 @@ COLUMNS = (
     help="adaptive, cellwise, correlated, pca, bf, wavelet, immerkaer, or a plug-in's",
 )
 @click.option(
-    "--tile", "tile_px", default=128, show_default=True, type=click.IntRange(16, 4096), help="side of a tile, pixels"
-)
+    "--tile", "tile_px", default=128, show_default=True, type=click.IntRange(8, 4096),
+    help="side of a tile, pixels; at least 48 for adaptive, 8 to 48 for other estimators",
+)  # fmt: skip
 @tiles_option
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 @click.option("--csv", "table", type=GivenPath(), help="also write one row per tile here")
@@ -55,7 +56,7 @@ def command(
     from pipeline.cli.health_rows import number
     from pipeline.cli.outputs import OutputFolder, RowFile, refuse_input
     from pipeline.cli.overlay import noise_overlay
-    from pipeline.cli.pictures import expand, readable, result_stem
+    from pipeline.cli.pictures import expand, least_side_px, readable, result_stem
     from pipeline.cli.set_aside import SetAside
     from pipeline.condition.frame_tiles import frame_tiles
     from pipeline.condition.summary import at_most_dn, summarise_noise
@@ -64,6 +65,11 @@ def command(
     from pipeline.store import write_image
 
     method = noise.create(estimator)
+    least_tile_px = int(getattr(method, "min_size_px", 1))
+    if tile_px < least_tile_px:
+        raise InputError(
+            f"--tile {tile_px}: the noise estimator {estimator} takes tiles of at least {least_tile_px} px"
+        )
     files = expand(paths)
     set_aside = SetAside()
     with contextlib.ExitStack() as stack:
@@ -72,7 +78,8 @@ def command(
             refuse_input(table, "--csv", files)
         rows = stack.enter_context(RowFile(table, COLUMNS)) if table is not None else None
         click.echo(f"{'sigma DN':>9} {'at most':>7} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9}  picture")
-        for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
+        frames = readable(files, every, least_px=least_side_px(method))
+        for name, image, problem in tqdm(frames, delay=2, leave=False, unit=" frames"):
             try:
                 if image is None:
                     raise InputError(problem)

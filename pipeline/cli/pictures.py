@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.datasets.pictures import SUFFIXES
+from pipeline.datasets.pictures import SMALLEST_PX, SUFFIXES
 from pipeline.datasets.video import SUFFIXES as VIDEOS
 from pipeline.errors import DECODER_ERRORS, InputError, printable
 
@@ -97,7 +97,9 @@ def _warn_of_unread(folder: Path, unread: Counter[str]) -> None:
         )
 
 
-def read(path: Path, every: int = 1, hinted: Counter[int] | None = None) -> Iterator[tuple[str, np.ndarray]]:
+def read(
+    path: Path, every: int = 1, hinted: Counter[int] | None = None, least_px: int = SMALLEST_PX
+) -> Iterator[tuple[str, np.ndarray]]:
     """Name and grey picture (H, W) float32 in [0, 1] of each frame of a file.
 
     Args:
@@ -106,10 +108,11 @@ def read(path: Path, every: int = 1, hinted: Counter[int] | None = None) -> Iter
         hinted: counts pictures that seem to hold values of fewer bits in 16, by that number of bits; for the first
             of each there is a line on standard error. None for such a line for every one. Likewise, under `TURNED`,
             pictures whose EXIF data turn or mirror them.
+        least_px: both sides must be at least this long (`least_side_px`).
 
     Raises:
-        InputError: the file cannot be read, or its name is not valid UTF-8; for a video, after its last good frame,
-            frames are missing or damaged.
+        InputError: the file cannot be read, its pictures are smaller, or its name is not valid UTF-8; for a video,
+            after its last good frame, frames are missing or damaged.
     """
     from pipeline.datasets.pictures import read_picture
     from pipeline.datasets.video import read_video
@@ -117,7 +120,7 @@ def read(path: Path, every: int = 1, hinted: Counter[int] | None = None) -> Iter
     refuse(path)
     hinted = Counter() if hinted is None else hinted
     if path.suffix.lower() not in VIDEOS:
-        picture = read_picture(path)
+        picture = read_picture(path, smallest_px=least_px)
         if bits := picture.fewer_bits():
             _hint(path, bits, hinted)
         if orientation := _orientation(path):
@@ -125,7 +128,21 @@ def read(path: Path, every: int = 1, hinted: Counter[int] | None = None) -> Iter
         yield str(path), picture.grey()
         return
     for number, image in read_video(path, every):
+        if small := too_small(image.shape, least_px):
+            raise InputError(f"{path}: {small}")
         yield f"{path}#{number}", image
+
+
+def least_side_px(estimator: object) -> int:
+    """Side, pixels, that pictures have at least for a noise estimator; a plug-in may not state one."""
+    return max(SMALLEST_PX, int(getattr(estimator, "min_size_px", 0)))
+
+
+def too_small(shape: Sequence[int], least_px: int) -> str:
+    """That a picture (H, W) has a side of fewer pixels, in words; empty where it has not."""
+    height, width = shape
+    small = min(height, width) < least_px
+    return f"too small: {width}x{height} px, expected at least {least_px} px on either side" if small else ""
 
 
 def refuse(path: Path) -> None:
@@ -190,7 +207,7 @@ def _hint(path: Path, bits: int, hinted: Counter[int]) -> None:
 
 
 def readable(
-    paths: Sequence[Path], every: int = 1, hinted: Counter[int] | None = None
+    paths: Sequence[Path], every: int = 1, hinted: Counter[int] | None = None, least_px: int = SMALLEST_PX
 ) -> Iterator[tuple[str, np.ndarray | None, str]]:
     """Every frame of every file: its name with its picture, or with what is wrong with the file.
 
@@ -198,6 +215,7 @@ def readable(
         paths: pictures and videos.
         every: of a video take each n-th frame.
         hinted: see `read`; None for a count of its own.
+        least_px: see `read`.
 
     Returns:
         name, (H, W) float32 in [0, 1] or None, and the reason where it is None.
@@ -205,7 +223,7 @@ def readable(
     hinted = Counter() if hinted is None else hinted
     for path in paths:
         try:
-            for name, image in read(path, every, hinted):
+            for name, image in read(path, every, hinted, least_px):
                 yield name, image, ""
         except InputError as error:
             yield str(path), None, str(error)

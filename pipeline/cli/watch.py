@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 ALARM = 3  # exit code
 STATED = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "mtf50_horizontal", "mtf50_vertical",
-    "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "flags", "alarms", "undecided",
+    "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "row_noise_dn", "column_noise_dn",
+    "impulse_fraction", "flags", "alarms", "undecided",
     "milliseconds",
 )  # fmt: skip
 
@@ -47,7 +48,10 @@ STATED = (
 @click.option("--window", default=30, show_default=True, type=click.IntRange(1, 10_000), help="frames of the state")
 @click.option("--alarm-sigma-dn", type=FiniteRange(0, 255), help="alarm when noise exceeds this, grey levels")
 @click.option("--alarm-mtf50", type=FiniteRange(0, 1), help="alarm when MTF50 falls below this, fraction of Nyquist")
-@click.option("--alarm-flags", is_flag=True, help="alarm on flags too: black, dark, over-exposed, obstructed, frozen")
+@click.option(
+    "--alarm-flags", is_flag=True,
+    help="alarm on flags too: black, dark, over-exposed, obstructed, banded, impulses, frozen",
+)  # fmt: skip
 @click.option(
     "--reference-frames", default=300, show_default=True, type=click.IntRange(100, 100_000),
     help="first frames that the trend is compared with",
@@ -63,10 +67,12 @@ def command(
 
     Prints JSON lines, each with an "event": start; frame (estimates, flags, and under "state" the medians of the last
     frames in numbers and words); alarm (a threshold that begins to be violated, or a trend: noise or blur that has
-    grown since the first frames); cleared (known not to be violated; an alarm stays while it is undecided); undecided
-    (for a whole window of frames a quantity was unknown, so that the alarm of its threshold could not be raised);
-    warning (a frame of another size than the camera's sharp pictures); set_aside (a file that cannot be used, HEIC and
-    raw files among them) and no_signal; stop. Of a live source, frames that come while one is analysed are dropped.
+    grown since the first frames); cleared (for three frames in a row known not to be violated; an alarm stays while it
+    is undecided); undecided (for a whole window of frames a quantity was unknown, so that the alarm of its threshold
+    could not be raised); warning (a frame of another size than the camera's sharp pictures; noise or blur that changed
+    within the reference frames, so that its trend is compared with later ones once it is steady); set_aside (a file
+    that cannot be used, HEIC and raw files among them) and no_signal; stop. Of a live source, frames that come while
+    one is analysed are dropped.
 
     SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm; 3 alarms; else 2 for no such source or
     a video file that is cut short or damaged.
@@ -75,6 +81,7 @@ def command(
     from pipeline.cli import camera_store
     from pipeline.cli.frame_analysis import FrameAnalysis, Thresholds, find_surface
     from pipeline.cli.package_version import version
+    from pipeline.cli.pictures import least_side_px
     from pipeline.cli.watch_sources import open_source
     from pipeline.condition import ConditionMonitor
     from pipeline.errors import InputError
@@ -96,7 +103,8 @@ def command(
         analysis = FrameAnalysis(
             monitor, thresholds, performance, relative=camera is not None, reference_frames=reference_frames
         )
-        watch = _Watch(source, analysis, window, None if camera is None else camera.size_px)
+        sharp_px = None if camera is None else camera.size_px
+        watch = _Watch(source, analysis, window, sharp_px, least_side_px(monitor.noise_estimator))
         watch.emit(
             "start", source=source, version=version(), blur_estimator=blur_name, noise_estimator=noise_name,
             weights_released=monitor.weights_released, weights_sha256=hashes, camera=camera_name,
@@ -115,16 +123,23 @@ class _Watch:
     """The loop: frames in, lines out."""
 
     def __init__(
-        self, source: str, analysis: FrameAnalysis, window: int, sharp_px: tuple[int, int] | None = None
+        self,
+        source: str,
+        analysis: FrameAnalysis,
+        window: int,
+        sharp_px: tuple[int, int] | None = None,
+        least_px: int = 1,
     ) -> None:
+        from pipeline.cli.watch_alarms import ActiveAlarms
         from pipeline.cli.watch_state import RollingState
 
         self.source, self.analysis, self.state = source, analysis, RollingState(window)
         self.frames = self.alarms = self.set_aside = 0
         self.problem = ""  # the last one
-        self._sharp_px = sharp_px
+        self._sharp_px, self._least_px = sharp_px, least_px
         self._began = time.monotonic()
-        self._active: list[str] = []
+        self._alarms = ActiveAlarms()
+        self._drifted: set[tuple[str, str]] = set()  # sequence and quantity, stated already
         self._undecided: Counter[str] = Counter()
         self._window = window
 
@@ -153,12 +168,16 @@ class _Watch:
 
     def _frame(self, frame: SourceFrame) -> None:
         from pipeline.cli.camera_store import of_other_size
+        from pipeline.cli.pictures import too_small
+        from pipeline.cli.watch_alarms import alarm_words
         from pipeline.errors import InputError
 
         assert frame.image is not None
-        before, (height, width) = len(self.analysis.trend_alarms), frame.image.shape
+        height, width = frame.image.shape
         sequence = f"{self.source} {width}x{height}"  # another mode of the camera has a trend of its own
         try:
+            if small := too_small(frame.image.shape, self._least_px):
+                raise InputError(f"{frame.name}: {small}")
             row, _ = self.analysis.analyse(frame.name, frame.image, self.source, sequence)
         except InputError as error:
             self._problem(replace(frame, image=None, problem=str(error)))
@@ -173,23 +192,33 @@ class _Watch:
             "frame", **{name: row[name] for name in STATED}, trend=trend.state(), trend_of=trend.watched,
             state=self.state.add(row),
         )  # fmt: skip
-        started = {f"trend {alarm['quantity']}": alarm["words"] for alarm in self.analysis.trend_alarms[before:]}
-        active = [name for name in row["alarms"].split(", ") if name]
+        violated = [name for name in row["alarms"].split(", ") if name]
         unknown = [name for name in row["undecided"].split(", ") if name]
-        # an alarm is neither cleared nor raised again while it is undecided
-        active += [name for name in self._active if name in unknown]
-        for name in active:
-            if name not in self._active:
-                self.alarms += 1
-                self.emit("alarm", alarm=name, picture=row["picture"], words=started.get(name, ""))
-        for name in self._active:
-            if name not in active:
-                self.emit("cleared", alarm=name, picture=row["picture"])
-        self._active = active
+        trends = {
+            f"trend {alarm['quantity']}": alarm["words"]
+            for alarm in self.analysis.trend_alarms
+            if alarm["sequence"] == sequence
+        }
+        begun, cleared = self._alarms.update(violated, unknown)
+        for name in begun:
+            self.alarms += 1
+            words = trends[name] if name in trends else alarm_words(name, row, self.analysis.thresholds)
+            self.emit("alarm", alarm=name, picture=row["picture"], words=words)
+        for name in cleared:
+            self.emit("cleared", alarm=name, picture=row["picture"])
+        self._state_drifts(sequence, row["picture"])
         self._undecided = Counter({name: self._undecided[name] + 1 for name in unknown})
         for name, count in self._undecided.items():
             if count == self._window:  # once, until it is known again
                 self.emit("undecided", alarm=name, picture=row["picture"], frames=count)
+
+    def _state_drifts(self, sequence: str, picture: str) -> None:
+        """Warn once of each quantity that changed within the reference frames of its trend."""
+        for quantity, drift in self.analysis.trends[sequence].drifts.items():
+            if (sequence, quantity) not in self._drifted:
+                self._drifted.add((sequence, quantity))
+                reason = f"no reliable trend, changed within the reference: {drift.words()}"
+                self.emit("warning", picture=picture, reason=reason)
 
     def _problem(self, frame: SourceFrame) -> None:
         self.set_aside += 1

@@ -156,7 +156,7 @@ def every_frame(path: Path, stop: threading.Event) -> Iterator[SourceFrame]:
     """Every frame of a video as fast as it is analysed; damage is reported at the end."""
     from pipeline.cli.pictures import readable
 
-    for name, image, problem in readable([path]):
+    for name, image, problem in readable([path], least_px=1):  # `watch` knows how large pictures must be
         if stop.is_set():
             return
         yield SourceFrame(name, image, problem)
@@ -256,7 +256,8 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             done.add(name)
             sizes.pop(name)
             try:
-                yield from (SourceFrame(*frame) for frame in read(folder / name, hinted=hinted))
+                # of any size: `watch` knows how large pictures must be
+                yield from (SourceFrame(*frame) for frame in read(folder / name, hinted=hinted, least_px=1))
             except InputError as error:
                 yield SourceFrame(str(folder / name), None, str(error))
         if not ready:

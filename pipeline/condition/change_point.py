@@ -11,11 +11,20 @@ tau^2 = (1 + phi) / (1 - phi) of an autocorrelated series in place of 1):
 
     ARL = tau^2 / (2 k^2) (exp(x) - 1 - x),     x = 2 k b / tau^2,     b = h + 1.166.
 
-A reference of finite length is uncertain. Three allowances keep the ARL: k = 1 + 2 tau / sqrt(n) in the recursion (the
+A reference of finite length is uncertain. Three allowances keep the ARL: k = 1 + tau / sqrt(n) in the recursion (the
 mean), s enlarged to the upper end of its interval, and phi likewise. Estimates of one picture that leap (clipping at 4
 s) raise no alarm by themselves. Frames without an estimate are skipped.
 
 A sum stops growing at 2 h, so that an alarm clears some frames after the quantity has recovered.
+
+A reference must not contain the change that the chart is for: its mean would then be off and its spread too wide.
+`drift` compares its first with its last third, m frames each. With r the deviations from each third's own line, s and
+phi their spread and lag-1 autocorrelation, and tau as above, the means of the thirds differ where
+
+    |mean_last - mean_first| > max(4 s tau sqrt(2 / m), s, 0.1).
+
+Each third loses a line, so that a steady drift does not count as scatter; phi is enlarged by the bias that this causes
+and by two standard errors. In stationary series with phi up to 0.9 fewer than one reference in 200 is found to drift.
 """
 
 from __future__ import annotations
@@ -39,6 +48,10 @@ LEAST_REFERENCE = 100
 MAD_TO_SIGMA = 1.4826
 INLIER_SIGMAS = 3.5
 CAP = 2.0  # in thresholds: where a sum stops growing
+DRIFT_ERRORS = 4.0  # standard errors of the difference between a reference's thirds beyond which it has drifted
+DRIFT_CONFIDENCE = 2.0  # standard errors that spread and autocorrelation are enlarged by for that
+LEAST_DRIFT = 0.1  # of ln(1 + sigma) and ln MTF: what a chart of a camera in order may take in its reference
+LARGEST_DRIFT_AUTOCORRELATION = 0.98
 
 
 def run_length(threshold: ArrayLike, allowance: float, long_run_variance: ArrayLike) -> Floats:
@@ -101,18 +114,14 @@ class Reference:
             values: (n, ...) quantities, frame by frame, finite.
 
         Raises:
-            InputError: fewer than 100 frames.
+            InputError: fewer than 100 frames, or a value that is no number.
         """
-        series = np.asarray(values, dtype=np.float64)
+        series = _checked(values)
         n = len(series)
-        if n < LEAST_REFERENCE:
-            raise InputError(f"change-point alarm: a reference of {n} frames; expected at least {LEAST_REFERENCE}")
-        middle = np.median(series, axis=0)
-        rough = np.maximum(MAD_TO_SIGMA * np.median(np.abs(series - middle), axis=0), LEAST_SPREAD / 2)
-        kept = np.clip(series, middle - INLIER_SIGMAS * rough, middle + INLIER_SIGMAS * rough)
+        kept = _clipped(series)
         mean, spread = kept.mean(axis=0), kept.std(axis=0, ddof=1)
         centred = kept - mean
-        raw = (centred[1:] * centred[:-1]).sum(axis=0) / np.maximum((centred**2).sum(axis=0), 1e-12)
+        raw = _lag_1(centred)
         phi = raw + (1 + 3 * np.maximum(raw, 0)) / n  # bias of short series (Kendall 1954)
         phi = phi + CONFIDENCE * np.sqrt(np.maximum(1 - np.clip(phi, 0, 1) ** 2, 0.0) / n)
         phi = np.clip(phi, 0.0, LARGEST_AUTOCORRELATION)
@@ -124,6 +133,65 @@ class Reference:
     def long_run_variance(self) -> Floats:
         """(...) tau^2 of the standardised series."""
         return np.asarray((1 + self.autocorrelation) / (1 - self.autocorrelation))
+
+
+def drift(values: ArrayLike) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Whether quantities have drifted within a reference period.
+
+    Args:
+        values: (n, ...) quantities, frame by frame, finite.
+
+    Returns:
+        (...) means of the first and of the last third, and (...) bool, True where they differ by more than chance and
+        by a size that matters.
+
+    Raises:
+        InputError: fewer than 100 frames, or a value that is no number.
+    """
+    series = _checked(values)
+    m = len(series) // 3
+    thirds = np.stack([_clipped(series[:m]), _clipped(series[-m:])], axis=1)
+    first, last = thirds.mean(axis=0)
+    frame = np.arange(m) - (m - 1) / 2
+    centred = thirds - thirds.mean(axis=0)
+    slopes = np.tensordot(frame, centred, axes=1) / (frame @ frame)
+    rest = centred - frame.reshape(-1, *[1] * (centred.ndim - 1)) * slopes
+    variance = (rest**2).sum(axis=(0, 1)) / (2 * m - 4)
+    raw = _lag_1(rest, (0, 1))
+    phi = raw + (2 + 4 * np.maximum(raw, 0)) / m  # bias of a short series that has lost a line
+    phi = phi + DRIFT_CONFIDENCE * np.sqrt(np.maximum(1 - np.clip(phi, 0, 1) ** 2, 0.0) / (2 * m))
+    phi = np.clip(phi, 0.0, LARGEST_DRIFT_AUTOCORRELATION)
+    effective = np.maximum(m * (1 - phi) / (1 + phi), 2.0)
+    spread = np.sqrt(variance / (1 - 1 / effective)) * (1 + DRIFT_CONFIDENCE / np.sqrt(4 * effective))
+    spread = np.maximum(spread, LEAST_SPREAD)
+    error = spread * np.sqrt((1 + phi) / (1 - phi) * 2 / m)
+    least = np.maximum(np.maximum(DRIFT_ERRORS * error, spread), LEAST_DRIFT)
+    return first, last, np.asarray(np.abs(last - first) > least)
+
+
+def _checked(values: ArrayLike) -> Floats:
+    """(n, ...) values of a reference period; raises `InputError` where they are too few or not finite."""
+    series = np.asarray(values, dtype=np.float64)
+    if not np.isfinite(series).all():
+        raise InputError("change-point alarm: a reference with values that are no numbers; leave those frames out")
+    if len(series) < LEAST_REFERENCE:
+        raise InputError(
+            f"change-point alarm: a reference of {len(series)} frames; expected at least {LEAST_REFERENCE}"
+        )
+    return series
+
+
+def _clipped(series: Floats) -> Floats:
+    """(n, ...) values, those far from the median moved to 3.5 robust standard deviations from it."""
+    middle = np.median(series, axis=0)
+    rough = np.maximum(MAD_TO_SIGMA * np.median(np.abs(series - middle), axis=0), LEAST_SPREAD / 2)
+    return np.clip(series, middle - INLIER_SIGMAS * rough, middle + INLIER_SIGMAS * rough)
+
+
+def _lag_1(centred: Floats, axes: tuple[int, ...] = (0,)) -> Floats:
+    """Lag-1 autocorrelation along the first axis of (n, ...) values without their mean, summed over axes."""
+    products, squares = (centred[1:] * centred[:-1]).sum(axis=axes), (centred**2).sum(axis=axes)
+    return np.asarray(products / np.maximum(squares, 1e-12))
 
 
 class Chart:

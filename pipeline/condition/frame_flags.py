@@ -1,4 +1,4 @@
-"""Faults of a frame beside blur and noise: black, dark, over-exposed, obstructed and frozen, each with its measure.
+"""Faults of a frame: black, dark, over-exposed, obstructed, banded, with impulses, frozen, each with its measure.
 
 The measures are plain statistics of grey levels (DN, 0..255), so that an operator can check them by eye:
 
@@ -8,9 +8,15 @@ The measures are plain statistics of grey levels (DN, 0..255), so that an operat
 | ``dark`` | ``median_dn`` | below 16 DN, and not black |
 | ``over_exposed`` | ``saturated_fraction``: pixels of at least 250 DN | above 0.25 |
 | ``obstructed`` | ``obstructed_fraction``: largest area that is dark, without structure | above 0.1, and not black |
-| ``frozen`` | ``repeats``: frames in a row that equal this one, pixel by pixel | at least 3 |
+| ``banded`` | ``row_noise_dn``, ``column_noise_dn``: offsets of whole rows or columns | either above 1 DN |
+| ``impulses`` | ``impulse_fraction``: isolated pixels, far brighter or darker than all around | above 0.0003 |
+| ``frozen`` | ``repeats``: earlier frames in a row that this one repeats | at least 3 |
 
-Noise makes the frames of a live camera differ, so that equal ones mean a stream that stands still.
+Noise makes the frames of a live camera differ, so that equal ones mean a stream that stands still. Behind a codec ten
+frames that are alike within 0.02 DN do (`pipeline.condition.repeated_frames`).
+
+The estimate of noise leaves out noise of whole rows or columns (`pipeline.condition.row_noise`) and impulses
+(`pipeline.condition.impulses`). A measure that is NaN, as of a frame too small or clipped, raises no flag.
 
 Whatever is close to the lens (mud, tape, a hand) is out of focus and in the shade. An area counts as obstructed where
 cells of 1/24 of the smaller side vary by less than 1.5 DN, once noise has been averaged out, and are darker than 0.35
@@ -27,11 +33,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.condition.impulses import impulse_fraction
+from pipeline.condition.repeated_frames import RepeatCounter
+from pipeline.condition.row_noise import column_noise_dn, row_noise_dn
+
 BLACK_BELOW_DN = 8.0
 DARK_BELOW_DN = 16.0
 SATURATED_DN = 250.0
 OVER_EXPOSED_FRACTION = 0.25
 OBSTRUCTED_FRACTION = 0.1
+BANDED_DN = 1.0
+IMPULSE_FRACTION = 3e-4
 FROZEN_REPEATS = 3
 CELLS_PER_SIDE = 24
 LEAST_CELL_PX = 8
@@ -49,6 +61,9 @@ class FrameMeasures:
     median_dn: float
     saturated_fraction: float
     obstructed_fraction: float
+    row_noise_dn: float
+    column_noise_dn: float
+    impulse_fraction: float
 
 
 @dataclass(frozen=True)
@@ -60,13 +75,19 @@ class FrameFlags:
         median_dn: median grey level, DN.
         saturated_fraction: share of pixels of at least 250 DN, 0..1.
         obstructed_fraction: share of the frame in the largest dark area without structure, 0..1.
-        repeats: earlier frames in a row that equal this one; 0 for a picture.
+        row_noise_dn: standard deviation of the offsets of whole rows, DN; NaN where it cannot be measured.
+        column_noise_dn: likewise of columns.
+        impulse_fraction: share of pixels that are impulses, 0..1; NaN where it cannot be measured.
+        repeats: earlier frames in a row that this one repeats (`repeated_frames`); 0 for a picture.
     """
 
     bright_dn: float
     median_dn: float
     saturated_fraction: float
     obstructed_fraction: float
+    row_noise_dn: float
+    column_noise_dn: float
+    impulse_fraction: float
     repeats: int
 
     @property
@@ -78,16 +99,18 @@ class FrameFlags:
             "dark": not black and self.median_dn < DARK_BELOW_DN,
             "over_exposed": self.saturated_fraction > OVER_EXPOSED_FRACTION,
             "obstructed": not black and self.obstructed_fraction > OBSTRUCTED_FRACTION,
+            "banded": self.row_noise_dn > BANDED_DN or self.column_noise_dn > BANDED_DN,
+            "impulses": self.impulse_fraction > IMPULSE_FRACTION,
             "frozen": self.repeats >= FROZEN_REPEATS,
         }
         return tuple(name for name, holds in raised.items() if holds)
 
 
 class FrameInspector:
-    """Measures frames one after the other; remembers the last frame of a stream."""
+    """Measures frames one after the other; remembers the last frames of a stream, to count repeats."""
 
     def __init__(self) -> None:
-        self._stream, self._last, self._repeats = "", np.empty((0, 0), np.float32), 0
+        self._repeats = RepeatCounter()
 
     def inspect(
         self, image: NDArray[np.floating], stream: str = "", measures: FrameMeasures | None = None
@@ -99,13 +122,11 @@ class FrameInspector:
             stream: what it is a frame of, e.g. a video's name; empty for a single picture, which repeats nothing.
             measures: those of the frame, where they are known already.
         """
-        same = bool(stream) and stream == self._stream and np.array_equal(image, self._last)
-        self._repeats = self._repeats + 1 if same else 0
-        self._stream, self._last = stream, np.asarray(image)
+        repeats = self._repeats.count(image, stream)
         measures = measures or measure(image)
         return FrameFlags(
             measures.bright_dn, measures.median_dn, measures.saturated_fraction, measures.obstructed_fraction,
-            self._repeats,
+            measures.row_noise_dn, measures.column_noise_dn, measures.impulse_fraction, repeats,
         )  # fmt: skip
 
 
@@ -124,7 +145,18 @@ def measure(image: NDArray[np.floating]) -> FrameMeasures:
     else:
         bright, median = (_percentile(counts, percent) for percent in (99, 50))
         saturated = float(counts[int(SATURATED_DN) :].sum() / levels.size)
-    return FrameMeasures(bright, median, saturated, obstructed_fraction(levels))
+    rounded = _rounded(levels)
+    return FrameMeasures(
+        bright, median, saturated, obstructed_fraction(levels),
+        row_noise_dn(rounded), column_noise_dn(rounded), impulse_fraction(rounded),
+    )  # fmt: skip
+
+
+def _rounded(levels: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Whole grey levels, limited to 0..255."""
+    import cv2
+
+    return np.asarray(cv2.convertScaleAbs(np.ascontiguousarray(levels)), dtype=np.uint8)
 
 
 def _histogram(levels: NDArray[np.float32]) -> NDArray[np.int64] | None:

@@ -10,6 +10,10 @@ The mean MTF is used and not the MTF50, because it is finite for every picture. 
 three hours at 10 frames per second, so that all together raise less than one false alarm an hour. That holds for
 frames whose estimates vary as they did in the reference period; a drive from a city into a forest is a change too.
 
+A quantity that drifts within its reference frames (`pipeline.condition.change_point.drift`) has no level to be compared
+with. It is charted against their mean all the same, which still shows a large change, but counts as not watched until
+as many later frames are a reference without drift; that one takes over unless the chart has begun to rise.
+
 Delays on simulated series of 10 frames per second whose estimates scatter by 5 % (10 %) from frame to frame, median of
 ten series each: defocus that lowers the mean MTF from 0.60 to 0.36 within five minutes, 32 s (61 s); water on the lens,
 0.60 to 0.35 at once, 0.1 s (0.1 s); noise that doubles within two minutes as the sensor warms up, 11 s (20 s).
@@ -17,12 +21,12 @@ ten series each: defocus that lowers the mean MTF from 0.60 to 0.36 within five 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.condition.change_point import LEAST_REFERENCE, Chart, Reference
+from pipeline.condition.change_point import LEAST_REFERENCE, Chart, Reference, drift
 from pipeline.errors import InputError
 
 QUANTITIES = ("noise", "blur horizontal", "blur vertical")
@@ -53,29 +57,67 @@ class TrendAlarm:
 
     def words(self) -> str:
         """One sentence."""
-        if self.quantity == "noise":
-            change = f"noise {self.reference:.1f} to {self.level:.1f} DN"
-        else:
-            change = f"{self.quantity}: mean MTF {self.reference:.2f} to {self.level:.2f}"
-        return f"{change} since frame {self.since_frame}"
+        return f"{_change_words(self.quantity, self.reference, self.level)} since frame {self.since_frame}"
+
+
+@dataclass(frozen=True)
+class ReferenceDrift:
+    """A reference period in which a quantity drifted.
+
+    Attributes:
+        quantity: one of `QUANTITIES`.
+        first_frame: number of the first frame of the period, from 0, frames without estimate counted.
+        last_frame: of its last frame.
+        before: level in the first third of the period: noise in DN, or mean MTF.
+        after: in its last third, likewise.
+        instead: first and last frame of a later period without drift that the quantity is compared with; None while
+            there is none.
+    """
+
+    quantity: str
+    first_frame: int
+    last_frame: int
+    before: float
+    after: float
+    instead: tuple[int, int] | None = None
+
+    def words(self) -> str:
+        """What changed, when, and what the quantity is compared with instead."""
+        change = _change_words(self.quantity, self.before, self.after)
+        later = "" if self.instead is None else ", compared with frames {} to {} since".format(*self.instead)
+        return f"{change} within frames {self.first_frame} to {self.last_frame}{later}"
+
+
+def _change_words(quantity: str, before: float, after: float) -> str:
+    if quantity == "noise":
+        return f"noise {before:.1f} to {after:.1f} DN"
+    return f"{quantity}: mean MTF {before:.2f} to {after:.2f}"
+
+
+def _level(quantity: str, value: float) -> float:
+    """Noise in DN, or mean MTF, of a charted value."""
+    return float(np.expm1(value)) if quantity == "noise" else float(np.exp(-value))
 
 
 class _Quantity:
     """One quantity: its reference period, then its chart, and the sum of values since the chart was at 0."""
 
-    def __init__(self, reference_frames: int) -> None:
-        self.reference_frames = reference_frames
+    def __init__(self, name: str, reference_frames: int) -> None:
+        self.name, self.reference_frames = name, reference_frames
         self.learned: list[float] = []
         self.chart: Chart | None = None
+        self.drift: ReferenceDrift | None = None  # within the first reference
+        self.steady = False  # the chart's reference is one without drift
         self.since, self.total = 0, 0.0
+        self._first = 0  # frame that learning began with
 
     def step(self, value: float, frame: int) -> bool:
         if not np.isfinite(value):
             return False
-        if self.chart is None:
-            self.learned.append(value)
-            if len(self.learned) == self.reference_frames:
-                self.chart = Chart(Reference.of(self.learned), FRAMES_BETWEEN_FALSE_ALARMS)
+        chart = self.chart
+        if not self.steady:
+            self._learn(value, frame)
+        if self.chart is None or self.chart is not chart:  # a value of the reference is not charted
             return False
         begins = bool(self.chart.step(value))
         steps = int(self.chart.frames_since_zero)
@@ -83,6 +125,25 @@ class _Quantity:
             self.since, self.total = frame, 0.0
         self.total += value
         return begins
+
+    def _learn(self, value: float, frame: int) -> None:
+        """Take a value for the reference; a chart follows from a complete one."""
+        if not self.learned:
+            self._first = frame
+        self.learned.append(value)
+        if len(self.learned) < self.reference_frames:
+            return
+        before, after, drifted = drift(self.learned)
+        worsens = self.chart is not None and float(self.chart.total) > 0  # a new reference would forget that
+        self.steady = not drifted and not worsens
+        if self.chart is None or self.steady:
+            self.chart = Chart(Reference.of(self.learned), FRAMES_BETWEEN_FALSE_ALARMS)
+        if drifted and self.drift is None:
+            first, last = (_level(self.name, float(part)) for part in (before, after))
+            self.drift = ReferenceDrift(self.name, self._first, frame, first, last)
+        elif self.steady and self.drift is not None:
+            self.drift = replace(self.drift, instead=(self._first, frame))
+        self.learned = []
 
 
 class ConditionTrend:
@@ -103,7 +164,7 @@ class ConditionTrend:
             )
         self.reference_frames = reference_frames
         self.frames = 0
-        self._quantities = {name: _Quantity(reference_frames) for name in QUANTITIES}
+        self._quantities = {name: _Quantity(name, reference_frames) for name in QUANTITIES}
 
     def step(self, sigma_dn: float, mtf: NDArray[np.floating]) -> list[TrendAlarm]:
         """Take the condition of the next frame.
@@ -132,23 +193,29 @@ class ConditionTrend:
 
     @property
     def watched(self) -> tuple[str, ...]:
-        """Quantities whose reference period is complete."""
-        return tuple(name for name, part in self._quantities.items() if part.chart is not None)
+        """Quantities whose reference period is complete and without drift."""
+        return tuple(name for name, part in self._quantities.items() if part.steady)
 
     @property
     def learning(self) -> dict[str, int]:
         """Quantities whose reference period is not complete, each with how many frames it has an estimate of."""
         return {name: len(part.learned) for name, part in self._quantities.items() if part.chart is None}
 
+    @property
+    def drifts(self) -> dict[str, ReferenceDrift]:
+        """Quantities that drifted within their first reference period, each with its drift."""
+        return {name: part.drift for name, part in self._quantities.items() if part.drift is not None}
+
     def state(self) -> str:
-        """``learning`` until a reference is complete, then ``alarm`` or ``watching``."""
-        if not self.watched:
-            return "learning"
-        return "alarm" if self.active else "watching"
+        """``alarm`` while one is on; else ``learning`` until a reference is complete, without drift; ``watching``."""
+        if self.active:
+            return "alarm"
+        return "watching" if self.watched else "learning"
 
     def _alarm(self, name: str, quantity: _Quantity) -> TrendAlarm:
         assert quantity.chart is not None
         steps = max(int(quantity.chart.frames_since_zero), 1)
-        levels = float(quantity.chart.reference.mean), quantity.total / steps
-        reference, level = (float(np.expm1(y)) if name == "noise" else float(np.exp(-y)) for y in levels)
+        reference, level = (
+            _level(name, value) for value in (float(quantity.chart.reference.mean), quantity.total / steps)
+        )
         return TrendAlarm(name, self.frames, quantity.since, reference, level)

@@ -1,6 +1,7 @@
 """The command line as people meet it: quick help, one clear line for mistakes, files that are what they say."""
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -13,7 +14,9 @@ from click.testing import CliRunner
 from data_makers import make_folder, make_kitti, picture
 
 from pipeline import noise
+from pipeline.camera.psf import kinds
 from pipeline.cli import COMMANDS, main
+from pipeline.cli.corrupt import command as corrupt_command
 from pipeline.noise.base import NoiseEstimate
 from pipeline.streams import stream
 
@@ -113,6 +116,8 @@ def test_noise_sets_a_broken_file_aside_and_fails(tmp_path):
     [
         (["noise", "absent.png"], "absent.png"),
         (["noise", "{}", "--estimator", "pcaa"], "did you mean 'pca'"),
+        (["noise", "{}", "--tile", "47"], "--tile 47: the noise estimator adaptive takes tiles of at least 48 px"),
+        (["noise", "{}", "--tile", "31", "--estimator", "pca"], "pca takes tiles of at least 32 px"),
         (["corrupt", "{}", "--out", "{}/out", "--noise-source", "fotons"], "photon"),
         (["corrupt", "{}", "--out", "{}/out", "--blur", "defocus"], "--size-px"),
         (["corrupt", "{}", "--out", "{}/out", "--size-px", "3"], "--blur"),
@@ -130,6 +135,39 @@ def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):
     assert word in done.output
     assert "Traceback" not in done.output
     assert len(done.output.splitlines()) <= 2  # a table's header may come before
+
+
+@pytest.mark.parametrize(("estimator", "least_px"), [("pca", 32), ("wavelet", 16)])
+def test_pictures_that_are_too_small_are_told_what_the_estimator_needs(tmp_path, estimator, least_px):
+    for side in (1, least_px - 1, least_px):
+        noisy(tmp_path / f"{side}.png", 5.0)
+        image = cv2.imread(str(tmp_path / f"{side}.png"))[:side, :side]
+        cv2.imwrite(str(tmp_path / f"{side}.png"), image)
+    done = call("noise", tmp_path, "--estimator", estimator, "--tile", least_px)
+    aside = [line for line in done.stderr.splitlines() if line.startswith("set aside")]
+    assert [line.split(": ", 2)[2] for line in aside] == [
+        f"too small: {side}x{side} px, expected at least {least_px} px on either side" for side in (1, least_px - 1)
+    ]
+    assert [line.split()[-1] for line in done.stdout.splitlines()[1:]] == [str(tmp_path / f"{least_px}.png")]
+
+
+def test_a_video_of_small_frames_is_set_aside_once(tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 10, (40, 24))
+    for _ in range(3):
+        writer.write(np.full((24, 40, 3), 90, np.uint8))
+    writer.release()
+    done = call("noise", tmp_path / "v.avi", "--estimator", "pca")
+    aside = [line for line in done.stderr.splitlines() if line.startswith("set aside")]
+    assert len(aside) == 1 and "v.avi: too small: 40x24 px, expected at least 32 px" in aside[0]
+
+
+def test_the_help_of_corrupt_names_every_kind_of_blur(tmp_path):
+    option = next(option for option in corrupt_command.params if option.name == "blur")
+    assert re.findall(r"\w+", option.help.replace(" or ", " ")) == sorted(kinds())
+    source = noisy(tmp_path / "a.png", 0.0)
+    done = call("corrupt", source, "--out", tmp_path / "out", "--blur", "gaussian", "--mtf50", 0.3)
+    assert done.exit_code == 0, done.output
+    assert np.allclose(json.loads((tmp_path / "out/a.json").read_text())["mtf50"], 0.3, atol=0.02)
 
 
 def test_corrupt_writes_the_picture_and_its_truth(tmp_path):

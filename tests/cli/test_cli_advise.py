@@ -134,4 +134,25 @@ def test_a_bad_file_is_named_and_the_others_are_answered(tmp_path):
     assert [line.split(": ")[:2] for line in lines[:2]] == [["set aside", file] for file in files[:2]]
     picture = files[2]
     done = CliRunner().invoke(main, ["advise", picture, "--surface", str(tmp_path / "surface.npz")])
-    assert done.exit_code == 2 and f"set aside: {picture}: no EXIF data say its settings" in done.stderr
+    assert done.exit_code == 2 and f"set aside: {picture}: its exposure time and ISO are in no EXIF data" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("stored", "given", "missing"),
+    [
+        ({}, [], "its exposure time and ISO are in no EXIF data; give --exposure and --iso"),
+        ({}, ["--iso", "100"], "its exposure time is in no EXIF data; give --exposure"),
+        ({}, ["--exposure", "4ms"], "its ISO is in no EXIF data; give --iso"),
+        ({34855: 400}, [], "its exposure time is in no EXIF data; give --exposure"),
+        ({33434: 0.008}, [], "its ISO is in no EXIF data; give --iso"),
+    ],
+)
+def test_only_the_settings_that_are_missing_are_named(tmp_path, stored, given, missing):
+    write_inputs(tmp_path)
+    tags = Image.Exif()
+    for tag, value in stored.items():
+        tags.get_ifd(0x8769)[tag] = value
+    Image.open(tmp_path / "frame.png").save(tmp_path / "a.jpg", exif=tags)
+    requested = [str(tmp_path / "a.jpg"), *given, "--surface", str(tmp_path / "surface.npz")]
+    done = CliRunner().invoke(main, ["advise", *requested])
+    assert done.exit_code == 2 and f"set aside: {tmp_path / 'a.jpg'}: {missing}\n" in done.stderr

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -82,6 +83,14 @@ def test_scenes_have_their_objects_where_the_labels_are():
     for x1, y1, x2, y2 in boxes:
         assert image[y1:y2, x1:x2].mean() < 40
     assert image[:15].mean() > 120
+
+
+def test_the_next_command_can_be_pasted_into_a_shell(tmp_path):
+    folder = tmp_path / "it's x y/z"
+    done = call("init", folder)
+    assert done.exit_code == 0, done.output
+    next_command = done.output.strip().partition("; next: ")[2]
+    assert shlex.split(next_command) == ["cd", str(folder), "&&", "python", "run.py"]
 
 
 def test_init_leaves_folders_with_content_alone(tmp_path):

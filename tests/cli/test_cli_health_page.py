@@ -251,6 +251,24 @@ def test_what_has_no_trend_for_want_of_estimates_is_stated(frames, sigma_dn, sen
     assert _without_trend(SimpleNamespace(trends={}), 100) == ""
 
 
+def test_a_quantity_that_changed_within_the_reference_is_stated():
+    trend, reference = ConditionTrend(120), stream(0, "changed reference").normal(0, 0.02, 400)
+    for number in range(120):
+        trend.step(2.0 * np.exp(0.01 * number + reference[number]), np.full((2, 8), 0.5))
+    sentence = _without_trend(SimpleNamespace(trends={"v.mp4": trend}), 120)
+    assert sentence.startswith("No reliable trend of noise: changed within the reference (noise 2.")
+    assert sentence.endswith(
+        " DN within frames 0 to 119); give fewer --reference-frames, or start from a camera in order."
+    )
+    two = _without_trend(SimpleNamespace(trends={"v.mp4": trend, "w.mp4": ConditionTrend(120)}), 120)
+    assert "No reliable trend of noise in v.mp4: " in two
+    for number in range(120, 400):  # steady from here on
+        trend.step(2.0 * np.exp(1.2 + reference[number]), np.full((2, 8), 0.5))
+    sentence = _without_trend(SimpleNamespace(trends={"v.mp4": trend}), 120)
+    assert sentence.startswith("Changed within the first reference of the trend: noise 2.")
+    assert sentence.endswith("compared with frames 120 to 239 since.")
+
+
 def test_precision_and_advice_follow_where_surface_and_settings_are_known():
     image = np.full((40, 40), 0.4, np.float32)
     plain = FrameAnalysis(KnownMonitor(), Thresholds()).analyse("a.png", image)[0]

@@ -17,9 +17,13 @@ from click.testing import CliRunner
 from data_makers import picture
 
 from pipeline.cli import main
+from pipeline.cli.frame_analysis import Thresholds
 from pipeline.cli.watch import STATED, _Watch
+from pipeline.cli.watch_alarms import alarm_words
 from pipeline.cli.watch_sources import SourceFrame, filling_folder, live, played_video
 from pipeline.cli.watch_state import RollingState
+from pipeline.condition.trend import ConditionTrend
+from pipeline.streams import stream
 
 SHARP = dict.fromkeys(("mtf", "mtf_low", "mtf_high"), np.full((2, 8), 0.9))
 
@@ -51,6 +55,10 @@ def test_every_frame_of_a_video_becomes_a_line_and_a_threshold_an_alarm(tmp_path
     alarms = [line for line in lines if line["event"] == "alarm"]
     assert {line["alarm"] for line in alarms} == {"blur horizontal", "blur vertical"}
     assert all(line["picture"].endswith("#3") for line in alarms)
+    for line in alarms:
+        axis = line["alarm"].removeprefix("blur ")
+        mtf50 = next(part for part in lines if part.get("picture") == line["picture"])[f"mtf50_{axis}"]
+        assert line["words"] == f"MTF50 {axis} {mtf50:.3f}, below 0.2 of Nyquist"
     frames = [line for line in lines if line["event"] == "frame"]
     assert [line["state"]["frames"] for line in frames] == [1, 2, 3, 3, 3]
     assert "blurred" in frames[-1]["state"]["words"] and frames[-1]["trend"] == "learning"
@@ -136,6 +144,17 @@ def test_a_folder_that_fills_is_read_once_per_file_and_broken_files_are_reported
     assert sorted(line["picture"][-5:] for line in lines if line["event"] == "frame") == ["a.png", "b.png"]
     assert ["bad.png" in line["reason"] for line in lines if line["event"] == "set_aside"] == [True]
     assert lines[-1]["reason"] == "idle" and lines[-1]["set_aside"] == 1
+
+
+def test_pictures_that_are_too_small_are_told_what_the_estimator_needs(tmp_path):
+    for name, side in (("a", 1), ("b", 20)):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), picture("a", 224, 208)[:side, :side])
+    _, lines = watch(tmp_path, "--idle-stop", 0.5)
+    aside = sorted(line["reason"] for line in lines if line["event"] == "set_aside")
+    assert aside == [
+        f"{tmp_path / name}.png: too small: {side}x{side} px, expected at least 32 px on either side"
+        for name, side in (("a", 1), ("b", 20))
+    ]
 
 
 def test_values_of_twelve_bits_in_a_folder_are_pointed_out(tmp_path):
@@ -228,8 +247,8 @@ VIOLATED, UNDECIDED, KEPT = ("noise", ""), ("", "noise"), ("", "")
 
 def changes_of(seen, window, capsys):
     """Events but frames, each with the number of its frame; each frame by its alarms and undecided limits."""
-    trend = SimpleNamespace(state=lambda: "learning", watched=())
-    analysis = SimpleNamespace(trend_alarms=[], trends={"device 40x40": trend})
+    trend = SimpleNamespace(state=lambda: "learning", watched=(), drifts={})
+    analysis = SimpleNamespace(trend_alarms=[], trends={"device 40x40": trend}, thresholds=Thresholds(0.1))
     loop = _Watch("device", analysis, window)
     loop.state = SimpleNamespace(add=lambda row: {})
     for number, (alarms, undecided) in enumerate(seen):
@@ -241,9 +260,47 @@ def changes_of(seen, window, capsys):
 
 
 def test_an_alarm_stays_while_it_is_undecided(capsys):
-    seen = [VIOLATED, UNDECIDED, VIOLATED, UNDECIDED, KEPT, UNDECIDED, VIOLATED]
+    seen = [VIOLATED, UNDECIDED, VIOLATED, UNDECIDED, KEPT, UNDECIDED, KEPT, UNDECIDED, KEPT, UNDECIDED, VIOLATED]
     changes, loop = changes_of(seen, 5, capsys)
-    assert changes == [("alarm", 0), ("cleared", 4), ("alarm", 6)] and loop.alarms == 2
+    assert changes == [("alarm", 0), ("cleared", 8), ("alarm", 10)] and loop.alarms == 2
+
+
+def test_a_value_about_its_threshold_does_not_flap(capsys):
+    seen = [VIOLATED, KEPT, KEPT, VIOLATED, KEPT, VIOLATED, KEPT, KEPT, KEPT, KEPT, VIOLATED]
+    changes, loop = changes_of(seen, 5, capsys)
+    assert changes == [("alarm", 0), ("cleared", 8), ("alarm", 10)] and loop.alarms == 2
+
+
+def test_every_kind_of_alarm_has_words():
+    row = {"sigma_dn": 8.26, "mtf50_horizontal": 0.1996}
+    limits = Thresholds(8.0, 0.2, True)
+    assert alarm_words("noise", row, limits) == "noise 8.26 DN, above 8 DN"
+    assert alarm_words("blur horizontal", row, limits) == "MTF50 horizontal 0.200, below 0.2 of Nyquist"
+    assert alarm_words("over_exposed", row, limits) == "frame flagged over-exposed"
+
+
+def test_a_reference_in_which_blur_changed_is_warned_of_once_and_a_trend_alarm_has_its_own_words(capsys):
+    trend = ConditionTrend(100)
+    analysis = SimpleNamespace(trend_alarms=[], trends={"device 40x40": trend}, thresholds=Thresholds())
+    loop = _Watch("device", analysis, 5)
+    loop.state = SimpleNamespace(add=lambda row: {})
+    draws = stream(0, "watch drift")
+    for number in range(150):
+        mtf = np.full((2, 8), 0.8 * np.exp(-0.005 * min(number, 100) + 0.01 * draws.standard_normal()))
+        trend.step(2.0, mtf)
+        row = {**dict.fromkeys(STATED, 0.2), "picture": number, "alarms": "", "undecided": ""}
+        if number == 140:
+            row["alarms"] = "trend noise"
+            analysis.trend_alarms.append({"sequence": "device 40x40", "quantity": "noise", "words": "noise 2 to 9 DN"})
+        analysis.analyse = lambda *_, row=row: (row, None)
+        loop._frame(SourceFrame(str(number), np.zeros((40, 40), np.float32)))
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    warnings = [line for line in lines if line["event"] == "warning"]
+    assert [line["picture"] for line in warnings] == [99, 99]
+    assert warnings[0]["reason"].startswith("no reliable trend, changed within the reference: blur horizontal: mean")
+    frames = [line for line in lines if line["event"] == "frame"]
+    assert frames[98]["trend_of"] == [] and frames[99]["trend_of"] == ["noise"]
+    assert [line["words"] for line in lines if line["event"] == "alarm"] == ["noise 2 to 9 DN"]
 
 
 def test_a_limit_that_no_frame_of_a_window_decides_is_stated_once(capsys):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.condition.change_point import SHIFT_SIGMAS, Chart, Reference, run_length, threshold_for
+from pipeline.condition.change_point import SHIFT_SIGMAS, Chart, Reference, drift, run_length, threshold_for
 from pipeline.condition.trend import FRAMES_BETWEEN_FALSE_ALARMS, QUANTITIES, REFERENCE_FRAMES, ConditionTrend
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -117,3 +117,63 @@ def test_short_references_are_refused():
         ConditionTrend(99)
     with pytest.raises(InputError, match="at least 100"):
         Reference.of(np.zeros(99))
+
+
+def test_a_reference_of_what_is_no_number_is_refused():
+    values = np.zeros(200)
+    values[7] = np.nan
+    with pytest.raises(InputError, match="no numbers"):
+        Reference.of(values)
+
+
+@pytest.mark.parametrize(("phi", "frames"), [(0.0, 100), (0.8, 100), (0.9, 100), (0.0, 300), (0.8, 300), (0.95, 300)])
+def test_stationary_autocorrelated_references_are_not_found_to_drift(phi, frames):
+    runs = 4000
+    series = autoregressive(stream(0, "stationary reference", phi, frames), phi, runs)
+    assert drift([next(series) for _ in range(frames)])[2].mean() < 0.005
+
+
+@pytest.mark.parametrize(("frames", "least_share"), [(100, 0.75), (300, 0.99)])
+def test_references_that_change_by_ten_spreads_drift_up_or_down_at_once_or_steadily(frames, least_share):
+    runs, time, m = 200, np.linspace(0, 1, frames)[:, None], frames // 3
+    series = autoregressive(stream(0, "drifting reference", frames), 0.5, runs)
+    noise = np.array([next(series) for _ in range(frames)])
+    for change in (time, -time, time > 0.5, 1 - np.exp(-3 * time)):
+        first, last, drifted = drift(noise + 10 * SPREAD * change)
+        assert drifted.mean() > least_share
+        expected = 10 * SPREAD * (np.mean(change[-m:]) - np.mean(change[:m]))
+        assert np.mean(last - first) == pytest.approx(expected, abs=0.1 * SPREAD)
+
+
+def test_a_smooth_drift_counts_and_one_too_small_to_matter_does_not():
+    time, scatter = np.linspace(0, 1, 300), stream(0, "smooth drift").normal(0, 0.002, 300)
+    assert drift(0.5 * time)[2] and drift(0.5 * time + scatter)[2]
+    assert not drift(0.1 * time + scatter)[2]  # significant, but the thirds differ by 0.07
+    with pytest.raises(InputError, match="at least 100"):
+        drift(np.zeros(99))
+
+
+def test_a_camera_that_defocuses_within_its_reference_frames_is_not_watched_until_it_is_steady():
+    defocus = [(3.0, 0.8 * np.exp(-1.0 * min(t, REFERENCE_FRAMES) / REFERENCE_FRAMES)) for t in range(900)]
+    alarms, trend = run(defocus[:REFERENCE_FRAMES], "defocus in the reference")
+    assert not alarms and trend.watched == ("noise",) and not trend.learning
+    change = trend.drifts["blur horizontal"]
+    assert set(trend.drifts) == {"blur horizontal", "blur vertical"} and change.instead is None
+    assert (change.first_frame, change.last_frame) == (0, REFERENCE_FRAMES - 1)
+    assert change.before == pytest.approx(0.8 * np.exp(-1 / 6), rel=0.03)
+    assert change.after == pytest.approx(0.8 * np.exp(-5 / 6), rel=0.03)
+    assert change.words().startswith("blur horizontal: mean MTF 0.6") and change.words().endswith("frames 0 to 299")
+    alarms, trend = run(defocus, "defocus in the reference")
+    assert not alarms and trend.watched == QUANTITIES
+    assert trend.drifts["blur vertical"].instead == (300, 599)
+    assert trend.drifts["blur vertical"].words().endswith("compared with frames 300 to 599 since")
+    alarms, trend = run(defocus + [(3.0, 0.15)] * 50, "defocus in the reference")
+    assert {alarm.quantity for alarm in alarms} == {"blur horizontal", "blur vertical"}
+
+
+def test_a_defocus_that_goes_on_raises_its_alarm_against_the_first_reference():
+    """No later reference takes over that would forget it."""
+    defocus = [(3.0, 0.8 * np.exp(-3.0 * t / 900)) for t in range(1500)]
+    alarms, trend = run(defocus, "defocus that goes on")
+    assert trend.drifts["blur horizontal"].instead is None and trend.state() == "alarm"
+    assert {alarm.quantity for alarm in alarms} == {"blur horizontal", "blur vertical"}

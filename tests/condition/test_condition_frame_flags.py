@@ -68,6 +68,29 @@ def test_clear_street_pictures_are_not_obstructed(shared):
         assert FrameInspector().inspect(obstructed(image, 0.4)).obstructed_fraction > 0.2, file.name
 
 
+@pytest.mark.parametrize(("axis", "measure_name"), [(1, "row_noise_dn"), (0, "column_noise_dn")])
+def test_noise_of_whole_rows_or_columns_is_flagged(axis, measure_name):
+    shape = [1, 1]
+    shape[1 - axis] = IMAGE.shape[1 - axis]
+    offsets = stream(0, "flags", "offsets", axis).normal(0, 8.0, shape)
+    flags = FrameInspector().inspect((np.clip(np.rint(255 * IMAGE + offsets), 0, 255) / 255).astype(np.float32))
+    assert flags.names == ("banded",)
+    assert getattr(flags, measure_name) == pytest.approx(8.0, rel=0.2)
+
+
+def test_impulses_are_flagged():
+    drawn = stream(0, "flags", "impulses").random(IMAGE.shape)
+    flags = FrameInspector().inspect(np.where(drawn < 0.005, 0, np.where(drawn > 0.995, 1, IMAGE)).astype(np.float32))
+    assert flags.names == ("impulses",)
+    assert 0.005 < flags.impulse_fraction < 0.012
+
+
+def test_frames_too_small_for_lines_and_impulses_are_not_flagged_for_them():
+    flags = FrameInspector().inspect(stream(0, "flags", "small").random((40, 40), dtype=np.float32))
+    assert np.isnan([flags.row_noise_dn, flags.column_noise_dn, flags.impulse_fraction]).all()
+    assert not {"banded", "impulses"} & set(flags.names)
+
+
 def test_measures_are_in_grey_levels():
     flags = FrameInspector().inspect(IMAGE)
     assert flags.median_dn == pytest.approx(np.median(picture("flags")), abs=1e-3)
@@ -110,3 +133,10 @@ def test_measures_of_grey_levels_are_those_of_numpy(shape):
         measures = measure(image)
         assert (measures.bright_dn, measures.median_dn) == pytest.approx(np.percentile(levels, (99, 50)), rel=1e-6)
         assert measures.saturated_fraction == pytest.approx(np.mean(levels >= SATURATED_DN - 0.5), abs=1e-12)
+
+
+def test_frames_read_into_one_buffer_are_not_frozen():
+    buffer, inspector = np.empty((96, 128), np.float32), FrameInspector()
+    for index in range(6):
+        buffer[:] = stream(1, "buffer", index).uniform(0, 1, buffer.shape)
+        assert inspector.inspect(buffer, "camera").repeats == 0

@@ -1,0 +1,58 @@
+"""Alarms of a watched source: when each begins and clears, and its words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pipeline.cli.flag_words import line_noise_dn, words_of_flag
+
+if TYPE_CHECKING:
+    from pipeline.cli.frame_analysis import Thresholds
+
+CLEAR_FRAMES = 3
+"""Frames in a row without violation that clear an alarm, so that a value close to its threshold does not flap."""
+
+
+class ActiveAlarms:
+    """Follows alarms from frame to frame."""
+
+    def __init__(self) -> None:
+        self._kept: dict[str, int] = {}  # active alarms, each with its last frames in a row without violation
+
+    def update(self, violated: list[str], undecided: list[str]) -> tuple[list[str], list[str]]:
+        """Take the alarms of the next frame.
+
+        Args:
+            violated: names of the alarms that the frame raises.
+            undecided: names of those that it does not decide; they neither begin nor clear with it.
+
+        Returns:
+            names of the alarms that begin and of those that clear with this frame.
+        """
+        begun = [name for name in violated if name not in self._kept]
+        self._kept |= dict.fromkeys(violated, 0)
+        for name in self._kept:
+            if name not in violated and name not in undecided:
+                self._kept[name] += 1
+        cleared = [name for name, frames in self._kept.items() if frames >= CLEAR_FRAMES]
+        for name in cleared:
+            del self._kept[name]
+        return begun, cleared
+
+
+def alarm_words(name: str, row: dict[str, Any], thresholds: Thresholds) -> str:
+    """Why a frame raises an alarm that is not of a trend.
+
+    Args:
+        name: ``noise``, ``blur horizontal``, ``blur vertical`` or a flag.
+        row: of the frame (`pipeline.cli.frame_analysis.FrameAnalysis.analyse`).
+        thresholds: of alarms.
+    """
+    if name == "noise" and not row["sigma_dn"] > thresholds.sigma_dn:
+        return f"noise of whole rows or columns {line_noise_dn(row):.2f} DN, above {thresholds.sigma_dn:g} DN"
+    if name == "noise":
+        return f"noise {row['sigma_dn']:.2f} DN, above {thresholds.sigma_dn:g} DN"
+    if name.startswith("blur "):
+        axis = name.removeprefix("blur ")
+        return f"MTF50 {axis} {row[f'mtf50_{axis}']:.3f}, below {thresholds.mtf50:g} of Nyquist"
+    return f"frame flagged {words_of_flag(name, row)}"
