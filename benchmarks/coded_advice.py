@@ -125,9 +125,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, help="JSON file, by default benchmarks/results/coded_advice.json")
     options = parser.parse_args(arguments)
     common.hold_loaded_libraries()
-    surface = Performance.load(ROOT / "data/control_surface/all.npz")
     named_sets = [coded_noise.parse(text) for text in (f"sim=sim:{ROOT / 'data/sim'}", *options.dataset)]
     common.check_datasets("coded_advice", [one.name for one in named_sets], options.out)
+    surface = Performance.load(ROOT / "data/control_surface/all.npz")
     table = pd.concat([measure(one, options.frames, surface) for one in named_sets], ignore_index=True)
     record = {
         str(decision): {f"{added:g}": summarised(cell) for added, cell in part.groupby("added_dn")}

@@ -60,7 +60,6 @@ def _problems(config: Any) -> Iterator[str]:
         for name, entry in entries.items():
             yield from _kind(f"{key}.{name}", group, entry)
     yield from _names(config)
-    yield from _parts(config)
     yield from _paths(config)
     address, backend = config.executor.address, config.executor.backend
     if backend == "dask" and not (address and re.fullmatch(ADDRESS_PATTERN, address)):
@@ -111,20 +110,6 @@ def _names(config: Any) -> Iterator[str]:
         for name in names:
             if name not in known:
                 yield f"{key}: '{name}' is not among {where}; {did_you_mean(name, known)}"
-
-
-def _parts(config: Any) -> Iterator[str]:
-    """Estimators that are kept to conditions none of which is in the experiment: they would be left out unseen."""
-    combined = config.combined
-    for name, part in combined.blur_estimators.items():
-        for key, conditions in (
-            ("sizes_px", combined.sizes_px),
-            ("target_sigmas_dn", combined.target_sigmas_dn),
-            ("angles_deg", [0.0, *config.psf.angles_deg]),  # a blur without direction has angle 0
-        ):
-            kept = getattr(part, key)
-            if kept is not None and not set(kept) & set(conditions):
-                yield f"combined.blur_estimators.{name}.{key}: {kept} is none of {conditions}; expected some of them"
 
 
 def _paths(config: Any) -> Iterator[str]:

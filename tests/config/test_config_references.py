@@ -42,7 +42,6 @@ def at_top(monkeypatch):
         (["+combined.blur_estimators.camera_calibrated={}"], ["camera_calibrated", "without calibration_samples"]),
         (["denoised_blur.blur_estimators=[camera_calibrated]"], ["denoised_blur", "without calibration_samples"]),
         (["+combined.blur_estimators.spectral.experiments=[defocus]"], ["spectral.experiments", "defocus_dcsn"]),
-        (["combined.blur_estimators.pmp.sizes_px=[5]"], ["combined.blur_estimators.pmp.sizes_px", "[5.0] is none"]),
         (["+noise.estimators.pca.calibration_samples=200"], ["noise.estimators.pca.calibration_samples"]),
         (["+real_noise.estimators.pca.per_frame=2"], ["real_noise.estimators.pca.per_frame"]),
         (["+detection.sweep.options.simm.limit=2"], ["detection.sweep.options", "did you mean 'sim'"]),
