@@ -113,7 +113,6 @@ def page(content: dict[str, Any], frames: PageFrames) -> str:
     Returns:
         HTML.
     """
-    from pipeline.cli.flag_words import flag_words
     from pipeline.cli.health_rows import number
     from pipeline.cli.health_verdict import row_words
     from pipeline.cli.templates import environment
@@ -123,14 +122,13 @@ def page(content: dict[str, Any], frames: PageFrames) -> str:
         {
             "name": row["picture"], "words": row_words(row), "sigma": number(row["sigma_dn"], 2),
             "horizontal": number(row["mtf50_horizontal"], 2), "vertical": number(row["mtf50_vertical"], 2),
-            "flags": "; ".join(flag_words(row)), "alarms": row["alarms"],
+            "flags": row["flags"].replace("_", "-"), "alarms": row["alarms"],
         }
         for row in rows[:MOST_ROWS]
     ]  # fmt: skip
     return environment().get_template("health.html.j2").render(
         content=content, verdict=content["verdict"], table=table, rows=len(rows), plots=_plots(content),
         thumbnails=frames.thumbnails, worst=frames.worst, words=row_words,
-        flag_words=flag_words,
     )  # fmt: skip
 
 
