@@ -7,9 +7,9 @@ Usage::
 Frames of *Sim* and photographs are cropped, blurred by a disc of defocus or a line of motion and made noisy, every
 blur with every noise. Each measure is compared with the true blur (1 minus the mean MTF of the kernel) and with the
 true noise by Spearman's rank correlation, over all frames and conditions together, so that a measure that follows the
-scene or the other corruption loses. ``--realdata`` adds pictures that may not be kept here: blur by real camera shake
-with measured kernels (Levin et al. 2009, ``levin2009/*.mat``) and noise of real cameras (CC, ``cc_noise``). Intervals
-are 95 %, from a bootstrap over scenes.
+scene or the other corruption loses. Where our noise has no estimate but a bound, the bound counts. ``--realdata`` adds
+pictures that may not be kept here: blur by real camera shake with measured kernels (Levin et al. 2009,
+``levin2009/*.mat``) and noise of real cameras (CC, ``cc_noise``). Intervals are 95 %, from a bootstrap over scenes.
 
 Under ``flags`` are the rates of the flags ``banded`` and ``impulses`` (`benchmarks.flag_rates`), on whole frames, and
 with ``--realdata`` on those of its folders ``kitti``, ``kitti_more``, ``udacity``, ``sim_authors``, ``pennfudan`` and
@@ -121,7 +121,11 @@ def measures() -> dict[str, Callable[[np.ndarray], dict[str, float]]]:
 
     def ours(image: np.ndarray) -> dict[str, float]:
         condition = monitor.frame(image)
-        return {"mtf": 1.0 - float(np.nanmean(condition.mtf.value)), "sigma_dn": float(condition.sigma_dn.value)}
+        sigma_dn, at_most_dn = float(condition.sigma_dn.value), float(condition.noise.at_most_dn)
+        return {
+            "mtf": 1.0 - float(np.nanmean(condition.mtf.value)),
+            "sigma_dn": sigma_dn if np.isfinite(sigma_dn) else at_most_dn,  # without an estimate, what there is at most
+        }
 
     def laplacian(image: np.ndarray) -> dict[str, float]:
         return {"laplacian_variance": float(cv2.Laplacian(image.astype(np.float64) * 255, cv2.CV_64F).var())}
