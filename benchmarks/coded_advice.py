@@ -105,12 +105,12 @@ def summarised(table: pd.DataFrame) -> dict[str, Any]:
     Args:
         table: columns ``moved`` (bool) and ``gain_percent`` (NaN where it cannot be judged), a row per decision.
     """
-    judged = np.isfinite(table["gain_percent"])
-    moved = table[table["moved"] & judged]
+    known = np.isfinite(table["gain_percent"])
+    moved = table[table["moved"] & known]
     return {
         "count": len(table),
         "moved": len(moved),
-        "unjudged": int((table["moved"] & ~judged).sum()),
+        "unjudged": int((table["moved"] & ~known).sum()),
         "lost": int((moved["gain_percent"] < -LOSS_PERCENT).sum()),
         "least_gain_percent": round(float(moved["gain_percent"].min()), 2) if len(moved) else 0.0,
         "mean_gain_percent": round(float(moved["gain_percent"].mean()), 2) if len(moved) else 0.0,

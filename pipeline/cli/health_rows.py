@@ -53,10 +53,9 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
         name, float(condition.sigma_dn.value), float(condition.sigma_dn.low), float(condition.sigma_dn.high),
         condition.noise.at_most_dn, len(noise), int(noise.abstained.sum()), horizontal, vertical, status(horizontal),
         status(vertical), len(blur), int(blur.abstained.sum()), blurred_fraction(blur.mtf, blur.high),
-        round(condition.milliseconds, 1), flags.bright_dn,
-        flags.median_dn, flags.saturated_fraction, flags.obstructed_fraction, flags.row_noise_dn,
-        flags.column_noise_dn, flags.impulse_fraction, flags.repeats, ", ".join(flags.names),
-        "", "", "",
+        round(condition.milliseconds, 1), flags.bright_dn, flags.median_dn, flags.saturated_fraction,
+        flags.obstructed_fraction, flags.row_noise_dn, flags.column_noise_dn, flags.impulse_fraction, flags.repeats,
+        ", ".join(flags.names), "", "", "",
     )  # fmt: skip
     reasons = condition.reasons
     if not len(blur):

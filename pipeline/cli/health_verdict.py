@@ -289,7 +289,9 @@ def undecided_alarms(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _flags(rows: Sequence[dict[str, Any]]) -> list[str]:
-    counts = Counter(name for row in rows for name in row["flags"].split(", ") if name)
+    from pipeline.cli.flag_words import flag_names
+
+    counts = Counter(name for row in rows for name in flag_names(row))
     words = ", ".join(f"{name.replace('_', '-')} {count}" for name, count in counts.most_common())
     return [f"Frames flagged: {words}."] if words else []
 

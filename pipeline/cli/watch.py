@@ -29,8 +29,7 @@ ALARM = 3  # exit code
 STATED = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "mtf50_horizontal", "mtf50_vertical",
     "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "row_noise_dn", "column_noise_dn",
-    "impulse_fraction", "flags", "alarms", "undecided",
-    "milliseconds",
+    "impulse_fraction", "flags", "alarms", "undecided", "milliseconds",
 )  # fmt: skip
 
 

@@ -26,6 +26,7 @@ class RollingState:
             and ``ap_percent`` (infinite MTF50: above the range; NaN: unknown, noise and precision also where a codec
             hides the noise of most frames), ``words``, and ``flags`` with the share of frames.
         """
+        from pipeline.cli.flag_words import flag_names
         from pipeline.cli.health_verdict import known_median, median_mtf, median_noise, median_precision
         from pipeline.condition.summary import half_contrast
         from pipeline.condition.verdict import grade
@@ -36,7 +37,7 @@ class RollingState:
         sigma, _, at_most = median_noise(rows)
         level = known_median(part["median_dn"] for part in rows)
         horizontal, vertical = (float(value) for value in half_contrast(mtf))
-        flags = Counter(name for part in rows for name in part["flags"].split(", ") if name)
+        flags = Counter(name for part in rows for name in flag_names(part))
         return {
             "frames": len(rows), "sigma_dn": sigma, "sigma_at_most_dn": at_most, "mtf50_horizontal": horizontal,
             "mtf50_vertical": vertical, "ap_percent": median_precision(rows),

@@ -55,7 +55,17 @@ DARK_RATIO = 0.35  # to the median of the cells with structure
 
 @dataclass(frozen=True)
 class FrameMeasures:
-    """What one frame shows without those before it; see `FrameFlags`."""
+    """What one frame shows without those before it.
+
+    Attributes:
+        bright_dn: 99th percentile of grey levels, DN.
+        median_dn: median grey level, DN.
+        saturated_fraction: share of pixels of at least 250 DN, 0..1.
+        obstructed_fraction: share of the frame in the largest dark area without structure, 0..1.
+        row_noise_dn: standard deviation of the offsets of whole rows, DN; NaN where it cannot be measured.
+        column_noise_dn: likewise of columns.
+        impulse_fraction: share of pixels that are impulses, 0..1; NaN where it cannot be measured.
+    """
 
     bright_dn: float
     median_dn: float
@@ -67,27 +77,13 @@ class FrameMeasures:
 
 
 @dataclass(frozen=True)
-class FrameFlags:
+class FrameFlags(FrameMeasures):
     """Measures of one frame and the flags they raise.
 
     Attributes:
-        bright_dn: 99th percentile of grey levels, DN.
-        median_dn: median grey level, DN.
-        saturated_fraction: share of pixels of at least 250 DN, 0..1.
-        obstructed_fraction: share of the frame in the largest dark area without structure, 0..1.
-        row_noise_dn: standard deviation of the offsets of whole rows, DN; NaN where it cannot be measured.
-        column_noise_dn: likewise of columns.
-        impulse_fraction: share of pixels that are impulses, 0..1; NaN where it cannot be measured.
         repeats: earlier frames in a row that this one repeats (`repeated_frames`); 0 for a picture.
     """
 
-    bright_dn: float
-    median_dn: float
-    saturated_fraction: float
-    obstructed_fraction: float
-    row_noise_dn: float
-    column_noise_dn: float
-    impulse_fraction: float
     repeats: int
 
     @property
@@ -123,11 +119,7 @@ class FrameInspector:
             measures: those of the frame, where they are known already.
         """
         repeats = self._repeats.count(image, stream)
-        measures = measures or measure(image)
-        return FrameFlags(
-            measures.bright_dn, measures.median_dn, measures.saturated_fraction, measures.obstructed_fraction,
-            measures.row_noise_dn, measures.column_noise_dn, measures.impulse_fraction, repeats,
-        )  # fmt: skip
+        return FrameFlags(**vars(measures or measure(image)), repeats=repeats)
 
 
 def measure(image: NDArray[np.floating]) -> FrameMeasures:
