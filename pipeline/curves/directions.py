@@ -1,4 +1,13 @@
-"""The blur-direction table of a sweep: average precision by angle, length and noise, with its marks."""
+"""The blur-direction table of a sweep: average precision by angle, length and noise, with its marks.
+
+The best less the worst of a few directions exceeds 0 even where direction has no effect. What chance alone makes of it
+is told by the same resampled scenes, each direction about its own mean:
+
+    d_a = k (a_a - mean(a_a)),    chance = 97.5 % quantile of max_a d_a - min_a d_a
+
+with the resampled average precision a_a of direction a and k of `pipeline.cluster_intervals`. A spread that does not
+exceed it has an interval that begins at 0.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cluster_intervals import TAIL, small_sample_factor
 from pipeline.curves.cells import precision_interval
 from pipeline.curves.direction import Directions, by_direction
 from pipeline.errors import InputError
@@ -40,7 +50,7 @@ SPREAD = Schema(
         "mean_low_percent": "float64",  # bootstrap 95 % interval of that mean
         "mean_high_percent": "float64",
         "spread_percent": "float64",  # best less worst direction
-        "low_percent": "float64",  # bootstrap 95 % interval of the spread
+        "low_percent": "float64",  # bootstrap 95 % interval of the spread; 0 where chance alone may make it
         "high_percent": "float64",
         "worst_angle_deg": "float64",
     },
@@ -110,8 +120,26 @@ def _spread(own: pd.DataFrame, draws: NDArray[np.float64], found: Directions) ->
                 ("mean_", found.mean_percent[s, d], drawn.mean(axis=0)),
             ):
                 ends = precision_interval(values, float(value), scenes)
+                if not name and value <= chance(drawn, scenes):
+                    ends = 0.0 if np.isfinite(ends[0]) else ends[0], ends[1]
                 row |= dict(zip((f"{name}low_percent", f"{name}high_percent"), ends, strict=True))
             row |= {"mean_percent": found.mean_percent[s, d], "spread_percent": found.spread_percent[s, d]}
             row["worst_angle_deg"] = found.worst_angle_deg[s, d]
             rows.append(row)
     return SPREAD.conform(pd.DataFrame(rows))
+
+
+def chance(draws: NDArray[np.float64], scenes: int) -> float:
+    """Spread over directions that chance exceeds in 2.5 % of cases where direction has no effect; see the module.
+
+    Args:
+        draws: (directions, B) resampled average precision, percent, the same scenes in each column.
+        scenes: that were resampled and hold an object.
+
+    Returns:
+        percent points; infinite with fewer than two scenes or without draws.
+    """
+    if scenes < 2 or draws.shape[1] == 0:
+        return float("inf")
+    deviation = small_sample_factor(scenes) * (draws - draws.mean(axis=1, keepdims=True))
+    return float(np.quantile(deviation.max(axis=0) - deviation.min(axis=0), 1 - TAIL))

@@ -57,22 +57,27 @@ FITTED = Schema(
 )
 
 
-def cells(rows: pd.DataFrame, draws: NDArray[np.float64], section: RegressionSettings) -> pd.DataFrame:
+def cells(
+    rows: pd.DataFrame, draws: NDArray[np.float64], section: RegressionSettings
+) -> tuple[pd.DataFrame, NDArray[np.float64]]:
     """Cells of the regression: iso, exposure_ms, ap_percent, error_percent; the mean over directions.
 
     Args:
         rows: `pipeline.curves.precision.PRECISION` of one label.
         draws: (rows, B) percent, for the error of the mean.
         section: ``detection.regression`` of the configuration.
+
+    Returns:
+        one row for each of the n cells that have a value, and their resampled values (n, B), which belong together.
     """
     import pandas as pd
 
-    results = []
+    results, resampled = [], []
     numbered = rows.reset_index(drop=True)
     groups: Any = numbered.groupby(["target_sigma_dn", "kernel_size_px"])
     for (level, size), group in groups:
-        mean = draws[group.index].mean(axis=0)
-        mean = mean[np.isfinite(mean)]
+        resampled.append(draws[group.index].mean(axis=0))
+        mean = resampled[-1][np.isfinite(resampled[-1])]
         error = float(np.std(mean, ddof=1)) if len(mean) > 1 else 0.0
         results.append(
             {
@@ -83,16 +88,20 @@ def cells(rows: pd.DataFrame, draws: NDArray[np.float64], section: RegressionSet
             }
         )
     table = pd.DataFrame(results, columns=["iso", "exposure_ms", "ap_percent", "error_percent"])
-    return table[np.isfinite(table["ap_percent"])].reset_index(drop=True)
+    known = np.isfinite(table["ap_percent"].to_numpy(float))
+    return table[known].reset_index(drop=True), np.reshape(resampled, (len(table), draws.shape[1]))[known]
 
 
-def tables(label: str, data: pd.DataFrame, terms: Sequence[str]) -> tuple[pd.DataFrame, pd.DataFrame, dict[str, Any]]:
+def tables(
+    label: str, data: pd.DataFrame, terms: Sequence[str], draws: NDArray[np.float64] | None = None
+) -> tuple[pd.DataFrame, pd.DataFrame, dict[str, Any]]:
     """Fit one grid.
 
     Args:
         label: what it is of.
         data: iso, exposure_ms, ap_percent and, for weights, error_percent.
         terms: coefficients to fit.
+        draws: (cells, B) resampled values, for standard deviations; see `pipeline.curves.regression.fit`.
 
     Returns:
         schema `COEFFICIENTS`; schema `FITTED` (the data's cells, then a fine grid of the fit alone); and chi2, R2 ...
@@ -104,7 +113,7 @@ def tables(label: str, data: pd.DataFrame, terms: Sequence[str]) -> tuple[pd.Dat
 
     iso, exposure, percent = (data[name].to_numpy(float) for name in ("iso", "exposure_ms", "ap_percent"))
     errors = data["error_percent"].to_numpy() if "error_percent" in data.columns else None
-    whole = fit(iso, exposure, percent, errors, terms)
+    whole = fit(iso, exposure, percent, errors, terms, draws)
     left = (
         {row.term: row for row in leave_one_out(iso, exposure, percent, errors)} if len(terms) == len(FORMULAS) else {}
     )

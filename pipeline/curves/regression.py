@@ -6,7 +6,13 @@ With x the ISO setting and y the exposure time in milliseconds,
 
 fitted by (weighted) least squares. Standard deviations follow from the covariance of linear least squares: scaled by
 chi2 / (n - terms) where the errors of the data are unknown, as the paper's are (its printed deviations come out to four
-digits from its 42 cells and its chi2), and as they are where an error is given for each value.
+digits from its 42 cells and its chi2), and as they are where an error is given for each value. Values of one sweep rest
+on the same frames and err together; where resampled values are given as well, their covariance S takes the place of
+independent errors,
+
+    cov(c) = A S A^T,    c = A AP
+
+p-values of single terms still take residuals for independent.
 """
 
 from __future__ import annotations
@@ -67,7 +73,7 @@ class Fit:
     @property
     def std_dev(self) -> Floats:
         """(k,) standard deviations of the coefficients; NaN without a degree of freedom."""
-        return np.sqrt(np.diag(self.covariance))
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def adjusted_r2(self) -> float:
@@ -160,6 +166,7 @@ def fit(
     ap_percent: ArrayLike,
     error_percent: ArrayLike | None = None,
     terms: Sequence[str] = tuple(TERMS),
+    draws_percent: ArrayLike | None = None,
 ) -> Fit:
     """Fit the regression.
 
@@ -169,10 +176,14 @@ def fit(
         ap_percent: (n,) average precisions.
         error_percent: (n,) standard deviation of each, positive; None for equal, unknown errors.
         terms: which coefficients.
+        draws_percent: (n, B) average precisions of B resamples of all data at once, for the covariance of the
+            coefficients; where a value scatters less than its error says, the rest counts as independent. Resamples
+            that lack a value are left out. Only beside errors.
 
     Raises:
-        InputError: see `design`; fewer values than terms, values that are not finite, errors that are not positive, or
-            data that cannot tell the terms apart (say, a single ISO).
+        InputError: see `design`; fewer values than terms, values that are not finite, errors that are not positive,
+            draws without errors or of another number of values, or data that cannot tell the terms apart (say, a
+            single ISO).
     """
     from scipy.linalg import qr, solve_triangular
 
@@ -183,6 +194,8 @@ def fit(
     if count < size:
         raise InputError(f"{count} values cannot determine {size} coefficients; expected at least as many")
     weight = np.ones(count)
+    if draws_percent is not None and error_percent is None:
+        raise InputError("draws_percent: expected error_percent beside it")
     if error_percent is not None:
         errors = np.asarray(error_percent, dtype=float)
         if errors.shape != (count,) or not (np.isfinite(errors) & (errors > 0)).all():
@@ -200,12 +213,16 @@ def fit(
     chi2 = float(np.sum((residual * weight) ** 2))
     degrees = count - size
     spread = 1.0 if error_percent is not None else (chi2 / degrees if degrees else np.nan)
+    covariance = inverse @ inverse.T * spread
+    if draws_percent is not None:
+        operator = solve_triangular(r, (q * weight[:, None]).T) / scale[:, None]
+        covariance = operator @ _common(np.asarray(draws_percent, dtype=float), 1.0 / weight) @ operator.T
     centre = np.average(data, weights=weight**2)
     total = float(np.sum(((data - centre) * weight) ** 2))
     return Fit(
         terms=tuple(terms),
         value=value,
-        covariance=inverse @ inverse.T * spread,
+        covariance=covariance,
         chi2=chi2,
         r2=1.0 - chi2 / total if total > 0 else float("nan"),
         degrees=degrees,
@@ -214,6 +231,17 @@ def fit(
         ap_percent=data,
         residual=residual,
     )
+
+
+def _common(draws: Floats, errors: Floats) -> Floats:
+    """Covariance (n, n) of values whose resamples (n, B) belong together, their errors at least `errors` (n,)."""
+    if draws.ndim != 2 or len(draws) != len(errors):
+        raise InputError(f"draws_percent: expected {len(errors)} rows of resamples, not shape {draws.shape}")
+    known = draws[:, np.isfinite(draws).all(axis=0)]
+    if known.shape[1] < 2:
+        return np.diag(errors**2)
+    covariance = np.cov(known)
+    return np.asarray(covariance + np.diag(np.maximum(errors**2 - np.diag(covariance), 0.0)))
 
 
 def leave_one_out(

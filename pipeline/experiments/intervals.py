@@ -78,6 +78,8 @@ def frame_interval(
 ) -> tuple[float, float]:
     """Bias-corrected 95 % interval of a statistic over patches, whole frames resampled.
 
+    Frames without an estimate do not count: they neither scatter nor say how the others do.
+
     Args:
         values: (N, ...) of N patches, NaN where there is no estimate.
         frames: (N,) the frame of each.
@@ -87,10 +89,12 @@ def frame_interval(
         draws: resamples.
 
     Returns:
-        lower and upper end, which enclose the statistic of the values given; NaN with fewer than two frames, or
-        without draws or numbers.
+        lower and upper end, which enclose the statistic of the values given; NaN with fewer than two frames that hold
+        an estimate, or without draws.
     """
-    names, numbers = np.unique(frames, return_inverse=True)
+    known = np.isfinite(values).reshape(len(values), -1).any(axis=1)
+    values = values[known]
+    names, numbers = np.unique(np.asarray(frames)[known], return_inverse=True)
     if len(names) < 2 or draws == 0:
         return NO_INTERVAL
     members = [np.flatnonzero(numbers == number) for number in range(len(names))]

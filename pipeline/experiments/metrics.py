@@ -54,7 +54,7 @@ def table_one_metrics(summary: pd.DataFrame) -> dict[str, Any]:
 
 
 def combined_metrics(blur: pd.DataFrame, noise: pd.DataFrame | None = None) -> dict[str, Any]:
-    """Means over kernel sizes, nested by experiment, estimator and level.
+    """Means over kernel sizes, nested by experiment, estimator and level; none where a size has no estimate.
 
     Args:
         blur: `pipeline.experiments.tables.BLUR_CELLS`.
@@ -76,7 +76,7 @@ def combined_metrics(blur: pd.DataFrame, noise: pd.DataFrame | None = None) -> d
         put(
             ["blur", cell["experiment"], cell["estimator"], variant, f"{cell['target_sigma_dn']:g}"],
             {
-                "amae_percent": float(group["amae_percent"].mean()),
+                "amae_percent": float(group["amae_percent"].mean(skipna=False)),
                 "count": int(group["count"].sum()),
                 "abstained": int(group["abstained"].sum()),
             },
@@ -87,8 +87,8 @@ def combined_metrics(blur: pd.DataFrame, noise: pd.DataFrame | None = None) -> d
         put(
             ["noise", cell["experiment"], cell["estimator"], f"{cell['target_sigma_dn']:g}"],
             {
-                "median_dn": float(group["median_dn"].mean()),
-                "patch_error_dn": float(group["patch_error_dn"].mean()),
+                "median_dn": float(group["median_dn"].mean(skipna=False)),
+                "patch_error_dn": float(group["patch_error_dn"].mean(skipna=False)),
                 "abstained": int(group["abstained"].sum()),
             },
         )

@@ -20,7 +20,7 @@ from pipeline.camera.corruption import corrupt
 from pipeline.camera.psf import create as create_psf
 from pipeline.camera.settings import CameraSettings
 from pipeline.camera.truth import LIGHTS, ORDERS
-from pipeline.cluster_intervals import bias_corrected
+from pipeline.cluster_intervals import NO_INTERVAL, bias_corrected
 from pipeline.datasets.frame import Frame
 from pipeline.datasets.selection import scene_of
 from pipeline.detection.average_precision import MeanResult, evaluate, mean_over_classes
@@ -32,6 +32,7 @@ from pipeline.streams import stream
 
 if TYPE_CHECKING:
     import pandas as pd
+    from numpy.typing import NDArray
 
     from pipeline.condition import ConditionMonitor
     from pipeline.detection.base import Detector
@@ -223,6 +224,9 @@ class Study:
     def effects(self) -> pd.DataFrame:
         """What noise and motion change under each order and light, paired: schema `EFFECTS`.
 
+        Before, after and change of the AMAE are means over the same frames and motions, those that have an estimate
+        before and after.
+
         Returns:
             one row for each order, light, cause and measure; no rows for a cause with one level only.
         """
@@ -247,17 +251,34 @@ class Study:
                 if before == after:
                     continue
                 head = {"order": order, "light": light, "cause": cause}
-                first, last = (np.nanmean(amae[:, chosen_ones], axis=1) for chosen_ones in (before, after))
-                change = (last - first)[np.isfinite(last - first)]
                 generator = stream(self.seed, "order study", "effects")
-                resampled = change[generator.integers(0, len(change), (EFFECT_DRAWS, len(change)))].mean(axis=1)
-                ends = bias_corrected(resampled, float(change.mean()), len(change))
-                rows.append(_effect(head, "amae_percent", np.nanmean(first), np.nanmean(last), ends))
+                rows.append(_effect(head, "amae_percent", *_paired(amae[:, before], amae[:, after], generator)))
                 first, last = values[before].mean(), values[after].mean()
                 resampled = draws[after].mean(axis=0) - draws[before].mean(axis=0)
                 ends = bias_corrected(resampled, float(last - first), min(score.clusters for score in self.scores))
                 rows.append(_effect(head, "ap_percent", first, last, ends))
         return EFFECTS.conform(pd.DataFrame(rows, columns=list(EFFECTS.columns)))
+
+
+def _paired(
+    before: NDArray[np.float64], after: NDArray[np.float64], generator: np.random.Generator
+) -> tuple[float, float, tuple[float, float]]:
+    """Means of both over the pairs that are known, and a 95 % interval of their difference with frames resampled.
+
+    Args:
+        before: (F, M) of F frames, NaN where there is no estimate.
+        after: (F, M) likewise.
+        generator: of the bootstrap.
+    """
+    known = np.isfinite(before) & np.isfinite(after)
+    paired = known.any(axis=1)
+    weight = known[paired] / known[paired].sum(axis=1, keepdims=True)
+    first, last = ((np.where(known, part, 0.0)[paired] * weight).sum(axis=1) for part in (before, after))
+    if not len(first):
+        return np.nan, np.nan, NO_INTERVAL
+    change = last - first
+    resampled = change[generator.integers(0, len(change), (EFFECT_DRAWS, len(change)))].mean(axis=1)
+    return first.mean(), last.mean(), bias_corrected(resampled, float(change.mean()), len(change))
 
 
 def _effect(

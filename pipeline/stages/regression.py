@@ -23,9 +23,9 @@ def run(run: Run) -> None:
     conditions = store.read_table(run.inputs / f"data/measured/{run.job['dataset']}/conditions.parquet", CONDITIONS)
     coefficients, fitted, about = [], [], {}
     for label, draws in sorted(store.read_arrays(folder / "draws.npz").items()):
-        data = iso_exposure.cells(table[table["label"] == label], draws, section)
+        data, together = iso_exposure.cells(table[table["label"] == label], draws, section)
         try:
-            *parts, about[label] = iso_exposure.tables(label, data, section.terms)
+            *parts, about[label] = iso_exposure.tables(label, data, section.terms, together)
         except InputError as error:
             about[label] = {"reason": str(error)}
             continue

@@ -15,6 +15,7 @@ from pipeline.curves.calibration import motion_mtf
 from pipeline.errors import InputError
 from pipeline.experiments.tables import CONDITIONS
 from pipeline.stages import refit
+from pipeline.streams import stream
 
 ROOT = Path(__file__).resolve().parents[2]
 SECTION = SimpleNamespace(sigma_per_iso=0.01, px_per_ms=1.0, least_error_percent=2.0)
@@ -39,7 +40,7 @@ def measured_grid() -> tuple[pd.DataFrame, np.ndarray]:
 
 def test_a_known_regression_is_found_again_from_the_mean_over_directions() -> None:
     table, draws = measured_grid()
-    data = iso_exposure.cells(table, draws, SECTION)
+    data, _ = iso_exposure.cells(table, draws, SECTION)
     assert len(data) == 24 and data["iso"].min() == 100 and data["exposure_ms"].min() == 1
     coefficients, fitted, about = iso_exposure.tables("car", data, TERMS)
     np.testing.assert_allclose(coefficients["value"], TRUE, rtol=1e-6)
@@ -54,15 +55,40 @@ def test_a_known_regression_is_found_again_from_the_mean_over_directions() -> No
 
 def test_the_error_of_a_cell_is_its_bootstraps_and_never_none() -> None:
     table, draws = measured_grid()
-    data = iso_exposure.cells(table, draws * 0 + 50, SECTION)
+    data, _ = iso_exposure.cells(table, draws * 0 + 50, SECTION)
     assert (data["error_percent"] == 2.0).all()
-    wide = iso_exposure.cells(table, 50 + 10 * (draws - draws.mean(axis=1, keepdims=True)), SECTION)
+    wide, _ = iso_exposure.cells(table, 50 + 10 * (draws - draws.mean(axis=1, keepdims=True)), SECTION)
     assert wide["error_percent"].to_numpy() == pytest.approx(10 * np.linspace(-2, 2, 50).std(ddof=1))
+
+
+def test_errors_that_cells_share_move_the_constant_only() -> None:
+    """All cells of a resample are shifted alike, by a standard deviation of 1.18 points: so is c5, and no slope."""
+    table, draws = measured_grid()
+    data, together = iso_exposure.cells(table, draws, SECTION)
+    data = data.assign(error_percent=0.5)  # less than they scatter
+    assert together.shape == (24, 50)
+    coefficients, fitted, _ = iso_exposure.tables("car", data, TERMS, together)
+    deviation = dict(zip(coefficients["term"], coefficients["std_dev"], strict=True))
+    shift = np.linspace(-2, 2, 50).std(ddof=1)
+    assert deviation.pop("c5") == pytest.approx(shift)
+    assert max(deviation.values()) < 1e-6
+    assert fitted["fitted_std_dev"].to_numpy() == pytest.approx(shift)
+    together[0, 3] = np.nan  # a resample that lacks a value
+    again, _, _ = iso_exposure.tables("car", data, TERMS, together)
+    assert again["std_dev"].iloc[4] == pytest.approx(np.delete(np.linspace(-2, 2, 50), 3).std(ddof=1))
+
+
+def test_cells_that_err_apart_have_the_deviations_of_independent_errors() -> None:
+    table, _ = measured_grid()
+    apart = table["ap_percent"].to_numpy()[:, None] + stream(1, "apart").normal(0, 3, (len(table), 4000))
+    data, together = iso_exposure.cells(table, apart, SECTION)
+    given, taken = (iso_exposure.tables("car", data, TERMS, draws)[0]["std_dev"] for draws in (together, None))
+    assert given.to_numpy() == pytest.approx(taken.to_numpy(), rel=0.1)
 
 
 def test_the_term_that_matters_is_the_one_that_is_missed() -> None:
     table, draws = measured_grid()
-    coefficients, _, _ = iso_exposure.tables("car", iso_exposure.cells(table, draws, SECTION), TERMS)
+    coefficients, _, _ = iso_exposure.tables("car", iso_exposure.cells(table, draws, SECTION)[0], TERMS)
     assert coefficients.loc[coefficients["f"].idxmax(), "term"] in ("c2", "c5")  # linear in ISO, and the level
     assert (coefficients["r2_without"] < 1).all()
 
@@ -70,7 +96,7 @@ def test_the_term_that_matters_is_the_one_that_is_missed() -> None:
 def test_cells_without_a_value_are_left_out_and_too_few_are_refused() -> None:
     table, draws = measured_grid()
     table["ap_percent"] = np.nan
-    data = iso_exposure.cells(table, draws, SECTION)
+    data, _ = iso_exposure.cells(table, draws, SECTION)
     assert data.empty
     with pytest.raises(InputError):
         iso_exposure.tables("car", data, TERMS)

@@ -11,6 +11,7 @@ from sweep_makers import FRAMES, LEVELS, SIZES, sweep_tables
 
 from pipeline.curves import Surface, directions, precision
 from pipeline.errors import InputError
+from pipeline.streams import stream
 
 JUDGE = SimpleNamespace(
     rule="paper", iou_threshold=0.5, min_height_px=25, min_visible_fraction=0.3, bootstrap_draws=200
@@ -150,6 +151,11 @@ def test_direction_is_told_apart_and_rises_are_marked(judged: tuple[pd.DataFrame
     assert len(rows) == 4 * 2 * 3 and not (rows["rises_with_size"] | rows["rises_with_sigma"]).any()
     wide = spread[spread["kernel_size_px"] >= 14]
     assert (wide["worst_angle_deg"] == 90).all() and (wide["spread_percent"] > 0).all()
+    numbers = {(row.target_sigma_dn, row.kernel_size_px): row for row in spread.itertuples()}
+    for (level, size), row in numbers.items():
+        chosen = (cars["target_sigma_dn"] == level) & (cars["kernel_size_px"] == size)
+        is_chance = row.spread_percent <= directions.chance(draws["car"][chosen.to_numpy()], FRAMES)
+        assert not is_chance or row.low_percent == 0
     assert (spread["low_percent"] <= spread["high_percent"]).all()
     assert (spread["mean_low_percent"] <= spread["mean_percent"]).all()
     assert (spread["mean_percent"] <= spread["mean_high_percent"]).all()
@@ -161,6 +167,20 @@ def test_direction_is_told_apart_and_rises_are_marked(judged: tuple[pd.DataFrame
     assert marked[["target_sigma_dn", "angle_deg", "kernel_size_px"]].to_numpy().tolist() == [[10.0, 0.0, 21.0]]
     with pytest.raises(InputError, match="no condition is blurred"):
         directions.tables(cars[cars["kernel_size_px"] == 0], draws["car"][:3], 0.0)
+
+
+def test_directions_without_an_effect_are_rarely_told_apart() -> None:
+    """Of 300 sets of 16 scenes that four directions lose by chance: 2.5 % would exceed what chance makes of them."""
+    generator, exceeding = stream(3, "directions"), 0
+    for _ in range(300):
+        scenes = 60 + 10 * generator.normal(size=(4, 16))
+        resampled = scenes[:, generator.integers(0, 16, (400, 16))].mean(axis=2)
+        spread = np.ptp(scenes.mean(axis=1))
+        assert spread > 0
+        exceeding += spread > directions.chance(resampled, 16)
+    assert exceeding <= 0.05 * 300
+    assert directions.chance(np.full((4, 9), 50.0), 8) == 0
+    assert np.isinf(directions.chance(np.full((4, 9), 50.0), 1))
 
 
 def test_metrics_name_the_clean_value_and_the_surface(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:

@@ -199,6 +199,20 @@ def test_a_cell_without_any_estimate_has_counts_but_no_mean():
     assert nested == {"0": {"amae_percent": 2.0, "count": 3, "abstained": 0}, "15": {"count": 0, "abstained": 3}}
 
 
+def test_a_mean_over_sizes_needs_every_size():
+    rows = {
+        "experiment": "defocus_dcsn", "estimator": "mine", "calibrated": False, "filter_px": 0.0,
+        "target_sigma_dn": [0.0, 0.0, 15.0, 15.0], "amae_percent": [50.0, 30.0, float("nan"), 31.0],
+        "count": [3, 3, 0, 3], "abstained": [0, 0, 3, 0], "median_dn": [0.0, 0.1, 14.0, float("nan")],
+        "patch_error_dn": 0.5,
+    }  # fmt: skip
+    nested = combined_metrics(pd.DataFrame(rows), pd.DataFrame(rows))
+    blur_of = nested["blur"]["defocus_dcsn"]["mine"]["raw"]
+    assert blur_of["0"]["amae_percent"] == 40.0
+    assert blur_of["15"] == {"count": 3, "abstained": 3}  # not the mean of the size that is left
+    assert nested["noise"]["defocus_dcsn"]["mine"]["15"] == {"patch_error_dn": 0.5, "abstained": 3}
+
+
 def test_two_prefilters_of_one_estimator_are_told_apart(frame, patches):
     class Quiet(Ramp):
         """The other way round: the last patch is quiet."""

@@ -41,6 +41,17 @@ def test_one_frame_has_no_interval():
     assert np.isnan(frame_interval(np.arange(4.0), np.array(list("aabb")), median, stream(1, "draws"), 0)).all()
 
 
+def test_frames_without_an_estimate_do_not_count():
+    """Of eight frames of three patches, one, two or four have estimates."""
+    names = np.repeat(np.arange(8), 3)
+    values = stream(1, "values").normal(0, 1, 24)
+    for answering in (1, 2, 4):
+        known = names < answering
+        ends = frame_interval(np.where(known, values, np.nan), names, median, stream(1, "draws"), 200)
+        alone = frame_interval(values[known], names[known], median, stream(1, "draws"), 200)
+        assert ends == pytest.approx(alone, nan_ok=True) and np.isnan(ends).all() == (answering == 1)
+
+
 def test_frames_of_different_sizes_count_with_all_their_patches_in_any_block(monkeypatch):
     values = stream(1, "values").normal(0, 1, (9, 2))
     frames = np.array(list("aaaabbccc"))

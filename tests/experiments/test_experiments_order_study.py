@@ -66,6 +66,29 @@ def test_effects_are_paired_so_that_differences_between_frames_do_not_widen_them
     assert (motion["low"], motion["high"]) == pytest.approx((-21.0, -21.0))
 
 
+def test_abstentions_do_not_make_an_effect():
+    """No noise changes the AMAE; under the strongest, the hard frames and the longest motion have no estimate."""
+    result, chosen, scores = _made(lambda one: one.motion_px, lambda one: 50.0)
+    for entries in result[3:]:
+        for entry, one in zip(entries, chosen, strict=True):
+            if one.sigma_dn == 15:
+                entry["amae_percent"] = np.nan
+    for entry, one in zip(result[0], chosen, strict=True):
+        if (one.sigma_dn, one.motion_px) == (15, 21):
+            entry["amae_percent"] = np.nan
+    table = order_study.Study(result, chosen, scores, 1).effects().set_index(["order", "light", "cause", "measure"])
+    noise = table.loc[("paper", "linear", "noise", "amae_percent")]
+    assert (noise["change"], noise["low"], noise["high"]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    motions, offsets = np.array([[11, np.nan], [11, 21], [11, 21]]), np.array([-4, -2.4, -0.8])
+    assert noise["before"] == noise["after"] == pytest.approx(np.mean(np.nanmean(motions, axis=1) + offsets))
+    for entries in result:
+        for entry in entries:
+            entry["amae_percent"] = np.nan
+    unknown = order_study.Study(result, chosen, scores, 1).effects()
+    unknown = unknown[unknown["measure"] == "amae_percent"]
+    assert len(unknown) and unknown[["before", "after", "change", "low", "high"]].isna().all(axis=None)
+
+
 def test_effects_of_one_noise_level_are_not_stated():
     chosen = order_study.conditions([0, 11], [15])
     result = [[{"amae_percent": 3.0} for _ in chosen]] * 2

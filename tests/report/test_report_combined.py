@@ -88,6 +88,16 @@ def test_the_overview_is_the_mean_over_sizes(inputs: ReportInputs) -> None:
     assert "level_0" not in row and row["sizes"] == "3, 11"
 
 
+def test_a_level_without_an_estimate_of_a_size_has_no_mean(inputs: ReportInputs) -> None:
+    cells = inputs.result("combined_blur")
+    lost = (cells["experiment"] == "linear_dcsn") & (cells["kernel_size_px"] == 3) & (cells["target_sigma_dn"] == 10)
+    assert lost.any()
+    table = combined.overview_table(cells.assign(amae_percent=cells["amae_percent"].mask(lost)))
+    rows = {(row["dataset"], row["experiment"], row["variant"]): row for row in table.rows}
+    row = rows["Sim", "Linear motion, then DCSN", "raw"]
+    assert np.isnan(row["level_10"]) and np.isfinite(row["level_25"])
+
+
 def test_the_supplements_table_has_the_papers_twelve_rows(inputs: ReportInputs) -> None:
     cells = blur_cells("udacity", experiments=("linear_dcsn",), filters=(7.0, 11.0), sizes=(3.0, 7.0, 11.0))
     table = combined.denoised_table("udacity", cells, published_table(REPO / "data/paper/improved_blur.csv"))

@@ -251,13 +251,17 @@ def error_table(dataset: str, experiment: str, cells: pd.DataFrame, paper: pd.Da
 
 
 def overview_table(cells: pd.DataFrame) -> Table:
-    """Each estimator's error over the noise level, mean over kernel sizes: a row per dataset, experiment, variant."""
+    """Each estimator's error over the noise level, mean over kernel sizes: a row per dataset, experiment, variant.
+
+    A level has no mean where a size has no estimate: the mean of the others would not be comparable.
+    """
     index = ["dataset", "experiment", *VARIANT]
     shown = _shown(cells, "dataset", "experiment", "estimator")
     shown = ordered(shown, dataset=DATASETS, experiment=EXPERIMENTS, estimator=OURS_FIRST, filter_px=(), calibrated=())
     sizes = shown.groupby(index)["kernel_size_px"].transform(lambda px: ", ".join(map(format_number, sorted(set(px)))))
     groups = shown.assign(sizes=sizes).groupby([*index, "sizes", "target_sigma_dn"], sort=False, as_index=False)
-    return PAGE.table("combined_overview", groups[["amae_percent"]].mean(), cells={"variant": _variant})
+    means = groups.agg(amae_percent=("amae_percent", lambda sizes_amae: sizes_amae.mean(skipna=False)))
+    return PAGE.table("combined_overview", means, cells={"variant": _variant})
 
 
 def denoised_table(dataset: str, cells: pd.DataFrame, paper: pd.DataFrame) -> Table:
