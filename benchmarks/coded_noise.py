@@ -79,6 +79,8 @@ def turned(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
 FILTERS: Mapping[str, Callable[[NDArray[np.uint8]], Any]] = {
     "scaled 0.7": partial(cv2.resize, dsize=None, fx=0.7, fy=0.7, interpolation=cv2.INTER_AREA),
     "scaled 1.3": partial(cv2.resize, dsize=None, fx=1.3, fy=1.3, interpolation=cv2.INTER_LINEAR),
+    "scaled 3": partial(cv2.resize, dsize=None, fx=3, fy=3, interpolation=cv2.INTER_CUBIC),
+    "scaled 4": partial(cv2.resize, dsize=None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC),
     "turned": turned,
     "gaussian": partial(cv2.GaussianBlur, ksize=(0, 0), sigmaX=0.8),
     "median": partial(cv2.medianBlur, ksize=3),

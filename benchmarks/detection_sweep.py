@@ -33,11 +33,12 @@ import numpy as np  # noqa: E402
 
 from pipeline.config.compose import compose, parse  # noqa: E402
 from pipeline.datasets.frame import Box, Frame  # noqa: E402
+from pipeline.detection import opened  # noqa: E402
 from pipeline.executor import one_thread, run_map  # noqa: E402
 from pipeline.experiments import iopc  # noqa: E402
 from pipeline.experiments.condition import grid, sweep_kernels  # noqa: E402
 from pipeline.experiments.corrupt import SharpFrame  # noqa: E402
-from pipeline.experiments.detect import Sweep, class_map, opened, options_of  # noqa: E402
+from pipeline.experiments.detect import Sweep, class_map, options_of  # noqa: E402
 from pipeline.learning.dead_leaves import draw  # noqa: E402
 from pipeline.store import write_image  # noqa: E402
 from pipeline.streams import stream  # noqa: E402

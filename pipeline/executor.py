@@ -3,7 +3,8 @@
 Work is split over items, one thread per worker process (two threads on busy cores cost more than they give).
 Results come back in the order of the items, so the bytes written do not depend on the number of workers.
 A worker that dies (out of memory, killed) takes nothing with it: finished items are kept and the others are
-given to fresh workers; an item that kills three workers in a row is named in the error.
+given to fresh workers. Where two pools in a row die without finishing an item, a single worker takes the rest in
+order; if it dies at its first item, that item is named in the error.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import multiprocessing
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
@@ -25,7 +26,7 @@ Result = TypeVar("Result")
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 ADDRESS_PATTERN = r"[a-z]+://[^\s/]+|[^\s/:]+:\d+"  # of a Dask scheduler
 _SCHEDULER_TIMEOUT_S = 10
-_PATIENCE = 3  # pools lost without one finished item before giving up
+_PATIENCE = 3  # pools lost in a row without one finished item before giving up; the last has one worker
 
 
 def available_cores() -> int:
@@ -120,10 +121,14 @@ def _map_processes(function: Callable[[Item], Result], items: list[Item], worker
         while len(done) < len(items):
             waiting = [index for index in range(len(items)) if index not in done]
             before = len(done)
-            pool = ProcessPoolExecutor(workers, mp_context=with_spawn, initializer=one_thread)
+            # One worker takes the items in order, so that it is known at which of them it died.
+            size = 1 if lost == _PATIENCE - 1 else workers
+            pool = ProcessPoolExecutor(size, mp_context=with_spawn, initializer=one_thread)
+            futures: dict[Future[Result], int] = {}
             try:
                 with processor.for_children():  # the pool starts its processes with the first items
-                    futures = {pool.submit(_call, function, items[index]): index for index in waiting}
+                    for index in waiting:
+                        futures[pool.submit(_call, function, items[index])] = index
                 failed: dict[int, BaseException] = {}
                 for future in as_completed(futures):
                     index = futures[future]
@@ -142,12 +147,15 @@ def _map_processes(function: Callable[[Item], Result], items: list[Item], worker
                     if failed and all(other.done() for other, earlier in futures.items() if earlier < min(failed)):
                         raise failed[min(failed)]
             except BrokenProcessPool as error:
+                for future, index in futures.items():  # `as_completed` may yield lost items before finished ones
+                    if index not in done and future.done() and not future.cancelled() and not future.exception():
+                        done[index] = future.result()
+                        next(bar, None)
                 lost = 0 if len(done) > before else lost + 1
                 if lost >= _PATIENCE:
-                    first = min(index for index in range(len(items)) if index not in done)
                     raise InputError(
-                        f"{label or 'parallel map'}: worker processes died {_PATIENCE} times without finishing an item "
-                        f"(next: {items[first]!r}); is memory short? try executor.workers=1"
+                        f"{label or 'parallel map'}: worker processes died {_PATIENCE} times without finishing an "
+                        f"item, the last time a single one with item {items[waiting[0]]!r}; is memory short for it?"
                     ) from error
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)

@@ -2,7 +2,8 @@
 
 Tables are tidy, long-format Parquet with a declared schema; small results are JSON with sorted keys; arrays
 are ``.npz``. A reader never sees a half-written file, and a table that lacks a column, or holds an unknown
-one, is refused by name.
+one, is refused by name. A folder is replaced as a whole: a reader sees the earlier one, the new one, or between two
+renames none, and the earlier one is deleted once the new one is in its place.
 """
 
 from __future__ import annotations
@@ -46,18 +47,54 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def replacing_folder(path: str | Path) -> Iterator[Path]:
-    """Give an empty folder beside ``path``; put it in ``path``'s place if the block ends without an error."""
+    """Give an empty folder beside ``path``; put it in ``path``'s place if the block ends without an error.
+
+    A process that is killed between the two renames leaves the earlier folder beside it, in ``.replaced-NAME-...``;
+    the next one that is complete removes it.
+
+    Args:
+        path: of the folder; whole at any time, or absent.
+
+    Raises:
+        OSError: the system refuses a rename, and ``path`` is what it was; or the earlier folder cannot be deleted, and
+            ``path`` is new.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=".writing-"))
     try:
         yield temporary
         temporary.chmod(0o755)
-        if path.exists():
-            shutil.rmtree(path)
-        temporary.replace(path)
+        if path.is_dir():
+            _exchange(temporary, path)
+        else:
+            temporary.replace(path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+    for leftover in _replaced(path):
+        shutil.rmtree(leftover)
+
+
+def _exchange(new: Path, path: Path) -> None:
+    """Move a folder aside and a new one into its place, or leave it where it is."""
+    aside = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".replaced-{path.name}-"))
+    try:
+        path.rename(aside / path.name)
+        try:
+            new.rename(path)
+        except OSError:
+            (aside / path.name).rename(path)
+            raise
+    except OSError:
+        with contextlib.suppress(OSError):  # not empty where the system refused this rename too: nothing is lost
+            aside.rmdir()
+        raise
+
+
+def _replaced(path: Path) -> list[Path]:
+    """Folders that `_exchange` moved the earlier ones of this name into, those of killed processes among them."""
+    beside = path.parent.glob(".replaced-*")
+    return [folder for folder in beside if folder.name.rpartition("-")[0] == f".replaced-{path.name}"]
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -227,8 +264,15 @@ def write_arrays(path: str | Path, **arrays: np.ndarray) -> None:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
-def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
+def read_arrays(path: str | Path, remedy: str = "delete it and run dvc repro") -> dict[str, np.ndarray]:
     """Read the arrays of an ``.npz`` file (pickled objects are refused).
+
+    Args:
+        path: the file.
+        remedy: for a broken file, as the error states it.
+
+    Returns:
+        arrays by name.
 
     Raises:
         InputError: the file is missing or broken.
@@ -247,9 +291,10 @@ def read_arrays(path: str | Path) -> dict[str, np.ndarray]:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; run the stage that makes it (dvc repro)") from None
     except MemoryError:
-        raise InputError(f"{path}: not a readable .npz archive (it declares more than fits into memory)") from None
+        reason = "it declares more than fits into memory"
+        raise InputError(f"{path}: not a readable .npz archive ({reason}); {remedy}") from None
     except (zipfile.BadZipFile, zlib.error, ValueError, OSError, EOFError, KeyError, NotImplementedError) as error:
-        raise InputError(f"{path}: not a readable .npz archive ({error}); delete it and run dvc repro") from None
+        raise InputError(f"{path}: not a readable .npz archive ({error}); {remedy}") from None
 
 
 def write_image(path: str | Path, image: np.ndarray) -> None:

@@ -1,5 +1,6 @@
-"""The graph of stages: what a stage reads is what dvc.yaml declares, and every file it depends on exists."""
+"""The graph of stages: reads and files are those dvc.yaml declares and exist, and messages name its stages."""
 
+import ast
 import importlib
 import re
 from pathlib import Path
@@ -48,6 +49,30 @@ def test_code_dependencies_exist(name):
 def test_every_stage_file_is_in_the_graph():
     files = {path.stem for path in (ROOT / "pipeline" / "stages").glob("*.py")} - {"__init__"}
     assert files == {module_of(name) for name in STAGES}
+
+
+WORDS_AFTER_REPRO = {"makes", "or", "trains"}
+"""Words of sentences about ``dvc repro`` without a stage."""
+
+
+def named_in_messages():
+    """(Where, stage) of every ``dvc repro STAGE`` in strings and docstrings of the package."""
+    for path in sorted((ROOT / "pipeline").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                for options, name in re.findall(r"dvc repro((?:\s+-[\w-]+)*)\s+(\w[\w@-]*)", node.value):
+                    if options or name not in WORDS_AFTER_REPRO:
+                        yield f"{path.relative_to(ROOT)}:{node.lineno}", name
+
+
+def test_messages_name_stages_that_exist():
+    """A member of a matrix is named as ``stage@item``, all of them by the stage's name."""
+    named = list(named_in_messages())
+    assert {"index", "psf_bank", "train_sigma_cellwise", "train_sigma_correlated"} <= {name for _, name in named}
+    for where, name in named:
+        stage, member, _ = name.partition("@")
+        assert stage in GRAPH, f"{where}: dvc.yaml has no stage '{stage}'"
+        assert not member or {"matrix", "foreach"} & GRAPH[stage].keys(), f"{where}: '{stage}' has no members"
 
 
 def test_real_data_is_no_dependency_of_the_default_graph():

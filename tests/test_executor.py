@@ -5,10 +5,12 @@ import gc
 import os
 import signal
 import time
+from concurrent.futures import ProcessPoolExecutor, wait
 from pathlib import Path
 
 import pytest
 
+from pipeline import executor
 from pipeline.errors import InputError
 from pipeline.executor import available_cores, run_map
 
@@ -45,6 +47,24 @@ def always_die(x):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def die_at_five(folder, x):
+    """Item 5 ends its process; beside another worker, item 0 does not finish before that."""
+    if x == 5:
+        os._exit(1)
+    if x == 0 and Path(folder, "workers").read_text() != "1":
+        time.sleep(300)
+    return square(x)
+
+
+def die_once_and_mark(folder, x):
+    """Item 3, the last, ends its process the first time; every call leaves a mark."""
+    marks = [path.name.split("-")[0] for path in Path(folder).glob("*-*")]
+    Path(folder, f"{x}-{os.getpid()}").touch()
+    if x == 3 and "3" not in marks:
+        os._exit(1)
+    return square(x)
+
+
 def threads(_):
     import torch
 
@@ -69,8 +89,34 @@ def test_a_killed_worker_loses_nothing(tmp_path):
 
 
 def test_an_item_that_always_kills_is_named():
-    with pytest.raises(InputError, match="died 3 times"):
+    with pytest.raises(InputError, match=r"poison: .* died 3 times .* a single one with item 1;"):
         run_map(always_die, [1, 2], workers=2, label="poison")
+
+
+def test_the_item_that_kills_is_named_and_no_other(tmp_path, monkeypatch):
+    """Item 0 is killed beside it, time and again, and is the first of those that are not finished."""
+
+    class Noted(ProcessPoolExecutor):
+        def __init__(self, max_workers, **options):
+            (tmp_path / "workers").write_text(f"{max_workers}")
+            super().__init__(max_workers, **options)
+
+    monkeypatch.setattr(executor, "ProcessPoolExecutor", Noted)
+    with pytest.raises(InputError, match=r"died 3 times .* with item 5;"):
+        run_map(functools.partial(die_at_five, str(tmp_path)), range(8), workers=2)
+
+
+def test_items_that_finished_before_a_death_are_kept_whatever_is_seen_first(tmp_path, monkeypatch):
+    """`as_completed` yields items in no particular order if several are done when it looks."""
+
+    def lost_first(futures):
+        wait(futures)
+        return sorted(futures, key=lambda future: future.exception() is None)
+
+    monkeypatch.setattr(executor, "as_completed", lost_first)
+    assert run_map(functools.partial(die_once_and_mark, str(tmp_path)), range(4), workers=2) == [0, 1, 4, 9]
+    marks = [path.name.split("-")[0] for path in tmp_path.glob("*-*")]
+    assert marks.count("3") == 2 and len(marks) <= 2 + 4  # of the others, one at most was with the other worker
 
 
 def test_cores_are_counted_on_every_system(monkeypatch):

@@ -2,6 +2,8 @@
 
 import errno
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +36,85 @@ def test_a_failing_folder_writer_leaves_the_old_folder(tmp_path):
         raise RuntimeError
     assert [p.name for p in path.iterdir()] == ["one"]
     assert [p.name for p in tmp_path.iterdir()] == ["folder"]
+
+
+def contents(folder):
+    return {str(path.relative_to(folder)): path.read_text() for path in folder.rglob("*") if path.is_file()}
+
+
+def replaced(path, **files):
+    with store.replacing_folder(path) as folder:
+        (folder / "inner").mkdir()
+        for name, text in files.items():
+            (folder / "inner" / name).write_text(text)
+
+
+def test_a_folder_is_replaced_as_a_whole_and_nothing_else_stays(tmp_path):
+    path = tmp_path / "folder"
+    replaced(path, a="1", b="2")
+    replaced(path, a="3")
+    assert contents(tmp_path) == {"folder/inner/a": "3"} and [p.name for p in tmp_path.iterdir()] == ["folder"]
+
+
+def test_a_folder_that_cannot_be_renamed_into_its_place_leaves_the_earlier_one(tmp_path, monkeypatch):
+    path, rename = tmp_path / "folder", Path.rename
+    replaced(path, a="1", b="2")
+
+    def refused(self, target):
+        if self.name.startswith(".writing-"):
+            raise OSError(errno.EIO, "Input/output error", str(self))
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", refused)
+    monkeypatch.setattr(Path, "replace", refused)
+    with pytest.raises(OSError, match="Input/output error"):
+        replaced(path, a="3")
+    assert contents(tmp_path) == {"folder/inner/a": "1", "folder/inner/b": "2"}
+    assert [p.name for p in tmp_path.iterdir()] == ["folder"]
+    monkeypatch.undo()
+    replaced(path, a="3")
+    assert contents(tmp_path) == {"folder/inner/a": "3"}
+
+
+KILLED = """
+import os, shutil, sys
+from pathlib import Path
+from pipeline import store
+rename = Path.rename
+def killed_rename(self, target):
+    return os._exit(9) if self.name.startswith(".writing-") else rename(self, target)
+def killed_rmtree(folder, **options):
+    return os._exit(9) if folder.name.startswith(".replaced-") else None
+if sys.argv[1] == "rename":
+    Path.rename = killed_rename
+else:
+    shutil.rmtree = killed_rmtree
+with store.replacing_folder(sys.argv[2]) as folder:
+    (folder / "a").write_text("3")
+"""
+
+
+@pytest.mark.parametrize("step", ["rename", "rmtree"])
+def test_a_killed_exchange_loses_nothing_and_is_tidied_up_later(tmp_path, step):
+    """Killed before the new folder is in its place, or before the earlier one is deleted."""
+    path, other = tmp_path / "folder", tmp_path / "folder-b"
+    replaced(path, a="1")
+    replaced(other, a="2")
+    died = subprocess.run([sys.executable, "-c", KILLED, step, str(path)], check=False)
+    assert died.returncode == 9
+    assert sorted(contents(tmp_path).values()) == ["1", "2", "3"]  # the earlier one and the new one are whole
+    replaced(other, a="4")
+    assert sorted(contents(tmp_path).values()) == ["1", "3", "4"]
+    replaced(path, a="5")
+    assert contents(path) == {"inner/a": "5"} and contents(other) == {"inner/a": "4"}
+    assert not list(tmp_path.glob(".replaced-*"))
+
+
+def test_a_file_is_not_replaced_by_a_folder(tmp_path):
+    (tmp_path / "folder").write_text("a file")
+    with pytest.raises(NotADirectoryError):
+        replaced(tmp_path / "folder", a="1")
+    assert contents(tmp_path) == {"folder": "a file"}
 
 
 @pytest.mark.parametrize("suffix", [".json", ".parquet", ".npz", ".png"])

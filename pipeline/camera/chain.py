@@ -203,7 +203,8 @@ def record(
         dark_e: (H, W) noise of dark current, e-, or None.
         read_e: (H, W) noise of readout, e-, or None.
         sensor: the sensor.
-        quantise: full well, whole electrons, rounding and clipping to 8 bit.
+        quantise: full well, whole electrons, rounding and clipping to 8 bit; where no photon counts were drawn, whole
+            electrons darken by half an electron, see `pipeline.camera.quantise.collect`.
 
     Returns:
         (H, W) image in [0, 1], and the share of pixels that would lie outside without clipping.

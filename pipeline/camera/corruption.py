@@ -7,7 +7,7 @@ that where nothing clips the level is met exactly, and where something does the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from pipeline.camera.blocks import blocks
 from pipeline.camera.sensor import Sensor
 from pipeline.camera.truth import LIGHTS, ORDERS, Boundary, Corrupted, Light, Order, through_optics
 from pipeline.errors import InputError, did_you_mean
-from pipeline.streams import KeyPart, stream
+from pipeline.streams import KeyPart
 
 Camera = Literal["physical", "authors", "authors_2022"]
 Reach = Literal["source", "frame"]
@@ -191,37 +191,6 @@ def conditioned(
     if exposure_s is not None:
         effects = replace(effects, exposure_s=(exposure_s, exposure_s))
     return name, effects
-
-
-def corrupt_frames(
-    frames: Iterable[tuple[str, ArrayLike]],
-    noise_source: str | Sequence[str],
-    *,
-    sigma_dn: float,
-    seed: int,
-    dataset: str = "",
-    **options: Any,
-) -> Iterator[tuple[str, Corrupted]]:
-    """Corrupt many frames, each from the stream of its own name.
-
-    The result for a frame depends neither on the order nor on which other frames are given.
-
-    Args:
-        frames: (name, image) pairs; images as for `corrupt`.
-        noise_source: see `corrupt`.
-        sigma_dn: see `corrupt`.
-        seed: the experiment's root seed.
-        dataset: part of every stream's key.
-        options: further arguments of `corrupt`.
-
-    Yields:
-        (name, frame and truth), one at a time.
-    """
-    name = noise_source if isinstance(noise_source, str) else "+".join(noise_source)
-    for frame, image in frames:
-        key: tuple[KeyPart, ...] = (int(seed), "corrupt", dataset, frame, name, float(sigma_dn))
-        generator = stream(int(seed), "corrupt", *key[2:])
-        yield frame, corrupt(image, noise_source, sigma_dn=sigma_dn, generator=generator, key=key, **options)
 
 
 def psf_for_mtf50(

@@ -44,29 +44,3 @@ def dark_noise(
     if zero_mean:
         noise -= np.float32(mean_e)
     return noise
-
-
-def dark_current_shot(
-    electrons: NDArray[np.float32],
-    sensor: Sensor,
-    temperature_k: float,
-    exposure_s: float,
-    generator: np.random.Generator,
-    *,
-    zero_mean: bool = True,
-) -> NDArray[np.float32]:
-    """Add dark electrons to a signal.
-
-    Args:
-        electrons: (..., H, W) e-.
-        sensor: its dark-current figure and pixel size count.
-        temperature_k: sensor temperature.
-        exposure_s: exposure time.
-        generator: where the draws come from.
-        zero_mean: subtract the mean dark signal.
-
-    Returns:
-        float32 e-, same shape.
-    """
-    noise = dark_noise(electrons.shape, sensor, temperature_k, exposure_s, generator, zero_mean=zero_mean)
-    return np.add(noise, electrons, out=noise)

@@ -9,12 +9,7 @@ a and b of one scene, b of r times the exposure, differ by noise alone once a is
 
     var(b - r a) / (1 + r^2) = c + K mu_b (1 + r) / (1 + r^2),
 
-which for r = 1 is half the variance of their difference. From one frame it is measured where the scene is flat, from
-
-    (x00 - x01 - x10 + x11) / 2
-
-of four neighbours of one colour, which has the noise's variance and cancels any linear shading. Flat blocks are
-chosen on smoothed values, so that the choice hardly depends on the noise; texture everywhere in a scene raises K.
+which for r = 1 is half the variance of their difference.
 
 Dark current: the mean of dark frames grows linearly with the exposure time; its slope over K is in electrons per
 second. A camera whose black level is at 0 cuts off half of its dark noise: means and variances of its dark frames are
@@ -23,7 +18,7 @@ then limits, not measurements, which `DarkCurrent.zero_fraction` shows.
 Frames are raw mosaics in DN; each of the four colour planes ("00", "01", "10", "11": row and column of its first
 pixel) is a sensor by itself.
 
-Source: EMVA Standard 1288, release 4.0, sections on photon transfer and dark current; Immerkaer 1996 for the mask.
+Source: EMVA Standard 1288, release 4.0, sections on photon transfer and dark current.
 """
 
 from __future__ import annotations
@@ -39,8 +34,6 @@ from pipeline.errors import InputError
 PLANES = ("00", "01", "10", "11")
 QUANTISATION_DN2 = 1 / 12
 BLOCK_PX = 16
-FLATTEST_FRACTION = 0.3
-LEVELS = 8  # groups of blocks of like brightness, each of which gives its flattest
 LOWEST_DN = 4.0  # below this the black level cuts off part of the noise
 CLIPPED_FRACTION = 0.98  # of white: pixels from here on count as clipped
 MEAN_BINS = 24
@@ -149,31 +142,6 @@ def points_of_pair(first: NDArray[np.generic], second: NDArray[np.generic], whit
     return TransferPoints(mean * (1 + ratio) / (1 + ratio**2), variance)
 
 
-def points_of_frame(frame: NDArray[np.generic], white_dn: float) -> TransferPoints:
-    """Points from the flattest blocks of one frame.
-
-    Args:
-        frame: (H, W) one colour plane, DN.
-        white_dn: grey value of saturation, DN.
-    """
-    import cv2
-
-    values = np.asarray(frame, dtype=np.float64)
-    smooth = cv2.blur(values, (5, 5))
-    blocks, structure = _blocks(values), _blocks(smooth)
-    noise = (blocks[:, :-1, :-1] - blocks[:, :-1, 1:] - blocks[:, 1:, :-1] + blocks[:, 1:, 1:]) / 2
-    mean, variance = blocks.mean(axis=(1, 2)), (noise**2).mean(axis=(1, 2))
-    roughness = structure.std(axis=(1, 2))  # compared among blocks of like brightness, whose noise is alike
-    usable = (mean >= LOWEST_DN) & (blocks.max(axis=(1, 2)) < CLIPPED_FRACTION * white_dn)
-    flat = [
-        group[roughness[group] <= np.quantile(roughness[group], FLATTEST_FRACTION)]
-        for group in np.array_split(np.flatnonzero(usable)[np.argsort(mean[usable], kind="stable")], LEVELS)
-        if len(group)
-    ]
-    chosen = np.concatenate(flat) if flat else np.empty(0, dtype=np.intp)
-    return TransferPoints(mean[chosen], variance[chosen])
-
-
 def photon_transfer(points: Sequence[TransferPoints]) -> PhotonTransfer:
     """The straight line through points: weighted least squares over robust means of bins of equal count.
 
@@ -189,7 +157,7 @@ def photon_transfer(points: Sequence[TransferPoints]) -> PhotonTransfer:
     mean = np.concatenate([part.mean_dn for part in points]) if points else np.empty(0)
     variance = np.concatenate([part.variance_dn2 for part in points]) if points else np.empty(0)
     if len(mean) < MEAN_BINS:
-        raise InputError(f"photon transfer: {len(mean)} flat blocks, expected {MEAN_BINS} or more; give more frames")
+        raise InputError(f"photon transfer: {len(mean)} usable blocks, expected {MEAN_BINS} or more; give more frames")
     order = np.argsort(mean, kind="stable")
     bins = np.array_split(order, MEAN_BINS)
     x = np.array([mean[index].mean() for index in bins])

@@ -48,22 +48,6 @@ class Lens:
                 f"focus_m is {self.focus_m!r}; expected a distance beyond the focal length of {self.focal_length_m} m"
             )
 
-    @classmethod
-    def from_f_number(cls, focal_length_m: float, f_number: float, focus_m: float, pixel_pitch_m: float) -> Lens:
-        """A lens by its f-number N = f / A, > 0.
-
-        Raises:
-            InputError: see the class; or an f-number that is not positive.
-        """
-        if not (math.isfinite(f_number) and f_number > 0):
-            raise InputError(f"f_number is {f_number!r}; expected a positive number such as 2.8")
-        return cls(focal_length_m, focal_length_m / f_number, focus_m, pixel_pitch_m)
-
-    @property
-    def infinity_blur_px(self) -> float:
-        """Diameter of the blur of objects at infinity, pixels."""
-        return float(self.blur_diameter_px(math.inf))
-
     def blur_diameter_px(self, distance_m: Any) -> np.ndarray:
         """Diameter of the circle of confusion.
 
@@ -82,26 +66,3 @@ class Lens:
         # |S2 - S1| / S2 / (S1 - f) = |1 / S1 - 1 / S2| / (1 - f / S1): finite where a distance is infinite.
         defocus = np.abs(1 / self.focus_m - 1 / distance_m) / (1 - self.focal_length_m / self.focus_m)
         return self.aperture_m * self.focal_length_m * defocus / self.pixel_pitch_m
-
-    def distances_m(self, diameter_px: float) -> tuple[float, float]:
-        """The two object distances with a given blur, the inverse of `blur_diameter_px`.
-
-        Args:
-            diameter_px: diameter, pixels, >= 0.
-
-        Returns:
-            (nearer, farther) than the focus, metres. The farther one is infinite where objects at infinity are blurred
-            by exactly this much, and NaN where no object beyond the focus is blurred as much.
-
-        Raises:
-            InputError: a negative diameter.
-        """
-        if not (math.isfinite(diameter_px) and diameter_px >= 0):
-            raise InputError(f"diameter_px is {diameter_px!r}; expected a finite number of pixels, 0 or more")
-        scale = self.aperture_m * self.focal_length_m / self.pixel_pitch_m
-        step = diameter_px * (1 - self.focal_length_m / self.focus_m) / scale
-        nearer, farther = 1 / self.focus_m + step, 1 / self.focus_m - step
-        if abs(farther) <= 1e-12 * max(step, 1 / self.focus_m):
-            farther = 0.0
-        far_m = math.nan if farther < 0 else math.inf if farther == 0 else 1 / farther
-        return (math.inf if nearer == 0 else 1 / nearer), far_m

@@ -1,8 +1,9 @@
 """The MTF of a camera from a picture of a slanted edge.
 
 After ISO 12233: a straight line is fitted to the edge's position in every row; all pixels are projected onto its normal
-and averaged in bins of 1/4 px, which gives the edge-spread function (ESF); its derivative, windowed, is the line-spread
-function, and
+and averaged in bins of 1/4 px, which gives the edge-spread function (ESF); its derivative is the line-spread function
+(LSF), under a window of 1 within 14.4 px of the edge (discs of up to 28 px keep their width), which falls to 0 at 24 px
+as a cosine (a Tukey window), and
 
     MTF(f) = |sum LSF(d) exp(-2 pi j f d)| / |sum LSF(d)| / sinc^2(f / 4)
 
@@ -29,7 +30,11 @@ LEAST_CONTRAST_DN = 20.0
 LEAST_TILT_DEG, MOST_TILT_DEG = 1.5, 30.0
 LARGEST_DEVIATION_PX = 1.0  # median distance of the rows' edge positions from the line
 WINDOW_PX = 24.0  # half-width of the window on the line-spread function
-ROUNDS = 3
+FLAT_FRACTION = 0.6  # of it, where the window is 1; beyond it falls to 0 as a cosine
+START_PX = 8  # sides of the edge whose means are compared, for the first positions
+LINE_SIGMA_PX = 8.0  # of the window on the derivative that gives the positions
+LEAST_INSIDE = 0.3  # of an edge's step, in that window
+ROUNDS = 8
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ class EdgeMtf:
 
     Attributes:
         direction: ``horizontal`` or ``vertical``.
-        mtf: (8,) at `pipeline.camera.mtf.FREQUENCIES`.
+        mtf: (8,) at `pipeline.camera.mtf.FREQUENCIES`, >= 0; above 1 where the camera sharpens.
         tilt_deg: angle of the edge to the nearest axis.
         contrast_dn: difference of both sides, DN.
     """
@@ -55,6 +60,9 @@ def measure(image: NDArray[np.floating]) -> EdgeMtf:
     Args:
         image: (H, W) float in [0, 1], with a single straight edge, 1.5 to 30 degrees from the vertical or horizontal,
             that crosses the whole picture.
+
+    Returns:
+        the MTF, not limited to 1.
 
     Raises:
         InputError: the picture is too small, holds values that are not finite, or no such edge.
@@ -79,27 +87,40 @@ def measure(image: NDArray[np.floating]) -> EdgeMtf:
 
 
 def _contrast(rows: NDArray[np.float64]) -> float:
-    """Median difference between the outer eighths of the rows."""
+    """Size of the edge's step."""
+    return abs(_step(rows))
+
+
+def _step(rows: NDArray[np.float64]) -> float:
+    """Median difference of the last eighth of the rows and the first."""
     width = max(2, rows.shape[1] // 8)
-    return float(abs(np.median(rows[:, :width].mean(axis=1) - rows[:, -width:].mean(axis=1))))
+    return float(np.median(rows[:, -width:].mean(axis=1) - rows[:, :width].mean(axis=1)))
 
 
 def _line(rows: NDArray[np.float64]) -> tuple[float, float]:
     """Offset and slope of the edge's column over the row, by centroids of the derivative, windowed around the line.
 
+    Differences keep their sign, so that noise adds nothing on average; the absolute value of noise has a mean, which
+    would draw centroids to the middle of the window. Rows whose edge lies outside of the window keep their position.
+
     Raises:
         InputError: the positions do not lie on a straight line.
     """
-    slopes = np.abs(np.diff(rows, axis=1))
+    step = _step(rows)
+    slopes = np.diff(rows, axis=1) / step  # of sum 1 a row
     columns, lines = np.arange(slopes.shape[1]) + 0.5, np.arange(len(rows))
-    smooth = np.stack([np.convolve(line, np.ones(5) / 5, mode="same") for line in slopes])
+    # a triangle takes the difference of the means on either side, within a distance of its half-width
+    triangle = np.bartlett(2 * START_PX + 1)
+    smooth = np.stack([np.convolve(line, triangle, mode="full")[START_PX:-START_PX] for line in slopes])
     centre = smooth.argmax(axis=1).astype(np.float64) + 0.5
     fit = _robust_line(lines, centre)
     for _ in range(ROUNDS):
         distance = columns[None] - (fit[0] + fit[1] * lines)[:, None]
-        weight = slopes * (np.abs(distance) < WINDOW_PX / 3)
+        weight = slopes * np.exp(-0.5 * (distance / LINE_SIGMA_PX) ** 2)
         total = weight.sum(axis=1)
-        centre = np.where(total > 0, (weight * columns).sum(axis=1) / np.maximum(total, 1e-12), centre)
+        inside = total > LEAST_INSIDE
+        shift = (weight * distance).sum(axis=1) / np.where(inside, total, 1.0)
+        centre = np.where(inside, fit[0] + fit[1] * lines + shift, centre)
         fit = _robust_line(lines, centre)
     deviation = float(np.median(np.abs(centre - (fit[0] + fit[1] * lines))))
     if deviation > LARGEST_DEVIATION_PX:
@@ -124,20 +145,20 @@ def _transfer(rows: NDArray[np.float64], offset: float, slope: float) -> NDArray
     """(8,) MTF from the oversampled edge-spread function."""
     columns, lines = np.arange(rows.shape[1]), np.arange(rows.shape[0])
     distance = (columns[None] - (offset + slope * lines)[:, None]) * math.cos(math.atan(slope))
-    index = np.floor(distance * BINS_PER_PX).astype(np.int64)
     reach = int(WINDOW_PX * BINS_PER_PX)
-    inside = np.abs(index) <= reach
-    location, values = index[inside] + reach, rows[inside]
-    count = np.bincount(location, minlength=2 * reach + 1)
-    total = np.bincount(location, weights=values, minlength=2 * reach + 1)
-    position = np.arange(2 * reach + 1)
-    filled = count > 0
-    spread = np.interp(position, position[filled], total[filled] / count[filled])
-    line = np.diff(spread)
-    where = (np.arange(len(line)) - reach + 1) / BINS_PER_PX
-    centroid = float((np.abs(line) * where).sum() / np.abs(line).sum())
-    window = 0.5 + 0.5 * np.cos(np.pi * np.clip((where - centroid) / WINDOW_PX, -1, 1))  # Hann
-    line = line * window
+    position = distance * BINS_PER_PX + reach + 0.5  # bin i is about i
+    index = np.rint(position).astype(np.int64)
+    inside = (index >= 0) & (index <= 2 * reach + 1)
+    count = np.bincount(index[inside], minlength=2 * reach + 2)
+    values, positions = (
+        np.bincount(index[inside], weights=part[inside], minlength=2 * reach + 2)[count > 0] / count[count > 0]
+        for part in (rows, position)
+    )
+    # pixels of a bin are not spread evenly over it where the tilt's tangent is near a ratio of small numbers
+    line = np.diff(np.interp(np.arange(2 * reach + 2), positions, values))
+    where = (np.arange(len(line)) - reach) / BINS_PER_PX
+    beyond = (np.abs(where) / WINDOW_PX - FLAT_FRACTION) / (1 - FLAT_FRACTION)
+    line = line * (0.5 + 0.5 * np.cos(np.pi * np.clip(beyond, 0, 1)))
     cycles_per_px = FREQUENCIES / 2
     transfer = np.abs(np.exp(-2j * np.pi * np.outer(cycles_per_px, where)) @ line) / abs(line.sum())
-    return np.clip(transfer / np.sinc(cycles_per_px / BINS_PER_PX) ** 2, 0.0, 1.0)
+    return transfer / np.sinc(cycles_per_px / BINS_PER_PX) ** 2

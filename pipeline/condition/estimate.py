@@ -10,8 +10,8 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,18 @@ from numpy.typing import NDArray
 from pipeline import blur, noise
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator, as_patches
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
+from pipeline.camera.saturation import SATURATED
+from pipeline.condition.coarse_grain import most_coarse_noise_dn
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
+from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area, shifted
 from pipeline.condition.structure import STRUCTURELESS, structureless
-from pipeline.condition.summary import Summary, at_most_dn, summarise, summarise_noise
+from pipeline.condition.summary import Summary, at_most_dn, summarise, summarise_noise, with_upper_end
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
-from pipeline.noise.base import NoiseEstimate
+from pipeline.noise.base import FLAT, NoiseEstimate
 from pipeline.noise.maps import CellEstimator, pasted
+
+Estimate = TypeVar("Estimate", BlurEstimate, NoiseEstimate)
 
 LEAST_TILE_PX = 16
 
@@ -63,6 +68,7 @@ class NoiseState:
         estimate: their N answers.
         grid: (rows, columns) of the patches.
         summary: over the patches: arrays of shape (); without an answer where most patches abstain because of a codec.
+            Of a frame without fine detail the interval allows for coarse noise (`pipeline.condition.coarse_grain`).
         map_dn: (h, w) sigma over the frame, DN, NaN where unknown: of every 8 x 8 px cell where the estimator gives it,
             else the patches' answers as (rows, columns). All of it is NaN where the summary has no answer: the few
             patches that answer then mostly have grain that looks like noise.
@@ -177,11 +183,14 @@ class ConditionMonitor:
             InputError: none of their patches can be measured, or the blur estimator's answers are relative to something
                 already, as the generic lens.
         """
-        cuts = [cut(_checked(frame), tiles(frame.shape, PATCH_PX, "cover")) for frame in sharp_frames]
+        cuts = [_whole_cover(_checked(frame)) for frame in sharp_frames]
         cuts = [part for part in cuts if len(part)]
         if not cuts:
             raise InputError(f"sharp frames: none is as large as a patch of {PATCH_PX} px; give whole frames")
         patches = np.concatenate(cuts)
+        patches = patches[~np.logical_or.reduce(list(_unreadable(patches).values()))]
+        if not len(patches):
+            raise InputError("sharp frames: no patch has structure that shows sharpness, only shading and noise")
         calibrated, made_of = self._calibrated
         uncalibrated = made_of if self.blur_estimator is calibrated else self.blur_estimator
         if not fitted and isinstance(uncalibrated, Estimator) and not isinstance(uncalibrated, CameraFittable):
@@ -193,10 +202,10 @@ class ConditionMonitor:
         self._calibrated = (self.blur_estimator, uncalibrated)
 
     def frame(self, image: NDArray[np.floating]) -> Condition:
-        """The condition of one frame.
+        """The condition of one frame; bars beside the picture are left out (`pipeline.condition.picture_area`).
 
         Args:
-            image: (H, W) float in [0, 1], linear.
+            image: (H, W) float in [0, 1], grey levels as the camera encoded them (not linear light).
 
         Returns:
             the condition; blur abstains with a frame smaller than 192 px.
@@ -205,9 +214,11 @@ class ConditionMonitor:
             InputError: not such a frame, or smaller than the noise estimator needs.
         """
         picture = _checked(image)
-        large_enough = min(picture.shape) >= PATCH_PX
-        squares = frame_tiles(picture.shape, PATCH_PX, self.most_patches) if large_enough else []
-        small = frame_tiles(picture.shape, self.tile_px, self.most_tiles)
+        area = picture_area(picture)
+        shape = picture[area].shape
+        large_enough = min(shape) >= PATCH_PX
+        squares = shifted(frame_tiles(shape, PATCH_PX, self.most_patches), area) if large_enough else []
+        small = shifted(frame_tiles(shape, self.tile_px, self.most_tiles), area)
         return Condition(self._blur(cut(picture, squares), squares), self._noise(cut(picture, small), small, picture))
 
     def patches(self, patches: NDArray[np.floating]) -> Condition:
@@ -230,7 +241,7 @@ class ConditionMonitor:
         start = time.perf_counter()
         if not squares:
             stack = np.empty((0, 1, PATCH_PX, PATCH_PX), np.float32)
-        result = _with_structure(self.blur_estimator.estimate(stack), stack)
+        result = _without(self.blur_estimator.estimate(stack), _unreadable(stack))
         taken = (time.perf_counter() - start) * 1e3
         return BlurState(squares, result, _grid(squares), summarise(result.mtf, result.low, result.high), taken)
 
@@ -239,32 +250,50 @@ class ConditionMonitor:
     ) -> NoiseState:
         start = time.perf_counter()
         grid = _grid(squares)
+        lost = covered(stack)
         if picture is not None and isinstance(self.noise_estimator, CellEstimator):
             result, cells = self.noise_estimator.estimate_cells(stack)
+            cells = np.where(lost[:, None, None], np.float32(np.nan), cells)
             whole: NDArray[np.floating] = pasted(cells, squares, (picture.shape[0], picture.shape[1]))
         else:
             result = self.noise_estimator.estimate(stack)
-            whole = result.sigma_dn.reshape(grid)
+            whole = np.where(lost, np.nan, result.sigma_dn).reshape(grid)
+        result = _without(result, {COVERED_REASON: lost})
         taken = (time.perf_counter() - start) * 1e3
-        summary = summarise_noise(result)
+        coarse_dn = np.nan
+        if picture is not None:
+            coarse_dn = most_coarse_noise_dn(stack[~np.isin(result.reason, (FLAT, SATURATED, COVERED_REASON))])
+        summary = with_upper_end(summarise_noise(result), coarse_dn)
         if np.isnan(summary.value):
             whole = np.full_like(whole, np.nan)
-        return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary))
+        return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary, coarse_dn))
 
 
-def _with_structure(estimate: BlurEstimate, stack: NDArray[np.float32]) -> BlurEstimate:
-    """The estimate without answers for patches of shading and noise alone, which no estimator can read blur from."""
-    lost = structureless(stack) & ~estimate.abstained if len(stack) else np.zeros(0, np.bool_)
-    if not lost.any():
-        return estimate
-    parts = {name: getattr(estimate, name) for name in ("mtf", "low", "high", "half", "kernel", "members")}
-    masked: dict[str, Any] = {
-        name: np.where(np.expand_dims(lost, tuple(range(1, value.ndim))), np.nan, value)
-        for name, value in parts.items()
-        if value is not None
-    }
-    reason = np.where(lost, STRUCTURELESS, estimate.reason)
-    return replace(estimate, abstained=estimate.abstained | lost, reason=reason, hidden=None, **masked)
+def _whole_cover(frame: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N, 1, 192, 192) patches that cover a frame inside its bars; none where it is too small."""
+    area = picture_area(frame)
+    return cut(frame, shifted(tiles(frame[area].shape, PATCH_PX, "cover"), area))
+
+
+def _unreadable(stack: NDArray[np.float32]) -> dict[str, NDArray[np.bool_]]:
+    """Patches that no estimator can read blur from, by reason."""
+    return {STRUCTURELESS: structureless(stack), COVERED_REASON: covered(stack)} if len(stack) else {}
+
+
+def _without(estimate: Estimate, lost: Mapping[str, NDArray[np.bool_]]) -> Estimate:
+    """The estimate of blur or noise without answers for the patches lost, by reason; other abstentions stay."""
+    for reason, patches in lost.items():
+        abstaining = patches & ~estimate.abstained
+        if not abstaining.any():
+            continue
+        masked: dict[str, Any] = {"hidden": None} if isinstance(estimate, BlurEstimate) else {}
+        for part in fields(estimate):
+            values = getattr(estimate, part.name)
+            if part.name not in ("abstained", "reason", "hidden") and values is not None:
+                masked[part.name] = np.where(np.expand_dims(abstaining, tuple(range(1, values.ndim))), np.nan, values)
+        reasons = np.where(abstaining, reason, estimate.reason)
+        estimate = replace(estimate, abstained=estimate.abstained | abstaining, reason=reasons, **masked)
+    return estimate
 
 
 def _checked(image: NDArray[np.floating]) -> NDArray[np.float32]:

@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.condition.impulses import impulse_fraction
+from pipeline.condition.picture_area import picture_area
 from pipeline.condition.repeated_frames import RepeatCounter
 from pipeline.condition.row_noise import column_noise_dn, row_noise_dn
 
@@ -123,12 +124,13 @@ class FrameInspector:
 
 
 def measure(image: NDArray[np.floating]) -> FrameMeasures:
-    """The measures of one frame.
+    """The measures of one frame, inside bars beside the picture (`pipeline.condition.picture_area`).
 
     Args:
         image: (H, W) float in [0, 1].
     """
-    levels = 255.0 * np.asarray(image, dtype=np.float32)
+    picture = np.asarray(image, dtype=np.float32)
+    levels = 255.0 * picture[picture_area(picture)]
     counts = _histogram(levels)
     # half a level of slack: grey levels of 8 bits come as multiples of 1/255, rounded to float32
     if counts is None:

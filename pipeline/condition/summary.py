@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera.mtf import FREQUENCIES
 from pipeline.camera.saturation import SATURATED
+from pipeline.condition.picture_area import COVERED_REASON
 from pipeline.noise.base import ALTERNATING, COMPRESSED, FLAT, STREAKED, UNCERTAIN, NoiseEstimate
 from pipeline.statistics import bootstrap_interval, inliers
 from pipeline.streams import stream
@@ -136,16 +137,33 @@ def summarise_noise(estimate: NoiseEstimate) -> Summary:
     """
     summary = summarise(estimate.sigma_dn, estimate.low_dn, estimate.high_dn)
     processed = np.isin(estimate.reason, (COMPRESSED, ALTERNATING, STREAKED)).sum()
-    measurable = np.count_nonzero(~np.isin(estimate.reason, (FLAT, SATURATED)))
+    measurable = np.count_nonzero(~np.isin(estimate.reason, (FLAT, SATURATED, COVERED_REASON)))
     if processed <= summary.count and summary.count >= LEAST_ANSWERING * measurable:
         return summary
     unknown = np.full_like(summary.value, np.nan)
     return replace(summary, value=unknown, low=unknown, high=unknown, least=unknown, greatest=unknown)
 
 
-def at_most_dn(estimate: NoiseEstimate, summary: Summary) -> float:
-    """Noise that a frame holds at most, DN: the upper end of its interval, or `most_noise_dn` without an answer."""
-    return most_noise_dn(estimate) if np.isnan(summary.value) else float(summary.high)
+def with_upper_end(summary: Summary, least_high_dn: float) -> Summary:
+    """The summary () with an interval that ends at this or above; as it is where this or the interval is NaN."""
+    return replace(summary, high=np.where(least_high_dn > summary.high, least_high_dn, summary.high))
+
+
+def at_most_dn(estimate: NoiseEstimate, summary: Summary, least_dn: float = np.nan) -> float:
+    """Noise that a frame holds at most.
+
+    Args:
+        estimate: of the frame's tiles.
+        summary: of the frame.
+        least_dn: what the bound is at least, DN; NaN for nothing.
+
+    Returns:
+        the upper end of the frame's interval, or without an answer `most_noise_dn`, DN; NaN where that is.
+    """
+    if not np.isnan(summary.value):
+        return float(summary.high)
+    most = most_noise_dn(estimate)
+    return least_dn if least_dn > most else most
 
 
 def most_noise_dn(estimate: NoiseEstimate) -> float:

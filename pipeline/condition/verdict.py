@@ -51,6 +51,7 @@ REASONS = {
     "saturated": "too bright or too dark",
     "flat": "no variation to measure",
     "structureless": "no structure, only shading and noise",
+    "covered": "a uniform border covers a part",
     "incomplete": "some frequencies are unknown",
 }
 """Why noise or blur is unknown, in words; other reasons are words already."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pipeline import control
 from pipeline.camera.exposure import Camera, Motion, noise_generator
 from pipeline.control.decision import Decision
-from pipeline.control.measured_surface import monitor, opened
+from pipeline.control.measured_surface import monitor
 from pipeline.control.motion import CYCLES_PER_PX
 from pipeline.control.observation import SATURATED_LEVEL, Estimate, Observation, Outcome, estimates
 from pipeline.control.performance import Performance
@@ -31,6 +31,7 @@ from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.scenario import Scenario
 from pipeline.control.state import CameraState, DelayLine
 from pipeline.control.views import View, radiance_at, with_sun
+from pipeline.detection import opened
 from pipeline.store import read_arrays, write_arrays
 
 Arrays = dict[str, NDArray[Any]]

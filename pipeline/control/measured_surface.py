@@ -9,7 +9,6 @@ objects count from ``min_height_px`` on.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -26,6 +25,7 @@ from pipeline.control.tables import KNOTS
 from pipeline.control.views import View
 from pipeline.curves.cells import Cells
 from pipeline.curves.surface import Surface
+from pipeline.detection import opened
 from pipeline.detection.base import Detections
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipeline.condition import ConditionMonitor
-    from pipeline.detection.base import Detector
 
 FREQUENCY_INDEX = 0
 """0.054 of Nyquist: the one of the eight frequencies whose MTF falls steadily up to 31 px of motion."""
@@ -69,14 +68,6 @@ class SurfaceDesign:
                 f"control.surface.sizes_px: begins at {self.sizes_px[0]:g}; expected 0 first, the sharp frames, whose "
                 "MTF is the reference of every motion"
             )
-
-
-@lru_cache(maxsize=2)
-def opened(kind: str, options: str) -> Detector:
-    """A detector, kept open by each worker process."""
-    from pipeline import detection
-
-    return detection.create(kind, **json.loads(options))
 
 
 @lru_cache(maxsize=1)

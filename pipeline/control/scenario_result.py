@@ -61,19 +61,32 @@ class ScenarioResult:
         row = rows.iloc[0]
         return float(row["difference_percent"]), float(row["low_percent"]), float(row["high_percent"])
 
+    def compared(self, policy: str) -> dict[str, tuple[float, float, float]]:
+        """Policies that know no motion and that ran -> `difference` of a policy to each; empty if it did not run."""
+        known = {other: self.difference(policy, other) for other in BRIGHTNESS_ONLY}
+        return {other: difference for other, difference in known.items() if difference is not None}
+
     def exceeded(self, policy: str) -> list[str]:
         """Policies that know no motion, and that a policy exceeds: the interval of the difference lies above 0."""
-        known = {other: self.difference(policy, other) for other in BRIGHTNESS_ONLY}
-        return [other for other, difference in known.items() if difference is not None and difference[1] > 0]
+        return [other for other, (_, low, _) in self.compared(policy).items() if low > 0]
+
+    def not_exceeded(self, policy: str) -> list[str]:
+        """Policies that know no motion, that ran, and that a policy does not exceed."""
+        return [other for other, (_, low, _) in self.compared(policy).items() if not low > 0]
 
     def exceeding(self, policy: str) -> list[str]:
         """Policies that know no motion, and that exceed a policy: the interval of the difference lies below 0."""
-        known = {other: self.difference(policy, other) for other in BRIGHTNESS_ONLY}
-        return [other for other, difference in known.items() if difference is not None and difference[2] < 0]
+        return [other for other, (_, _, high) in self.compared(policy).items() if high < 0]
 
     def beats_all(self, policy: str) -> bool:
-        """Whether a policy exceeds every policy that knows no motion."""
-        return len(self.exceeded(policy)) == len(BRIGHTNESS_ONLY)
+        """Whether a policy exceeds every policy that knows no motion, of those that ran; False where none did."""
+        return bool(self.compared(policy)) and not self.not_exceeded(policy)
+
+    @property
+    def not_run(self) -> list[str]:
+        """Policies of `OURS` and `BRIGHTNESS_ONLY` that did not run in this scenario."""
+        ran = set(self.summary["policy"])
+        return [policy for policy in (*OURS, *BRIGHTNESS_ONLY) if policy not in ran]
 
     def measure(self, policy: str, name: str) -> float | None:
         """A column of the summary for a policy; None where it did not run."""
@@ -82,8 +95,7 @@ class ScenarioResult:
 
     def largest_loss_percent(self, policy: str) -> float | None:
         """How far AP of a policy is below the best of those that know no motion, points; None where none ran."""
-        known = (self.difference(policy, other) for other in BRIGHTNESS_ONLY)
-        losses = [-difference[0] for difference in known if difference is not None]
+        losses = [-points for points, _, _ in self.compared(policy).values()]
         return max(losses) if losses else None
 
 

@@ -79,12 +79,17 @@ def views(root: Path, split: str = "evaluation", moments: int | None = None) -> 
 def folds(found: list[View], viewpoints: int, count: int = 2) -> list[list[View]]:
     """Viewpoints dealt to folds, so that each fold is controlled by a surface measured on the others.
 
-    Consecutive pairs stay together (a street and a village). With fewer viewpoints than folds there is one fold.
+    With at least two viewpoints for each fold, consecutive pairs stay together (a street and a village); with fewer,
+    viewpoints are dealt singly. With fewer viewpoints than folds each viewpoint is a fold; a single one is controlled
+    by its own surface.
 
     Args:
         found: `views`.
         viewpoints: used at most.
-        count: folds.
+        count: folds at most.
+
+    Returns:
+        the views of each fold, as many folds as ``count`` or as there are viewpoints, whichever is fewer.
     """
     names = list(dict.fromkeys(view.viewpoint for view in found))[:viewpoints]
     count = count if len(names) >= 2 * count else (min(count, len(names)))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera.exposure import Camera, Motion, noise_generator
 from pipeline.control import example_pictures
-from pipeline.control.measured_surface import light_for_level, monitor, opened
+from pipeline.control.measured_surface import light_for_level, monitor
 from pipeline.control.motion import motion_length
 from pipeline.control.observation import estimates
 from pipeline.control.policies.iopc_target import alpha
@@ -26,6 +26,7 @@ from pipeline.control.scoring import EvaluationCriteria, average_precision
 from pipeline.control.state import CameraState
 from pipeline.control.tables import CONTROLLER_AP, EXAMPLE_STEPS, RESPONSE
 from pipeline.control.views import View
+from pipeline.detection import opened
 from pipeline.detection.base import Detections
 from pipeline.detection.matching import overlaps
 from pipeline.streams import stream

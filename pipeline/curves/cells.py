@@ -68,7 +68,8 @@ def precision_interval(draws: Floats, ap_percent: float, scenes: int | None = No
             unknown, which gives plain quantiles.
 
     Returns:
-        lower and upper end in percent; NaN where a draw is, or with fewer than two scenes.
+        lower and upper end in percent. With `scenes`, draws that are NaN are left out, and the ends are NaN without any
+        other draw or with fewer than two scenes; without, they are NaN where any draw is.
     """
     if scenes is not None:
         return bias_corrected(draws, ap_percent, scenes, bounds=(0.0, 100.0))

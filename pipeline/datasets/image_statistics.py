@@ -82,18 +82,13 @@ def radial_power(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ring centres in cycles per pixel, evenly spaced in their logarithm over the band of the slope, and mean power
         in each; rings no frequency falls into are left out.
     """
-    import scipy.fft
-
     height, width = image.shape
     window = np.hanning(height + 2)[1:-1, None] * np.hanning(width + 2)[None, 1:-1]
     centred = image - np.average(image, weights=window)  # no leak of the mean through the window
-    power = np.abs(scipy.fft.rfft2((centred * window).astype(np.float32))) ** 2
-    ring, centres = _rings(height, width)
-    inside = ring >= 0
-    counts = np.bincount(ring[inside], minlength=_RINGS)
-    sums = np.bincount(ring[inside], weights=power[inside], minlength=_RINGS)
-    filled = counts > 0
-    return centres[filled], sums[filled] / counts[filled]
+    edges = np.geomspace(*SLOPE_BAND, _RINGS + 1)
+    power = ring_power((centred * window).astype(np.float32), edges)
+    filled = np.isfinite(power)
+    return np.sqrt(edges[:-1] * edges[1:])[filled], power[filled]
 
 
 def spectrum_slope(image: np.ndarray) -> float:
@@ -105,11 +100,39 @@ def spectrum_slope(image: np.ndarray) -> float:
     return float(np.polyfit(np.log(frequency[usable]), np.log(power[usable]), 1)[0])
 
 
+def ring_power(image: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Mean squared magnitude of the Fourier transform in rings of spatial frequency.
+
+    A real transform holds half of the plane. Its columns stand for their mirror images too and count twice, but for
+    that of frequency 0 and, of even widths, that of Nyquist, which hold their mirror images: the transpose of an image
+    has the same powers.
+
+    Args:
+        image: (H, W), windowed; float32 is transformed in single precision.
+        edges: (B + 1,) rising, cycles per pixel; a ring holds its lower edge.
+
+    Returns:
+        (B,) float64; NaN where no frequency falls into a ring.
+    """
+    import scipy.fft
+
+    count = len(edges) - 1
+    ring, weights, samples = _rings(*image.shape, tuple(edges.tolist()))
+    power = np.abs(scipy.fft.rfft2(image)) ** 2
+    sums = np.bincount(ring.ravel(), weights=(power * weights).ravel(), minlength=count + 1)[:count]
+    return np.divide(sums, samples, out=np.full(count, np.nan), where=samples > 0)
+
+
 @lru_cache(maxsize=4)
-def _rings(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Ring number of each coefficient of a real transform (-1 outside the band), and the rings' centres."""
+def _rings(height: int, width: int, edges: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ring number of each coefficient of a real transform (B outside), weights of the columns and (B,) their sums."""
+    count = len(edges) - 1
     radius = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width)[None])
-    edges = np.geomspace(*SLOPE_BAND, _RINGS + 1)
     ring = np.searchsorted(edges, radius, side="right") - 1
-    ring[ring == _RINGS] = -1
-    return ring, np.sqrt(edges[:-1] * edges[1:])
+    ring[(ring < 0) | (ring >= count)] = count
+    weights = np.full(radius.shape[1], 2.0, np.float32)
+    weights[0] = 1
+    if width % 2 == 0:
+        weights[-1] = 1
+    samples = np.bincount(ring.ravel(), weights=np.broadcast_to(weights, ring.shape).ravel(), minlength=count + 1)
+    return ring, weights, samples[:count]

@@ -11,6 +11,9 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 
+DRIVE_SCENE_S = 10
+"""Seconds of a drive that count as one scene: some 100 m in a town."""
+
 
 def evenly_spread(items: Sequence[Item], count: int | None) -> list[Item]:
     """At most so many of them, evenly spread; None takes all."""
@@ -44,5 +47,24 @@ def evaluation_frames(
 
 
 def scene_of(kind: str, frame: str) -> str:
-    """What a frame shows: frames of one scene are no independent samples. Sim's moments share their viewpoint."""
-    return frame.rpartition("-")[0] or frame if kind == "sim" else frame
+    """The scene that a frame shows: frames of one scene are no independent samples.
+
+    Moments of Sim share their viewpoint, the pictures of a stereo pair among the photographs their scene. Of Udacity,
+    whose names are times in nanoseconds and whose drives have 2 frames a second, frames of the same `DRIVE_SCENE_S` by
+    the clock are one scene; that neighbours on either side of its end, or frames of a long halt, show the same is not
+    recognised.
+
+    Args:
+        kind: of the dataset, see `pipeline.datasets.settings.DatasetSettings`.
+        frame: its name in the dataset.
+
+    Returns:
+        the name of the scene; that of the frame where it is the only one.
+    """
+    if kind == "sim":
+        return frame.rpartition("-")[0] or frame
+    if kind == "photos":
+        return frame.removesuffix("_left").removesuffix("_right")
+    if kind == "udacity" and frame.isdecimal():
+        return str(int(frame) // (DRIVE_SCENE_S * 1_000_000_000))
+    return frame

@@ -19,12 +19,13 @@ import functools
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, did_you_mean
 
 PACKAGE = "pipeline"
 ROOT = Path(__file__).resolve().parents[2]
@@ -70,7 +71,8 @@ def closure(modules: str | Iterable[str], chosen: Chosen | None = None, root: Pa
         paths relative to ``root``, with ``/``.
 
     Raises:
-        InputError: a module that does not exist, a chosen name that is not registered, or an import by a computed name.
+        InputError: a module that does not exist, an import by a computed name, or a chosen name of a registry that is
+            reached which is neither one of its own nor an entry point of an installed package.
     """
     starts = frozenset([modules] if isinstance(modules, str) else modules)
     for module in starts:
@@ -161,9 +163,18 @@ def _registered(source: Source, chosen: Chosen, starts: frozenset[str], root: Pa
         modules = (path.stem for path in (root / package.replace(".", "/")).glob("*.py"))
         entries[group] = {name: f"{package}.{name}" for name in modules if name != "__init__"}
     for group, names in entries.items():
-        targets = {names[name] for name in chosen.get(group, frozenset(names)) if name in names}
+        wanted = chosen.get(group, frozenset(names))
+        _refuse_unknown(group, wanted - names.keys(), names)
+        targets = {names[name] for name in wanted if name in names}
         started = starts & set(names.values())
         yield from started or targets
+
+
+def _refuse_unknown(group: str, names: Set[str], builtin: Iterable[str]) -> None:
+    """Raises InputError where a name is neither built in nor that of an installed third party's entry point."""
+    unknown = sorted(names - {point.name for point in entry_points(group=group)}) if names else []
+    if unknown:
+        raise InputError(f"{group}: '{unknown[0]}' is not registered; {did_you_mean(unknown[0], sorted(builtin))}")
 
 
 def _file(module: str, root: Path) -> str | None:

@@ -8,6 +8,8 @@
 
 from __future__ import annotations
 
+import functools
+import json
 from typing import TYPE_CHECKING, Any
 
 from pipeline.registry import Registry
@@ -41,3 +43,20 @@ def create(name: str, **options: Any) -> Detector:
     """
     detector: Detector = REGISTRY.create(name, **options)
     return detector
+
+
+@functools.lru_cache(maxsize=2)
+def opened(name: str, options: str) -> Detector:
+    """A detector, kept open by each worker process.
+
+    Args:
+        name: one of ``REGISTRY.names()``.
+        options: the detector's own, as JSON.
+
+    Returns:
+        the same detector for the same arguments.
+
+    Raises:
+        InputError: see `create`.
+    """
+    return create(name, **json.loads(options))

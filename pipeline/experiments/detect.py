@@ -8,7 +8,6 @@ row per object to be found.
 
 from __future__ import annotations
 
-import functools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.detection import opened
 from pipeline.detection.classes import CLASS_MAPS, ClassMap
 from pipeline.errors import InputError, did_you_mean
 from pipeline.experiments.condition import Condition
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.camera.settings import CameraSettings
     from pipeline.datasets.frame import Frame
-    from pipeline.detection.base import Detector
     from pipeline.detection.settings import DetectorSettings
 
 _CORNERS = {"x1": "float64", "y1": "float64", "x2": "float64", "y2": "float64"}
@@ -107,14 +106,6 @@ class Sweep:
             parts.append((np.full(len(result), number), result.boxes, result.score, result.label))
         numbers, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))
         return {"level": numbers, "boxes": boxes.reshape(-1, 4), "score": score, "label": label.astype(np.str_)}
-
-
-@functools.lru_cache(maxsize=2)
-def opened(kind: str, options: str) -> Detector:
-    """A detector, kept open by each worker process."""
-    from pipeline import detection
-
-    return detection.create(kind, **json.loads(options))
 
 
 def options_of(section: DetectorSettings) -> str:

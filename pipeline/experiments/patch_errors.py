@@ -78,9 +78,9 @@ def saturated_patches(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
         seed: root of the random streams.
 
     Returns:
-        dataset, noise_source, target_sigma_dn, patches, added_dn, present_dn (medians over the patches), estimator,
-        median_dn, low_dn, high_dn (95 % interval over frames) and count (patches with an estimate); empty without such
-        patches.
+        dataset, noise_source, target_sigma_dn, patches (that the estimator was run on), added_dn, present_dn (medians
+        over these patches), estimator, median_dn, low_dn, high_dn (95 % interval over frames) and count (patches with
+        an estimate); empty without such patches.
     """
     import pandas as pd
 
@@ -89,7 +89,6 @@ def saturated_patches(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
     rows = []
     groups: Any = chosen[chosen["target_sigma_dn"] == level].groupby(["dataset", "noise_source"], sort=False)
     for (dataset, noise_source), here in groups:
-        patches = here[here["estimator"] == here["estimator"].iloc[0]]
         for estimator, selected in here.groupby("estimator", sort=False):
             answered = selected[~selected["abstained"]]
             answers = answered["sigma_dn"].to_numpy(float)
@@ -100,9 +99,9 @@ def saturated_patches(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
                     "dataset": dataset,
                     "noise_source": noise_source,
                     "target_sigma_dn": level,
-                    "patches": len(patches),
-                    "added_dn": float(patches["unclipped_sigma_dn"].median()),
-                    "present_dn": float(patches["clipped_sigma_dn"].median()),
+                    "patches": len(selected),
+                    "added_dn": float(selected["unclipped_sigma_dn"].median()),
+                    "present_dn": float(selected["clipped_sigma_dn"].median()),
                     "estimator": estimator,
                     "median_dn": float(np.median(answers)) if answers.size else math.nan,
                     "low_dn": low,

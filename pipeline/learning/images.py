@@ -98,7 +98,7 @@ def view(
         else:
             width = long_px
     y, x = (int(generator.integers(side - length + 1)) for length in (height, width))
-    crop: NDArray[Any] = np.ascontiguousarray(tile[y : y + height, x : x + width])
+    crop: NDArray[Any] = tile[y : y + height, x : x + width].copy()  # bars are drawn in place
     if (height, width) != (size_px, size_px):
         crop = cv2.resize(crop, (size_px, size_px), interpolation=cv2.INTER_AREA)
     if generator.random() < 0.5 * anisotropy:

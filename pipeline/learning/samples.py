@@ -220,6 +220,10 @@ def noise_e(image: torch.Tensor, kind: torch.Tensor, generator: torch.Generator)
 
 
 def scaled(noise: torch.Tensor, sigma_dn: torch.Tensor) -> torch.Tensor:
-    """Noise maps (N, H, W) brought to standard deviations (N,), DN; a map without noise stays as it is."""
-    deviation = noise.flatten(1).norm(dim=1) / noise[0].numel() ** 0.5  # noise is of mean 0, or nearly
+    """Noise maps (N, H, W) brought to a root mean square (N,), DN; a map without noise stays as it is.
+
+    It is the standard deviation, but for photon and dark noise of nearly white patches, which the full well clips from
+    above: at 10 DN the mean of a white patch's noise is -5.7 DN and its standard deviation 8.2 DN.
+    """
+    deviation = noise.flatten(1).norm(dim=1) / noise[0].numel() ** 0.5
     return noise * (sigma_dn / deviation.clamp_min(1e-3)).view(-1, 1, 1)

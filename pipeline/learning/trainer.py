@@ -168,7 +168,8 @@ def _row(state: _State, schedule: Schedule) -> dict[str, float] | None:
     """A new row of the curve, where one is due."""
     if state.step % schedule.report_every and state.step != schedule.steps:
         return None
-    count = state.step % schedule.report_every or schedule.report_every
+    # a training that was prolonged has a row at the end of its first length, wherever that lies
+    count = state.step - (int(state.curve[-1]["step"]) if state.curve else 0)
     row = {"step": float(state.step), "learning_rate": schedule.rate(state.step - 1)}
     row |= {name: float(total) / count for name, total in state.sums.items()}
     state.sums = {}

@@ -2,7 +2,8 @@
 
 JPEG, MPEG-4 and Motion JPEG quantise the DCT of 8 x 8 px blocks, H.264 that of 4 x 4 px. A coefficient below half a
 quantiser step comes back as zero, and only in blocks that lie on the codec's grid. With f the fraction of middle and
-high frequencies below 0.5 DN, in blocks on the grid and in blocks shifted by half a block,
+high frequencies below 0.5 DN, in blocks on the grid and in blocks off it, shifted by 2 px in both directions (half a
+block of 4 px, a quarter of one of 8 px),
 
     excess = ln(f_on / f_off)
 

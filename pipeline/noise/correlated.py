@@ -86,7 +86,9 @@ class Correlated(CellMapper):
         path = weights or active(RELEASED)
         header = load(Path(path), ARCHITECTURE)[1]
         if not isinstance(header.get("interval"), float) or not isinstance(header.get("members"), int):
-            raise InputError(f"{path}: has no interval or members in its header; train it anew (dvc repro train_sigma)")
+            raise InputError(
+                f"{path}: has no interval or members in its header; train it anew (dvc repro train_sigma_correlated)"
+            )
         network = CorrelatedNet(header["members"])
         self.released = bool(into(network, path, ARCHITECTURE)["released"])
         self.interval: float = header["interval"]

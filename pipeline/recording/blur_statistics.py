@@ -115,8 +115,9 @@ def _refuse_others(record: BlurRecord, estimator: str, cells: pd.DataFrame, fold
     columns = ["amae_percent", "count", "abstained"]
     before = record.summary[record.summary["estimator"] == estimator].set_index(CELL)[columns].sort_index()
     after = cells.set_index(CELL)[columns].sort_index()
-    same = before.index.equals(after.index) and bool(
-        (np.abs(before.to_numpy(float) - after.to_numpy(float)) <= TOLERANCE_PERCENT).all()
+    # The AMAE of a cell in which every estimate abstained is NaN, before and after.
+    same = before.index.equals(after.index) and np.allclose(
+        before.to_numpy(float), after.to_numpy(float), rtol=0.0, atol=TOLERANCE_PERCENT, equal_nan=True
     )
     if not same:
         raise InputError(

@@ -1,14 +1,13 @@
 """A parallel map that keeps measured frames on disk, so that an interrupted recording continues.
 
 A result is kept under a hash of the function, its item, the code that the recording module can execute and the weights
-in use (`keyed`): an edit of the code or other weights compute it anew. The content of pictures does not enter: frames
-are known by their names, so that a folder serves one copy of a dataset.
+in use (`keyed`): an edit of the code or other weights compute it anew. The hash is the same in every process, for any
+number of workers (`pipeline.recording.stable_digest`). Contents of pictures do not enter: frames are known by their
+names, so that a folder serves one copy of a dataset.
 """
 
 from __future__ import annotations
 
-import hashlib
-import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,11 +17,14 @@ from typing import TYPE_CHECKING, Any
 from pipeline.dependencies.closure import fingerprint
 from pipeline.errors import InputError
 from pipeline.executor import run_map
+from pipeline.recording.stable_digest import stable_digest
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Map = Callable[..., list[Any]]
+REMEDY = "delete it and repeat the command"
+"""For a kept file that is broken."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,21 @@ class KeptMap:
     key: str = ""
 
     def __call__(self, function: Callable[[Any], Any], items: Sequence[Any], label: str = "") -> list[Any]:
-        """See `pipeline.executor.run_map`."""
-        chosen = partial(_load_or_compute, function, self.folder, self.key) if self.key else function
-        return run_map(chosen, list(items), workers=self.workers, label=label)
+        """See `pipeline.executor.run_map`.
+
+        Args:
+            function: as there.
+            items: as there.
+            label: as there.
+
+        Raises:
+            InputError: a kept file is broken.
+            TypeError: the function or an item holds a value that `pipeline.recording.stable_digest` has no digest of.
+            Exception: whatever `pipeline.executor.run_map` raises.
+        """
+        if self.key:
+            function = partial(_load_or_compute, function, self.folder, stable_digest((self.key, function)))
+        return run_map(function, list(items), workers=self.workers, label=label)
 
 
 def keeping(folder: Path | None, workers: int = 1) -> Map:
@@ -82,7 +96,7 @@ def kept_tables(folder: Path) -> list[dict[str, NDArray[Any]]]:
 
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; give the one that --keep wrote")
-    return [store.read_arrays(path) for path in sorted(folder.glob("*.npz"))]
+    return [store.read_arrays(path, REMEDY) for path in sorted(folder.glob("*.npz"))]
 
 
 def _load_or_compute(function: Callable[[Any], Any], folder: Path, key: str, item: Any) -> Any:
@@ -90,9 +104,9 @@ def _load_or_compute(function: Callable[[Any], Any], folder: Path, key: str, ite
 
     from pipeline import store
 
-    path = folder / f"{hashlib.sha256(pickle.dumps((key, function, item))).hexdigest()}.npz"
+    path = folder / f"{stable_digest((key, item))}.npz"
     if path.exists():
-        return store.read_arrays(path)
+        return store.read_arrays(path, REMEDY)
     result = function(item)
     if isinstance(result, dict) and result and all(isinstance(column, np.ndarray) for column in result.values()):
         text = {name: column.astype(np.str_) for name, column in result.items() if column.dtype == object}

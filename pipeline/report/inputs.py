@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from inspect import signature
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -11,9 +12,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
+from pipeline.blur import REGISTRY
 from pipeline.camera.mtf import FREQUENCIES, SYSTEM
 from pipeline.errors import InputError, did_you_mean
 from pipeline.experiments.blur_records import EXACT
+from pipeline.experiments.factors import KERNEL_ESTIMATORS
 from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, NOISE_FILE, joined, with_records
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
 from pipeline.experiments.tables import BLUR_CELLS, BLUR_ESTIMATES, BLUR_SUMMARY, CURVES, NOISE_CELLS
@@ -233,9 +236,29 @@ def relative_mtf(table: pd.DataFrame) -> dict[str, str]:
     return {str(name): str(to) for name, to in first.items() if to != SYSTEM}
 
 
+def options_of(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of a blur estimator; of one of the paper's programs with the defaults of those left out.
+
+    Args:
+        settings: ``kind``, its registry name, and ``options``; without a kind no defaults are known.
+
+    Raises:
+        InputError: the program's module cannot be imported.
+    """
+    options = dict(settings.get("options", {}))
+    if settings.get("kind") not in KERNEL_ESTIMATORS:
+        return options
+    parameters = signature(REGISTRY.get(settings["kind"])).parameters.values()
+    return {parameter.name: parameter.default for parameter in parameters} | options
+
+
 def mode_of(settings: Mapping[str, Any]) -> str:
-    """Mode of a blur estimator that has several, e.g. ``"fast"``; empty for the exact one and where there is one."""
-    mode = str(settings.get("options", {}).get("mode", EXACT))
+    """Mode of a blur estimator that has several, e.g. ``"fast"``; empty for the exact one and where there is one.
+
+    Args:
+        settings: see `options_of`; a mode left out is the estimator's default.
+    """
+    mode = str(options_of(settings).get("mode", EXACT))
     return "" if mode == EXACT else mode
 
 

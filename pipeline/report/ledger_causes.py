@@ -14,7 +14,7 @@ from pipeline.experiments import blur_records, frame_records
 from pipeline.experiments.blur_records import BlurRecord
 from pipeline.report import training_budget
 from pipeline.report.display_names import counted, word
-from pipeline.report.inputs import EXACT, ReportInputs
+from pipeline.report.inputs import EXACT, ReportInputs, options_of
 from pipeline.report.ledger_sources import COMBINED_DATASET, COMBINED_ESTIMATOR, PAPER_FRAMES, combined_estimator
 from pipeline.report.tables import Row, format_number, where
 from pipeline.report.tables import records as records_of
@@ -78,9 +78,10 @@ def _record(row: Row, records: Sequence[BlurRecord]) -> BlurRecord | None:
 
 
 def _options(row: Row, record: BlurRecord | None) -> dict[str, Any]:
-    """Options that the estimator of a row was recorded with."""
-    settings = {} if record is None else record.provenance["blur"]["estimators"][record.name_of(row["estimator"])]
-    return dict(settings.get("options", {}))
+    """Options that the estimator of a row was recorded with (`options_of`); empty, as unknown, without a record."""
+    if record is None:
+        return {}
+    return options_of(record.provenance["blur"]["estimators"][record.name_of(row["estimator"])])
 
 
 def _of_estimator(row: Row, record: BlurRecord | None, percent: float | None) -> list[str]:
@@ -96,11 +97,11 @@ def _of_estimator(row: Row, record: BlurRecord | None, percent: float | None) ->
 CHOICES = {
     "storage": "kernels stored as JPEG, as theirs of these frames",
     "boundary": "dark borders, as theirs",
-    "kernel_px": "kernels of 31 px, as ours",
-    "mode": "fast mode, as ours",
+    "kernel_px": "kernels of {second}, {ours}",
+    "mode": "{second} mode, {ours}",
     "patches": "patches on a grid, where both use objects",
 }
-"""Factor -> the setting that one side has, in words."""
+"""Factor -> its second setting in words, of which an effect is; ``ours``: whether it is that of our estimator."""
 
 JPEG_FRAMES = "udacity"
 """Dataset whose frames, and so whose kernels, the authors' programs store as JPEG."""
@@ -116,11 +117,13 @@ def _effects(inputs: ReportInputs) -> Callable[[Row, BlurRecord | None], str]:
 
     def words(row: Row, record: BlurRecord | None) -> str:
         options = _options(row, record)
+        size, mode = options.get("kernel_size", PAPER_KERNEL_PX), options.get("mode", EXACT)
+        ours = {"kernel_px": f"{size} px", "mode": mode}
         applies = {
             "storage": row["dataset"] == JPEG_FRAMES,
             "boundary": True,
-            "kernel_px": options.get("kernel_size", PAPER_KERNEL_PX) != PAPER_KERNEL_PX,
-            "mode": options.get("mode", EXACT) != EXACT,
+            "kernel_px": size != PAPER_KERNEL_PX,
+            "mode": mode != EXACT,
             "patches": True,
         }
         parts: dict[str, list[str]] = {}  # by the dataset that they were measured on
@@ -128,9 +131,12 @@ def _effects(inputs: ReportInputs) -> Callable[[Row, BlurRecord | None], str]:
             cells = known.get((row["estimator"], factor, row["blur_kind"], row["kernel_size_px"]), {})
             if cells and applies[factor]:
                 on = row["dataset"] if row["dataset"] in cells else next(iter(cells))
-                low, high = (f"{cells[on][name]:+.1f}" for name in ("low_percent", "high_percent"))
-                effect = f"{text}: {cells[on]['effect_percent']:+.1f} points ({low} to {high})"
-                parts.setdefault(on, []).append(effect)
+                cell = cells[on]
+                low, high = (f"{cell[name]:+.1f}" for name in ("low_percent", "high_percent"))
+                setting = ours.get(factor)
+                same = "as ours" if setting == cell["second"] else f"ours {setting}"
+                choice = text.format(second=cell["second"], ours=same)
+                parts.setdefault(on, []).append(f"{choice}: {cell['effect_percent']:+.1f} points ({low} to {high})")
         return "; ".join(f"{'; '.join(effects)}, measured on {word(on)}" for on, effects in parts.items())
 
     return words

@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 
 from pipeline.errors import InputError
 from pipeline.report import ledger_causes, ledger_sources
-from pipeline.report.display_names import word
+from pipeline.report.display_names import PAPER_NAMES, word
 from pipeline.report.inputs import PUBLISHED_COLUMNS, ReportInputs, published_table
 from pipeline.report.ledger import (
     BETTER,
@@ -178,7 +178,12 @@ def _long(item: Item, table: pd.DataFrame, number: str) -> pd.DataFrame:
 
 
 def _ours(item: Item, inputs: ReportInputs) -> pd.DataFrame:
-    """Ours by key and column of the number, with ``low``, ``high`` and ``measured_on``; empty where nothing has run."""
+    """Ours by key and column of the number, with ``low``, ``high`` and ``measured_on``; empty where nothing has run.
+
+    Which of a stage's run and a record counts is a rule of each source (`pipeline.report.ledger_sources`). Of what is
+    left, results on the paper's frames (`PAPER_NAMES`) win over those on the Sim rendered here, and rows that are alike
+    in all of these columns are one.
+    """
     columns = ["key", "column", "ours", "low", "high", "measured_on"]
     table = item.ours.read(inputs)
     if table is None:
@@ -193,14 +198,36 @@ def _ours(item: Item, inputs: ReportInputs) -> pd.DataFrame:
     for number, end in enumerate(("low", "high")):
         sources = {column: ends[number] for column, ends in item.intervals.items()}
         long[end] = [row.get(sources.get(row["column"], ""), math.nan) for row in records(long)]
-    return long[columns].drop_duplicates(["key", "column"], keep="last")
+    numbers = pd.MultiIndex.from_frame(long[["key", "column"]])
+    on_papers = long["measured_on"].isin(list(PAPER_NAMES)).to_numpy()
+    beaten = ~on_papers & numbers.isin(numbers[on_papers])
+    return long.loc[~beaten, columns].drop_duplicates()
+
+
+def _refuse_ambiguous(item: Item, ours: pd.DataFrame) -> None:
+    """Refuse differing results for one published number: none of them is to be preferred.
+
+    Raises:
+        InputError: names the item, the first such number and its results.
+    """
+    repeated = ours[ours.duplicated(["key", "column"], keep=False)]
+    if repeated.empty:
+        return
+    first = repeated.iloc[0]
+    results = where(repeated, key=first["key"], column=first["column"])
+    quantity = ", ".join(f"{name} {value}" for name, value in zip(item.keys, first["key"].split("\t"), strict=True))
+    numbers = " and ".join(f"{result['ours']:g} ({result['measured_on']})" for result in records(results))
+    raise InputError(
+        f"results of '{item.name}': {first['column']} at {quantity} has {len(results)} differing results: {numbers}; "
+        "expected one: keep one of the runs or records that they are from"
+    )
 
 
 def rows_of(item: Item, inputs: ReportInputs) -> list[LedgerRow]:
     """The ledger's rows of one item: one per published number, merged with ours.
 
     Raises:
-        InputError: the published file is absent, or ours lacks a key.
+        InputError: the published file is absent, or ours lacks a key or has differing results for a published number.
     """
     if item.published:
         table = getattr(ledger_sources, item.published)(inputs)
@@ -211,6 +238,7 @@ def rows_of(item: Item, inputs: ReportInputs) -> list[LedgerRow]:
     if paper.empty:
         return []
     ours = _ours(item, inputs)
+    _refuse_ambiguous(item, ours.merge(paper[["key", "column"]].drop_duplicates()))
     merged = paper.merge(ours, how="left", on=["key", "column"], suffixes=("_of_paper", ""))
     merged["decimals"] = merged.groupby("column")["paper"].transform(lambda column: max(map(_decimals, column)))
     causes = getattr(ledger_causes, item.causes)(inputs) if item.causes and len(ours) else None

@@ -13,9 +13,10 @@ def run(run: Run) -> None:
     from pathlib import Path
 
     from pipeline import store
+    from pipeline.detection import opened
     from pipeline.detection.weights import file_sha256
     from pipeline.errors import InputError
-    from pipeline.experiments.detect import opened, options_of
+    from pipeline.experiments.detect import options_of
 
     name = run.job["detector"]
     section = run.params.detection.detectors[name]

@@ -106,21 +106,6 @@ def test_levels_hybrid_is_declared_and_near_the_exact():
     assert 0 < difference.std() < 0.3
 
 
-def test_levels_frames_do_not_depend_on_order_or_subset():
-    frames = [(name, frame(name)) for name in "abcd"]
-    options = {"sigma_dn": 10.0, "seed": 11, "dataset": "test"}
-    together = dict(corruption.corrupt_frames(frames, "combined", **options))
-    backwards = dict(corruption.corrupt_frames(frames[::-1], "combined", **options))
-    alone = dict(corruption.corrupt_frames(frames[2:3], "combined", **options))
-    for name in together:
-        np.testing.assert_array_equal(together[name].image, backwards[name].image)
-    np.testing.assert_array_equal(alone["c"].image, together["c"].image)
-    assert together["c"].key == (11, "corrupt", "test", "c", "combined", 10.0)
-    assert (together["a"].noise_dn != together["b"].noise_dn).mean() > 0.99
-    again = corruption.corrupt(frame("c"), "combined", sigma_dn=10.0, generator=stream(*together["c"].key))
-    np.testing.assert_array_equal(again.image, together["c"].image)
-
-
 @pytest.mark.parametrize("kind", ["defocus", "linear_motion", "gaussian"])
 @pytest.mark.parametrize("target", [0.08, 0.2, 0.45])
 def test_levels_mtf50_is_reached(kind, target):

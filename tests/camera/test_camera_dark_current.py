@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.camera.dark_current import dark_current_shot, dark_noise
+from pipeline.camera.dark_current import dark_noise
 from pipeline.camera.sensor import Sensor, named
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -29,15 +29,6 @@ def test_dark_current_of_the_papers_setting_is_half_a_dn():
     sensor = Sensor()
     noise = sensor.dn(dark_noise(SHAPE, sensor, 330.0, 0.1, stream(2, "dark")))
     assert float(noise.std()) == pytest.approx(0.482, abs=0.003)
-
-
-def test_dark_current_adds_to_the_signal_and_leaves_it_alone():
-    signal = stream(3, "dark").uniform(0, 20_000, (40, 50)).astype(np.float32)
-    before = signal.copy()
-    total = dark_current_shot(signal, Sensor(), 330.0, 0.1, stream(4, "dark"))
-    noise = dark_noise(signal.shape, Sensor(), 330.0, 0.1, stream(4, "dark"))
-    np.testing.assert_array_equal(signal, before)
-    np.testing.assert_array_equal(total, signal + noise)
 
 
 def test_dark_current_grows_with_time_temperature_and_pixel():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from control_makers import CAMERA, make_views, performance
@@ -13,7 +15,7 @@ from pipeline.control.loop import Rig, SimulatedScene, make_policy, run
 from pipeline.control.scenario import EstimatorFault, Flicker, Scenario
 from pipeline.control.scoring import EvaluationCriteria
 from pipeline.control.state import CameraState
-from pipeline.control.views import folds, views, with_sun
+from pipeline.control.views import View, folds, views, with_sun
 from pipeline.errors import InputError
 
 
@@ -187,6 +189,22 @@ def test_views_are_dealt_to_folds_that_share_no_viewpoint(seen):
     names = [{view.viewpoint for view in part} for part in parts]
     assert len(parts) == 2 and not names[0] & names[1]
     assert with_sun(seen[0].radiance(), 0.05).max() > 100 > seen[0].radiance().max()
+
+
+@pytest.mark.parametrize(
+    ("viewpoints", "count", "numbers"),
+    [
+        (8, 2, [[0, 1, 4, 5], [2, 3, 6, 7]]),  # pairs stay together
+        (3, 2, [[0, 2], [1]]),
+        (2, 3, [[0], [1]]),  # each viewpoint is a fold
+        (1, 3, [[0]]),
+    ],
+)
+def test_there_are_at_most_as_many_folds_as_viewpoints(viewpoints, count, numbers):
+    every = [View(f"{name}-{moment}", name, moment, Path(name), ()) for name in "abcdefgh" for moment in (0, 1)]
+    parts = folds(every, viewpoints, count)
+    assert [["abcdefgh".index(view.viewpoint) for view in part if not view.moment] for part in parts] == numbers
+    assert sum(map(len, parts)) == 2 * viewpoints
 
 
 def test_settling_is_counted_from_the_disturbance():

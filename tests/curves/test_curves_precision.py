@@ -10,6 +10,7 @@ import pytest
 from sweep_makers import FRAMES, LEVELS, SIZES, sweep_tables
 
 from pipeline.curves import Surface, directions, precision
+from pipeline.curves.cells import precision_interval
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -142,6 +143,13 @@ def test_one_scene_has_averages_but_no_interval_and_no_certain_rise() -> None:
     surface = precision.surface(table, draws["car"], SECTION, 1)
     value, low, high = surface.at(5.0, 0.9)
     assert 0 < value < 100 and np.isnan([low, high]).all() and not surface.certainly_non_monotonic().any()
+
+
+def test_unknown_draws_are_left_out_of_the_interval_of_scenes_only() -> None:
+    draws = np.append(np.linspace(40.0, 60.0, 99), np.nan)
+    assert np.isfinite(precision_interval(draws, 50.0, 20)).all()
+    assert np.isnan(precision_interval(draws, 50.0)).all()
+    assert np.isnan(precision_interval(draws[-1:], 50.0, 20)).all() and np.isnan(precision_interval(draws, 50, 1)).all()
 
 
 def test_direction_is_told_apart_and_rises_are_marked(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from pipeline.datasets.image_statistics import measure, radial_power, spectrum_slope
+from pipeline.datasets.image_statistics import measure, radial_power, ring_power, spectrum_slope
 from pipeline.datasets.pictures import read_grey
+from pipeline.datasets.power_spectrum import power_spectrum
 from pipeline.streams import stream
 
 
@@ -36,6 +38,27 @@ def test_power_of_a_wave_lies_in_its_ring():
     x = np.arange(512)
     frequency, power = radial_power(np.tile(np.sin(2 * np.pi * 0.1 * x), (512, 1)))
     assert frequency[np.argmax(power)] == pytest.approx(0.1, rel=0.06)  # rings are 9 % wide
+
+
+@pytest.mark.parametrize("shape", [(96, 96), (95, 96), (120, 201)])
+def test_an_image_and_its_transpose_have_the_same_power(shape):
+    """Rows of noise have all their power at the horizontal frequency 0, whose column a real transform holds whole."""
+    image = stream(0, "rows of noise").normal(0, 20, (shape[0], 1)) + stream(0, "pixels").normal(0, 5, shape)
+    for spectrum in (radial_power, power_spectrum):
+        for rows, columns in zip(spectrum(image), spectrum(image.T), strict=True):
+            np.testing.assert_allclose(rows, columns, rtol=1e-3)
+    assert spectrum_slope(image) == pytest.approx(spectrum_slope(image.T), abs=1e-3)
+
+
+def test_rings_average_the_whole_plane():
+    image = stream(0, "plane").normal(size=(30, 44))
+    edges = np.array([0.004, 0.03, 0.0301, 0.2, 0.5])
+    radius = np.hypot(np.fft.fftfreq(30)[:, None], np.fft.fftfreq(44)[None])
+    power = np.abs(np.fft.fft2(image)) ** 2
+    means = [power[(radius >= low) & (radius < high)] for low, high in pairwise(edges)]
+    expected = [values.mean() if len(values) else np.nan for values in means]
+    np.testing.assert_allclose(ring_power(image, edges), expected, rtol=1e-12)
+    assert np.isnan(expected).sum() == 1
 
 
 def test_ramp_and_steps():

@@ -75,6 +75,39 @@ def test_authors_channel_order_equals_their_call(tmp_path):
         read_grey(path, channel_order="bgr")
 
 
+def netpbm(values: np.ndarray, maxval: int, *, plain: bool = False) -> bytes:
+    """A PGM or PPM file with two bytes a value, or with decimal numbers."""
+    kind = (3 if plain else 6) if values.ndim == 3 else (2 if plain else 5)
+    header = f"P{kind}\n# of a test\n{values.shape[1]} {values.shape[0]}\n{maxval}\n".encode()
+    return header + (" ".join(map(str, values.ravel())).encode() if plain else values.astype(">u2").tobytes())
+
+
+@pytest.mark.parametrize("maxval", [65535, 4095, 1000])
+@pytest.mark.parametrize("plain", [False, True])
+@pytest.mark.parametrize("colour", [False, True])
+def test_deep_netpbm_files_are_scaled_by_the_greatest_value_they_state(tmp_path, maxval, plain, colour):
+    values = np.rint((COLOUR if colour else GREY) / 255.0 * maxval).astype(np.uint16)
+    path = tmp_path / "a.pgm"
+    path.write_bytes(netpbm(values, maxval, plain=plain))
+    read = read_picture(path)
+    assert read.pixels.dtype == np.uint16 and read.pixels.shape == values.shape
+    assert np.array_equal(np.rint(read.pixels / (65535 / maxval)), values)
+    assert np.allclose(read_grey(path), LUMA if colour else GREY / 255, atol=0.6 / maxval)
+
+
+def test_deep_netpbm_files_are_refused_where_their_values_do_not_fit_the_header(tmp_path):
+    path, values = tmp_path / "a.pgm", np.full((20, 30), 5000, np.uint16)
+    for content, reason in (
+        (netpbm(values, 65535)[:-3], "truncated: 598 values, its header states 600"),
+        (netpbm(values, 65535, plain=True)[:-5], "truncated: 599 values, its header states 600"),
+        (netpbm(values, 4095), "values from 0 to 5000, its header states 0 to 4095"),
+        (netpbm(values, 65535, plain=True)[:-4] + b"none", "cannot be decoded"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(BadPicture, match=reason):
+            read_picture(path)
+
+
 @pytest.mark.parametrize("suffix", ["png", "tiff"])
 @pytest.mark.parametrize("colour", [False, True])
 def test_sixteen_bits_are_scaled_by_their_range(tmp_path, suffix, colour):

@@ -36,12 +36,25 @@ def read_until_refused(path: Path) -> tuple[list[int], str]:
     return numbers, str(caught.value)
 
 
-@pytest.mark.parametrize(("name", "code"), [("a.avi", "MJPG"), ("a.mp4", "mp4v"), ("a.mkv", "MJPG")])
+@pytest.mark.parametrize(
+    ("name", "code"),
+    [("a.avi", "MJPG"), ("a.mp4", "mp4v"), ("a.mkv", "MJPG"), ("a.ts", "mpg2"), ("a.mts", "mpg2"), ("a.m2ts", "mp4v")],
+)
 def test_a_whole_video_gives_every_frame_without_remark(tmp_path, capfd, name, code):
     path = film(tmp_path / name, code)
+    assert path.suffix in video.SUFFIXES
+    capfd.readouterr()  # OpenCV's remark on the code of a transport stream that it writes
     assert [number for number, _ in read_video(path)] == list(range(FRAMES))
     assert [number for number, _ in read_video(path, every=7)] == [0, 7, 14]
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_text_file_named_as_a_transport_stream_is_refused(tmp_path, capfd):
+    path = tmp_path / "a.ts"
+    path.write_text("const a: number = 1;\n" * 100)
+    with pytest.raises(BadVideo, match="a.ts: not a video that OpenCV can read, or it holds no frame"):
+        list(read_video(path))
+    assert capfd.readouterr().out == ""
 
 
 def test_what_others_write_meanwhile_is_no_damage_and_is_not_lost(tmp_path, capfd):

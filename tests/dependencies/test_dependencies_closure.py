@@ -1,9 +1,11 @@
 """Import closure: what importing and calling a module can execute, and fingerprints of it."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from pipeline.dependencies import closure as walker
 from pipeline.dependencies.closure import closure, fingerprint, registered
 from pipeline.errors import InputError
 
@@ -85,14 +87,34 @@ def test_what_cannot_be_followed_is_an_error(root):
         closure("pipeline.nothing", None, root)
 
 
+def test_a_chosen_name_that_is_not_registered_is_an_error(root):
+    with pytest.raises(InputError, match=r"pipeline\.noise: 'nope' is not registered; known: a, b"):
+        closure("pipeline.uses", {"pipeline.noise": frozenset({"a", "nope"})}, root)
+    with pytest.raises(InputError, match=r"pipeline\.s: 'tow' is not registered; did you mean 'two'\?"):
+        closure("pipeline.asks", {"pipeline.s": frozenset({"tow"})}, root)
+    assert closure("pipeline.alone", {"pipeline.noise": frozenset({"nope"})}, root)  # reaches no such registry
+
+
+def test_in_the_package_too():
+    with pytest.raises(InputError, match=r"pipeline\.noise: 'nope' is not registered"):
+        closure("pipeline.stages.noise", {"pipeline.noise": frozenset({"nope"})})
+
+
+def test_a_chosen_name_of_a_third_party_is_not_followed(root, monkeypatch):
+    def entry_points(group):
+        return [SimpleNamespace(name="theirs")] if group == "pipeline.noise" else []
+
+    monkeypatch.setattr(walker, "entry_points", entry_points)
+    files = closure("pipeline.uses", {"pipeline.noise": frozenset({"a", "theirs"})}, root)
+    assert names(files) == {*NOISE, "uses.py", "noise/a.py", "base.py"}
+
+
 def test_an_edit_of_any_file_of_the_closure_changes_the_fingerprint_and_no_other(root):
     chosen = {"pipeline.noise": frozenset({"a"})}
     files = closure("pipeline.uses", chosen, root)
     before = fingerprint("pipeline.uses", {"size": 1}, chosen=chosen, root=root)
     assert before == fingerprint("pipeline.uses", {"size": 1}, chosen=chosen, root=root)
     assert before != fingerprint("pipeline.uses", {"size": 2}, chosen=chosen, root=root)
-    from pipeline.dependencies import closure as walker
-
     for path in PACKAGE:
         text = (root / path).read_text()
         (root / path).write_text(text + "\n# edited\n")

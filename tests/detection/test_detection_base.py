@@ -171,3 +171,24 @@ def test_frames_are_judged_by_height_and_visibility() -> None:
 def test_unknown_detector_is_named() -> None:
     with pytest.raises(InputError, match="did you mean 'yolox'"):
         detection.create("yolo-x", weights="a.onnx")
+
+
+def test_a_detector_is_opened_once_for_the_same_options(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[tuple[str, dict[str, str]]] = []
+
+    class Named:
+        """Stands for a detector."""
+
+    def create(name: str, **options: str) -> Named:
+        opened.append((name, options))
+        return Named()
+
+    monkeypatch.setattr(detection, "create", create)
+    detection.opened.cache_clear()
+    try:
+        first = detection.opened("yolox", '{"weights": "a.onnx"}')
+        assert detection.opened("yolox", '{"weights": "a.onnx"}') is first
+        assert detection.opened("yolox", '{"weights": "b.onnx"}') is not first
+        assert opened == [("yolox", {"weights": "a.onnx"}), ("yolox", {"weights": "b.onnx"})]
+    finally:
+        detection.opened.cache_clear()

@@ -214,7 +214,8 @@ def test_frames_without_objects_and_without_detections_are_counted(data: Path, t
     assert people["ap_percent"].isna().all() and (people["objects"] == 0).all()  # a class without an object has no AP
     assert ((cars["detections"] == 0) == (floor == 1.0)).all()
     if floor == 1.0:
-        assert (cars["ap_percent"] == 0).all() and (cars["high_percent"] == 0).all()
+        assert (cars["ap_percent"] == 0).all()
+    assert (cars["scenes"] == 1).all() and cars["high_percent"].isna().all()  # a second of a drive is one scene
     refused = store.read_json(tmp_path / "out/data/curves/udacity-tiny/refused.json")
     assert "no object" in refused["person"]
     fits = store.read_json(tmp_path / "out/data/regression/udacity-tiny/fits.json")

@@ -54,6 +54,16 @@ def test_views_are_in_range_and_repeatable():
         images.view(tile[:100, :100], stream(0, "view"), 120)
 
 
+@pytest.mark.parametrize("size_px", [96, 160])
+def test_views_leave_their_tile_as_it_is(size_px):
+    """Bars are drawn in place: into the bank, where the view is a whole tile."""
+    tile = images.picture(0, 1, size_px=160)
+    tile.setflags(write=False)
+    kept = tile.copy()
+    views = [images.view(tile, stream(number, "view"), size_px) for number in range(40)]
+    assert np.array_equal(tile, kept) and len(views) == 40
+
+
 def test_views_hold_more_detail_along_the_vertical():
     """Upright scenes: on average power falls faster along the horizontal axis of frequency."""
     white = stream(0, "white").integers(0, 256, (256, 256)).astype(np.uint8)

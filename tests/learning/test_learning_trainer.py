@@ -67,6 +67,20 @@ def test_it_learns_and_records():
     assert trained.best_step == 150
 
 
+def test_rows_of_a_prolonged_training_are_means_over_their_steps(tmp_path):
+    """A row ends the first length, 25 steps, between those of every tenth step; 33 is a stop, which adds none."""
+
+    def steady(model, batch):
+        value, _ = loss(model, batch)
+        return value * 0 + 3.0, {"constant": 1.0}
+
+    schedule = replace(SCHEDULE, steps=25, final_lr_ratio=1.0)
+    for longer, stop in ((schedule, None), (replace(schedule, steps=50), 33), (replace(schedule, steps=50), None)):
+        trained = train(network(), steady, loader(), longer, folder=tmp_path, stop_after=stop)
+    assert [row["step"] for row in trained.curve] == [10, 20, 25, 30, 40, 50]
+    assert {(row["loss"], row["constant"]) for row in trained.curve} == {(3.0, 1.0)}
+
+
 def test_measures_may_stay_where_they_were_computed(tmp_path):
     """A loss that gives tensors has the curve and the checkpoint of one that gives numbers."""
 

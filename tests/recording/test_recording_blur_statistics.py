@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -15,9 +16,12 @@ from pipeline.cli import main
 from pipeline.config.compose import compose, parse
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
+from pipeline.experiments.condition import SHARP
+from pipeline.experiments.tables import BLUR_ESTIMATES
 from pipeline.recording.blur import record
 from pipeline.recording.blur_statistics import summarise_again
 from pipeline.recording.kept_results import keeping
+from pipeline.recording.provenance import write_csv
 
 REPO = Path(__file__).resolve().parents[2]
 FILES = ("summary.csv", "sharp.csv", "metrics.json", "patches.csv")
@@ -105,6 +109,28 @@ def test_estimates_that_are_not_behind_the_record_are_refused(recorded: Path, na
     with pytest.raises(InputError, match="estimates of 'spectral' give another AMAE than that recorded"):
         summarise_again(narrowed)
     assert {path.name: path.read_bytes() for path in narrowed.iterdir()} == before
+
+
+def test_a_cell_in_which_every_estimate_abstained_is_no_obstacle(narrowed: Path) -> None:
+    """Its AMAE is NaN, recorded and computed again."""
+    estimates = store.read_table(narrowed / "estimates.parquet", BLUR_ESTIMATES)
+    blurred = (estimates["estimator"] == "spectral") & (estimates["kernel"] != SHARP)
+    estimates.loc[blurred, ["mtf", "low", "high"]] = np.nan
+    estimates.loc[blurred, "abstained"] = True
+    store.write_table(narrowed / "estimates.parquet", estimates, BLUR_ESTIMATES)
+    summary = pd.read_csv(narrowed / "summary.csv")
+    rows = (summary["estimator"] == "spectral") & (summary["blur_kind"] != SHARP)
+    summary.loc[rows, "abstained"] += summary.loc[rows, "count"]
+    summary.loc[rows, "count"] = 0
+    summary.loc[rows, ["amae_percent", "low_percent", "high_percent"]] = np.nan
+    write_csv(narrowed / "summary.csv", summary)
+    summarise_again(narrowed)
+    again = pd.read_csv(narrowed / "summary.csv")
+    assert rows.any() and again["amae_percent"].isna().equals(rows)
+    summary.loc[rows, "amae_percent"] = 1.0
+    write_csv(narrowed / "summary.csv", summary)
+    with pytest.raises(InputError, match="estimates of 'spectral' give another AMAE than that recorded"):
+        summarise_again(narrowed)
 
 
 def test_frames_that_are_incomplete_or_absent_are_refused(recorded: Path, narrowed: Path, tmp_path: Path) -> None:

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pipeline import blur
+from pipeline.datasets.frame import Frame
+from pipeline.datasets.patches import Patch
 from pipeline.dependencies import closure
+from pipeline.errors import InputError
+from pipeline.experiments.condition import Condition, sweep_kernels
+from pipeline.experiments.frames import TestFrame
+from pipeline.experiments.run import Method, Registered
 from pipeline.recording import kept_results
-from pipeline.recording.kept_results import keeping, keyed
+from pipeline.recording.kept_results import keeping, kept_tables, keyed
 
 CALLS: list[int] = []
 MODULE = "pipeline.statistics"
@@ -97,3 +108,55 @@ def test_what_is_no_table_is_computed_again(tmp_path: Path) -> None:
 
 def test_without_a_folder_nothing_is_kept() -> None:
     assert keyed(keeping(None), MODULE, WEIGHTS)(count, [1, 2]) == [2, 3]
+
+
+def test_a_broken_kept_file_names_the_remedy_of_a_recording(tmp_path: Path) -> None:
+    mapped(tmp_path)(columns, [1])
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(path.read_bytes()[:20])
+    remedy = rf"{path.name}: not a readable \.npz archive \(.*\); delete it and repeat the command$"
+    with pytest.raises(InputError, match=remedy):
+        mapped(tmp_path)(columns, [1])
+    with pytest.raises(InputError, match=remedy):
+        kept_tables(tmp_path)
+
+
+def of_frame(
+    work: tuple[TestFrame, tuple[str, ...]],
+    *,
+    conditions: list[Condition],
+    methods: list[Method],
+    words: frozenset[str],
+) -> dict[str, np.ndarray]:
+    """A stand-in for `pipeline.experiments.run.measure_frame`; leaves a line for every frame that it measures."""
+    with Path(os.environ["MEASURED"]).open("a", encoding="utf-8") as file:
+        file.write(f"{work[0].frame.name}\n")
+    return {"frame": np.array([work[0].frame.name]), "value": np.array([len(words), len(conditions) + len(methods)])}
+
+
+def record_frames(folder: Path, workers: int) -> None:
+    """Measure frames as recordings do: arguments with sets, arrays and objects that several of them share."""
+    name = "-".join(["mtf", "sigma"])
+    condition = Condition(sweep_kernels("defocus", [5], [0], "nominal", 1)[1], "dcsn", 5.0, name)
+    method = Method(name, "mtf", Registered(blur.create, "spectral", {"a": 1, "b": 2}), of_folds=(None, name))
+    items = [
+        (TestFrame(Frame("mine", item, Path(f"{item}.png")), {"mtf": [Patch(0, 0, 192, name)]}), (name,))
+        for item in ("0", "1", "2")
+    ]
+    words = frozenset("abcdefgh")
+    function = partial(of_frame, conditions=[condition, condition], methods=[method], words=words)
+    keyed(keeping(folder, workers), MODULE, WEIGHTS)(function, items)
+
+
+def test_an_interrupted_recording_continues_in_another_process_with_other_workers(tmp_path: Path) -> None:
+    """The order of sets follows the hash seed, and which objects are identical follows the way to a worker."""
+    kept, marks, here = tmp_path / "kept", tmp_path / "measured", Path(__file__)
+    program = f"from pathlib import Path; from {here.stem} import record_frames; record_frames(Path({str(kept)!r}), "
+    paths = [str(folder) for folder in (here.parent, here.parents[1], here.parents[2])]
+    for seed, workers in (("1", 1), ("2", 1), ("3", 2), ("4", 2)):
+        environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join(paths)}
+        environment |= {"MEASURED": str(marks)}
+        code = f"if __name__ == '__main__':\n    {program}{workers})"
+        subprocess.run([sys.executable, "-c", code], env=environment, check=True)
+        assert marks.read_text().splitlines() == ["0", "1", "2"], (seed, workers)
+        assert len(list(kept.iterdir())) == 3

@@ -168,6 +168,16 @@ def test_own_runs_win_over_records_but_for_the_sim_rendered_here(inputs: ReportI
     assert table is not None and not table.duplicated(["dataset", "estimator", "blur_kind", "kernel_size_px"]).any()
 
 
+def test_runs_on_the_authors_frames_win_over_runs_on_the_sim_rendered_here(tmp_path: Path) -> None:
+    nothing = ReportInputs(paper=REPO / "data/paper")
+    ran = add_blur(nothing, tmp_path, ("sim_authors", "sim"), ("pmp",), SIZES)
+    for dataset, percent in (("sim_authors", 30.0), ("sim", 50.0)):
+        path = tmp_path / "blur" / f"{dataset}-pmp" / "summary.parquet"
+        store.write_table(path, store.read_table(path, BLUR_SUMMARY).assign(amae_percent=percent), BLUR_SUMMARY)
+    (row,) = [row for row in rows_of(BY_NAME["blur_amae"], ran) if row.quantity == "Sim, PMP, Defocus, 3 px"]
+    assert (row.ours, row.dataset, row.comparable) == (30.0, "sim_authors", True)
+
+
 def test_the_papers_numbers_stand_under_both_names() -> None:
     table = published(ReportInputs(paper=REPO / "data/paper"), "blur_amae.csv")
     assert table is not None and len(table) == 180

@@ -126,6 +126,50 @@ def test_noise_prevents_estimation_by_the_papers_estimators_not_by_ours() -> Non
     assert measured is not None and measured.verdict == UNDECIDED and measured.text.startswith("No cell of the paper's")
 
 
+def test_mean_amae_is_stated_with_the_levels_that_it_is_of() -> None:
+    """The network is known up to 25 DN, PMP up to 15 DN, GBB at 5 DN only."""
+    cells = [("cnn", 0.0, 4.0), ("cnn", 15.0, 9.0), ("cnn", 25.0, 8.0), ("gbb", 5.0, 3.0)]
+    cells += [("pmp", 0.0, 5.0), ("pmp", 15.0, 6.0), ("pmp", 25.0, math.nan), ("spectral", 0.0, 1.0)]
+    table = pd.DataFrame([*cells, ("spectral", 25.0, 2.0)], columns=["estimator", "target_sigma_dn", "amae_percent"])
+    evidence = Evidence(NOTHING)
+    evidence.combined = table.assign(
+        dataset="kitti", experiment="photon_defocus", kernel_size_px=3.0, filter_px=0.0, low_percent=0.0,
+        high_percent=1.0,
+    )  # fmt: skip
+    measured = of_noise.MEASURES["prevents"](evidence, experiment="photon_defocus")
+    assert measured is not None
+    levels = "from 0 to 25 DN: CNN 4.0 to 8.0 %, Spectral 1.0 to 2.0 %; at 5 DN: GBB 3.0 %; from 0 to 15 DN: PMP 5.0 to"
+    assert f"Mean AMAE {levels} 6.0 %." in measured.text
+
+
+@pytest.mark.parametrize("column", ["median", "maximum"])
+def test_a_curve_that_is_unknown_with_the_strongest_noise_is_left_out(column: str) -> None:
+    """The network's curve at 25 DN is unknown: that at 15 DN must not stand for it."""
+    rows = [
+        (dataset, name, level, 0.1 + level / 100, 0.05 + level / 100, 0.15 + level / 100)
+        for dataset, name in (("kitti", "cnn"), ("udacity", "cnn"))
+        for level in (25.0, 0.0, 15.0)
+    ]
+    columns = ["dataset", "estimator", "target_sigma_dn", "median", "minimum", "maximum"]
+    table = pd.DataFrame(rows, columns=columns).assign(
+        experiment="photon_linear", calibrated=False, filter_px=0.0, axis="HV", frequency_index=4
+    )
+    inputs = SimpleNamespace(result_with_records=lambda name: table)
+    whole = of_noise.MEASURES["overestimates"](SimpleNamespace(inputs=inputs))
+    ends = "from 0 to 25 DN: CNN on KITTI 0.10 to 0.35, CNN on Udacity 0.10 to 0.35."
+    assert whole.text.startswith("2 for, 0 against, of 2 curves.") and ends in whole.text
+    table.loc[0, column] = math.nan
+    measured = of_noise.MEASURES["overestimates"](SimpleNamespace(inputs=inputs))
+    assert measured.text.startswith("1 for, 0 against, of 1 curve.") and measured.on == "Udacity"
+    assert "from 0 to 25 DN: CNN on Udacity 0.10 to 0.35. Left out, unknown with the least or the strongest" in (
+        measured.text
+    )
+    assert "noise: CNN on KITTI." in measured.text and "KITTI 0." not in measured.text
+    table.loc[3, column] = math.nan
+    measured = of_noise.MEASURES["overestimates"](SimpleNamespace(inputs=inputs))
+    assert measured.verdict == UNDECIDED and measured.text.startswith("Left out")
+
+
 def test_improved_estimation_on_recorded_frames_decides_claims_on_noise_and_on_smoothing() -> None:
     evidence = Evidence(dataclasses.replace(NOTHING, recorded=REPO / "reports/recorded"))
     for measured in (

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from pipeline import store
-from pipeline.control.tables import STEPS
+from pipeline.control.tables import PAIRS, STEPS, SUMMARY
 from pipeline.errors import InputError
 from pipeline.report import style
 from pipeline.report.build import build
@@ -97,6 +97,37 @@ def test_an_interval_that_includes_zero_does_not_count_as_better(tmp_path: Path)
     assert rows["Shim"]["where"] == "behind in no frame" and rows["Shim"]["oracle"].low > 0
 
 
+def _without(folder: Path, *policies: str) -> None:
+    """Take the rows of policies out of a scenario's tables."""
+    for name, schema in (("steps", STEPS), ("summary", SUMMARY), ("pairs", PAIRS)):
+        table = pd.read_parquet(folder / f"{name}.parquet")
+        absent = table["policy"].isin(policies) | table.get("other", table["policy"]).isin(policies)
+        store.write_table(folder / f"{name}.parquet", table[~absent].reset_index(drop=True), schema)
+
+
+def test_policies_that_did_not_run_are_not_compared_but_named(tmp_path: Path) -> None:
+    made.make_scenario(tmp_path, "dusk_drive", 1000.0, 5.0)
+    _without(tmp_path / "closed_loop/dusk_drive", "shim", "shin2019", "oracle")
+    made.make_scenario(tmp_path, "tunnel", 1000.0, 25.0)
+    _without(tmp_path / "closed_loop/tunnel", "iopc_optimal", "shim", "oracle")
+    results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
+    assert results[0].beats_all("iopc_continuous") and not results[1].beats_all("iopc_continuous")
+    assert not results[1].beats_all("iopc_optimal")  # did not run
+    text = closed_loop.findings(results)[0]
+    assert "in 1 of 2 scenarios" in text and "Not in: tunnel (not above Mean intensity)." in text
+    absent = "Shim and Shin 2019 in dusk drive; IOPC optimal and Shim in tunnel"
+    assert text.endswith(f"Did not run in the closed loop, and not compared: {absent}.")
+
+
+def test_without_any_rival_no_scenario_counts_as_won_or_lost(tmp_path: Path) -> None:
+    made.make_scenario(tmp_path, "dusk_drive", 1000.0, 5.0)
+    _without(tmp_path / "closed_loop/dusk_drive", "mean_intensity", "fixed", "shim", "shin2019")
+    results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
+    assert not results[0].beats_all("iopc_continuous") and results[0].largest_loss_percent("iopc_optimal") is None
+    absent = "Mean intensity, Fixed, Shim and Shin 2019 in dusk drive"
+    assert closed_loop.findings(results)[0] == f"Did not run in the closed loop, and not compared: {absent}."
+
+
 def test_where_a_rival_is_not_beaten_the_costliest_frame_and_its_settings_are_named(tmp_path: Path) -> None:
     made.make_scenario(tmp_path, "tunnel", 500.0, 25.0, light_factor=1 / 16)
     path = tmp_path / "closed_loop/tunnel/steps.parquet"
@@ -123,7 +154,14 @@ def test_settling_is_stated_for_drives_with_a_step_of_light(tmp_path: Path, inpu
     made.make_scenario(tmp_path, "tunnel", 500.0, 5.0, light_factor=1 / 16)
     results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
     assert results[0].has_light_step and not any(one.has_light_step for one in scenario_results(inputs))
-    assert closed_loop.findings(results)[-1].endswith("a step of light, frames: tunnel 2.")
+    text = closed_loop.findings(results)[-1]
+    assert text.startswith("Settling of IOPC continuous in drives with a step of light (frames after a disturbance")
+    assert text.endswith(": 2 in tunnel.")
+    made.make_scenario(tmp_path, "ramp", 500.0, 5.0, light_factor=1 / 16)
+    _without(tmp_path / "closed_loop/ramp", "iopc_continuous")
+    results = scenario_results(ReportInputs(paper=made.PAPER, data=tmp_path))
+    assert closed_loop.findings(results)[-1].endswith(": 2 in tunnel.")
+    assert not [text for text in closed_loop.findings(results[:1]) if "Settling" in text]  # ramp, which comes first
 
 
 def test_decision_times_come_from_the_record(tmp_path: Path, inputs: ReportInputs) -> None:

@@ -10,12 +10,12 @@ import pandas as pd
 import pytest
 from report_makers import ABSENT, REPO
 
-from pipeline import store
+from pipeline import blur, store
 from pipeline.learning.learning_curve import LearningCurve
 from pipeline.learning.weights import details
 from pipeline.report import training_budget
 from pipeline.report.display_names import ESTIMATORS, qualified, word
-from pipeline.report.inputs import ReportInputs, mode_note, mode_of
+from pipeline.report.inputs import ReportInputs, mode_note, mode_of, options_of
 from pipeline.report.ledger_items import ITEMS, rows_of
 from pipeline.report.sections import claims, disclosure
 
@@ -67,6 +67,14 @@ def test_the_name_of_the_papers_networks_carries_the_share_wherever_it_stands() 
 def test_a_mode_that_is_not_exact_is_named() -> None:
     assert mode_of({"options": {"mode": "fast"}}) == "fast"
     assert mode_of({"options": {"mode": "exact"}}) == mode_of({"options": {}}) == mode_of({}) == ""
+    for kind in ("pmp", "gbb"):  # left out, it is the estimator's default
+        assert mode_of({"kind": kind}) == mode_of({"kind": kind, "options": {"kernel_size": 25}}) == "fast"
+        assert mode_of({"kind": kind, "options": {"mode": "exact"}}) == ""
+        estimator = blur.create(kind)
+        default = {"mode": estimator.mode, "kernel_size": estimator.kernel_size, "workers": estimator.workers}
+        assert options_of({"kind": kind}) == default
+        assert options_of({"kind": kind, "options": {"kernel_size": 25}}) == default | {"kernel_size": 25}
+    assert options_of({"kind": "cnn", "options": {"seed": 1}}) == {"seed": 1} and mode_of({"kind": "cnn"}) == ""
     note = mode_note({"pmp": "fast", "gbb": "fast"}, ["gbb", "cnn"])
     assert note.startswith("GBB in fast mode") and mode_note({"pmp": "fast"}, ["cnn"]) == ""
 

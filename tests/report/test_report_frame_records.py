@@ -12,6 +12,7 @@ from combined_makers import blur_cells, curves, noise_cells
 from report_makers import REPO, make_noise
 
 from pipeline import store
+from pipeline.experiments.blur_records import BlurRecord
 from pipeline.experiments.factors import EFFECTS, FACTOR_CELLS, SETTINGS
 from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, FACTOR_FILES, NOISE_FILE
 from pipeline.recording.provenance import write_csv
@@ -134,6 +135,41 @@ def test_an_effect_is_the_cause_of_a_row_it_applies_to(inputs: ReportInputs) -> 
     )
     assert words(row | {"dataset": "kitti"}, None) == ""  # its kernels are stored without loss
     assert words(row | {"kernel_size_px": 7.0}, None) == ""
+
+
+def blur_record(**options: object) -> BlurRecord:
+    """PMP recorded with options on KITTI; nothing else of the record is filled."""
+    provenance = {"blur": {"estimators": {"pmp": {"kind": "pmp", "options": options}}}}
+    return BlurRecord("kitti", provenance, pd.DataFrame(), pd.DataFrame(), 1)
+
+
+@pytest.mark.parametrize(
+    ("options", "causes", "sizes", "mode"),
+    [
+        ({}, ["ours in fast mode", "kernels of 31 px"], "31 px, as ours", "fast mode, as ours"),
+        ({"mode": "exact"}, ["kernels of 31 px"], "31 px, as ours", ""),
+        ({"mode": "exact", "kernel_size": 25}, [], "", ""),
+        ({"kernel_size": 21}, ["ours in fast mode", "kernels of 21 px"], "31 px, ours 21 px", "fast mode, as ours"),
+    ],
+)
+def test_causes_are_of_the_options_that_the_estimator_ran_with(
+    tmp_path: Path, options: dict[str, object], causes: list[str], sizes: str, mode: str
+) -> None:
+    """Options left out are the estimator's defaults: fast mode and kernels of 31 px."""
+    empty = FACTOR_CELLS.conform(pd.DataFrame({name: [] for name in FACTOR_CELLS.columns}))
+    settings = (("kernel_px", "25 px", "31 px"), ("mode", "exact", "fast"))
+    measured = [effects().assign(factor=name, first=first, second=second) for name, first, second in settings]
+    moved = pd.concat(measured, ignore_index=True)
+    put(tmp_path / "kitti-factors", "kitti", dict(zip(FACTOR_FILES, (empty, moved), strict=True)))
+    row = {"dataset": "kitti", "estimator": "pmp", "blur_kind": "linear_motion", "kernel_size_px": 3.0}
+    record = blur_record(**options)
+    text = ledger_causes._effects(ReportInputs(paper=REPO / "data/paper", recorded=tmp_path))(row, record)
+    points = ": +20.9 points (+15.0 to +25.0)"
+    parts = [f"kernels of {sizes}{points}"] if sizes else []
+    parts += [f"{mode}{points}"] if mode else []
+    assert text == "; ".join(parts) + (", measured on KITTI" if parts else "")
+    differences = ledger_causes._of_estimator(row, record, None)
+    assert [words.split(",")[0] for words in differences] == causes
 
 
 def test_an_effect_measured_on_the_same_dataset_goes_first(tmp_path: Path) -> None:

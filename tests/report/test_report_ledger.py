@@ -229,6 +229,28 @@ def test_results_without_a_key_are_refused(tmp_path: Path) -> None:
         rows_from("runtime", tmp_path / "bad.csv")
 
 
+def test_differing_results_for_one_published_number_are_refused(tmp_path: Path) -> None:
+    """Equal ones are one result; those for a number that the paper does not print are not regarded."""
+    table = published_table(PAPER / "blur_amae.csv").assign(low_percent=0.0, high_percent=99.0)
+    whole = rows_from("blur_amae", _written(tmp_path / "whole.csv", table))
+    twice = pd.concat([table, table.iloc[:3], table.iloc[:1].assign(kernel_size_px=99)], ignore_index=True)
+    other = pd.concat([twice, twice.iloc[-1:].assign(amae_percent=70.0)], ignore_index=True)
+    assert rows_from("blur_amae", _written(tmp_path / "twice.csv", other)) == whole
+    first = table.iloc[:1].assign(amae_percent=70.0)
+    ambiguous = pd.concat([table, first], ignore_index=True)
+    key = ", ".join(f"{name} {first[name].iloc[0]}" for name in BY_NAME["blur_amae"].keys)
+    numbers = f"{table['amae_percent'].iloc[0]:g} ({first['dataset'].iloc[0]}) and 70 ({first['dataset'].iloc[0]})"
+    with pytest.raises(InputError) as refused:
+        rows_from("blur_amae", _written(tmp_path / "ambiguous.csv", ambiguous))
+    words = f"results of 'blur_amae': amae_percent at {key} has 2 differing results: {numbers}; expected one"
+    assert str(refused.value).startswith(words)
+
+
+def _written(file: Path, table: pd.DataFrame) -> Path:
+    table.to_csv(file, index=False)
+    return file
+
+
 def test_run_times_of_other_hardware_are_not_comparable(tmp_path: Path) -> None:
     rows = rows_from("runtime", PAPER / "runtime.csv")
     assert {entry.verdict for entry in rows} == {"not comparable"}

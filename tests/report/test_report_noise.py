@@ -13,6 +13,7 @@ from report_makers import REPO, make_noise, picture
 
 from pipeline import store
 from pipeline.errors import InputError
+from pipeline.experiments.patch_errors import saturated_patches
 from pipeline.report.inputs import Arrays, ReportInputs
 from pipeline.report.sections import noise
 from pipeline.report.spec import Figure
@@ -130,6 +131,24 @@ def test_saturated_patches_have_rows_of_their_own_at_the_highest_level(inputs: R
     cell = result[1]["cellwise"]
     assert isinstance(cell, Estimate) and cell.value == pytest.approx(chosen["sigma_dn"].iloc[0])
     assert noise.saturated(estimates.assign(saturated_fraction=0.5), 0) is None
+
+
+def test_the_noise_of_saturated_patches_is_that_of_each_estimators_own_patches(inputs: ReportInputs) -> None:
+    """The last estimator is run on a second, noisier patch."""
+    estimates = inputs.result("noise_estimates")
+    chosen = (estimates["saturated_fraction"] > 0.8) & (estimates["target_sigma_dn"] == 25)
+    chosen &= (estimates["noise_source"] == "dcsn") & (estimates["estimator"] == "pca")
+    second = estimates[chosen].assign(patch=99, unclipped_sigma_dn=35.0, clipped_sigma_dn=20.0)
+    cells = saturated_patches(pd.concat([estimates, second], ignore_index=True), 0)
+    cells = cells[cells["noise_source"] == "dcsn"].set_index("estimator")
+    present = float(estimates.loc[chosen, "clipped_sigma_dn"].iloc[0])
+    assert cells.loc["pca", ["patches", "added_dn", "present_dn"]].tolist() == [2, 30.0, (present + 20.0) / 2]
+    assert cells.loc["cellwise", ["patches", "added_dn"]].tolist() == [1, 25.0]
+    table = noise.saturated(pd.concat([estimates, second], ignore_index=True), 0)
+    assert table is not None
+    of_dcsn = {row["patches"]: row for row in rows(table) if row["noise_source"] == "DCSN"}
+    assert of_dcsn[2].get("pca") is not None and of_dcsn[2].get("cellwise") is None
+    assert of_dcsn[1].get("cellwise") is not None and of_dcsn[1].get("pca") is None
 
 
 def test_the_medians_stand_beside_noise_added_and_noise_present(inputs: ReportInputs) -> None:

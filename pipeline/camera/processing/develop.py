@@ -129,7 +129,9 @@ class CameraPipeline:
 
         Noise of the raw pixel at that grey level, through the slope of the tone curve, the white-balance gains and the
         mean over neighbours that demosaicing takes; the correlation between colours is neglected, so it can be low by
-        up to a half for colour cameras.
+        up to a half for colour cameras. So is the slope of the S-curve: in mid grey, behind the curve of the
+        preset phone (0.35) without colour filters, it gives 1.27 DN where 1.74 DN are measured. Denoising and coring of
+        training samples follow it, and so it stays.
 
         Args:
             luma: grey level, [0, 1].

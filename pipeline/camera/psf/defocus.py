@@ -32,7 +32,7 @@ def create(
     """The PSF of defocus.
 
     Args:
-        size_px: diameter d of the disc, pixels, >= 0.
+        size_px: diameter d of the disc, pixels, >= 0; at most 1 px is no blur, but with ``camera="authors"``.
         angle_deg: not used (the kernel is round); here because all kinds are called alike.
         generator: not used (nothing is random).
         camera: ``"authors"`` gives the array of the paper's program (`authors_disc`): half a pixel off centre.
@@ -51,7 +51,7 @@ def create(
         return authors_disc(size_px, canvas_px)
     if diameter not in DIAMETERS:
         raise InputError(f"unknown diameter rule '{diameter}'; {did_you_mean(diameter, DIAMETERS)}")
-    return disc(effective_diameter_px(size_px) if diameter == "effective" else size_px)
+    return disc(effective_diameter_px(size_px) if diameter == "effective" and size_px > 1 else size_px)
 
 
 def disc(diameter_px: float) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import pandas as pd
 
 from pipeline.report.claims import claim
@@ -20,6 +22,7 @@ PAPER_NOISE = ("cnn", "pca", "bf")
 PAPER_BLUR = ("cnn", "pmp", "gbb")
 REAL_FRACTION = 0.25
 KERNEL = ["experiment", "dataset", "estimator", "kernel_size_px"]
+CURVE = ["dataset", "estimator"]
 
 
 def _of_experiments(evidence: Evidence, *experiments: str) -> pd.DataFrame:
@@ -28,13 +31,23 @@ def _of_experiments(evidence: Evidence, *experiments: str) -> pd.DataFrame:
     return cells[cells["amae_percent"].notna()]
 
 
+def _by_levels(parts: Iterable[tuple[float, float, str]]) -> str:
+    """Texts with the least and the strongest noise that each is of (DN), those of the same levels together."""
+    texts: dict[str, list[str]] = {}
+    for least_dn, most_dn, text in parts:
+        levels = f"from {least_dn:g} to {most_dn:g} DN" if least_dn < most_dn else f"at {least_dn:g} DN"
+        texts.setdefault(levels, []).append(text)
+    return "; ".join(f"{levels}: {', '.join(of_levels)}" for levels, of_levels in texts.items())
+
+
 def _by_estimator(cells: pd.DataFrame) -> str:
-    """Mean AMAE of each estimator with the least and the strongest noise."""
-    words = []
+    """Mean AMAE of each estimator with the least and the strongest noise that it has cells of."""
+    parts = []
     for name, group in cells.groupby("estimator"):
-        quiet, loud = (group[group["target_sigma_dn"] == end(group["target_sigma_dn"])] for end in (min, max))
-        words.append(f"{word(str(name))} {quiet['amae_percent'].mean():.1f} to {loud['amae_percent'].mean():.1f} %")
-    return f"Mean AMAE from no noise to the strongest: {', '.join(words)}."
+        means = group.groupby("target_sigma_dn")["amae_percent"].mean()  # in ascending order of the noise
+        ends = [f"{mean:.1f}" for mean in means.iloc[[0, -1] if len(means) > 1 else [0]]]
+        parts.append((float(means.index[0]), float(means.index[-1]), f"{word(str(name))} {' to '.join(ends)} %"))
+    return f"Mean AMAE {_by_levels(parts)}."
 
 
 def _of_paper(cells: pd.DataFrame, what: str, text: str) -> Measurement | None:
@@ -84,13 +97,23 @@ def _defocus_under_photon_noise(evidence: Evidence) -> Measurement | None:
 def _overestimates(evidence: Evidence) -> Measurement | None:
     of_paper = {"experiment": "photon_linear", "calibrated": False, "filter_px": 0}
     curves = where(evidence.inputs.result_with_records("combined_curves"), axis="HV", frequency_index=4, **of_paper)
-    groups = curves.sort_values("target_sigma_dn").groupby(["dataset", "estimator"])
-    quiet, loud = groups.first(), groups.last()
-    words = [
-        f"{word(name)} on {word(dataset)} {before:.2f} to {after:.2f}"
-        for (dataset, name), before, after in zip(quiet.index, quiet["median"], loud["median"], strict=True)
+    groups = curves.sort_values("target_sigma_dn", kind="stable").groupby(CURVE)
+    quiet, loud = (rows.set_index(CURVE).sort_index() for rows in (groups.head(1), groups.tail(1)))
+    known = quiet["target_sigma_dn"] < loud["target_sigma_dn"]
+    for name in ("median", "minimum", "maximum"):
+        known &= quiet[name].notna() & loud[name].notna()
+    unknown = [f"{word(name)} on {word(dataset)}" for dataset, name in known.index[~known]]
+    left_out = f"Left out, unknown with the least or the strongest noise: {', '.join(unknown)}. " if unknown else ""
+    quiet, loud = quiet[known], loud[known]
+    if quiet.empty:
+        return Measurement(left_out.strip(), claim.UNDECIDED) if unknown else None
+    parts = [
+        (least_dn, most_dn, f"{word(name)} on {word(dataset)} {before:.2f} to {after:.2f}")
+        for (dataset, name), least_dn, most_dn, before, after in zip(
+            quiet.index, quiet["target_sigma_dn"], loud["target_sigma_dn"], quiet["median"], loud["median"], strict=True
+        )
     ]
-    text = f"Median at 0.3 of Nyquist: {', '.join(words)}. Ranges over patches decide."
+    text = f"Median at 0.3 of Nyquist {_by_levels(parts)}. {left_out}Ranges over patches decide."
     pairs = claim.lower(quiet, loud, ("minimum", "maximum"))
     return claim.of_cells(pairs, "curve", quiet.index.get_level_values("dataset"), text)
 

@@ -122,15 +122,27 @@ def _settling(frames: float) -> str:
     return format_number(frames, 0) if math.isfinite(frames) else "not settled"
 
 
-def _cause(one: ScenarioResult) -> str:
+def _cause(result: ScenarioResult) -> str:
     """A scenario that is not won, and the policies whose difference does not exclude 0, beside the oracle's."""
-    best = max(OURS, key=lambda policy: len(one.exceeded(policy)))
-    level, oracle = ([other for other in BRIGHTNESS_ONLY if other not in one.exceeded(p)] for p in (best, "oracle"))
+    best = max(filter(result.compared, OURS), key=lambda policy: len(result.exceeded(policy)))
+    level, oracle = result.not_exceeded(best), result.not_exceeded("oracle")
     also = [other for other in level if other in oracle]
-    text = f"{scenario_word(one.name).lower()} (not above {_policies(level)}"
+    text = f"{scenario_word(result.name).lower()} (not above {_policies(level)}"
     if also:
         text += ", nor is the oracle" + ("" if also == level else f" above {_policies(also)}")
     return f"{text})"
+
+
+def _won(demanding: Sequence[ScenarioResult]) -> str:
+    """In how many demanding scenarios ours beats all rivals that ran, where it does not, and which did not run."""
+    compared = [result for result in demanding if any(map(result.compared, OURS))]
+    missed = [result for result in compared if not any(map(result.beats_all, OURS))]
+    parts = [CONTROL.text("won", won=len(compared) - len(missed), demanding=len(compared))] if compared else []
+    parts += [f"Not in: {listing(map(_cause, missed))}."] if missed else []
+    partial = [result for result in demanding if result.not_run]
+    absent = [f"{_policies(result.not_run)} in {scenario_word(result.name).lower()}" for result in partial]
+    parts += [CONTROL.text("not_run", policies="; ".join(absent))] if absent else []
+    return " ".join(parts)
 
 
 def pairs(results: Sequence[ScenarioResult]) -> Table:
@@ -174,9 +186,7 @@ def findings(results: Sequence[ScenarioResult]) -> list[str]:
     demanding = [one for one in results if one.is_demanding]
     sentences = []
     if demanding:
-        missed = [one for one in demanding if not any(map(one.beats_all, OURS))]
-        text = CONTROL.text("won", won=len(demanding) - len(missed), demanding=len(demanding))
-        sentences.append(text + (f" Not in: {listing(map(_cause, missed))}." if missed else ""))
+        sentences.append(_won(demanding))
     for policy in OURS:
         each = [one.measure(policy, "regret_percent") for one in results]
         regrets = [regret for regret in each if regret is not None and math.isfinite(regret)]  # NaN without the oracle
@@ -186,13 +196,13 @@ def findings(results: Sequence[ScenarioResult]) -> list[str]:
             still = f"; where nothing moves, at most {max(*known, 0.0):.1f} points below any of them" if known else ""
             text = f"{word(policy)}: median regret to the oracle {np.median(regrets):.1f} AP points"
             sentences.append(f"{text}{still}.")
-    words = [
-        f"{scenario_word(one.name).lower()} {_settling(frames)}"
-        for one in results
-        if one.has_light_step and (frames := one.measure("iopc_continuous", "settling_frames")) is not None
+    stepped = [
+        f"{_settling(frames)} in {scenario_word(result.name).lower()}"
+        for result in results
+        if result.has_light_step and (frames := result.measure("iopc_continuous", "settling_frames")) is not None
     ]
-    if any(one.has_light_step for one in results):
-        sentences.append(f"Settling of IOPC continuous in drives with a step of light, frames: {listing(words)}.")
+    if stepped:
+        sentences.append(CONTROL.text("settling", drives=listing(stepped)))
     return sentences
 
 

@@ -1,0 +1,104 @@
+"""Where a frame shows a picture: without bars beside it, and which squares a uniform surround covers in part.
+
+Letterbox bars, and the surround of a fisheye lens, have no noise, and their edge is sharper than any lens. A square
+that holds some of them is read as free of noise, and its blur as that of the edge.
+
+    bars      lines at the border of the frame of which every pixel, but for `RIPPLE_DN` that a codec leaves, has the
+              level of the outermost one
+    covered   `COVERED` of a square's blocks of 4 x 4 px are exactly uniform, neither black nor white, while all but a
+              few of the others vary by more than `LEAST_DN`, as a picture with noise does
+
+A scene without noise has uniform blocks too, but beside them blocks that hardly vary. Of 3,844 squares of 128 px of
+KITTI, Udacity, *Sim* and that of the paper's authors, Penn-Fudan, CC, PolyU and Levin none is covered in this sense as
+recorded, with 5 DN, or with 2 and 10 DN behind JPEG 80 and 50; as JPEG 75 one is. No frame of them has bars.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.datasets.patches import Patch
+
+COVERED_REASON = "covered"
+"""Reason: a uniform surround covers a part of the patch."""
+
+RIPPLE_DN = 2.0
+LEAST_BAR_PX = 4
+LEAST_PICTURE = 0.25  # of the frame's width and height; a picture that is smaller is none
+COVERED, LEAST_DN = 0.1, 1.0
+BLOCK_PX = 4
+CODEC_BLOCK_PX = 8
+FLATTEST = 0.1  # of the blocks that are not uniform
+BLACK_DN, WHITE_DN = 2.0, 253.0  # uniform by saturation, of which the estimators know
+
+
+def picture_area(frame: NDArray[np.floating]) -> tuple[slice, slice]:
+    """The part of a frame inside its bars.
+
+    Args:
+        frame: (H, W) in [0, 1].
+
+    Returns:
+        rows and columns; all of them where there are no bars, or hardly anything else.
+    """
+    rows, columns = _inside(frame), _inside(frame.T)
+    enough = all(
+        part.stop - part.start >= LEAST_PICTURE * side for part, side in zip((rows, columns), frame.shape, strict=True)
+    )
+    return (rows, columns) if enough else (slice(0, frame.shape[0]), slice(0, frame.shape[1]))
+
+
+def shifted(squares: list[Patch], area: tuple[slice, slice]) -> list[Patch]:
+    """Squares of an area, in the coordinates of the frame."""
+    rows, columns = area
+    return [Patch(square.x_px + columns.start, square.y_px + rows.start, square.size_px) for square in squares]
+
+
+def covered(patches: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Patches that a uniform surround covers in part; see the module.
+
+    Args:
+        patches: (N, 1, H, W) in [0, 1].
+
+    Returns:
+        (N,).
+    """
+    equal = patches[:, 0, :-1:BLOCK_PX, :-1:BLOCK_PX] == patches[:, 0, 1::BLOCK_PX, 1::BLOCK_PX]
+    possible = equal.mean(axis=(1, 2)) >= COVERED / 2  # a quick look at two pixels of every block
+    return np.array(
+        [bool(maybe) and _is_covered(patch[0]) for maybe, patch in zip(possible, patches, strict=True)], bool
+    )
+
+
+def _is_covered(patch: NDArray[np.floating]) -> bool:
+    height, width = (side // BLOCK_PX for side in patch.shape)
+    pixels = patch[: height * BLOCK_PX, : width * BLOCK_PX] * np.float32(FULL_SCALE_DN)
+    blocks = pixels.reshape(height, BLOCK_PX, width, BLOCK_PX).swapaxes(1, 2).reshape(-1, BLOCK_PX**2)
+    level = blocks[:, 0]
+    uniform = np.equal(blocks, level[:, None]).all(axis=1)
+    surround = uniform & (level > BLACK_DN) & (level < WHITE_DN)
+    if surround.mean() < COVERED or uniform.all():
+        return False
+    variation = np.sort(blocks[~uniform].std(axis=1))
+    return bool(variation[: max(int(FLATTEST * len(variation)), 1)].mean() > LEAST_DN)
+
+
+def _inside(lines: NDArray[np.floating]) -> slice:
+    """The lines (n, m) between the bars at either end; they begin where a codec's blocks do."""
+    first, last = (_bar(ordered) for ordered in (lines, lines[::-1]))
+    first = -(-first // CODEC_BLOCK_PX) * CODEC_BLOCK_PX
+    return slice(first, max(len(lines) - last, first))
+
+
+def _bar(lines: NDArray[np.floating]) -> int:
+    """How many lines from the first on are a bar; 0 for fewer than `LEAST_BAR_PX`."""
+    level = float(np.median(lines[0]))
+    ripple = RIPPLE_DN / FULL_SCALE_DN
+    width = 0
+    for line in lines:
+        if np.abs(line - level).max() > ripple:
+            break
+        width += 1
+    return width if width >= LEAST_BAR_PX else 0
