@@ -17,7 +17,9 @@ Noise by its standard deviation: very low below 1 DN, low below 4, moderate belo
 
 Blur has a direction where the mean MTF of one axis is below the other's by more than a fifth. That is what motion (or
 a shaking mount) does; defocus, water on the lens and motion along a diagonal reduce both axes alike, and two axes do
-not distinguish them. Where both are strongly blurred no direction is told: little contrast is left to compare.
+not distinguish them. Where both are strongly blurred no direction is told: little contrast is left to compare. Nor is
+one where less than half of the blurred patches have it themselves (`directed`): medians over sharp and blurred patches
+of a frame may differ between axes though no patch does.
 
 Patches may differ: a drop on the lens or an object in motion blurs a part. A patch is surely blurred where its MTF
 grades it as moderately blurred and the upper end of its interval not as sharp (`blurred_fraction`).
@@ -40,6 +42,7 @@ UNCERTAIN_GRADES = 2
 NOISE_GRADES = ((1.0, "very low"), (4.0, "low"), (10.0, "moderate"), (20.0, "high"))
 HIGHEST_NOISE = "very high"
 DIRECTED_RATIO = 0.8  # of the mean MTF of the lower axis to the other's
+DIRECTED_SHARE = 0.5  # of the blurred patches
 HIGH_NOISE_DN = 10.0
 DIM_MEDIAN_DN = 48.0
 AXES = ("horizontal", "vertical")
@@ -150,11 +153,30 @@ def blurred_fraction(mtf: NDArray[np.floating], high: NDArray[np.floating] | Non
     return float(np.mean(blurred & (half_contrast(ends[known]).min(axis=-1) < slight)))
 
 
+def directed(mtf: NDArray[np.floating]) -> tuple[float, float]:
+    """Shares of the blurred patches whose own MTF has a direction.
+
+    Args:
+        mtf: (N, 2, 8) of patches; NaN where there is no estimate.
+
+    Returns:
+        of patches blurred horizontally, and vertically; 0 where none is blurred.
+    """
+    curves = mtf[np.isfinite(mtf).all(axis=(1, 2))]
+    curves = curves[half_contrast(curves).min(axis=-1) < BLUR_GRADES[-1][0]] if len(curves) else curves
+    if not len(curves):
+        return 0.0, 0.0
+    horizontal, vertical = curves.mean(axis=2).T
+    below, above = horizontal < DIRECTED_RATIO * vertical, vertical < DIRECTED_RATIO * horizontal
+    return float(below.mean()), float(above.mean())
+
+
 def grade(
     sigma_dn: float,
     mtf: NDArray[np.floating],
     median_dn: float = float("nan"),
     ends: tuple[NDArray[np.floating], NDArray[np.floating]] | None = None,
+    shares: tuple[float, float] | None = None,
 ) -> Grades:
     """Grade a condition.
 
@@ -163,6 +185,8 @@ def grade(
         mtf: (2, 8) MTF, horizontal and vertical; NaN where unknown.
         median_dn: median grey level, DN; NaN where unknown.
         ends: (2, 8) lower and upper ends of the MTF's 95 % interval; None or NaN where there is none.
+        shares: of the blurred patches or frames behind the MTF that are blurred horizontally, and vertically (see
+            `directed`); None where the MTF speaks for itself.
     """
     blur = direction = uncertain = blur_cause = noise_cause = ""
     curves = np.asarray(mtf, dtype=np.float64)
@@ -173,10 +197,12 @@ def grade(
         means = curves.mean(axis=1)
         if blur != SHARP:
             strong = _reached(BLUR_GRADES, float(half_contrast(curves).max())) == 0
-            directed = means.min() < DIRECTED_RATIO * means.max() and not strong
-            direction = AXES[int(np.argmin(means))] if directed else ""
+            axis = int(np.argmin(means))
+            agreed = shares is None or shares[axis] >= DIRECTED_SHARE
+            if agreed and means.min() < DIRECTED_RATIO * means.max() and not strong:
+                direction = AXES[axis]
             if not uncertain.startswith(SHARP):
-                blur_cause = "probably motion" if directed else "defocus, water on the lens or diagonal motion"
+                blur_cause = "probably motion" if direction else "defocus, water on the lens or diagonal motion"
     noise = ""
     if np.isfinite(sigma_dn):
         noise = next((name for limit, name in NOISE_GRADES if sigma_dn < limit), HIGHEST_NOISE)

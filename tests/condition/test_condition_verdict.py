@@ -7,7 +7,7 @@ from control_makers import REFERENCE, darker_performance, formula_ap, performanc
 from pipeline.camera.mtf import sample
 from pipeline.camera.psf import create
 from pipeline.condition.summary import half_contrast
-from pipeline.condition.verdict import blurred_fraction, bound_words, grade, noise_ends
+from pipeline.condition.verdict import blurred_fraction, bound_words, directed, grade, noise_ends
 from pipeline.control.expected_precision import equivalent_motion, expected_precision
 from pipeline.control.motion import motion_mtf
 from pipeline.streams import stream
@@ -134,3 +134,18 @@ def test_the_share_of_blurred_patches_counts_those_that_are_surely_blurred():
     assert blurred_fraction(mtf, np.stack([sharp, strong, sharp, none])) == pytest.approx(1 / 3)
     assert blurred_fraction(mtf, None) == pytest.approx(2 / 3)
     assert np.isnan(blurred_fraction(none[None], None))
+
+
+def test_a_direction_is_that_of_the_blurred_patches_not_of_medians_over_sharp_ones():
+    """Seven patches, four of them blurred alike in both axes: medians per axis differ, no patch has a direction."""
+    sharp, blurred = np.full((2, 8), 0.95), np.linspace(0.7, 0.05, 8) * np.ones((2, 1))
+    patches = np.stack([sharp, sharp, sharp, *[blurred] * 4])
+    between = np.stack([blurred[0] + 0.3, blurred[1]])
+    assert directed(patches) == (0.0, 0.0)
+    assert grade(3.0, between).direction == "vertical"
+    grades = grade(3.0, between, shares=directed(patches))
+    assert (grades.direction, grades.blur_cause) == ("", "defocus, water on the lens or diagonal motion")
+    moved = np.stack([np.stack([sharp[0], blurred[1]])] * 3 + [blurred, sharp, np.full((2, 8), np.nan)])
+    assert directed(moved) == (0.0, 0.75)
+    assert grade(3.0, between, shares=directed(moved)).direction == "vertical"
+    assert directed(np.empty((0, 2, 8))) == (0.0, 0.0)
