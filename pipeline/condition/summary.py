@@ -31,8 +31,9 @@ HALF = 0.5
 LEAST_ANSWERING = 0.25
 """Share of a frame's tiles, but for flat, saturated and covered ones, that must answer for its noise. Of 12 frames of
 KITTI, Udacity, *Sim* and that of the paper's authors, means of PolyU and Penn-Fudan with 0 to 10 DN, 43 were answered
-as they are, 1 of them by fewer; turned by 2 degrees 31, 11 of them by fewer, 5 of these wrong (by 20 % and .5 DN). Of 11
-frames of KITTI through a simulated camera without a codec at ISO 1600 all were answered, 9 by fewer, 8 of these wrong."""
+as they are, 1 of them by fewer; turned by 2 degrees 31, 11 of them by fewer, 5 of these wrong (by 20 % and .5 DN). Of
+11 frames of KITTI through a simulated camera without a codec at ISO 1600 all were answered, 9 by fewer, 8 of these
+wrong."""
 
 BOUND_QUANTILE = 0.4
 """Of the tiles' upper ends, which bounds the noise of a coded frame: rough tiles allow too much, and in smooth ones a

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from pipeline.camera import mtf
-from pipeline.condition.summary import at_most_dn, half_contrast, most_noise_dn, summarise, summarise_noise
+from pipeline.condition.summary import (
+    at_most_dn,
+    half_contrast,
+    most_noise_dn,
+    summarise,
+    summarise_noise,
+    with_upper_end,
+)
 from pipeline.noise.base import ALTERNATING, COMPRESSED, STREAKED, UNCERTAIN, NoiseEstimate
 from pipeline.streams import stream
 
@@ -60,8 +67,8 @@ def tiles_of_noise(answered: int, reason: str, without: int) -> NoiseEstimate:
 
 @pytest.mark.parametrize(
     ("answered", "reason", "without", "known"),
-    [(6, COMPRESSED, 6, True), (5, COMPRESSED, 6, False), (1, COMPRESSED, 29, False), (3, UNCERTAIN, 20, True),
-     (2, UNCERTAIN, 20, False), (2, "flat", 20, True),
+    [(6, COMPRESSED, 6, True), (5, COMPRESSED, 6, False), (1, COMPRESSED, 29, False), (7, UNCERTAIN, 21, True),
+     (6, UNCERTAIN, 21, False), (2, "flat", 20, True), (2, "covered", 20, True),
      (2, "saturated", 5, True), (0, COMPRESSED, 4, False), (3, ALTERNATING, 4, False), (4, ALTERNATING, 4, True),
      (3, STREAKED, 4, False)],
 )  # fmt: skip
@@ -74,7 +81,7 @@ def test_a_frame_that_mostly_abstains_because_of_a_codec_has_no_noise_level(answ
 
 
 def test_a_frame_of_which_hardly_any_tile_answers_has_no_noise_level():
-    tiles = tiles_of_noise(1, UNCERTAIN, 8)
+    tiles = tiles_of_noise(1, UNCERTAIN, 4)
     tiles.reason[-1] = COMPRESSED
     assert np.isnan(summarise_noise(tiles).value)
     tiles.reason[-2:] = "flat", "saturated"
@@ -120,3 +127,13 @@ def test_noise_is_at_most_the_upper_end_of_an_answer_and_the_bound_without_one()
     answered, coded = tiles_of_noise(9, COMPRESSED, 2), tiles_of_noise(2, COMPRESSED, 9)
     assert at_most_dn(answered, summarise_noise(answered)) == summarise_noise(answered).high == 6
     assert at_most_dn(coded, summarise_noise(coded)) == most_noise_dn(coded) == 5
+
+
+def test_an_interval_reaches_at_least_as_far_as_coarse_noise_may():
+    answered, coded = tiles_of_noise(9, COMPRESSED, 2), tiles_of_noise(2, COMPRESSED, 9)
+    known, unknown = summarise_noise(answered), summarise_noise(coded)
+    assert [with_upper_end(known, end).high for end in (9.0, 2.0, np.nan)] == [9, 6, 6]
+    assert with_upper_end(known, 9.0).value == known.value and np.isnan(with_upper_end(unknown, 9.0).high)
+    assert [at_most_dn(coded, unknown, end) for end in (9.0, 2.0, np.nan)] == [9, 5, 5]
+    assert at_most_dn(answered, with_upper_end(known, 9.0), 9.0) == 9
+    assert np.isnan(at_most_dn(tiles_of_noise(1, UNCERTAIN, 8), unknown, 9.0))
