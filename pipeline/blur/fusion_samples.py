@@ -1,9 +1,11 @@
 """Labelled samples for the fusion gate: blurred procedural pictures, and what GBB and PMP make of them.
 
-    D = round_or_floor(clip(255 (I * h * g_a) + n)),    label(f) = |H(f)| |G_a(f)|
+    D = round_or_floor(clip(255 (I * h * G_a) + n)),    label(f) = |H(f)| exp(-2 pi^2 a^2 f^2)
 
-with I a procedural view, h a training kernel, g_a the lens, a Gaussian over pixels (`pipeline.camera.psf.gaussian`)
-with its own transform G_a, n the noise as for the networks (`pipeline.learning.samples`).
+as for the networks (`pipeline.learning.samples`): I a procedural view, h a training kernel, G_a the lens, n the noise.
+The patch is blurred by that Gaussian integrated over pixels, whose MTF differs from the label's by .25 points on
+average and 1.1 at most. A gate trained on the MTF of what blurred errs by 3.98 instead of 4.00 points in
+cross-validation, and on the frames of Udacity in Table I by 1.54 instead of 1.52: it is not better, and not released.
 Kernels whose mean MTF is above a limit are passed over, because there the fused estimator does not deconvolve.
 
 GBB and PMP see one patch at a time, although they are run on several later: a gate trained on kernels of several
@@ -60,11 +62,10 @@ def blurred(recipe: FusionRecipe, index: int) -> Blurred:
     generator = stream(recipe.seed, PURPOSE, index)
     kernel = _kernel(recipe, index)
     spread = float(generator.uniform(*recipe.intrinsic_px))
-    lens = gaussian(spread)
-    label = np.asarray(mtf.sample(kernel)) * np.asarray(mtf.sample(lens))
+    label = np.asarray(mtf.sample(kernel)) * mtf.gaussian(spread, mtf.FREQUENCIES)
     picture = images.picture(index, recipe.seed, f"{PURPOSE} image")
     view = images.view(picture, generator, PATCH_PX, recipe.anisotropy)
-    seen = torch.from_numpy(blur(blur(view, kernel), lens).clip(0, 1))[None]
+    seen = torch.from_numpy(blur(blur(view, kernel), gaussian(spread)).clip(0, 1))[None]
     sigma_dn, dn = 0.0, seen * 255
     if generator.random() >= recipe.clean_fraction:
         even = generator.uniform(0, recipe.largest_sigma_dn)

@@ -37,10 +37,11 @@ def command(
     """Advise exposure time and gain for PATHS: pictures, videos, or folders of them.
 
     Prints one JSON object per frame: estimated noise and motion blur, the average precision expected at the present
-    settings with its 95 % interval, the best settings inside the limits, and the reason. Where a codec hides the noise
-    but there is a bound, the advised settings are better with any noise up to it. Where the estimators abstain or
-    nothing was measured, the action states it. Pictures taken with settings outside the limits get settings inside
-    them. A file that cannot be used is named on standard error and left out.
+    settings with its 95 % interval, the best settings inside the limits (from 50 us and ISO 100 to --exposure-max and
+    --iso-max), and the reason. Where a codec hides the noise but there is a bound, the advised settings are better with
+    any noise up to it. Where the estimators abstain or nothing was measured, the action states it. Pictures taken with
+    settings outside the limits get settings inside them. A file that cannot be used is named on standard error and left
+    out.
 
     Exit codes: 0 done; 2 if a file could not be used; 130 interrupted.
     """
@@ -61,7 +62,11 @@ def command(
     one_thread()
     if exposure is not None:
         seconds(exposure, "--exposure")
-    limits = Limits(exposure_max_s=seconds(exposure_max, "--exposure-max"), gain_max=iso_max / BASE_ISO)
+    exposure_max_s = seconds(exposure_max, "--exposure-max")
+    if exposure_max_s < Limits.exposure_min_s:
+        shortest = f"{1e6 * Limits.exposure_min_s:g} us"
+        raise InputError(f"--exposure-max {exposure_max}: expected at least {shortest}, the shortest time advised")
+    limits = Limits(exposure_max_s=exposure_max_s, gain_max=iso_max / BASE_ISO)
     camera = ControlledCamera(limits, Camera(sensors.named(sensor)))
     files = expand(paths)
     performance, without = find_surface(surface)

@@ -120,6 +120,9 @@ def edge_mtf(
 ) -> NDArray[np.float64]:
     """(2, 8) MTF from slanted edges, the mean of those of each axis.
 
+    That of a camera that sharpens may exceed 1, where it is stored as 1: estimators report 1 at most, so that division
+    by more would find blur in the camera's own sharp frames.
+
     Args:
         frames: names and pictures (H, W) in [0, 1].
         areas: (x, y, width, height) px of the edges in every picture; none for the whole picture.
@@ -146,7 +149,8 @@ def edge_mtf(
     for direction, tilt in zip(DIRECTIONS, ("vertical", "horizontal"), strict=True):
         if not curves[direction]:
             raise InputError(f"no nearly {tilt} edge, which gives the {direction} MTF; add one by a picture or --area")
-    return np.maximum(np.stack([np.mean(curves[direction], axis=0) for direction in DIRECTIONS]), LEAST_MTF)
+    mtf = np.stack([np.mean(curves[direction], axis=0) for direction in DIRECTIONS])
+    return np.clip(mtf, LEAST_MTF, 1.0)  # estimates of sharpened frames end at 1 too
 
 
 def star_mtf(frames: list[tuple[str, NDArray[np.float32]]], rays: int) -> NDArray[np.float64]:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 LARGEST_KERNEL_PX = 255
+HALF_LEVEL = 0.5 / 255
+"""Weight of a kernel's other pixels below which no 8-bit value changes."""
 
 
 @click.command("corrupt")
@@ -97,18 +99,22 @@ def command(
     from pipeline import store
     from pipeline.camera import mtf
     from pipeline.camera.corruption import CAMERAS, conditioned, corrupt
-    from pipeline.cli.outputs import OutputFolder
+    from pipeline.cli.outputs import OutputFolder, stems_kept
     from pipeline.cli.pictures import expand, readable, result_stem
     from pipeline.cli.set_aside import SetAside
-    from pipeline.errors import InputError, did_you_mean
+    from pipeline.errors import InputError, did_you_mean, printable
     from pipeline.streams import stream
 
     _, effects = conditioned(noise_source)
     if camera not in CAMERAS:
         raise InputError(f"--camera {camera}: unknown; {did_you_mean(camera, CAMERAS)}")
     psf = _kernel(blur, size_px, mtf50, angle_deg, seed)
+    idle = psf is not None and float(psf.max()) > 1 - HALF_LEVEL
+    if idle and size_px is not None:
+        click.echo(f"warning: --blur {blur} --size-px {size_px:g} blurs nothing: it changes no 8-bit value", err=True)
     files = expand(paths)
     set_aside = SetAside()
+    kept = stems_kept(files, ".png")
     with OutputFolder(out, "--out", files) as folder:
         click.echo(f"{'asked DN':>9} {'reached':>8} {'clipped to':>10} {'clipped %':>9}  picture -> file")
         for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
@@ -134,13 +140,13 @@ def command(
             }
             if psf is not None:
                 truth |= {"kernel": psf, "mtf": shown.mtf, "mtf50": mtf.mtf50(psf), "frequencies": mtf.FREQUENCIES}
-            picture, sidecar = folder.claim_all(stem, (".png", ".json"))
+            picture, sidecar = folder.claim_all(stem, (".png", ".json"), () if Path(name).suffix == ".png" else kept)
             with held():
                 store.write_image(picture, np.asarray(shown.image))
                 store.write_json(sidecar, truth)
             click.echo(
                 f"{sigma_dn:9.2f} {shown.unclipped_sigma_dn:8.2f} {shown.clipped_sigma_dn:10.2f}"
-                f" {100 * shown.clipped_fraction:9.2f}  {name} -> {picture.name}"
+                f" {100 * shown.clipped_fraction:9.2f}  {printable(name)} -> {printable(picture.name)}"
             )
     if psf is not None and effects.photon and sigma_dn:
         click.echo(
@@ -149,8 +155,9 @@ def command(
         )
     if folder.any_claimed:
         click.echo(f"written to {out}")
-        if blur is None and context.get_parameter_source("sigma_dn") is ParameterSource.DEFAULT:
-            click.echo("warning: these are copies; give --sigma-dn, --blur or --pipeline to corrupt them", err=True)
+        if (psf is None or idle) and context.get_parameter_source("sigma_dn") is ParameterSource.DEFAULT:
+            more = "a larger --size-px" if idle else "--blur"
+            click.echo(f"warning: these are copies; give --sigma-dn, {more} or --pipeline to corrupt them", err=True)
     set_aside.refuse()
 
 

@@ -37,20 +37,22 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
     from pipeline import store
     from pipeline.camera.processing import presets
     from pipeline.camera.processing.delivered import deliver
-    from pipeline.cli.outputs import OutputFolder
+    from pipeline.camera.processing.temporal_noise import LEAST_SIDE_PX
+    from pipeline.cli.outputs import OutputFolder, stems_kept
     from pipeline.cli.pictures import expand, result_stem
     from pipeline.cli.set_aside import SetAside
-    from pipeline.errors import InputError
+    from pipeline.errors import InputError, printable
     from pipeline.streams import stream
 
     if 0 < iso < LEAST_ISO:
         raise InputError(f"--iso {iso:g}: expected 0 for no noise, or at least {LEAST_ISO}")
     camera = presets.named(preset).at_iso(iso)
     files = expand(paths)
-    set_aside = SetAside()
+    set_aside, cropped = SetAside(), 0
+    kept = stems_kept(files, ".png")
     with OutputFolder(out, "--out", files) as folder:
         click.echo(HEADER)
-        for name, image, problem in tqdm(_coloured(files, every), delay=2, leave=False, unit=" frames"):
+        for name, image, problem in tqdm(_coloured(files, every, LEAST_SIDE_PX), delay=2, leave=False, unit=" frames"):
             stem = result_stem(name)
             stem = Path(name).stem if stem == Path(name).name else stem
             try:
@@ -61,7 +63,7 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
                 set_aside.add(name, error)
                 continue
             noise = shown.noise
-            picture, sidecar = folder.claim_all(stem, (".png", ".json"))
+            picture, sidecar = folder.claim_all(stem, (".png", ".json"), () if Path(name).suffix == ".png" else kept)
             truth = {
                 "sigma_dn": noise.sigma_dn,
                 "white_sigma_dn": noise.white_sigma_dn,
@@ -72,19 +74,30 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
                 "shots": shots,
                 "seed": seed,
                 "source": name,
+                "size_in_px": image.shape[1::-1],
+                "size_out_px": shown.picture.shape[1::-1],
             }
+            if image.shape[0] % 2 or image.shape[1] % 2:
+                cropped += 1
+                if cropped == 1:
+                    click.echo(
+                        f"note: {printable(name)} has {image.shape[1]}x{image.shape[0]} px; the colour mosaic has even "
+                        "sides, so the last row or column of odd ones is cut off, in every such picture",
+                        err=True,
+                    )
             with held():
                 store.write_image(picture, shown.picture)
                 store.write_json(sidecar, truth)
             click.echo(
-                f"{noise.sigma_dn:8.2f} {noise.white_sigma_dn:7.2f} {noise.correlation:11.2f}  {name} -> {picture.name}"
+                f"{noise.sigma_dn:8.2f} {noise.white_sigma_dn:7.2f} {noise.correlation:11.2f}"
+                f"  {printable(name)} -> {printable(picture.name)}"
             )
     if folder.any_claimed:
         click.echo(f"written to {out}")
     set_aside.refuse()
 
 
-def _coloured(files: Sequence[Path], every: int) -> Iterator[tuple[str, np.ndarray | None, str]]:
+def _coloured(files: Sequence[Path], every: int, least_px: int) -> Iterator[tuple[str, np.ndarray | None, str]]:
     """Name, picture in [0, 1] with its colours (frames of videos are grey) or None, and the reason for None."""
     from pipeline.cli.pictures import VIDEOS, readable, refuse
     from pipeline.datasets.pictures import read_picture
@@ -92,11 +105,11 @@ def _coloured(files: Sequence[Path], every: int) -> Iterator[tuple[str, np.ndarr
 
     for file in files:
         if file.suffix.lower() in VIDEOS:
-            yield from readable([file], every)
+            yield from readable([file], every, least_px=least_px)
             continue
         try:
             refuse(file)
-            image = read_picture(file).unit()
+            image = read_picture(file, smallest_px=least_px).unit()
         except InputError as error:
             yield str(file), None, str(error)
             continue

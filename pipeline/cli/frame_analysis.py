@@ -167,8 +167,9 @@ class FrameAnalysis:
         Args:
             name: of the frame.
             image: (H, W) float in [0, 1].
-            stream: video that it is a frame of, for the flag ``frozen``; empty for a picture.
-            sequence: series of frames whose trend it belongs to; empty for none.
+            stream: video or source that it is a frame of; empty for a picture, whose file has settings of its own.
+            sequence: series of frames whose trend it belongs to; empty for none. Where there is no stream, its frames
+                are compared for the flag ``frozen`` too.
             estimated: its estimates, where they are there already (`estimate`).
 
         Returns:
@@ -181,7 +182,7 @@ class FrameAnalysis:
 
         estimated = estimated or self.estimate(image)
         condition = estimated.condition
-        row = condition_row(name, condition, self._inspector.inspect(image, stream, estimated.measures))
+        row = condition_row(name, condition, self._inspector.inspect(image, stream or sequence, estimated.measures))
         self._words(row, condition)
         self._precision(row, image, condition, Path(stream or name))
         row["trend"] = ", ".join(self._trend(row, condition, sequence)) if sequence else ""
@@ -192,10 +193,10 @@ class FrameAnalysis:
         return row, condition
 
     def _words(self, row: dict[str, Any], condition: Condition) -> None:
-        from pipeline.condition.verdict import grade
+        from pipeline.condition.verdict import directed, grade
 
-        mtf = condition.mtf
-        grades = grade(row["sigma_dn"], mtf.value, row["median_dn"], (mtf.low, mtf.high))
+        mtf, shares = condition.mtf, directed(condition.blur.estimate.mtf)
+        grades = grade(row["sigma_dn"], mtf.value, row["median_dn"], (mtf.low, mtf.high), shares)
         row |= {
             "blur": grades.blur, "blur_direction": grades.direction, "blur_range": grades.blur_range,
             "noise": grades.noise, "causes": "; ".join(grades.causes()),

@@ -12,7 +12,7 @@ import click
 from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.held_signals import held
-from pipeline.cli.numbers import FiniteRange
+from pipeline.cli.numbers import FiniteRange, Mtf50Limit
 from pipeline.errors import printable
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
     "--alarm-sigma-dn", type=FiniteRange(0, 255), help="alarm (exit code 3) when noise exceeds this, grey levels"
 )
 @click.option(
-    "--alarm-mtf50", type=FiniteRange(0, 1),
+    "--alarm-mtf50", type=Mtf50Limit(),
     help="alarm (exit code 3) when contrast falls to half below this fraction of Nyquist, on either axis",
 )  # fmt: skip
 @click.option(
@@ -171,6 +171,7 @@ def command(
         ),
         "camera": camera_name,
         "thresholds": {"sigma_dn": alarm_sigma_dn, "mtf50": alarm_mtf50, "flags": alarm_flags},
+        "weights_released": {}, "weights_sha256": {},  # until the monitor is created, which may fail
     }  # fmt: skip
     set_aside = SetAside()
     run = HealthRun(about, set_aside=set_aside.reasons, without_precision=without_precision)
@@ -208,7 +209,8 @@ def command(
                 set_aside.add(name, error)
                 continue
             if sharp_sizes and image.shape not in sharp_sizes:
-                click.echo(f"warning: {camera_store.of_other_size(name, image.shape, sharp_sizes)}", err=True)
+                reason = camera_store.of_other_size(printable(name), image.shape, sharp_sizes)
+                click.echo(f"warning: {reason}", err=True)
                 sharp_sizes = set()  # once is enough
             with held():  # all files and the verdict state the same frames
                 if results is not None:
@@ -224,13 +226,16 @@ def command(
             click.echo(f"warning: {sentence}", err=True)
     alarmed = sum(bool(row["alarms"]) for row in run.rows)
     if alarmed:
-        click.echo(f"alarm: {alarmed} frames violate a threshold or follow a trend alarm", err=True)
+        frames_violate, follow = ("frame violates", "follows") if alarmed == 1 else ("frames violate", "follow")
+        click.echo(f"alarm: {alarmed} {frames_violate} a threshold or {follow} a trend alarm", err=True)
         raise SystemExit(ALARM)
     set_aside.refuse()
 
 
 def sequence_names(files: Sequence[Path]) -> dict[str, str]:
     """Name of each picture -> the folder whose frames it is one of; pictures that are alone in theirs are left out.
+
+    Such a series has a trend, and its frames may repeat one another (the flag ``frozen``).
 
     Args:
         files: pictures and videos.
@@ -254,9 +259,8 @@ def _without_trend(analysis: FrameAnalysis, reference_frames: int) -> str:
         of = "" if len(counts) == len(QUANTITIES) else f" of {', '.join(counts)}"
         frames = sorted({min(counts.values()), max(counts.values())})
         known = " to ".join(str(count) for count in frames)
-        sentences.append(
-            f"No trend{of}: {known} frames of a series have an estimate, the reference alone takes {reference_frames}."
-        )
+        have = "frame of a series has" if frames == [1] else "frames of a series have"
+        sentences.append(f"No trend{of}: {known} {have} an estimate, the reference alone takes {reference_frames}.")
     return " ".join(sentences)
 
 

@@ -6,7 +6,9 @@ import base64
 import heapq
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import isinf, isnan
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ WORST_FRAMES = 6
 JPEG_QUALITY = 80
 MOST_ROWS = 500
 LEAST_SIGMA_DN, LEAST_MTF50 = 5.0, 0.62  # that the vertical axes reach
+MOST_SOURCES = 50  # whose beginnings are marked; of more, the marks would hide the lines
 
 
 @dataclass(frozen=True)
@@ -120,7 +123,7 @@ def page(content: dict[str, Any], frames: PageFrames) -> str:
     rows = content["pictures"]
     table = [
         {
-            "name": row["picture"], "words": row_words(row), "sigma": number(row["sigma_dn"], 2),
+            "name": row["picture"], "words": row_words(row, flags=False), "sigma": number(row["sigma_dn"], 2),
             "horizontal": number(row["mtf50_horizontal"], 2), "vertical": number(row["mtf50_vertical"], 2),
             "flags": row["flags"].replace("_", "-"), "alarms": row["alarms"],
         }
@@ -128,7 +131,7 @@ def page(content: dict[str, Any], frames: PageFrames) -> str:
     ]  # fmt: skip
     return environment().get_template("health.html.j2").render(
         content=content, verdict=content["verdict"], table=table, rows=len(rows), plots=_plots(content),
-        thumbnails=frames.thumbnails, worst=frames.worst, words=row_words,
+        sources=1 + len(_source_starts(rows)), thumbnails=frames.thumbnails, worst=frames.worst, words=row_words,
     )  # fmt: skip
 
 
@@ -143,6 +146,7 @@ def _plots(content: dict[str, Any]) -> list[Any]:
     thresholds = content["thresholds"]
     index = {row["picture"]: item for item, row in enumerate(rows)}
     marks = [index[alarm["picture"]] for alarm in content["trend_alarms"] if alarm["picture"] in index]
+    starts = _source_starts(rows)
     top = float(FREQUENCIES[-1])
     halves = [
         Line(axis, [top if isinf(row[f"mtf50_{axis}"]) else row[f"mtf50_{axis}"] for row in rows], style)
@@ -156,10 +160,19 @@ def _plots(content: dict[str, Any]) -> list[Any]:
         ("Expected AP [%]", [precision], {"least_high": 100.0}),
     ]
     return [
-        plot(title, lines, marks=marks, **options)
+        plot(title, lines, marks=marks, starts=starts, **options)
         for title, lines, options in shown
         if any(not isnan(value) for line in lines for value in line.values)
     ]
+
+
+def _source_starts(rows: Sequence[dict[str, Any]]) -> list[int]:
+    """Frames at which the next video or folder begins; none where there are more than `MOST_SOURCES`."""
+    from pipeline.cli.pictures import stream_of
+
+    sources = [stream_of(row["picture"]) or str(Path(row["picture"]).parent) for row in rows]
+    starts = [index for index, (last, source) in enumerate(pairwise(sources), 1) if source != last]
+    return starts if len(starts) < MOST_SOURCES else []
 
 
 def _thumbnail(row: dict[str, Any], picture: NDArray[np.uint8], longest_px: int) -> Thumbnail:

@@ -6,6 +6,7 @@ from math import isinf, isnan
 from typing import TYPE_CHECKING, Any
 
 from pipeline.cli.flag_words import IMPULSES, flag_names, flag_words, line_noise_dn
+from pipeline.errors import printable
 
 if TYPE_CHECKING:
     from pipeline.condition import Condition
@@ -134,7 +135,7 @@ def line(row: dict[str, Any]) -> str:
     note += f"  undecided: {row['undecided']}" if row["undecided"] else ""
     return (
         f"{number(row['sigma_dn'], 2):>9} {interval:>15} {halves} {answered:>11} {row['milliseconds']:>6.0f}"
-        f"  {row['picture']}{note}"
+        f"  {printable(row['picture'])}{note}"
     )
 
 

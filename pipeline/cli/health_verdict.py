@@ -9,6 +9,8 @@ from statistics import median
 from types import MappingProxyType
 from typing import Any
 
+from pipeline.errors import printable
+
 LEAST_GAIN_PERCENT = 2.0
 """Points of average precision that other settings must promise to be advised."""
 
@@ -57,7 +59,7 @@ def run_verdict(
     sigma, high, at_most = median_noise(rows)
     mtf = median_mtf(rows)
     ends = median_mtf(rows, "mtf_low"), median_mtf(rows, "mtf_high")
-    grades = grade(sigma, mtf, known_median(row["median_dn"] for row in rows), ends)
+    grades = grade(sigma, mtf, known_median(row["median_dn"] for row in rows), ends, directed_shares(rows))
     blur, noise = grades.words()
     blur += f" (relative to {relative_to})" if relative_to and grades.blur else ""
     beside = left_out_words(rows[0]) if len(rows) == 1 else []
@@ -108,10 +110,31 @@ def median_noise(rows: Sequence[dict[str, Any]]) -> tuple[float, float, float]:
         rows: of frames.
 
     Returns:
-        NaN where no frame has one; of noise and intervals also where `noise_mostly_unknown`.
+        NaN where no frame has one; of noise and intervals also where `noise_mostly_unknown`, of bounds where
+        `bounded_median` has none.
     """
-    sigma, high, at_most = (known_median(row[name] for row in rows) for name in NOISE)
+    sigma, high = (known_median(row[name] for row in rows) for name in NOISE[:2])
+    at_most = bounded_median(rows, NOISE[2], float("inf"))
     return (float("nan"), float("nan"), at_most) if noise_mostly_unknown(rows) else (sigma, high, at_most)
+
+
+def bounded_median(rows: Sequence[dict[str, Any]], column: str, worst: float) -> float:
+    """Median of a bound that frames have; those without one count as the worst that it could be.
+
+    Args:
+        rows: of frames.
+        column: of the bound.
+        worst: infinite, with the sign of what the bound excludes.
+
+    Returns:
+        NaN unless more than half of the frames, and of those without an estimate of noise, have a bound: the few that
+        have one are no sample of the others.
+    """
+    without = [row for row in rows if not isfinite(row["sigma_dn"])]
+    for part in (rows, without):
+        if part and 2 * sum(isfinite(row[column]) for row in part) <= len(part):
+            return float("nan")
+    return float(median([row[column] if isfinite(row[column]) else worst for row in rows]))
 
 
 def median_precision(rows: Sequence[dict[str, Any]]) -> float:
@@ -139,14 +162,19 @@ def badness(row: dict[str, Any]) -> tuple[float, ...]:
     return float(bool(row["alarms"])), float(bool(row["flags"])), float(max(grades)), rest
 
 
-def row_words(row: dict[str, Any]) -> str:
-    """The condition of one frame in words."""
-    from pipeline.cli.flag_words import left_out_words
+def row_words(row: dict[str, Any], *, flags: bool = True) -> str:
+    """The condition of one frame in words.
+
+    Args:
+        row: of the frame.
+        flags: whether all of its flags are named, not only those of noise that the estimate leaves out.
+    """
+    from pipeline.cli.flag_words import flag_words, left_out_words
     from pipeline.condition.verdict import blur_words
 
     blur = blur_words(row["blur"], row["blur_direction"], row["blur_range"])
     noise = f"noise {row['noise'] or 'unknown'}{_level(*(row[name] for name in NOISE))}"
-    return "; ".join([blur, noise, *left_out_words(row)])
+    return "; ".join([blur, noise, *(flag_words(row) if flags else left_out_words(row))])
 
 
 def _level(sigma_dn: float, high_dn: float, at_most_dn: float) -> str:
@@ -164,6 +192,13 @@ def _level(sigma_dn: float, high_dn: float, at_most_dn: float) -> str:
     return f" ({sigma_dn:.1f} DN" + (f"; texture may hide up to {high_dn:.0f} DN)" if hidden else ")")
 
 
+def directed_shares(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
+    """Shares of the blurred frames that are blurred mainly horizontally, and mainly vertically; 0 without any."""
+    directions = [row["blur_direction"] for row in rows if row.get("blur") not in (None, "", "sharp")]
+    horizontal, vertical = (directions.count(axis) / max(len(directions), 1) for axis in ("horizontal", "vertical"))
+    return horizontal, vertical
+
+
 def known_median(values: Any) -> float:
     """Median of the values that are known; NaN where none is."""
     known = [float(value) for value in values if isfinite(value)]
@@ -172,10 +207,10 @@ def known_median(values: Any) -> float:
 
 def _precision(rows: Sequence[dict[str, Any]]) -> list[str]:
     known = [] if noise_mostly_unknown(rows) else [row for row in rows if isfinite(row["ap_percent"])]
-    bounded = [row for row in rows if isfinite(row["ap_low_percent"])]
-    if bounded and not known:
-        low, best = (known_median(row[name] for row in bounded) for name in ("ap_low_percent", "sharp_ap_percent"))
-        return [f"Expected AP at least {low:.0f} % of {best:.0f} %"]
+    least = bounded_median(rows, "ap_low_percent", float("-inf"))
+    if isfinite(least) and not known:
+        best = known_median(row["sharp_ap_percent"] for row in rows if isfinite(row["ap_low_percent"]))
+        return [f"Expected AP at least {least:.0f} % of {best:.0f} %"]
     if not known:
         return [f"Expected AP unknown: {_without_precision(rows)}"] if "sharp_ap_percent" in rows[0] else []
     names = ("ap_percent", "ap_low_percent", "ap_high_percent", "sharp_ap_percent")
@@ -186,9 +221,23 @@ def _precision(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def _without_precision(rows: Sequence[dict[str, Any]]) -> str:
     """Why no frame has an expected AP, though precision was measured."""
-    if any(row["blur"] and row["noise"] for row in rows):
-        return "none was measured at such blur and noise"
-    return " and ".join(name for name in ("blur", "noise") if not all(row[name] for row in rows)) + " unknown"
+    reasons = Counter(reason for row in rows if row["blur"] and row["noise"] for reason in _outside_surface(row))
+    if not reasons or noise_mostly_unknown(rows):
+        return " and ".join(name for name in ("blur", "noise") if not all(row[name] for row in rows)) + " unknown"
+    if len(reasons) == 1:
+        return f"none was measured {next(iter(reasons))}"
+    words = (f"{reason} ({count} of {len(rows)} frames)" for reason, count in reasons.most_common())
+    return f"none was measured {' or '.join(words)}"
+
+
+def _outside_surface(row: dict[str, Any]) -> list[str]:
+    """Why the surface of average precision has no answer for a frame without an expected AP, in words."""
+    from pipeline.cli.flag_words import left_out_words
+
+    # AP of sharp frames without noise is unknown only for lack of brightness: brighter frames count as the brightest
+    reasons = [] if isfinite(row["sharp_ap_percent"]) else ["at such low brightness"]
+    reasons += ["with noise of rows, columns or single pixels"] if left_out_words(row) else []
+    return reasons or ["at such blur and noise"]
 
 
 def _causes(causes: Sequence[str]) -> list[str]:
@@ -218,7 +267,8 @@ def _advice(rows: Sequence[dict[str, Any]]) -> list[str]:
     if row["blur"] not in ("", "sharp") and not row["blur_direction"]:
         beside.append("if the blur is of motion")
     if len(rows) > 1:
-        beside.append(f"as for {row['picture']}; other settings advised in {len(advised)} of {len(rows)} frames")
+        name = printable(row["picture"])
+        beside.append(f"as for {name}; other settings advised in {len(advised)} of {len(rows)} frames")
     return [text + (f" ({', '.join(beside)})" if beside else "")]
 
 
@@ -232,7 +282,7 @@ def _without_advice(row: dict[str, Any]) -> str:
     if action == "abstained":
         return "No advice: blur or noise is unknown"
     if action == "refused":
-        return "No advice: no average precision was measured at such blur and noise"
+        return f"No advice: no average precision was measured {' or '.join(_outside_surface(row))}"
     return f"No advice: {action.removeprefix('none: ')}"
 
 
@@ -244,10 +294,10 @@ def _worst(rows: Sequence[dict[str, Any]]) -> list[str]:
     measured = [row for row in rows if row["blur"] or row["noise"]]
     if measured:
         row = max(measured, key=badness)
-        sentences.append(f"Worst frame: {row['picture']}, {row_words(row)}.")
+        sentences.append(f"Worst frame: {printable(row['picture'])}, {row_words(row)}.")
     without = [row for row in rows if not (row["blur"] or row["noise"])]
     if without:
-        first = f"the first {without[0]['picture']}" if len(without) > 1 else without[0]["picture"]
+        first = ("the first " if len(without) > 1 else "") + printable(without[0]["picture"])
         sentences.append(f"Neither blur nor noise could be measured in {len(without)} of {len(rows)} frames: {first}.")
     return sentences
 
@@ -260,7 +310,7 @@ def _partly_blurred(rows: Sequence[dict[str, Any]]) -> list[str]:
     row = max(partly, key=lambda row: row["blurred_fraction"])
     share = f"{100 * row['blurred_fraction']:.0f} % of the patches"
     if len(rows) > 1:
-        return [f"Partly blurred: {len(partly)} of {len(rows)} frames, {row['picture']} on {share}."]
+        return [f"Partly blurred: {len(partly)} of {len(rows)} frames, {printable(row['picture'])} on {share}."]
     return [f"Partly blurred: {share} are at least moderately blurred; grade and expected AP are of the median patch."]
 
 

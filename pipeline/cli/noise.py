@@ -61,7 +61,7 @@ def command(
     from pipeline.condition.frame_tiles import frame_tiles
     from pipeline.condition.summary import at_most_dn, summarise_noise
     from pipeline.datasets.patches import cut
-    from pipeline.errors import InputError
+    from pipeline.errors import InputError, printable
     from pipeline.store import write_image
 
     method = noise.create(estimator)
@@ -93,7 +93,8 @@ def command(
                 number(float(value), 2)
                 for value in (whole.value, at_most_dn(estimate, whole), whole.least, whole.greatest)
             )
-            click.echo(f"{level:>9} {bound:>7} {least:>7} {most:>7} {len(squares):6d} {whole.abstained:9d}  {name}")
+            numbers = f"{level:>9} {bound:>7} {least:>7} {most:>7} {len(squares):6d} {whole.abstained:9d}"
+            click.echo(f"{numbers}  {printable(name)}")
             bounds = np.full(len(squares), np.nan) if estimate.at_most_dn is None else estimate.at_most_dn
             with held():  # all rows and the map of a frame, or none
                 for square, sigma, most_dn, reason in zip(

@@ -9,9 +9,10 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
+import json
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from types import TracebackType
@@ -89,16 +90,25 @@ class OutputFolder:
                 "name another folder"
             )
         try:
-            self._list.write(f"{name}\n")
+            self._list.write(f"{json.dumps(name)}\n")  # a name may hold line breaks
             self._list.flush()
         except OSError as error:
             raise OutputError(f"{self.option} {self.path}: cannot write there ({error.strerror})") from None
         return target
 
-    def claim_all(self, stem: str, suffixes: Sequence[str]) -> list[Path]:
-        """Files of one stem and several suffixes, none of which another result of this run has."""
+    def claim_all(self, stem: str, suffixes: Sequence[str], reserved: Collection[str] = ()) -> list[Path]:
+        """Files of one stem and several suffixes, none of which another result of this run has.
+
+        Args:
+            stem: wanted name; ``-2``, ``-3`` ... is added where it is taken.
+            suffixes: e.g. ``".png"``.
+            reserved: stems, case folded, that are left to others (`stems_kept`).
+
+        Raises:
+            OutputError: a file of such a name is there that no earlier run wrote.
+        """
         number, wanted = 1, stem
-        while any(f"{wanted}{suffix}".casefold() in self._taken for suffix in suffixes):
+        while wanted.casefold() in reserved or self._taken & {f"{wanted}{suffix}".casefold() for suffix in suffixes}:
             number += 1
             wanted = f"{stem}-{number}"
         return [self.claim(wanted, suffix) for suffix in suffixes]
@@ -115,7 +125,7 @@ class OutputFolder:
 
     def _remove_earlier(self, inputs: Sequence[Path]) -> None:
         self._list.seek(0)
-        names = [line.rstrip("\n") for line in self._list]
+        names = [_listed_name(line.rstrip("\n")) for line in self._list]
         earlier = [self.path / name for name in names if name and Path(name).name == name]
         read = {file.resolve() for file in inputs}
         for file in earlier:
@@ -128,6 +138,24 @@ class OutputFolder:
             if file.is_file() or file.is_symlink():
                 file.unlink()
         self._list.truncate(0)
+
+
+def stems_kept(files: Sequence[Path], suffix: str) -> frozenset[str]:
+    """Stems, case folded, of the inputs whose results have their own names, since they have the results' suffix.
+
+    Args:
+        files: inputs.
+        suffix: of the results, e.g. ``".png"``.
+    """
+    return frozenset(file.stem.casefold() for file in files if file.suffix == suffix)
+
+
+def _listed_name(line: str) -> str:
+    """A name in the list of files: as JSON text, or as it is where an earlier version wrote it."""
+    with contextlib.suppress(ValueError):
+        if line.startswith('"') and isinstance(name := json.loads(line), str):
+            return name
+    return line
 
 
 def refuse_input(path: Path, option: str, inputs: Sequence[Path]) -> None:

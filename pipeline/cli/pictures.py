@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import stat
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 
-PICTURES = SUFFIXES | {".avif", ".gif", ".jp2", ".j2k", ".jpe", ".jfif", ".pbm", ".pnm"}
+PICTURES = SUFFIXES | {".avif", ".gif", ".jp2", ".j2k", ".jpe", ".jfif", ".pbm", ".pnm", ".tga"}
 """What is taken of a folder: formats of datasets, and others that Pillow reads as well."""
 
 UNREAD = frozenset(
@@ -61,7 +62,8 @@ def is_unread(path: Path) -> bool:
 def expand(paths: Sequence[Path]) -> list[Path]:
     """Files named, and the pictures and videos directly inside folders named, each folder's in `natural_order`.
 
-    A line on standard error counts what a folder has of formats that are not read (`UNREAD`).
+    A line on standard error counts what a folder has of formats that are not read (`UNREAD`); others name what has the
+    name of a picture or video and is a folder, pipe or device, of which a pipe would be waited for without end.
 
     Raises:
         InputError: a path does not exist, or nothing is left.
@@ -71,10 +73,12 @@ def expand(paths: Sequence[Path]) -> list[Path]:
         if path.is_dir():
             formats = PICTURES | VIDEOS | UNREAD
             inside = [file for file in path.iterdir() if file.name[0] != "." and file.suffix.lower() in formats]
-            inside = [file for file in inside if file.suffix.lower() not in UNREAD or file.is_file()]
+            irregular = {file for file in inside if _is_irregular(file)}
+            inside = [file for file in inside if file not in irregular]
             unread = {file for file in inside if is_unread(file)}
             results += sorted(set(inside) - unread, key=lambda file: natural_order(file.name))
             _warn_of_unread(path, Counter(file.suffix.lower() for file in unread))
+            _warn_of_irregular(sorted(file for file in irregular if file.suffix.lower() not in UNREAD))
         elif path.is_file():
             results.append(path)
         elif path.exists():
@@ -92,9 +96,25 @@ def _warn_of_unread(folder: Path, unread: Counter[str]) -> None:
     if unread:
         counts = ", ".join(f"{count} {suffix}" for suffix, count in sorted(unread.items()))
         click.echo(
-            f"warning: {folder}: left out {counts}; these formats are not read, convert them, for example to PNG",
+            f"warning: {printable(folder)}: left out {counts}; these formats are not read, convert them, for example "
+            "to PNG",
             err=True,
         )
+
+
+def _is_irregular(file: Path) -> bool:
+    """Whether a path leads to a folder, pipe or device; not where it leads nowhere, whose reason its reader states."""
+    try:
+        return not stat.S_ISREG(file.stat().st_mode)
+    except OSError:
+        return False
+
+
+def _warn_of_irregular(files: Sequence[Path]) -> None:
+    import click
+
+    for file in files:
+        click.echo(f"warning: {printable(file)}: left out, it is a folder, pipe or device and no file", err=True)
 
 
 def read(
@@ -186,8 +206,8 @@ def _hint_turned(path: Path, orientation: int, hinted: Counter[int]) -> None:
     hinted[TURNED] += 1
     if hinted[TURNED] == 1:
         click.echo(
-            f"warning: {path}: stored turned or mirrored (EXIF orientation {orientation}); horizontal, vertical and "
-            "positions are those of the stored pixels, in every such picture",
+            f"warning: {printable(path)}: stored turned or mirrored (EXIF orientation {orientation}); horizontal, "
+            "vertical and positions are those of the stored pixels, in every such picture",
             err=True,
         )
 
@@ -200,8 +220,9 @@ def _hint(path: Path, bits: int, hinted: Counter[int]) -> None:
         return
     factor = 1 << 16 - bits
     click.echo(
-        f"hint: {path}: all values are below {1 << bits}, it looks like {bits}-bit values in a 16-bit file; read as 16 "
-        f"bit. This is a guess: unless the picture is that dark, multiply its values by {factor} and store it again",
+        f"hint: {printable(path)}: all values are below {1 << bits}, it looks like {bits}-bit values in a 16-bit file; "
+        "read as 16 bit. This is a guess: unless the picture is that dark, multiply its values by "
+        f"{factor} and store it again",
         err=True,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, printable
 
 
 class SetAside:
@@ -30,7 +30,7 @@ class SetAside:
 
         self.names.append(name)
         self.reasons.append(named(name, error))
-        click.echo(f"set aside: {self.reasons[-1]}", err=True)
+        click.echo(f"set aside: {printable(self.reasons[-1])}", err=True)
 
     def refuse(self) -> None:
         """The end of a command.
@@ -38,8 +38,6 @@ class SetAside:
         Raises:
             InputError: something could not be used.
         """
-        from pipeline.errors import printable
-
         if self.names:
             first = printable(self.names[0])
             which = first if len(self.names) == 1 else f"{len(self.names)} files or frames, the first {first},"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import isfinite
 
 WIDTH, HEIGHT = 1000.0, 100.0
@@ -49,6 +50,7 @@ def plot(
     *,
     threshold: float | None = None,
     marks: Iterable[int] = (),
+    starts: Sequence[int] = (),
     least_high: float = 0.0,
 ) -> Plot:
     """Draw lines over frames.
@@ -58,22 +60,28 @@ def plot(
         lines: of equal length.
         threshold: drawn as a dashed line.
         marks: frames with a vertical line, e.g. alarms.
+        starts: frames, rising, at which the next source begins: a vertical line before them, which no line crosses.
         least_high: that the vertical axis reaches in any case.
     """
     count = max((len(line.values) for line in lines), default=0)
     known = [value for line in lines for value in line.values if isfinite(value)]
     high = max([least_high, *known, *([threshold] if threshold is not None else [])]) * 1.05 or 1.0
+    step = max(1, -(-count // MOST_POINTS))
     x_of = [WIDTH * (index + 0.5) / max(count, 1) for index in range(count)]
     parts = [
         f'<line class="mark" x1="{x_of[index]:.1f}" x2="{x_of[index]:.1f}" y1="0" y2="{HEIGHT:.0f}"/>'
         for index in marks if index < count
     ]  # fmt: skip
+    for index in starts:
+        x = WIDTH * index / max(count, 1)
+        parts.append(f'<line class="source" x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{HEIGHT:.0f}"/>')
     if threshold is not None:
         y = _y(threshold, high)
         parts.append(f'<line class="threshold" x1="0" x2="{WIDTH:.0f}" y1="{y:.1f}" y2="{y:.1f}"/>')
     for line in lines:
-        for run in _runs(line.values, high, x_of):
-            parts.append(f'<polyline class="{line.style}" points="{run}"/>')
+        for first, end in pairwise([0, *starts, count]):
+            for run in _runs(line.values[first:end], high, x_of[first:end], step):
+                parts.append(f'<polyline class="{line.style}" points="{run}"/>')
     svg = (
         f'<svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" preserveAspectRatio="none" aria-hidden="true">'
         f"{''.join(parts)}</svg>"
@@ -81,9 +89,8 @@ def plot(
     return Plot(title, svg, 0.0, high, tuple((line.name, line.style) for line in lines))
 
 
-def _runs(values: Sequence[float], high: float, x_of: Sequence[float]) -> Iterable[str]:
-    """Points of every unbroken run of known values; of long series the maximum or minimum of each bin remains."""
-    step = max(1, -(-len(values) // MOST_POINTS))
+def _runs(values: Sequence[float], high: float, x_of: Sequence[float], step: int) -> Iterable[str]:
+    """Points of every unbroken run of known values; of each bin of several frames the maximum or minimum remains."""
     points: list[str] = []
     for start in range(0, len(values), step):
         known = [value for value in values[start : start + step] if isfinite(value)]

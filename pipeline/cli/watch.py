@@ -18,7 +18,7 @@ import click
 
 from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.given_paths import GivenPath
-from pipeline.cli.numbers import FiniteRange
+from pipeline.cli.numbers import FiniteRange, Mtf50Limit
 from pipeline.signals import handled
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ STATED = (
 @click.option("--idle-stop", type=FiniteRange(0.1, 1e7), help="stop when nothing has come for so many seconds")
 @click.option("--window", default=30, show_default=True, type=click.IntRange(1, 10_000), help="frames of the state")
 @click.option("--alarm-sigma-dn", type=FiniteRange(0, 255), help="alarm when noise exceeds this, grey levels")
-@click.option("--alarm-mtf50", type=FiniteRange(0, 1), help="alarm when MTF50 falls below this, fraction of Nyquist")
+@click.option("--alarm-mtf50", type=Mtf50Limit(), help="alarm when MTF50 falls below this, fraction of Nyquist")
 @click.option(
     "--alarm-flags", is_flag=True,
     help="alarm on flags too: black, dark, over-exposed, obstructed, banded, impulses, frozen",
@@ -70,8 +70,8 @@ def command(
     is undecided); undecided (for a whole window of frames a quantity was unknown, so that the alarm of its threshold
     could not be raised); warning (a frame of another size than the camera's sharp pictures; noise or blur that changed
     within the reference frames, so that its trend is compared with later ones once it is steady); set_aside (a file
-    that cannot be used, HEIC and raw files among them) and no_signal; stop. Of a live source, frames that come while
-    one is analysed are dropped.
+    that cannot be used; in a folder also a video, or a HEIC or raw file) and no_signal; stop. Of a live source, frames
+    that come while one is analysed are dropped.
 
     SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm; 3 alarms; else 2 for no such source or
     a video file that is cut short or damaged.

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 POLL_S = 0.2
 RECONNECT_S = 2.0
+SETTLED_LOOKS, EMPTY_LOOKS = 2, 5  # in a row with the same size; a file that is begun is empty for a moment
 DEFAULT_FRAMES_PER_SECOND = 25.0  # of a video that does not state its own
 URL_MARK = "://"
 
@@ -213,24 +214,26 @@ class _Pace:
 def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]:
     """Pictures of a folder in the order in which they come; a file is read once its size no longer changes.
 
+    A file that is written again, or removed and written again under its name, is a new frame: its size or its time of
+    modification has changed. So a picture that was read half-written, or empty, is read again when it is whole.
     Pictures of the same time come in `pipeline.cli.pictures.natural_order`. Files of formats that are not read
-    (`pipeline.cli.pictures.UNREAD`) come as problems.
+    (`pipeline.cli.pictures.UNREAD`), videos, and files that stay empty come as problems.
 
     Args:
         folder: watched; a ``None`` frame without a problem is yielded at every look that brings nothing. Where it
             disappears (a disk or share that is gone), that is reported once, and it is watched again when it is back.
         stop: ends it.
     """
-    from pipeline.cli.pictures import PICTURES, UNREAD, natural_order, read
+    from pipeline.cli.pictures import PICTURES, UNREAD, VIDEOS, natural_order
 
     hinted: Counter[int] = Counter()
-    sizes: dict[str, int] = {}
-    done: set[str] = set()
+    waiting: dict[str, tuple[int, int]] = {}  # size, and number of looks at which a file had it
+    done: dict[str, tuple[int, int]] = {}
     lost = False
     while not stop.is_set():
         ready: list[tuple[int, str]] = []
         try:
-            files = list(folder.iterdir())
+            files = {file.name: file for file in folder.iterdir()}
         except OSError as error:
             problem = "" if lost else f"the folder cannot be listed ({error.strerror}); trying again"
             yield SourceFrame(str(folder), None, problem, signal_lost=not lost)
@@ -238,28 +241,51 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
             stop.wait(POLL_S)
             continue
         lost = False
-        for file in files:
-            if file.name in done or file.name[0] == "." or file.suffix.lower() not in PICTURES | UNREAD:
+        waiting = {name: looks for name, looks in waiting.items() if name in files}
+        done = {name: version for name, version in done.items() if name in files}
+        for name, file in files.items():
+            if name[0] == "." or file.suffix.lower() not in PICTURES | UNREAD | VIDEOS:
                 continue
-            try:
-                status = file.stat()
-            except FileNotFoundError:
-                continue  # it was moved away
-            if not stat.S_ISREG(status.st_mode):
+            version = _version(file)
+            if version is None or version == done.get(name):
                 continue
-            if status.st_size and sizes.get(file.name) == status.st_size:
-                ready.append((status.st_mtime_ns, file.name))
-            sizes[file.name] = status.st_size
+            size, modified_ns = version
+            earlier_size, looks = waiting.get(name, (-1, 0))
+            looks = looks + 1 if size == earlier_size else 1
+            waiting[name] = size, looks
+            if looks >= (SETTLED_LOOKS if size else EMPTY_LOOKS):
+                ready.append((modified_ns, name))
         for _, name in sorted(ready, key=lambda item: (item[0], natural_order(item[1]))):
             if stop.is_set():
                 return
-            done.add(name)
-            sizes.pop(name)
-            try:
-                # of any size: `watch` knows how large pictures must be
-                yield from (SourceFrame(*frame) for frame in read(folder / name, hinted=hinted, least_px=1))
-            except InputError as error:
-                yield SourceFrame(str(folder / name), None, str(error))
+            version = _version(folder / name)  # as it is read: earlier frames may have taken long
+            if version is not None:
+                done[name] = version
+            waiting.pop(name)
+            yield _picture(folder / name, hinted)
         if not ready:
             yield SourceFrame(str(folder), None)
         stop.wait(POLL_S)
+
+
+def _picture(file: Path, hinted: Counter[int]) -> SourceFrame:
+    """A picture of any size (`watch` knows how large pictures must be), or why the file cannot be used."""
+    from pipeline.cli.pictures import VIDEOS, read
+
+    if file.suffix.lower() in VIDEOS:
+        reason = "a video; of a folder only pictures are watched: give the video as SOURCE, or to camera-monitor health"
+        return SourceFrame(str(file), None, f"{file}: {reason}")
+    try:
+        (frame,) = read(file, hinted=hinted, least_px=1)
+    except InputError as error:
+        return SourceFrame(str(file), None, str(error))
+    return SourceFrame(*frame)
+
+
+def _version(file: Path) -> tuple[int, int] | None:
+    """Size and time of modification (ns) of a file; None where it is gone, no regular file or a link to nothing."""
+    try:
+        status = file.stat()
+    except OSError:
+        return None
+    return (status.st_size, status.st_mtime_ns) if stat.S_ISREG(status.st_mode) else None

@@ -26,6 +26,7 @@ class RollingState:
             and ``ap_percent`` (infinite MTF50: above the range; NaN: unknown, noise and precision also where a codec
             hides the noise of most frames), ``words``, and ``flags`` with the share of frames.
         """
+        from pipeline.cli import health_verdict
         from pipeline.cli.flag_words import flag_names
         from pipeline.cli.health_verdict import known_median, median_mtf, median_noise, median_precision
         from pipeline.condition.summary import half_contrast
@@ -41,6 +42,6 @@ class RollingState:
         return {
             "frames": len(rows), "sigma_dn": sigma, "sigma_at_most_dn": at_most, "mtf50_horizontal": horizontal,
             "mtf50_vertical": vertical, "ap_percent": median_precision(rows),
-            "words": "; ".join(grade(sigma, mtf, level, (low, high)).words()),
+            "words": "; ".join(grade(sigma, mtf, level, (low, high), health_verdict.directed_shares(rows)).words()),
             "flags": {name: count / len(rows) for name, count in sorted(flags.items())},
         }  # fmt: skip

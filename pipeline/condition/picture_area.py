@@ -5,8 +5,9 @@ that holds some of them is read as free of noise, and its blur as that of the ed
 
     bars      lines at the border of the frame of which every pixel, but for `RIPPLE_DN` that a codec leaves, has the
               level of the outermost one
-    covered   `COVERED` of a square's blocks of 4 x 4 px are exactly uniform, neither black nor white, while all but a
-              few of the others vary by more than `LEAST_DN`, as a picture with noise does
+    covered   `COVERED` of a square's blocks of 4 x 4 px are exactly uniform, nearly all uniform ones have one level,
+              neither black nor white, while all but a few of the others vary by more than `LEAST_DN`, as a picture with
+              noise does
 
 A scene without noise has uniform blocks too, but beside them blocks that hardly vary. Of 3,844 squares of 128 px of
 KITTI, Udacity, *Sim* and that of the paper's authors, Penn-Fudan, CC, PolyU and Levin none is covered in this sense as
@@ -28,6 +29,7 @@ RIPPLE_DN = 2.0
 LEAST_BAR_PX = 4
 LEAST_PICTURE = 0.25  # of the frame's width and height; a picture that is smaller is none
 COVERED, LEAST_DN = 0.1, 1.0
+ALIKE = 0.8  # of the uniform blocks; drawings have such blocks of many levels
 BLOCK_PX = 4
 CODEC_BLOCK_PX = 8
 FLATTEST = 0.1  # of the blocks that are not uniform
@@ -78,8 +80,12 @@ def _is_covered(patch: NDArray[np.floating]) -> bool:
     blocks = pixels.reshape(height, BLOCK_PX, width, BLOCK_PX).swapaxes(1, 2).reshape(-1, BLOCK_PX**2)
     level = blocks[:, 0]
     uniform = np.equal(blocks, level[:, None]).all(axis=1)
-    surround = uniform & (level > BLACK_DN) & (level < WHITE_DN)
-    if surround.mean() < COVERED or uniform.all():
+    levels = np.bincount(np.rint(level[uniform]).astype(np.intp), minlength=int(FULL_SCALE_DN) + 2)
+    commonest = int(levels.argmax())
+    around = levels[max(commonest - 1, 0) : commonest + 2].sum()  # a codec's ripple
+    if uniform.all() or around < max(COVERED * len(level), ALIKE * uniform.sum()):
+        return False
+    if not BLACK_DN < commonest < WHITE_DN:
         return False
     variation = np.sort(blocks[~uniform].std(axis=1))
     return bool(variation[: max(int(FLATTEST * len(variation)), 1)].mean() > LEAST_DN)

@@ -4,6 +4,7 @@
 |---|---|
 | 8-bit grey | divided by 255 |
 | 16-bit grey or colour | divided by 65535, whatever part of the range it uses; see `Picture.fewer_bits` |
+| PGM or PPM | divided by the greatest value its header states, as 8 or 16 bit |
 | float (TIFF) | taken as it is; every value must be a number in [0, 1] |
 | colour (RGB, palette, CMYK) | BT.601 luma: 0.299 R + 0.587 G + 0.114 B, not rounded |
 | alpha channel | dropped; the colour beneath counts |
@@ -21,6 +22,7 @@ conversion from RGB: the red and blue weights change places and the result is ro
 from __future__ import annotations
 
 import io
+import re
 import warnings
 import zlib
 from dataclasses import dataclass
@@ -41,6 +43,9 @@ FEWER_BITS = (8, 10, 12, 14)
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk with its checksum
 DEFLATE_RATIO = 1032  # PNG's compression cannot shrink data further
 SMALLEST_PX = 16  # below this neither side holds enough pixels for any filter in this package
+
+_NETPBM = re.compile(rb"P([2356])" + 3 * rb"(?:\s|#[^\r\n]*)+([0-9]+)" + rb"\s")  # width, height, greatest value
+_NETPBM_PLAIN = b"23"  # kinds whose values are written as decimal numbers
 
 _ALPHA_MODES = {"LA", "RGBA", "PA", "La", "RGBa"}
 _PAGED_FORMATS = {"TIFF", "GIF", "PNG", "WEBP"}  # not MPO: a telephone's JPEG with a small second picture
@@ -191,6 +196,8 @@ def _decode(path: str | Path, data: bytes) -> Picture:
         try:
             with Image.open(io.BytesIO(data)) as opened:
                 _refuse_by_header(path, data, opened)
+                if opened.format == "PPM" and (deep := _read_deep_netpbm(path, data)) is not None:
+                    return Picture(deep)
                 opened.load()
                 _refuse_incomplete(path, data, opened)
                 return Picture(
@@ -309,6 +316,37 @@ def _read_deep(path: str | Path, data: bytes) -> np.ndarray:
     if decoded is None:
         raise BadPicture(path, "holds 16-bit colour that cannot be decoded")
     return decoded if decoded.ndim == 2 else np.ascontiguousarray(decoded[..., 2::-1])  # BGR, BGRA to RGB
+
+
+def _read_deep_netpbm(path: str | Path, data: bytes) -> np.ndarray | None:
+    """(H, W) or (H, W, 3) uint16, of which 65535 is the greatest value that a PGM or PPM file states.
+
+    Of these files Pillow reads grey as 32 bit, pixel by pixel, and squeezes colour to 8 bit.
+
+    Returns:
+        None for a file of 8 bit or of another kind.
+
+    Raises:
+        BadPicture: it is truncated, or has values that are no numbers or above the greatest that it states.
+    """
+    header = _NETPBM.match(data)
+    if header is None or not 255 < (maxval := int(header[4])) < 1 << 16:
+        return None
+    width, height = int(header[2]), int(header[3])
+    shape = (height, width, 3) if header[1] in b"36" else (height, width)
+    count = int(np.prod(shape))
+    if header[1] in _NETPBM_PLAIN:
+        body = re.sub(rb"#[^\r\n]*", b"", data[header.end() :])
+        values = np.array(body.split(maxsplit=count)[:count]).astype(np.int64)  # ValueError: not a number
+    else:
+        values = np.frombuffer(data, ">u2", count=min(count, (len(data) - header.end()) // 2), offset=header.end())
+    if len(values) < count:
+        raise BadPicture(path, f"truncated: {len(values)} values, its header states {count}")
+    low, high = int(values.min(initial=0)), int(values.max(initial=0))
+    if low < 0 or high > maxval:
+        raise BadPicture(path, f"values from {low} to {high}, its header states 0 to {maxval}")
+    scaled = values if maxval == (1 << 16) - 1 else np.rint(values * (((1 << 16) - 1) / maxval))
+    return scaled.astype(np.uint16).reshape(shape)
 
 
 def _check_range(path: str | Path, pixels: np.ndarray) -> None:

@@ -22,8 +22,9 @@ from pipeline.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
 
-SUFFIXES = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mjpg"})
-_UNCOUNTED = frozenset({".mkv", ".webm"})
+_TRANSPORT_STREAMS = frozenset({".ts", ".mts", ".m2ts"})
+SUFFIXES = _TRANSPORT_STREAMS | {".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mjpg"}
+_UNCOUNTED = _TRANSPORT_STREAMS | {".mkv", ".webm"}
 """Containers without a number of frames: OpenCV derives it from duration and rate, too large where the rate varies."""
 _SEVERAL = 2
 _ADDRESS = re.compile(r" @ 0x[0-9a-f]+")

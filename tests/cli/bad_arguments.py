@@ -16,7 +16,7 @@ NUMBERS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
     ("health", "{good}"): {
         "--every": ("0", "-1", "x", "1.5", ""),
         "--alarm-sigma-dn": ("nan", "inf", "-1", "300", "x"),
-        "--alarm-mtf50": ("nan", "-0.1", "1.1", "50%"),
+        "--alarm-mtf50": ("nan", "-0.1", "0.6", "1.1", "50%"),
         "--iso": ("nan", "0", "-100", "1e12", "ISO"),
         "--reference-frames": ("0", "99", "-5", "1e3", "x"),
         "--exposure": ("4", "ms", "-4ms", "0s", "1/0s", "4 minutes", "nans", ""),
@@ -55,11 +55,12 @@ NUMBERS: dict[tuple[str, ...], dict[str, tuple[str, ...]]] = {
         "--idle-stop": ("0", "nan", "x"),
         "--window": ("0", "x", "99999999"),
         "--alarm-sigma-dn": ("nan", "x"),
+        "--alarm-mtf50": ("nan", "0.6", "1"),
         "--reference-frames": ("0", "x"),
     },
     ("advise", "{good}", "--exposure", "4ms", "--iso", "100"): {
         "--speed": ("nan", "-1", "inf", "x"),
-        "--exposure-max": ("0ms", "33", "x"),
+        "--exposure-max": ("0ms", "33", "x", "1us"),
         "--iso-max": ("0", "nan", "-1", "x"),
     },
     ("advise", "{good}"): {"--iso": ("nan", "0", "x")},

@@ -204,6 +204,23 @@ def test_corrupt_at_level_zero_changes_nothing_and_never_overwrites_its_input(tm
     assert "overwrite" in done.output
 
 
+@pytest.mark.parametrize(
+    ("blur", "size_px", "copies"),
+    [("defocus", 0, True), ("linear_motion", 0.5, True), ("nonlinear_motion", 1, True), ("gaussian", 0.2, True),
+     ("defocus", 1.5, False)],
+)  # fmt: skip
+def test_corrupt_states_that_a_kernel_of_one_pixel_makes_copies(tmp_path, blur, size_px, copies):
+    source, out = noisy(tmp_path / "a.png", 3.0), tmp_path / "out"
+    options = ["--blur", blur, "--size-px", size_px]
+    done = call("corrupt", source, "--out", out, *options)
+    assert done.exit_code == 0, done.output
+    assert (cv2.imread(str(out / "a.png"), 0) == cv2.imread(str(source), 0)).all() == copies
+    assert (f"--blur {blur} --size-px {size_px:g} blurs nothing" in done.stderr) == copies
+    assert ("these are copies; give --sigma-dn, a larger --size-px" in done.stderr) == copies
+    noisier = call("corrupt", source, "--out", out, *options, "--sigma-dn", 2).stderr
+    assert "copies" not in noisier and ("blurs nothing" in noisier) == copies
+
+
 def test_corrupt_writes_of_nothing_where_nothing_can_be_used(tmp_path):
     (tmp_path / "a.png").write_text("no picture")
     for options in (("--sigma-dn", "3"), ("--pipeline", "phone")):

@@ -92,6 +92,17 @@ def test_settings_outside_the_limits_move_inside(tmp_path, given, flat):
     assert row["action"] == ("abstained" if flat else "move") and "outside the limits" in row["reason"]
 
 
+def test_limits_that_exclude_every_setting_are_refused_in_units_and_stated_in_the_help(tmp_path):
+    write_inputs(tmp_path)
+    requested = [str(tmp_path / "frame.png"), "--exposure", "4ms", "--iso", "100", "--exposure-max", "1us"]
+    done = CliRunner().invoke(main, ["advise", *requested])
+    assert done.exit_code == 2
+    assert "--exposure-max 1us: expected at least 50 us, the shortest time advised" in done.output
+    words = " ".join(CliRunner().invoke(main, ["advise", "--help"]).output.split())
+    assert "from 50 us and ISO 100 to --exposure-max and --iso-max" in words
+    assert "longest exposure time allowed [default: 33ms]" in words and "[default: 3200.0" in words
+
+
 @pytest.mark.parametrize("at_most_dn", [4.0, float("nan")])
 def test_a_bound_of_the_noise_serves_where_there_is_no_estimate(tmp_path, monkeypatch, at_most_dn):
     write_inputs(tmp_path)

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from data_makers import picture
+from star_makers import synthesise
 
 from pipeline.blur import create
 from pipeline.blur.base import WithoutEmptyFrequencies
-from pipeline.camera import star
 from pipeline.camera.mtf import FREQUENCIES, sample
+from pipeline.camera.slanted_edge import measure
 from pipeline.camera.star_centre import point_of_symmetry
 from pipeline.cli import camera_store, main
 from pipeline.cli.calibrate import star_mtf
@@ -88,6 +89,16 @@ def test_edges_may_have_different_sizes_and_old_sizes_of_charts_are_ignored(tmp_
     assert camera_store.load("front").size_px is None
 
 
+def test_the_mtf_of_a_camera_that_sharpens_is_stored_as_1_at_most(tmp_path):
+    """Estimates of its sharp frames are 1 at most: division by more would find blur in them."""
+    sharpened = [edge(upright) for upright in (True, False)]
+    sharpened = [image + 2 * (image - cv2.GaussianBlur(image, (0, 0), 2.0)) for image in sharpened]
+    assert measure(sharpened[0]).mtf.max() > 1.2
+    files = [save(tmp_path / f"{index}.png", image * 0.6 + 0.2) for index, image in enumerate(sharpened)]
+    assert call("calibrate", "front", *files, "--chart", "edge").exit_code == 0
+    assert np.max(camera_store.load("front").sharp_mtf) == 1
+
+
 def test_areas_select_the_edges_of_one_picture(tmp_path):
     both = np.full((140, 280), 0.5)
     both[10:130, 10:130], both[10:130, 150:270] = edge(True), edge(False)
@@ -102,7 +113,7 @@ def test_areas_select_the_edges_of_one_picture(tmp_path):
 
 @pytest.mark.parametrize("centre_px", [(399.5, 379.5), (405.2, 374.7)])
 def test_a_star_gives_the_mtf_with_its_centre_located(tmp_path, centre_px):
-    sharp = star.synthesise(760, 800, 60, centre_px=centre_px, supersample=4)
+    sharp = synthesise(760, 800, 60, centre_px=centre_px, supersample=4)
     image = cv2.GaussianBlur(sharp.astype(np.float64), (0, 0), SIGMA_PX)
     image += stream(0, "star").normal(0, 1 / 255, image.shape)
     assert point_of_symmetry(image) == pytest.approx(centre_px, abs=0.2)
@@ -116,7 +127,7 @@ def test_a_star_gives_the_mtf_with_its_centre_located(tmp_path, centre_px):
     ("rays", "size_px"), [(24, 300), (36, 512), (40, 520), (60, 760), (72, 900), (100, 1220), (144, 1740)]
 )
 def test_common_stars_work_without_more_options(rays, size_px):
-    sharp = star.synthesise(size_px, size_px, rays, supersample=2).astype(np.float64)
+    sharp = synthesise(size_px, size_px, rays, supersample=2).astype(np.float64)
     mtf = star_mtf([("star", cv2.GaussianBlur(sharp, (0, 0), SIGMA_PX).astype(np.float32))], rays)
     x = np.pi * FREQUENCIES / 2 / 2
     truth = gaussian_mtf() * np.cos(x)  # the mean of two points per pixel
@@ -126,7 +137,7 @@ def test_common_stars_work_without_more_options(rays, size_px):
 def star_picture(rays, size_px, shift_px=(0.0, 0.0), black_and_white=False):
     centre_px = (size_px - 1) / 2 + shift_px[0], (size_px - 1) / 2 + shift_px[1]
     amplitude = 20.0 if black_and_white else 0.35
-    image = star.synthesise(size_px, size_px, rays, centre_px=centre_px, amplitude=amplitude).astype(np.float64)
+    image = synthesise(size_px, size_px, rays, centre_px=centre_px, amplitude=amplitude).astype(np.float64)
     return np.clip(image, 0.15, 0.85)
 
 

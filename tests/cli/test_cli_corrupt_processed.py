@@ -54,6 +54,25 @@ def test_colours_stay_and_equal_names_do_not_collide(tmp_path, source):
     assert means[0] + 15 < means[1] and means[1] + 15 < means[2]
 
 
+def test_odd_sides_are_cut_with_a_note_and_sizes_in_the_truth(tmp_path):
+    for name, width, height in (("a", 61, 45), ("b", 61, 46), ("c", 60, 46)):
+        assert cv2.imwrite(str(tmp_path / f"{name}.png"), picture(name, width, height))
+    done = call("corrupt", tmp_path, "--pipeline", "machine_vision", "--iso", 0, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert done.stderr.count("cut off") == 1 and "a.png has 61x45 px; the colour mosaic has even sides" in done.stderr
+    for name, size_in, size_out in (("a", [61, 45], [60, 44]), ("b", [61, 46], [60, 46]), ("c", [60, 46], [60, 46])):
+        truth = json.loads((tmp_path / f"out/{name}.json").read_text())
+        assert (truth["size_in_px"], truth["size_out_px"]) == (size_in, size_out)
+        assert cv2.imread(str(tmp_path / f"out/{name}.png")).shape[1::-1] == tuple(size_out)
+
+
+def test_a_picture_that_is_too_small_is_called_so(tmp_path):
+    assert cv2.imwrite(str(tmp_path / "a.png"), picture("a", 17, 17))
+    done = call("corrupt", tmp_path / "a.png", "--pipeline", "phone", "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "a.png: too small: 17x17 px, expected at least 24 px on either side" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("options", "word"),
     [

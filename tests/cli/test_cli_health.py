@@ -12,9 +12,11 @@ from click.testing import CliRunner
 from data_makers import picture
 
 from pipeline.blur import camera_calibration
+from pipeline.camera.mtf import FREQUENCIES
 from pipeline.cli import main
 from pipeline.cli.frame_ahead import WAITING, estimated_ahead
 from pipeline.cli.health_rows import undecided
+from pipeline.cli.numbers import LARGEST_MTF50
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -350,6 +352,14 @@ def test_thresholds_raise_an_alarm_by_exit_code_and_in_the_row(tmp_path, options
         assert json.loads(done.stdout.splitlines()[0])["alarms"] == alarms
 
 
+@pytest.mark.parametrize("command", ["health", "watch"])
+def test_a_limit_of_blur_beyond_what_is_measured_is_refused(tmp_path, command):
+    source = write(tmp_path / "a.png", 0)
+    done = CliRunner().invoke(main, [command, str(source), "--alarm-mtf50", "0.6"])
+    assert done.exit_code == 2 and "MTF50 is measured up to 0.59 of Nyquist; give at most that" in done.output
+    assert LARGEST_MTF50 <= FREQUENCIES[-1] < LARGEST_MTF50 + 0.01
+
+
 def test_what_is_unknown_raises_no_alarm_but_is_stated(tmp_path):
     limits = ("--alarm-sigma-dn", 1, "--alarm-mtf50", 0.5)
     cv2.imwrite(str(tmp_path / "white.png"), np.full((320, 448), 255, np.uint8))
@@ -391,8 +401,35 @@ def test_frozen_and_dark_frames_are_flagged_and_alarm_on_request(tmp_path):
     assert done.exit_code == 3 and json.loads(done.stdout.splitlines()[0])["alarms"] == "dark"
 
 
+def test_pictures_of_one_folder_that_repeat_are_frozen_as_a_video_is(tmp_path):
+    series, unrelated, alone = (tmp_path / name for name in ("series", "unrelated", "alone"))
+    for number in range(5):
+        for folder, text in ((series, "still"), (unrelated, f"{number}"), (alone / f"{number}", "still")):
+            folder.mkdir(parents=True, exist_ok=True)
+            cv2.imwrite(str(folder / f"{number}.png"), picture(text, 256, 224))
+    done = call(series, unrelated, *sorted(alone.iterdir()), "--jsonl", "--noise", "pca")
+    assert done.exit_code == 0, done.output
+    flags = [json.loads(text)["flags"] for text in done.stdout.splitlines()]
+    assert flags == ["", "", "", "frozen", "frozen", *[""] * 10]
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
 def test_a_pipe_is_called_one(tmp_path):
     os.mkfifo(tmp_path / "frames")
     done = call(tmp_path / "frames")
     assert done.exit_code == 2 and "frames: a pipe or device; expected a file or folder" in done.output
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"), [(KeyboardInterrupt(), 130, "interrupt"), (InputError("no plug-in"), 2, "no plug-in")]
+)
+def test_a_run_that_ends_before_its_first_frame_says_why(tmp_path, monkeypatch, error, code, words):
+    """The page is written all the same, without a frame."""
+
+    def refuse(*given, **options):
+        raise error
+
+    monkeypatch.setattr("pipeline.condition.ConditionMonitor", refuse)
+    done = call(write(tmp_path / "a.png", 5.0), "--out", tmp_path / "out")
+    assert done.exit_code == code and words in done.output.lower() and "Traceback" not in done.output
+    assert json.loads((tmp_path / "out/health.json").read_text())["complete"] is False

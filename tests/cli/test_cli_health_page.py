@@ -166,6 +166,9 @@ def test_the_verdict_has_what_is_known_only():
         ("refused", "No advice: no average precision was measured at such blur and noise."),
     ):
         assert run_verdict([known | {"advice": advice}], without_precision="")["sentence"].endswith(words)
+    dark = known | {"advice": "refused", "sharp_ap_percent": np.nan}
+    words = "No advice: no average precision was measured at such low brightness."
+    assert run_verdict([dark], without_precision="")["sentence"].endswith(words)
     undirected = known | {"blur_direction": ""}
     round_blur = run_verdict([undirected], without_precision="")
     assert round_blur["sentence"].endswith("(14 points of AP more expected, if the blur is of motion).")
@@ -189,6 +192,12 @@ def test_the_verdict_has_what_is_known_only():
     assert run_verdict([], without_precision="", set_aside=1)["sentences"][0] == "No frame could be analysed."
 
 
+DARK = {"sharp_ap_percent": np.nan}  # of a surface whose frames are brighter
+ROWS = {"flags": "banded", "row_noise_dn": 8.3, "column_noise_dn": 0.0}
+IMPULSES = {"flags": "impulses", "impulse_fraction": 0.01}
+OF_ROWS = "with noise of rows, columns or single pixels"
+
+
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
@@ -196,10 +205,16 @@ def test_the_verdict_has_what_is_known_only():
         ([{"blur": "", "noise": ""}], "blur and noise unknown"),
         ([{"blur": "sharp", "noise": ""}, {"blur": "", "noise": "low"}], "blur and noise unknown"),
         ([{"blur": "sharp", "noise": "low"}, {"blur": "", "noise": "low"}], "none was measured at such blur and noise"),
+        ([DARK], "none was measured at such low brightness"),
+        ([ROWS], f"none was measured {OF_ROWS}"),
+        ([IMPULSES], f"none was measured {OF_ROWS}"),
+        ([DARK, DARK, ROWS], f"none was measured at such low brightness (2 of 3 frames) or {OF_ROWS} (1 of 3 frames)"),
+        ([{"noise": "", "sigma_dn": np.nan}, {"noise": "", "sigma_dn": np.nan}, {"ap_percent": 70.0}], "noise unknown"),
     ],
 )
 def test_why_the_expected_precision_is_unknown(parts, words):
-    rows = [frame_row(index, ap_percent=np.nan, sharp_ap_percent=93.4, **part) for index, part in enumerate(parts)]
+    unknown = {"ap_percent": np.nan, "sharp_ap_percent": 93.4}
+    rows = [frame_row(index, **unknown | part) for index, part in enumerate(parts)]
     assert f"Expected AP unknown: {words}." in run_verdict(rows, without_precision="")["sentence"]
 
 
@@ -239,7 +254,8 @@ def test_a_series_that_worsens_raises_a_trend_alarm_with_exit_code_and_a_steady_
 
 @pytest.mark.parametrize(
     ("frames", "sigma_dn", "sentence"),
-    [(9, 3.0, "No trend: 9 frames of a series have an estimate, the reference alone takes 100."),
+    [(1, 3.0, "No trend: 1 frame of a series has an estimate, the reference alone takes 100."),
+     (9, 3.0, "No trend: 9 frames of a series have an estimate, the reference alone takes 100."),
      (150, np.nan, "No trend of noise: 0 frames of a series have an estimate, the reference alone takes 100."),
      (150, 3.0, "")],
 )  # fmt: skip
@@ -359,6 +375,33 @@ def test_what_a_coded_frame_holds_at_most_stands_beside_unknown_noise_with_the_l
     verdict = run_verdict([coded, coded], without_precision="")
     assert verdict["sentence"].endswith("sharp; noise unknown (at most 4 DN). Expected AP at least 88 % of 93 %.")
     assert any("Worst frame" in words and "(at most 4 DN)" in words for words in verdict["sentences"])
+
+
+def test_bounds_of_a_few_frames_do_not_stand_for_those_that_have_none():
+    """Nine raw mosaics of 20 DN, whose noise has no estimate, and one clean JPEG."""
+    bounded = frame_row(0, sigma_dn=np.nan, sigma_high_dn=np.nan, sigma_at_most_dn=4.2, noise="", blur="sharp",
+                        ap_low_percent=83.0, sharp_ap_percent=96.0, mtf=np.full((2, 8), 0.99))  # fmt: skip
+    mosaic = bounded | {"sigma_at_most_dn": np.nan, "ap_low_percent": np.nan}
+    noisy = bounded | {"sigma_dn": 28.0, "sigma_high_dn": 30.0, "sigma_at_most_dn": 30.0, "noise": "very high",
+                       "ap_percent": 12.0, "ap_low_percent": 9.0, "ap_high_percent": 14.0}  # fmt: skip
+    for rows, at_most, least in (
+        ([bounded] + 9 * [mosaic], np.nan, None),
+        (5 * [bounded] + 5 * [mosaic], np.nan, None),  # half of all
+        (4 * [noisy] + 2 * [bounded] + 4 * [mosaic], np.nan, None),  # more than half of all, a third of the unknown
+        (6 * [bounded] + 4 * [mosaic], 4.2, 83),
+        (2 * [noisy] + 2 * [bounded] + [mosaic], 30.0, 9),  # at most that: two of five certainly have less
+    ):
+        verdict = run_verdict(rows, without_precision="")
+        assert np.isnan(verdict["median_sigma_dn"])
+        assert verdict["median_sigma_at_most_dn"] == pytest.approx(at_most, nan_ok=True)
+        assert ("at most" in verdict["sentence"]) == bool(least)
+        assert (f"Expected AP at least {least} % of 96 %" if least else "Expected AP unknown") in verdict["sentence"]
+
+
+def test_the_flags_that_make_a_frame_the_worst_are_named():
+    rows = [frame_row(0), frame_row(1, blur="sharp", noise="very low", sigma_dn=0.0, flags="dark, over_exposed")]
+    (worst,) = (text for text in verdict_of(rows) if text.startswith("Worst frame"))
+    assert worst == "Worst frame: v.mp4#1, sharp; noise very low (0.0 DN); dark; over-exposed."
 
 
 def test_the_least_precision_is_that_of_the_most_noise(monkeypatch):

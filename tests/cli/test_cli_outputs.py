@@ -19,7 +19,7 @@ from data_makers import picture
 from interrupts import heed_interrupts
 
 from pipeline.cli import main
-from pipeline.cli.outputs import OutputError, OutputFolder, RowFile, plain_text, refuse_foreign
+from pipeline.cli.outputs import LIST_NAME, OutputError, OutputFolder, RowFile, plain_text, refuse_foreign
 
 FULL_DISK = Path("/dev/full")
 
@@ -64,6 +64,34 @@ def test_pictures_of_one_stem_keep_names_of_their_own(tmp_path):
         assert (cv2.imread(str(results[str(source)].with_suffix(".png"))) == cv2.imread(str(source))).all()
     assert call("noise", *sources, "--map", tmp_path / "maps", "--estimator", "pca").exit_code == 0
     assert len(list((tmp_path / "maps").glob("*.noise.png"))) == 3
+
+
+@pytest.mark.parametrize("options", [["--sigma-dn", 5], ["--pipeline", "phone", "--iso", 0]])
+def test_a_picture_whose_name_needs_no_change_keeps_it(tmp_path, options):
+    sources = [save(tmp_path / "in" / name, name) for name in ("a.jpg", "a.png", "a-2.png", "b.bmp")]
+    assert call("corrupt", tmp_path / "in", "--out", tmp_path / "out", *options).exit_code == 0
+    results = {json.loads(file.read_text())["source"]: file.stem for file in (tmp_path / "out").glob("*.json")}
+    assert [results[str(source)] for source in sources] == ["a-3", "a", "a-2", "b"]
+
+
+def test_names_with_line_breaks_are_listed_whole_and_break_no_table(tmp_path):
+    source, out = save(tmp_path / "in" / "a\nb.png"), tmp_path / "out"
+    for _ in range(2):
+        done = call("health", source, "--out", out, "--map", "--noise", "pca")
+        assert done.exit_code == 0, done.output
+        assert len(list(out.glob("*.health.png"))) == 1
+        (row,) = [line for line in done.output.splitlines() if "b.png" in line]
+        assert r"a\nb.png" in row
+    for command in (["noise", "--estimator", "pca"], ["corrupt", "--out", tmp_path / "noisy", "--sigma-dn", 3]):
+        assert r"a\nb.png" in call(command[0], source, *command[1:]).stdout
+
+
+def test_the_list_of_an_earlier_version_is_still_read(tmp_path):
+    for name in ("a.png", 'b".png', '"c', "foreign.png"):
+        (tmp_path / name).touch()
+    (tmp_path / LIST_NAME).write_text('a.png\nb".png\n"c\n')
+    with OutputFolder(tmp_path):
+        assert sorted(file.name for file in tmp_path.iterdir()) == [LIST_NAME, "foreign.png"]
 
 
 def test_a_second_run_leaves_no_old_pictures_beside_a_new_table(tmp_path):

@@ -58,7 +58,7 @@ def test_pictures_that_come_at_the_same_time_are_watched_in_the_order_of_their_n
 AVIF = pytest.mark.skipif(not features.check("avif"), reason="AVIF: this Pillow was built without it")
 
 
-@pytest.mark.parametrize("suffix", [".gif", ".jp2", ".GIF", ".jfif", ".pnm", pytest.param(".avif", marks=AVIF)])
+@pytest.mark.parametrize("suffix", [".gif", ".jp2", ".GIF", ".jfif", ".pnm", ".tga", pytest.param(".avif", marks=AVIF)])
 def test_formats_that_can_be_read_are_taken_of_a_folder_too(tmp_path: Path, suffix: str) -> None:
     file = save(tmp_path / f"a{suffix}")
     (tmp_path / "notes.txt").write_text("no picture")
@@ -83,6 +83,19 @@ def test_what_is_named_like_a_format_that_is_not_read_and_is_no_file_is_passed_o
     os.mkfifo(tmp_path / "c.heic")
     done = call("noise", tmp_path, "--estimator", "pca")
     assert done.exit_code == 0 and "left out" not in done.stderr, done.output
+
+
+def test_pipes_and_folders_named_like_pictures_are_left_out_with_a_warning(tmp_path: Path) -> None:
+    save(tmp_path / "a.png")
+    (tmp_path / "b.png").mkdir()
+    os.mkfifo(tmp_path / "c.png")
+    (tmp_path / "d.png").symlink_to(tmp_path / "gone.png")
+    assert expand([tmp_path]) == [tmp_path / "a.png", tmp_path / "d.png"]  # of the link, its reader states the reason
+    (tmp_path / "d.png").unlink()
+    done = call("noise", tmp_path, "--estimator", "pca")
+    assert done.exit_code == 0, done.output
+    for name in ("b.png", "c.png"):
+        assert f"warning: {tmp_path / name}: left out, it is a folder, pipe or device and no file" in done.stderr
 
 
 def test_a_format_that_is_not_read_is_named_by_the_simulated_camera_too(tmp_path: Path) -> None:

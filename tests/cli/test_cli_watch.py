@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
@@ -188,6 +190,60 @@ def test_files_that_are_still_written_wait_and_new_ones_come_in_order(tmp_path):
     assert [frame.image for frame in source] == []
 
 
+def looks(source, count):
+    """Names of the pictures that come at so many looks, empty where none does."""
+    frames = [next(source) for _ in range(count)]
+    assert not any(frame.problem for frame in frames)
+    return ["" if frame.image is None else Path(frame.name).name for frame in frames]
+
+
+def test_a_file_that_is_written_again_is_a_new_frame_once_it_has_settled(tmp_path):
+    """As of a camera that overwrites one file; pictures of the same size differ in their time only."""
+    source, path = filling_folder(tmp_path, threading.Event()), tmp_path / "latest.bmp"
+    for second in (1, 2, 3):
+        cv2.imwrite(str(path), picture(f"{second}", 224, 208))
+        os.utime(path, (second, second))
+        assert looks(source, 4) == ["", "latest.bmp", "", ""], second
+    path.write_bytes(path.read_bytes()[:1000])  # written anew, and not whole yet
+    assert looks(source, 1) == [""]
+    cv2.imwrite(str(path), picture("4", 224, 208))
+    assert looks(source, 3) == ["", "latest.bmp", ""]
+
+
+def test_a_file_that_was_read_half_written_is_read_again_when_it_is_whole(tmp_path):
+    source, path = filling_folder(tmp_path, threading.Event()), tmp_path / "slow.png"
+    whole = cv2.imencode(".png", picture("slow", 224, 208))[1].tobytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    first = [next(source) for _ in range(3)]
+    assert [bool(frame.problem) for frame in first] == [False, True, False] and "slow.png: trunc" in first[1].problem
+    path.write_bytes(whole)
+    assert looks(source, 3) == ["", "slow.png", ""]
+
+
+def test_videos_and_files_that_stay_empty_are_reported_once_each(tmp_path):
+    source = filling_folder(tmp_path, threading.Event())
+    film(tmp_path / "v.avi", 3)
+    (tmp_path / "begun.png").touch()
+    (tmp_path / "loop.png").symlink_to(tmp_path / "loop.png")
+    problems = [frame.problem for frame in (next(source) for _ in range(12)) if frame.problem]
+    assert problems[0].startswith(f"{tmp_path / 'v.avi'}: a video; of a folder only pictures are watched")
+    assert problems[1:] == [f"{tmp_path / 'begun.png'}: empty file (0 bytes)"]
+    cv2.imwrite(str(tmp_path / "begun.png"), picture("begun", 224, 208))
+    assert looks(source, 3) == ["", "begun.png", ""]
+
+
+def test_names_that_come_again_are_new_frames(tmp_path):
+    """As of a camera that stores a few files in turn, removing the oldest: also of the same size and time."""
+    source, paths = filling_folder(tmp_path, threading.Event()), [tmp_path / name for name in ("a.bmp", "b.bmp")]
+    for _ in range(2):
+        for path in paths:
+            cv2.imwrite(str(path), picture("same", 224, 208))
+            os.utime(path, (1, 1))
+            assert looks(source, 3) == ["", path.name, ""]
+            path.unlink()
+            assert looks(source, 1) == [""]
+
+
 def test_a_folder_that_disappears_is_reported_once_and_watched_again(tmp_path):
     folder, stop = tmp_path / "share", threading.Event()
     folder.mkdir()
@@ -337,3 +393,7 @@ def test_the_rolling_state_does_not_take_the_frames_that_have_an_estimate_for_th
     assert np.isnan([result["sigma_dn"], result["ap_percent"]]).all() and result["sigma_at_most_dn"] == 14
     result = state.add(noisy)
     assert (result["sigma_dn"], result["ap_percent"], result["sigma_at_most_dn"]) == (18, 25, 20)
+    boundless, state = {**coded, "sigma_at_most_dn": np.nan}, RollingState(3)
+    for row in (coded, boundless, boundless):
+        result = state.add(row)
+    assert np.isnan(result["sigma_at_most_dn"])
