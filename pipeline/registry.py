@@ -49,11 +49,15 @@ class Registry:
         """All registered names, sorted; built-in names win over third parties'."""
         return sorted({*self._builtin, *(point.name for point in entry_points(group=self.group))})
 
+    def is_builtin(self, name: str) -> bool:
+        """Whether a name is one of this package's own."""
+        return name in self._builtin
+
     def get(self, name: str) -> Any:
         """The class or function behind a name, imported now.
 
         Raises:
-            InputError: the name is not registered, or its module cannot be imported.
+            InputError: the name is not registered, its module cannot be imported, or lacks the class or function.
         """
         target = self._builtin.get(name)
         if target is None:
@@ -63,9 +67,15 @@ class Registry:
             raise InputError(f"unknown {self.kind} '{name}'; {did_you_mean(name, self.names())}")
         module, _, attribute = target.partition(":")
         try:
-            return getattr(importlib.import_module(module), attribute)
+            imported = importlib.import_module(module)
         except ImportError as error:
             raise InputError(f"{self.kind} '{name}' needs a package that is not installed: {error}") from error
+        if not hasattr(imported, attribute):
+            raise InputError(
+                f"{self.kind} '{name}': {module} has no '{attribute}', which its entry point names "
+                f"({self.group}: {name} = {target})"
+            )
+        return getattr(imported, attribute)
 
     def create(self, name: str, **options: Any) -> Any:
         """Make one, with keyword options.

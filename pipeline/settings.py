@@ -6,9 +6,34 @@ them. Settings that code makes too (`STRICT` dataclasses) are checked wherever t
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Hashable
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+Item = TypeVar("Item", bound=Hashable)
+
+
+def without_repeats(values: list[Item]) -> list[Item]:
+    """The values, each of which may be given once: a condition given twice would be counted twice.
+
+    Args:
+        values: of a list in the settings.
+
+    Returns:
+        the same list.
+
+    Raises:
+        ValueError: a value is given more than once (5 and 5.0 are equal), with that value.
+    """
+    repeated = next((value for number, value in enumerate(values) if value in values[:number]), None)
+    if repeated is not None:
+        raise ValueError(f"{repeated!r} is given more than once; give every value once")
+    return values
+
+
+UNIQUE = AfterValidator(without_repeats)
+"""Of a list whose values stand for conditions or members."""
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -25,11 +50,11 @@ TilePx = Annotated[int, Field(ge=16, le=1024)]
 BlurKind = Literal["defocus", "linear_motion", "nonlinear_motion"]
 NoiseSource = Literal["photon", "dcsn", "readout", "combined", "sensor"]
 
-STRICT = ConfigDict(extra="forbid")
-"""Of pydantic dataclasses: unknown keys are errors."""
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+"""Of pydantic dataclasses: unknown keys are errors, and so is NaN."""
 
 
 class Settings(BaseModel):
-    """Strict settings: unknown keys are errors, values do not change after reading."""
+    """Strict settings: unknown keys and NaN are errors, values do not change after reading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

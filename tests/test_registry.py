@@ -1,6 +1,7 @@
 """Registry: names, not import paths; typos get a hint."""
 
 import pytest
+from plug_in_makers import plug_in
 
 from pipeline.errors import InputError
 from pipeline.registry import Registry
@@ -41,3 +42,10 @@ def test_entry_points_of_third_parties_are_found(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     assert "mine" in THINGS.names()
     assert THINGS.create("mine").__class__.__name__ == "Mine"
+
+
+def test_a_class_that_a_module_lacks_is_named_with_its_entry_point(tmp_path, monkeypatch):
+    plug_in(tmp_path, monkeypatch, "renamed_things", "class New:\n    pass\n", test_things="old = renamed_things:Old")
+    with pytest.raises(InputError, match="renamed_things has no 'Old'.*test_things: old = renamed_things:Old"):
+        THINGS.get("old")
+    assert not THINGS.is_builtin("old") and THINGS.is_builtin("path")

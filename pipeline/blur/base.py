@@ -132,10 +132,12 @@ def as_patches(patches: Any, name: str = "patches", size_px: int = PATCH_PX) -> 
         (N, 1, size, size) float32, C-contiguous.
 
     Raises:
-        InputError: not such an array, not floats, not finite, or outside [0, 1].
+        InputError: not such an array, masked, not floats, not finite, or outside [0, 1].
     """
     if hasattr(patches, "detach"):  # a torch tensor, told apart without importing torch
         patches = patches.detach().cpu().numpy()
+    if isinstance(patches, np.ma.MaskedArray):
+        raise InputError(f"{name}: masked arrays are not estimated; cut patches without masked pixels")
     array = np.asarray(patches)
     expected = f"expected (N, 1, {size_px}, {size_px}) floats in [0, 1]"
     if array.ndim != 4 or array.shape[1:] != (1, size_px, size_px):

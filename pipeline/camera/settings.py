@@ -14,7 +14,7 @@ from pipeline.camera.draws import PoissonMethod
 from pipeline.camera.sensor import Sensor, described, named
 from pipeline.camera.truth import Light, Order
 from pipeline.errors import InputError
-from pipeline.settings import STRICT, BlurKind, Settings
+from pipeline.settings import STRICT, UNIQUE, BlurKind, Settings
 
 
 def _sensor(given: Any) -> Any:
@@ -65,9 +65,9 @@ class PsfSettings(Settings):
     source: Literal["generated", "paper"]
     folder: str | None
     match: Literal["nominal", "paper"]
-    kinds: list[BlurKind] = Field(min_length=1)
-    sizes_px: list[Annotated[int, Field(ge=1, le=55)]] = Field(min_length=1)
-    angles_deg: list[Annotated[float, Field(ge=0, lt=360)]] = Field(min_length=1)
+    kinds: Annotated[list[BlurKind], UNIQUE] = Field(min_length=1)
+    sizes_px: Annotated[list[Annotated[int, Field(ge=1, le=55)]], UNIQUE] = Field(min_length=1)
+    angles_deg: Annotated[list[Annotated[float, Field(ge=0, lt=360)]], UNIQUE] = Field(min_length=1)
 
     @model_validator(mode="after")
     def _folder_with_paper(self) -> PsfSettings:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +33,7 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     from pipeline.config.overrides import check_overrides, check_scheduler
     from pipeline.config.references import check_references
     from pipeline.config.schema import validate
+    from pipeline.config.unread import warnings
 
     def entry(composed: DictConfig) -> None:
         from hydra.core.hydra_config import HydraConfig
@@ -50,6 +53,23 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
         raise InputError(f"{CONF}/config.yaml: no such file; run from the project's top folder")
     check_overrides(arguments, CONF, check_references)
     check_scheduler(arguments)
-    folders = [f"hydra.sweep.dir=multirun/{stage.name}", f"hydra.run.dir=outputs/{stage.name}"]
+    for sentence in warnings(stage, arguments, CONF):
+        print(f"warning: {sentence}", file=sys.stderr)
+    sweep = fresh_folder(Path("multirun") / stage.name)
+    folders = [f"hydra.sweep.dir={sweep.as_posix()}", f"hydra.run.dir=outputs/{stage.name}"]
     sys.argv[1:] = [f"hydra.job.name={stage.name}", *folders, *arguments]  # the user's own come last and win
     hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()
+
+
+def fresh_folder(parent: Path) -> Path:
+    """A folder that no other sweep has written to: date and time, with a number where one is there already.
+
+    Args:
+        parent: folder of a stage's sweeps.
+
+    Returns:
+        its path; it is not made.
+    """
+    now = time.strftime("%Y-%m-%d_%H-%M-%S")
+    names = itertools.chain([now], (f"{now}_{number}" for number in itertools.count(2)))
+    return next(parent / name for name in names if not (parent / name).exists())

@@ -41,6 +41,7 @@ def check_overrides(
     words = [word for word in arguments if not word.startswith("-")]
     parser = OverridesParser.create()
     choices: list[list[str]] = []
+    jobs = set[str]()
     for word in words:
         try:
             (override,) = parser.parse_overrides([word])
@@ -49,9 +50,14 @@ def check_overrides(
         if override.key_or_group == "hydra/launcher":
             _check_launcher(override.value())
             continue
-        if override.key_or_group.partition(".")[0] in ("hydra", "job"):
+        head = override.key_or_group.partition(".")[0]
+        if head == "job" and override.key_or_group in jobs:
+            raise InputError(f"{word}: {override.key_or_group} is given twice; sweep over several as KEY=VALUE,VALUE")
+        if head == "job":
+            jobs.add(override.key_or_group)
+        if head in ("hydra", "job"):
             continue
-        choices.append(_values(override) if isinstance(override, Override) else [word])
+        choices.append(values_of(override) if isinstance(override, Override) else [word])
     for chosen in itertools.islice(itertools.product(*choices), MOST_COMBINATIONS):
         further(parse(compose(chosen, conf), "conf/"))
 
@@ -84,8 +90,15 @@ def _check_launcher(name: object) -> None:
     raise InputError(f"hydra/launcher={name}: {did_you_mean(str(name), {*installed, *LAUNCHER_EXTRAS})}")
 
 
-def _values(override: object) -> list[str]:
-    """The overrides that a sweep over one key stands for; itself where it is none."""
+def values_of(override: object) -> list[str]:
+    """The overrides that a sweep over one key stands for; itself where it is none.
+
+    Args:
+        override: as Hydra's parser gives it.
+
+    Returns:
+        lines ``KEY=VALUE``; none for a range that is not a list of values.
+    """
     line: str = override.input_line  # type: ignore[attr-defined]
     if not override.is_sweep_override() or not override.is_discrete_sweep():  # type: ignore[attr-defined]
         return [line] if not override.is_sweep_override() else []  # type: ignore[attr-defined]

@@ -16,6 +16,7 @@ from typing import Any
 from pipeline.camera.sensor import SENSORS
 from pipeline.errors import InputError, did_you_mean
 from pipeline.executor import ADDRESS_PATTERN
+from pipeline.experiments.class_maps import class_map
 from pipeline.registry import Registry
 
 REGISTRIES = Registry(
@@ -60,6 +61,7 @@ def _problems(config: Any) -> Iterator[str]:
         for name, entry in entries.items():
             yield from _kind(f"{key}.{name}", group, entry)
     yield from _names(config)
+    yield from _labels(config)
     yield from _paths(config)
     address, backend = config.executor.address, config.executor.backend
     if backend == "dask" and not (address and re.fullmatch(ADDRESS_PATTERN, address)):
@@ -72,15 +74,21 @@ def _kind(key: str, package: str, entry: Any) -> Iterator[str]:
     if entry.kind not in registry.names():
         yield f"{key}.kind: unknown {registry.kind} '{entry.kind}'; {did_you_mean(entry.kind, registry.names())}"
         return
-    if not entry.options:
+    detector = package == "detection"
+    if not entry.options and not (detector and (entry.weights is None or not registry.is_builtin(entry.kind))):
         return
     try:
         parameters = inspect.signature(registry.get(entry.kind)).parameters
     except InputError as error:
         yield f"{key}: {error}"
         return
+    weights = parameters.get("weights")
+    if detector and entry.weights is None and weights is not None and weights.default is inspect.Parameter.empty:
+        yield f"{key}.weights: '{entry.kind}' needs a file; 'camera-monitor weights list' shows what there is"
     if any(parameter.kind is inspect.Parameter.VAR_KEYWORD for parameter in parameters.values()):
         return
+    if detector and entry.weights is not None and weights is None:
+        yield f"{key}.weights: '{entry.kind}' takes no weights; leave the key out"
     for option in entry.options:
         if option not in parameters:
             yield f"{key}.options.{option}: unknown option of '{entry.kind}'; {did_you_mean(option, parameters)}"
@@ -110,6 +118,18 @@ def _names(config: Any) -> Iterator[str]:
         for name in names:
             if name not in known:
                 yield f"{key}: '{name}' is not among {where}; {did_you_mean(name, known)}"
+
+
+def _labels(config: Any) -> Iterator[str]:
+    """Datasets for detection whose labels mean nothing to a detector."""
+    known = REGISTRIES.get("datasets").names()
+    for name in config.detection.datasets:
+        dataset = config.datasets.get(name)
+        if dataset is not None and dataset.kind in known:
+            try:
+                class_map(dataset.kind)
+            except InputError as error:
+                yield f"detection.datasets: '{name}': {error}"
 
 
 def _paths(config: Any) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,12 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.control.state import CameraState
+from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     from pipeline.condition import Condition, ConditionMonitor
 
 SATURATED_LEVEL = 0.99
 """Encoded grey level from which a pixel counts as saturated."""
+
+_RANGE_SLACK = 1e-6  # float32 rounding of 1.0
 
 Floats = NDArray[np.float64]
 
@@ -70,7 +74,7 @@ def observe(
     condition: Condition | None = None,
     truth: Callable[[CameraState], Outcome] | None = None,
 ) -> Observation:
-    """Statistics and estimates of a frame.
+    """Statistics and estimates of a frame; policies rely on its range, whether it is estimated or not.
 
     Args:
         image: (H, W) float in [0, 1], encoded.
@@ -79,9 +83,15 @@ def observe(
         truth: for the oracle.
 
     Raises:
-        InputError: the monitor refuses the frame.
+        InputError: not (H, W) in [0, 1], or the monitor refuses the frame.
     """
     frame = np.asarray(image, dtype=np.float32)
+    if frame.ndim != 2 or not frame.size:
+        raise InputError(f"frame: expected (H, W), grey, not shape {frame.shape}")
+    low, high = float(frame.min()), float(frame.max())  # both carry NaN on
+    if not (low >= -_RANGE_SLACK and high <= 1.0 + _RANGE_SLACK):
+        spans = "holds NaN" if math.isnan(low) else f"spans {low:g} .. {high:g}"
+        raise InputError(f"frame: {spans}; expected floats in [0, 1]; divide 8-bit frames by 255")
     sigma = mtf = None
     reason = "no estimator"
     if condition is None and monitor is not None:

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from pipeline.experiments.settings import OrderStudySettings
-from pipeline.settings import STRICT, Count, Fraction, Level, Name, NonNegative, Positive, Settings
+from pipeline.settings import STRICT, UNIQUE, Count, Fraction, Level, Name, NonNegative, Positive, Settings
 
 Step = Annotated[int, Field(ge=0)]
 Knots = Annotated[list[tuple[NonNegative, NonNegative]], Field(min_length=1)]
@@ -38,17 +38,17 @@ class ControlCameraSettings(Settings):
 class DarkerSettings(Settings):
     """Conditions of darker frames: their mean levels, noise and motion."""
 
-    target_levels: list[Annotated[float, Field(gt=0, lt=1)]]
-    target_sigmas_dn: list[Level] = Field(min_length=2)
-    sizes_px: list[Annotated[float, Field(ge=0, le=36)]] = Field(min_length=2)
+    target_levels: Annotated[list[Annotated[float, Field(gt=0, lt=1)]], UNIQUE]
+    target_sigmas_dn: Annotated[list[Level], UNIQUE] = Field(min_length=2)
+    sizes_px: Annotated[list[Annotated[float, Field(ge=0, le=36)]], UNIQUE] = Field(min_length=2)
 
 
 class ControlSurfaceSettings(Settings):
     """Conditions of the surface of average precision that policies use; see `pipeline.control.measured_surface`."""
 
-    target_sigmas_dn: list[Level] = Field(min_length=2)
-    sizes_px: list[Annotated[float, Field(ge=0, le=36)]] = Field(min_length=2)
-    moments: list[Annotated[int, Field(ge=0, le=3)]] = Field(min_length=1)
+    target_sigmas_dn: Annotated[list[Level], UNIQUE] = Field(min_length=2)
+    sizes_px: Annotated[list[Annotated[float, Field(ge=0, le=36)]], UNIQUE] = Field(min_length=2)
+    moments: Annotated[list[Annotated[int, Field(ge=0, le=3)]], UNIQUE] = Field(min_length=1)
     target_level: Annotated[float, Field(gt=0, lt=1)]
     exposure_ms: Positive
     darker: DarkerSettings
@@ -96,7 +96,7 @@ class ScenarioSettings(Settings):
     fault: EstimatorFault = Field(default_factory=EstimatorFault)
     motion_in_poor_light: bool = False
     """Whether noise and motion blur have to be traded; see `pipeline.control.scenario.Scenario`."""
-    also: list[Name] = Field(default_factory=list)
+    also: Annotated[list[Name], UNIQUE] = Field(default_factory=list)
     """Policies that only this scenario runs."""
 
 
@@ -111,9 +111,9 @@ class ControlSettings(Settings):
     camera: ControlCameraSettings
     surface: ControlSurfaceSettings
     policies: dict[Name, PolicySettings] = Field(min_length=1)
-    optional: list[Name]
+    optional: Annotated[list[Name], UNIQUE]
     scenarios: dict[Name, ScenarioSettings] = Field(min_length=1)
-    film_policies: list[Name]
+    film_policies: Annotated[list[Name], UNIQUE]
     film_steps: Count
     order_study: OrderStudySettings
 

@@ -7,11 +7,16 @@ exposure time first, up to its limit, then gain; gain is reduced first.
 from __future__ import annotations
 
 import math
+import numbers
 from dataclasses import dataclass, field, replace
 
 from pipeline.errors import InputError
 
 BASE_ISO = 100.0
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)
@@ -29,12 +34,19 @@ class CameraState:
     def __post_init__(self) -> None:
         for name in ("exposure_s", "gain"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
+            if not (_is_number(value) and math.isfinite(value) and value > 0):
                 raise InputError(f"camera state: {name} is {value!r}; expected a finite number above 0")
 
     @classmethod
     def of(cls, exposure_ms: float, iso: float) -> CameraState:
-        """From milliseconds and ISO, base ISO 100."""
+        """From milliseconds and ISO, base ISO 100.
+
+        Raises:
+            InputError: not finite numbers above 0.
+        """
+        for name, value in (("exposure_ms", exposure_ms), ("iso", iso)):
+            if not _is_number(value):
+                raise InputError(f"camera state: {name} is {value!r}; expected a finite number above 0")
         return cls(exposure_ms / 1e3, iso / BASE_ISO)
 
     @property

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.settings import NonNegative, Positive, Settings
+from pipeline.settings import UNIQUE, NonNegative, Positive, Settings
 
 Bins = Annotated[list[NonNegative], Field(min_length=2)]
 
@@ -32,5 +32,5 @@ class RegressionSettings(Settings):
 
     sigma_per_iso: Positive
     px_per_ms: Positive
-    terms: list[Literal["c1", "c2", "c3", "c4", "c5", "c6", "c7", "c8"]] = Field(min_length=1)
+    terms: Annotated[list[Literal["c1", "c2", "c3", "c4", "c5", "c6", "c7", "c8"]], UNIQUE] = Field(min_length=1)
     least_error_percent: Positive

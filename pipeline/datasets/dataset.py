@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -34,12 +34,17 @@ class Dataset(ABC):
         kind: the registry's name for the layout.
         source: where the data can be had.
         classes: the words its labels may use, or None if any.
+        detector_classes: word of a label -> class that detectors call it (``car``, ``person``); a layout of a third
+            party without any cannot be used for detection (those of this package are in `pipeline.detection.classes`).
+        detector_neighbours: word of a label -> classes for which its objects are neither right nor wrong.
         labelled: whether frames come with boxes at all; without, patches are taken from the whole frame.
     """
 
     kind: ClassVar[str]
     source: ClassVar[str]
     classes: ClassVar[frozenset[str] | None] = None
+    detector_classes: ClassVar[Mapping[str, str]] = {}
+    detector_neighbours: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
     def __init__(
         self, name: str, root: str | Path, *, whitelist: str | Path | None = None, limit: int | None = None

@@ -185,8 +185,10 @@ def files_of(group: Group, params: Mapping[str, Any], root: Path = ROOT) -> froz
     if (root / module.replace(".", "/") / "__main__.py").is_file():
         module += ".__main__"
     # members that choose the same names, as those that differ in the dataset do, execute the same
+    # a third party's class is not followed, but what it derives from is
+    bases = [f"{registry}.base" for registry, name in group.kinds.items() if name == "other"]
     choices = {tuple(sorted(chosen_of(group, job, params).items())) for job in group.jobs()}
-    return frozenset().union(*(closure(module, dict(chosen), root) for chosen in choices))
+    return frozenset().union(*(closure([module, *bases], dict(chosen), root) for chosen in choices))
 
 
 def expected(

@@ -13,13 +13,18 @@ from pipeline.settings import STRICT, Count, Draws, Fraction, Name, NonNegative,
 
 
 class DetectorSettings(Settings):
-    """One detector by its registry name, where its weights lie, and what gets them."""
+    """One detector by its registry name; of one with weights, where they lie, and what gets them."""
 
     kind: Name
-    weights: str
-    dvc_dependency: str
-    fetch_command: str
+    weights: str | None = None
+    dvc_dependency: str | None = None
+    """File that the stage `detector` depends on; by default the weights, or the module of a third party's detector."""
+    fetch_command: str | None = None
     options: dict[str, Any] = Field(default_factory=dict)
+
+    def arguments(self) -> dict[str, Any]:
+        """Keyword arguments of the detector's class: its weights, where it has some, and its options."""
+        return ({} if self.weights is None else {"weights": self.weights}) | self.options
 
 
 class EvaluationSettings(Settings):

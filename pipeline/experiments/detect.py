@@ -8,17 +8,18 @@ row per object to be found.
 
 from __future__ import annotations
 
+import inspect
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.detection import opened
-from pipeline.detection.classes import CLASS_MAPS, ClassMap
-from pipeline.errors import InputError, did_you_mean
+from pipeline.detection import REGISTRY, opened
+from pipeline.errors import InputError
 from pipeline.experiments.condition import Condition
 from pipeline.experiments.corrupt import SharpFrame
 from pipeline.experiments.tables import CONDITION
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from pipeline.camera.psf.kernel import Kernel
     from pipeline.camera.settings import CameraSettings
     from pipeline.datasets.frame import Frame
+    from pipeline.detection.classes import ClassMap
     from pipeline.detection.settings import DetectorSettings
 
 _CORNERS = {"x1": "float64", "y1": "float64", "x2": "float64", "y2": "float64"}
@@ -109,27 +111,30 @@ class Sweep:
 
 
 def options_of(section: DetectorSettings) -> str:
-    """A detector's options with its weights, as JSON, from its section of the configuration."""
-    return json.dumps({"weights": section.weights, **section.options}, sort_keys=True)
+    """A detector's options with its weights, if any, as JSON, from its section of the configuration."""
+    return json.dumps(section.arguments(), sort_keys=True)
 
 
-def class_map(kind: str) -> ClassMap:
-    """What the words of a dataset mean to detectors.
+def identifying_file(name: str, section: DetectorSettings) -> Path:
+    """The file whose hash tells a detector from others: its weights; of one without weights, its class's source.
 
     Args:
-        kind: the dataset's layout.
+        name: of the detector in the configuration.
+        section: of it.
 
     Raises:
-        InputError: there is no map for it.
+        InputError: the file is not there.
     """
-    words: Mapping[str, ClassMap] = {**CLASS_MAPS, "folder": CLASS_MAPS["sim"]}
-    if kind not in words:
-        hint = did_you_mean(kind, words)
-        raise InputError(
-            f"no class map defines what the labels of datasets of kind '{kind}' mean to a detector; {hint} (they are in"
-            " pipeline/detection/classes.py)"
-        )
-    return words[kind]
+    if section.weights is None:
+        try:
+            return Path(inspect.getfile(REGISTRY.get(section.kind)))
+        except TypeError:
+            raise InputError(f"detection.detectors.{name}: '{section.kind}' is no Python class with a file") from None
+    path = Path(section.weights)
+    if not path.is_file():
+        getting = f"'{section.fetch_command}' gets it, or " if section.fetch_command else ""
+        raise InputError(f"detection.detectors.{name}.weights: no file {path}; {getting}name another file")
+    return path
 
 
 def objects(frames: Sequence[Frame], words: ClassMap) -> pd.DataFrame:

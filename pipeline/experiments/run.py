@@ -28,6 +28,7 @@ from pipeline.camera.saturation import saturated_fraction
 from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.patches import Patch, cut
 from pipeline.datasets.selection import evenly_spread
+from pipeline.errors import InputError
 from pipeline.executor import run_map
 from pipeline.experiments.condition import Condition, CorruptedImage, Quantity, Subset
 from pipeline.experiments.corrupt import SharpFrame
@@ -213,6 +214,7 @@ def measure_frame(
         view = views[condition.noisy]
         for method in active:
             estimator = estimators[method.name]
+            _check_answer(method, view.estimate(estimator, method.quantity), len(view.patches[method.quantity]))
             about = {**_about(item.frame, condition), **_about_method(method, estimator)}
             if method.quantity == "sigma_dn":
                 rows.add(about, _noise_columns(view, view.estimate(estimator, "sigma_dn"), saturated["sigma_dn"]))
@@ -226,6 +228,16 @@ def measure_frame(
                 columns = _mtf_columns(view, estimate, saturated["mtf"], noisy)
                 rows.add({**about, "filter_px": float(filter_px)}, columns)
     return rows.columns()
+
+
+def _check_answer(method: Method, answer: Any, patches: int) -> None:
+    """Refuse an answer without the quantity, or not for each of the patches: the tables would take it apart wrongly."""
+    kind = {"mtf": "pipeline.blur.base.BlurEstimate", "sigma_dn": "pipeline.noise.base.NoiseEstimate"}[method.quantity]
+    if not hasattr(answer, method.quantity):
+        raise InputError(f"estimator '{method.name}' returned {type(answer).__name__}, expected {kind}")
+    count = len(getattr(answer, method.quantity))
+    if count != patches:
+        raise InputError(f"estimator '{method.name}' answered for {count} of {patches} patches; expected all of them")
 
 
 def opened(estimator: Any) -> Any:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from pipeline.settings import (
+    UNIQUE,
     BlurKind,
     Count,
     Draws,
@@ -47,8 +48,8 @@ class BlurEstimatorSettings(EstimatorSettings):
 class NoiseSettings(Settings):
     """The evaluation of noise estimators (the noise figure)."""
 
-    noise_sources: list[NoiseSource] = Field(min_length=1)
-    target_sigmas_dn: list[Level] = Field(min_length=1)
+    noise_sources: Annotated[list[NoiseSource], UNIQUE] = Field(min_length=1)
+    target_sigmas_dn: Annotated[list[Level], UNIQUE] = Field(min_length=1)
     tile_px: TilePx
     tiles_per_frame: Count | None
     bootstrap_draws: Draws
@@ -76,8 +77,8 @@ class GallerySettings(Settings):
 class CorruptionSettings(Settings):
     """Which effects at which levels."""
 
-    noise_sources: list[Literal["photon", "dcsn", "readout", "combined"]] = Field(min_length=1)
-    target_sigmas_dn: list[Level] = Field(min_length=1)
+    noise_sources: Annotated[list[Literal["photon", "dcsn", "readout", "combined"]], UNIQUE] = Field(min_length=1)
+    target_sigmas_dn: Annotated[list[Level], UNIQUE] = Field(min_length=1)
     gallery: GallerySettings
 
 
@@ -92,10 +93,10 @@ class SubsetSettings(Settings):
     """The part of the experiments that one blur estimator is run on; what is left out is not restricted."""
 
     frames: Count | None = None
-    sizes_px: list[Positive] | None = None
-    angles_deg: list[NonNegative] | None = None
-    target_sigmas_dn: list[Level] | None = None
-    experiments: list[Name] | None = None
+    sizes_px: Annotated[list[Positive], UNIQUE] | None = None
+    angles_deg: Annotated[list[NonNegative], UNIQUE] | None = None
+    target_sigmas_dn: Annotated[list[Level], UNIQUE] | None = None
+    experiments: Annotated[list[Name], UNIQUE] | None = None
 
 
 class DenoiseSettings(Settings):
@@ -110,12 +111,12 @@ class CombinedSettings(Settings):
     """Blur and noise at once; see `pipeline.experiments.combined`."""
 
     experiments: dict[Name, PairSettings] = Field(min_length=1)
-    sizes_px: list[Positive] = Field(min_length=1)
-    target_sigmas_dn: list[Level] = Field(min_length=1)
+    sizes_px: Annotated[list[Positive], UNIQUE] = Field(min_length=1)
+    target_sigmas_dn: Annotated[list[Level], UNIQUE] = Field(min_length=1)
     frames: Count | None
     patches_per_frame: Count | None
     tiles_per_frame: Count | None
-    noise_estimators: list[Name]
+    noise_estimators: Annotated[list[Name], UNIQUE]
     blur_estimators: dict[Name, SubsetSettings]
     denoise: DenoiseSettings
     example_px: Positive
@@ -127,12 +128,12 @@ class DenoisedBlurSettings(Settings):
 
     blur_kind: BlurKind
     noise_source: NoiseSource
-    sizes_px: list[Positive] = Field(min_length=1)
-    target_sigmas_dn: list[Annotated[float, Field(gt=0, le=100)]] = Field(min_length=1)
-    filters_px: list[Annotated[float, Field(gt=1, le=31)]] = Field(min_length=1)
+    sizes_px: Annotated[list[Positive], UNIQUE] = Field(min_length=1)
+    target_sigmas_dn: Annotated[list[Annotated[float, Field(gt=0, le=100)]], UNIQUE] = Field(min_length=1)
+    filters_px: Annotated[list[Annotated[float, Field(gt=1, le=31)]], UNIQUE] = Field(min_length=1)
     frames: Count | None
     patches_per_frame: Count | None
-    blur_estimators: list[Name] = Field(min_length=1)
+    blur_estimators: Annotated[list[Name], UNIQUE] = Field(min_length=1)
     bootstrap_draws: Draws
 
 
@@ -141,10 +142,10 @@ class SweepSettings(Settings):
 
     blur: BlurKind
     match: Literal["nominal", "paper"]
-    sizes_px: list[Annotated[float, Field(ge=0, le=55)]] = Field(min_length=1)
-    angles_deg: list[Annotated[float, Field(ge=0, lt=360)]] = Field(min_length=1)
+    sizes_px: Annotated[list[Annotated[float, Field(ge=0, le=55)]], UNIQUE] = Field(min_length=1)
+    angles_deg: Annotated[list[Annotated[float, Field(ge=0, lt=360)]], UNIQUE] = Field(min_length=1)
     noise_source: NoiseSource
-    target_sigmas_dn: list[Level] = Field(min_length=1)
+    target_sigmas_dn: Annotated[list[Level], UNIQUE] = Field(min_length=1)
     frames: Count | None
     options: dict[Name, dict[str, Any]]
 
@@ -162,5 +163,5 @@ class MeasureSettings(Settings):
 class OrderStudySettings(Settings):
     """Conditions of the comparison of orders and lights; see `pipeline.experiments.order_study`."""
 
-    sizes_px: list[Annotated[float, Field(ge=0, le=55)]] = Field(min_length=1)
-    target_sigmas_dn: list[Level] = Field(min_length=1)
+    sizes_px: Annotated[list[Annotated[float, Field(ge=0, le=55)]], UNIQUE] = Field(min_length=1)
+    target_sigmas_dn: Annotated[list[Level], UNIQUE] = Field(min_length=1)

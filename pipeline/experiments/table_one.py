@@ -20,6 +20,7 @@ from pipeline import blur
 from pipeline.blur.camera_calibration import CameraMap
 from pipeline.camera.mtf import CAMERA, SYSTEM
 from pipeline.camera.settings import CameraSettings
+from pipeline.errors import InputError
 from pipeline.experiments.calibrate import Calibrated, cross_fit, divided_by_sharp, in_folds
 from pipeline.experiments.condition import grid, sharp_kernel
 from pipeline.experiments.frames import TestFrame
@@ -96,11 +97,16 @@ def measure(
         label: name -> that of the progress bar.
 
     Raises:
-        InputError: unknown estimator or option, too few frames to calibrate on, a frame that is not among them, or no
-            estimate for sharp frames to divide by.
+        InputError: no estimator, no frame, or an estimator that answers something else than a
+            `pipeline.blur.base.BlurEstimate` of all patches; an unknown estimator or option, too few frames to
+            calibrate on, a frame that is not among them, or no estimate for sharp frames to divide by.
     """
     import pandas as pd
 
+    if not estimators:
+        raise InputError("estimators: expected at least one, as name -> estimator")
+    if not frames:
+        raise InputError("frames: expected at least one frame to estimate on")
     if kernels is None:
         from pipeline.camera.psf.bank import bank
 

@@ -8,7 +8,7 @@ cap, a masked area, an area that the camera has smoothed away). Neither is a zer
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
@@ -121,6 +121,8 @@ def as_stack(patches: NDArray[np.floating] | torch.Tensor, least_px: int) -> NDA
     """
     if hasattr(patches, "detach"):
         patches = patches.detach().cpu().numpy()
+    if isinstance(patches, np.ma.MaskedArray):
+        raise InputError("patches: masked arrays are not estimated; cut patches without masked pixels")
     if not isinstance(patches, np.ndarray):
         raise InputError(f"patches: expected a NumPy array or torch tensor, not {type(patches).__name__}")
     if patches.ndim != 4 or patches.shape[1] != 1:
@@ -176,6 +178,28 @@ def screen(stack: NDArray[np.floating], saturated_fraction: float = SATURATED_FR
     return reason
 
 
+def check_measured(measured: Measured, count: int) -> None:
+    """Check that an estimator has measured every patch; NumPy would give all patches the value of a single one.
+
+    Args:
+        measured: what an estimator returned.
+        count: of the patches that it was given.
+
+    Raises:
+        InputError: it is no `Measured`, or a field has another shape than (count,).
+    """
+    if not isinstance(measured, Measured):
+        raise InputError(
+            f"noise estimator: measure returned {type(measured).__name__}, expected pipeline.noise.base.Measured"
+        )
+    for part in fields(measured):
+        value = getattr(measured, part.name)
+        if value is not None and np.shape(value) != (count,):
+            raise InputError(
+                f"noise estimator: {part.name} has shape {np.shape(value)}, expected ({count},): one number a patch"
+            )
+
+
 def assemble(measured: Measured, reason: NDArray[np.object_]) -> NoiseEstimate:
     """Join numbers and reasons; what is no finite number of at least `LEAST_SIGMA_DN` becomes an abstention, `FLAT`.
 
@@ -186,7 +210,11 @@ def assemble(measured: Measured, reason: NDArray[np.object_]) -> NoiseEstimate:
 
     Returns:
         the estimate, NaN wherever it abstains.
+
+    Raises:
+        InputError: not one number for each patch; see `check_measured`.
     """
+    check_measured(measured, len(reason))
     nothing = np.full(len(measured.sigma_dn), np.nan)
     low_dn = nothing if measured.low_dn is None else measured.low_dn
     high_dn = nothing if measured.high_dn is None else measured.high_dn
@@ -276,11 +304,12 @@ class Estimator(ABC):
             the estimates; flat and saturated patches are abstained from.
 
         Raises:
-            InputError: wrong shape, size, type or range, or a NaN.
+            InputError: wrong shape, size, type or range, a NaN, or `measure` has not one number for each patch.
         """
         stack = as_stack(patches, self.min_size_px)
         reason = screen(stack, self.saturated_fraction)
         measured = self.measure(stack, reason)
+        check_measured(measured, len(reason))
         if self.quantise_like_paper:
             return as_published(measured.sigma_dn)
         return assemble(measured, reason)

@@ -75,13 +75,14 @@ class PixelCnn(Estimator):
 
     def pixel_map(self, image: NDArray[np.floating]) -> NDArray[np.float32]:
         """Sigma of every pixel of an image (H, W) in [0, 1]: (H, W), DN."""
-        return self._maps_dn(as_stack(np.asarray(image)[None, None], self.min_size_px))[0]
+        return self._maps_dn(as_stack(np.asanyarray(image)[None, None], self.min_size_px))[0]
 
     def _maps_dn(self, stack: NDArray[np.floating]) -> NDArray[np.float32]:
         import torch
 
         with torch.inference_mode():
-            image = torch.from_numpy(np.ascontiguousarray(stack[:, None], dtype=np.float32)).to(self.device)
+            copied = np.array(stack[:, None], dtype=np.float32)  # torch warns of arrays that are read-only
+            image = torch.from_numpy(copied).to(self.device)
             result = self.network(image).clamp(0, 1)
             maps: NDArray[np.float32] = result.cpu().numpy() * np.float32(FULL_SCALE_DN)
         return maps

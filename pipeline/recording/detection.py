@@ -17,6 +17,7 @@ from pipeline.datasets.selection import evaluation_frames, evenly_spread, scene_
 from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError
 from pipeline.experiments import detect, iopc
+from pipeline.experiments.class_maps import class_map
 from pipeline.experiments.condition import sweep_kernels
 from pipeline.experiments.summarise import condition_medians
 from pipeline.recording.kept_results import Map, keyed
@@ -56,15 +57,12 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
         InputError: the dataset or the weights are absent, or there is no object to find.
     """
     settings, section, kind = config.detection, config.detection.detectors[detector], config.datasets[dataset].kind
-    if not Path(section.weights).is_file():
-        raise InputError(
-            f"detection.detectors.{detector}.weights: no file {section.weights}; '{section.fetch_command}' gets it"
-        )
+    identifying = detect.identifying_file(detector, section)
     weights = {
         "blur": {settings.measure.mtf: blur_weights(settings.measure.mtf)},
         "noise": {settings.measure.sigma: noise_weights(settings.measure.sigma)},
     }
-    detector_sha256 = file_sha256(section.weights)
+    detector_sha256 = file_sha256(identifying)
     run_map = keyed(run_map, __name__, {**weights, "detector": detector_sha256})
     frames = _frames(config, dataset)
     table, draws, conditions = _measure(config, dataset, detector, frames, run_map)
@@ -103,7 +101,7 @@ def record(config: Config, dataset: str, detector: str, out: Path, source: str, 
                 "dataset": dataset,
                 "kind": kind,
                 **inputs_of(frames),
-                "detector": {"kind": section.kind, "file": Path(section.weights).name, "options": section.options}
+                "detector": {"kind": section.kind, "file": identifying.name, "options": section.options}
                 | {"sha256": detector_sha256},
                 "sweep": settings.sweep.model_dump(),
                 "evaluation": settings.evaluation.model_dump(),
@@ -146,7 +144,7 @@ def _measure(
 ) -> tuple[pd.DataFrame, dict[str, Any], pd.DataFrame]:
     """Average precisions, their draws, and the estimated conditions."""
     settings, section = config.detection, config.detection.detectors[detector]
-    words = detect.class_map(config.datasets[dataset].kind)
+    words = class_map(config.datasets[dataset].kind)
     camera, levels = config.camera, tuple(settings.sweep.target_sigmas_dn)
     shape = settings.sweep
     blurs = sweep_kernels(shape.blur, shape.sizes_px, shape.angles_deg, shape.match, config.seed)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from pipeline.settings import Count, Frequency, Settings
+from pipeline.settings import UNIQUE, Count, Frequency, Settings
 
 
 class ScenesSettings(Settings):
@@ -18,4 +18,4 @@ class ScenesSettings(Settings):
     height_px: Annotated[int, Field(ge=64, le=4096)]
     radiance: bool
     star_periods: Annotated[int, Field(ge=8, le=360)]
-    star_frequencies: list[Frequency] = Field(min_length=1)
+    star_frequencies: Annotated[list[Frequency], UNIQUE] = Field(min_length=1)

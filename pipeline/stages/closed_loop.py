@@ -24,7 +24,7 @@ def run(run: Run) -> None:
     params, section, name = run.params, run.params.control, run.job["scenario"]
     scenario = setup.scenario(name, evaluation.named_scenario(section.scenarios, name))
     detector = params.detection.detectors[section.detector]
-    options = {"weights": detector.weights, **detector.options}
+    options = detector.arguments()
     about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")
     every = folds(views(run.inputs / "data/sim", moments=section.moments), section.viewpoints, section.folds)
     camera = setup.camera(section.camera)

@@ -32,7 +32,7 @@ def run(run: Run) -> None:
 
     params, section = run.params, run.params.control
     detector = params.detection.detectors[section.detector]
-    options = {"weights": detector.weights, **detector.options}
+    options = detector.arguments()
     every = folds(views(run.inputs / "data/sim"), section.viewpoints, section.folds)
     every_view = [view for fold in every for view in fold if view.moment in section.surface.moments]
     designs, camera = setup.designs(section.surface), setup.camera(section.camera)

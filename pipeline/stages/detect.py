@@ -26,11 +26,12 @@ def run(run: Run) -> None:
     from pipeline.datasets.selection import evaluation_frames, scene_of
     from pipeline.detection import checkpoint
     from pipeline.experiments import detect
+    from pipeline.experiments.class_maps import class_map
     from pipeline.experiments.condition import sweep_kernels
 
     dataset, name, params = run.job["dataset"], run.job["detector"], run.params
     section, source, settings = params.detection.detectors[name], params.datasets[dataset], params.detection.sweep
-    words = detect.class_map(source.kind)
+    words = class_map(source.kind)
     options = settings.options.get(dataset, {})
     frames = evaluation_frames(run.inputs / "data/index" / dataset, dataset, source, options, settings.frames)
     blurs = sweep_kernels(settings.blur, settings.sizes_px, settings.angles_deg, settings.match, params.seed)

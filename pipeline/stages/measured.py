@@ -29,8 +29,8 @@ def run(run: Run) -> None:
     from pipeline import store
     from pipeline.datasets.selection import evaluation_frames, scene_of
     from pipeline.experiments import iopc, tables
+    from pipeline.experiments.class_maps import class_map
     from pipeline.experiments.condition import sweep_kernels
-    from pipeline.experiments.detect import class_map
     from pipeline.experiments.summarise import condition_medians
 
     name, params = run.job["dataset"], run.params

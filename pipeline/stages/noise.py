@@ -10,7 +10,6 @@ READS = [
     "datasets.{dataset}",
     "noise.noise_sources",
     "noise.target_sigmas_dn",
-    "noise.tile_px",
     "noise.tiles_per_frame",
     "noise.bootstrap_draws",
     "noise.map_target_sigma_dn",

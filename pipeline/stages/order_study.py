@@ -17,13 +17,13 @@ def run(run: Run) -> None:
     from pipeline import store
     from pipeline.datasets.index import indexed_frames
     from pipeline.experiments import order_study
-    from pipeline.experiments.detect import class_map
+    from pipeline.experiments.class_maps import class_map
 
     params, section = run.params, run.params.control
     detector, source = params.detection.detectors[section.detector], params.datasets["sim"]
     frames = indexed_frames(run.inputs / "data/index/sim", "sim", source)
     chosen = order_study.conditions(section.order_study.sizes_px, section.order_study.target_sigmas_dn)
-    options = json.dumps({"weights": detector.weights, **detector.options}, sort_keys=True)
+    options = json.dumps(detector.arguments(), sort_keys=True)
     measure = partial(
         order_study.measure,
         chosen=chosen,

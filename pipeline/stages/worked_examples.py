@@ -19,7 +19,7 @@ def run(run: Run) -> None:
 
     params, section = run.params, run.params.control
     detector = params.detection.detectors[section.detector]
-    options = setup.as_json({"weights": detector.weights, **detector.options})
+    options = setup.as_json(detector.arguments())
     (every,) = folds(views(run.inputs / "data/sim"), section.viewpoints, 1)
     work = [view for view in every if view.moment == 3]
     camera = setup.camera(section.camera)

@@ -134,3 +134,9 @@ def test_names_make_estimators(name):
 def test_wrong_names_and_options_are_refused(name, options, message):
     with pytest.raises(InputError, match=message):
         blur.create(name, **options)
+
+
+def test_masked_arrays_are_refused(patches):
+    masked = np.ma.masked_greater(np.asarray(patches), 0.5)
+    with pytest.raises(InputError, match="patches: masked arrays"):
+        blur.create("spectral").estimate(masked)

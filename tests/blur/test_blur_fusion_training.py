@@ -9,8 +9,6 @@ from pipeline import blur, store
 from pipeline.blur import fusion_samples, fusion_training, spectral
 from pipeline.blur.fusion_rows import Rows
 from pipeline.blur.settings import FusionRecipe, FusionTraining
-from pipeline.camera import blur as camera_blur
-from pipeline.camera import mtf
 from pipeline.config.compose import compose, parse
 from pipeline.learning import weights
 from pipeline.stages.train_fusion import run as stage
@@ -32,23 +30,6 @@ def test_samples_are_blurred_and_some_are_noisy():
     assert all(0 < sample.mtf.mean() < 0.65 for sample in samples)
     sigmas = np.array([sample.sigma_dn for sample in samples])
     assert (sigmas == 0).any() and (sigmas > 0).any() and sigmas.max() <= 25
-
-
-def test_the_label_is_the_mtf_of_what_blurred_the_view(monkeypatch):
-    used, blur_with = [], camera_blur.blur
-
-    def recorded(image, kernel):
-        used.append(kernel)
-        return blur_with(image, kernel)
-
-    monkeypatch.setattr(camera_blur, "blur", recorded)
-    point = np.zeros((111, 111), np.float32)
-    point[55, 55] = 1
-    for index in range(4):
-        used.clear()
-        label = fusion_samples.blurred(RECIPE, index).mtf
-        seen = blur_with(blur_with(point, used[0]), used[1])
-        assert label == pytest.approx(mtf.sample(seen / seen.sum()), abs=1e-3), index
 
 
 def synthetic(count):

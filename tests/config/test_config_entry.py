@@ -11,6 +11,8 @@ import pytest
 
 from pipeline.config.compose import compose, parse
 from pipeline.config.entry import stage
+from pipeline.config.from_conf import fresh_folder
+from pipeline.config.unread import warnings
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -113,3 +115,51 @@ stage("probe", reads=["seed"])(body)(["--params"])
         child.kill()
         child.stdout.close()
     assert [path.name for path in tmp_path.iterdir()] == ["params.yaml"]
+
+
+def test_each_sweep_has_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.config.from_conf.time.strftime", lambda form: "2026-01-02_03-04-05")
+    first = fresh_folder(tmp_path)
+    first.mkdir()
+    second = fresh_folder(tmp_path)
+    second.mkdir()
+    names = [path.name for path in (first, second, fresh_folder(tmp_path))]
+    assert names == ["2026-01-02_03-04-05", "2026-01-02_03-04-05_2", "2026-01-02_03-04-05_3"]
+
+
+NOISE = stage(
+    "noise", reads=["noise.target_sigmas_dn", "datasets.{dataset}", "noise.estimators.{estimator}"],
+    job=["dataset", "estimator"],
+)(lambda run: None)  # fmt: skip
+JOB = ("+job.dataset=photos,sim", "+job.estimator=pca,bf")
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("noise.tile_px=64,128", ["noise.tile_px", "index"]),
+        ("datasets.photos.limit=1", ["datasets.photos.limit", "(read by: index)"]),
+        ("+noise.estimators.mine={kind: pca}", ["noise.estimators.mine", "combined"]),
+        ("noise.target_sigmas_dn=[5],[10]", []),
+        ("corruption.target_sigmas_dn=[5],[10]", []),  # which the noise experiment follows
+        ("experiment@noise=noise", []),
+        ("noise.estimators.bf.options={}", []),
+        ("executor.workers=2", []),
+        ("profile=smoke", []),
+    ],
+)
+def test_an_override_that_the_stage_does_not_read_is_pointed_out(override, words, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    sentences = warnings(NOISE, [*JOB, override, "hydra.sweep.dir=x", "--multirun"], ROOT / "conf")
+    assert len(sentences) == bool(words)
+    assert all(word in sentences[0] for word in ["stage 'noise' does not read", *words] if words)
+    assert warnings(NOISE, [override], ROOT / "conf") == []  # whose job is refused later
+
+
+def test_the_stage_noise_warns_of_a_key_that_acts_in_the_index_only():
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline.stages.noise", "noise.tile_px=64", "+job.dataset=none", "+job.estimator=pca"],
+        capture_output=True, text=True, cwd=ROOT,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "warning: stage 'noise' does not read noise.tile_px (read by: index" in done.stderr, done.stderr

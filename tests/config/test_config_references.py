@@ -49,6 +49,8 @@ def at_top(monkeypatch):
         (["control.camera.sensor=papre"], ["control.camera.sensor", "did you mean 'paper'"]),
         (["executor.backend=dask"], ["executor.address"]),
         (["executor.backend=dask", "executor.address=nowhere"], ["executor.address=nowhere"]),
+        (["detection.datasets=[sim,photos]"], ["detection.datasets: 'photos'", "detector_classes"]),
+        (["+detection.detectors.mine={kind: yolox}"], ["detection.detectors.mine.weights", "'yolox' needs a file"]),
         (["datasets.sim.limit=true"], ["datasets.sim.limit", "valid integer"]),
     ],
 )
@@ -95,6 +97,7 @@ def test_the_first_stage_of_an_experiment_refuses_too(tmp_path, monkeypatch):
         (["noise.tile_px=64,8", "--multirun"], "noise.tile_px"),
         (["noise.tile_px"], "not an override KEY=VALUE"),
         (["seed=[", "+job.dataset=sim"], "seed=["),
+        (["+job.dataset=sim", "+job.dataset=photos"], "job.dataset is given twice"),
         (["hydra/launcher=jobli", "--multirun"], "hydra/launcher=jobli: did you mean 'joblib'"),
     ],
 )

@@ -86,3 +86,28 @@ def test_example_follows_a_video_to_its_end(tmp_path, capsys):
 def test_example_names_a_source_that_cannot_be_opened(tmp_path):
     with pytest.raises(OSError, match="no-such"):
         example().OpenCvCamera(str(tmp_path / "no-such.avi"), CameraState.of(8, 100))
+
+
+@pytest.mark.parametrize(
+    ("frame", "words"),
+    [
+        (np.full((8, 8), 128.0, np.float32), r"frame: spans 128 .. 128; expected floats in \[0, 1\]"),
+        (np.full((8, 8), -0.1), "frame: spans -0.1"),
+        (np.full((8, 8), np.nan), "frame: holds NaN"),
+        (np.zeros((0, 8)), "frame: expected"),
+    ],
+)
+def test_a_frame_outside_its_range_moves_no_camera(frame, words):
+    for name in ("mean_intensity", "shim"):
+        with pytest.raises(InputError, match=words):
+            control.Controller(control.create(name, camera=CAMERA)).step(frame, CameraState.of(8, 100))
+
+
+@pytest.mark.parametrize(
+    ("exposure_ms", "iso", "name"), [("8", 100, "exposure_ms"), (8, "100", "iso"), (None, 100, "exposure_ms")]
+)
+def test_settings_that_are_no_numbers_are_named(exposure_ms, iso, name):
+    with pytest.raises(InputError, match=f"camera state: {name} is .*; expected a finite number above 0"):
+        CameraState.of(exposure_ms, iso)
+    with pytest.raises(InputError, match="camera state: exposure_s is '8'"):
+        CameraState("8", 1.0)

@@ -116,3 +116,9 @@ def test_a_profile_writes_below_its_root_and_does_not_stand_for_another_training
 def test_every_stage_module_can_be_followed():
     for group in GROUPS.values():
         assert closure(group.module)
+
+
+@pytest.mark.parametrize("name", ["noise_other", "blur_other", "detector_other", "detect_other"])
+def test_stages_of_third_parties_depend_on_what_their_classes_derive_from(name):
+    registry = next(iter(GROUPS[name].kinds))
+    assert covered(GROUPS[name], f"{registry.replace('.', '/')}/base.py")

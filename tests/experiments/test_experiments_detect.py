@@ -14,16 +14,19 @@ import numpy as np
 import pytest
 import yaml
 from data_makers import make_folder, make_kitti, make_udacity
+from plug_in_makers import SPOTS, plug_in
 from yolox_makers import LABELS, tiny_yolox
 
 from pipeline import store
-from pipeline.config.compose import compose
+from pipeline.config.compose import compose, parse
+from pipeline.config.references import check_references
 from pipeline.config.schema import Config, validate
 from pipeline.curves import precision
 from pipeline.datasets.frame import Box, Frame
 from pipeline.detection import checkpoint
 from pipeline.errors import InputError
 from pipeline.experiments import detect as sweep
+from pipeline.experiments.class_maps import class_map
 from pipeline.stages import curves, detect, detector, direction, index, measured, regression
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -239,13 +242,13 @@ def _indexed(config: Config, out: Path, name: str) -> Path:
 
 def test_a_missing_class_map_is_named() -> None:
     with pytest.raises(InputError, match="kind 'photo'.*known: .*kitti"):
-        sweep.class_map("photo")
+        class_map("photo")
 
 
 def test_neighbours_and_ignored_words_become_ignored_objects() -> None:
     boxes = (Box("Van", 0, 0, 9, 9), Box("DontCare", 1, 1, 5, 5, True), Box("Car", 2, 2, 8, 8))
     frames = [Frame("kitti", "a", Path("a.png"), boxes), Frame("kitti", "b", Path("b.png"))]
-    table = sweep.objects(frames, sweep.class_map("kitti"))
+    table = sweep.objects(frames, class_map("kitti"))
     rows = sorted(map(tuple, table[["frame", "label", "ignore"]].to_numpy().tolist()))
     assert rows == [("a", "car", False), ("a", "car", True), ("a", "car", True), ("a", "person", True)]
 
@@ -264,3 +267,74 @@ def test_other_weights_are_noticed(data: Path, once: Path, tmp_path: Path) -> No
     about = json.loads((once / "data/detector/tiny/detector.json").read_text())
     assert about["sha256"] == hashlib.sha256((data / "tiny.onnx").read_bytes()).hexdigest()
     assert about["kind"] == "yolox"
+
+
+def _with_own(data: Path) -> Config:
+    """As `configured`, with a third party's detector in the place of the tiny one, by its kind alone."""
+    override = "+detection.detectors.mine={kind: spots}"
+    content = yaml.safe_load(compose(["profile=smoke", "executor.workers=1", override], ROOT / "conf"))
+    given = configured(data).model_dump(by_alias=True)
+    content["datasets"], content["detection"]["sweep"] = given["datasets"], given["detection"]["sweep"]
+    content["detection"] |= {"detectors": {"mine": content["detection"]["detectors"]["mine"]}, "datasets": ["kitti"]}
+    content["matrix"] |= {"datasets": ["kitti"], "detectors": ["mine"], "detection_datasets": ["kitti"]}
+    content["control"]["detector"] = "mine"
+    content["by_kind"]["detection"] = {"other": content["by_kind"]["detection"]["other"]}
+    return validate(content)
+
+
+def test_a_third_partys_detector_without_weights_enters_the_study(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = plug_in(tmp_path, monkeypatch, "spots_of_mine", SPOTS, detection="spots = spots_of_mine:Spots")
+    config = _with_own(data)
+    assert config.by_kind["detection"]["other"] == {"mine": str(module)}  # so that DVC notices an edit of it
+    index.run.run(config, {"dataset": "kitti"}, tmp_path, tmp_path)
+    detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)
+    about = store.read_json(tmp_path / "data/detector/mine/detector.json")
+    assert about["sha256"] == hashlib.sha256(module.read_bytes()).hexdigest() and about["source"] == module.name
+    detect.run.run(config, {"dataset": "kitti", "detector": "mine"}, tmp_path, tmp_path)
+    table = store.read_table(tmp_path / "data/detect/kitti-mine/detections.parquet", sweep.DETECTIONS)
+    assert len(table) == 2 * KERNELS * len(LEVELS) and set(table["x2"]) == {30.0}
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("+detection.detectors.mine={kind: spots, options: {side_px: 9}}", ""),
+        ("+detection.detectors.mine={kind: spots, weights: a.onnx}", "mine.weights: 'spots' takes no weights"),
+        ("+detection.detectors.mine={kind: spots, options: {side: 9}}", "options.side: unknown option of 'spots'"),
+    ],
+)
+def test_weights_and_options_of_a_third_partys_detector_are_checked_when_compiling(
+    override: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plug_in(tmp_path, monkeypatch, "spots_of_mine", SPOTS, detection="spots = spots_of_mine:Spots")
+    config = parse(compose([override], ROOT / "conf"), "conf/")
+    monkeypatch.chdir(ROOT)
+    if not words:
+        return check_references(config)
+    with pytest.raises(InputError, match=words):
+        check_references(config)
+    return None
+
+
+def test_a_third_partys_dataset_brings_what_its_labels_mean(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = """
+from pipeline.datasets.folder import Folder
+
+
+class Drives(Folder):
+    kind = "drives"
+    detector_classes = {"auto": "car"}
+    detector_neighbours = {"van": ("car",)}
+
+
+class Bare(Folder):
+    kind = "bare"
+"""
+    points = "drives = drives_of_mine:Drives\nbare = drives_of_mine:Bare"
+    plug_in(tmp_path, monkeypatch, "drives_of_mine", text, datasets=points)
+    words = class_map("drives")
+    assert words.classes == ["car"] and dict(words.neighbours) == {"van": ("car",)}
+    with pytest.raises(InputError, match="kind 'bare'.*detector_classes"):
+        class_map("bare")

@@ -154,3 +154,32 @@ def test_the_stage_writes_it(root, found, once, tmp_path):
     assert kept["mtf"].to_numpy() == pytest.approx(once.estimates["mtf"].to_numpy(), abs=1e-6)
     summary = store.read_table(folder / "summary.parquet", BLUR_SUMMARY)
     assert summary["amae_percent"].to_numpy() == pytest.approx(once.summary["amae_percent"].to_numpy(), abs=1e-4)
+
+
+class Answers:
+    """Answers every call in the same way."""
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def estimate(self, patches):
+        return self.answer(len(patches))
+
+
+def estimate_of(count):
+    return BlurEstimate(np.full((count, 2, 8), 0.5), np.zeros(count, bool), np.full(count, "", "<U9"))
+
+
+@pytest.mark.parametrize(
+    ("estimators", "count", "words"),
+    [
+        ({}, 2, "estimators: expected at least one"),
+        ({"mine": Answers(estimate_of)}, 0, "frames: expected at least one"),
+        ({"mine": Answers(lambda count: estimate_of(count - 1))}, 2, "estimator 'mine' answered for 0 of 1 patches"),
+        ({"mine": Answers(lambda count: np.ones((count, 2, 8)))}, 2, "estimator 'mine' returned ndarray, expected"),
+        ({"mine": Answers(lambda count: None)}, 2, "estimator 'mine' returned NoneType, expected .*BlurEstimate"),
+    ],
+)
+def test_what_cannot_become_a_table_is_named(work, estimators, count, words):
+    with pytest.raises(InputError, match=words):
+        table_one.measure(estimators, work[:count], BANK, draws=5)

@@ -219,3 +219,42 @@ def test_what_is_no_number_is_an_abstention_whatever_its_interval():
     assert estimate.abstained.tolist() == [True, True, True, False, False]
     assert estimate.reason[:3].tolist() == [FLAT] * 3
     assert np.isnan(estimate.sigma_dn[:3]).all() and np.isnan(estimate.high_dn[:3]).all()
+
+
+class OneForAll(Estimator):
+    """Answers with a given field of the wrong shape."""
+
+    min_size_px = 8
+
+    def __init__(self, name: str, **options: bool) -> None:
+        super().__init__(**options)
+        self.name = name
+
+    def measure(self, stack, reason):  # type: ignore[no-untyped-def]
+        if self.name == "array":
+            return np.full(len(stack), 5.0)
+        fields = dict.fromkeys(("sigma_dn", "low_dn", "high_dn"), np.full(len(stack), 5.0))
+        return Measured(**{**fields, self.name: np.array([5.0])})
+
+
+@pytest.mark.parametrize("as_published", [False, True])
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("sigma_dn", r"sigma_dn has shape \(1,\), expected \(4,\)"),
+        ("low_dn", r"low_dn has shape \(1,\), expected \(4,\)"),
+        ("white_sigma_dn", r"white_sigma_dn has shape \(1,\), expected \(4,\)"),
+        ("array", "returned ndarray, expected pipeline.noise.base.Measured"),
+    ],
+)
+def test_an_estimator_has_one_number_for_each_patch(name: str, words: str, as_published: bool) -> None:
+    patches = noisy(smooth_textures(4, 30.0), 5.0)
+    with pytest.raises(InputError, match=words):
+        OneForAll(name, quantise_like_paper=as_published).estimate(patches)
+
+
+@pytest.mark.parametrize("name", [*NAMES, "cellwise", "adaptive"])
+def test_masked_arrays_are_refused(name: str) -> None:
+    patches = np.ma.masked_greater(noisy(smooth_textures(2, 30.0), 5.0), 0.55)
+    with pytest.raises(InputError, match="masked arrays"):
+        noise.create(name).estimate(patches)

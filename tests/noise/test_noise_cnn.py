@@ -119,3 +119,11 @@ def test_foreign_weights_are_refused(tmp_path: Path) -> None:
 def test_options_out_of_range(constant: Path, options: dict[str, float], word: str) -> None:
     with pytest.raises(InputError, match=word):
         noise.create("cnn", weights=constant, **options)
+
+
+@pytest.mark.filterwarnings("error")
+def test_patches_that_may_not_be_written_are_read_without_a_warning(constant: Path) -> None:
+    patches = np.full((1, 1, 32, 32), 0.5, np.float32)
+    patches[..., ::2] = 0.4
+    patches.flags.writeable = False
+    assert len(noise.create("cnn", weights=str(constant)).estimate(patches)) == 1

@@ -2,29 +2,54 @@
 
 ``${names_of_kind:noise.estimators,pca}`` is the list of names whose ``kind`` is ``pca``; with several kinds, of all of
 them; ``${names_of_other_kind:...}`` of none of them. ``${dependencies_of_kind:detection.detectors,yolox}`` maps names
-to their ``dvc_dependency``. ``${dependency_folder:...}`` is a folder, or `NO_DATA` where it is null.
-`pipeline.config.compose` imports
-this file; DVC loads it as a Hydra plugin (``hydra.plugins_path`` in ``.dvc/config``), so it imports nothing of the
-package.
+to the file that their stage `detector` depends on. ``${dependency_folder:...}`` is a folder, or `NO_DATA` where it is
+null. `pipeline.config.compose` imports this file; DVC loads it as a Hydra plugin (``hydra.plugins_path`` in
+``.dvc/config``), so it imports nothing of the package.
 """
 
 from __future__ import annotations
 
+import contextlib
+from importlib.metadata import entry_points
+from importlib.util import find_spec
 from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
+DETECTORS = "pipeline.detection"
+"""Entry point group of third parties' detectors."""
 NO_DATA = "data/raw/README.md"
 """What a stage of absent data depends on instead: a file that is always there."""
 
 
 def _members(path: str, kinds: tuple[str, ...], wanted: bool, root: Any) -> dict[str, Any]:
+    """Members of a section by name; one that is no section itself has no kind, and the schema refuses it later."""
     section = OmegaConf.select(root, path)
-    return {str(name): member for name, member in section.items() if (member["kind"] in kinds) is wanted}
+    return {str(name): member for name, member in section.items() if (_value(member, "kind") in kinds) is wanted}
+
+
+def _value(member: Any, key: str) -> Any:
+    return member.get(key) if isinstance(member, DictConfig) else None
 
 
 def _watched(members: dict[str, Any]) -> DictConfig:
-    return OmegaConf.create({name: str(member["dvc_dependency"]) for name, member in members.items()})
+    return OmegaConf.create({name: _dependency(member) for name, member in members.items()})
+
+
+def _dependency(member: Any) -> str:
+    """The file that the stage `detector` depends on: as given, else the weights, else the third party's own module."""
+    given = _value(member, "dvc_dependency") or _value(member, "weights")
+    return str(given or _plug_in_file(_value(member, "kind")) or NO_DATA)
+
+
+def _plug_in_file(kind: Any) -> str | None:
+    """The source file of a third party's detector, so that a change of it is noticed; None where there is none."""
+    for point in entry_points(group=DETECTORS, name=str(kind)):
+        with contextlib.suppress(Exception):
+            module = find_spec(point.module)  # imports the packages above it, which may do anything
+            if module is not None and module.has_location:
+                return module.origin
+    return None
 
 
 def names_of_kind(path: str, *kinds: str, _root_: Any) -> ListConfig:
