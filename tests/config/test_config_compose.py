@@ -106,7 +106,7 @@ def test_the_text_is_the_one_dvc_writes(tmp_path):
         ("psf.kinds=[defocus,defocus]", ["psf.kinds", "more than once"]),
         ("control.surface.moments=[0,0]", ["control.surface.moments", "more than once"]),
         ("noise.target_sigmas_dn=[nan]", ["noise.target_sigmas_dn", "finite", "nan"]),
-        ("noise.estimators.pca=null", ["noise.estimators.pca", "None"]),
+        ("noise.estimators.pca=null", ["noise.estimators.pca", "valid dictionary", "None"]),
         ("~camera", ["camera"]),
     ],
 )
