@@ -67,6 +67,7 @@ CODECS = (
     Codec("h264", 23),
 )
 TURNED_DEG = 2.0
+ZOOM = 4
 
 
 def turned(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -76,11 +77,18 @@ def turned(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(cv2.warpAffine(frame, matrix, (width, height), borderMode=cv2.BORDER_REFLECT), np.uint8)
 
 
+def zoomed(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The middle of a frame enlarged to its size, as by a digital zoom."""
+    height, width = (side // ZOOM for side in frame.shape)
+    top, left = (frame.shape[0] - height) // 2, (frame.shape[1] - width) // 2
+    middle = frame[top : top + height, left : left + width]
+    return np.asarray(cv2.resize(middle, None, fx=ZOOM, fy=ZOOM, interpolation=cv2.INTER_CUBIC), np.uint8)
+
+
 FILTERS: Mapping[str, Callable[[NDArray[np.uint8]], Any]] = {
     "scaled 0.7": partial(cv2.resize, dsize=None, fx=0.7, fy=0.7, interpolation=cv2.INTER_AREA),
     "scaled 1.3": partial(cv2.resize, dsize=None, fx=1.3, fy=1.3, interpolation=cv2.INTER_LINEAR),
-    "scaled 3": partial(cv2.resize, dsize=None, fx=3, fy=3, interpolation=cv2.INTER_CUBIC),
-    "scaled 4": partial(cv2.resize, dsize=None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC),
+    "scaled 4": zoomed,
     "turned": turned,
     "gaussian": partial(cv2.GaussianBlur, ksize=(0, 0), sigmaX=0.8),
     "median": partial(cv2.medianBlur, ksize=3),

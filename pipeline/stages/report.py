@@ -12,7 +12,7 @@ READS = [
     "matrix",
 ]  # fmt: skip
 USES: dict[str, list[str]] = {
-    "pipeline.detection": [], "pipeline.blur": [], "pipeline.noise": [], "pipeline.control": [],
+    "pipeline.detection": [], "pipeline.blur": ["pmp", "gbb"], "pipeline.noise": [], "pipeline.control": [],
 }  # fmt: skip
 MOST_WORKERS = 4  # of few long sections, more would wait for the longest
 NETWORKS = {
