@@ -80,7 +80,7 @@ def _direction_matters(evidence: Evidence) -> Measurement | None:
         f"Best less worst direction without noise, at the longest blur: {least:.0f} to {most:.0f} points; in the "
         f"paper's table up to {theirs:.0f}."
     )
-    return claim.of_cells(rows, "class of a detector", rows["on"], text)
+    return claim.of_cells(rows, "detector-class pair", rows["on"], text)
 
 
 def _regression(evidence: Evidence) -> Measurement | None:
