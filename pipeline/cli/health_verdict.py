@@ -194,8 +194,10 @@ def _level(sigma_dn: float, high_dn: float, at_most_dn: float) -> str:
 
 def directed_shares(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
     """Shares of the blurred frames that are blurred mainly horizontally, and mainly vertically; 0 without any."""
-    directions = [row["blur_direction"] for row in rows if row.get("blur") not in (None, "", "sharp")]
-    horizontal, vertical = (directions.count(axis) / max(len(directions), 1) for axis in ("horizontal", "vertical"))
+    from pipeline.condition.verdict import AXES, SHARP
+
+    directions = [row["blur_direction"] for row in rows if row["blur"] not in ("", SHARP)]
+    horizontal, vertical = (directions.count(axis) / max(len(directions), 1) for axis in AXES)
     return horizontal, vertical
 
 

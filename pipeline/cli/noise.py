@@ -44,10 +44,10 @@ def command(
     """Estimate the noise of PATHS: pictures, videos, or folders of them.
 
     Prints, per frame, the robust median over its tiles with their range, in grey levels (DN, 0..255), and how many
-    tiles the estimator abstained on. A frame whose tiles mostly abstain because of a codec or filter, or of which less
-    than an eighth answer, has no median (``frame_sigma_dn`` of the CSV is nan), and its map no number: the tiles that
-    answer then are mostly grain that looks like noise. Behind a codec it has a bound. The same estimator as
-    ``camera-monitor health`` unless another is named.
+    tiles the estimator abstained on; bars beside the picture are left out. A frame whose tiles mostly abstain because
+    of a codec or filter, or of which less than a quarter answer, has no median (``frame_sigma_dn`` of the CSV is nan),
+    and its map no number: the tiles that answer then are mostly grain that looks like noise. Behind a codec it has a
+    bound. The same estimator as ``camera-monitor health`` unless another is named.
     """
     import numpy as np
     from tqdm import tqdm
@@ -58,9 +58,7 @@ def command(
     from pipeline.cli.overlay import noise_overlay
     from pipeline.cli.pictures import expand, least_side_px, readable, result_stem
     from pipeline.cli.set_aside import SetAside
-    from pipeline.condition.frame_tiles import frame_tiles
-    from pipeline.condition.summary import at_most_dn, summarise_noise
-    from pipeline.datasets.patches import cut
+    from pipeline.condition import noise_of_frame
     from pipeline.errors import InputError, printable
     from pipeline.store import write_image
 
@@ -83,15 +81,13 @@ def command(
             try:
                 if image is None:
                     raise InputError(problem)
-                squares = frame_tiles(image.shape, tile_px, most_tiles)
-                estimate = method.estimate(cut(image, squares))
+                state = noise_of_frame(method, image, tile_px, most_tiles)
             except InputError as error:
                 set_aside.add(name, error)
                 continue
-            whole = summarise_noise(estimate)
+            whole, estimate, squares = state.summary, state.estimate, state.patches
             level, bound, least, most = (
-                number(float(value), 2)
-                for value in (whole.value, at_most_dn(estimate, whole), whole.least, whole.greatest)
+                number(float(value), 2) for value in (whole.value, state.at_most_dn, whole.least, whole.greatest)
             )
             numbers = f"{level:>9} {bound:>7} {least:>7} {most:>7} {len(squares):6d} {whole.abstained:9d}"
             click.echo(f"{numbers}  {printable(name)}")

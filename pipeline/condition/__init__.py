@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from pipeline.condition.estimate import BlurState, Condition, ConditionMonitor, NoiseState
+from pipeline.condition.estimate import BlurState, Condition, ConditionMonitor, NoiseState, noise_of_frame
 from pipeline.condition.summary import Summary
 
-__all__ = ["BlurState", "Condition", "ConditionMonitor", "NoiseState", "Summary"]
+__all__ = ["BlurState", "Condition", "ConditionMonitor", "NoiseState", "Summary", "noise_of_frame"]

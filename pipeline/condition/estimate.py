@@ -27,12 +27,12 @@ from pipeline.condition.structure import STRUCTURELESS, structureless
 from pipeline.condition.summary import Summary, at_most_dn, summarise, summarise_noise, with_upper_end
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
-from pipeline.noise.base import FLAT, NoiseEstimate
+from pipeline.noise.base import FLAT, NoiseEstimate, NoiseEstimator
 from pipeline.noise.maps import CellEstimator, pasted
 
 Estimate = TypeVar("Estimate", BlurEstimate, NoiseEstimate)
 
-LEAST_TILE_PX = 16
+LEAST_TILE_PX, TILE_PX = 16, 128
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class ConditionMonitor:
         *,
         blur_options: Mapping[str, Any] | None = None,
         noise_options: Mapping[str, Any] | None = None,
-        tile_px: int = 128,
+        tile_px: int = TILE_PX,
         most_tiles: int = MOST_TILES,
         most_patches: int = MOST_PATCHES,
     ) -> None:
@@ -219,7 +219,8 @@ class ConditionMonitor:
         large_enough = min(shape) >= PATCH_PX
         squares = shifted(frame_tiles(shape, PATCH_PX, self.most_patches), area) if large_enough else []
         small = shifted(frame_tiles(shape, self.tile_px, self.most_tiles), area)
-        return Condition(self._blur(cut(picture, squares), squares), self._noise(cut(picture, small), small, picture))
+        blurred = self._blur(cut(picture, squares), squares)
+        return Condition(blurred, _noise(self.noise_estimator, cut(picture, small), small, picture))
 
     def patches(self, patches: NDArray[np.floating]) -> Condition:
         """The condition of a set of patches, say of all objects in a frame.
@@ -235,7 +236,7 @@ class ConditionMonitor:
         """
         stack = as_patches(patches)
         positions = [Patch(0, 0, PATCH_PX) for _ in range(len(stack))]
-        return Condition(self._blur(stack, positions), self._noise(stack, positions, None))
+        return Condition(self._blur(stack, positions), _noise(self.noise_estimator, stack, positions, None))
 
     def _blur(self, stack: NDArray[np.float32], squares: Sequence[Patch]) -> BlurState:
         start = time.perf_counter()
@@ -245,28 +246,56 @@ class ConditionMonitor:
         taken = (time.perf_counter() - start) * 1e3
         return BlurState(squares, result, _grid(squares), summarise(result.mtf, result.low, result.high), taken)
 
-    def _noise(
-        self, stack: NDArray[np.float32], squares: Sequence[Patch], picture: NDArray[np.float32] | None
-    ) -> NoiseState:
-        start = time.perf_counter()
-        grid = _grid(squares)
-        lost = covered(stack)
-        if picture is not None and isinstance(self.noise_estimator, CellEstimator):
-            result, cells = self.noise_estimator.estimate_cells(stack)
-            cells = np.where(lost[:, None, None], np.float32(np.nan), cells)
-            whole: NDArray[np.floating] = pasted(cells, squares, (picture.shape[0], picture.shape[1]))
-        else:
-            result = self.noise_estimator.estimate(stack)
-            whole = np.where(lost, np.nan, result.sigma_dn).reshape(grid)
-        result = _without(result, {COVERED_REASON: lost})
-        taken = (time.perf_counter() - start) * 1e3
-        coarse_dn = np.nan
-        if picture is not None:
-            coarse_dn = most_coarse_noise_dn(stack[~np.isin(result.reason, (FLAT, SATURATED, COVERED_REASON))])
-        summary = with_upper_end(summarise_noise(result), coarse_dn)
-        if np.isnan(summary.value):
-            whole = np.full_like(whole, np.nan)
-        return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary, coarse_dn))
+
+def noise_of_frame(
+    estimator: NoiseEstimator, image: NDArray[np.floating], tile_px: int = TILE_PX, most_tiles: int = MOST_TILES
+) -> NoiseState:
+    """The noise of one frame alone, as `ConditionMonitor.frame` has it.
+
+    Args:
+        estimator: of `pipeline.noise`.
+        image: (H, W) float in [0, 1], grey levels as the camera encoded them.
+        tile_px: side of the tiles; smaller frames get one tile of their smaller side.
+        most_tiles: of them.
+
+    Returns:
+        the noise over the tiles inside bars beside the picture.
+
+    Raises:
+        InputError: not such a frame, or smaller than the estimator needs.
+    """
+    picture = _checked(image)
+    area = picture_area(picture)
+    squares = shifted(frame_tiles(picture[area].shape, tile_px, most_tiles), area)
+    return _noise(estimator, cut(picture, squares), squares, picture)
+
+
+def _noise(
+    estimator: NoiseEstimator,
+    stack: NDArray[np.float32],
+    squares: Sequence[Patch],
+    picture: NDArray[np.float32] | None,
+) -> NoiseState:
+    """The noise of squares (N, 1, h, w) of a frame, or of patches without one."""
+    start = time.perf_counter()
+    grid = _grid(squares)
+    lost = covered(stack)
+    if picture is not None and isinstance(estimator, CellEstimator):
+        result, cells = estimator.estimate_cells(stack)
+        cells = np.where(lost[:, None, None], np.float32(np.nan), cells)
+        whole: NDArray[np.floating] = pasted(cells, squares, (picture.shape[0], picture.shape[1]))
+    else:
+        result = estimator.estimate(stack)
+        whole = np.where(lost, np.nan, result.sigma_dn).reshape(grid)
+    result = _without(result, {COVERED_REASON: lost})
+    taken = (time.perf_counter() - start) * 1e3
+    coarse_dn = np.nan
+    if picture is not None:
+        coarse_dn = most_coarse_noise_dn(stack[~np.isin(result.reason, (FLAT, SATURATED, COVERED_REASON))])
+    summary = with_upper_end(summarise_noise(result), coarse_dn)
+    if np.isnan(summary.value):
+        whole = np.full_like(whole, np.nan)
+    return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary, coarse_dn))
 
 
 def _whole_cover(frame: NDArray[np.float32]) -> NDArray[np.float32]:

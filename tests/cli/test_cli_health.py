@@ -275,13 +275,18 @@ def test_sharp_frames_that_are_not_sharp_or_of_another_size_get_a_warning(tmp_pa
     assert "other.png is 448x300 px" in done.output and "448x320" in done.output
 
 
-def test_health_and_noise_agree_by_default(tmp_path):
+@pytest.mark.parametrize("bar_px", [0, 60])
+def test_health_and_noise_agree_by_default(tmp_path, bar_px):
     path = write(tmp_path / "a.png", 6.0)
+    boxed = cv2.copyMakeBorder(cv2.imread(str(path), 0), bar_px, bar_px, 0, 0, cv2.BORDER_CONSTANT, value=16)
+    cv2.imwrite(str(path), boxed)
     done = call(path, "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
     (row,) = json.loads((tmp_path / "out/health.json").read_text())["pictures"]
     noise = CliRunner().invoke(main, ["noise", str(path)])
-    assert abs(float(noise.output.splitlines()[1].split()[0]) - row["sigma_dn"]) < 0.006
+    level, at_most = map(float, noise.output.splitlines()[1].split()[:2])
+    assert (level, at_most) == pytest.approx((row["sigma_dn"], row["sigma_at_most_dn"]), abs=0.006)
+    assert row["sigma_dn"] == pytest.approx(6, abs=0.6)
 
 
 def test_health_and_noise_take_the_same_tiles_of_a_large_frame(tmp_path):

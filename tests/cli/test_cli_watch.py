@@ -27,7 +27,7 @@ from pipeline.cli.watch_state import RollingState
 from pipeline.condition.trend import ConditionTrend
 from pipeline.streams import stream
 
-SHARP = dict.fromkeys(("mtf", "mtf_low", "mtf_high"), np.full((2, 8), 0.9))
+SHARP = dict.fromkeys(("mtf", "mtf_low", "mtf_high"), np.full((2, 8), 0.9)) | {"blur": "sharp", "blur_direction": ""}
 
 
 def film(path, frames, fault_from=None, size=(224, 208)):
