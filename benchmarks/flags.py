@@ -42,6 +42,7 @@ from scipy.stats import spearmanr  # noqa: E402
 
 from pipeline.camera import mtf, psf  # noqa: E402
 from pipeline.camera.blur import blur  # noqa: E402
+from pipeline.cluster_intervals import bias_corrected, resamples  # noqa: E402
 from pipeline.condition import ConditionMonitor  # noqa: E402
 from pipeline.datasets.pictures import read_grey, read_grey8, to_eight_bit  # noqa: E402
 from pipeline.noise.real_noise import cleaned, pairs  # noqa: E402
@@ -148,19 +149,19 @@ def measures() -> dict[str, Callable[[np.ndarray], dict[str, float]]]:
 
 
 def correlation(scenes: list[str], values: np.ndarray, truth: np.ndarray, key: str) -> dict[str, float]:
-    """Spearman's rank correlation with its bootstrap 95 % interval over scenes; pictures without a value count last."""
+    """Spearman's rank correlation with its 95 % interval over scenes; pictures without a value count last."""
     values = np.where(np.isfinite(values), values, np.nanmax(values) + 1)
     names = sorted(set(scenes))
     rows = {name: [index for index, scene in enumerate(scenes) if scene == name] for name in names}
     draws = []
-    generator = stream(1, "flags bootstrap", key)
-    for _ in range(DRAWS):
-        chosen = np.concatenate([rows[names[index]] for index in generator.integers(len(names), size=len(names))])
+    for picks in resamples(len(names), DRAWS, stream(1, "flags bootstrap", key)):
+        chosen = np.concatenate([rows[names[index]] for index in picks])
         if len(set(truth[chosen])) > 1 and len(set(values[chosen])) > 1:
             draws.append(spearmanr(values[chosen], truth[chosen]).statistic)
-    low, high = np.percentile(draws, [2.5, 97.5])
+    rank = float(spearmanr(values, truth).statistic)
+    low, high = bias_corrected(np.array(draws), rank, len(names), bounds=(-1.0, 1.0))
     return {
-        "spearman": round(float(spearmanr(values, truth).statistic), 3),
+        "spearman": round(rank, 3),
         "low": round(float(low), 3),
         "high": round(float(high), 3),
         "pictures": len(values),

@@ -7,11 +7,20 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import binom
 
-from pipeline.cluster_intervals import bias_corrected, cluster_mean, critical_value, small_sample_factor
+from pipeline.cluster_intervals import (
+    ENUMERATED,
+    bias_corrected,
+    cluster_mean,
+    critical_value,
+    resamples,
+    small_sample_factor,
+)
 from pipeline.detection.average_precision import area, evaluate
 from pipeline.detection.base import Detections
 from pipeline.detection.matching import GroundTruth
+from pipeline.experiments.intervals import frame_interval, median
 from pipeline.streams import stream
 
 
@@ -42,6 +51,29 @@ def test_a_difference_may_be_negative_although_no_resample_is():
     """Three clusters, all resampled differences above 0: that is no proof of a difference above 0."""
     low, high = bias_corrected(np.linspace(0.2, 4.0, 200), 2.1, 3)
     assert low < 0 < high
+
+
+@pytest.mark.parametrize("clusters", range(1, ENUMERATED + 1))
+def test_all_resamples_of_few_clusters_are_what_random_ones_tend_to(clusters):
+    """Each choice once; shares of resamples by how often they hold the first cluster are those of the binomial law."""
+    every = resamples(clusters, 500, stream(0, "unused"))
+    assert len(np.unique(every, axis=0)) == len(every) == clusters**clusters
+    share = np.bincount((every == 0).sum(axis=1), minlength=clusters + 1) / len(every)
+    assert share == pytest.approx(binom.pmf(np.arange(clusters + 1), clusters, 1 / clusters))
+
+
+def test_resamples_of_more_clusters_are_drawn():
+    drawn = resamples(ENUMERATED + 1, 500, stream(0, "drawn"))
+    assert drawn.shape == (500, ENUMERATED + 1) and set(np.unique(drawn)) == set(range(ENUMERATED + 1))
+    assert not np.array_equal(drawn, resamples(ENUMERATED + 1, 500, stream(1, "drawn")))
+
+
+def test_intervals_over_few_frames_do_not_depend_on_the_seed():
+    """Medians of resampled frames take few values: between seeds, quantiles jumped from one to the next."""
+    values = pd.Series(stream(3, "errors").gamma(2.0, 2.0, 12))
+    frames = pd.Series(np.repeat(list("abcd"), 3))
+    ends = {frame_interval(values.to_numpy(), frames.to_numpy(), median, stream(s, "seeds"), 500) for s in range(5)}
+    assert len(ends) == 1 and len({cluster_mean(values, frames, stream(s, "seeds")) for s in range(5)}) == 1
 
 
 def test_a_mean_over_clusters_has_the_interval_of_the_clusters():

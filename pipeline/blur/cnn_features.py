@@ -10,8 +10,6 @@ import torch.nn.functional as functional
 
 PHASES = 6  # the patch is split into 6 x 6 sub-sampled images
 
-_SOBEL = ((-1.0, 0.0, 1.0), (-2.0, 0.0, 2.0), (-1.0, 0.0, 1.0))
-
 
 def network_input(patches: torch.Tensor) -> torch.Tensor:
     """What the network sees of patches.
@@ -26,6 +24,7 @@ def network_input(patches: torch.Tensor) -> torch.Tensor:
         (N, 72, 32, 32).
     """
     centred = (patches - patches.mean((1, 2), keepdim=True))[:, None]
-    kernel = torch.tensor(_SOBEL, dtype=patches.dtype, device=patches.device)[None, None]
-    gradient = functional.conv2d(functional.pad(centred, (1, 1, 1, 1), mode="replicate"), kernel)
+    offset = torch.arange(-1.0, 2.0, dtype=patches.dtype, device=patches.device)
+    sobel = torch.outer(2 - offset.abs(), offset)  # rows -1 0 1, -2 0 2, -1 0 1; made where the patches are
+    gradient = functional.conv2d(functional.pad(centred, (1, 1, 1, 1), mode="replicate"), sobel[None, None])
     return functional.pixel_unshuffle(torch.cat([centred, gradient], dim=1), PHASES)

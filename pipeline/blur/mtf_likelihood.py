@@ -24,7 +24,7 @@ COVERAGE = 0.95
 SCORE = "mtf_error_percent"
 
 
-def loss(outputs: Answer, truth: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, float]]:
+def loss(outputs: Answer, truth: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
     """The loss of the module, and mean absolute errors.
 
     Args:
@@ -37,8 +37,8 @@ def loss(outputs: Answer, truth: Mapping[str, torch.Tensor]) -> tuple[torch.Tens
     value = laplace_loss(mtf, scale, truth["mtf"])
     value = value + SIGMA_WEIGHT * laplace_loss(sigma_dn, sigma_scale, truth["sigma_dn"])
     measures = {
-        "mtf_error_percent": 100 * float((mtf - truth["mtf"]).detach().abs().mean()),
-        "sigma_error_dn": float((sigma_dn - truth["sigma_dn"]).detach().abs().mean()),
+        "mtf_error_percent": 100 * (mtf - truth["mtf"]).detach().abs().mean().double(),
+        "sigma_error_dn": (sigma_dn - truth["sigma_dn"]).detach().abs().mean(),
     }
     return value, measures
 

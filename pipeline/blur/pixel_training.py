@@ -22,7 +22,7 @@ def chunk_arrays(chunk: Chunk) -> dict[str, np.ndarray]:
     return {"patches_dn": chunk.patches_dn, "mtf": chunk.mtf, "sigma_dn": chunk.sigma_dn}
 
 
-def loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, float]]:
+def loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
     """Likelihood of MTF and noise; every second patch of the batch is seen mirrored, which changes neither."""
     import torch
 

@@ -53,18 +53,15 @@ def feature_arrays(chunk: Chunk, block_px: int = BLOCK_PX) -> dict[str, np.ndarr
     }
 
 
-def loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, float]]:
+def loss(model: torch.nn.Module, batch: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
     """Likelihood of MTF and noise.
 
     Every second sample of the batch is seen mirrored; chunks are of even size, so it is the same ones each time.
     """
-    import torch
-
     from pipeline.blur.spectral_features import mirrored
 
     maps = batch["maps"].float()
-    other = torch.arange(len(maps), device=maps.device) % 2 == 1
-    maps[other] = mirrored(maps[other])
+    maps[1::2] = mirrored(maps[1::2])
     return mtf_likelihood.loss(model(maps, batch["vector"].float()), batch)
 
 

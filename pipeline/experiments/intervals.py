@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.cluster_intervals import NO_INTERVAL, bias_corrected
+from pipeline.cluster_intervals import NO_INTERVAL, bias_corrected, resamples
 from pipeline.statistics import REJECT_BEYOND_MAD
 from pipeline.streams import KeyPart, stream
 
@@ -86,7 +86,7 @@ def frame_interval(
         statistic: reduces (M, draws, ...) resampled patches, NaN among them, to (draws,) numbers; of one that is never
             negative, nor is the interval.
         generator: random stream of the bootstrap.
-        draws: resamples.
+        draws: resamples, of more than a few frames (`pipeline.cluster_intervals.resamples`).
 
     Returns:
         lower and upper end, which enclose the statistic of the values given; NaN with fewer than two frames that hold
@@ -101,10 +101,10 @@ def frame_interval(
     padded = np.full((len(names), max(map(len, members)), *values.shape[1:]), np.nan)
     for number, rows in enumerate(members):
         padded[number, : len(rows)] = values[rows]
-    picks = generator.integers(len(names), size=(draws, len(names)))
+    picks = resamples(len(names), draws, generator)
     block = max(1, _BLOCK // padded.size)
     results = []
-    for part in np.split(picks, range(block, draws, block)):
+    for part in np.split(picks, range(block, len(picks), block)):
         resampled = padded[part.T].swapaxes(1, 2)  # frames, patches, draws, ...
         results.append(statistic(resampled.reshape(-1, *resampled.shape[2:])))
     resampled, estimate = np.concatenate(results), float(statistic(values[:, None])[0])
@@ -127,8 +127,10 @@ def median_error_of_range(width: NDArray[np.float64], count: NDArray[np.float64]
     Returns:
         (K,) in the unit of the values; NaN below two values.
     """
+    from scipy.special import ndtr
+
     x = np.linspace(-8.0, 8.0, 3201)
-    below = np.array([0.5 * (1 + math.erf(value / math.sqrt(2))) for value in x])
+    below = ndtr(x)
     expected = {
         n: float(np.trapezoid(1 - below**n - (1 - below) ** n, x)) if n >= 2 else math.nan for n in np.unique(count)
     }

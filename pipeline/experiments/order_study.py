@@ -20,7 +20,7 @@ from pipeline.camera.corruption import corrupt
 from pipeline.camera.psf import create as create_psf
 from pipeline.camera.settings import CameraSettings
 from pipeline.camera.truth import LIGHTS, ORDERS
-from pipeline.cluster_intervals import NO_INTERVAL, bias_corrected
+from pipeline.cluster_intervals import NO_INTERVAL, bias_corrected, resamples
 from pipeline.datasets.frame import Frame
 from pipeline.datasets.selection import scene_of
 from pipeline.detection.average_precision import MeanResult, evaluate, mean_over_classes
@@ -277,7 +277,7 @@ def _paired(
     if not len(first):
         return np.nan, np.nan, NO_INTERVAL
     change = last - first
-    resampled = change[generator.integers(0, len(change), (EFFECT_DRAWS, len(change)))].mean(axis=1)
+    resampled = change[resamples(len(change), EFFECT_DRAWS, generator)].mean(axis=1)
     return first.mean(), last.mean(), bias_corrected(resampled, float(change.mean()), len(change))
 
 

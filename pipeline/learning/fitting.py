@@ -60,6 +60,7 @@ def fit(
     code: Code,
     validate: Measures,
     score: str,
+    recordable: bool = False,
 ) -> Trained:
     """Train a network from its initial weights, or from where an interrupted run stopped.
 
@@ -73,6 +74,7 @@ def fit(
         code: see `fingerprint`.
         validate: model -> measures.
         score: measure that selects weights (smallest).
+        recordable: see `pipeline.learning.trainer.train`.
 
     Returns:
         the network that validated best, and its learning curve.
@@ -95,6 +97,7 @@ def fit(
             validate=validate,
             score=score,
             device=run_options.device,
+            recordable=recordable,
             report=run_options.report,
             stop_after=run_options.stop_after,
         )

@@ -78,6 +78,7 @@ def train(
     validate: Callable[[torch.nn.Module], dict[str, float]] | None = None,
     score: str = "",
     device: str = "cpu",
+    recordable: bool = False,
     report: Callable[[dict[str, float]], None] | None = None,
     stop_after: int | None = None,
 ) -> Trained:
@@ -93,6 +94,8 @@ def train(
         validate: measures of a model, taken at checkpoints on the averaged weights.
         score: which of them selects the best checkpoint (smallest); "" takes the last.
         device: that the network is trained on; it comes back on the processor.
+        recordable: whether the loss is one that a GPU can record (`pipeline.learning.recorded_step`): batches of one
+            shape, measures as tensors, nothing waited for. A GPU then takes a fraction of the time.
         report: called with every new row of the curve.
         stop_after: stop at this step as if interrupted (a checkpoint is written).
 
@@ -105,16 +108,23 @@ def train(
     kinds = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
     options: dict[str, Any] = {"lr": schedule.learning_rate, "betas": schedule.betas, "eps": schedule.epsilon}
     options["fused"] = True  # its square root is the same on any processor, that of the other forms is MKL's
+    recorded = recordable and device != "cpu"
+    if recorded:
+        options |= {"lr": torch.tensor(schedule.learning_rate, device=device), "capturable": True}
     optimiser = kinds[schedule.optimiser](model.parameters(), weight_decay=schedule.weight_decay, **options)
     state = _State(model, optimiser, {name: value.clone() for name, value in model.state_dict().items()}, device)
     path = None if folder is None else Path(folder) / CHECKPOINT
     if path is not None and path.is_file():
         _restore(path, state, schedule)
     model.train()
+    learn = _recorded(state, loss, schedule) if recorded else _unrecorded(state, loss, schedule)
     while state.step < schedule.steps:
         if stop_after is not None and state.step >= stop_after:
             break
-        _one_step(state, loss, loader, schedule)
+        measures = learn({name: torch.from_numpy(values) for name, values in loader.batch(state.step).items()})
+        state.step += 1
+        for name, number in measures.items():
+            state.sums[name] = state.sums.get(name, 0.0) + _double(number)
         row = _row(state, schedule)
         due = state.step == schedule.steps or state.step % schedule.checkpoint_every == 0
         if not schedule.ema_decay and (due or state.step == stop_after):
@@ -134,12 +144,48 @@ def train(
     return Trained(model.cpu().eval(), state.curve, state.best_step or state.step, device)
 
 
-def _one_step(state: _State, loss: Loss, loader: ChunkLoader, schedule: Schedule) -> None:
+Tensors = Mapping[str, "torch.Tensor"]
+
+
+def _unrecorded(state: _State, loss: Loss, schedule: Schedule) -> Callable[[Tensors], Mapping[str, Number]]:
+    """A step, batch -> measures, that is run operation by operation."""
+
+    def step(batch: Tensors) -> Mapping[str, Number]:
+        for group in state.optimiser.param_groups:
+            group["lr"] = schedule.rate(state.step)
+        there = {name: values.to(state.device) for name, values in batch.items()}
+        return _descend(state, loss, there, schedule, 1 - _kept_share(state.step, schedule))
+
+    return step
+
+
+def _recorded(state: _State, loss: Loss, schedule: Schedule) -> Callable[[Tensors], Mapping[str, Number]]:
+    """The same, recorded by a GPU; rate and share of the average are written to where the recording reads them."""
     import torch
 
-    for group in state.optimiser.param_groups:
-        group["lr"] = schedule.rate(state.step)
-    batch = {name: torch.from_numpy(values).to(state.device) for name, values in loader.batch(state.step).items()}
+    from pipeline.learning.recorded_step import RecordedStep
+
+    taken = torch.empty((), device=state.device)
+    recorded = RecordedStep(lambda batch: _descend(state, loss, batch, schedule, taken), state.device)
+
+    def step(batch: Tensors) -> Mapping[str, Number]:
+        for group in state.optimiser.param_groups:
+            group["lr"].fill_(schedule.rate(state.step))
+        taken.fill_(1 - _kept_share(state.step, schedule))
+        return recorded(batch)
+
+    return step
+
+
+def _kept_share(step: int, schedule: Schedule) -> float:
+    """What the averaged weights keep of themselves at a step, d of the module."""
+    return min(schedule.ema_decay, (1 + step) / (10 + step))
+
+
+def _descend(state: _State, loss: Loss, batch: Tensors, schedule: Schedule, taken: Number) -> dict[str, Any]:
+    """Loss, gradient, optimiser, moving average; returns the loss and its measures."""
+    import torch
+
     value, measures = loss(state.model, batch)
     state.optimiser.zero_grad(set_to_none=True)
     value.backward()
@@ -147,16 +193,13 @@ def _one_step(state: _State, loss: Loss, loader: ChunkLoader, schedule: Schedule
         torch.nn.utils.clip_grad_norm_(state.model.parameters(), schedule.max_grad_norm)
     state.optimiser.step()
     if schedule.ema_decay:
-        decay = min(schedule.ema_decay, (1 + state.step) / (10 + state.step))
         with torch.no_grad():
             for name, tensor in state.model.state_dict().items():
                 if tensor.dtype.is_floating_point:
-                    state.average[name].lerp_(tensor, 1 - decay)
+                    state.average[name].lerp_(tensor, taken)
                 else:
                     state.average[name].copy_(tensor)
-    state.step += 1
-    for name, number in {"loss": value, **measures}.items():
-        state.sums[name] = state.sums.get(name, 0.0) + _double(number)
+    return {"loss": value.detach(), **measures}
 
 
 def _double(number: Number) -> Number:

@@ -92,7 +92,7 @@ def train_on_samples(
         training: settings.
         run_options: how it runs.
         transform: chunk -> arrays; a function of a module.
-        loss: see `pipeline.learning.trainer.train`.
+        loss: see `pipeline.learning.trainer.train`; one that a GPU can record.
         measure: (model, held-out tensors) -> measures.
         name: of what is trained.
         code: dotted name of the module that defines transform and loss; its import closure enters the fingerprint.
@@ -113,4 +113,5 @@ def train_on_samples(
         code=code,
         validate=lambda network: measure(network, data),
         score=score,
+        recordable=True,
     )

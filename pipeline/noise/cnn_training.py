@@ -42,4 +42,4 @@ def answers(model: torch.nn.Module, data: Mapping[str, torch.Tensor]) -> tuple[t
     return 255 * torch.cat(maps).flatten(1).median(1).values, None
 
 
-PROGRAM = Program(__name__, cnn_net.ARCHITECTURE, network, arrays, loss, answers)
+PROGRAM = Program(__name__, cnn_net.ARCHITECTURE, network, arrays, loss, answers, recordable=True)

@@ -49,6 +49,7 @@ class Program:
         arrays: samples -> arrays by name; run where samples are made.
         loss: see `pipeline.learning.trainer.train`.
         answers: (network, held-out tensors) -> sigma and, where the network has one, its scale; DN.
+        recordable: whether the loss is; see `pipeline.learning.trainer.train`.
     """
 
     module: str
@@ -57,6 +58,7 @@ class Program:
     arrays: Callable[[samples.Chunk], dict[str, np.ndarray]]
     loss: Loss
     answers: Callable[[torch.nn.Module, Mapping[str, torch.Tensor]], tuple[torch.Tensor, torch.Tensor | None]]
+    recordable: bool = False
 
 
 class Maker(PictureMaker[SigmaTraining]):
@@ -128,6 +130,7 @@ def train(settings: SigmaTraining, run_options: RunOptions) -> Trained:
         code=program.module,
         validate=validation(settings, cache, run_options.device),
         score="score_dn",
+        recordable=program.recordable,
     )
 
 
