@@ -15,7 +15,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.camera.constants import FULL_SCALE_DN, RANGE_SLACK
 from pipeline.camera.mtf import BINS, CAMERA, SYSTEM
 from pipeline.camera.saturation import SATURATED, is_saturated
 from pipeline.errors import InputError
@@ -147,8 +147,8 @@ def as_patches(patches: Any, name: str = "patches", size_px: int = PATCH_PX) -> 
     array = np.ascontiguousarray(array, dtype=np.float32)
     if not np.isfinite(array).all():
         raise InputError(f"{name}: holds NaN or infinity, {expected}")
-    if array.size and (array.min() < 0.0 or array.max() > 1.0):
-        raise InputError(f"{name}: values {array.min():g}..{array.max():g}, {expected}; scale or clip them")
+    if array.size and (array.min() < -RANGE_SLACK or array.max() > 1.0 + RANGE_SLACK):
+        raise InputError(f"{name}: values {array.min():.9g}..{array.max():.9g}, {expected}; scale or clip them")
     return array
 
 
@@ -208,7 +208,7 @@ class Estimator(ABC):
             for name in ("mtf", "low", "high")
             if (value := getattr(result, name)) is not None
         }
-        return replace(result, half=None, members=None, hidden=None, **relative)
+        return replace(result, kernel=None, half=None, members=None, hidden=None, **relative)
 
     def calibrated(self, sharp_patches: Any) -> Self:
         """The same estimator, calibrated to this camera: by division, unless a subclass knows better; see `divided`."""

@@ -23,3 +23,6 @@ PAPER_HOT_K, PAPER_HOT_EXPOSURE_S = 330.0, 0.1
 PAPER_HOT_DARK_E, PAPER_HOT_READOUT_E = 1428.0, 75.5
 """Mean dark signal and standard deviation of readout noise of the paper's sensor in these conditions, e-:
 `pipeline.camera.sensor.Sensor` to 0.3 %, for training samples, which are scaled to a level anyway."""
+
+RANGE_SLACK = 1e-6
+"""How far grey levels in [0, 1] may lie outside: rounding of 1 in single precision."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from math import nan
 from typing import Any
 
-BANDED, IMPULSES = "banded", "impulses"
+BANDED, DEAD_LINES, IMPULSES = "banded", "dead_lines", "impulses"
 
 
 def flag_names(row: Mapping[str, Any]) -> list[str]:
@@ -39,7 +39,7 @@ def left_out_words(row: Mapping[str, Any]) -> list[str]:
     Returns:
         a phrase for each flag that names such noise (`words_of_flag`).
     """
-    return [words_of_flag(name, row) for name in flag_names(row) if name in (BANDED, IMPULSES)]
+    return [words_of_flag(name, row) for name in flag_names(row) if name in (BANDED, DEAD_LINES, IMPULSES)]
 
 
 def line_noise_dn(row: Mapping[str, Any]) -> float:
@@ -64,6 +64,10 @@ def words_of_flag(name: str, row: Mapping[str, Any]) -> str:
     if name == BANDED:
         lines = "rows" if row["row_noise_dn"] == line_noise_dn(row) else "columns"
         return f"banded: {lines} differ by {line_noise_dn(row):.1f} DN, which the noise estimate leaves out"
+    if name == DEAD_LINES:
+        count = row["dead_lines"]
+        lines = "1 row or column stands" if count == 1 else f"{count} rows or columns stand"
+        return f"dead lines: {lines} out, which the noise estimate leaves out"
     if name == IMPULSES:
         percent = 100 * row["impulse_fraction"]
         return f"impulses: {percent:.2g} % of the pixels, which the noise estimate leaves out"

@@ -17,8 +17,8 @@ COLUMNS = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "noise_patches", "noise_abstained",
     "mtf50_horizontal", "mtf50_vertical", "mtf50_horizontal_status", "mtf50_vertical_status", "blur_patches",
     "blur_abstained", "blurred_fraction", "milliseconds", "bright_dn", "median_dn", "saturated_fraction",
-    "obstructed_fraction", "row_noise_dn", "column_noise_dn", "impulse_fraction", "repeats", "flags", "alarms",
-    "undecided", "drawn",
+    "obstructed_fraction", "row_noise_dn", "column_noise_dn", "dead_lines", "impulse_fraction", "repeats", "flags",
+    "alarms", "undecided", "drawn",
 )  # fmt: skip
 WRITTEN = (
     *COLUMNS, "blur", "blur_direction", "blur_range", "noise", "causes", "ap_percent", "ap_low_percent",
@@ -55,8 +55,8 @@ def condition_row(name: str, condition: Condition, flags: FrameFlags) -> dict[st
         condition.noise.at_most_dn, len(noise), int(noise.abstained.sum()), horizontal, vertical, status(horizontal),
         status(vertical), len(blur), int(blur.abstained.sum()), blurred_fraction(blur.mtf, blur.high),
         round(condition.milliseconds, 1), flags.bright_dn, flags.median_dn, flags.saturated_fraction,
-        flags.obstructed_fraction, flags.row_noise_dn, flags.column_noise_dn, flags.impulse_fraction, flags.repeats,
-        ", ".join(flags.names), "", "", "",
+        flags.obstructed_fraction, flags.row_noise_dn, flags.column_noise_dn, flags.dead_lines, flags.impulse_fraction,
+        flags.repeats, ", ".join(flags.names), "", "", "",
     )  # fmt: skip
     reasons = condition.reasons
     if not len(blur):
@@ -70,7 +70,8 @@ def alarms(
 ) -> list[str]:
     """Thresholds that a frame violates; what is unknown violates none, but may be `undecided`.
 
-    Noise of whole rows or columns, which the estimate of noise leaves out, violates its threshold too.
+    Noise of whole rows or columns, which the estimate of noise leaves out, violates its threshold too, and so does
+    noise that is unknown because most tiles hold more than estimators know.
 
     Args:
         row: of `condition_row`.
@@ -90,7 +91,8 @@ def alarms(
 def undecided(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: float | None) -> list[str]:
     """Thresholds of which a frame does not show whether it violates them.
 
-    Noise that is unknown but for a bound keeps a threshold that is no lower than the bound. Of impulses, which the
+    Noise that is unknown but for a bound, or not detected, keeps a threshold that is no lower than what there may be.
+    Of impulses, which the
     estimate leaves out, the fraction is measured, but not the noise that they amount to.
 
     Args:
@@ -101,10 +103,13 @@ def undecided(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: flo
     Returns:
         ``noise``, ``blur horizontal`` and ``blur vertical``, those that apply.
     """
+    from pipeline.noise.abstentions import UNDETECTED_LOW_DN
+
     result = []
     if most_sigma_dn is not None and not _noisier(row, most_sigma_dn):
-        unknown = isnan(row["sigma_dn"]) and not row["sigma_at_most_dn"] <= most_sigma_dn
-        result += ["noise"] if unknown or IMPULSES in flag_names(row) else []
+        undetected = isnan(row["sigma_dn"]) or row["sigma_low_dn"] < UNDETECTED_LOW_DN
+        may_exceed = undetected and not row["sigma_at_most_dn"] <= most_sigma_dn
+        result += ["noise"] if may_exceed or IMPULSES in flag_names(row) else []
     if least_mtf50 is not None:
         result += [f"blur {axis}" for axis in AXES if isnan(row[f"mtf50_{axis}"])]
     return result
@@ -112,7 +117,11 @@ def undecided(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: flo
 
 def _noisier(row: dict[str, Any], most_sigma_dn: float) -> bool:
     """Whether the noise of a frame, or that of its rows or columns, is above a threshold."""
-    return bool(row["sigma_dn"] > most_sigma_dn or line_noise_dn(row) > most_sigma_dn)
+    from pipeline.noise.abstentions import LARGEST_DN
+    from pipeline.noise.base import BEYOND
+
+    beyond = row["abstained"].get("noise", {}).get(BEYOND, 0) > row["noise_patches"] / 2 and most_sigma_dn < LARGEST_DN
+    return bool(row["sigma_dn"] > most_sigma_dn or line_noise_dn(row) > most_sigma_dn or beyond)
 
 
 def status(mtf50: float) -> str:

@@ -50,14 +50,20 @@ def most_coarse_noise_dn(tiles: NDArray[np.floating]) -> float:
     """
     if not len(tiles):
         return float("nan")
-    finest, fine = (float(np.median([_variation(tile[0], spacing) for tile in tiles])) for spacing in (1, 2))
-    if not fine > SMOOTH * finest:
+    finest, fine, far = (_variations(tiles, spacing) for spacing in (1, 2, 4))
+    if not (len(fine) and len(far)) or not np.median(fine) > SMOOTH * np.median(finest):
         return float("nan")
-    return float(FACTOR * np.quantile([_variation(tile[0], 4) for tile in tiles], TILES))
+    return float(FACTOR * np.quantile(far, TILES))
+
+
+def _variations(tiles: NDArray[np.floating], spacing: int) -> NDArray[np.float64]:
+    """`_variation` of those of the tiles (N, 1, H, W) that have one."""
+    each = np.array([_variation(tile[0], spacing) for tile in tiles])
+    return each[np.isfinite(each)]
 
 
 def _variation(tile: NDArray[np.floating], spacing: int) -> float:
-    """Root mean variance, DN, in the flattest tenth of a tile's windows of pixels this far apart."""
+    """Root mean variance, DN, in the flattest tenth of a tile's windows of pixels so far apart; NaN where all clip."""
     pixels = np.ascontiguousarray(tile[::spacing, ::spacing], dtype=np.float64) * FULL_SCALE_DN
     mean = cv2.boxFilter(pixels, cv2.CV_64F, (SIDE, SIDE), borderType=cv2.BORDER_REFLECT)
     square = cv2.sqrBoxFilter(pixels, cv2.CV_64F, (SIDE, SIDE), borderType=cv2.BORDER_REFLECT)
@@ -65,6 +71,6 @@ def _variation(tile: NDArray[np.floating], spacing: int) -> float:
     mean, square = mean[inside, inside], square[inside, inside]
     variance = np.maximum(square - mean**2, 0.0)[(mean > CLIPPED_DN[0]) & (mean < CLIPPED_DN[1])]
     if not len(variance):
-        return 0.0
+        return float("nan")
     count = max(int(FLATTEST * len(variance)), 1)
     return float(np.sqrt(np.partition(variance, count - 1)[:count].mean() * SIDE**2 / (SIDE**2 - 1)))

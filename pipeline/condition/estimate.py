@@ -11,6 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from numbers import Integral
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from pipeline import blur, noise
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator, as_patches
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
+from pipeline.camera.constants import RANGE_SLACK
 from pipeline.camera.saturation import SATURATED
 from pipeline.condition.coarse_grain import most_coarse_noise_dn
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
@@ -137,7 +139,8 @@ class ConditionMonitor:
         most_patches: likewise of the patches of 192 px that blur is estimated on.
 
     Raises:
-        InputError: unknown names or options, weights that are absent, a tile under 16 px, or no tile or patch at all.
+        InputError: unknown names or options, weights that are absent, a tile too small for the noise estimator, or no
+            tile or patch at all.
     """
 
     def __init__(
@@ -151,16 +154,18 @@ class ConditionMonitor:
         most_tiles: int = MOST_TILES,
         most_patches: int = MOST_PATCHES,
     ) -> None:
-        if tile_px < LEAST_TILE_PX:
-            raise InputError(f"condition monitor: tile_px={tile_px}, expected at least {LEAST_TILE_PX}")
-        if most_tiles < 1:
-            raise InputError(f"condition monitor: most_tiles={most_tiles}, expected at least 1")
-        if most_patches < 1:
-            raise InputError(f"condition monitor: most_patches={most_patches}, expected at least 1")
+        for name, value in (("tile_px", tile_px), ("most_tiles", most_tiles), ("most_patches", most_patches)):
+            if not isinstance(value, Integral) or value < 1:
+                raise InputError(f"condition monitor: {name}={value!r}, expected a whole number, at least 1")
         self.blur_name, self.noise_name = blur_name, noise_name
         self.blur_options, self.noise_options = dict(blur_options or {}), dict(noise_options or {})
         self.blur_estimator = blur.create(blur_name, **self.blur_options)
         self.noise_estimator = noise.create(noise_name, **self.noise_options)
+        least_px = getattr(self.noise_estimator, "min_size_px", LEAST_TILE_PX)
+        if tile_px < least_px:
+            raise InputError(
+                f"condition monitor: tile_px={tile_px}, expected at least {least_px} for noise by {noise_name}"
+            )
         self.tile_px, self.most_tiles, self.most_patches = tile_px, most_tiles, most_patches
         estimators = {"blur": self.blur_estimator, "noise": self.noise_estimator}
         self._calibrated: tuple[Any, Any] = (None, None)
@@ -214,7 +219,7 @@ class ConditionMonitor:
             InputError: not such a frame, or smaller than the noise estimator needs.
         """
         picture = _checked(image)
-        area = picture_area(picture)
+        area = _area(picture, self.noise_estimator)
         shape = picture[area].shape
         large_enough = min(shape) >= PATCH_PX
         squares = shifted(frame_tiles(shape, PATCH_PX, self.most_patches), area) if large_enough else []
@@ -265,7 +270,7 @@ def noise_of_frame(
         InputError: not such a frame, or smaller than the estimator needs.
     """
     picture = _checked(image)
-    area = picture_area(picture)
+    area = _area(picture, estimator)
     squares = shifted(frame_tiles(picture[area].shape, tile_px, most_tiles), area)
     return _noise(estimator, cut(picture, squares), squares, picture)
 
@@ -328,17 +333,37 @@ def _without(estimate: Estimate, lost: Mapping[str, NDArray[np.bool_]]) -> Estim
 def _checked(image: NDArray[np.floating]) -> NDArray[np.float32]:
     """A frame as float32, or an error with the cause; every pixel counts, those between the tiles too."""
     if hasattr(image, "detach"):  # a torch tensor, told apart without importing torch
-        image = image.detach().cpu().numpy()
-    if getattr(image, "ndim", None) != 2 or not np.issubdtype(image.dtype, np.floating):
+        tensor: Any = image.detach().cpu()
+        image = (tensor.float() if tensor.is_floating_point() else tensor).numpy()  # NumPy has no bfloat16
+    if np.ma.is_masked(image):
+        raise InputError("frame: masked pixels are not estimated; cut the frame to a rectangle without them")
+    if getattr(image, "ndim", None) != 2 or not image.size or not np.issubdtype(image.dtype, np.floating):
         given = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}".strip()
         raise InputError(f"frame: got {given}; expected (H, W) floats in [0, 1], grey (divide 8-bit frames by 255)")
     picture = np.ascontiguousarray(image, dtype=np.float32)
-    if picture.size and not (picture.min() >= 0.0 and picture.max() <= 1.0):  # NaN is neither
+    least, greatest = picture.min(), picture.max()
+    if not (least >= -RANGE_SLACK and greatest <= 1.0 + RANGE_SLACK):  # NaN is neither
         raise InputError(
-            f"frame: spans {picture.min():g} .. {picture.max():g}; expected numbers in [0, 1], none of them NaN "
+            f"frame: spans {least:.9g} .. {greatest:.9g}; expected numbers in [0, 1], none of them NaN "
             "(divide 8-bit frames by 255; clip after filtering)"
         )
-    return picture
+    return picture if least >= 0.0 and greatest <= 1.0 else np.clip(picture, 0.0, 1.0)
+
+
+def _area(picture: NDArray[np.float32], estimator: NoiseEstimator) -> tuple[slice, slice]:
+    """The part of a frame inside its bars.
+
+    Raises:
+        InputError: it is smaller than the noise estimator needs.
+    """
+    area = picture_area(picture)
+    (height, width), least_px = picture[area].shape, getattr(estimator, "min_size_px", LEAST_TILE_PX)
+    if min(height, width) < least_px:
+        inside = "" if (height, width) == picture.shape else " inside the bars beside it"
+        raise InputError(
+            f"frame: the picture{inside} has {width} x {height} px; noise needs at least {least_px} px a side"
+        )
+    return area
 
 
 def _grid(squares: Sequence[Patch]) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Faults of a frame: black, dark, over-exposed, obstructed, banded, with impulses, frozen, each with its measure.
+"""Faults of a frame: black, dark, over-exposed, obstructed, banded, dead lines, impulses, frozen; with measures.
 
 The measures are plain statistics of grey levels (DN, 0..255), so that an operator can check them by eye:
 
@@ -9,18 +9,21 @@ The measures are plain statistics of grey levels (DN, 0..255), so that an operat
 | ``over_exposed`` | ``saturated_fraction``: pixels of at least 250 DN | above 0.25 |
 | ``obstructed`` | ``obstructed_fraction``: largest area that is dark, without structure | above 0.1, and not black |
 | ``banded`` | ``row_noise_dn``, ``column_noise_dn``: offsets of whole rows or columns | either above 1 DN |
+| ``dead_lines`` | ``dead_lines``: rows and columns that stand out over their whole length | 1 or more, and not banded |
 | ``impulses`` | ``impulse_fraction``: isolated pixels, far brighter or darker than all around | above 0.0003 |
 | ``frozen`` | ``repeats``: earlier frames in a row that this one repeats | at least 3 |
 
 Noise makes the frames of a live camera differ, so that equal ones mean a stream that stands still. Behind a codec ten
 frames that are alike within 0.02 DN do (`pipeline.condition.repeated_frames`).
 
-The estimate of noise leaves out noise of whole rows or columns (`pipeline.condition.row_noise`) and impulses
-(`pipeline.condition.impulses`). A measure that is NaN, as of a frame too small or clipped, raises no flag.
+The estimate of noise leaves out noise of whole rows or columns (`pipeline.condition.row_noise`), single dead or hot
+ones (`pipeline.condition.dead_lines`) and impulses (`pipeline.condition.impulses`). A measure that is NaN, as of a
+frame too small or clipped, raises no flag.
 
 Whatever is close to the lens (mud, tape, a hand) is out of focus and in the shade. An area counts as obstructed where
 cells of 1/24 of the smaller side vary by less than 1.5 DN, once noise has been averaged out, and are darker than 0.35
-of the median of the cells with structure. On clear street pictures (KITTI, Udacity, Penn-Fudan, the authors' *Sim*) the
+of the median of the cells with structure, if that is at least 30 DN: the shadows of a dim frame show no structure
+either. On clear street pictures (KITTI, Udacity, Penn-Fudan, the authors' *Sim*) the
 largest such area is 0.06 of the frame. A bright obstruction, such as snow in the sun, resembles the sky and is not
 recognised in a single frame.
 """
@@ -33,6 +36,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.condition.dead_lines import dead_lines
 from pipeline.condition.impulses import impulse_fraction
 from pipeline.condition.picture_area import picture_area
 from pipeline.condition.repeated_frames import RepeatCounter
@@ -52,6 +56,7 @@ SMOOTHING_PX = 1.5
 STRUCTURE_DN = 1.5  # standard deviation within a cell below which it shows no structure
 BLOCK_PIXELS = 65_536  # counted at once
 DARK_RATIO = 0.35  # to the median of the cells with structure
+LEAST_LIGHT_DN = 30.0  # of that median
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,7 @@ class FrameMeasures:
         obstructed_fraction: share of the frame in the largest dark area without structure, 0..1.
         row_noise_dn: standard deviation of the offsets of whole rows, DN; NaN where it cannot be measured.
         column_noise_dn: likewise of columns.
+        dead_lines: rows and columns that stand out over their whole length.
         impulse_fraction: share of pixels that are impulses, 0..1; NaN where it cannot be measured.
     """
 
@@ -74,6 +80,7 @@ class FrameMeasures:
     obstructed_fraction: float
     row_noise_dn: float
     column_noise_dn: float
+    dead_lines: int
     impulse_fraction: float
 
 
@@ -91,12 +98,14 @@ class FrameFlags(FrameMeasures):
     def names(self) -> tuple[str, ...]:
         """Flags raised, in the order of the module's table."""
         black = self.bright_dn < BLACK_BELOW_DN
+        banded = self.row_noise_dn > BANDED_DN or self.column_noise_dn > BANDED_DN
         raised = {
             "black": black,
             "dark": not black and self.median_dn < DARK_BELOW_DN,
             "over_exposed": self.saturated_fraction > OVER_EXPOSED_FRACTION,
             "obstructed": not black and self.obstructed_fraction > OBSTRUCTED_FRACTION,
-            "banded": self.row_noise_dn > BANDED_DN or self.column_noise_dn > BANDED_DN,
+            "banded": banded,
+            "dead_lines": not banded and self.dead_lines > 0,
             "impulses": self.impulse_fraction > IMPULSE_FRACTION,
             "frozen": self.repeats >= FROZEN_REPEATS,
         }
@@ -142,7 +151,7 @@ def measure(image: NDArray[np.floating]) -> FrameMeasures:
     rounded = _rounded(levels)
     return FrameMeasures(
         bright, median, saturated, obstructed_fraction(levels),
-        row_noise_dn(rounded), column_noise_dn(rounded), impulse_fraction(rounded),
+        row_noise_dn(rounded), column_noise_dn(rounded), dead_lines(rounded), impulse_fraction(rounded),
     )  # fmt: skip
 
 
@@ -207,8 +216,8 @@ def obstructed_fraction(levels_dn: NDArray[np.floating]) -> float:
         levels_dn: (H, W) grey levels, DN.
 
     Returns:
-        0..1; 0 where nothing in the frame has structure, because an obstruction cannot be distinguished from darkness
-        then.
+        0..1; 0 where nothing in the frame has structure, or what has is dim, because an obstruction cannot be
+        distinguished from darkness then.
     """
     import cv2
 
@@ -226,7 +235,10 @@ def obstructed_fraction(levels_dn: NDArray[np.floating]) -> float:
     flat = deviation < STRUCTURE_DN
     if flat.all():
         return 0.0
-    dark = flat & (mean < DARK_RATIO * np.median(mean[~flat]))
+    light = np.median(mean[~flat])
+    if light < LEAST_LIGHT_DN:
+        return 0.0
+    dark = flat & (mean < DARK_RATIO * light)
     count, _, statistics, _ = cv2.connectedComponentsWithStats(dark.astype(np.uint8), connectivity=4)
     largest = statistics[1:, cv2.CC_STAT_AREA].max() if count > 1 else 0
     return float(largest / dark.size)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pipeline.camera.mtf import FREQUENCIES
 from pipeline.camera.saturation import SATURATED
 from pipeline.condition.picture_area import COVERED_REASON
-from pipeline.noise.base import ALTERNATING, COMPRESSED, FLAT, STREAKED, UNCERTAIN, NoiseEstimate
+from pipeline.noise.base import ALTERNATING, BEYOND, COMPRESSED, FLAT, STREAKED, UNCERTAIN, NoiseEstimate
 from pipeline.statistics import bootstrap_interval, inliers
 from pipeline.streams import stream
 
@@ -107,7 +107,7 @@ def summarise(
         ends = [end[(slice(None), *position)] for end in (low, high) if end is not None]
         inside = inliers(column)
         kept, answered = column[inside], int(np.isfinite(column).sum())
-        if not len(kept):
+        if not len(kept) or (len(kept) == 1 and len(ends) < 2):  # one value does not show how it scatters
             interval = (np.nan, np.nan)
         elif len(ends) == 2 and all(np.isfinite(end[inside]).all() for end in ends):
             interval = (float(np.median(ends[0][inside])), float(np.median(ends[1][inside])))
@@ -178,7 +178,7 @@ def most_noise_dn(estimate: NoiseEstimate) -> float:
         `BOUND_QUANTILE` of the tiles' upper ends, DN; NaN where more tiles abstain for other reasons than because of a
         codec, or the estimator has no intervals.
     """
-    others = np.isin(estimate.reason, (UNCERTAIN, ALTERNATING, STREAKED)).sum()
+    others = np.isin(estimate.reason, (UNCERTAIN, BEYOND, ALTERNATING, STREAKED)).sum()
     if estimate.at_most_dn is None or others >= (estimate.reason == COMPRESSED).sum():
         return float("nan")
     known = estimate.at_most_dn[np.isfinite(estimate.at_most_dn)]

@@ -49,6 +49,7 @@ AXES = ("horizontal", "vertical")
 REASONS = {
     "compressed": "a codec may have removed it",
     "uncertain": "it may be grain of the scene, or noise that a filter, scaling or rotation changed",
+    "beyond": "it is stronger than estimators know, above 60 DN: a broken camera or signal, or a printed pattern",
     "alternating": "it alternates from pixel to pixel, as a raw colour mosaic does; demosaic it first",
     "streaked": "neighbouring pixels are equal too often, as behind a median filter",
     "saturated": "too bright or too dark",

@@ -14,8 +14,8 @@
     streaked         neighbours are equal as behind a median filter (`pipeline.noise.streaks`), and no codec shows
     alternating      the patch alternates from pixel to pixel (`pipeline.noise.alternation`), as a raw mosaic does
 
-The reason given is ``"compressed"`` where a codec shows or removed the noise, else ``"uncertain"``; the last two have
-names of their own, which come before those.
+The reason given is ``"compressed"`` where a codec shows or removed the noise, else ``"uncertain"``; the last three have
+names of their own, of which the last two come before those.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.noise.base import ALTERNATING, COMPRESSED, STREAKED, UNCERTAIN
+from pipeline.noise.base import ALTERNATING, BEYOND, COMPRESSED, STREAKED, UNCERTAIN
 from pipeline.noise.codec_traces import Traces
 
 Floats = NDArray[np.float64]
@@ -118,7 +118,7 @@ def reasons(evidence: Evidence, known: NDArray[np.object_]) -> NDArray[np.object
     beyond = open_still & ~unsure & evidence.beyond
     reason = known.copy()
     reason[unsure] = np.where((coded | removed)[unsure], COMPRESSED, UNCERTAIN)
-    reason[beyond] = UNCERTAIN
+    reason[beyond] = BEYOND
     reason[open_still & evidence.streaks & ~coded] = STREAKED
     reason[open_still & evidence.alternates] = ALTERNATING
     return reason

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.camera.constants import FULL_SCALE_DN
+from pipeline.camera.constants import FULL_SCALE_DN, RANGE_SLACK
 from pipeline.camera.saturation import SATURATED, SATURATED_FRACTION, is_saturated
 from pipeline.errors import InputError
 
@@ -32,6 +32,9 @@ COMPRESSED = "compressed"
 UNCERTAIN = "uncertain"
 """Reason: the patch does not tell noise from the scene's own grain."""
 
+BEYOND = "beyond"
+"""Reason: more noise than estimators have seen the like of, for certain."""
+
 ALTERNATING = "alternating"
 """Reason: the patch alternates from pixel to pixel, as a raw colour mosaic or interlaced fields do."""
 
@@ -40,8 +43,6 @@ STREAKED = "streaked"
 
 LEAST_SIGMA_DN = 1e-3
 """Smaller estimates are rounding of float32 images (1.5e-5 DN at white), not noise; they count as flat."""
-
-_RANGE_SLACK = 1e-6  # float32 rounding of 1.0
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class NoiseEstimate:
         low_dn, high_dn: (N,) ends of a 95 % interval, DN; NaN where abstained or where the method has none.
         abstained: (N,) bool.
         reason: (N,) words for the abstention (``"saturated"``, ``"flat"``, ``"compressed"``, ``"uncertain"``,
-            ``"alternating"``, ``"streaked"``); empty where there is an estimate.
+            ``"beyond"``, ``"alternating"``, ``"streaked"``); empty where there is an estimate.
         white_sigma_dn: (N,) the part of sigma that is white, as the sensor's is before processing smooths it, DN; None
             from methods that do not separate it.
         correlation: (N,) correlation of the noise of adjacent pixels, -1 to 1; None likewise.
@@ -140,7 +141,7 @@ def as_stack(patches: NDArray[np.floating] | torch.Tensor, least_px: int) -> NDA
         )
     if len(stack):
         lowest, highest = stack.min(axis=(1, 2)), stack.max(axis=(1, 2))  # both carry NaN on
-        wrong = ~((lowest >= -_RANGE_SLACK) & (highest <= 1.0 + _RANGE_SLACK))
+        wrong = ~((lowest >= -RANGE_SLACK) & (highest <= 1.0 + RANGE_SLACK))
         if wrong.any():
             first = int(np.argmax(wrong))
             raise InputError(

@@ -20,8 +20,10 @@ from pipeline.cli.watch_alarms import alarm_words
 from pipeline.streams import stream
 
 CLEAR = {
-    "picture": "a.png", "sigma_dn": 0.4, "sigma_at_most_dn": 1.1, "mtf50_horizontal": 0.5, "mtf50_vertical": 0.5,
-    "flags": "", "row_noise_dn": 0.3, "column_noise_dn": 0.0, "impulse_fraction": 0.0,
+    "picture": "a.png", "sigma_dn": 0.4, "sigma_low_dn": 0.2, "sigma_at_most_dn": 1.1,
+    "noise_patches": 30, "abstained": {}, "mtf50_horizontal": 0.5, "mtf50_vertical": 0.5,
+    "flags": "", "row_noise_dn": 0.3, "column_noise_dn": 0.0, "dead_lines": 0,
+    "impulse_fraction": 0.0,
 }  # fmt: skip
 BANDED = CLEAR | {"flags": "dark, banded", "row_noise_dn": 1.2, "column_noise_dn": 8.31}
 IMPULSES = CLEAR | {"flags": "impulses", "impulse_fraction": 0.0123}
@@ -31,6 +33,10 @@ def test_flags_in_words_state_what_the_estimate_leaves_out():
     assert flag_words(CLEAR) == []
     assert flag_words(BANDED) == [
         "dark", "banded: columns differ by 8.3 DN, which the noise estimate leaves out"
+    ]  # fmt: skip
+    lines = [flag_words(CLEAR | {"flags": "dead_lines", "dead_lines": count})[0] for count in (1, 4)]
+    assert [words.partition(",")[0] for words in lines] == [
+        "dead lines: 1 row or column stands out", "dead lines: 4 rows or columns stand out",
     ]  # fmt: skip
     assert flag_words(BANDED | {"row_noise_dn": 9.0})[1].startswith("banded: rows differ by 9.0 DN")
     assert flag_words(IMPULSES) == ["impulses: 1.2 % of the pixels, which the noise estimate leaves out"]
@@ -60,6 +66,14 @@ def test_noise_of_lines_counts_where_it_is_flagged():
 def test_noise_that_the_estimate_leaves_out_does_not_keep_a_threshold(row, limit_dn, raised, open_limits):
     assert alarms(row, limit_dn, None) == raised
     assert undecided(row, limit_dn, None) == open_limits
+
+
+def test_noise_beyond_what_estimators_know_is_above_any_threshold_of_theirs():
+    strong = CLEAR | {"sigma_dn": np.nan, "sigma_low_dn": np.nan, "sigma_at_most_dn": np.nan}
+    assert alarms(strong | {"abstained": {"noise": {"beyond": 16}}}, 8.0, None) == ["noise"]
+    half = strong | {"abstained": {"noise": {"beyond": 15, "uncertain": 15}}}
+    assert alarms(half, 8.0, None) == alarms(strong | {"abstained": {"noise": {"beyond": 16}}}, 60.0, None) == []
+    assert undecided(half, 8.0, None) == ["noise"]
 
 
 def test_flags_are_alarms_on_request_and_have_their_words():

@@ -51,6 +51,13 @@ def test_clipped_areas_do_not_count_and_nothing_is_no_bound():
     assert np.isnan(most_coarse_noise_dn(np.ones((2, 1, 128, 128), np.float32)))
 
 
+def test_dark_tiles_do_not_take_the_bound_away():
+    """A quarter of the tiles black: their variation is unknown, not none."""
+    frame = enlarged(scene(10.0, 96), 4)
+    dark = np.concatenate([tiles(frame), np.zeros((3, 1, 128, 128), np.float32)])
+    assert most_coarse_noise_dn(dark) == most_coarse_noise_dn(tiles(frame)) > 5
+
+
 def test_the_monitor_does_not_rule_out_coarse_noise():
     frame, clean = (enlarged(scene(sigma, 96), 4) for sigma in (10.0, 0.0))
     present = 255 * float((frame - clean).std())

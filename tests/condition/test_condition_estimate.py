@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from data_makers import picture
+from scipy.ndimage import gaussian_filter1d
 
 from pipeline.camera import mtf
 from pipeline.camera.corruption import corrupt
@@ -167,6 +168,59 @@ def test_what_is_no_frame_is_refused(monitor, wrong):
         monitor.frame(wrong)
 
 
+@pytest.mark.parametrize("size", [(0, 0), (0, 300)])
+def test_a_frame_without_pixels_is_refused(monitor, size):
+    with pytest.raises(InputError, match=r"expected \(H, W\) floats"):
+        monitor.frame(np.zeros(size, np.float32))
+
+
+def test_masked_pixels_are_refused_and_a_mask_of_none_is_not(monitor):
+    masked = np.ma.masked_array(seen(frame(), 5.0), mask=False)
+    assert monitor.frame(masked).sigma_dn.value == monitor.frame(masked.data).sigma_dn.value
+    masked[3, 3] = np.ma.masked
+    with pytest.raises(InputError, match="masked pixels"):
+        monitor.frame(masked)
+
+
+def test_rounding_of_white_is_no_other_range(monitor):
+    """One more than white by the last digit of single precision, as a filter leaves it."""
+    white = np.clip(seen(frame(), 5.0), 0, 1)
+    white[:4, :4] = 1.0
+    slightly = white.copy()
+    slightly[0, 0] = np.nextafter(np.float32(1), np.float32(2))
+    assert monitor.frame(slightly).sigma_dn.value == monitor.frame(white).sigma_dn.value
+
+
+def test_a_picture_too_small_inside_its_bars_is_refused_as_such(monitor):
+    barred = np.full((128, 128), 16 / 255, np.float32)
+    barred[40:80] = seen(frame(), 5.0)[:40, :128]
+    with pytest.raises(InputError, match="inside the bars beside it has 128 x 40 px; noise needs at least 48 px"):
+        monitor.frame(barred)
+    with pytest.raises(InputError, match="the picture has 40 x 30 px"):
+        monitor.frame(np.clip(seen(frame(), 5.0), 0, 1)[100:130, 100:140])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"tile_px": 128.5}, "tile_px=128.5, expected a whole number"), ({"most_tiles": 0}, "most_tiles=0"),
+     ({"tile_px": 40}, "at least 48 for noise by adaptive")],
+)  # fmt: skip
+def test_options_out_of_range_are_refused_at_once(options, message):
+    with pytest.raises(InputError, match=message):
+        ConditionMonitor(**options)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_noise_smoothed_along_lines_is_within_the_interval(monitor, axis):
+    """As of band-limited analogue video: estimators read next to none of 12 DN."""
+    drawn = stream(0, "smoothed along lines", axis).standard_normal((400, 576))
+    smooth = gaussian_filter1d(drawn, 1.5, axis=axis)
+    noisy = frame() + (12 / 255 * smooth / smooth.std()).astype(np.float32)
+    result = monitor.frame(np.clip(np.rint(255 * noisy), 0, 255).astype(np.float32) / np.float32(255))
+    assert result.noise.at_most_dn > 12 or np.isnan(result.noise.at_most_dn)
+    assert not result.sigma_dn.high < 12
+
+
 @pytest.mark.parametrize("value", [np.nan, 77.0, -0.1])
 def test_pixels_between_the_tiles_count_too(monitor, value):
     wrong = seen(frame(), 5.0)
@@ -181,6 +235,7 @@ def test_a_tensor_is_a_frame(monitor):
     noisy = seen(frame(), 5.0)
     one, other = monitor.frame(noisy), monitor.frame(torch.from_numpy(noisy))
     assert np.array_equal(one.mtf.value, other.mtf.value) and one.sigma_dn.value == other.sigma_dn.value
+    assert not monitor.frame(torch.from_numpy(noisy).bfloat16()).abstained["noise"]
 
 
 def test_the_answer_is_the_same_each_time(monitor):

@@ -78,6 +78,38 @@ def test_noise_of_whole_rows_or_columns_is_flagged(axis, measure_name):
     assert getattr(flags, measure_name) == pytest.approx(8.0, rel=0.2)
 
 
+@pytest.mark.parametrize("level", [0.0, 1.0, None])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_dead_hot_and_half_gain_lines_are_flagged(level, axis):
+    """Four of them, which noise of most lines does not see."""
+    image = np.moveaxis(IMAGE.copy(), axis, 0)
+    image[[40, 41 + 30, 150, 200]] *= 0.5 if level is None else 0.0
+    image[[40, 41 + 30, 150, 200]] += level or 0.0
+    flags = FrameInspector().inspect(np.ascontiguousarray(np.moveaxis(image, 0, axis)))
+    assert flags.names == ("dead_lines",) and 3 <= flags.dead_lines <= 4
+    assert max(flags.row_noise_dn, flags.column_noise_dn) < 1
+
+
+def test_in_a_dim_frame_shadows_do_not_count_as_an_obstruction():
+    """What has structure is nearly as dark as what has none."""
+    covered = obstructed(IMAGE, 0.4)
+    assert FrameInspector().inspect(covered).obstructed_fraction > 0.3
+    dim = np.rint(255 * covered * 0.15) / 255
+    assert FrameInspector().inspect(dim.astype(np.float32)).obstructed_fraction == 0
+
+
+@pytest.mark.shared
+def test_scenes_have_no_dead_lines(shared):
+    """Stairs and tiles of PolyU among them, whose edges cross the whole crop."""
+    from pipeline.datasets.pictures import read_grey
+
+    folder = shared / "realdata"
+    files = [*sorted((folder / "polyu").glob("*_real.*"))[::3], *sorted((folder / "kitti_more").rglob("*.png"))[::7]]
+    if not files:
+        pytest.skip("pictures absent: ../shared/realdata")
+    assert not any(measure(read_grey(file)).dead_lines for file in files)
+
+
 def test_impulses_are_flagged():
     drawn = stream(0, "flags", "impulses").random(IMAGE.shape)
     flags = FrameInspector().inspect(np.where(drawn < 0.005, 0, np.where(drawn > 0.995, 1, IMAGE)).astype(np.float32))

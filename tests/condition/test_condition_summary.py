@@ -57,6 +57,12 @@ def test_nothing_known_is_nan_not_zero():
         assert (summary.count == 0).all()
 
 
+def test_one_value_does_not_show_how_it_scatters():
+    summary = summarise(np.array([5.0, np.nan]))
+    assert summary.value == 5 and np.isnan([summary.low, summary.high]).all()
+    assert summarise(np.array([5.0]), np.array([4.0]), np.array([7.0])).high == 7  # of its own interval
+
+
 def tiles_of_noise(answered: int, reason: str, without: int) -> NoiseEstimate:
     """Tiles that answer 5 DN, 4 to 6, and tiles without an answer."""
     words = np.array([""] * answered + [reason] * without, dtype=object)

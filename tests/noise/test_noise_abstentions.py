@@ -19,7 +19,7 @@ from pipeline.noise.abstentions import (
     Evidence,
     reasons,
 )
-from pipeline.noise.base import ALTERNATING, COMPRESSED, FLAT, STREAKED, UNCERTAIN
+from pipeline.noise.base import ALTERNATING, BEYOND, COMPRESSED, FLAT, STREAKED, UNCERTAIN
 from pipeline.noise.codec_traces import Traces
 
 NONE = np.zeros(1, bool)
@@ -29,7 +29,8 @@ CLEAR = Traces(NONE, NONE, NONE, NONE)
 def evidence(traces: dict[str, bool] | None = None, **changes: Any) -> Evidence:
     """Of one patch with 5 DN of noise that is answered, but for what is changed."""
     level = {"sigma_dn": 5.0, "low_dn": 4.0, "high_dn": 6.0, "weight": 1.0, "reaches_too_far": False}
-    level |= {"correlation": 0.5, "anisotropy": 0.0, "flat_correlation": 0.0, "streaks": False, "alternates": False}
+    level |= {"correlation": 0.5, "anisotropy": 0.0, "flat_correlation": 0.0}
+    level |= {"streaks": False, "alternates": False}
     of_codec = replace(CLEAR, **{name: np.array([value]) for name, value in (traces or {}).items()})
     return Evidence(traces=of_codec, **{name: np.array([value]) for name, value in (level | changes).items()})
 
@@ -75,7 +76,7 @@ def test_what_a_filter_leaves_at_edges_is_no_white_noise():
 
 
 def test_more_noise_than_the_networks_know_is_no_answer():
-    assert reason(low_dn=LARGEST_DN + 1, sigma_dn=80.0, high_dn=90.0) == UNCERTAIN
+    assert reason(low_dn=LARGEST_DN + 1, sigma_dn=80.0, high_dn=90.0) == BEYOND
 
 
 def test_streaks_and_alternation_have_names_of_their_own():
