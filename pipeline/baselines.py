@@ -117,7 +117,8 @@ def read_tolerances(path: str | Path) -> dict[str, Allowance]:
         raise InputError(f"{path}: not valid YAML ({error})") from None
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected a mapping from patterns to {{abs, rel, direction}}")
-    return {str(pattern): _allowance(path, str(pattern), entry or {}) for pattern, entry in content.items()}
+    entries = {str(pattern): {} if entry is None else entry for pattern, entry in content.items()}
+    return {pattern: _allowance(path, pattern, entry) for pattern, entry in entries.items()}
 
 
 def _allowance(path: Path, pattern: str, entry: Any) -> Allowance:

@@ -123,7 +123,7 @@ def cluster_mean(
 
     Args:
         values: (N,) numbers; NaN are left out.
-        clusters: (N,) names, e.g. the frame of each patch.
+        clusters: (N,) names, e.g. the frame of each patch; values of none are left out.
         generator: random stream of the bootstrap.
         draws: resamples, of more than a few clusters (`resamples`).
         bounds: least and greatest value possible, which the interval does not leave.
@@ -131,7 +131,7 @@ def cluster_mean(
     Returns:
         mean, lower and upper end, number of values; NaN without values, no interval with fewer than two clusters.
     """
-    known = values.notna()
+    known = values.notna() & clusters.notna()
     if not known.any():
         return math.nan, math.nan, math.nan, 0
     groups = values[known].groupby(clusters[known])

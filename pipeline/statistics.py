@@ -74,14 +74,12 @@ def bootstrap_interval(
         level: coverage in (0, 1).
 
     Returns:
-        lower and upper end; (nan, nan) without values.
+        lower and upper end; (nan, nan) with fewer than two values, which do not show how they scatter.
     """
     given = np.asarray(values, dtype=float)
     data = given[np.isfinite(given)]
-    if len(data) == 0:
+    if len(data) < 2:
         return float("nan"), float("nan")
-    if len(data) == 1:
-        return float(data[0]), float(data[0])
     block = max(1, 4_000_000 // len(data))  # bounds memory for long inputs
     results = []
     for start in range(0, draws, block):

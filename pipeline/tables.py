@@ -67,7 +67,7 @@ CORRUPTION = Schema(
     {
         "dataset": "string",
         "frame": "string",
-        "noise_source": "string",  # "photon", "dcsn", "readout", "combined"
+        "noise_source": "string",  # "photon", "dcsn", "readout", "combined", "sensor"
         "target_sigma_dn": "float64",  # the sigma asked for
         "noise_scale": "float64",  # factor on the sensor's own noise that reaches it
         # standard deviation of the noise added, whole frame, before the 8-bit range clips it

@@ -127,6 +127,7 @@ def test_directions_split_the_two_sided_rule(stored: float, found: float, absolu
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ('"a*": 0', "expects {abs, rel, direction}, not 0"),
         ('"a*": {absolute: 1}', "unknown key 'absolute'; known: abs, direction, rel"),
         ('"a*": {abs: -1}', "at least 0"),
         ('"a*": {abs: 1e-6}', "write 1.0e-6"),

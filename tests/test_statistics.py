@@ -35,7 +35,7 @@ def test_all_abstained_is_nan_not_zero():
 @given(numbers, st.floats(0.1, 10), st.floats(-100, 100))
 def test_statistics_move_with_the_values(values, factor, shift):
     one = robust(values, stream(0, "test"), draws=20)
-    assert one.minimum <= one.low <= one.high <= one.maximum
+    assert one.minimum <= one.low <= one.high <= one.maximum or np.isnan([one.low, one.high]).all()
     assert one.minimum <= one.median <= one.maximum
     permuted = robust(values[::-1], stream(0, "test"), draws=20)
     assert permuted.median == one.median
@@ -50,7 +50,7 @@ def test_interval_covers_the_truth_about_95_times_in_100():
 
 
 @pytest.mark.parametrize(
-    ("values", "expected"), [([], (np.nan, np.nan)), ([2.0], (2.0, 2.0)), ([np.nan, 2.0], (2.0, 2.0))]
+    ("values", "expected"), [([], np.nan), ([2.0], np.nan), ([np.nan, 2.0], np.nan), ([2.0, 2.0], 2.0)]
 )
-def test_degenerate_samples(values, expected):
-    assert np.array_equal(bootstrap_interval(values, stream(0, "test")), expected, equal_nan=True)
+def test_fewer_than_two_values_do_not_show_how_they_scatter(values, expected):
+    assert np.array_equal(bootstrap_interval(values, stream(0, "test")), (expected, expected), equal_nan=True)

@@ -112,7 +112,7 @@ class BlurEstimator(Protocol):
     """What `pipeline.blur.create` returns."""
 
     def estimate(self, patches: Any) -> BlurEstimate:
-        """The MTF of each patch: (N, 1, 192, 192) float in [0, 1], linear, NumPy or torch."""
+        """The MTF of each patch: (N, 1, 192, 192) float in [0, 1], as encoded, NumPy or torch."""
         ...
 
     def calibrated(self, sharp_patches: Any) -> BlurEstimator:
@@ -191,7 +191,7 @@ class Estimator(ABC):
         """The MTF of each patch.
 
         Args:
-            patches: (N, 1, 192, 192) float in [0, 1], linear, NumPy or torch; N may be 0.
+            patches: (N, 1, 192, 192) float in [0, 1], grey levels as encoded, NumPy or torch; N may be 0.
 
         Returns:
             the answer; flat and saturated patches are abstained from.

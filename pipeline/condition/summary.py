@@ -107,7 +107,7 @@ def summarise(
         ends = [end[(slice(None), *position)] for end in (low, high) if end is not None]
         inside = inliers(column)
         kept, answered = column[inside], int(np.isfinite(column).sum())
-        if not len(kept) or (len(kept) == 1 and len(ends) < 2):  # one value does not show how it scatters
+        if not len(kept):
             interval = (np.nan, np.nan)
         elif len(ends) == 2 and all(np.isfinite(end[inside]).all() for end in ends):
             interval = (float(np.median(ends[0][inside])), float(np.median(ends[1][inside])))

@@ -22,6 +22,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dct
 
 Float = NDArray[np.float32]
 Grey = NDArray[np.uint8]
@@ -131,9 +132,7 @@ def _deviation(numbers: NDArray[np.floating], pixels: int) -> NDArray[np.floatin
 @lru_cache(maxsize=2)
 def _transform(side: int) -> Float:
     """(side^2, coefficients): the two-dimensional DCT-II of a block to its middle and high frequencies."""
-    index = np.arange(side)
-    line = np.cos(np.pi * (2 * index[None] + 1) * index[:, None] / (2 * side)) * np.sqrt(2 / side)
-    line[0] /= np.sqrt(2)
+    index, line = np.arange(side), dct(np.eye(side), axis=0, norm="ortho")
     whole = np.einsum("ui,vj->ijuv", line, line).reshape(side**2, side, side)
     return np.ascontiguousarray(whole[:, np.add.outer(index, index) > side // 2], dtype=np.float32)
 

@@ -24,6 +24,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dct
 
 from pipeline.noise.base import WHITE_DN
 from pipeline.noise.block_quantisation import block_quantisation
@@ -258,10 +259,8 @@ def flattest_tenth(variance: Float) -> float:
 
 @lru_cache(maxsize=1)
 def _dct_matrix() -> Float:
-    position = np.arange(CELL_PX)
-    matrix = np.cos(np.pi * (2 * position[None] + 1) * position[:, None] / (2 * CELL_PX)) * np.sqrt(2 / CELL_PX)
-    matrix[0] /= np.sqrt(2)
-    return matrix.astype(np.float32)
+    """(8, 8): the orthonormal discrete cosine transform of eight pixels."""
+    return np.asarray(dct(np.eye(CELL_PX), axis=0, norm="ortho"), dtype=np.float32)
 
 
 @lru_cache(maxsize=1)

@@ -213,7 +213,7 @@ def summarise(table: pd.DataFrame, seed: int = 1, draws: int = 500) -> pd.DataFr
         a row per estimator, errors in DN over the answered patches: ``patches``, ``pictures``, ``answered_fraction``,
         ``mean_sigma_dn``; ``mean_picture_sigma_dn``, the mean reading on the noise-free means, where answered in
         ``mean_picture_answered_fraction``; ``correlation_mae``; and against each truth, ``true`` and ``cleaned``:
-        ``_mean_dn``, ``_mae_dn`` with the 95 % interval ``_mae_low_dn`` to ``_mae_high_dn``, ``_bias_dn`` and
+        ``_mean_dn``, its mean, ``_mae_dn`` with the 95 % interval ``_mae_low_dn`` to ``_mae_high_dn``, ``_bias_dn`` and
         ``_coverage_fraction``, patches whose interval holds the truth. NaN where nothing is answered.
     """
     import pandas as pd
@@ -238,13 +238,48 @@ def summarise(table: pd.DataFrame, seed: int = 1, draws: int = 500) -> pd.DataFr
             mae, low, high, _ = cluster_mean(error.abs(), answered["picture"], draw, draws, bounds=(0.0, math.inf))
             inside = bounded[f"{truth}_sigma_dn"].between(bounded["low_dn"], bounded["high_dn"])
             row |= {
-                f"{truth}_mean_dn": group[f"{truth}_sigma_dn"].mean(),
+                f"{truth}_mean_dn": answered[f"{truth}_sigma_dn"].mean(),
                 f"{truth}_mae_dn": mae,
                 f"{truth}_mae_low_dn": low,
                 f"{truth}_mae_high_dn": high,
                 f"{truth}_bias_dn": error.mean(),
                 f"{truth}_coverage_fraction": inside.mean() if len(bounded) else np.nan,
             }
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def shared_errors(table: pd.DataFrame, reference: str, seed: int = 1, draws: int = 500) -> pd.DataFrame:
+    """Mean absolute error of each estimator on the patches that a reference estimator answers, too.
+
+    An estimator that abstains from hard patches has a smaller error for it; on the same patches errors can be compared.
+
+    Args:
+        table: `COLUMNS`; estimators of one table have the same patches.
+        reference: name of the estimator in the table.
+        seed: root of the bootstrap's stream.
+        draws: resamples of pictures, with all their patches.
+
+    Returns:
+        a row per estimator: ``shared_patches`` that both answer; against each truth, ``true`` and ``cleaned``,
+        ``_shared_mae_dn`` in DN with the 95 % interval ``_shared_mae_low_dn`` to ``_shared_mae_high_dn``. NaN without a
+        shared patch, as where the reference is not in the table.
+    """
+    import pandas as pd
+
+    place = ["picture", "x_px", "y_px"]
+    is_answered = np.isfinite(table["sigma_dn"])
+    of_reference = table.loc[is_answered & (table["estimator"] == reference), place]
+    rows = []
+    for name, group in table[is_answered].groupby("estimator", sort=False):
+        shared = group.merge(of_reference, on=place)
+        row: dict[str, Any] = {"estimator": name, "shared_patches": len(shared)}
+        for truth in ("true", "cleaned"):
+            error = (shared["sigma_dn"] - shared[f"{truth}_sigma_dn"]).abs()
+            draw = stream(seed, "real noise", "shared", str(name), truth)
+            ends = cluster_mean(error, shared["picture"], draw, draws, bounds=(0.0, math.inf))
+            columns = (f"{truth}_shared_mae_dn", f"{truth}_shared_mae_low_dn", f"{truth}_shared_mae_high_dn")
+            row |= dict(zip(columns, ends, strict=False))
         rows.append(row)
     return pd.DataFrame(rows)
 
