@@ -15,17 +15,8 @@ and the answer is a mean of their ln(1 + sigma), t, with weight w of the second:
 Codecs, scaling and rotation take the finest part of noise away, and `cellwise`, which tells noise from texture by it,
 then reads less than there is or nothing; the second network does not. So it is believed where it reads more (`OFFSET`,
 `SLOPE`), the sooner where a codec shows (`CODED`). Traces of a codec are steps at block edges, vanished fine detail
-(`compressed`) and quantised transform blocks (`pipeline.noise.block_quantisation`). Where the interval reaches zero the
-noise is not detected, and the answer moves towards zero by as much as the interval would reach below it. The interval
-is widened by the deviation of both answers, sqrt(w (1 - w)) |t_2 - t_1|. Where flat areas are correlated (`FILTERED`),
-or no noise is detected, its upper end is at least that of the second network, whatever w is, up to `MOST_HIDDEN` times
-what the flattest areas allow: `cellwise`, whose interval is that of white noise, does not know how much smoothed noise
-texture may hide. Where flat areas are correlated along rows or columns alone (`DIRECTIONAL`) neither network knows: the
-finest detail along these lines is gone, by a filter behind the noise, as of band-limited analogue video, or by motion;
-or the scene's texture has that direction. The interval then reaches as far as these areas vary. Nor does
-`cellwise` know of mild codecs, which leave strong noise white and no trace of themselves, but change its strength:
-where it answers alone, its interval is widened by `PLAIN_PART`. Where a codec shows and the interval ends below
-`WEAK_DN` there may as well be no noise, and the lower end is zero.
+(`compressed`) and quantised transform blocks (`pipeline.noise.block_quantisation`). The mean and its interval, with
+what neither network can rule out, are those of `pipeline.noise.joint_answer`.
 
 There is no answer (`pipeline.noise.abstentions`) where
 
@@ -62,7 +53,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.errors import InputError
-from pipeline.noise.abstentions import FILTERED, UNDETECTED_LOW_DN, WEAK_DN, Evidence, reasons
+from pipeline.noise.abstentions import Evidence, reasons
 from pipeline.noise.alternation import alternating
 from pipeline.noise.base import Measured
 from pipeline.noise.block_quantisation import at_corner
@@ -71,7 +62,7 @@ from pipeline.noise.cellwise import RELEASED as RELEASED_CELLWISE
 from pipeline.noise.cellwise import SATURATED_FRACTION, Cellwise
 from pipeline.noise.codec_traces import Traces, codec_traces
 from pipeline.noise.correlated import RELEASED as RELEASED_CORRELATED
-from pipeline.noise.correlated import Correlated, Prediction
+from pipeline.noise.correlated import Correlated
 from pipeline.noise.correlated_features import (
     LEAST_PX,
     Moments,
@@ -81,6 +72,7 @@ from pipeline.noise.correlated_features import (
     moments,
     whiteness,
 )
+from pipeline.noise.joint_answer import Levels, Second, conceded, joined, widened
 from pipeline.noise.maps import CELL_PX
 from pipeline.noise.streaks import streaked
 
@@ -109,19 +101,10 @@ it; of white noise of 5 and 10 DN nine tenths lie below on photographs, but none
 whose patches then ask both networks."""
 
 PLAIN_SIGMA_DN = 1.0
-PLAIN_PART = 0.07
-"""Of ln(1 + sigma), added in squares to both halves of the interval of plainly white noise. JPEG 80 to 95, Motion JPEG
-and MPEG-4 change noise of 7 to 25 DN by up to 6 % of ln(1 + sigma). Of 2,088 such patches of *Sim*, KITTI, Udacity and
-the authors' *Sim* the intervals so hold 91 % behind codecs (67 % without this part), 97 % as they are (83 %)."""
 
 REAL_CAMERAS = 1.5
 """How much wider the second network's intervals must be on real cameras than on the simulated ones that set them."""
 
-COARSE_PART = 0.04
-"""Of ln(1 + sigma), added where noise is as correlated as behind a camera's processing: its coarsest part, which real
-cameras have more of than the simulated ones, is taken for the picture."""
-
-PROCESSED = (0.4, 0.5)  # correlation of adjacent pixels over which it sets in
 WIDEST_REACH = 0.22
 """Half-width of the interval of ln(1 + sigma) beyond which there is no answer where nothing shows a codec: 25 % either
 way. Asphalt and cobbles of rendered scenes, which the second network takes for noise of 5 to 17 DN, lie beyond it."""
@@ -131,17 +114,6 @@ WIDEST_WHITE_REACH = 0.9
 
 WIDEST_COMPRESSED_REACH = 0.47  # the same behind a strong codec: a factor of 1.6
 WIDEST_QUANTISED_REACH = 0.65  # the same where only quantised transform blocks show a codec
-
-MOST_HIDDEN = 3.0
-"""How much noise there may be over the white noise with which the flattest windows would vary as they do. It is at most
-1.2 times that as recorded, scaled or turned, 3 behind a bilateral filter and in most pictures of real cameras."""
-
-DIRECTIONAL, DIRECTIONAL_HIDES = 0.45, 2.0
-"""Difference of the lag-1 correlations along rows and columns in flat windows beyond which these have a direction, and
-how much noise there may be then over the white noise with which the flattest would vary as they do. Noise smoothed
-along rows or columns by 1 to 2 px lies beyond in nine tenths of all patches of KITTI and Udacity, and is 1.1 to 1.8
-times the latter; both networks read none. As recorded 3 % of the patches of KITTI lie beyond, none of CC, .5 % of
-PolyU and a third of the authors' *Sim*, whose road is seen at a slant."""
 
 
 class Adaptive(CellMapper):
@@ -201,14 +173,13 @@ class Adaptive(CellMapper):
         weight = np.where(alone, 1.0, weights(levels.sigma_dn[indices], answer.sigma_dn, traces.coded))
         second = Second(indices, answer, traces, weight)
 
+        joint = joined(levels, second)
         wide = self._reaches_too_far(levels, second)
-        _join(levels, second)
-        reason[:] = reasons(_evidence(seen, second, levels, wide, alternating(stack)), reason)
-        _concede(levels, second, seen)
-        _widen(levels, np.flatnonzero(plain))
-        white_sigma_dn = np.minimum(levels.white_sigma_dn, levels.sigma_dn)
-        measured = Measured(levels.sigma_dn, levels.low_dn, levels.high_dn, white_sigma_dn, levels.correlation)
-        return measured, levels.cells_dn
+        reason[:] = reasons(_evidence(seen, second, joint, wide, alternating(stack)), reason)
+        joint = widened(conceded(joint, second, seen.flat_dn, seen.flat_correlation), np.flatnonzero(plain))
+        white_sigma_dn = np.minimum(joint.white_sigma_dn, joint.sigma_dn)
+        measured = Measured(joint.sigma_dn, joint.low_dn, joint.high_dn, white_sigma_dn, joint.correlation)
+        return measured, joint.cells_dn
 
     def _answer_white(
         self, stack: NDArray[np.floating], reason: NDArray[np.object_], indices: NDArray[np.intp], levels: Levels
@@ -313,88 +284,6 @@ def weights(
     return np.asarray(1 / (1 + np.exp(-(OFFSET + SLOPE * apart + CODED * coded))))
 
 
-@dataclass(frozen=True)
-class Levels:
-    """Answers for all N patches, which are written one network after the other.
-
-    Attributes:
-        sigma_dn, low_dn, high_dn, white_sigma_dn, correlation: (N,), see `pipeline.noise.base.Measured`.
-        cells_dn: (N, H // 8, W // 8).
-    """
-
-    sigma_dn: NDArray[np.float64]
-    low_dn: NDArray[np.float64]
-    high_dn: NDArray[np.float64]
-    white_sigma_dn: NDArray[np.float64]
-    correlation: NDArray[np.float64]
-    cells_dn: NDArray[np.float32]
-
-    @classmethod
-    def zero(cls, patches: int, cells: tuple[int, int]) -> Levels:
-        """Levels of so many patches, each of (rows, columns) of cells, before anything is written."""
-        sigma, low, high, white, correlation = np.zeros((5, patches))
-        return cls(sigma, low, high, white, correlation, np.zeros((patches, *cells), np.float32))
-
-
-@dataclass(frozen=True)
-class Second:
-    """What the network for correlated noise says of the K patches that ask it.
-
-    Attributes:
-        indices: (K,) of these patches.
-        answer: its answers.
-        traces: of a codec in them.
-        weight: (K,) of its answers.
-    """
-
-    indices: NDArray[np.intp]
-    answer: Prediction
-    traces: Traces
-    weight: NDArray[np.float64]
-
-
-def _join(levels: Levels, second: Second) -> None:
-    """Makes a mean of the answers of `cellwise` in `levels` and those of the second network; see the module."""
-    at, answer, weight = second.indices, second.answer, second.weight
-    sigma, low, high = levels.sigma_dn, levels.low_dn, levels.high_dn
-    level, white_level = np.log1p(answer.sigma_dn), np.log1p(sigma[at])
-    apart = np.sqrt(weight * (1 - weight)) * np.abs(level - white_level)  # deviation of two values by their weights
-    processed = np.interp(answer.correlation, PROCESSED, (0.0, 1.0))
-    level = level + COARSE_PART * processed
-    detected = np.maximum(level - np.maximum(answer.reach - level, 0.0), 0.0)
-    sigma[at] = _between(sigma[at], detected, weight)
-    low[at] = _between(low[at], np.maximum(level - answer.reach, 0.0), weight, -apart)
-    high[at] = _between(high[at], level + answer.reach, weight, apart)
-    levels.white_sigma_dn[at] = _between(levels.white_sigma_dn[at], np.log1p(answer.white_sigma_dn), weight)
-    levels.correlation[at] = answer.correlation
-    scale = sigma[at] / np.maximum(np.sqrt((answer.cells_dn**2).mean(axis=(1, 2))), 1e-6)
-    adapted = answer.cells_dn * scale[:, None, None].astype(np.float32)
-    levels.cells_dn[at] = np.where(weight[:, None, None] >= 0.5, adapted, levels.cells_dn[at])
-
-
-def _concede(levels: Levels, second: Second, seen: Screened) -> None:
-    """Moves ends of intervals in `levels` to what a network cannot rule out; see the module.
-
-    Upper ends to those of the second network where `cellwise` cannot know, to what flat areas allow where neither can;
-    lower ends of weak coded noise to zero.
-    """
-    at, answer, high = second.indices, second.answer, levels.high_dn
-    may_hide = (seen.flat_correlation[at] > FILTERED) | (levels.low_dn[at] < UNDETECTED_LOW_DN)
-    most = np.minimum(answer.high_dn, MOST_HIDDEN * seen.flat_dn[at])
-    high[at] = np.where(may_hide, np.maximum(high[at], most), high[at])
-    has_direction = np.abs(anisotropy(answer.statistics)) > DIRECTIONAL
-    high[at] = np.where(has_direction, np.maximum(high[at], DIRECTIONAL_HIDES * seen.flat_dn[at]), high[at])
-    may_be_none = second.traces.coded & (high[at] < WEAK_DN)
-    levels.low_dn[at] = np.where(may_be_none, 0.0, levels.low_dn[at])
-
-
-def _widen(levels: Levels, plain: NDArray[np.intp]) -> None:
-    """Widens intervals in `levels` of patches with plainly white noise; see `PLAIN_PART`."""
-    level = np.log1p(levels.sigma_dn[plain])
-    below, above = (np.hypot(np.log1p(end[plain]) - level, PLAIN_PART) for end in (levels.low_dn, levels.high_dn))
-    levels.low_dn[plain], levels.high_dn[plain] = np.expm1(level - below), np.expm1(level + above)
-
-
 def _evidence(
     seen: Screened, second: Second, levels: Levels, reaches_too_far: NDArray[np.bool_], alternates: NDArray[np.bool_]
 ) -> Evidence:
@@ -420,13 +309,3 @@ def _evidence(
         streaks=seen.streaks,
         alternates=alternates,
     )
-
-
-def _between(
-    first_dn: NDArray[np.float64],
-    level: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    beyond: NDArray[np.float64] | float = 0.0,
-) -> NDArray[np.float64]:
-    """A weighted mean, and so much beyond it, DN: the first where the weight is 0, expm1 of the level where it is 1."""
-    return np.expm1(np.maximum((1 - weight) * np.log1p(first_dn) + weight * level + beyond, 0.0))

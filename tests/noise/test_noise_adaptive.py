@@ -19,7 +19,6 @@ from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
 from pipeline.noise.abstentions import FORESHORTENED, WEAK_DN
 from pipeline.noise.adaptive import (
-    MOST_HIDDEN,
     OFFSET,
     REAL_CAMERAS,
     SLOPE,
@@ -30,6 +29,7 @@ from pipeline.noise.adaptive import (
 )
 from pipeline.noise.base import COMPRESSED, UNCERTAIN
 from pipeline.noise.correlated_features import anisotropy
+from pipeline.noise.joint_answer import MOST_HIDDEN
 from pipeline.streams import stream
 
 ADAPTIVE = noise.create("adaptive")

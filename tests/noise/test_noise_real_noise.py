@@ -88,6 +88,34 @@ def test_the_summary_is_arithmetic():
     assert row["true_mae_high_dn"] > 1  # of two pictures: beyond what either shows
 
 
+def patches(estimator, sigma_dn, true_dn):
+    numbers = range(len(sigma_dn))
+    table = pd.DataFrame({"picture": [f"p{number // 2}" for number in numbers], "x_px": [128 * n for n in numbers]})
+    return table.assign(
+        y_px=0, estimator=estimator, sigma_dn=sigma_dn, true_sigma_dn=true_dn, cleaned_sigma_dn=true_dn, low_dn=np.nan,
+        high_dn=np.nan, correlation=np.nan, true_correlation=0.0, mean_picture_sigma_dn=np.nan,
+    )  # fmt: skip
+
+
+def test_the_noise_beside_an_error_is_that_of_the_same_patches():
+    """The estimator abstains from the patch with 9 DN, so that its error is one of 2 DN, not of 3.75 DN."""
+    row = real_noise.summarise(patches("x", [1.0, 2.0, 3.0, np.nan], [2.0, 2.0, 2.0, 9.0])).iloc[0]
+    assert row["true_mean_dn"] == row["cleaned_mean_dn"] == 2.0
+
+
+def test_errors_are_compared_on_the_patches_that_the_reference_answers_too():
+    """It abstains from the hard patch, on which the other errs by 6 DN: on the others that errs less."""
+    true = [2.0, 2.0, 2.0, 9.0]
+    other = patches("other", [2.1, 2.1, np.nan, 3.0], true)
+    table = pd.concat([patches("reference", [2.5, 2.5, 2.5, np.nan], true), other])
+    rows = real_noise.shared_errors(table, "reference").set_index("estimator")
+    assert list(rows["shared_patches"]) == [3, 2]
+    np.testing.assert_allclose(rows["true_shared_mae_dn"], [0.5, 0.1])
+    np.testing.assert_allclose(rows["cleaned_shared_mae_dn"], [0.5, 0.1])
+    assert real_noise.summarise(table).set_index("estimator").loc["other", "true_mae_dn"] > 2
+    assert real_noise.shared_errors(other, "reference")["true_shared_mae_dn"].isna().all()
+
+
 def test_an_estimator_that_never_answers_has_no_figures():
     table = pd.DataFrame(np.nan, range(2), real_noise.COLUMNS).assign(picture="a", estimator="x")
     row = real_noise.summarise(table).iloc[0]
