@@ -18,6 +18,7 @@ to 50 (`corruption`). Clipping and rounding happen once, where a camera does the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -193,8 +194,19 @@ def arriving(signal_e: Float, psf: NDArray[np.floating] | None, boundary: Bounda
     return signal_e if psf is None or order == "paper" else through_optics(signal_e, psf, boundary)
 
 
+def _to_8bit(electrons: Float, sensor: Sensor, out: Float) -> None:
+    """The converter of a camera of 8 bits: the image of electrons (B,), in [0, 1], into ``out``."""
+    full_range(digitise(electrons, sensor, out=out), out=out)
+
+
 def record(
-    light_e: Float, dark_e: Float | None, read_e: Float | None, sensor: Sensor, *, quantise: bool = True
+    light_e: Float,
+    dark_e: Float | None,
+    read_e: Float | None,
+    sensor: Sensor,
+    *,
+    quantise: bool = True,
+    convert: Callable[[Float, Sensor, Float], None] = _to_8bit,
 ) -> tuple[Float, float]:
     """From the light behind the optics to the image: everything after the blur, block by block.
 
@@ -205,9 +217,12 @@ def record(
         sensor: the sensor.
         quantise: full well, whole electrons, rounding and clipping to 8 bit; where no photon counts were drawn, whole
             electrons darken by half an electron, see `pipeline.camera.quantise.collect`.
+        convert: writes the image of electrons (B,) into its last argument, which may be the first one; not called
+            without ``quantise``.
 
     Returns:
-        (H, W) image in [0, 1], and the share of pixels that would lie outside without clipping.
+        (H, W) image in [0, 1], and the share of pixels that would lie outside without clipping (0 without ``quantise``,
+        where the image is the electrons over those at full scale).
     """
     image = np.empty_like(light_e)
     full = np.float32(sensor.electrons_at_full_scale)
@@ -229,7 +244,7 @@ def record(
         collect(charge, sensor, out=out)
         if read is not None:
             out += read
-        full_range(digitise(out, sensor, out=out), out=out)
+        convert(out, sensor, out)
     return image, float(outside) / image.size
 
 

@@ -58,7 +58,13 @@ def noise_scale_to_reach(
 
 
 def _deviation(maps: list[NDArray[np.float32]]) -> float:
-    """Standard deviation of the sum of maps (H, W), in their unit; block by block, summed in double precision."""
+    """Standard deviation of the sum of maps (H, W), in their unit.
+
+    Sums of a block are in single precision, those of blocks in double. Their rounding errors are no noise: maps without
+    a difference between pixels have a deviation of 0.
+    """
+    if all(part.min() == part.max() for part in maps):
+        return 0.0
     total = squares = 0.0
     for parts in zip(*(blocks(each) for each in maps), strict=True):
         noise = parts[0].copy()
@@ -198,23 +204,21 @@ def psf_for_mtf50(
     mtf50: float,
     *,
     angle_deg: float = 0.0,
-    unit: Literal["nyquist", "cycles_per_px"] = "nyquist",
     **options: Any,
 ) -> tuple[float, NDArray[np.floating]]:
     """The size at which a blur halves the contrast of a given frequency.
 
     Args:
         kind: ``defocus``, ``linear_motion`` or ``gaussian``: kinds whose MTF50 falls steadily with size.
-        mtf50: frequency at which the MTF is to be 0.5, in the worse of the two directions.
+        mtf50: frequency at which the MTF is to be 0.5, in the worse of the two directions, fraction of Nyquist.
         angle_deg: direction of motion.
-        unit: ``nyquist`` (1 = half a cycle per pixel) or ``cycles_per_px``.
         options: further options of `psf.create`.
 
     Returns:
         size in px and the kernel; the kernel's MTF50 is within 0.1 % of the target.
 
     Raises:
-        InputError: unknown kind or unit, or no size between 1 and 101 px gives that MTF50.
+        InputError: unknown kind, or no size between 1 and 101 px gives that MTF50.
     """
     from scipy.optimize import bisect
 
@@ -224,18 +228,15 @@ def psf_for_mtf50(
     kinds = ("defocus", "gaussian", "linear_motion")
     if kind not in kinds:
         raise InputError(f"blur '{kind}' cannot be found by its MTF50; {did_you_mean(kind, kinds)}")
-    if unit not in ("nyquist", "cycles_per_px"):
-        raise InputError(f"unit is 'nyquist' or 'cycles_per_px', got '{unit}'")
-    target = mtf50 if unit == "nyquist" else 2.0 * mtf50
 
     def excess(size_px: float) -> float:
         worse = float(np.min(mtf.mtf50(psfs.create(kind, size_px, angle_deg, **options))))
-        return min(worse, 1.0 + 1e-3) - target  # beyond Nyquist counts as just beyond it
+        return min(worse, 1.0 + 1e-3) - mtf50  # beyond Nyquist counts as just beyond it
 
     smallest, largest = 1.0, 101.0
-    if not (0.0 < target < 1.0 and excess(smallest) > 0.0 > excess(largest)):
+    if not (0.0 < mtf50 < 1.0 and excess(smallest) > 0.0 > excess(largest)):
         raise InputError(
-            f"no {kind} of {smallest:g} to {largest:g} px has its MTF50 at {mtf50!r} {unit}; "
+            f"no {kind} of {smallest:g} to {largest:g} px has its MTF50 at {mtf50!r} of Nyquist; "
             "ask for a value further inside (0, Nyquist)"
         )
     size_px = float(bisect(excess, smallest, largest, xtol=1e-4, rtol=1e-6))

@@ -17,6 +17,7 @@ counts at two light levels are practically independent.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
@@ -118,7 +119,7 @@ def poisson(rate: ArrayLike, generator: np.random.Generator, method: PoissonMeth
     _check_means(lowest, highest)
     counts = np.empty(means.shape, np.float32)
     rounding = 1e-5 + 3e-7 * _FARTHEST * highest**0.5
-    doubts: list[tuple[Float, NDArray[np.intp], Double, Double, Double]] = []
+    doubts: list[_Doubtful] = []
     for part, mean in zip(blocks(counts), blocks(means), strict=True):
         _fill_normals(part, generator)
         safe = np.maximum(mean, np.float32(HYBRID_FROM)) if lowest < HYBRID_FROM else mean
@@ -202,7 +203,26 @@ def _to_rounded_normal(w: Float, rate: Float) -> None:
     np.maximum(w, np.float32(0.0), out=w)
 
 
-def _to_quantile(w: Float, rate: Float, rounding: float) -> tuple[Float, NDArray[np.intp], Double, Double, Double]:
+@dataclass(frozen=True, eq=False)
+class _Doubtful:
+    """Counts of a block whose rounding is not settled by the expansion.
+
+    Attributes:
+        counts: (B,) of the whole block, in place.
+        index: (D,) of the doubtful ones.
+        normal: (D,) their normals.
+        step: (D,) the whole numbers ``m`` in question: the count is m or m - 1.
+        rate: (D,) their means.
+    """
+
+    counts: Float
+    index: NDArray[np.intp]
+    normal: Double
+    step: Double
+    rate: Double
+
+
+def _to_quantile(w: Float, rate: Float, rounding: float) -> _Doubtful:
     """Normals ``w`` (B,) become the Poisson quantiles of ``Phi(w)``, in place, but for a few doubtful ones.
 
     ``Q = rate + s w + 1/3 + w^2/6 - (w/36 + w^3/72)/s``, ``s = sqrt(rate)`` (Giles 2016), rounded down. The whole part
@@ -217,54 +237,53 @@ def _to_quantile(w: Float, rate: Float, rounding: float) -> tuple[Float, NDArray
         rounding: bound of the float32 error of ``Q``.
 
     Returns:
-        what `_settle` needs: ``w``, indices of doubtful counts (D,), their normals (D,), the whole numbers in question
-        (D,) and their means (D,).
+        the doubtful counts, for `_settle`.
     """
     float32 = np.float32
     whole = np.floor(rate)
     root = np.sqrt(rate)
     inverse = float32(1.0) / root
     square = w * w
-    x = square * float32(-1.0 / 72.0)
-    x -= float32(1.0 / 36.0)
-    x *= w
-    x *= inverse
+    quantile = square * float32(-1.0 / 72.0)  # Q less the whole part of the rate
+    quantile -= float32(1.0 / 36.0)
+    quantile *= w
+    quantile *= inverse
     term = square * float32(1.0 / 6.0)
-    x += term
+    quantile += term
     np.multiply(root, w, out=term)
-    x += term
-    x += rate - whole + float32(1.0 / 3.0)
+    quantile += term
+    quantile += rate - whole + float32(1.0 / 3.0)
     # how near a whole number is too near: 0.5 less the bound, against the distance from the middle
-    np.multiply(square, float32(-0.006), out=term)
-    term -= float32(0.01)
-    term *= square
-    term -= float32(0.021)
-    term *= inverse
-    term *= inverse
-    term += float32(0.5 - rounding)
-    np.floor(x, out=square)
-    x -= square
-    x -= float32(0.5)
-    doubtful = np.flatnonzero(np.abs(x) > term)
-    step = (square[doubtful] + whole[doubtful]).astype(np.float64) + (x[doubtful] > 0.0)
-    score = w[doubtful].astype(np.float64)
-    np.add(square, whole, out=w)
-    return w, doubtful, score, step, rate[doubtful].astype(np.float64)
+    farthest = np.multiply(square, float32(-0.006), out=term)
+    farthest -= float32(0.01)
+    farthest *= square
+    farthest -= float32(0.021)
+    farthest *= inverse
+    farthest *= inverse
+    farthest += float32(0.5 - rounding)
+    floor = np.floor(quantile, out=square)
+    from_middle = np.subtract(quantile, floor, out=quantile)
+    from_middle -= float32(0.5)
+    index = np.flatnonzero(np.abs(from_middle) > farthest)
+    step = (floor[index] + whole[index]).astype(np.float64) + (from_middle[index] > 0.0)
+    normal = w[index].astype(np.float64)
+    counts = np.add(floor, whole, out=w)
+    return _Doubtful(counts, index, normal, step, rate[index].astype(np.float64))
 
 
-def _settle(doubts: list[tuple[Float, NDArray[np.intp], Double, Double, Double]]) -> None:
+def _settle(doubts: list[_Doubtful]) -> None:
     """Decide doubtful counts by the distribution function: ``k >= m`` exactly if ``Phi(w) > F(m - 1)``, else m - 1.
 
     Args:
-        doubts: per block: its counts (written in place), indices, normals, whole numbers ``m``, means.
+        doubts: of each block; the counts are written in place.
     """
-    if not any(where.size for _, where, _, _, _ in doubts):
+    if not any(block.index.size for block in doubts):
         return
     from scipy import special
 
-    w = np.concatenate([score for _, _, score, _, _ in doubts])
-    step = np.concatenate([number for _, _, _, number, _ in doubts])
-    rate = np.concatenate([mean for _, _, _, _, mean in doubts])
+    w = np.concatenate([block.normal for block in doubts])
+    step = np.concatenate([block.step for block in doubts])
+    rate = np.concatenate([block.rate for block in doubts])
     below = step - 1.0
     # the smaller of the two tails, where float64 has all its digits
     reached = np.empty(w.shape, bool)
@@ -273,6 +292,6 @@ def _settle(doubts: list[tuple[Float, NDArray[np.intp], Double, Double, Double]]
     reached[right] = special.ndtr(-w[right]) < special.pdtrc(below[right], rate[right])
     sure = np.where(reached, step, below).astype(np.float32)
     start = 0
-    for part, where, _, _, _ in doubts:
-        part[where] = sure[start : start + where.size]
-        start += where.size
+    for block in doubts:
+        block.counts[block.index] = sure[start : start + block.index.size]
+        start += block.index.size

@@ -27,7 +27,7 @@ from pipeline.camera import draws
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.psf import create as create_psf
 from pipeline.camera.sensor import Sensor
-from pipeline.camera.tone_curve import decode, encode, slope
+from pipeline.camera.tone_curve import encode, slope
 from pipeline.camera.truth import through_optics
 from pipeline.errors import InputError, did_you_mean
 from pipeline.streams import KeyPart, stream
@@ -302,10 +302,6 @@ class Camera:
         dn /= np.float32(FULL_SCALE_DN / (2**self.adc_bits - 1))
         np.rint(dn, out=dn)
         return np.clip(dn, np.float32(0.0), np.float32(2**self.adc_bits - 1), out=dn).astype(np.intp)
-
-    def mean_level(self, image: ArrayLike) -> float:
-        """Mean of a frame in linear light, fraction of full scale: the quantity that exposure and gain scale."""
-        return float(np.mean(decode(np.asarray(image, dtype=np.float32), self.gamma), dtype=np.float64))
 
 
 @lru_cache(maxsize=4)

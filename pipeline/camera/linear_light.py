@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from pipeline.camera import chain, draws
 from pipeline.camera.constants import FULL_SCALE_DN
-from pipeline.camera.quantise import collect
 from pipeline.camera.sensor import Sensor
 from pipeline.camera.tone_curve import decode, encode
 from pipeline.camera.truth import Boundary, Corrupted, Float, Order, through_optics
@@ -67,35 +66,27 @@ def corrupt(
     signal_e = sensor.electrons(decode(scene))
     light_e = signal_e if psf is None else through_optics(signal_e, psf, boundary)
     drawn, scale = chain.Drawn({}, float("nan"), float("nan")), 0.0
+    arrived: dict[str, Float] = {}
     if sigma_dn > 0.0:
         drawn = chain.draw(chain.arriving(signal_e, psf, boundary, order), effects, sensor, generator, poisson=poisson)
-        passes = psf is not None and order == "paper" and "photon" in drawn.noise_e
-        if passes and reach == "source":
-            scale = _scale(signal_e, list(drawn.noise_e.values()), sigma_dn, sensor)
         arrived = dict(drawn.noise_e)
-        if passes and psf is not None:
+        blurred = psf is not None and order == "paper" and "photon" in arrived
+        if psf is not None and blurred:
             arrived["photon"] = through_optics(arrived["photon"], psf, boundary)
-        if not scale:
+        if blurred and reach == "source":
+            scale = _scale(signal_e, list(drawn.noise_e.values()), sigma_dn, sensor)
+        else:
             scale = _scale(light_e, list(arrived.values()), sigma_dn, sensor)
         for noise in drawn.noise_e.values():
             noise *= np.float32(scale)
-        if passes:
+        if blurred:  # a map of its own; the others are those of `drawn`
             arrived["photon"] *= np.float32(scale)
-        drawn = chain.Drawn(drawn.noise_e, drawn.temperature_k, drawn.exposure_s)
-    else:
-        arrived = {}
-    charge = light_e.copy()
-    for source in ("photon", "dark"):
-        if source in arrived:
-            charge += arrived[source]
-    unclipped = charge + arrived["readout"] if "readout" in arrived else charge
-    outside = float(np.mean((unclipped < 0.0) | (unclipped > np.float32(sensor.electrons_at_full_scale))))
-    if effects.quantise:
-        charge = collect(charge, sensor)
-    if "readout" in arrived:
-        charge = charge + arrived["readout"]
+    if "photon" in arrived:
+        light_e = light_e + arrived["photon"]
+    dark_e, read_e, quantise = arrived.get("dark"), arrived.get("readout"), effects.quantise
+    image, clipped = chain.record(light_e, dark_e, read_e, sensor, quantise=quantise, convert=_to_encoded_8bit)
     return Corrupted(
-        image=_digitised(charge, sensor) if effects.quantise else _level(charge, sensor),
+        image=image if quantise else np.asarray(encode(image), dtype=np.float32),
         noise_source=name,
         target_sigma_dn=float(sigma_dn),
         noise_scale=scale,
@@ -106,7 +97,7 @@ def corrupt(
         noise_e=drawn.noise_e,
         psf=psf,
         boundary=boundary,
-        clipped_fraction=outside if effects.quantise else 0.0,
+        clipped_fraction=clipped,
         poisson=poisson,
         order=order,
         light="linear",
@@ -114,17 +105,12 @@ def corrupt(
     )
 
 
-def _level(electrons: Float, sensor: Sensor) -> Float:
-    """Encoded levels, neither rounded nor clipped, full scale 1."""
-    return np.asarray(encode(electrons / np.float32(sensor.electrons_at_full_scale)), dtype=np.float32)
-
-
-def _digitised(charge: Float, sensor: Sensor) -> Float:
-    """Converter of 12 bits, tone curve, 8 bits: (H, W) float32 in [0, 1] on the 8-bit grid."""
+def _to_encoded_8bit(electrons: Float, sensor: Sensor, out: Float) -> None:
+    """Converter of 12 bits, tone curve, 8 bits: the image of electrons (B,), in [0, 1] on the 8-bit grid."""
     steps = np.float32(2**ADC_BITS - 1)
-    linear = np.clip(np.rint(charge * (steps / np.float32(sensor.electrons_at_full_scale))) / steps, 0.0, 1.0)
+    linear = np.clip(np.rint(electrons * (steps / np.float32(sensor.electrons_at_full_scale))) / steps, 0.0, 1.0)
     full = np.float32(FULL_SCALE_DN)
-    return np.asarray(np.rint(encode(linear.astype(np.float32)) * full) / full, dtype=np.float32)
+    np.divide(np.rint(encode(linear.astype(np.float32)) * full), full, out=out)
 
 
 def _scale(light_e: Float, noises: list[Float], sigma_dn: float, sensor: Sensor) -> float:

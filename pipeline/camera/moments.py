@@ -30,7 +30,7 @@ _RESET_TEMPERATURES_K = {"293k": 293.15, "300k": 300.0, "330k": 330.0}
 
 
 @dataclass(frozen=True)
-class PhotonTransfer:
+class SimulatedTransfer:
     """Mean and variance of evenly lit frames, and the line through them.
 
     Attributes:
@@ -46,7 +46,7 @@ class PhotonTransfer:
     offset_dn2: float
 
 
-def photon_transfer(sensor: Sensor, seed: int, levels: int = 12) -> PhotonTransfer:
+def simulated_transfer(sensor: Sensor, seed: int, levels: int = 12) -> SimulatedTransfer:
     """Simulate evenly lit frames between 5 and 80 % of full well and fit the photon-transfer line.
 
     Args:
@@ -67,7 +67,7 @@ def photon_transfer(sensor: Sensor, seed: int, levels: int = 12) -> PhotonTransf
         means[index], variances[index] = grey.mean(), grey.var()
     weight = 1.0 / variances  # the standard error of a variance is proportional to it
     slope, offset = np.polyfit(means, variances, 1, w=weight)
-    return PhotonTransfer(means, variances, float(slope), float(offset))
+    return SimulatedTransfer(means, variances, float(slope), float(offset))
 
 
 def moments(sensor: Sensor, seed: int) -> dict[str, float]:
@@ -92,7 +92,7 @@ def moments(sensor: Sensor, seed: int) -> dict[str, float]:
         "dark_figure_na_per_cm2": sensor.dark_figure_na_per_cm2,
         "sense_node_capacitance_f": sensor.sense_node_capacitance_f,
         "gain_e_per_dn": sensor.electrons_per_dn,
-        "gain_from_photon_transfer_e_per_dn": 1.0 / photon_transfer(sensor, seed).slope,
+        "gain_from_photon_transfer_e_per_dn": 1.0 / simulated_transfer(sensor, seed).slope,
         "source_follower_std_e": sensor.source_follower_sigma_e(),
     }
     for name, (temperature_k, exposure_s) in _DARK_CONDITIONS.items():
@@ -112,7 +112,7 @@ def moments(sensor: Sensor, seed: int) -> dict[str, float]:
     return values
 
 
-def transfer_rows(curve: PhotonTransfer, sensor: Sensor) -> dict[str, object]:
+def transfer_rows(curve: SimulatedTransfer, sensor: Sensor) -> dict[str, object]:
     """The photon-transfer curve as plain numbers, with the gain it should show."""
     return {
         "mean_dn": curve.mean_dn.tolist(),

@@ -67,32 +67,29 @@ def curve(psf: Any, frequencies: Any) -> np.ndarray:
     return np.stack(rows, axis=-2)
 
 
-def mtf50(psf: Any, level: float = 0.5) -> np.ndarray:
-    """The lowest frequency at which the MTF falls to a level.
+def mtf50(psf: Any) -> np.ndarray:
+    """The lowest frequency at which the MTF falls to a half.
 
     Args:
         psf: (h, w) numbers.
-        level: contrast in (0, 1).
 
     Returns:
         (2,) fractions of Nyquist, horizontal and vertical; infinite where the curve stays above up to Nyquist.
 
     Raises:
-        InputError: see `sample`; or a level outside (0, 1).
+        InputError: see `sample`.
     """
     from scipy.optimize import brentq
 
-    if not 0 < level < 1:
-        raise InputError(f"level is {level!r}; expected a contrast between 0 and 1")
     weights = np.asarray(psf, dtype=np.float64)
     # A kernel of n pixels has features no finer than 2 / n Nyquist: sixteen points on each.
     grid = np.linspace(0.0, 1.0, 8 * max(weights.shape) + 65)
     result = np.full(2, np.inf)
     for direction, values in enumerate(curve(weights, grid)):
-        below = np.flatnonzero(values <= level)
+        below = np.flatnonzero(values <= 0.5)
         if below.size:
             bracket = grid[below[0] - 1], grid[below[0]]
-            result[direction] = brentq(lambda f, row=direction: curve(weights, f)[row, 0] - level, *bracket, xtol=1e-10)
+            result[direction] = brentq(lambda f, row=direction: curve(weights, f)[row, 0] - 0.5, *bracket, xtol=1e-10)
     return result
 
 

@@ -42,29 +42,3 @@ def read_noise(
     """
     sigma_e = sensor.readout_sigma_e(temperature_k, reset=reset, source_follower=source_follower)
     return draws.normals(shape, generator, sigma_e)
-
-
-def readout(
-    electrons: NDArray[np.float32],
-    sensor: Sensor,
-    temperature_k: float,
-    generator: np.random.Generator,
-    *,
-    reset: bool = True,
-    source_follower: bool = True,
-) -> NDArray[np.float32]:
-    """Add readout noise to a signal.
-
-    Args:
-        electrons: (..., H, W) e-.
-        sensor: see `Sensor.readout_sigma_e`.
-        temperature_k: sensor temperature.
-        generator: where the draws come from.
-        reset: with reset noise.
-        source_follower: with source-follower noise.
-
-    Returns:
-        float32 e-, same shape.
-    """
-    noise = read_noise(electrons.shape, sensor, temperature_k, generator, reset=reset, source_follower=source_follower)
-    return np.add(noise, electrons, out=noise)

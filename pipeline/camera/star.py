@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera import mtf
+from pipeline.camera.clipping import ENDS, clipping, refuse_clipped, saturated_at
 from pipeline.errors import InputError, did_you_mean
 
 DIRECTIONS = ("all", *mtf.DIRECTIONS)
@@ -32,6 +33,8 @@ FULL_SECTOR_PERIODS = 60  # of stars with fewer rays `measure_mtf` widens sector
 LEAST_PERIODS = 24  # fewer leave too few pixels in a sector of the circle of the highest of the eight frequencies
 RING_STEPS = 5  # pixels, towards the centre, over which the rays of a circle are averaged before they are counted
 SAMPLES_PER_RAY = 16
+CLIPPING_RING_PX, CLIPPING_BINS, CLIPPING_SECTORS = 2.5, 96, 18  # half the ring, bins of a ray, sectors to align rays
+MOST_CLIPPING = 0.25  # errors of the MTF are below 0.03 up to there; sharp rays of white at exactly 255 DN give 0.24
 HALF_BAND_FRACTION, LEAST_HALF_BAND = 0.04, 3  # of the number of rays: room for a shifted or slightly tilted star
 
 
@@ -233,6 +236,40 @@ def ray_evidence(
         np.array(explained), np.array(extra, dtype=np.int64), np.array(agreement), likely,
         float(near / max(power.sum(), 1e-300)),
     )  # fmt: skip
+
+
+def check_clipping(image: np.ndarray, centre_px: tuple[float, float], periods: int) -> None:
+    """Refuse a star whose rays are cut off at black or white, whose contrast at the lowest frequency is too low then.
+
+    The rays on the circle of the lowest frequency are laid over each other by their phase, sector by sector; a ray has
+    two transitions.
+
+    Args:
+        image: (H, W) brightness in [0, 1].
+        centre_px: (x, y) of the star's centre; (0, 0) is the middle of the top left pixel.
+        periods: n, bright rays in a full turn.
+
+    Raises:
+        InputError: `pipeline.camera.clipping.clipping` exceeds `MOST_CLIPPING`.
+    """
+    x = np.arange(image.shape[1])[None, :] - float(centre_px[0])
+    y = float(centre_px[1]) - np.arange(image.shape[0])[:, None]
+    ring = np.abs(np.hypot(x, y) - lowest_circle_px(periods)) <= CLIPPING_RING_PX
+    turn = np.arctan2(y, x)[ring]
+    values = np.asarray(image, dtype=np.float64)[ring]
+    phase = np.empty_like(turn)
+    sectors = ((turn + math.pi) * CLIPPING_SECTORS / (2 * math.pi)).astype(np.int64) % CLIPPING_SECTORS
+    for sector in range(CLIPPING_SECTORS):
+        inside = sectors == sector
+        wave = np.exp(-1j * periods * turn[inside]) @ (values[inside] - values[inside].mean())
+        phase[inside] = periods * turn[inside] + np.angle(wave)
+    index = (phase / (2 * math.pi) % 1 * CLIPPING_BINS).astype(np.int64) % CLIPPING_BINS
+    count = np.maximum(np.bincount(index, minlength=CLIPPING_BINS), 1)
+    levels, *saturated = (
+        np.bincount(index, weights=part, minlength=CLIPPING_BINS) / count
+        for part in (values, *(saturated_at(values, end) for end in ENDS))
+    )
+    refuse_clipped("star", [clipping(levels, fraction) / 2 for fraction in saturated], MOST_CLIPPING)
 
 
 def _half_band(periods: int) -> int:

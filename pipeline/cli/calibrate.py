@@ -59,8 +59,8 @@ def command(
     (two pictures or two --area, of any size), or a sinusoidal or black and white Siemens star whose rays reach 0.05 of
     Nyquist, which takes 12 pixels of diameter a ray (36 rays: 424 px); its contrast there counts as full.
 
-    Warns of pictures that do not look sharp; refuses pictures without contrast at most frequencies, and a star whose
-    number of rays is not that of --rays.
+    Warns of pictures that do not look sharp; refuses pictures without contrast at most frequencies, charts clipped at
+    black or white, and a star whose number of rays is not that of --rays.
 
     Prints the MTF of the camera and the file, which is in the user's configuration folder (CAMERA_MONITOR_HOME).
     """
@@ -128,7 +128,7 @@ def edge_mtf(
         areas: (x, y, width, height) px of the edges in every picture; none for the whole picture.
 
     Raises:
-        InputError: an area outside of a picture, no slanted edge, or none of one axis.
+        InputError: an area outside of a picture, no slanted edge, one clipped at black or white, or none of one axis.
     """
     import numpy as np
 
@@ -162,7 +162,7 @@ def star_mtf(frames: list[tuple[str, NDArray[np.float32]]], rays: int) -> NDArra
 
     Raises:
         InputError: an odd or too small number of rays, a star too small for the lowest frequency, with too little
-            contrast or with another number of rays, or no star.
+            contrast, clipped at black or white, or with another number of rays, or no star.
     """
     import numpy as np
 
@@ -184,6 +184,10 @@ def star_mtf(frames: list[tuple[str, NDArray[np.float32]]], rays: int) -> NDArra
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
         _check_star(name, image, centre_px, rays)
+        try:
+            star.check_clipping(image, centre_px, rays)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
         contrast = star.measure_mtf(image, centre_px, rays, amplitude=1.0)
         if contrast[:, 0].min() < LEAST_STAR_AMPLITUDE:
             raise InputError(

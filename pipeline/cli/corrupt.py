@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from pipeline.cli.given_paths import GivenPath
-from pipeline.cli.held_signals import held
 from pipeline.cli.numbers import FiniteRange
 
 if TYPE_CHECKING:
@@ -18,6 +17,11 @@ if TYPE_CHECKING:
 LARGEST_KERNEL_PX = 255
 HALF_LEVEL = 0.5 / 255
 """Weight of a kernel's other pixels below which no 8-bit value changes."""
+
+SMOOTHED_NOTE = (
+    "photon noise enters before the blur, which smooths it: less noise is reached than asked for; "
+    "--noise-source readout or dcsn enters behind the blur"
+)
 
 
 @click.command("corrupt")
@@ -94,15 +98,12 @@ def command(
         return
     import numpy as np
     from click.core import ParameterSource
-    from tqdm import tqdm
 
-    from pipeline import store
     from pipeline.camera import mtf
     from pipeline.camera.corruption import CAMERAS, conditioned, corrupt
-    from pipeline.cli.outputs import OutputFolder, stems_kept
-    from pipeline.cli.pictures import expand, readable, result_stem
-    from pipeline.cli.set_aside import SetAside
-    from pipeline.errors import InputError, did_you_mean, printable
+    from pipeline.cli.corrupted_pictures import CorruptedPicture, write_each
+    from pipeline.cli.pictures import expand, readable
+    from pipeline.errors import InputError, did_you_mean
     from pipeline.streams import stream
 
     _, effects = conditioned(noise_source)
@@ -112,52 +113,28 @@ def command(
     idle = psf is not None and float(psf.max()) > 1 - HALF_LEVEL
     if idle and size_px is not None:
         click.echo(f"warning: --blur {blur} --size-px {size_px:g} blurs nothing: it changes no 8-bit value", err=True)
+    settings: dict[str, Any] = {"blur": blur, "angle_deg": angle_deg, "camera": camera, "seed": seed}
+    if psf is not None:
+        settings |= {"kernel": psf, "mtf50": mtf.mtf50(psf), "frequencies": mtf.FREQUENCIES}
+
+    def corrupted(name: str, stem: str, image: NDArray[np.float32]) -> CorruptedPicture:
+        if psf is not None and max(psf.shape) > min(image.shape):
+            raise InputError(f"the blur kernel of {max(psf.shape)} px is larger than the picture")
+        generator = stream(seed, "corrupt", stem, noise_source, sigma_dn)
+        shown = corrupt(image, noise_source, sigma_dn=sigma_dn, generator=generator, psf=psf, camera=camera)  # type: ignore[arg-type]
+        truth = {**shown.row(), **settings} | ({} if psf is None else {"mtf": shown.mtf})
+        line = f"{sigma_dn:9.2f} {shown.unclipped_sigma_dn:8.2f} {shown.clipped_sigma_dn:10.2f}"
+        return CorruptedPicture(np.asarray(shown.image), truth, f"{line} {100 * shown.clipped_fraction:9.2f}")
+
     files = expand(paths)
-    set_aside = SetAside()
-    kept = stems_kept(files, ".png")
-    with OutputFolder(out, "--out", files) as folder:
-        click.echo(f"{'asked DN':>9} {'reached':>8} {'clipped to':>10} {'clipped %':>9}  picture -> file")
-        for name, image, problem in tqdm(readable(files, every), delay=2, leave=False, unit=" frames"):
-            stem = result_stem(name)
-            stem = Path(name).stem if stem == Path(name).name else stem
-            generator = stream(seed, "corrupt", stem, noise_source, sigma_dn)
-            try:
-                if image is None:
-                    raise InputError(problem)
-                if psf is not None and max(psf.shape) > min(image.shape):
-                    raise InputError(f"the blur kernel of {max(psf.shape)} px is larger than the picture")
-                shown = corrupt(image, noise_source, sigma_dn=sigma_dn, generator=generator, psf=psf, camera=camera)  # type: ignore[arg-type]
-            except InputError as error:
-                set_aside.add(name, error)
-                continue
-            truth = {
-                **shown.row(),
-                "source": name,
-                "blur": blur,
-                "angle_deg": angle_deg,
-                "camera": camera,
-                "seed": seed,
-            }
-            if psf is not None:
-                truth |= {"kernel": psf, "mtf": shown.mtf, "mtf50": mtf.mtf50(psf), "frequencies": mtf.FREQUENCIES}
-            picture, sidecar = folder.claim_all(stem, (".png", ".json"), () if Path(name).suffix == ".png" else kept)
-            with held():
-                store.write_image(picture, np.asarray(shown.image))
-                store.write_json(sidecar, truth)
-            click.echo(
-                f"{sigma_dn:9.2f} {shown.unclipped_sigma_dn:8.2f} {shown.clipped_sigma_dn:10.2f}"
-                f" {100 * shown.clipped_fraction:9.2f}  {printable(name)} -> {printable(picture.name)}"
-            )
-    if psf is not None and effects.photon and sigma_dn:
-        click.echo(
-            "photon noise enters before the blur, which smooths it: less noise is reached than asked for; "
-            "--noise-source readout or dcsn enters behind the blur"
-        )
-    if folder.any_claimed:
-        click.echo(f"written to {out}")
-        if (psf is None or idle) and context.get_parameter_source("sigma_dn") is ParameterSource.DEFAULT:
-            more = "a larger --size-px" if idle else "--blur"
-            click.echo(f"warning: these are copies; give --sigma-dn, {more} or --pipeline to corrupt them", err=True)
+    header = f"{'asked DN':>9} {'reached':>8} {'clipped to':>10} {'clipped %':>9}"
+    smoothed = psf is not None and effects.photon and sigma_dn
+    written, set_aside = write_each(
+        readable(files, every), files, out, header, corrupted, SMOOTHED_NOTE if smoothed else ""
+    )
+    if written and (psf is None or idle) and context.get_parameter_source("sigma_dn") is ParameterSource.DEFAULT:
+        more = "a larger --size-px" if idle else "--blur"
+        click.echo(f"warning: these are copies; give --sigma-dn, {more} or --pipeline to corrupt them", err=True)
     set_aside.refuse()
 
 

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from pipeline.cli.held_signals import held
-
 if TYPE_CHECKING:
     import numpy as np
+    from numpy.typing import NDArray
 
 LEAST_ISO = 100  # base ISO of the cameras
-HEADER = f"{'sigma DN':>8} {'white':>7} {'correlation':>11}  picture -> file"
+HEADER = f"{'sigma DN':>8} {'white':>7} {'correlation':>11}"
 
 
 def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int, seed: int, every: int) -> None:
@@ -32,68 +31,45 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
     Raises:
         InputError: no such preset or setting; at the end, if a file could not be used.
     """
-    from tqdm import tqdm
-
-    from pipeline import store
     from pipeline.camera.processing import presets
     from pipeline.camera.processing.delivered import deliver
     from pipeline.camera.processing.temporal_noise import LEAST_SIDE_PX
-    from pipeline.cli.outputs import OutputFolder, stems_kept
-    from pipeline.cli.pictures import expand, result_stem
-    from pipeline.cli.set_aside import SetAside
+    from pipeline.cli.corrupted_pictures import CorruptedPicture, write_each
+    from pipeline.cli.pictures import expand
     from pipeline.errors import InputError, printable
     from pipeline.streams import stream
 
     if 0 < iso < LEAST_ISO:
         raise InputError(f"--iso {iso:g}: expected 0 for no noise, or at least {LEAST_ISO}")
     camera = presets.named(preset).at_iso(iso)
+    settings = {"pipeline": preset, "iso": iso, "shots": shots, "seed": seed}
+    cropped: list[str] = []
+
+    def delivered(name: str, stem: str, image: NDArray[np.float32]) -> CorruptedPicture:
+        shown = deliver(image, camera, shots, stream(seed, "corrupt pipeline", stem, preset, iso))
+        if image.shape[0] % 2 or image.shape[1] % 2:
+            if not cropped:
+                click.echo(
+                    f"note: {printable(name)} has {image.shape[1]}x{image.shape[0]} px; the colour mosaic has even "
+                    "sides, so the last row or column of odd ones is cut off, in every such picture",
+                    err=True,
+                )
+            cropped.append(name)
+        noise = shown.noise
+        truth = {
+            "sigma_dn": noise.sigma_dn,
+            "white_sigma_dn": noise.white_sigma_dn,
+            "correlation": noise.correlation,
+            "spectrum_dn2": noise.spectrum_dn2,
+            "size_in_px": image.shape[1::-1],
+            "size_out_px": shown.picture.shape[1::-1],
+            **settings,
+        }
+        line = f"{noise.sigma_dn:8.2f} {noise.white_sigma_dn:7.2f} {noise.correlation:11.2f}"
+        return CorruptedPicture(shown.picture, truth, line)
+
     files = expand(paths)
-    set_aside, cropped = SetAside(), 0
-    kept = stems_kept(files, ".png")
-    with OutputFolder(out, "--out", files) as folder:
-        click.echo(HEADER)
-        for name, image, problem in tqdm(_coloured(files, every, LEAST_SIDE_PX), delay=2, leave=False, unit=" frames"):
-            stem = result_stem(name)
-            stem = Path(name).stem if stem == Path(name).name else stem
-            try:
-                if image is None:
-                    raise InputError(problem)
-                shown = deliver(image, camera, shots, stream(seed, "corrupt pipeline", stem, preset, iso))
-            except InputError as error:
-                set_aside.add(name, error)
-                continue
-            noise = shown.noise
-            picture, sidecar = folder.claim_all(stem, (".png", ".json"), () if Path(name).suffix == ".png" else kept)
-            truth = {
-                "sigma_dn": noise.sigma_dn,
-                "white_sigma_dn": noise.white_sigma_dn,
-                "correlation": noise.correlation,
-                "spectrum_dn2": noise.spectrum_dn2,
-                "pipeline": preset,
-                "iso": iso,
-                "shots": shots,
-                "seed": seed,
-                "source": name,
-                "size_in_px": image.shape[1::-1],
-                "size_out_px": shown.picture.shape[1::-1],
-            }
-            if image.shape[0] % 2 or image.shape[1] % 2:
-                cropped += 1
-                if cropped == 1:
-                    click.echo(
-                        f"note: {printable(name)} has {image.shape[1]}x{image.shape[0]} px; the colour mosaic has even "
-                        "sides, so the last row or column of odd ones is cut off, in every such picture",
-                        err=True,
-                    )
-            with held():
-                store.write_image(picture, shown.picture)
-                store.write_json(sidecar, truth)
-            click.echo(
-                f"{noise.sigma_dn:8.2f} {noise.white_sigma_dn:7.2f} {noise.correlation:11.2f}"
-                f"  {printable(name)} -> {printable(picture.name)}"
-            )
-    if folder.any_claimed:
-        click.echo(f"written to {out}")
+    _, set_aside = write_each(_coloured(files, every, LEAST_SIDE_PX), files, out, HEADER, delivered)
     set_aside.refuse()
 
 

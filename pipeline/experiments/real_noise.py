@@ -5,7 +5,7 @@ Pairs: a photograph and the mean of many of its scene; the truth is the deviatio
 
 Raw frames: their noise is white and follows the photon transfer of the sensor,
 
-    sigma^2 = c + K mu
+    sigma^2 = c + K (mu - black)
 
 with K and c measured from the same frames (`pipeline.experiments.sensor_constants`). Patches are of single colour
 planes, neither clipped nor brighter than 40 DN: the non-uniformity of sensor and target, which this truth does not
@@ -34,7 +34,7 @@ Kinds = Mapping[str, tuple[str, Mapping[str, Any]]]
 Executor = Callable[..., list[Any]]
 
 BRIGHTEST_DN = 40.0
-"""Mean of a raw patch up to which shot noise exceeds the non-uniformity of sensor and target."""
+"""Mean of a raw patch, above black, up to which shot noise exceeds the non-uniformity of sensor and target."""
 
 
 def measure_pairs(folder: Path, kinds: Kinds, executor: Executor, label: str = "") -> pd.DataFrame:
@@ -112,11 +112,11 @@ def _of_frame(
     estimators, pixels, parts = real_noise.estimators(kinds), frame.pixels(), []
     for plane, fit in fits.items():
         grey = emva1288.plane(pixels, plane)
-        corners = [(y, x) for y, x in _corners(grey.shape) if _usable(_patch(grey, y, x), white_dn)]
+        corners = [(y, x) for y, x in _corners(grey.shape) if _usable(_patch(grey, y, x), white_dn, fit.black_dn)]
         if not corners:
             continue
         patches = np.stack([_patch(grey, y, x) for y, x in corners])
-        sigma = np.sqrt(np.maximum(fit.dark_variance_dn2 + fit.gain_dn_per_e * patches.mean(axis=(1, 2)), 0))
+        sigma = fit.sigma_dn(patches.mean(axis=(1, 2)))
         truth = {
             "picture": frame.path.stem,
             "x_px": [x for _, x in corners],
@@ -145,8 +145,7 @@ def _patch(grey: Any, y: int, x: int) -> Any:
     return grey[y : y + real_noise.TILE_PX, x : x + real_noise.TILE_PX]
 
 
-def _usable(patch: Any, white_dn: float) -> bool:
+def _usable(patch: Any, white_dn: float, black_dn: float) -> bool:
     """Whether a patch is neither cut off at black nor clipped at white nor too bright."""
-    return bool(
-        emva1288.LOWEST_DN <= patch.mean() <= BRIGHTEST_DN and patch.max() < emva1288.CLIPPED_FRACTION * white_dn
-    )
+    bright_enough = emva1288.LOWEST_DN <= patch.mean() - black_dn <= BRIGHTEST_DN
+    return bool(bright_enough and patch.max() < emva1288.CLIPPED_FRACTION * white_dn)

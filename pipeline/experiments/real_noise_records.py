@@ -172,5 +172,6 @@ def _table(path: Path) -> Any:
     import pandas as pd
 
     text = {"plane": "string", "picture": "string", "reason": "string", "mean_picture_reason": "string"}
+    text["dark_sigma_reason"] = "string"
     table = pd.read_csv(path, dtype=text)
     return table.assign(**{name: table[name].fillna("") for name in text if name in table})

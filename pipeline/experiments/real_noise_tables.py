@@ -55,12 +55,14 @@ TRANSFER = Schema(
         "gain_dn_per_e": "float64",
         "gain_error": "float64",
         "dark_variance_dn2": "float64",
-        "dark_sigma_e": "float64",
-        "saturation_e": "float64",
-        "snr_at_saturation": "float64",
+        "dark_sigma_e": "float64",  # NaN where quantisation leaves none
+        "dark_sigma_error": "float64",
+        "dark_sigma_reason": "string",  # why there is none, else ""
+        "full_scale_e": "float64",
+        "snr_at_full_scale": "float64",
         "blocks": "int64",
     },
-    {"gain_dn_per_e": "DN/e", "dark_variance_dn2": "DN^2", "dark_sigma_e": "e", "saturation_e": "e"},
+    {"gain_dn_per_e": "DN/e", "dark_variance_dn2": "DN^2", "dark_sigma_e": "e", "full_scale_e": "e"},
 )
 
 TRANSFER_POINTS = Schema(

@@ -1,6 +1,7 @@
 """Constants of a sensor from its raw frames, after EMVA 1288: photon transfer and dark current of each colour plane.
 
-See `pipeline.camera.emva1288` for the equations.
+The black level of each plane comes from its dark frames and is subtracted before the photon transfer, so that the dark
+noise is the noise at no light. See `pipeline.camera.emva1288` for the equations.
 """
 
 from __future__ import annotations
@@ -9,8 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from pipeline.camera import emva1288
 from pipeline.datasets.raw_frames import RawFrame
@@ -26,8 +25,10 @@ class SensorConstants:
     Attributes:
         fits: colour plane -> its photon transfer.
         transfer: a row per plane: ``plane``, ``gain_dn_per_e``, ``gain_error``, ``dark_variance_dn2``,
-            ``dark_sigma_e``, ``saturation_e``, ``snr_at_saturation``, ``blocks``.
-        points: the photon-transfer curve: ``plane``, ``mean_dn`` and median ``variance_dn2`` of bins of equal count.
+            ``dark_sigma_e`` and ``dark_sigma_error`` (NaN where quantisation leaves none, for ``dark_sigma_reason``),
+            ``full_scale_e`` and ``snr_at_full_scale`` (of white less black, by extrapolation of the line), ``blocks``.
+        points: the photon-transfer curve: ``plane``, ``mean_dn`` above black and ``variance_dn2`` of bins of equal
+            count, by medians.
         dark: a row per plane: ``plane``, ``slope_dn_per_s``, ``slope_error``, ``dark_current_e_per_s``, ``offset_dn``,
             ``zero_fraction``.
         dark_means: ``plane``, ``exposure_s``, ``mean_dn`` of each dark frame.
@@ -46,67 +47,64 @@ def sensor_constants(light: Sequence[RawFrame], dark: Sequence[RawFrame], white_
     Args:
         light: frames of lit scenes, by scene and exposure; each scene at two exposures or more, or twice at one.
         dark: dark frames of three exposures or more.
-        white_dn: grey value of saturation, DN.
+        white_dn: raw grey value of saturation, DN.
 
     Raises:
-        InputError: frames are broken or too few.
+        InputError: frames are broken or too few, or white is not above the black level.
     """
     import pandas as pd
 
+    pictures, exposures = [frame.pixels() for frame in dark], [frame.exposure_s for frame in dark]
+    dark_planes = {name: [emva1288.plane(picture, name) for picture in pictures] for name in emva1288.PLANES}
+    currents = {name: emva1288.dark_current(exposures, planes) for name, planes in dark_planes.items()}
     curves: dict[str, list[emva1288.TransferPoints]] = {name: [] for name in emva1288.PLANES}
     for _, group in groupby(light, key=lambda frame: frame.scene):
         for first, second in pairwise([frame.pixels() for frame in group]):
             for name, curve in curves.items():
                 a, b = emva1288.plane(first, name), emva1288.plane(second, name)
-                curve.append(emva1288.points_of_pair(a, b, white_dn))
-    fits = {name: emva1288.photon_transfer(curve) for name, curve in curves.items()}
-    pictures, exposures = [frame.pixels() for frame in dark], [frame.exposure_s for frame in dark]
-    dark_rows: list[dict[str, Any]] = []
-    means: list[dict[str, Any]] = []
-    for name, fit in fits.items():
-        planes = [emva1288.plane(picture, name) for picture in pictures]
-        current = emva1288.dark_current(exposures, planes)
-        dark_rows.append(
-            {
-                "plane": name,
-                "slope_dn_per_s": current.slope_dn_per_s,
-                "slope_error": current.slope_error,
-                "dark_current_e_per_s": current.slope_dn_per_s / fit.gain_dn_per_e,
-                "offset_dn": current.offset_dn,
-                "zero_fraction": current.zero_fraction,
-            }
-        )
-        means += [
-            {"plane": name, "exposure_s": exposure_s, "mean_dn": float(plane.mean())}
-            for exposure_s, plane in zip(exposures, planes, strict=True)
-        ]
+                curve.append(emva1288.points_of_pair(a, b, white_dn, currents[name].black_dn))
+    fits = {name: emva1288.photon_transfer(curve, currents[name].black_dn) for name, curve in curves.items()}
+    dark_rows = [_dark_row(name, current, fits[name]) for name, current in currents.items()]
+    means = [
+        {"plane": name, "exposure_s": exposure_s, "mean_dn": float(plane.mean())}
+        for name, planes in dark_planes.items()
+        for exposure_s, plane in zip(exposures, planes, strict=True)
+    ]
     transfer = pd.DataFrame([_transfer_row(name, fit, white_dn) for name, fit in fits.items()])
-    points = pd.concat([_binned(name, curve) for name, curve in curves.items()], ignore_index=True)
+    points = pd.concat([_points(name, curve) for name, curve in curves.items()], ignore_index=True)
     return SensorConstants(fits, transfer, points, pd.DataFrame(dark_rows), pd.DataFrame(means))
 
 
+def _dark_row(name: str, current: emva1288.DarkCurrent, fit: emva1288.PhotonTransfer) -> dict[str, Any]:
+    return {
+        "plane": name,
+        "slope_dn_per_s": current.slope_dn_per_s,
+        "slope_error": current.slope_error,
+        "dark_current_e_per_s": current.slope_dn_per_s / fit.gain_dn_per_e,
+        "offset_dn": current.offset_dn,
+        "zero_fraction": current.zero_fraction,
+    }
+
+
 def _transfer_row(name: str, fit: emva1288.PhotonTransfer, white_dn: float) -> dict[str, Any]:
+    full_scale_dn = white_dn - fit.black_dn
     return {
         "plane": name,
         "gain_dn_per_e": fit.gain_dn_per_e,
         "gain_error": fit.gain_error,
         "dark_variance_dn2": fit.dark_variance_dn2,
         "dark_sigma_e": fit.dark_sigma_e,
-        "saturation_e": fit.electrons(white_dn),
-        "snr_at_saturation": fit.snr(white_dn),
+        "dark_sigma_error": fit.dark_sigma_error,
+        "dark_sigma_reason": fit.dark_sigma_reason,
+        "full_scale_e": full_scale_dn / fit.gain_dn_per_e,
+        "snr_at_full_scale": fit.snr(full_scale_dn),
         "blocks": fit.points,
     }
 
 
-def _binned(name: str, curve: Sequence[emva1288.TransferPoints]) -> pd.DataFrame:
+def _points(name: str, curve: Sequence[emva1288.TransferPoints]) -> pd.DataFrame:
     """The points of a curve in bins of equal count, as the line is fitted to them."""
     import pandas as pd
 
-    mean = np.concatenate([part.mean_dn for part in curve])
-    variance = np.concatenate([part.variance_dn2 for part in curve])
-    bins = np.array_split(np.argsort(mean, kind="stable"), emva1288.MEAN_BINS)
-    columns = {
-        "mean_dn": [mean[index].mean() for index in bins],
-        "variance_dn2": [np.median(variance[index]) for index in bins],
-    }
-    return pd.DataFrame({"plane": name, **columns})
+    bins = emva1288.binned(curve)
+    return pd.DataFrame({"plane": name, "mean_dn": bins.mean_dn, "variance_dn2": bins.variance_dn2})

@@ -9,11 +9,11 @@ from pipeline.config.entry import Run, stage
 def run(run: Run) -> None:
     """Measure the sensor by drawing from it; write the numbers and the metrics."""
     from pipeline import store
-    from pipeline.camera.moments import moments, photon_transfer, transfer_rows
+    from pipeline.camera.moments import moments, simulated_transfer, transfer_rows
 
     sensor = run.params.camera.sensor
     result = moments(sensor, run.params.seed)
-    curve = transfer_rows(photon_transfer(sensor, run.params.seed), sensor)
+    curve = transfer_rows(simulated_transfer(sensor, run.params.seed), sensor)
     with store.replacing_folder(run.outputs / "data/sensor") as folder:
         store.write_json(folder / "formation.json", result)
         store.write_json(folder / "photon_transfer.json", curve)

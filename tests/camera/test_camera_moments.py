@@ -5,7 +5,7 @@ import pytest
 from data_makers import picture
 
 from pipeline.camera.corruption import corrupt
-from pipeline.camera.moments import moments, photon_transfer
+from pipeline.camera.moments import moments, simulated_transfer
 from pipeline.camera.psf import create
 from pipeline.camera.sensor import Sensor
 from pipeline.camera.steps import steps
@@ -16,12 +16,12 @@ SENSOR = Sensor()
 
 @pytest.mark.parametrize("sensor", [SENSOR, Sensor(full_well_e=5000.0), SENSOR.at_gain(4.0)])
 def test_photon_transfer_finds_the_gain_again(sensor):
-    assert abs(photon_transfer(sensor, 1).slope / sensor.dn_per_electron - 1) < 0.01
+    assert abs(simulated_transfer(sensor, 1).slope / sensor.dn_per_electron - 1) < 0.01
 
 
 def test_photon_transfer_offset_is_the_read_noise():
     read_dn = SENSOR.readout_sigma_e(293.15) * SENSOR.dn_per_electron
-    assert abs(photon_transfer(SENSOR, 1).offset_dn2 / read_dn**2 - 1) < 0.02
+    assert abs(simulated_transfer(SENSOR, 1).offset_dn2 / read_dn**2 - 1) < 0.02
 
 
 def test_moments_meet_their_closed_forms():

@@ -105,7 +105,6 @@ def test_amae_of_missing_frequencies() -> None:
         lambda: mtf.sample(np.ones(5)),
         lambda: mtf.sample(np.zeros((3, 3))),
         lambda: mtf.sample(np.full((3, 3), np.nan)),
-        lambda: mtf.mtf50(np.ones((3, 3)), level=2),
         lambda: mtf.amae(np.ones((2, 8)), np.ones((2, 5))),
         lambda: mtf.amae(np.ones(8), np.ones(8)),
     ],

@@ -78,6 +78,31 @@ def test_the_edge_of_little_contrast_is_located_in_noise():
     assert measure(noisy).tilt_deg == pytest.approx(8.0, abs=0.5)
 
 
+@pytest.mark.parametrize("sigma_px", [0.5, 1.0, 2.0])
+def test_a_clipped_edge_is_refused_before_its_mtf_is_wrong_by_a_tenth(sigma_px):
+    """White of exactly 255 DN gives the MTF; overexposed by a fifth it is up to 0.18 too high."""
+    unit = (edge(sigma_px, 8.0) - 0.2) / 0.6
+
+    def stored(low, high):
+        return np.rint(np.clip(low + (high - low) * unit, 0, 1) * 255) / 255
+
+    for low, high in ((0.16, 1.0), (0.0, 0.8)):
+        np.testing.assert_allclose(measure(stored(low, high)).mtf, truth(sigma_px), atol=0.015)
+    for low, high, end in ((0.16, 1.1, "white"), (0.16, 1.4, "white"), (-0.1, 0.8, "black"), (-0.2, 1.2, "black and")):
+        with pytest.raises(InputError, match=f"edge: clipped at {end}"):
+            measure(stored(low, high))
+
+
+def test_clipped_overshoot_of_sharpening_is_refused():
+    """Less than 1 % of the pixels, but a tenth of the MTF."""
+    image = edge(0.5, 8.0)
+    sharpened = image + 0.8 * (image - cv2.GaussianBlur(image, (0, 0), 1.5, borderType=cv2.BORDER_REPLICATE))
+    lit = np.clip(sharpened + 0.15, 0, 1)
+    assert (lit == 1).mean() < 0.02
+    with pytest.raises(InputError, match="clipped at white"):
+        measure(lit)
+
+
 def test_sharpening_lifts_the_mtf_above_1():
     image = edge(0.5, 8.0)
     sharpened = image + 0.8 * (image - cv2.GaussianBlur(image, (0, 0), 1.5, borderType=cv2.BORDER_REPLICATE))

@@ -92,11 +92,48 @@ def test_edges_may_have_different_sizes_and_old_sizes_of_charts_are_ignored(tmp_
 def test_the_mtf_of_a_camera_that_sharpens_is_stored_as_1_at_most(tmp_path):
     """Estimates of its sharp frames are 1 at most: division by more would find blur in them."""
     sharpened = [edge(upright) for upright in (True, False)]
-    sharpened = [image + 2 * (image - cv2.GaussianBlur(image, (0, 0), 2.0)) for image in sharpened]
+    sharpened = [0.2 + 0.6 * (image + 2 * (image - cv2.GaussianBlur(image, (0, 0), 2.0))) for image in sharpened]
     assert measure(sharpened[0]).mtf.max() > 1.2
-    files = [save(tmp_path / f"{index}.png", image * 0.6 + 0.2) for index, image in enumerate(sharpened)]
+    files = [save(tmp_path / f"{index}.png", image) for index, image in enumerate(sharpened)]
     assert call("calibrate", "front", *files, "--chart", "edge").exit_code == 0
     assert np.max(camera_store.load("front").sharp_mtf) == 1
+
+
+def test_clipped_charts_are_refused_and_white_of_exactly_255_is_not(tmp_path):
+    """Overexposed by a fifth an edge's MTF of 0.46 was stored as 0.62."""
+    unit = [(edge(upright) - 0.2) / 0.6 for upright in (True, False)]
+
+    def done(low, high):
+        files = [save(tmp_path / f"{number}.png", low + (high - low) * image) for number, image in enumerate(unit)]
+        return call("calibrate", "front", *files, "--chart", "edge")
+
+    assert done(0.0, 1.0).exit_code == 0
+    np.testing.assert_allclose(
+        camera_store.load("front").sharp_mtf, gaussian_mtf() * np.sinc(FREQUENCIES / 2), atol=0.03
+    )
+    for low, high, words in (
+        (0.2, 1.2, "0.png: edge: clipped at white, which changes its MTF; expose less"),
+        (-0.15, 0.8, "edge: clipped at black, which changes its MTF; expose longer, or raise the black level"),
+        (-0.2, 1.2, "edge: clipped at black and white, which changes its MTF; use a chart of less contrast"),
+    ):
+        refused = done(low, high)
+        assert refused.exit_code == 2 and words in refused.output, refused.output
+
+
+@pytest.mark.parametrize("black_and_white", [False, True])
+def test_clipped_stars_are_refused_and_white_of_exactly_255_is_not(black_and_white):
+    unit = synthesise(360, 360, 30, mean=0.5, amplitude=5.0 if black_and_white else 0.5, supersample=3)
+    unit = cv2.GaussianBlur(np.clip(unit, 0, 1), (0, 0), SIGMA_PX)
+
+    def mtf(low, high):
+        image = np.rint(np.clip(low + (high - low) * unit, 0, 1) * 255) / 255
+        return star_mtf([("star", image.astype(np.float32))], 30)
+
+    np.testing.assert_allclose(mtf(0.0, 1.0), mtf(0.2, 0.8), atol=0.02)
+    with pytest.raises(InputError, match="star: star: clipped at white, which changes its MTF; expose less"):
+        mtf(0.2, 1.3)
+    with pytest.raises(InputError, match="clipped at black, "):
+        mtf(-0.2, 0.8)
 
 
 def test_areas_select_the_edges_of_one_picture(tmp_path):

@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import os
 import threading
+from collections import Counter
 from pathlib import Path
 
+import av
 import cv2
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from data_makers import picture
 from PIL import Image, features
 
 from pipeline.cli import main
-from pipeline.cli.pictures import expand, natural_order
+from pipeline.cli.pictures import TURNED, expand, natural_order, read
 from pipeline.cli.watch_sources import filling_folder
 
 
@@ -151,14 +154,61 @@ def test_pictures_stored_turned_are_pointed_out_once(tmp_path: Path, suffix: str
     done = call("health", tmp_path)
     assert done.exit_code == 0, done.output
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
-    assert line.startswith(f"warning: {tmp_path / f'c.{suffix}'}: stored turned or mirrored (EXIF orientation 6)")
+    assert line.startswith(f"warning: {tmp_path / f'c.{suffix}'}: stored turned or mirrored (orientation 6)")
     assert "Pictures stored turned or mirrored (EXIF orientation): 2;" in done.stdout
     assert "warning" not in call("noise", tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}").stderr
 
 
-def test_a_turned_tiff_is_turned_by_pillow_and_needs_no_warning(tmp_path: Path) -> None:
-    done = call("noise", save(tmp_path / "a.tiff", 6), "--estimator", "pca")
-    assert done.exit_code == 0 and not done.stderr, done.output
+def test_pictures_and_videos_are_read_as_stored_whatever_their_metadata_ask_for(tmp_path: Path) -> None:
+    """So that rows of the sensor stay rows, and labels fit; each is pointed out."""
+    plain = next(read(save(tmp_path / "plain.png")))[1]
+    for suffix in ("jpg", "png", "webp", "tiff"):
+        file = save(tmp_path / f"a.{suffix}", 6)
+        hinted: Counter[int] = Counter()
+        (frame,) = [image for _, image in read(file, hinted=hinted)]
+        assert hinted == {TURNED: 1} and frame.shape == plain.shape
+        assert suffix in ("jpg", "webp") or np.array_equal(frame, plain)
+    done = call("noise", tmp_path / "a.tiff", "--estimator", "pca")
+    assert done.exit_code == 0 and "stored turned or mirrored (orientation 6)" in done.stderr, done.output
+
+
+def film(path: Path, angle: int = 0, curve: int = 2) -> Path:
+    """Three frames of H.264 whose header asks for a turn; with a transfer curve of ITU-T H.273."""
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 224, 208, "yuv420p"
+        stream.codec_context.color_trc = curve
+        for number in range(3):
+            image = np.roll(picture("order", 224, 208), number, axis=1)
+            frame = av.VideoFrame.from_ndarray(image, format="gray").reformat(format="yuv420p")
+            frame.color_trc = curve
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    if angle:
+        content = bytearray(path.read_bytes())
+        begin = content.index(b"tkhd") + 44
+        matrix = (0, 65536, 0, -65536, 0, 0, 208 << 16, 0, 1 << 30)
+        content[begin : begin + 36] = b"".join(value.to_bytes(4, signed=True) for value in matrix)
+        path.write_bytes(content)
+    return path
+
+
+def test_turned_videos_are_counted_and_pointed_out_once(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    hinted: Counter[int] = Counter()
+    plain = [image for _, image in read(film(tmp_path / "a.mp4"), hinted=hinted)]
+    assert not hinted and capfd.readouterr().err == ""
+    for name in ("b", "c"):
+        stored = [image for _, image in read(film(tmp_path / f"{name}.mp4", angle=90), hinted=hinted)]
+        assert np.array_equal(stored, plain)
+    assert hinted == {TURNED: 2}
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith(f"warning: {tmp_path / 'b.mp4'}: stored turned or mirrored (rotation 270 degrees)")
+
+
+def test_a_transfer_curve_unlike_that_of_pictures_is_pointed_out(tmp_path: Path) -> None:
+    done = call("noise", film(tmp_path / "a.mp4", curve=16), "--estimator", "pca")
+    assert done.exit_code == 0, done.output
+    assert done.stderr.count("its transfer curve is PQ (SMPTE ST 2084), not that of sRGB or BT.709") == 1
 
 
 def test_watch_points_turned_pictures_out(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -296,6 +297,47 @@ def test_a_device_that_has_gone_silent_counts_as_idle(tmp_path):
     finally:
         stop.set()
         clock.cancel()
+
+
+def coded(path, frames=5, interlaced=False, curve=None):
+    """The panning scene by FFmpeg's encoder of H.264."""
+    with av.open(str(path), "w") as container:
+        options = {"flags": "+ilme+ildct", "x264-params": "tff=1"} if interlaced else {}
+        stream = container.add_stream("libx264", rate=10, options=options)
+        stream.width, stream.height, stream.pix_fmt = 224, 208, "yuv420p"
+        if curve is not None:
+            stream.codec_context.color_trc = curve
+        for number in range(frames):
+            image = np.roll(picture("watch", 224, 208), 5 * number, axis=1)
+            frame = av.VideoFrame.from_ndarray(image, format="gray").reformat(format="yuv420p")
+            if curve is not None:
+                frame.color_trc = curve
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return path
+
+
+@pytest.mark.parametrize("address", ["", "file://"])
+def test_interlaced_frames_are_reported_once_and_never_measured(tmp_path, address):
+    path = coded(tmp_path / "v.ts", interlaced=True)
+    done, lines = watch(f"{address}{path}", "--rate", 5, "--idle-stop", 3)
+    aside = [line["reason"] for line in lines if line["event"] == "set_aside"]
+    assert len(aside) == 1 and "interlaced" in aside[0] and "ffmpeg -vf yadif" in aside[0]
+    assert not [line for line in lines if line["event"] in ("frame", "alarm")] and lines[-1]["frames"] == 0
+    assert len(done.stderr.splitlines()) == (0 if address else 1)  # a file that is damaged ends with an error
+
+
+def test_a_stream_of_another_transfer_curve_is_measured_with_one_warning(tmp_path):
+    path = coded(tmp_path / "v.ts", curve=18)
+    for source in (f"file://{path}", path):
+        done, lines = watch(source, "--frames", 1)
+        assert done.stderr.count("its transfer curve is HLG (ARIB STD-B67), not that of sRGB") == 1
+        assert lines[-1]["frames"] == 1
+
+
+def test_the_password_of_an_address_is_in_no_error(tmp_path):
+    done = CliRunner().invoke(main, ["watch", "rtsp://user:secret@127.0.0.1:9/none", "--noise", "pca"])
+    assert done.exit_code == 2 and "secret" not in done.output and "127.0.0.1:9/none: cannot be opened" in done.output
 
 
 VIOLATED, UNDECIDED, KEPT = ("noise", ""), ("", "noise"), ("", "")

@@ -22,27 +22,27 @@ from pipeline.store import read_json, read_table
 from pipeline.streams import stream
 
 KINDS = {"pca": ("pca", {}), "wavelet": ("wavelet", {})}
-GAIN, DARK_E, WHITE_DN = 0.05, 10.0, 255.0
+GAIN, DARK_E, BLACK_DN, WHITE_DN = 0.05, 10.0, 16.0, 255.0
 EXECUTOR = partial(run_map, workers=1)
 
 
 def write_raw(folder, name, exposure_ms, level_dn):
-    """A raw frame: shot noise at a gain of 0.05 DN per electron and 10 electrons of dark noise."""
+    """A raw frame: shot noise at a gain of 0.05 DN per electron, 10 electrons of dark noise, and a black level."""
     generator = stream(1, "raw", name, exposure_ms)
     electrons = generator.poisson(level_dn / GAIN) + generator.normal(0, DARK_E, level_dn.shape)
     folder.mkdir(exist_ok=True, parents=True)
-    picture = np.clip(np.rint(GAIN * electrons), 0, 255).astype(np.uint8)
+    picture = np.clip(np.rint(BLACK_DN + GAIN * electrons), 0, 255).astype(np.uint8)
     assert cv2.imwrite(str(folder / f"{name}_{exposure_ms}ms_1.tif"), picture)
 
 
 @pytest.fixture(scope="module")
 def raw(tmp_path_factory):
-    """Three exposures of a ramp, the last too bright for the check of estimators, and dark frames above black."""
+    """Three exposures of a ramp, the last too bright for the check of estimators, and dark frames."""
     root = tmp_path_factory.mktemp("raw")
     ramp = np.tile(np.linspace(8, 120, 320), (300, 1))
     for exposure in (100, 200, 800):
         write_raw(root / "light", "scene", exposure, ramp * exposure / 400)
-        write_raw(root / "dark", "dark", exposure, np.full((64, 64), 4 + 0.01 * exposure))
+        write_raw(root / "dark", "dark", exposure, np.full((64, 64), 0.01 * exposure))
     return root
 
 

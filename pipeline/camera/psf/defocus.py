@@ -2,7 +2,7 @@
 
     h(x, y) = s  where  x^2 + y^2 <= (d / 2)^2,  else 0,
 
-with d the diameter of the circle of confusion (paper, Sec. III; see `pipeline.camera.lens`) and s making the sum 1.
+with d the diameter of the circle of confusion (paper, Sec. III) and s making the sum 1.
 Every pixel holds the exact area that the disc covers in it, so d may be any real number, the kernel is symmetric
 and its centroid is the centre pixel. A disc of at most one pixel is a single pixel: no blur.
 """

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 
 from pipeline.experiments import real_noise_bounds, real_noise_records
 from pipeline.experiments.real_noise_records import Examples, Recording, Sensor
+from pipeline.noise.real_noise import shared_errors
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import listing, word
@@ -65,9 +66,14 @@ def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> style.Draw
         recording, estimator = rows[["recording", "estimator"]].iloc[0]
         top, colour = tops[recording], looks[estimator]["color"]
         axes.plot([0, top], [0, top], color=style.MUTED, linewidth=0.6, zorder=1)
+        beyond = rows["sigma_dn"] > top
         axes.scatter(
-            rows["cleaned_sigma_dn"], rows["sigma_dn"].clip(upper=top), s=2.5, linewidths=0, alpha=0.55, color=colour,
+            rows["cleaned_sigma_dn"][~beyond], rows["sigma_dn"][~beyond], s=2.5, linewidths=0, alpha=0.55, color=colour,
             zorder=2, rasterized=True,
+        )  # fmt: skip
+        axes.scatter(
+            rows["cleaned_sigma_dn"][beyond], np.full(beyond.sum(), 0.97 * top), marker="^", s=11, facecolors="none",
+            edgecolors=colour, linewidths=0.5, zorder=3,
         )  # fmt: skip
         note = f"error {rows['error'].mean():.2f} DN, {100 * rows['sigma_dn'].notna().mean():.0f} % estimated"
         # above the panel, since every corner inside has points in some panel
@@ -80,7 +86,8 @@ def scatter(parts: Sequence[Recording], estimators: Sequence[str]) -> style.Draw
 
 def errors(parts: Sequence[Recording]) -> Table:
     """Errors, coverage and abstentions of every estimator on every recording."""
-    rows = pd.concat([part.summary.assign(recording=part.name) for part in parts], ignore_index=True)
+    each = [part.summary.merge(shared_errors(part.patches, NOW), how="left", on="estimator") for part in parts]
+    rows = pd.concat([rows.assign(recording=part.name) for rows, part in zip(each, parts, strict=True)])
     rows = ordered(rows, recording=[part.name for part in parts], estimator=ORDER)
     return PAGE.table("real_noise_errors", rows)
 
@@ -111,7 +118,7 @@ def sensor_figure(made: Sensor) -> style.Drawing:
             axes.plot(selected[x], selected[y], "o", markersize=2.6, color=colour)
             ends = np.array([0.0, selected[x].max()])
             axes.plot(ends, fit[offset] + fit[slope] * ends, linewidth=0.8, color=colour)
-    transfer.set(xlabel="mean grey value [DN]", ylabel="variance of the noise [DN²]", title="Photon transfer")
+    transfer.set(xlabel="mean grey value above black [DN]", ylabel="variance of the noise [DN²]", title="Photon transfer")
     dark.set(xlabel="exposure time [s]", ylabel="mean of a dark frame [DN]", title="Dark current")
     add_legend(figure, [(f"plane {name}", {**look, "linestyle": "-", "marker": "o"}) for name, look in looks.items()])
     gain, noise, dark_e = (
