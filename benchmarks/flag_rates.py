@@ -1,10 +1,12 @@
-"""How often the flags ``banded`` and ``impulses`` are raised: with nothing to be flagged, and with what they name.
+"""How often flags of noise and of lines are raised: with nothing to be flagged, and with what they name.
+
+These are ``banded``, ``dead_lines`` and ``impulses``.
 
 `rates` is of whole frames of a dataset, grey, in whole levels. *False* rates are of the frames with white noise of 0 to
 25 DN, as they are or stored by a codec; ``sharpened`` ones were sharpened (unsharp mask, 1.2 px, twice the difference)
 after the noise was added. *True* rates are of the frames as they are with offsets of whole rows or columns, normal and
-independent, or with salt and pepper (half of the pixels black, half white), as they are or stored as JPEG of quality
-90. Frames of recorded datasets have noise of their own.
+independent, with one dead (0 DN), hot (255 DN) or half-gain row or column, or with salt and pepper (half of the pixels
+black, half white), as they are or stored as JPEG of quality 90. Frames of recorded datasets have noise of their own.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.processing.codec import VIDEO, Codec, store
+from pipeline.condition.dead_lines import dead_lines
 from pipeline.condition.frame_flags import BANDED_DN, IMPULSE_FRACTION
 from pipeline.condition.impulses import impulse_fraction
 from pipeline.condition.row_noise import column_noise_dn, row_noise_dn
@@ -30,6 +33,7 @@ SEED = 1
 WHITE_DN = (0.0, 5.0, 10.0, 25.0)
 CODECS = (Codec("none"), *(Codec("jpeg", quality) for quality in (60, 80, 95)), Codec("h264", 23))
 OFFSETS_DN = (1.0, 2.0, 5.0, 10.0, 20.0)
+DEAD = {"dead": (0.0, 0.0), "hot": (0.0, 255.0), "half-gain": (0.5, 0.0)}  # gain, and level added in DN
 IMPULSE_FRACTIONS = (1e-4, 1e-3, 1e-2, 5e-2)
 AFTER = (Codec("none"), Codec("jpeg", 90))  # what frames with defects are stored by
 FRAMES_BEFORE = 2
@@ -69,8 +73,9 @@ def rates(dataset: str, frames: Iterable[tuple[str, Frame]]) -> dict[str, Any]:
 
 
 def measured(levels: Frame) -> dict[str, float]:
-    """The measures behind both flags: ``row_noise_dn``, ``column_noise_dn`` and ``impulse_fraction``."""
+    """The measures behind the flags: ``row_noise_dn``, ``column_noise_dn``, ``dead_lines`` and ``impulse_fraction``."""
     return {
+        "dead_lines": dead_lines(levels),
         "row_noise_dn": row_noise_dn(levels),
         "column_noise_dn": column_noise_dn(levels),
         "impulse_fraction": impulse_fraction(levels),
@@ -83,6 +88,7 @@ def _summary(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
     banded = (values["row_noise_dn"] > BANDED_DN) | (values["column_noise_dn"] > BANDED_DN)
     content = {
         "banded": round(float(banded.mean()), 4),
+        "dead_lines": round(float(np.mean(~banded & (values["dead_lines"] > 0))), 4),
         "impulses": round(float(np.mean(values["impulse_fraction"] > IMPULSE_FRACTION)), 4),
     }
     for name, column in values.items():
@@ -97,7 +103,7 @@ def _summary(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def _clean(frame: Frame, *key: str) -> Iterator[tuple[str, Frame]]:
-    """Condition and picture of everything that is to raise neither flag."""
+    """Condition and picture of everything that is to raise none of the flags."""
     for sigma_dn in WHITE_DN:
         draws = stream(SEED, "flag rates", "white", *key, sigma_dn)
         shots = [_levels(frame + draws.normal(0, sigma_dn, frame.shape)) for _ in range(1 + FRAMES_BEFORE)]
@@ -115,6 +121,13 @@ def _defective(frame: Frame, *key: str) -> Iterator[tuple[str, Frame]]:
             for lines, shape in (("rows", (frame.shape[0], 1)), ("columns", (1, frame.shape[1]))):
                 offsets = stream(SEED, "flag rates", lines, *key, sigma_dn).normal(0, sigma_dn, shape)
                 yield f"{lines} {sigma_dn:g} DN, {_described(codec)}", _stored(_levels(frame + offsets), codec)
+        draws = stream(SEED, "flag rates", "dead lines", *key)
+        for axis, lines in enumerate(("row", "column")):
+            number = int(draws.integers(4, frame.shape[axis] - 4))
+            for state, (gain, level_dn) in DEAD.items():
+                faulty = np.moveaxis(frame.astype(np.float32), axis, 0)
+                faulty[number] = gain * faulty[number] + level_dn
+                yield f"{state} {lines}, {_described(codec)}", _stored(_levels(np.moveaxis(faulty, 0, axis)), codec)
         for fraction in IMPULSE_FRACTIONS:
             drawn = stream(SEED, "flag rates", "impulses", *key, fraction).random(frame.shape)
             salted = np.where(drawn < fraction / 2, 0, np.where(drawn > 1 - fraction / 2, 255, frame))
