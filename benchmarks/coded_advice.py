@@ -39,6 +39,7 @@ import pandas as pd  # noqa: E402
 from pipeline.camera.processing.codec import Codec  # noqa: E402
 from pipeline.condition import ConditionMonitor  # noqa: E402
 from pipeline.control.advice import advise, usual_camera  # noqa: E402
+from pipeline.control.observation import brightness  # noqa: E402
 from pipeline.control.performance import Performance  # noqa: E402
 from pipeline.control.state import BASE_ISO, CameraState  # noqa: E402
 from pipeline.control.worst_case import expected_with  # noqa: E402
@@ -88,7 +89,7 @@ def measure(dataset: Dataset, frames: int, surface: Performance) -> pd.DataFrame
                 if np.isfinite(condition.sigma_dn.value) or not np.isfinite(condition.noise.at_most_dn):
                     continue
                 true_dn = float(np.median(coded_noise.true_dn(taken, condition.noise.patches)))
-                level = float(image.mean(dtype=np.float64))
+                level = brightness(image).mean_level
                 conditions = {WITHIN: condition, AT: as_if_estimated(condition)}
                 for state, speed, name in product(SETTINGS, SPEEDS_PX_S, conditions):
                     advice = advise(image, state, CAMERA, surface, monitor, speed, conditions[name])

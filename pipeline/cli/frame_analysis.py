@@ -211,10 +211,10 @@ class FrameAnalysis:
             return
         from pipeline.cli.flag_words import left_out_words
         from pipeline.condition.verdict import noise_ends
-        from pipeline.control.expected_precision import expected_precision
+        from pipeline.control.expected_precision import expected_precision, interval_between
+        from pipeline.control.observation import brightness
 
-        level = float(image.mean(dtype="float64"))
-        mtf = condition.mtf
+        level, mtf = brightness(image).mean_level, condition.mtf
         at = partial(expected_precision, self.performance, relative=self.relative, level=level)
         taken, without = self.settings.of(file)
         if left_out_words(row):  # detection was measured with white noise only
@@ -232,14 +232,16 @@ class FrameAnalysis:
         if isnan(row["sigma_dn"]):  # AP falls with noise: the most that there may be gives the least AP
             row["ap_low_percent"] = at(row["sigma_at_most_dn"], least_mtf).low_percent
         elif (row["blur_range"] or least_dn != most_dn) and not isnan(here.ap_percent):
-            low, high = at(most_dn, least_mtf).low_percent, at(least_dn, most_mtf).high_percent
-            row |= {"ap_low_percent": 0.0 if isnan(low) else low, "ap_high_percent": high}  # beyond what was measured
+            low, high = interval_between(here, at(most_dn, least_mtf), at(least_dn, most_mtf))
+            row |= {"ap_low_percent": low, "ap_high_percent": high}
         if taken is not None:
-            row |= self._advice(image, condition, taken)
+            row |= self._advice(image, condition, taken, here.ap_percent)
         elif without:
             row["advice"] = f"none: {without}"
 
-    def _advice(self, image: NDArray[np.float32], condition: Condition, taken: tuple[float, float]) -> dict[str, Any]:
+    def _advice(
+        self, image: NDArray[np.float32], condition: Condition, taken: tuple[float, float], ap_percent: float
+    ) -> dict[str, Any]:
         from pipeline.control.advice import advise, usual_camera
         from pipeline.control.state import BASE_ISO, CameraState
 
@@ -249,12 +251,13 @@ class FrameAnalysis:
         total = system_mtf(condition, self.performance.reference) if self.relative else condition
         state = CameraState(taken[0], taken[1] / BASE_ISO)
         try:
-            advice = advise(image, state, self._camera, self.performance, self.monitor, condition=total)
+            advice = advise(image, state, self._camera, self.performance, condition=total)
         except InputError as error:
             return {"advice": f"none: {error}"}
+        kept = advice.keeps_settings and not isnan(ap_percent)  # that of the row, which regards any kind of blur
         return {
             "exposure_ms": advice.exposure_ms, "iso": advice.iso, "best_exposure_ms": advice.best_exposure_ms,
-            "best_iso": advice.best_iso, "best_ap_percent": advice.best_ap_percent,
+            "best_iso": advice.best_iso, "best_ap_percent": ap_percent if kept else advice.best_ap_percent,
             "advice": "undecided" if advice.undecided else advice.action,
             "gain_percent": advice.gain_percent,
         }  # fmt: skip

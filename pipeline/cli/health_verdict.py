@@ -43,7 +43,7 @@ def run_verdict(
         without_trend: the sentence that states what has no trend and why, or empty.
         set_aside: files or frames that could not be used.
         hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits; under
-            `pipeline.cli.pictures.TURNED`, those that EXIF data turn.
+            `pipeline.cli.pictures.TURNED`, those that metadata turn.
         relative_to: what blur is relative to, in words; empty for the MTF of the whole system.
 
     Returns:
@@ -358,7 +358,7 @@ def _hinted(counts: Mapping[int, int]) -> list[str]:
     ]
     if counts.get(TURNED):
         sentences.append(
-            f"Pictures stored turned or mirrored (EXIF orientation): {counts[TURNED]}; horizontal, vertical and "
+            f"Pictures and videos stored turned or mirrored (by their metadata): {counts[TURNED]}; horizontal, vertical and "
             "positions are those of the stored pixels."
         )
     return sentences

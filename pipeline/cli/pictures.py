@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import stat
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +29,7 @@ RENAMED = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n")
 """First bytes of JPEG and PNG files, which some programs give the suffix of the picture they were made of."""
 
 TURNED = 0
-"""Key of pictures that EXIF data turn, among counts by a number of bits."""
+"""Key of pictures and videos that their metadata turn, among counts by a number of bits."""
 
 _ORIENTATION = 0x0112
 _DIGITS = re.compile("([0-9]+)")
@@ -127,7 +127,7 @@ def read(
         every: of a video take each n-th frame.
         hinted: counts pictures that seem to hold values of fewer bits in 16, by that number of bits; for the first
             of each there is a line on standard error. None for such a line for every one. Likewise, under `TURNED`,
-            pictures whose EXIF data turn or mirror them.
+            pictures and videos whose metadata turn or mirror them.
         least_px: both sides must be at least this long (`least_side_px`).
 
     Raises:
@@ -144,10 +144,10 @@ def read(
         if bits := picture.fewer_bits():
             _hint(path, bits, hinted)
         if orientation := _orientation(path):
-            _hint_turned(path, orientation, hinted)
+            _hint_turned(str(path), f"orientation {orientation}", hinted)
         yield str(path), picture.grey()
         return
-    for number, image in read_video(path, every):
+    for number, image in read_video(path, every, remark=video_remarks(str(path), hinted)):
         if small := too_small(image.shape, least_px):
             raise InputError(f"{path}: {small}")
         yield f"{path}#{number}", image
@@ -180,9 +180,9 @@ def refuse(path: Path) -> None:
 
 
 def _orientation(path: Path) -> int:
-    """EXIF orientation 2..8 of a picture that is to be turned or mirrored for display; else 0.
+    """Orientation 2..8 (EXIF, TIFF) of a picture that is to be turned or mirrored for display; else 0.
 
-    Not of TIFF files, which the decoders turn. Costs no decoding.
+    Costs no decoding.
     """
     import warnings
 
@@ -192,7 +192,7 @@ def _orientation(path: Path) -> int:
         warnings.simplefilter("ignore")  # Pillow's remarks on metadata
         try:
             with Image.open(path) as opened:
-                if opened.format == "TIFF" or "exif" not in opened.info:
+                if opened.format != "TIFF" and "exif" not in opened.info:
                     return 0
                 stored = opened.getexif().get(_ORIENTATION)
         except (*DECODER_ERRORS, Image.DecompressionBombError):
@@ -200,16 +200,47 @@ def _orientation(path: Path) -> int:
     return stored if isinstance(stored, int) and 2 <= stored <= 8 else 0
 
 
-def _hint_turned(path: Path, orientation: int, hinted: Counter[int]) -> None:
+def _hint_turned(name: str, turn: str, hinted: Counter[int]) -> None:
     import click
 
     hinted[TURNED] += 1
     if hinted[TURNED] == 1:
         click.echo(
-            f"warning: {printable(path)}: stored turned or mirrored (EXIF orientation {orientation}); horizontal, "
-            "vertical and positions are those of the stored pixels, in every such picture",
+            f"warning: {printable(name)}: stored turned or mirrored ({turn}); horizontal, vertical and positions are "
+            "those of the stored pixels, in every such picture or video",
             err=True,
         )
+
+
+def video_remarks(name: str, hinted: Counter[int]) -> Callable[[str, str], None]:
+    """A function that warns on standard error of what is unusual about a video that can be read.
+
+    Args:
+        name: of the video.
+        hinted: see `read`.
+
+    Returns:
+        takes a kind and words (`pipeline.datasets.video_decoder.remarks`).
+    """
+    from pipeline.datasets.video_decoder import CURVE, TURNED
+
+    def remark(kind: str, words: str) -> None:
+        if kind == TURNED:
+            _hint_turned(name, words, hinted)
+        if kind == CURVE:
+            _warn_of_curve(name, words)
+
+    return remark
+
+
+def _warn_of_curve(name: str, curve: str) -> None:
+    import click
+
+    click.echo(
+        f"warning: {printable(name)}: its transfer curve is {curve}, not that of sRGB or BT.709; brightness and noise "
+        "are in its code values and not comparable with those of other videos: convert it to BT.709 first",
+        err=True,
+    )
 
 
 def _hint(path: Path, bits: int, hinted: Counter[int]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from pipeline.errors import DECODER_ERRORS, InputError
@@ -11,6 +12,13 @@ from pipeline.errors import DECODER_ERRORS, InputError
 _TIME = re.compile(r"^(?P<number>[0-9.]+(?:/[0-9.]+)?)\s*(?P<unit>us|ms|s)$")
 _UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
 _EXIF_IFD, _EXPOSURE_TIME, _ISO = 0x8769, 33434, 34855
+_ISO_OVERFLOW = 65535  # of a tag of 16 bits: the value, if any, is in one of the tags that follow
+_SENSITIVITY_TYPE, _OUTPUT, _RECOMMENDED, _SPEED = 0x8830, 0x8831, 0x8832, 0x8833
+_BY_TYPE = {
+    1: (_OUTPUT,), 2: (_RECOMMENDED,), 3: (_SPEED,), 4: (_OUTPUT, _RECOMMENDED), 5: (_OUTPUT, _SPEED),
+    6: (_RECOMMENDED, _SPEED), 7: (_OUTPUT, _RECOMMENDED, _SPEED),
+}  # fmt: skip
+"""The tags of which PhotographicSensitivity is the value, by SensitivityType. Source: CIPA DC-008 (Exif 2.3), 4.6.5."""
 
 
 def seconds(text: str, option: str) -> float:
@@ -59,7 +67,10 @@ def shot_settings(path: Path, exposure: str | None, iso: float | None) -> tuple[
 
 
 def exif(path: Path) -> tuple[float | None, float | None]:
-    """Exposure time in seconds and ISO from a picture's EXIF data, None where absent or not a number above 0."""
+    """Exposure time in seconds and ISO from a picture's EXIF data, None where absent or not a number above 0.
+
+    ISO above 65534, which the tag PhotographicSensitivity cannot hold, is read from the tags that Exif 2.3 has for it.
+    """
     import warnings
 
     from PIL import Image
@@ -70,8 +81,26 @@ def exif(path: Path) -> tuple[float | None, float | None]:
             tags = picture.getexif().get_ifd(_EXIF_IFD)
     except (*DECODER_ERRORS, Image.DecompressionBombError):
         return None, None
-    iso = tags.get(_ISO)
-    return _positive(tags.get(_EXPOSURE_TIME)), _positive(iso[0] if isinstance(iso, (tuple, list)) and iso else iso)
+    return _positive(tags.get(_EXPOSURE_TIME)), _sensitivity(tags)
+
+
+def _sensitivity(tags: Mapping[int, object]) -> float | None:
+    """ISO by the tags of EXIF data; None where it is absent, or only stated to be beyond 16 bits."""
+    iso = _positive(_first(tags.get(_ISO)))
+    if iso != _ISO_OVERFLOW:
+        return iso
+    kinds = _BY_TYPE.get(_integer(tags.get(_SENSITIVITY_TYPE)), (_RECOMMENDED, _OUTPUT, _SPEED))
+    values = [_positive(_first(tags.get(kind))) for kind in kinds]
+    return next((value for value in values if value is not None), None)
+
+
+def _first(value: object) -> object:
+    return value[0] if isinstance(value, (tuple, list)) and value else value
+
+
+def _integer(value: object) -> int:
+    """The number; 0 where it is none."""
+    return value if isinstance(value, int) else 0
 
 
 def _positive(value: object) -> float | None:

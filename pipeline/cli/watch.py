@@ -29,7 +29,7 @@ ALARM = 3  # exit code
 STATED = (
     "picture", "sigma_dn", "sigma_low_dn", "sigma_high_dn", "sigma_at_most_dn", "mtf50_horizontal", "mtf50_vertical",
     "mtf50_horizontal_status", "mtf50_vertical_status", "ap_percent", "row_noise_dn", "column_noise_dn",
-    "impulse_fraction", "flags", "alarms", "undecided", "milliseconds",
+    "dead_lines", "impulse_fraction", "flags", "alarms", "undecided", "milliseconds",
 )  # fmt: skip
 
 
@@ -70,8 +70,8 @@ def command(
     is undecided); undecided (for a whole window of frames a quantity was unknown, so that the alarm of its threshold
     could not be raised); warning (a frame of another size than the camera's sharp pictures; noise or blur that changed
     within the reference frames, so that its trend is compared with later ones once it is steady); set_aside (a file
-    that cannot be used; in a folder also a video, or a HEIC or raw file) and no_signal; stop. Of a live source, frames
-    that come while one is analysed are dropped.
+    that cannot be used; in a folder also a video, or a HEIC or raw file; of a stream, once, that its frames are
+    interlaced or damaged) and no_signal; stop. Of a live source, frames that come while one is analysed are dropped.
 
     SIGINT and SIGTERM stop it after the frame at hand. Exit codes: 0 no alarm; 3 alarms; else 2 for no such source or
     a video file that is cut short or damaged.

@@ -13,8 +13,9 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from pipeline.cli.newest_frame import RECONNECT_S, NewestFrame
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 POLL_S = 0.2
-RECONNECT_S = 2.0
 SETTLED_LOOKS, EMPTY_LOOKS = 2, 5  # in a row with the same size; a file that is begun is empty for a moment
 DEFAULT_FRAMES_PER_SECOND = 25.0  # of a video that does not state its own
 URL_MARK = "://"
@@ -76,7 +76,8 @@ def open_source(source: str, rate: float, *, wait: bool, stop: threading.Event) 
 def live(device: int | str, name: str, rate: float, stop: threading.Event) -> Iterator[SourceFrame]:
     """Newest frames of a camera or network stream; a lost signal is reported once and the stream reopened.
 
-    A ``None`` frame without a problem is yielded at every look that brings nothing.
+    Frames that must not be measured, as interlaced ones, are left out; each reason is reported once. A ``None`` frame
+    without a problem is yielded at every look that brings nothing.
 
     Args:
         device: index or address; it is opened at once.
@@ -87,70 +88,31 @@ def live(device: int | str, name: str, rate: float, stop: threading.Event) -> It
     Raises:
         InputError: it cannot be opened.
     """
-    reader = _NewestFrame(device, stop)
-    if not reader.opened:
-        raise InputError(f"{name}: cannot be opened; check the index or address, and that nothing else uses it")
-    return _newest_frames(reader, name, rate, stop)
+    return _newest_frames(NewestFrame(device, name, stop), name, rate, stop)
 
 
-def _newest_frames(reader: _NewestFrame, name: str, rate: float, stop: threading.Event) -> Iterator[SourceFrame]:
+def _newest_frames(reader: NewestFrame, name: str, rate: float, stop: threading.Event) -> Iterator[SourceFrame]:
     """See `live`."""
     reader.start()
     shown, number, lost = 0, 0, False
+    stated: set[str] = set()
     while not stop.is_set():
         start = time.monotonic()
-        count, image = reader.newest()
-        if image is not None and count != shown:
+        count, image = reader.newest(shown)
+        if image is not None:
             shown, lost = count, False
             yield SourceFrame(f"{name}#{number}", image)
             number += 1
         elif reader.lost and not lost:
             lost = True
             yield SourceFrame(name, None, "no signal; trying to reopen it", signal_lost=True)
+        elif (problem := reader.problem) and problem not in stated:
+            stated.add(problem)
+            yield SourceFrame(name, None, f"{name}: {problem}")
         else:
             yield SourceFrame(name, None)
         stop.wait(max(1 / rate - (time.monotonic() - start), 0.005))
     reader.join(RECONNECT_S)
-
-
-class _NewestFrame(threading.Thread):
-    """Reads a device all the time, so that its buffer never holds old frames, and keeps the newest frame."""
-
-    def __init__(self, device: int | str, stop: threading.Event) -> None:
-        super().__init__(daemon=True)
-        self._device, self._stop_event = device, stop
-        self._lock = threading.Lock()
-        self._count, self._frame = 0, None
-        self.lost = False
-        self._capture: Any = self._open()
-        self.opened = bool(self._capture.isOpened())
-
-    def newest(self) -> tuple[int, NDArray[np.float32] | None]:
-        """Number of frames read so far and the last of them."""
-        from pipeline.datasets.video import grey_frame
-
-        with self._lock:
-            count, frame = self._count, self._frame
-        return count, None if frame is None else grey_frame(frame)
-
-    def run(self) -> None:
-        while not self._stop_event.is_set():
-            good, frame = self._capture.read()
-            if good:
-                with self._lock:
-                    self._count, self._frame = self._count + 1, frame
-                self.lost = False
-                continue
-            self.lost = True
-            self._capture.release()
-            self._stop_event.wait(RECONNECT_S)
-            self._capture = self._open()
-        self._capture.release()
-
-    def _open(self) -> Any:
-        import cv2
-
-        return cv2.VideoCapture(self._device)
 
 
 def every_frame(path: Path, stop: threading.Event) -> Iterator[SourceFrame]:
@@ -171,10 +133,11 @@ def played_video(path: Path, rate: float, stop: threading.Event) -> Iterator[Sou
         rate: most frames per second.
         stop: ends it.
     """
+    from pipeline.cli.pictures import video_remarks
     from pipeline.datasets.video import read_video
 
     pace = _Pace(rate)
-    with contextlib.closing(read_video(path, due=pace.due)) as frames:
+    with contextlib.closing(read_video(path, due=pace.due, remark=video_remarks(str(path), Counter()))) as frames:
         try:
             for number, image in frames:
                 if stop.wait(pace.early_s(number)):

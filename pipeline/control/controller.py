@@ -43,14 +43,12 @@ class Controller:
         """Settings for the next frame.
 
         Args:
-            frame: (H, W) float in [0, 1], grey, encoded.
+            frame: (H, W) float in [0, 1], grey, encoded, NumPy or torch.
             state: settings it was taken with.
 
         Raises:
             InputError: not such a frame.
         """
-        if getattr(frame, "ndim", None) != 2 or not np.issubdtype(frame.dtype, np.floating):
-            raise InputError("frame: expected (H, W) floats in [0, 1], grey; divide 8-bit frames by 255")
         observation = observe(frame, self.monitor if self.policy.uses_estimates else None)
         return self.policy.decide(observation, state)
 

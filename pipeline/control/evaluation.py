@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 SETTLED_STOPS = 0.25
 LOST_SATURATED, LOST_MEAN = 0.25, 0.05
+CEILING = "oracle"
+"""Policy that regret is measured against."""
 
 
 def steps_table(
@@ -127,7 +129,6 @@ def summary(
     records: Mapping[str, Sequence[StepRecord]],
     criteria: EvaluationCriteria,
     seed: int,
-    ceiling: str = "oracle",
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Policies of one scenario side by side, and their paired differences.
 
@@ -137,10 +138,9 @@ def summary(
         records: policy -> records of all folds.
         criteria: how detections are judged.
         seed: of the bootstrap.
-        ceiling: policy that regret is measured against; NaN where it did not run.
 
     Returns:
-        schemas `SUMMARY` and `PAIRS`.
+        schemas `SUMMARY` and `PAIRS`; regret is NaN where `CEILING` did not run.
     """
     import pandas as pd
 
@@ -149,7 +149,7 @@ def summary(
     for name, table in tables.items():
         lost = (table["saturated_fraction"] > LOST_SATURATED) | (table["mean_level"] < LOST_MEAN)
         selected = scores[name]
-        regret = paired(scores[ceiling], selected) if ceiling in scores else (float("nan"),) * 3
+        regret = paired(scores[CEILING], selected) if CEILING in scores else (float("nan"),) * 3
         rows.append(
             {
                 "scenario": scenario.name,

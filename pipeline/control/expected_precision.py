@@ -53,13 +53,43 @@ def expected_precision(
         level: mean encoded grey level of the frame, 0..1; one above the brightest measured counts as that. None does
             not regard it.
     """
-    bright = None if level is None else min(level, performance.level)
-    best = float(performance.expected(0.0, 0.0, bright).ap_percent)
     curves = np.asarray(mtf, dtype=np.float64) * (performance.reference if relative else 1.0)
     length_px = equivalent_motion(performance, float(curves[:, performance.frequency_index].mean()))
+    return expected_at(performance, sigma_dn, length_px, level)
+
+
+def expected_at(
+    performance: Performance, sigma_dn: float, motion_px: float, level: float | None = None
+) -> ExpectedPrecision:
+    """Average precision expected at a length of linear motion.
+
+    Args:
+        performance: measured surface of a detector.
+        sigma_dn: noise as the monitor estimates it, DN; NaN where unknown.
+        motion_px: length of the motion; NaN where unknown.
+        level: see `expected_precision`.
+    """
+    bright = None if level is None else min(level, performance.level)
+    best = float(performance.expected(0.0, 0.0, bright).ap_percent)
     true_sigma_dn = performance.true_sigma_dn(sigma_dn) if np.isfinite(sigma_dn) else sigma_dn
-    here = performance.expected(true_sigma_dn, length_px, bright)
+    here = performance.expected(true_sigma_dn, motion_px, bright)
     return ExpectedPrecision(float(here.ap_percent), float(here.low), float(here.high), best)
+
+
+def interval_between(here: ExpectedPrecision, worst: ExpectedPrecision, best: ExpectedPrecision) -> tuple[float, float]:
+    """Interval of the average precision where noise or blur is uncertain, percent.
+
+    Args:
+        here: expected in the estimated condition.
+        worst: with the most noise and blur that there may be.
+        best: with the least.
+
+    Returns:
+        lower end of the worst and upper end of the best. The lower end is 0 where the worst is beyond what was measured
+        but the estimate is not.
+    """
+    beyond = np.isnan(worst.ap_percent) and np.isfinite(here.ap_percent)
+    return 0.0 if beyond else worst.low_percent, best.high_percent
 
 
 def equivalent_motion(performance: Performance, contrast: float) -> float:

@@ -33,7 +33,7 @@ class Hysteresis:
         self.least_percent = least_percent
         self.reversals = 0
         self._light_stops = math.nan
-        self._speed_mark: float | None = None
+        self._speed_jumps: int | None = None
         self._direction = 0
 
     @property
@@ -41,16 +41,16 @@ class Hysteresis:
         """Points that a change must promise now."""
         return self.least_percent * 2.0 ** min(self.reversals, MOST_REVERSALS)
 
-    def observe(self, light: float, speed_mark: float) -> None:
+    def observe(self, light: float, speed_jumps: int) -> None:
         """Forget reversals if the scene has changed.
 
         Args:
             light: brightness of the scene in any linear unit, above 0; NaN where the frame does not show it.
-            speed_mark: a number that changes when the speed of the image jumps.
+            speed_jumps: how often the speed of the image has jumped so far.
         """
         stops = math.log2(light) if math.isfinite(light) else self._light_stops
-        if not abs(stops - self._light_stops) < LIGHT_CHANGE_STOPS or speed_mark != self._speed_mark:
-            self._light_stops, self._speed_mark = stops, speed_mark
+        if not abs(stops - self._light_stops) < LIGHT_CHANGE_STOPS or speed_jumps != self._speed_jumps:
+            self._light_stops, self._speed_jumps = stops, speed_jumps
             self.reversals, self._direction = 0, 0
 
     def count(self, before: CameraState, after: CameraState) -> None:

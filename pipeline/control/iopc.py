@@ -35,10 +35,10 @@ from pipeline.control.metering import Metering
 from pipeline.control.motion import motion_length
 from pipeline.control.noise_ratio import NoiseRatio
 from pipeline.control.observation import Observation
-from pipeline.control.performance import LEVEL_SLACK_STOPS, Performance
+from pipeline.control.performance import LEVEL_SLACK_STOPS, Performance, limited
 from pipeline.control.policy import ControlledCamera, Policy
-from pipeline.control.prediction import model_sigma_dn, predict
-from pipeline.control.speed import SpeedFilter
+from pipeline.control.prediction import linear_level, model_sigma_dn, predict
+from pipeline.control.speed import KnownSpeedJumps, SpeedFilter
 from pipeline.control.state import CameraState, Limits
 from pipeline.errors import InputError
 
@@ -46,7 +46,7 @@ TIMES_PER_STOP = 6
 DARKER_TIMES_PER_STOP, DARKER_PER_STOP = 3, 1
 """Exposure times per stop, and total exposures per stop, where darker frames are candidates too."""
 
-MOSTLY_SATURATED = 0.25
+CLIPPED_FRACTION = 0.25
 """Fraction of saturated pixels from which a frame's estimates are not used: its noise and detail are clipped."""
 
 LARGEST_FACTOR = 32.0
@@ -90,7 +90,7 @@ class Candidates:
         states: N settings, shortest exposure first, darkest first among equal ones.
         sigma_dn, motion_px: (N,) predicted.
         ap_percent: (N,) average precision, NaN where refused.
-        value: (N,) ``ap_percent`` and the margin against a fall of light, points; NaN where refused.
+        value: (N,) `Performance.ranking` and the margin against a fall of light, points; NaN where refused.
         excess: (N,) distance from the measured region.
     """
 
@@ -178,6 +178,7 @@ class IopcPolicy(Policy):
         self.known_speed_px_s: float | None = None
         """Speed of the image from another source (odometry), px/s; None takes it from the estimated MTF."""
         self._speed = SpeedFilter()
+        self._known_speed_jumps = KnownSpeedJumps(self.limits.exposure_max_s)
         self._noise = NoiseRatio()
         self.hysteresis = Hysteresis(least_gain_percent)
         self._written: deque[CameraState] = deque(maxlen=self.limits.delay_frames)
@@ -210,13 +211,15 @@ class IopcPolicy(Policy):
 
     def _decide(self, frame: Frame) -> Decision:
         observation = frame.observation
-        clipped = observation.saturated_fraction > MOSTLY_SATURATED
+        clipped = observation.saturated_fraction > CLIPPED_FRACTION
         if not (observation.abstained or clipped):
             self._learn(observation, frame.state)
         elif not (clipped and self._is_informed):
             return self._without_estimates(frame, "most of the frame is clipped" if clipped else observation.reason)
         light = math.nan if clipped else self._level(observation) / frame.state.total_exposure_s
-        self.hysteresis.observe(light, self._speed.jumps if self.known_speed_px_s is None else self.known_speed_px_s)
+        known_px_s = self.known_speed_px_s
+        jumps = self._speed.jumps if known_px_s is None else self._known_speed_jumps.update(known_px_s)
+        self.hysteresis.observe(light, jumps)
         new, reason, among = self.choose(frame)
         known = self.expect(frame, [new]) if among is None or new not in among.states else among
         expected = float(known.ap_percent[known.states.index(new)])
@@ -238,7 +241,7 @@ class IopcPolicy(Policy):
         gamma = self.camera.formation.gamma
         ratio = written.total_exposure_s / state.total_exposure_s
         coming = observation.mean_level * ratio ** (1.0 / gamma)
-        if self.metering.accepts(coming) and not observation.saturated_fraction > MOSTLY_SATURATED:
+        if self.metering.accepts(coming) and not observation.saturated_fraction > CLIPPED_FRACTION:
             return written.total_exposure_s
         return state.total_exposure_s * self.metering.factor(observation, gamma)
 
@@ -282,12 +285,12 @@ class IopcPolicy(Policy):
         """Predictions for given settings."""
         state, mean, model = frame.state, self._level(frame.observation), self.camera.formation
         at = predict(model, self.noise_dn(frame), self.speed_px_s * state.exposure_s, mean, state, states)
-        expected = self.performance.ap_percent(at.sigma_dn, at.motion_px, at.level)
-        value = expected
+        ranking = self.performance.ranking(at.sigma_dn, at.motion_px, at.level)
+        value = ranking
         if self.margin:
-            value = expected + self.margin * after_fall(self.performance, model, at, states)
+            value = ranking + self.margin * after_fall(self.performance, model, at, states)
         excess = self.performance.excess(at.sigma_dn, at.motion_px)
-        return Candidates(states, at.sigma_dn, at.motion_px, expected, value, excess)
+        return Candidates(states, at.sigma_dn, at.motion_px, limited(ranking), value, excess)
 
     def noise_dn(self, frame: Frame) -> float:
         """Noise of the frame, DN: that of the sensor's model times the ratio that frames so far had to theirs."""
@@ -322,8 +325,8 @@ class IopcPolicy(Policy):
         return self._speed.value_px_s if self.known_speed_px_s is None else self.known_speed_px_s
 
     def _level(self, observation: Observation) -> float:
-        """Linear mean level of the frame, from its encoded mean."""
-        return max(observation.mean_level, 1e-3) ** self.camera.formation.gamma
+        """Linear mean level of the frame."""
+        return linear_level(observation.mean_level, self.camera.formation)
 
     def _learn(self, observation: Observation, state: CameraState) -> None:
         """Update speed and the ratio of estimated to modelled noise."""

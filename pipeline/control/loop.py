@@ -25,7 +25,7 @@ from pipeline.camera.exposure import Camera, Motion, noise_generator
 from pipeline.control.decision import Decision
 from pipeline.control.measured_surface import monitor
 from pipeline.control.motion import CYCLES_PER_PX
-from pipeline.control.observation import SATURATED_LEVEL, Estimate, Observation, Outcome, estimates
+from pipeline.control.observation import Estimate, Observation, Outcome, abstention_reason, brightness, estimates
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.scenario import Scenario
@@ -202,8 +202,8 @@ class SimulatedScene:
 
         def make() -> Arrays:
             image = (frame or self.expose(view, step, state)).image
-            selected = opened(self.rig.detector, self.rig.detector_options).detect([image])[0]
-            selected = selected.where(np.argsort(-selected.score, kind="stable")[: self.rig.max_detections])
+            detected = opened(self.rig.detector, self.rig.detector_options).detect([image])[0]
+            selected = detected.best(self.rig.max_detections)
             return {
                 "boxes": selected.boxes.reshape(-1, 4),
                 "score": selected.score,
@@ -223,11 +223,10 @@ class SimulatedScene:
             condition = monitor().frame(frame.image)
             sigma, mtf = estimates(condition)
             nothing = np.full((3, 2, 8), np.nan)
-            why = "; ".join(f"{name}: {', '.join(words)}" for name, words in condition.reasons.items() if words)
             return {
                 "sigma": np.full(3, np.nan) if sigma is None else np.array([float(end) for end in sigma]),
                 "mtf": nothing if mtf is None else np.stack([np.asarray(end) for end in mtf]),
-                "reason": np.array(why),
+                "reason": np.array(abstention_reason(condition)),
             }
 
         arrays = self.cache.get("estimates", self.key(view, step, state), make)
@@ -314,44 +313,72 @@ def run(
     scene = SimulatedScene(rig, scenario, views)
     limits = replace(rig.controlled.limits, delay_frames=scenario.delay_frames)
     state = limits.nearest(scenario.start.exposure_s, scenario.start.gain)
-    line = DelayLine.filled(state, limits.delay_frames)
+    line = DelayLine.filled(state, 0 if policy.sees_truth else limits.delay_frames)
+    take_step = _oracle_step if policy.sees_truth else _policy_step
     records: list[StepRecord] = []
     for step in range(scenario.steps):
         seen = scene.at_step(step)
         lead = seen[0]
-        if policy.sees_truth:  # the ceiling has no delay: it chooses the settings of this very frame
-            blank = Observation(np.zeros((1, 1), np.float32), 0.0, 0.0, truth=scene.truth(lead, step))
-            decision = policy.decide(blank, state)
-            state = decision.state
-        frame = scene.expose(lead, step, state, keep=True)
-        image = frame.image
-        sigma = mtf = None
-        reason = ""
-        if policy.uses_estimates:
-            sigma, mtf, reason = scene.estimates(lead, step, state, frame)
-        mean = float(image.mean(dtype=np.float64))
-        if not policy.sees_truth:
-            saturated = float(np.mean(image >= SATURATED_LEVEL))
-            decision = policy.decide(Observation(image, mean, saturated, sigma, mtf, reason), state)
-        detections = [scene.detections(view, step, state, frame if view is lead else None) for view in seen]
+        taken = take_step(policy, scene, lead, step, state)
+        frame = taken.frame
+        detections = [scene.detections(view, step, taken.state, frame if view is lead else None) for view in seen]
         records.append(
             StepRecord(
                 step=step,
-                state=state,
-                light=scenario.light_at(step, state.exposure_s),
+                state=taken.state,
+                light=scenario.light_at(step, taken.state.exposure_s),
                 speed_px_s=scenario.speed_at(step),
                 blur_px=frame.blur_px,
                 sigma_dn=frame.sigma_dn,
-                mean_level=mean,
+                mean_level=taken.mean_level,
                 saturated_fraction=frame.saturated_fraction,
-                estimate_sigma_dn=sigma,
-                estimate_mtf=mtf,
-                decision=decision,
+                estimate_sigma_dn=taken.sigma_dn,
+                estimate_mtf=taken.mtf,
+                decision=taken.decision,
                 detections=detections,
                 views=seen,
                 picture=frame.grey if step in pictures else None,
             )
         )
-        if not policy.sees_truth:
-            state = line.next(decision.state)
+        state = line.next(taken.decision.state)
     return records
+
+
+@dataclass(frozen=True, eq=False)
+class _Taken:
+    """The leading frame of a step and the decision on it.
+
+    Attributes:
+        state: settings of the frame.
+        frame: the frame.
+        mean_level: of it.
+        decision: for the next frame; of the oracle, for this one.
+        sigma_dn, mtf: estimates; None where there are none.
+    """
+
+    state: CameraState
+    frame: FormedFrame
+    mean_level: float
+    decision: Decision
+    sigma_dn: Estimate | None = None
+    mtf: Estimate | None = None
+
+
+def _oracle_step(policy: Policy, scene: SimulatedScene, lead: View, step: int, state: CameraState) -> _Taken:
+    """The ceiling has no delay: it chooses the settings of this very frame."""
+    blank = Observation(np.zeros((1, 1), np.float32), 0.0, 0.0, truth=scene.truth(lead, step))
+    decision = policy.decide(blank, state)
+    frame = scene.expose(lead, step, decision.state, keep=True)
+    return _Taken(decision.state, frame, brightness(frame.image).mean_level, decision)
+
+
+def _policy_step(policy: Policy, scene: SimulatedScene, lead: View, step: int, state: CameraState) -> _Taken:
+    """A policy sees the frame taken with the present settings and decides on the next ones."""
+    frame = scene.expose(lead, step, state, keep=True)
+    image = frame.image
+    sigma = mtf = None
+    reason = ""
+    if policy.uses_estimates:
+        sigma, mtf, reason = scene.estimates(lead, step, state, frame)
+    observation = Observation(image, *brightness(image), sigma, mtf, reason)
+    return _Taken(state, frame, observation.mean_level, policy.decide(observation, state), sigma, mtf)

@@ -24,7 +24,7 @@ FALL = 8.0
 
 
 def after_fall(
-    performance: Performance, camera: Camera, at: Predicted, states: list[CameraState], fall: float = FALL
+    performance: Performance, camera: Camera, at: Predicted, states: list[CameraState]
 ) -> NDArray[np.float64]:
     """Average precision at given settings once the light has fallen.
 
@@ -33,7 +33,6 @@ def after_fall(
         camera: sensor and tone curve.
         at: predicted condition of the N settings in the present light.
         states: the settings.
-        fall: factor by which the light falls, at least 1.
 
     Returns:
         (N,) percent, 0 beyond the measured region.
@@ -41,6 +40,6 @@ def after_fall(
     times = np.array([each.exposure_s for each in states])
     gains = np.array([each.gain for each in states])
     linear = at.level**camera.gamma
-    ratio = model_sigma_dn(camera, linear / fall, gains, times) / model_sigma_dn(camera, linear, gains, times)
-    level = np.maximum((linear / fall) ** (1.0 / camera.gamma), performance.darkest_level)
+    ratio = model_sigma_dn(camera, linear / FALL, gains, times) / model_sigma_dn(camera, linear, gains, times)
+    level = np.maximum((linear / FALL) ** (1.0 / camera.gamma), performance.darkest_level)
     return np.nan_to_num(performance.ap_percent(at.sigma_dn * ratio, at.motion_px, level))

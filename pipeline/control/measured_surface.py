@@ -4,7 +4,8 @@ Frames are formed in linear light at constant brightness: the gain sets the nois
 the speed of the image sets the motion. All views share light and gain, as they share the camera in the loop: some are
 darker and noisier than others. Noise is every 5 DN up to 40, motion up to 31 px; noise and motion of a knot are
 the true ones, and the monitor's median estimates at the knots calibrate its estimates of noise. Small and distant
-objects count from ``min_height_px`` on.
+objects count from ``min_height_px`` on. Intervals are as wide as the number of viewpoints asks
+(`pipeline.cluster_intervals`).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from pipeline.camera.exposure import Camera, Motion, noise_generator
 from pipeline.control.motion import motion_mtf
 from pipeline.control.performance import Performance
-from pipeline.control.scoring import EvaluationCriteria, average_precision
+from pipeline.control.scoring import EvaluationCriteria, Score, average_precision
 from pipeline.control.tables import KNOTS
 from pipeline.control.views import View
 from pipeline.curves.cells import Cells
@@ -37,6 +38,9 @@ if TYPE_CHECKING:
 
 FREQUENCY_INDEX = 0
 """0.054 of Nyquist: the one of the eight frequencies whose MTF falls steadily up to 31 px of motion."""
+
+Measured = tuple[View, Mapping[str, NDArray[Any]]]
+"""A view and what `measure` gives for it."""
 
 _LARGEST_GAIN = 4096.0
 _LEAST_STEP_DN = 0.05
@@ -181,8 +185,7 @@ def measure(
             light=shared.light / gain, motion=Motion(size / design.exposure_s),
         )  # fmt: skip
         truth[number] = frame.sigma_dn
-        selected = detector.detect([frame.image])[0]
-        selected = selected.where(np.argsort(-selected.score, kind="stable")[:max_detections])
+        selected = detector.detect([frame.image])[0].best(max_detections)
         parts.append((np.full(len(selected), number), selected.boxes, selected.score, selected.label))
         if estimate:
             condition = monitor().frame(frame.image)
@@ -201,7 +204,7 @@ def measure(
 
 
 def performance(
-    measured: Sequence[tuple[View, Mapping[str, NDArray[Any]]]],
+    measured: Sequence[Measured],
     design: SurfaceDesign,
     criteria: EvaluationCriteria,
     fold: int,
@@ -224,64 +227,125 @@ def performance(
     Raises:
         InputError: the views show no object, or the monitor abstains from every sharp frame.
     """
-    import pandas as pd
-
     levels, sizes = len(design.target_sigmas_dn), len(design.sizes_px)
-    sigma = np.stack([part["sigma"] for _, part in measured])
-    truth = np.median([part["true_sigma"] for _, part in measured], axis=0)
-    with np.errstate(all="ignore"):
-        reference = np.nanmedian(np.stack([part["mtf"][0] for _, part in measured]), axis=0)
-    if not np.isfinite(reference).all():
-        raise InputError("control surface: the monitor abstains from every sharp frame, so there is no reference MTF")
+    reference = _reference(measured)
     mtf = motion_mtf(np.asarray(design.sizes_px), reference, FREQUENCY_INDEX)
-    rows, draws = [], []
-    answered = np.isfinite(sigma).sum(axis=0)
-    requested = sum(bool(np.isfinite(part["mtf"]).any() or np.isfinite(part["sigma"]).any()) for _, part in measured)
-    medians = np.array([np.nanmedian(sigma[:, n]) if answered[n] else truth[n] for n in range(levels * sizes)])
+    truth = np.median([part["true_sigma"] for _, part in measured], axis=0)
+    medians, answered = _estimated(measured, truth)
     grid = _rising(truth.reshape(levels, sizes))
     estimated = _rising(np.median(medians.reshape(levels, sizes), axis=1))
     calibration = np.stack([estimated, _rising(np.median(grid, axis=1))])
-    for number in range(levels * sizes):
+    scores = _scores(measured, levels * sizes, criteria, seed)
+    table = _knots(measured, design, fold, scores, medians=medians, truth=truth, mtf=mtf, answered=answered)
+    cells, viewpoints = _cells(design, scores, grid, mtf), min(score.viewpoints for score in scores)
+    longest, level = design.sizes_px[-1], design.target_level
+    surface = Surface(cells, scenes=viewpoints)
+    return Performance(surface, reference, FREQUENCY_INDEX, longest, level, darker, calibration), table
+
+
+def _reference(measured: Sequence[Measured]) -> NDArray[np.float64]:
+    """(2, 8) median MTF of the sharp frames.
+
+    Raises:
+        InputError: the monitor abstains from all of them.
+    """
+    with np.errstate(all="ignore"):
+        reference: NDArray[np.float64] = np.nanmedian(np.stack([part["mtf"][0] for _, part in measured]), axis=0)
+    if not np.isfinite(reference).all():
+        raise InputError("control surface: the monitor abstains from every sharp frame, so there is no reference MTF")
+    return reference
+
+
+def _estimated(
+    measured: Sequence[Measured], truth: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """(C,) median estimate of the noise in every condition, the true noise where all abstain; and (C,) estimates."""
+    sigma = np.stack([part["sigma"] for _, part in measured])
+    answered = np.isfinite(sigma).sum(axis=0)
+    medians = [np.nanmedian(sigma[:, n]) if answered[n] else truth[n] for n in range(len(truth))]
+    return np.array(medians), answered
+
+
+def _scores(measured: Sequence[Measured], conditions: int, criteria: EvaluationCriteria, seed: int) -> list[Score]:
+    """Average precision in every condition, of the same resamples."""
+    views, scores = [view for view, _ in measured], []
+    for number in range(conditions):
         results = [
             Detections.of(*(part[name][part["condition"] == number] for name in ("boxes", "score", "label")))
             for _, part in measured
         ]
-        score = average_precision(results, [view for view, _ in measured], criteria, stream(seed, "control surface"))
-        draws.append(score.draws)
-        rows.append(
-            {
-                "fold": fold,
-                "level": design.target_level,
-                "target_sigma_dn": design.target_sigmas_dn[number // sizes],
-                "motion_px": design.sizes_px[number % sizes],
-                "sigma_dn": medians[number],
-                "true_sigma_dn": truth[number],
-                "mtf": mtf[number % sizes],
-                "ap_percent": score.ap_percent,
-                "low_percent": score.low_percent,
-                "high_percent": score.high_percent,
-                "objects": score.objects,
-                "estimates": int(answered[number]),
-                "estimates_abstained": int(requested - answered[number]),
-            }
-        )
+        scores.append(average_precision(results, views, criteria, stream(seed, "control surface")))
+    return scores
+
+
+def _knots(
+    measured: Sequence[Measured],
+    design: SurfaceDesign,
+    fold: int,
+    scores: Sequence[Score],
+    *,
+    medians: NDArray[np.float64],
+    truth: NDArray[np.float64],
+    mtf: NDArray[np.float64],
+    answered: NDArray[np.int64],
+) -> pd.DataFrame:
+    """The knots as a table: schema `KNOTS`.
+
+    Raises:
+        InputError: the views show no object.
+    """
+    import pandas as pd
+
+    sizes = len(design.sizes_px)
+    requested = sum(bool(np.isfinite(part["mtf"]).any() or np.isfinite(part["sigma"]).any()) for _, part in measured)
+    rows = [
+        {
+            "fold": fold,
+            "level": design.target_level,
+            "target_sigma_dn": design.target_sigmas_dn[number // sizes],
+            "motion_px": design.sizes_px[number % sizes],
+            "sigma_dn": medians[number],
+            "true_sigma_dn": truth[number],
+            "mtf": mtf[number % sizes],
+            "ap_percent": score.ap_percent,
+            "low_percent": score.low_percent,
+            "high_percent": score.high_percent,
+            "objects": score.objects,
+            "estimates": int(answered[number]),
+            "estimates_abstained": int(requested - answered[number]),
+        }
+        for number, score in enumerate(scores)
+    ]
     table = KNOTS.conform(pd.DataFrame(rows))
     if not np.isfinite(table["ap_percent"]).all():
         raise InputError("control surface: the views show no object to find; use more viewpoints")
+    return table
+
+
+def _cells(
+    design: SurfaceDesign, scores: Sequence[Score], grid: NDArray[np.float64], mtf: NDArray[np.float64]
+) -> Cells:
+    """One bin per condition, in rising noise and MTF.
+
+    Args:
+        design: the conditions.
+        scores: of every condition, level-major.
+        grid: (levels, sizes) true noise, DN.
+        mtf: (sizes,) MTF of each motion.
+    """
     turned = slice(None, None, -1)  # MTF rises where motion falls
-    shape = (levels, sizes)
-    cells = Cells(
+    precision = np.array([score.ap_percent for score in scores]).reshape(grid.shape)
+    draws = np.moveaxis(np.stack([score.draws for score in scores]), 1, 0).reshape(-1, *grid.shape)
+    return Cells(
         np.asarray(design.target_sigmas_dn, dtype=float),
         mtf[turned],
-        np.ones(shape, dtype=np.int64),
+        np.ones(grid.shape, dtype=np.int64),
         grid[:, turned],
-        np.broadcast_to(mtf[turned], shape).copy(),
-        table["ap_percent"].to_numpy().reshape(shape)[:, turned],
-        np.moveaxis(np.stack(draws), 1, 0).reshape(-1, *shape)[:, :, turned],
+        np.broadcast_to(mtf[turned], grid.shape).copy(),
+        precision[:, turned],
+        draws[:, :, turned],
         0,
     )
-    longest, level = design.sizes_px[-1], design.target_level
-    return Performance(Surface(cells), reference, FREQUENCY_INDEX, longest, level, darker, calibration), table
 
 
 def _rising(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,21 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.constants import RANGE_SLACK
+from pipeline.condition.picture_area import picture_area
 from pipeline.control.state import CameraState
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     from pipeline.condition import Condition, ConditionMonitor
 
-SATURATED_LEVEL = 0.99
-"""Encoded grey level from which a pixel counts as saturated."""
-
-_RANGE_SLACK = 1e-6  # float32 rounding of 1.0
+WHITE_LEVEL = 0.99
+"""Encoded grey level from which a pixel counts as white."""
 
 Floats = NDArray[np.float64]
 
@@ -30,6 +30,13 @@ class Estimate(NamedTuple):
     value: Floats
     low: Floats
     high: Floats
+
+
+class Brightness(NamedTuple):
+    """Mean grey level, encoded, and fraction of pixels at white, both 0..1, of the picture inside its bars."""
+
+    mean_level: float
+    saturated_fraction: float
 
 
 class Outcome(NamedTuple):
@@ -46,8 +53,8 @@ class Observation:
 
     Attributes:
         image: (H, W) float32 in [0, 1], encoded.
-        mean_level: mean grey level, 0..1, encoded.
-        saturated_fraction: fraction of pixels at white.
+        mean_level: mean grey level, 0..1, encoded; see `brightness`.
+        saturated_fraction: fraction of pixels at white; likewise.
         sigma_dn: noise, DN; None where the estimator abstained or was not asked.
         mtf: (2, 8) system MTF; None likewise.
         reason: why estimates are missing.
@@ -69,49 +76,72 @@ class Observation:
 
 
 def observe(
-    image: NDArray[np.floating],
-    monitor: ConditionMonitor | None = None,
-    condition: Condition | None = None,
-    truth: Callable[[CameraState], Outcome] | None = None,
+    image: NDArray[np.floating], monitor: ConditionMonitor | None = None, condition: Condition | None = None
 ) -> Observation:
     """Statistics and estimates of a frame; policies rely on its range, whether it is estimated or not.
 
     Args:
-        image: (H, W) float in [0, 1], encoded.
+        image: (H, W) float in [0, 1], encoded, NumPy or torch.
         monitor: estimates noise and MTF; None leaves them out.
         condition: estimates that were made already.
-        truth: for the oracle.
 
     Raises:
-        InputError: not (H, W) in [0, 1], or the monitor refuses the frame.
+        InputError: not (H, W) floats in [0, 1], or the monitor refuses the frame.
     """
-    frame = np.asarray(image, dtype=np.float32)
-    if frame.ndim != 2 or not frame.size:
-        raise InputError(f"frame: expected (H, W), grey, not shape {frame.shape}")
-    low, high = float(frame.min()), float(frame.max())  # both carry NaN on
-    if not (low >= -_RANGE_SLACK and high <= 1.0 + _RANGE_SLACK):
-        spans = "holds NaN" if math.isnan(low) else f"spans {low:g} .. {high:g}"
-        raise InputError(f"frame: {spans}; expected floats in [0, 1]; divide 8-bit frames by 255")
+    frame = _checked(image)
     sigma = mtf = None
     reason = "no estimator"
     if condition is None and monitor is not None:
         condition = monitor.frame(frame)
     if condition is not None:
-        sigma, mtf = estimates(condition)
-        parts = [
-            f"{name}: {', '.join(why) or 'no estimate'}"
-            for name, why in condition.reasons.items()
-            if condition.abstained[name]
-        ]
-        reason = "; ".join(parts)
-    return Observation(
-        image=frame,
-        mean_level=float(frame.mean(dtype=np.float64)),
-        saturated_fraction=float(np.mean(frame >= SATURATED_LEVEL)),
-        sigma_dn=sigma,
-        mtf=mtf,
-        reason=reason,
-        truth=truth,
+        (sigma, mtf), reason = estimates(condition), abstention_reason(condition)
+    return Observation(frame, *brightness(frame), sigma, mtf, reason)
+
+
+def _checked(image: NDArray[np.floating]) -> NDArray[np.float32]:
+    """A frame as float32, or an error with the cause."""
+    array: Any = image
+    if hasattr(array, "detach"):  # a torch tensor, told apart without importing torch
+        array = array.detach().cpu()
+        array = (array.float() if array.is_floating_point() else array).numpy()  # NumPy has no bfloat16
+    shape, kind = getattr(array, "shape", ()), getattr(array, "dtype", type(array).__name__)
+    if len(shape) != 2 or 0 in shape or not np.issubdtype(array.dtype, np.floating):
+        raise InputError(
+            f"frame: expected (H, W) floats in [0, 1], grey, not {kind} of shape {tuple(shape)}; divide 8-bit frames "
+            "by 255"
+        )
+    frame = np.asarray(array, dtype=np.float32)
+    low, high = float(frame.min()), float(frame.max())  # both carry NaN on
+    if not (low >= -RANGE_SLACK and high <= 1.0 + RANGE_SLACK):
+        spans = "holds NaN" if math.isnan(low) else f"spans {low:g} .. {high:g}"
+        raise InputError(f"frame: {spans}; expected floats in [0, 1]; divide 8-bit frames by 255")
+    return frame
+
+
+def brightness(frame: NDArray[np.floating]) -> Brightness:
+    """Brightness of the picture that a frame shows, without bars beside it, which no exposure changes.
+
+    White lines at the border are no bars here: in a frame exposed too long, whole lines of sky or ground are white.
+
+    Args:
+        frame: (H, W) in [0, 1], encoded.
+    """
+    first_is_white, last_is_white = frame[0, 0] >= WHITE_LEVEL, frame[-1, -1] >= WHITE_LEVEL
+    picture = frame[
+        tuple(
+            slice(0 if first_is_white else part.start, None if last_is_white else part.stop)
+            for part in picture_area(frame)
+        )
+    ]
+    return Brightness(float(picture.mean(dtype=np.float64)), float(np.mean(picture >= WHITE_LEVEL)))
+
+
+def abstention_reason(condition: Condition) -> str:
+    """Why noise or MTF of a monitor's answer is missing, in words; empty where neither is."""
+    return "; ".join(
+        f"{name}: {', '.join(words) or 'no estimate'}"
+        for name, words in condition.reasons.items()
+        if condition.abstained[name]
     )
 
 

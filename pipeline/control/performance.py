@@ -4,8 +4,8 @@ The surface (`pipeline.curves.surface`) is over noise and MTF; the monitor's est
 medians at the knots. The MTF axis is reached through the length of linear motion, at a frequency low enough that the
 MTF falls steadily up to 31 px. It is tabulated once, so that a decision costs microseconds. What was not measured is
 refused (NaN), but for noise below the least measured, which counts as that. The table is made monotonic: more noise or
-motion never raises AP, whatever the scatter of the measurement. Surfaces of darker frames may stand beside it; a query
-at their brightness is interpolated between them.
+motion never raises AP, whatever the scatter of the measurement; answers lie in 0..100. Surfaces of darker frames may
+stand beside it; a query at their brightness is interpolated between them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.control.motion import motion_mtf
 from pipeline.curves.cells import Cells, refuse_inconsistent
-from pipeline.curves.surface import Surface
+from pipeline.curves.surface import Surface, scenes_of
 from pipeline.errors import InputError
 from pipeline.store import read_arrays, write_arrays
 
@@ -111,7 +111,7 @@ class Performance:
         return self.darker[-1].level if self.darker else self.level
 
     def expected(self, sigma_dn: ArrayLike, motion_px: ArrayLike, level: ArrayLike | None = None) -> Expected:
-        """Average precision at noise and motion, bilinear between tabulated points.
+        """Average precision at noise and motion, bilinear between tabulated points, and its interval, all in 0..100.
 
         Args:
             sigma_dn: (...) noise, DN.
@@ -119,14 +119,19 @@ class Performance:
             level: (...) mean encoded level of the frame, linear in its logarithm between the measured levels and
                 refused beyond them (20 % of slack); None, or a surface without darker ones: the level is not regarded.
         """
-        return Expected(*self._answers(sigma_dn, motion_px, level, len(Expected._fields)))
+        answers = self._answers(sigma_dn, motion_px, level, len(Expected._fields))
+        return Expected(*(limited(values) for values in answers))
 
     def ap_percent(self, sigma_dn: ArrayLike, motion_px: ArrayLike, level: ArrayLike | None = None) -> Floats:
         """The average precision of `expected` without its interval, in a third of the time."""
+        return limited(self.ranking(sigma_dn, motion_px, level))
+
+    def ranking(self, sigma_dn: ArrayLike, motion_px: ArrayLike, level: ArrayLike | None = None) -> Floats:
+        """The average precision before `limited`: where it is 0, less noise and motion still rank higher."""
         return self._answers(sigma_dn, motion_px, level, 1)[0]
 
     def _answers(self, sigma_dn: ArrayLike, motion_px: ArrayLike, level: ArrayLike | None, count: int) -> list[Floats]:
-        """The first so many of the values of `expected`."""
+        """The first so many of the values of `expected`, not limited."""
         if level is None or not self.darker:
             return self._at_level(sigma_dn, motion_px, count)
         parts = [other._at_level(sigma_dn, motion_px, count) for other in (self, *self.darker)]
@@ -184,6 +189,7 @@ class Performance:
     def _arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
         cells = {f"cells_{name}": np.asarray(value) for name, value in vars(self.surface.cells).items()}
         numbers = {name: np.asarray(getattr(self, name)) for name in ("frequency_index", "longest_px", "level")}
+        numbers["scenes"] = np.asarray(self.surface.scenes or 0)
         known = {"reference": self.reference, "calibration": self.calibration, "table": self._table, **numbers, **cells}
         return {f"{prefix}{name}": value for name, value in known.items()}
 
@@ -194,10 +200,11 @@ class Performance:
         cells = {name: arrays[f"{prefix}cells_{name}"] for name in Cells.__dataclass_fields__}
         reference, calibration = (arrays[f"{prefix}{name}"] for name in ("reference", "calibration"))
         numbers = [arrays[f"{prefix}{name}"] for name in ("frequency_index", "longest_px", "level")]
+        scenes = arrays.get(f"{prefix}scenes", np.asarray(0))  # 0 where they are many, or not known as in older files
         refuse_inconsistent(cells, path)
         _refuse_no_surface(reference, calibration, numbers, path)
         left_out = int(cells.pop("left_out"))
-        surface = Surface(Cells(**cells, left_out=left_out))
+        surface = Surface(Cells(**cells, left_out=left_out), scenes=scenes_of(scenes, path))
         index, longest, level = int(numbers[0]), float(numbers[1]), float(numbers[2])
         table = arrays.get(f"{prefix}table")
         return cls(surface, reference, index, longest, level, darker, calibration, table)
@@ -248,11 +255,16 @@ def _refuse_no_surface(
             raise InputError(f"{path}: array '{name}': expected {expected}")
 
 
+def limited(ap_percent: Floats) -> Floats:
+    """Average precision in 0..100: the slope on plateaus (`monotonic`) may carry it below 0."""
+    return np.clip(ap_percent, 0.0, 100.0)
+
+
 def monotonic(table: Floats) -> Floats:
     """Values that neither rise with noise (rows) nor with motion (columns), nearest in between.
 
     The mean of the largest such table below the values and the smallest one above; refused entries stay NaN. A small
-    slope decides on plateaus: less noise and less motion are better.
+    slope decides on plateaus: less noise and less motion are better. A plateau at 0 slopes below it.
     """
     known = np.isfinite(table)
     below = np.where(known, table, np.inf)
@@ -261,7 +273,8 @@ def monotonic(table: Floats) -> Floats:
         below = np.minimum.accumulate(below, axis=axis)
         above = np.flip(np.maximum.accumulate(np.flip(above, axis), axis=axis), axis)
     rows, columns = np.indices(table.shape)
-    return np.where(known, (below + above) / 2 - PLATEAU_SLOPE * (rows + columns), np.nan)
+    with np.errstate(invalid="ignore"):  # no finite entry on one side
+        return np.where(known, (below + above) / 2 - PLATEAU_SLOPE * (rows + columns), np.nan)
 
 
 def _position(values: Floats, knots: Floats) -> tuple[NDArray[np.int64], Floats]:

@@ -20,7 +20,7 @@ from pipeline.camera.tone_curve import slope
 from pipeline.control.state import CameraState
 
 Floats = NDArray[np.float64]
-_DARKEST_LEVEL = 0.002
+_DARKEST_LEVEL, _DARKEST_MEAN = 0.002, 1e-3
 
 
 class Predicted(NamedTuple):
@@ -29,6 +29,16 @@ class Predicted(NamedTuple):
     sigma_dn: Floats
     motion_px: Floats
     level: Floats
+
+
+def linear_level(mean_level: float, camera: Camera) -> float:
+    """Mean level of a frame in linear light, from its mean encoded grey level; a black frame counts as nearly black.
+
+    Args:
+        mean_level: 0..1, encoded.
+        camera: with the tone curve.
+    """
+    return float(max(mean_level, _DARKEST_MEAN) ** camera.gamma)
 
 
 def model_sigma_dn(camera: Camera, linear_level: ArrayLike, gain: ArrayLike, exposure_s: ArrayLike) -> Floats:

@@ -24,22 +24,21 @@ BRIGHTNESS_LEVELS_PER_MS = (
 )  # fmt: skip
 """Scene brightness per published sample, 1/64 of full scale per millisecond."""
 
-PERIOD_MS = 100.0
+PERIOD_MS, START_MS = 100.0, 1.0
 _LONGEST_S = 0.5  # documented default of the camera
 
 
-def replay(brightness: Sequence[float], start_ms: float = 1.0) -> NDArray[np.float64]:
+def replay(brightness: Sequence[float]) -> NDArray[np.float64]:
     """Exposure times of the built-in controller.
 
     Args:
         brightness: N scene brightnesses, 1/64 of full scale per ms.
-        start_ms: first exposure time.
 
     Returns:
-        (N + 1,) exposure times, ms.
+        (N + 1,) exposure times, ms, from `START_MS`.
     """
     policy = Prosilica(ControlledCamera(Limits(exposure_min_s=10e-6, exposure_max_s=_LONGEST_S)))
-    state, times = CameraState.of(start_ms, 100.0), [start_ms]
+    state, times = CameraState.of(START_MS, 100.0), [START_MS]
     blank = np.zeros((1, 1), np.float32)
     for level in brightness:
         mean = min(level * state.exposure_ms / policy.levels, 1.0)

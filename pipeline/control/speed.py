@@ -11,6 +11,8 @@ is a sudden change: the filter starts anew from it. Lines of 27 to 48 px all loo
 such an estimate bounds the length from below, and half as much more is assumed, with as large an error. A length at the
 resolution bounds it from above: a known speed is kept as far as it agrees with that, so that a row of short exposures,
 which all show no motion, is not taken for a standing image.
+
+A known speed (odometry) is not filtered; it jumps where it is more than half a stop from what it was at the last jump.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ RELATIVE_ERROR = 0.08
 DISTURBING_NOISE_DN = 12.0
 DRIFT_PX_S, DRIFT_FRACTION = 100.0, 0.25
 SUDDEN_SIGMAS = 3.0
+SUDDEN_STOPS = 0.5
 LONGEST_RESOLVED_PX, BEYOND = 22.2, 0.5
 
 
@@ -86,3 +89,26 @@ class SpeedFilter:
         self.value_px_s += weight * (measured - self.value_px_s)
         self.variance = (1.0 - weight) * prior
         return self.value_px_s
+
+
+class KnownSpeedJumps:
+    """Sudden changes of a speed that is known without error.
+
+    Args:
+        exposure_max_s: longest exposure time; a speed that moves the image by less than the resolution meanwhile
+            counts as none.
+    """
+
+    def __init__(self, exposure_max_s: float) -> None:
+        self.least_px_s = RESOLUTION_PX / exposure_max_s
+        self.count = 0
+        """Sudden changes so far, the first speed among them."""
+        self._stops = math.nan
+
+    def update(self, speed_px_s: float) -> int:
+        """Sudden changes so far, with the speed of a frame, px/s."""
+        stops = math.log2(max(abs(speed_px_s), self.least_px_s))
+        if not abs(stops - self._stops) <= SUDDEN_STOPS:
+            self.count += 1
+            self._stops = stops
+        return self.count

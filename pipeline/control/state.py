@@ -108,10 +108,8 @@ class Limits:
         """The nearest settings the camera accepts, each on its own."""
         time = min(max(exposure_s, self.exposure_min_s), self.exposure_max_s)
         if self.exposure_steps_per_stop:
-            count = self.exposure_steps_per_stop
-            steps = round(math.log2(time / self.exposure_min_s) * count)
-            steps = min(steps, math.floor(math.log2(self.exposure_max_s / self.exposure_min_s) * count + 1e-9))
-            time = self.exposure_min_s * 2.0 ** (steps / count)
+            steps = round(math.log2(time / self.exposure_min_s) * self.exposure_steps_per_stop)
+            time = self._time_of(min(steps, self._steps_up_to(self.exposure_max_s)))
         factor = min(max(gain, self.gain_min), self.gain_max)
         if self.gain_step_db:
             decibels = round(20.0 * math.log10(factor / self.gain_min) / self.gain_step_db)
@@ -129,11 +127,36 @@ class Limits:
 
         Args:
             total_exposure_s: wanted time x gain.
-            exposure_max_s: a lower limit of the time than the camera's.
+            exposure_max_s: a lower limit of the time than the camera's, which steps of the time do not exceed.
+
+        Raises:
+            InputError: the limit is below the shortest exposure time.
         """
-        longest = min(self.exposure_max_s, exposure_max_s or self.exposure_max_s)
+        longest = self.exposure_max_s if exposure_max_s is None else self.longest_up_to(exposure_max_s)
         time = min(max(total_exposure_s / self.gain_min, self.exposure_min_s), longest)
         return self.nearest(time, total_exposure_s / time)
+
+    def longest_up_to(self, exposure_s: float) -> float:
+        """The longest exposure time that the camera accepts and that is at most so long, s.
+
+        Raises:
+            InputError: there is none.
+        """
+        if not exposure_s >= self.exposure_min_s:
+            raise InputError(
+                f"limits: no exposure time of at most {exposure_s * 1e3:g} ms; expected at least the shortest one, "
+                f"{self.exposure_min_s * 1e3:g} ms"
+            )
+        longest = min(exposure_s, self.exposure_max_s)
+        return self._time_of(self._steps_up_to(longest)) if self.exposure_steps_per_stop else longest
+
+    def _steps_up_to(self, exposure_s: float) -> int:
+        """Steps from the shortest exposure time to the last one that is not longer."""
+        return math.floor(math.log2(exposure_s / self.exposure_min_s) * self.exposure_steps_per_stop + 1e-9)
+
+    def _time_of(self, steps: int) -> float:
+        """Exposure time so many steps above the shortest, s."""
+        return float(self.exposure_min_s * 2.0 ** (steps / self.exposure_steps_per_stop))
 
     def without_steps(self) -> Limits:
         """The same ranges, continuous and without delay."""

@@ -15,6 +15,7 @@ from pipeline.datasets.sim import Sim
 from pipeline.errors import InputError
 from pipeline.store import read_arrays
 
+SPLIT = "evaluation"
 SUN_RADIANCE = 400.0
 _NAME = re.compile(r"^(?P<viewpoint>.+)-(?P<moment>\d+)$")
 
@@ -51,19 +52,18 @@ def radiance_at(path: Path) -> NDArray[np.float32]:
     return arrays["radiance"].astype(np.float32)
 
 
-def views(root: Path, split: str = "evaluation", moments: int | None = None) -> list[View]:
+def views(root: Path, moments: int | None = None) -> list[View]:
     """Rendered moments with radiance, by viewpoint and moment.
 
     Args:
-        root: folder the stage `render_sim` writes.
-        split: sub-folder.
+        root: folder the stage `render_sim` writes, with a sub-folder ``evaluation``.
         moments: so many of every viewpoint, the first ones; None for all.
 
     Raises:
         InputError: no frame, or a frame without radiance.
     """
     results = []
-    for frame in Sim("sim", root, split=split, moments="all").frames():
+    for frame in Sim("sim", root, split=SPLIT, moments="all").frames():
         match = _NAME.match(frame.name)
         path = frame.path.with_name(f"{frame.name}.radiance.npz")
         if match is None or frame.defect or (moments is not None and int(match["moment"]) >= moments):
@@ -72,7 +72,7 @@ def views(root: Path, split: str = "evaluation", moments: int | None = None) -> 
             raise InputError(f"{path}: no such file; control needs linear radiance: render with scenes.radiance=true")
         results.append(View(frame.name, match["viewpoint"], int(match["moment"]), path, frame.boxes))
     if not results:
-        raise InputError(f"{root / split}: no rendered frame; run the stage render_sim")
+        raise InputError(f"{root / SPLIT}: no rendered frame; run the stage render_sim")
     return sorted(results, key=lambda view: (view.viewpoint, view.moment))
 
 
@@ -92,7 +92,7 @@ def folds(found: list[View], viewpoints: int, count: int = 2) -> list[list[View]
         the views of each fold, as many folds as ``count`` or as there are viewpoints, whichever is fewer.
     """
     names = list(dict.fromkeys(view.viewpoint for view in found))[:viewpoints]
-    count = count if len(names) >= 2 * count else (min(count, len(names)))
+    count = min(count, len(names))
     parts: list[list[str]] = [[] for _ in range(count)]
     size = 2 if len(names) >= 2 * count else 1
     for number, name in enumerate(names):

@@ -24,7 +24,7 @@ from pipeline.control.decision import Action, Decision
 from pipeline.control.iopc import IopcPolicy
 from pipeline.control.observation import Estimate, Observation
 from pipeline.control.performance import Performance
-from pipeline.control.prediction import predict
+from pipeline.control.prediction import linear_level, predict
 from pipeline.control.state import CameraState
 
 LEVELS = 5
@@ -156,8 +156,8 @@ def expected_with(
     Returns:
         (N,) percent, NaN where nothing was measured.
     """
-    linear_level = max(mean_level, 1e-3) ** formation.gamma
-    at = predict(formation, max(true_dn, LEAST_DN), motion_px, linear_level, state, states)
+    level = linear_level(mean_level, formation)
+    at = predict(formation, max(true_dn, LEAST_DN), motion_px, level, state, states)
     return performance.ap_percent(at.sigma_dn, at.motion_px, at.level)
 
 

@@ -131,8 +131,8 @@ def gather(
         mtf: (n,) estimated MTF (mean of H and V at the second frequency).
         ap_percent: (n,) average precision, 0..100.
         generator: of the bootstrap.
-        ap_draws: (n, B) each tuple's average precision on resampled frames, the same frames for all tuples; see also
-            `draws_of_intervals`. None resamples the tuples of a bin, which has no spread where there is only one.
+        ap_draws: (n, B) each tuple's average precision on resampled frames, the same frames for all tuples. None
+            resamples the tuples of a bin, which has no spread where there is only one.
         draws: resamples if ``ap_draws`` is None.
         sigma_bins_dn: centres, rising.
         mtf_bins: centres, rising.
@@ -170,27 +170,6 @@ def gather(
             drawn[:, s, m] = precision[mine][picks].mean(axis=1)
     left_out = int(len(sigma) - used.sum())
     return Cells(sigma_centres, mtf_centres, count, means[0], means[1], means[2], drawn, left_out)
-
-
-def draws_of_intervals(
-    ap_percent: ArrayLike, low: ArrayLike, high: ArrayLike, generator: np.random.Generator, draws: int = 500
-) -> Floats:
-    """Bootstrap draws for tuples of which only the 95 % interval is known: two half normals, independent of each other.
-
-    Args:
-        ap_percent: (n,).
-        low: (n,) lower ends.
-        high: (n,) upper ends.
-        generator: of the draws.
-        draws: per tuple.
-
-    Returns:
-        (n, draws), in 0..100; NaN where an end is.
-    """
-    centre, below, above = (np.asarray(values, dtype=float)[:, None] for values in (ap_percent, low, high))
-    normal = generator.standard_normal((len(centre), draws))
-    side = np.where(normal < 0, centre - below, above - centre) / 1.959964
-    return np.clip(centre + normal * side, 0.0, 100.0)
 
 
 def nearest_bin(values: ArrayLike, centres: Floats) -> NDArray[np.int64]:

@@ -77,41 +77,28 @@ class Curve:
         return precision, *precision_interval(self.draws[:, used] @ shares, precision, self.scenes)
 
 
-def isolated(
-    cells: Cells,
-    quantity: str,
-    other: float | None = None,
-    tolerance: float = 0.0,
-    bridge: int = BRIDGE_BINS,
-    scenes: int | None = None,
-) -> Curve:
-    """The curve through one row or column of the bins.
+def isolated(cells: Cells, quantity: str, tolerance: float = 0.0, scenes: int | None = None) -> Curve:
+    """The curve through the bins without the other effect: those of the highest MTF, or of the lowest noise.
 
     Args:
         cells: binned tuples.
         quantity: ``"sigma_dn"`` or ``"mtf"``, the axis of the curve.
-        other: bin centre of the other quantity; None for no blur (the highest MTF) or no noise (the lowest sigma).
         tolerance: see `pipeline.curves.monotonic.rises`.
-        bridge: empty bins in a row over which the curve goes on.
         scenes: see `pipeline.curves.cells.precision_interval`.
 
     Raises:
-        InputError: an unknown quantity, no such bin, or no tuple in it.
+        InputError: an unknown quantity, or no tuple without the other effect.
     """
     along_sigma = quantity == "sigma_dn"
     if quantity not in ("sigma_dn", "mtf"):
         raise InputError(f"quantity: expected sigma_dn or mtf, not {quantity!r}")
-    fixed = cells.mtf_bins if along_sigma else cells.sigma_bins_dn
-    wanted = (fixed[-1] if along_sigma else fixed[0]) if other is None else other
-    index = int(np.argmin(np.abs(fixed - wanted)))
-    if not abs(fixed[index] - wanted) < 1e-6:
-        raise InputError(f"other: {wanted:g} is not the centre of a bin; known: {', '.join(f'{c:g}' for c in fixed)}")
-    pick = (slice(None), index) if along_sigma else (index, slice(None))
+    pick = (slice(None), -1) if along_sigma else (0, slice(None))
     centres = cells.sigma_bins_dn if along_sigma else cells.mtf_bins
     position = (cells.sigma_dn if along_sigma else cells.mtf)[pick]
     full = np.flatnonzero(cells.count[pick] > 0)
     if not len(full):
-        raise InputError(f"no tuple lies in the {'MTF' if along_sigma else 'noise'} bin {wanted:g}")
+        without = f"MTF bin {cells.mtf_bins[-1]:g}" if along_sigma else f"noise bin {cells.sigma_bins_dn[0]:g}"
+        raise InputError(f"no tuple lies in the {without}")
     precision, (low, high) = cells.ap_percent[pick], cells.interval(scenes)
     worse = rises(precision if along_sigma else precision[::-1], 0, tolerance)
     worse = worse if along_sigma else worse[::-1]
@@ -126,6 +113,6 @@ def isolated(
         non_monotonic=worse[full],
         draws=cells.draws[:, *pick][:, full],
         edges=np.stack([borders[full], borders[full + 1]], axis=1),
-        joined=np.diff(full) <= 1 + bridge,
+        joined=np.diff(full) <= 1 + BRIDGE_BINS,
         scenes=scenes,
     )

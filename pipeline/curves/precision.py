@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.curves.cells import gather, nearest_bin
 from pipeline.curves.isolated import isolated
 from pipeline.curves.surface import Surface
-from pipeline.detection.average_precision import evaluate
+from pipeline.detection.average_precision import ClassResult, evaluate
 from pipeline.detection.base import Detections
 from pipeline.detection.matching import GroundTruth
 from pipeline.errors import InputError
@@ -148,7 +148,8 @@ def average_precision(
     import pandas as pd
 
     names = list(dict.fromkeys(looked["frame"]))
-    scenes = dict(zip(looked["frame"], looked["scene"], strict=True))
+    scene_of = dict(zip(looked["frame"], looked["scene"], strict=True))
+    scenes = [scene_of[name] for name in names]
     wanted = truths(objects, names, criteria.min_height_px, criteria.min_visible_fraction)
     keys = ["frame", "kernel", "target_sigma_dn"]
     known = {key: _detections(rows) for key, rows in detections.groupby(keys, sort=False)}
@@ -163,36 +164,40 @@ def average_precision(
             )
         cell = (condition["kernel"], condition["target_sigma_dn"])
         entries = [known.get((name, *cell), Detections.none()) for name in names]
-        results = evaluate(
-            entries,
-            wanted,
-            labels,
-            criteria.rule,
-            criteria.iou_threshold,
-            stream(seed, "average precision"),  # the same scenes for every condition
-            criteria.bootstrap_draws,
-            [scenes[name] for name in names],
-        )
         at = medians.loc[cell] if cell in medians.index else {"sigma_dn": np.nan, "mtf": np.nan}
-        for label, result in results.items():
+        for label, result in _judged(entries, wanted, labels, criteria, seed, scenes).items():
             draws[label].append(percent(result.draws))
-            shares = (result.average_precision, result.low, result.high)
-            values = dict(zip(("ap_percent", "low_percent", "high_percent"), percent(shares).tolist(), strict=True))
-            counts = (
-                "images",
-                "objects",
-                "objects_ignored",
-                "detections",
-                "true_positives",
-                "false_positives",
-                "ignored",
-            )
-            numbers = {name: getattr(result, name) for name in counts} | {"scenes": result.clusters}
-            numbers |= {name: float(at[name]) for name in ("sigma_dn", "mtf")}
-            rows.append({"label": label, **condition, **values, **numbers})
+            rows.append({"label": label, **condition, **_numbers(result), "sigma_dn": at["sigma_dn"], "mtf": at["mtf"]})
     table = pd.DataFrame(rows, columns=list(PRECISION.columns))
     table = PRECISION.conform(table.sort_values("label", kind="stable"))
     return table, {label: np.stack(parts) for label, parts in draws.items() if parts}
+
+
+def _judged(
+    entries: Sequence[Detections],
+    wanted: Sequence[GroundTruth],
+    labels: Sequence[str],
+    criteria: EvaluationSettings,
+    seed: int,
+    scenes: Sequence[str],
+) -> dict[str, ClassResult]:
+    """Results of one condition by class; every condition resamples the same scenes."""
+    generator = stream(seed, "average precision")
+    rule, threshold = criteria.rule, criteria.iou_threshold
+    return evaluate(entries, wanted, labels, rule, threshold, generator, criteria.bootstrap_draws, scenes)
+
+
+def _numbers(result: ClassResult) -> dict[str, Any]:
+    """Average precision with its interval, percent, and counts: columns of `PRECISION`."""
+    ap, low, high = percent((result.average_precision, result.low, result.high)).tolist()
+    counts = ("images", "objects", "objects_ignored", "detections", "true_positives", "false_positives", "ignored")
+    return {
+        "ap_percent": ap,
+        "low_percent": low,
+        "high_percent": high,
+        "scenes": result.clusters,
+        **{name: getattr(result, name) for name in counts},
+    }
 
 
 def tuples(rows: pd.DataFrame, draws: Floats, average: bool) -> tuple[pd.DataFrame, Floats]:

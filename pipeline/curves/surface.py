@@ -13,6 +13,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -152,11 +153,10 @@ class Surface:
         if set(arrays) != names:
             raise InputError(f"{path}: expected arrays {sorted(names)}, found {sorted(arrays)}; not a surface")
         refuse_inconsistent(arrays, path)
-        if scenes.ndim or scenes.dtype.kind not in "iu" or scenes < 0:
-            raise InputError(f"{path}: array 'scenes': expected a count")
+        count = scenes_of(scenes, path)
         left_out = int(arrays.pop("left_out"))
         try:
-            return cls(Cells(**arrays, left_out=left_out), bridge, int(scenes) or None)
+            return cls(Cells(**arrays, left_out=left_out), bridge, count)
         except (InputError, ValueError, np.linalg.LinAlgError) as error:
             raise InputError(f"{path}: {error}") from None
 
@@ -208,6 +208,17 @@ class Surface:
         weights = np.zeros(len(self._knots))
         weights[pairs[best]] = 1.0 - share[best], share[best]
         return weights
+
+
+def scenes_of(array: NDArray[Any], path: object) -> int | None:
+    """Scenes that draws resample, as a file holds them: None for 0, which stands for many.
+
+    Raises:
+        InputError: not a count; names the file.
+    """
+    if array.ndim or array.dtype.kind not in "iu" or array < 0:
+        raise InputError(f"{path}: array 'scenes': expected a count")
+    return int(array) or None
 
 
 def triangulate(full: NDArray[np.bool_], knots: Floats, bridge: int = BRIDGE_BINS) -> NDArray[np.int64]:

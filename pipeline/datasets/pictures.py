@@ -4,16 +4,18 @@
 |---|---|
 | 8-bit grey | divided by 255 |
 | 16-bit grey or colour | divided by 65535, whatever part of the range it uses; see `Picture.fewer_bits` |
-| PGM or PPM | divided by the greatest value its header states, as 8 or 16 bit |
-| float (TIFF) | taken as it is; every value must be a number in [0, 1] |
+| PGM or PPM; TIFF and JPEG 2000 of 10, 12 or 14 bits | divided by the greatest value that the header states |
+| float (TIFF) of 32 or 64 bits | taken as it is; every value must be a number in [0, 1] |
+| TIFF whose 0 is white (WhiteIsZero) | turned over |
 | colour (RGB, palette, CMYK) | BT.601 luma: 0.299 R + 0.587 G + 0.114 B, not rounded |
 | alpha channel | dropped; the colour beneath counts |
-| EXIF rotation | not applied: labels refer to the pixels as stored; of TIFF the decoders apply it |
-| empty, truncated, not a picture, several pages, NaN, out of range, too small | `BadPicture` with the reason |
+| rotation (EXIF, TIFF) | not applied: labels, rows and columns of the sensor refer to the pixels as stored |
+| empty, truncated, not a picture, several pages, NaN, out of range, signed, too small | `BadPicture` with the reason |
 
 Pillow decodes, because it notices files that end early: OpenCV returns a JPEG whose lower half is missing
 as if it were whole, and writes to standard error about harmless oddities of TIFF directories. Where Pillow would
-squeeze 16-bit colour to 8 bit, OpenCV decodes the file after Pillow has found it whole.
+squeeze 16-bit colour to 8 bit, OpenCV decodes the file after Pillow has found it whole; so it does TIFF files of depths
+and floats that Pillow does not read (`pipeline.datasets.tiff`), if they hold all the bytes that their header states.
 
 ``channel_order="authors"`` repeats a slip in the authors' program, which gives pixels read as BGR to a
 conversion from RGB: the red and blue weights change places and the result is rounded to 8 bit.
@@ -31,6 +33,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.datasets import tiff
 from pipeline.errors import DECODER_ERRORS, InputError
 
 if TYPE_CHECKING:
@@ -42,9 +45,11 @@ FEWER_BITS = (8, 10, 12, 14)
 """Depths whose values some cameras and programs store in 16 bits as they are."""
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk with its checksum
 DEFLATE_RATIO = 1032  # PNG's compression cannot shrink data further
+WHITE = (1 << 16) - 1
 SMALLEST_PX = 16  # below this neither side holds enough pixels for any filter in this package
 
 _NETPBM = re.compile(rb"P([2356])" + 3 * rb"(?:\s|#[^\r\n]*)+([0-9]+)" + rb"\s")  # width, height, greatest value
+_JPEG_2000 = b"\xff\x4f\xff\x51"  # start of a codestream, and of its SIZ marker
 _NETPBM_PLAIN = b"23"  # kinds whose values are written as decimal numbers
 
 _ALPHA_MODES = {"LA", "RGBA", "PA", "La", "RGBa"}
@@ -74,10 +79,12 @@ class Picture:
     Attributes:
         pixels: (H, W) or (H, W, 3) RGB; uint8, uint16, or float32 in [0, 1].
         alpha: whether the file had an alpha channel (dropped).
+        white: of uint16 pixels the file's value that was scaled to 65535: 4095 where its header states 12 bits.
     """
 
     pixels: np.ndarray
     alpha: bool = False
+    white: int = WHITE
 
     @property
     def colour(self) -> bool:
@@ -95,6 +102,12 @@ class Picture:
         """
         greatest = int(self.pixels.max(initial=0)) if self.pixels.dtype == np.uint16 else 0
         return next((bits for bits in FEWER_BITS if 0 < greatest < 1 << bits), None)
+
+    def file_values(self) -> np.ndarray:
+        """The pixels in the values of the file (DN): uint16 ones are scaled back. Same shape and type."""
+        if self.pixels.dtype != np.uint16 or self.white == WHITE:
+            return self.pixels
+        return np.rint(self.pixels * (self.white / WHITE)).astype(np.uint16)
 
     def unit(self) -> np.ndarray:
         """The pixels as float32 in [0, 1], same shape."""
@@ -145,13 +158,19 @@ def read_grey8(path: str | Path, *, channel_order: str = "rgb", smallest_px: int
 
 def picture_size(path: str | Path) -> tuple[int, int] | None:
     """Width and height in pixels from the header alone, or None where it cannot be read. Costs no decoding."""
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             with Image.open(path) as opened:
-                return int(opened.width), int(opened.height)
+                width, height = opened.size
+                if opened.format == "TIFF":  # whose size is that of the turned picture
+                    width, height = opened.tag_v2[256], opened.tag_v2[257]  # type: ignore[attr-defined]
+                return int(width), int(height)
+        except UnidentifiedImageError:  # of TIFF files some are read all the same
+            header = tiff.read_header(Path(path).read_bytes())
+            return None if header is None else (header.width, header.height)
         except (*DECODER_ERRORS, Image.DecompressionBombError):
             return None
 
@@ -191,19 +210,23 @@ def read_picture(path: str | Path, *, smallest_px: int = SMALLEST_PX) -> Picture
 def _decode(path: str | Path, data: bytes) -> Picture:
     from PIL import Image, UnidentifiedImageError
 
+    header = tiff.read_header(data)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's remarks on metadata; what matters is raised
         try:
             with Image.open(io.BytesIO(data)) as opened:
-                _refuse_by_header(path, data, opened)
+                _refuse_by_header(path, data, opened, header)
                 if opened.format == "PPM" and (deep := _read_deep_netpbm(path, data)) is not None:
-                    return Picture(deep)
+                    return deep
                 opened.load()
                 _refuse_incomplete(path, data, opened)
-                return Picture(
-                    _pixels(path, data, opened), opened.mode in _ALPHA_MODES or "transparency" in opened.info
-                )
+                alpha = opened.mode in _ALPHA_MODES or "transparency" in opened.info
+                bits = _depth(opened, data, header)
+                pixels = _pixels(path, data, opened, bits, header)
+                return _picture(pixels, alpha, bits, header)
         except UnidentifiedImageError:
+            if header is not None:
+                return _read_other_tiff(path, data, header)
             raise BadPicture(path, "not a picture, or its header is broken") from None
         except Image.DecompressionBombError as error:
             raise BadPicture(path, f"too large ({error})") from None
@@ -218,12 +241,17 @@ def _png_row_bits(data: bytes, opened: Image.Image) -> int:
     return opened.width * depth * {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}.get(colour, 1)
 
 
-def _refuse_by_header(path: str | Path, data: bytes, opened: Image.Image) -> None:
+def _refuse_by_header(
+    path: str | Path, data: bytes, opened: Image.Image, header: tiff.TiffHeader | None = None
+) -> None:
     """Refuse, before memory is taken for its pixels, what the header shows to be unusable.
 
     Raises:
-        BadPicture: several pages, a broken PNG header, or fewer bytes than any compression needs for the stated size.
+        BadPicture: several pages, signed values, a broken PNG header, or fewer bytes than any compression needs for the
+            stated size.
     """
+    if header is not None and header.sample_format == tiff.SIGNED:
+        raise BadPicture(path, "holds signed integers, expected unsigned ones of 8 or 16 bit, or float in [0, 1]")
     pages = getattr(opened, "n_frames", 1)
     if opened.format in _PAGED_FORMATS and pages > 1:
         raise BadPicture(path, f"holds {pages} pages or frames, expected one")
@@ -271,17 +299,21 @@ def _png_pixel_bytes(data: bytes) -> int:
     return count
 
 
-def _pixels(path: str | Path, data: bytes, opened: Image.Image) -> np.ndarray:
+def _pixels(
+    path: str | Path, data: bytes, opened: Image.Image, bits: int, header: tiff.TiffHeader | None
+) -> np.ndarray:
     """(H, W) or (H, W, 3) uint8, uint16 or float32 from an opened picture that has loaded without an error."""
     mode = opened.mode
-    if _deep_colour(opened, data):
-        return _read_deep(path, data)
+    if bits > 8 and not mode.startswith(("I", "F")) and (header is None or header.grey_or_rgb):
+        return _read_deep(path, data, bits, header)
     if mode == "L":
         return np.asarray(opened)
     if mode in {"1", "LA", "La"}:
         return np.asarray(opened.convert("L"))
     if mode.startswith("I;16") or (mode == "I" and opened.format == "PNG"):  # older Pillow opens 16-bit PNG as "I"
-        return np.asarray(opened).astype(np.uint16)
+        values = np.asarray(opened).astype(np.uint16)
+        # fewer bits are shifted to the top of JPEG 2000 files, not of TIFF files
+        return _scaled(values >> (0 if header is not None else 16 - bits), (1 << bits) - 1)
     if mode == "F":
         return np.asarray(opened, dtype=np.float32)
     if mode in {"RGB", "RGBA", "RGBX", "RGBa", "P", "PA", "CMYK", "YCbCr"}:
@@ -289,20 +321,30 @@ def _pixels(path: str | Path, data: bytes, opened: Image.Image) -> np.ndarray:
     raise BadPicture(path, f"pixel format {mode!r} is not supported, expected 8 or 16 bit, or float in [0, 1]")
 
 
-def _deep_colour(opened: Image.Image, data: bytes) -> bool:
-    """Whether the file holds 16 bits a channel that Pillow has reduced to 8."""
-    if opened.mode.startswith(("I", "F")):
-        return False
+def _picture(pixels: np.ndarray, alpha: bool, bits: int, header: tiff.TiffHeader | None) -> Picture:
+    """A picture whose 0 is black, as it is stored."""
+    white = (1 << bits) - 1 if pixels.dtype == np.uint16 else WHITE
+    if header is not None:
+        pixels = tiff.as_stored(tiff.blackest_zero(pixels, header), header.orientation)
+    return Picture(pixels, alpha, white)
+
+
+def _depth(opened: Image.Image, data: bytes, header: tiff.TiffHeader | None) -> int:
+    """Bits of a value by the file's header, where Pillow may have reduced them to 8; else 8."""
     if opened.format == "PNG":
-        return data[24] == 16  # bit depth in the IHDR chunk
-    if opened.format == "TIFF":
-        bits = opened.tag_v2.get(258, (8,))  # type: ignore[attr-defined]
-        return max(bits) > 8
-    return False
+        return max(data[24], 8)  # in the IHDR chunk
+    if opened.format == "JPEG2000" and (begin := data.find(_JPEG_2000)) >= 0:
+        return max((data[begin + 42] & 0x7F) + 1, 8)  # of the first component, in the SIZ marker
+    return max(header.bits, 8) if header is not None else 8
 
 
-def _read_deep(path: str | Path, data: bytes) -> np.ndarray:
-    """(H, W, 3) uint16 from a PNG or TIFF with 16 bits a channel."""
+def _scaled(values: np.ndarray, white: int) -> np.ndarray:
+    """Values of which the greatest is white, as uint16 up to 65535."""
+    return values.astype(np.uint16) if white == WHITE else np.rint(values * (WHITE / white)).astype(np.uint16)
+
+
+def _read_deep(path: str | Path, data: bytes, bits: int, header: tiff.TiffHeader | None) -> np.ndarray:
+    """(H, W, 3) or (H, W) uint16 or float from a PNG, TIFF or JPEG 2000 file with more than 8 bits a value."""
     import cv2
 
     log_level = cv2.utils.logging.getLogLevel()
@@ -313,12 +355,39 @@ def _read_deep(path: str | Path, data: bytes) -> np.ndarray:
         decoded = None
     finally:
         cv2.utils.logging.setLogLevel(log_level)
-    if decoded is None:
-        raise BadPicture(path, "holds 16-bit colour that cannot be decoded")
-    return decoded if decoded.ndim == 2 else np.ascontiguousarray(decoded[..., 2::-1])  # BGR, BGRA to RGB
+    if decoded is None or decoded.dtype == np.uint8:
+        raise BadPicture(path, f"holds values of {bits} bits that cannot be decoded")
+    pixels: np.ndarray = decoded if decoded.ndim == 2 else np.ascontiguousarray(decoded[..., 2::-1])  # BGR, BGRA to RGB
+    if pixels.dtype != np.uint16:
+        return pixels
+    # here fewer bits are shifted to the top of TIFF files, not of JPEG 2000 files
+    return _scaled(np.right_shift(pixels, 16 - bits if header is not None else 0), (1 << bits) - 1)
 
 
-def _read_deep_netpbm(path: str | Path, data: bytes) -> np.ndarray | None:
+def _read_other_tiff(path: str | Path, data: bytes, header: tiff.TiffHeader) -> Picture:
+    """A TIFF file of a depth, or of floats, that Pillow does not read.
+
+    Raises:
+        BadPicture: it is none that OpenCV reads, is not whole, or holds several pages.
+    """
+    from PIL import Image
+
+    real = header.sample_format == tiff.FLOAT
+    words = f"{'floating-point' if real else 'integer'} values of {header.bits} bits"
+    depths = (32, 64) if real else (*tiff.PACKED_BITS, 16)
+    if not header.grey_or_rgb or header.bits not in depths or header.sample_format == tiff.SIGNED:
+        raise BadPicture(path, f"a TIFF file of {words} that is not read, expected 8 or 16 bit, or float in [0, 1]")
+    if header.pages:
+        raise BadPicture(path, "holds several pages, expected one")
+    if header.end > len(data):
+        raise BadPicture(path, f"truncated: {len(data)} bytes, its header states {header.end}")
+    if header.width * header.height > 2 * (Image.MAX_IMAGE_PIXELS or np.inf):
+        raise BadPicture(path, f"too large ({header.width}x{header.height} px)")
+    pixels = _read_deep(path, data, header.bits, header)
+    return _picture(pixels.astype(np.float32) if real else pixels, False, header.bits, header)
+
+
+def _read_deep_netpbm(path: str | Path, data: bytes) -> Picture | None:
     """(H, W) or (H, W, 3) uint16, of which 65535 is the greatest value that a PGM or PPM file states.
 
     Of these files Pillow reads grey as 32 bit, pixel by pixel, and squeezes colour to 8 bit.
@@ -345,8 +414,7 @@ def _read_deep_netpbm(path: str | Path, data: bytes) -> np.ndarray | None:
     low, high = int(values.min(initial=0)), int(values.max(initial=0))
     if low < 0 or high > maxval:
         raise BadPicture(path, f"values from {low} to {high}, its header states 0 to {maxval}")
-    scaled = values if maxval == (1 << 16) - 1 else np.rint(values * (((1 << 16) - 1) / maxval))
-    return scaled.astype(np.uint16).reshape(shape)
+    return Picture(_scaled(values, maxval).reshape(shape), white=maxval)
 
 
 def _check_range(path: str | Path, pixels: np.ndarray) -> None:

@@ -33,7 +33,7 @@ class RawFrame:
     exposure_s: float
 
     def pixels(self) -> NDArray[Any]:
-        """(H, W) grey values, DN.
+        """(H, W) grey values, DN, in the depth that the file's header states.
 
         Raises:
             InputError: not a picture, or one with colours.
@@ -41,7 +41,7 @@ class RawFrame:
         picture = read_picture(self.path)
         if picture.colour:
             raise InputError(f"{self.path}: has colours, expected a raw mosaic with one value per pixel")
-        return picture.pixels
+        return picture.file_values()
 
 
 def raw_frames(folder: Path) -> list[RawFrame]:

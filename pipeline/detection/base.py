@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.camera.constants import RANGE_SLACK
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     import torch
 
     Images = Sequence[NDArray[np.floating] | torch.Tensor] | NDArray[np.floating] | torch.Tensor
-
-_RANGE_SLACK = 1e-6  # float32 rounding of 1.0
 
 
 @dataclass(frozen=True)
@@ -72,6 +71,10 @@ class Detections:
         """Those with at least this score."""
         return self.where(self.score >= score)
 
+    def best(self, count: int) -> Detections:
+        """Those with the highest scores, at most so many, highest first; in their order where scores are equal."""
+        return self.where(np.argsort(-self.score, kind="stable")[:count])
+
     def called(self, label: str) -> Detections:
         """Those with this label."""
         return self.where(self.label == label)
@@ -121,7 +124,7 @@ def each_image(images: Images) -> Iterable[NDArray[np.float32]]:
             raise InputError(f"images: image {count} has shape {array.shape}, expected (H, W) or (N, 1, H, W)")
         for image in array.reshape(-1, *array.shape[-2:]):
             lowest, highest = float(image.min()), float(image.max())
-            if not (lowest >= -_RANGE_SLACK and highest <= 1.0 + _RANGE_SLACK):
+            if not (lowest >= -RANGE_SLACK and highest <= 1.0 + RANGE_SLACK):
                 raise InputError(f"images: image {count} spans {lowest:g} .. {highest:g}, expected numbers in [0, 1]")
             yield np.asarray(image, dtype=np.float32)
             count += 1

@@ -103,8 +103,7 @@ class Sweep:
         sharp = SharpFrame(frame, self.camera, self.seed)
         for number, level in enumerate(self.target_sigmas_dn):
             result = detector.detect([sharp.under(Condition(kernel, self.noise_source, float(level))).image])[0]
-            result = result.where(np.isin(result.label, self.classes))
-            result = result.where(np.argsort(-result.score, kind="stable")[: self.max_detections])
+            result = result.where(np.isin(result.label, self.classes)).best(self.max_detections)
             parts.append((np.full(len(result), number), result.boxes, result.score, result.label))
         numbers, boxes, score, label = (np.concatenate(column) for column in zip(*parts, strict=True))
         return {"level": numbers, "boxes": boxes.reshape(-1, 4), "score": score, "label": label.astype(np.str_)}

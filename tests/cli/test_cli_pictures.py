@@ -155,7 +155,7 @@ def test_pictures_stored_turned_are_pointed_out_once(tmp_path: Path, suffix: str
     assert done.exit_code == 0, done.output
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
     assert line.startswith(f"warning: {tmp_path / f'c.{suffix}'}: stored turned or mirrored (orientation 6)")
-    assert "Pictures stored turned or mirrored (EXIF orientation): 2;" in done.stdout
+    assert "Pictures and videos stored turned or mirrored (by their metadata): 2;" in done.stdout
     assert "warning" not in call("noise", tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}").stderr
 
 

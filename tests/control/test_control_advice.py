@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from control_makers import CAMERA, performance, seen_mtf
@@ -14,6 +12,7 @@ from pipeline.condition.summary import summarise
 from pipeline.control.advice import LEAST_GAIN_PERCENT, advise
 from pipeline.control.prediction import predict
 from pipeline.control.state import BASE_ISO, CameraState
+from pipeline.errors import InputError
 from pipeline.noise.base import NoiseEstimate
 
 SURFACE, LEVEL, STATE = performance(), 0.5, CameraState(0.016, 1.0)
@@ -35,7 +34,7 @@ def condition(motions_px, sigma_dn=3.0, ends_dn=(3.0, 3.0)):
 
 
 def advice(motions_px, speed_px_s=None, **noise):
-    return advise(IMAGE, STATE, CAMERA, SURFACE, SimpleNamespace(), speed_px_s, condition(motions_px, **noise))
+    return advise(IMAGE, STATE, CAMERA, SURFACE, None, speed_px_s, condition(motions_px, **noise))
 
 
 def points_gained(chosen, motions_px, sigma_dn=3.0):
@@ -97,7 +96,7 @@ def test_other_settings_promise_more_than_the_picture_has_whatever_its_noise_is(
     """Also where the sensor's model takes the noise for much more or less than there is."""
     state = CameraState(exposure_s, iso / BASE_ISO)
     of_picture = condition((motion_px,) * 3, sigma_dn, (sigma_dn, sigma_dn))
-    made = advise(IMAGE, state, CAMERA, SURFACE, SimpleNamespace(), None, of_picture)
+    made = advise(IMAGE, state, CAMERA, SURFACE, None, None, of_picture)
     if made.action == "move":
         assert made.gain_percent > LEAST_GAIN_PERCENT
         assert made.best_ap_percent == pytest.approx(made.ap_percent + made.gain_percent)
@@ -110,8 +109,25 @@ def test_noise_at_other_settings_is_in_proportion_to_that_of_the_picture():
     """A clean picture at a high gain, of a camera better than the sensor named, may be exposed as short again."""
     fast = CameraState(0.004, 16.0)
     clean, noisy = (
-        advise(IMAGE, fast, CAMERA, SURFACE, SimpleNamespace(), None, condition((9.0,) * 3, dn, (dn, dn)))
-        for dn in (0.5, 25.0)
+        advise(IMAGE, fast, CAMERA, SURFACE, None, None, condition((9.0,) * 3, dn, (dn, dn))) for dn in (0.5, 25.0)
     )
     assert clean.best_exposure_ms < fast.exposure_ms and clean.gain_percent > 2
     assert noisy.best_exposure_ms > clean.best_exposure_ms
+
+
+@pytest.mark.parametrize("motions_px", [(3.0,) * 3, (0.0, 14.0, 28.0), (13.0, 14.0, 15.0)])
+@pytest.mark.parametrize(("sigma_dn", "ends_dn"), [(3.0, (3.0, 3.0)), (0.02, (0.0, 18.0)), (35.0, (35.0, 35.0))])
+@pytest.mark.parametrize("speed_px_s", [None, 14.0 / 0.016])
+def test_settings_that_are_kept_promise_what_the_picture_has(motions_px, sigma_dn, ends_dn, speed_px_s):
+    made = advice(motions_px, speed_px_s, sigma_dn=sigma_dn, ends_dn=ends_dn)
+    assert made.keeps_settings == (made.action == "hold")
+    if made.keeps_settings:
+        assert (made.best_ap_percent, made.gain_percent) == (made.ap_percent, 0.0)
+    assert 0.0 <= made.low_percent <= made.ap_percent <= made.high_percent <= 100.0
+
+
+def test_advice_needs_no_monitor_beside_a_condition_and_one_of_both():
+    estimated = condition((13.0, 14.0, 15.0))
+    assert advise(IMAGE, STATE, CAMERA, SURFACE, condition=estimated) == advice((13.0, 14.0, 15.0))
+    with pytest.raises(InputError, match="expected a monitor, or the condition"):
+        advise(IMAGE, STATE, CAMERA, SURFACE)

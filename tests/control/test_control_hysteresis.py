@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from pipeline import control
 from pipeline.control import hysteresis
 from pipeline.control.hysteresis import MOST_REVERSALS, Hysteresis
+from pipeline.control.speed import KnownSpeedJumps
 from pipeline.control.state import CameraState, DelayLine
 from pipeline.errors import InputError
 
@@ -109,6 +110,38 @@ def test_reversals_are_forgotten_when_light_or_speed_have_changed(light, mark):
         assert rule.required_percent == 2.0
     rule.observe(light, mark)
     assert rule.required_percent == 1.0
+
+
+def known_speed(speeds):
+    """Points that a change must promise at the end, of a drive of known speeds in which settings alternate."""
+    policy, scene, state = control.create("iopc_optimal", camera=CAMERA, performance=SURFACE), Scene(0.1), LONG
+    for number, speed in enumerate(speeds):
+        policy.known_speed_px_s = speed
+        policy.decide(scene.observe(state), state)
+        if number < len(speeds) - 1:
+            policy.hysteresis.count(*((SHORT, LONG) if number % 2 else (LONG, SHORT)))
+    return policy.hysteresis.required_percent
+
+
+def test_noise_of_odometry_is_no_jump_of_the_speed():
+    steady = [600.0] * 6
+    assert known_speed(steady) > 1.0
+    assert known_speed([speed + 0.001 * number for number, speed in enumerate(steady)]) == known_speed(steady)
+    assert known_speed([*steady, 600.0 * 2**0.55]) == known_speed([*steady, 600.0 / 2**0.55]) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("speeds", "jumps"),
+    [
+        ([300.0, 310.0, 290.0, 420.0], [1, 1, 1, 1]),  # up to half a stop
+        ([300.0, 430.0, 420.0, 610.0], [1, 2, 2, 3]),
+        ([300.0, 350.0, 400.0, 450.0], [1, 1, 1, 2]),  # slowly, but far
+        ([0.0, 1e-4, 5.0, 37.0, 100.0, 0.0], [1, 1, 1, 1, 2, 3]),  # less than is resolved at 33 ms is none
+    ],
+)
+def test_a_known_speed_jumps_by_more_than_half_a_stop(speeds, jumps):
+    counter = KnownSpeedJumps(0.033)
+    assert [counter.update(speed) for speed in speeds] == jumps
 
 
 @pytest.mark.parametrize("name", ["iopc_optimal", "iopc_continuous"])

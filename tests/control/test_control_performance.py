@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from control_makers import SIZES, darker_performance, formula_ap, performance
 
+from pipeline.cluster_intervals import small_sample_factor
 from pipeline.control.performance import Performance, monotonic
+from pipeline.curves.surface import Surface
 from pipeline.errors import InputError
 
 
@@ -108,3 +112,55 @@ def test_performance_estimates_of_noise_are_calibrated():
     np.testing.assert_allclose(bright.true_sigma_dn([0.3, 7.0]), [0.3, 7.0])
     with pytest.raises(InputError, match="calibration"):
         Performance(bright.surface, bright.reference, 0, 31.0, calibration=[[2.0, 1.0], [1.0, 2.0]])
+
+
+def dead_corner(scenes=None):
+    """A surface on which nothing is found in strong noise, and every draw scatters by 10 points."""
+    bright = performance()
+    cells = bright.surface.cells
+    ap = np.clip(cells.ap_percent - 40.0, 0.0, 100.0)
+    draws = np.clip(ap + np.linspace(-10, 10, 41)[:, None, None], 0.0, 100.0)
+    surface = Surface(replace(cells, ap_percent=ap, draws=draws), scenes=scenes)
+    return Performance(surface, bright.reference, 0, 31.0)
+
+
+def test_performance_lies_in_0_to_100_and_ranks_where_nothing_is_detected():
+    known = dead_corner()
+    sigma, motion = np.linspace(0, 41, 60)[:, None], np.linspace(0, 31, 60)[None]
+    for values in (*known.expected(sigma, motion), known.ap_percent(sigma, motion)):
+        assert values.min() >= 0.0 and values.max() <= 100.0 and not np.signbit(values).any()
+    assert known.ap_percent(sigma, motion).min() == 0.0
+    ranking = known.ranking(sigma, motion)
+    assert (np.diff(ranking[5:], axis=0) < 0).all() and (np.diff(ranking, axis=1) < 0).all()
+    inside = ranking > 0
+    np.testing.assert_array_equal(known.ap_percent(sigma, motion)[inside], ranking[inside])
+
+
+def test_performance_of_few_viewpoints_is_less_certain(tmp_path):
+    widths = {}
+    for scenes in (None, 66, 8, 4):
+        known = dead_corner(scenes)
+        _, low, high = known.expected(6.0, 3.0)
+        widths[scenes] = float(high - low)
+        known.save(tmp_path / "surface.npz")
+        again = Performance.load(tmp_path / "surface.npz")
+        assert again.surface.scenes == scenes
+        assert Performance(again.surface, again.reference, 0, 31.0).expected(6.0, 3.0) == known.expected(6.0, 3.0)
+    for scenes, other in ((4, 8), (8, 66)):
+        ratio = small_sample_factor(scenes) / small_sample_factor(other)
+        assert widths[scenes] / widths[other] == pytest.approx(ratio, rel=0.02)
+    assert widths[66] == pytest.approx(widths[None] * small_sample_factor(66), rel=0.02)
+
+
+def test_performance_of_an_older_file_is_read_as_it_was_written(tmp_path):
+    known, path = darker_performance(2.0), tmp_path / "surface.npz"
+    known.save(path)
+    arrays = dict(np.load(path))
+    assert {name for name in arrays if name.endswith("scenes")} == {"scenes", "darker0_scenes"}
+    np.savez(path, **{name: values for name, values in arrays.items() if not name.endswith("scenes")})
+    again = Performance.load(path)
+    assert again.surface.scenes is None
+    np.testing.assert_array_equal(again.expected(5.0, 3.0, 0.3), known.expected(5.0, 3.0, 0.3))
+    np.savez(path, **{**arrays, "darker0_scenes": np.float64(2.5)})
+    with pytest.raises(InputError, match=r"surface.npz: array 'scenes': expected a count"):
+        Performance.load(path)

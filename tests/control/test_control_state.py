@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.control.observation import Observation
+from pipeline.control.policies.mean_intensity import MeanIntensity
+from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState, DelayLine, Limits
 from pipeline.errors import InputError
 
@@ -56,3 +60,30 @@ def test_state_refuses_impossible_limits(change):
         Limits(**change)
     with pytest.raises(InputError, match="exposure_s"):
         CameraState(0.0, 1.0)
+
+
+@pytest.mark.parametrize("cap_ms", [0.05, 1.0, 5.9, 6.3, 20.0, 33.0])
+@pytest.mark.parametrize("per_stop", [0, 1, 3, 6])
+def test_no_step_of_the_exposure_exceeds_a_hard_cap(cap_ms, per_stop):
+    camera = ControlledCamera(Limits(exposure_steps_per_stop=per_stop))
+    policy = MeanIntensity(camera, exposure_max_ms=cap_ms, damping=1.0)
+    for level in (0.1, 0.3, 0.5, 0.8):
+        for start in (CameraState.of(1, 100), CameraState.of(20, 100), CameraState.of(33, 3200)):
+            seen = Observation(np.full((4, 4), level, np.float32), level, 0.0)
+            chosen = policy.decide(seen, start).state
+            assert chosen.exposure_ms <= cap_ms * (1 + 1e-9)
+    finest_stops = 1 / per_stop if per_stop else 1e-6
+    assert camera.limits.longest_up_to(cap_ms / 1e3) > cap_ms / 1e3 * 2.0 ** -(finest_stops * 1.001)
+
+
+def test_the_gain_makes_up_for_a_cap_that_is_rounded_down():
+    state = Limits(exposure_steps_per_stop=3).time_first(0.02, 0.0059)
+    assert state.exposure_s < 0.0059 and state.total_exposure_s == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("cap_ms", [0.0, 0.049, -1.0, float("nan")])
+def test_a_cap_below_the_shortest_exposure_time_is_refused(cap_ms):
+    with pytest.raises(
+        InputError, match=r"no exposure time of at most .* ms; expected at least the shortest one, 0.05"
+    ):
+        MeanIntensity(ControlledCamera(), exposure_max_ms=cap_ms)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,27 @@ def test_surface_through_measured_knots():
     # the monitor's estimates, one of which is far off, calibrate its answers
     np.testing.assert_allclose(result.true_sigma_dn([1.0, 10.0, 20.0]), [1.0, 10.0, 20.0], atol=0.3)
     assert float(result.expected(1.0, 0.0).ap_percent) > float(result.expected(15.0, 14.0).ap_percent)
+
+
+@pytest.mark.parametrize("viewpoints", [1, 2, 4, 8])
+def test_surface_knows_how_many_viewpoints_it_rests_on(viewpoints):
+    """Its interval at a knot is that of the knot's score, which allows for few viewpoints."""
+    (view, part), parts = measured()[0], []
+    for number in range(viewpoints):
+        name = f"evaluation-{number:04d}"
+        kept = part["boxes"][:, 0] >= 40 * (number % 3)  # views differ
+        hits = {key: part[key][kept] for key in ("condition", "boxes", "score", "label")}
+        parts.append((replace(view, name=f"{name}-0", viewpoint=name), {**part, **hits}))
+    result, table = surface.performance(parts, DESIGN, EvaluationCriteria(bootstrap_draws=200), 0, 1)
+    assert result.surface.scenes == viewpoints
+    low, high = result.surface.cells.interval(viewpoints)
+    knots = table[table["motion_px"] == 0.0]
+    np.testing.assert_allclose(low[:, -1], knots["low_percent"])
+    np.testing.assert_allclose(high[:, -1], knots["high_percent"])
+    sharp = result.expected(1.0, 0.0)
+    assert np.isnan(sharp.low) == (viewpoints == 1)
+    if viewpoints > 1:
+        assert float(sharp.low) == pytest.approx(knots["low_percent"].iloc[0], abs=0.1)
 
 
 def test_surface_refuses_impossible_designs():

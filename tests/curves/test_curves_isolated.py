@@ -48,14 +48,11 @@ def test_gaps_and_outsides_are_refused() -> None:
     kept = np.array([0, 1, 3, 4, 5])
     cells = gather(NOISE[kept], np.ones(5), 60 - NOISE[kept], stream(1, "boot"))
     assert isolated(cells, "sigma_dn").query(10.0)[0] == pytest.approx(50.0)  # a single empty bin is bridged
-    curve = isolated(cells, "sigma_dn", bridge=0)
-    with pytest.raises(InputError, match="in a gap between 5.2 and 14.8"):
-        curve.query(10.0)
-    assert curve.query(6.0)[0] == pytest.approx(60 - 5.2)  # within the bin of 5.2
-    assert curve.query(13.0)[0] == pytest.approx(60 - 14.8)
-    wide = isolated(gather(NOISE[[0, 1, 4, 5]], np.ones(4), [50, 40, 30, 20], stream(1, "boot")), "sigma_dn")
+    curve = isolated(gather(NOISE[[0, 1, 4, 5]], np.ones(4), [50, 40, 30, 20], stream(1, "boot")), "sigma_dn")
     with pytest.raises(InputError, match="in a gap between 5.2 and 20.3"):
-        wide.query(12.0)
+        curve.query(12.0)
+    assert curve.query(6.0)[0] == 40.0  # within the bin of 5.2
+    assert curve.query(18.0)[0] == 30.0
     for value in (-3.0, 40.0):
         with pytest.raises(InputError, match="not extrapolated"):
             curve.query(value)
@@ -79,10 +76,10 @@ def test_a_rise_is_marked() -> None:
 
 
 def test_bad_input_is_named() -> None:
-    cells = crossed()
     with pytest.raises(InputError, match="quantity"):
-        isolated(cells, "blur")
-    with pytest.raises(InputError, match="not the centre of a bin"):
-        isolated(cells, "mtf", other=3.0)
-    with pytest.raises(InputError, match="no tuple lies in the MTF bin 0.1"):
-        isolated(cells, "sigma_dn", other=0.1)
+        isolated(crossed(), "blur")
+    strong = gather([12.0, 20.0], [0.5, 0.6], [40.0, 30.0], stream(1, "boot"))
+    with pytest.raises(InputError, match="no tuple lies in the MTF bin 1"):
+        isolated(strong, "sigma_dn")
+    with pytest.raises(InputError, match="no tuple lies in the noise bin 0"):
+        isolated(strong, "mtf")

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.curves.cells import MTF_BINS, SIGMA_BINS_DN, draws_of_intervals, gather, nearest_bin
+from pipeline.curves.cells import MTF_BINS, SIGMA_BINS_DN, gather, nearest_bin
 from pipeline.curves.surface import Surface, build, triangulate
 from pipeline.errors import InputError
 from pipeline.streams import stream
@@ -161,13 +161,6 @@ def test_the_interval_covers_the_truth() -> None:
             _, low, high = surface.at(*index)
             covered.append(low <= plane(*index) <= high)
     assert 0.89 < np.mean(covered) <= 0.99
-
-
-def test_intervals_become_draws() -> None:
-    draws = draws_of_intervals([50.0, 2.0, 30.0], [40.0, 0.0, np.nan], [54.0, 9.0, 40.0], stream(1, "draws"), 20_000)
-    np.testing.assert_allclose(np.percentile(draws[0], [2.5, 50, 97.5]), [40, 50, 54], atol=0.4)
-    assert draws[1].min() == 0
-    assert np.isnan(draws[2]).any()
 
 
 def test_cells_that_rise_are_marked() -> None:

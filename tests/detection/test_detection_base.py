@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from pipeline import detection
 from pipeline.datasets.frame import Box, Frame
+from pipeline.detection.average_precision import evaluate
 from pipeline.detection.base import Detections, each_image
 from pipeline.detection.classes import CLASS_MAPS, ClassMap
-from pipeline.detection.evaluate_frames import evaluate_frames
 from pipeline.detection.letterbox import letterbox
 from pipeline.detection.nms import suppress
 from pipeline.errors import InputError
@@ -36,6 +36,12 @@ def test_detections_check_their_parts() -> None:
         Detections.of([[0, 0, 1]], [0.5], ["car"])
     with pytest.raises(InputError, match="finite"):
         Detections.of([[0, 0, 1, np.nan]], [0.5], ["car"])
+
+
+def test_the_best_detections_come_first_and_equal_scores_keep_their_order() -> None:
+    many = Detections.of([[k, 0, k + 1, 1] for k in range(5)], [0.2, 0.9, 0.5, 0.9, 0.5], ["a", "b", "c", "d", "e"])
+    assert list(many.best(3).label) == ["b", "d", "c"]
+    assert list(many.best(9).label) == ["b", "d", "c", "e", "a"] and len(many.best(0)) == 0
 
 
 def test_detections_are_chosen_by_score_and_label() -> None:
@@ -132,40 +138,23 @@ def test_class_maps_say_what_counts() -> None:
     assert CLASS_MAPS["sim"].truth([]).boxes.shape == (0, 4)
 
 
-class Stub:
-    """A detector that answers with the same boxes, and remembers how bright its images were."""
-
-    def __init__(self) -> None:
-        self.means: list[float] = []
-
-    def detect(self, images: list[np.ndarray]) -> list[Detections]:
-        self.means += [float(image.mean()) for image in images]
-        return [Detections.of([[10, 10, 60, 60], [100, 10, 120, 60]], [0.9, 0.8], ["car", "car"]) for _ in images]
-
-
 def test_frames_are_judged_by_height_and_visibility() -> None:
     frames = [
         Frame("sim", "a", Path("a.png"), (Box("car", 10, 10, 60, 60, visible_fraction=1.0),)),
         Frame("sim", "b", Path("b.png"), (Box("car", 10, 10, 60, 60, visible_fraction=0.1),)),
         Frame("sim", "c", Path("c.png")),
     ]
-    stub = Stub()
-    result = evaluate_frames(
-        frames,
-        stub,  # type: ignore[arg-type]
+    words, two = (
         ClassMap({"car": "car", "person": "person"}),
-        min_visible_fraction=0.3,
-        generator=stream(0, "bootstrap"),
-        image=lambda frame: np.full((90, 130), 0.25, np.float32),
+        Detections.of([[10, 10, 60, 60], [100, 10, 120, 60]], [0.9, 0.8], ["car", "car"]),
     )
+    truths = [words.truth(frame.boxes, min_visible_fraction=0.3) for frame in frames]
+    result = evaluate([two] * 3, truths, words.classes, generator=stream(0, "bootstrap"))
     car = result["car"]
     assert (car.objects, car.objects_ignored, car.true_positives, car.ignored, car.false_positives) == (1, 1, 1, 1, 4)
     assert car.average_precision == 1.0  # equal scores rank in frame order, and the right one is in the first frame
     assert result["person"].objects == 0
     assert np.isnan(result["person"].average_precision)
-    assert stub.means == [0.25] * 3
-    with pytest.raises(InputError, match="none given"):
-        evaluate_frames([], stub, ClassMap({"car": "car"}))  # type: ignore[arg-type]
 
 
 def test_unknown_detector_is_named() -> None:

@@ -23,7 +23,11 @@ class MeanIntensity(Policy):
         target: mean encoded grey level.
         tolerance: dead band, fraction of the target.
         damping: exponent of a step, (0, 1]; 1 corrects at once, which oscillates with a delay.
-        exposure_max_ms: hard cap of the exposure time below the camera's.
+        exposure_max_ms: hard cap of the exposure time below the camera's, at least its shortest exposure time; kept
+            whatever the brightness.
+
+    Raises:
+        InputError: an option out of range.
     """
 
     def __init__(
@@ -37,12 +41,13 @@ class MeanIntensity(Policy):
     ) -> None:
         super().__init__(camera, performance)
         self.metering = Metering(target, tolerance, largest_factor=8.0, damping=damping)
-        self.exposure_max_s = None if exposure_max_ms is None else exposure_max_ms / 1e3
+        self.exposure_max_s = None if exposure_max_ms is None else self.limits.longest_up_to(exposure_max_ms / 1e3)
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:
         """See `Policy.decide`."""
         factor = self.metering.factor(observation, self.camera.formation.gamma)
-        if factor == 1.0:
+        too_long = self.exposure_max_s is not None and state.exposure_s > self.exposure_max_s * (1 + 1e-9)
+        if factor == 1.0 and not too_long:
             return Decision(state, Action.HOLD, f"mean {observation.mean_level:.2f} is within tolerance")
         new = self.limits.time_first(state.total_exposure_s * factor, self.exposure_max_s)
         action = Action.HOLD if new == state else Action.MOVE

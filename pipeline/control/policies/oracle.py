@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.control.decision import Action, Decision
 from pipeline.control.iopc import DARKER_TIMES_PER_STOP, TIMES_PER_STOP, darker_totals, exposure_times
 from pipeline.control.observation import Observation
-from pipeline.control.performance import Performance
+from pipeline.control.performance import Performance, limited
 from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState
 from pipeline.errors import InputError
@@ -50,15 +50,15 @@ class Oracle(Policy):
         sigma, motion, level = (
             np.array([getattr(each, name) for each in there]) for name in ("sigma_dn", "motion_px", "mean_level")
         )
-        expected = self.performance.expected(sigma, motion, level).ap_percent
-        if np.isfinite(expected).any():
-            index, action = int(np.nanargmax(expected)), Action.MOVE
+        ranking = self.performance.ranking(sigma, motion, level)
+        if np.isfinite(ranking).any():
+            index, action = int(np.nanargmax(ranking)), Action.MOVE
         else:
             index, action = int(np.argmin(self.performance.excess(sigma, motion))), Action.REFUSED
         if states[index] == state and action is Action.MOVE:
             action = Action.HOLD
         reason = f"noise {sigma[index]:.1f} DN and motion {motion[index]:.1f} px are known"
-        return Decision(states[index], action, reason, float(expected[index]))
+        return Decision(states[index], action, reason, float(limited(ranking[index])))
 
     def _total(self, observation: Observation) -> float:
         """Total exposure with the target level, by bisection in stops."""

@@ -1,0 +1,214 @@
+"""Decoded frames of a video file or network stream, with what the decoder reports about them. FFmpeg decodes (PyAV).
+
+OpenCV's reader of videos is not used. Where its conversion to BGR fails, as on interlaced frames with FFmpeg 8, or
+where the pixel format changes, it returns a buffer that holds an earlier frame or was never written, and calls that a
+success; PyAV raises an error. Of progressive 8 and 10-bit video both give the same pixels, bit for bit.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    Frame = Any
+    """A frame of PyAV, ``av.VideoFrame``."""
+
+INTERLACED = (
+    "interlaced: stored as two fields, pictures of two moments; take one of them (ffmpeg -vf field) or "
+    "deinterlace them (ffmpeg -vf yadif), which changes the noise"
+)
+TURNED, CURVE = "turned", "curve"
+"""Kinds of remarks about a video that can be read: see `remarks`."""
+
+_STREAM_OPTIONS = {"rtsp_flags": "prefer_tcp"}  # over UDP packets are lost, and with them parts of frames
+_CURVES = {
+    8: "linear",
+    9: "logarithmic",
+    10: "logarithmic",
+    16: "PQ (SMPTE ST 2084)",
+    17: "SMPTE ST 428",
+    18: "HLG (ARIB STD-B67)",
+}
+"""Transfer characteristics (ITU-T H.273) that are far from those of sRGB and BT.709."""
+
+
+class BadVideo(InputError):
+    """A video that cannot be read, or some of whose frames are missing, damaged or interlaced.
+
+    Attributes:
+        reason: why, in a few words.
+    """
+
+    def __init__(self, source: Path | str, reason: str) -> None:
+        self.source, self.reason = source, reason
+        super().__init__(f"{source}: {reason}")
+
+    def __reduce__(self) -> tuple[type[BadVideo], tuple[Path | str, str]]:
+        return BadVideo, (self.source, self.reason)  # so that it crosses from a worker process
+
+
+class Decoder:
+    """Frames in order; a packet that cannot be decoded is passed over, and what the decoder reports is collected.
+
+    Args:
+        source: a file, or an address such as ``rtsp://...``.
+        timeout_s: longest wait for a connection and for data, seconds; None for a file.
+        threads: of the decoder; 0 for as many as it likes. Messages of threads other than the caller's are lost.
+
+    Attributes:
+        messages: errors that the decoder has reported since the caller last cleared the list.
+        declared: number of frames that the file states, or duration times rate where it states none; 0 if unknown.
+        per_second: frames per second; 0 if unknown.
+
+    Raises:
+        BadVideo: it cannot be opened, or holds no video that can be decoded.
+    """
+
+    def __init__(self, source: Path | str, timeout_s: float | None = None, threads: int = 1) -> None:
+        import av
+
+        _quieten()
+        self.messages: list[str] = []
+        # "file:", lest a colon in the name be taken for the end of a protocol
+        address = f"file:{source}" if isinstance(source, Path) else source
+        options = {} if isinstance(source, Path) else _STREAM_OPTIONS
+        with av.logging.Capture() as logs:
+            try:
+                self._container: Any = av.open(address, options=options, timeout=timeout_s)
+            except (av.FFmpegError, ValueError) as error:  # ValueError: a name that is not valid UTF-8
+                reason = logs[-1][2].strip() if logs else _reason(error)
+                raise BadVideo(source, f"not a video that FFmpeg can read ({reason})") from None
+        stream = self._container.streams.best("video")
+        if stream is None or stream.codec_context is None:
+            self._container.close()
+            reason = "it holds no video" if stream is None else "there is no decoder for its codec"
+            raise BadVideo(source, f"not a video that FFmpeg can read ({reason})")
+        self._codec: Any = stream.codec_context
+        self._codec.thread_count = threads
+        self._packets: Iterator[Any] = self._container.demux(stream)
+        self._frames: deque[Frame] = deque()
+        self._began_s = float((stream.start_time or 0) * stream.time_base) if stream.time_base else 0.0
+        self.per_second = float(stream.guessed_rate or stream.average_rate or 0)
+        self.declared = stream.frames or round(self._duration_s(stream) * self.per_second)
+
+    def _duration_s(self, stream: Any) -> float:
+        import av
+
+        if self._container.duration:
+            return float(self._container.duration / av.time_base)
+        return float(stream.duration * stream.time_base) if stream.duration and stream.time_base else 0.0
+
+    def read(self) -> Frame | None:
+        """The next frame; None after the last, or where the stream breaks off."""
+        import av
+
+        with av.logging.Capture() as logs:
+            try:
+                while not self._frames:
+                    packet = next(self._packets, None)
+                    if packet is None:
+                        break
+                    try:
+                        self._frames.extend(packet.decode())
+                    except av.error.EOFError:
+                        break
+                    except av.FFmpegError as error:
+                        self._collect(logs, _reason(error))
+            except av.FFmpegError as error:  # no packet can be read any more
+                self._collect(logs, _reason(error))
+                self._packets = iter(())
+                self._frames.extend(self._rest())
+            self._collect(logs)
+        return self._frames.popleft() if self._frames else None
+
+    def _rest(self) -> list[Frame]:
+        """Frames that the decoder has kept back."""
+        import av
+
+        try:
+            return list(self._codec.decode(None))
+        except av.FFmpegError:
+            return []
+
+    def _collect(self, logs: list[tuple[int, str, str]], otherwise: str = "") -> None:
+        """Move what was logged to `messages`; without any, what is given instead."""
+        lines = [f"[{name}] {text.strip()}" if name else text.strip() for _, name, text in logs if text.strip()]
+        self.messages += lines or [otherwise] * bool(otherwise)
+        logs.clear()
+
+    def time_s(self, frame: Frame) -> float | None:
+        """Time of a frame since the beginning of the video, seconds; None where it has none."""
+        ticks = frame.pts if frame.pts is not None else frame.dts
+        return None if ticks is None or not frame.time_base else float(ticks * frame.time_base) - self._began_s
+
+    def close(self) -> None:
+        """Close the file or connection."""
+        self._container.close()
+
+
+def defect(frame: Frame) -> str:
+    """Why a frame must not be measured, in words; empty where it may be."""
+    if frame.interlaced_frame:
+        return INTERLACED
+    return "marked as damaged by the decoder" if frame.is_corrupt else ""
+
+
+def grey_levels(frame: Frame) -> np.ndarray:
+    """A decoded frame as (H, W) float32 grey levels in [0, 1]: 8-bit BT.601 luma, not turned.
+
+    Raises:
+        InputError: its pixels cannot be converted.
+    """
+    import av
+    import numpy as np
+
+    try:
+        # bicubic, as OpenCV's reader converts
+        pixels = frame.reformat(format="bgr24", interpolation="BICUBIC").to_ndarray()
+    except (av.FFmpegError, ValueError) as error:
+        raise InputError(f"pixels of the format {frame.format.name} cannot be converted ({_reason(error)})") from None
+    return grey_frame(np.asarray(pixels, np.uint8))
+
+
+def grey_frame(frame: np.ndarray) -> np.ndarray:
+    """An 8-bit frame, (H, W, 3) BGR or (H, W), as (H, W) float32 grey levels in [0, 1] (BT.601 luma)."""
+    import cv2
+    import numpy as np
+
+    grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) if frame.ndim == 3 else frame
+    return grey.astype(np.float32) / np.float32(255)
+
+
+def remarks(frame: Frame) -> dict[str, str]:
+    """What a user should know about a frame that can be measured, by kind (`TURNED`, `CURVE`), in words."""
+    results = {}
+    if angle := int(frame.rotation) % 360:
+        results[TURNED] = f"rotation {angle} degrees"
+    if curve := _CURVES.get(int(getattr(frame, "color_trc", 0))):
+        results[CURVE] = curve
+    return results
+
+
+def _reason(error: Exception) -> str:
+    """What went wrong, without the name of the source, which may hold a password."""
+    return str(getattr(error, "strerror", None) or error)
+
+
+def _quieten() -> None:
+    """Have PyAV collect error messages, every one of them, and print none."""
+    import av
+
+    if av.logging.get_level() is None:
+        av.logging.set_level(av.logging.ERROR)
+    av.logging.set_skip_repeated(False)  # it would leave out the first message of a file that repeats the last one's
+    logger = logging.getLogger("libav")
+    if not logger.handlers:
+        logger.addHandler(logging.NullHandler())

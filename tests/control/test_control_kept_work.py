@@ -1,0 +1,52 @@
+"""Kept work of control: its key changes with the source of a third party's detector, other modules of it too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from plug_in_makers import SPOTS, plug_in
+
+from pipeline import store
+from pipeline.config.compose import compose
+from pipeline.config.schema import validate
+from pipeline.control import cache, measured_surface, views
+from pipeline.stages import closed_loop, control_surface
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class KeyReached(Exception):
+    """The stage has come to the key of its kept work."""
+
+
+@pytest.mark.parametrize(("stage", "job"), [(closed_loop, {"scenario": "tunnel_in"}), (control_surface, {})])
+def test_an_edit_of_a_third_partys_detector_changes_the_key_though_its_hashed_file_is_the_same(
+    stage: Any, job: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    helper = tmp_path / "kept_spots/helper.py"
+    helper.parent.mkdir()
+    helper.write_text("SIDE = 30\n")
+    (helper.parent / "__init__.py").write_text(SPOTS)
+    plug_in(tmp_path, monkeypatch, "kept_spots_module", "", detection="spots = kept_spots:Spots")
+    settings = ["profile=smoke", "+detection.detectors.mine={kind: spots}", "control.detector=mine"]
+    config = validate(yaml.safe_load(compose(settings, ROOT / "conf")))
+    store.write_json(tmp_path / "data/detector/mine/detector.json", {"sha256": "of its main module"})
+    monkeypatch.setattr(views, "views", lambda *given, **options: [])
+    monkeypatch.setattr(views, "folds", lambda *given: [[]])
+    monkeypatch.setattr(measured_surface, "exposures", lambda *given: None)
+    keys = []
+
+    def fingerprint(module: str, settings: Mapping[str, Any]) -> str:
+        keys.append(settings["detector"])
+        raise KeyReached
+
+    monkeypatch.setattr(cache, "fingerprint", fingerprint)
+    for side_px in (30, 30, 50):
+        helper.write_text(f"SIDE = {side_px}\n")
+        with pytest.raises(KeyReached):
+            stage.run.run(config, job, tmp_path, tmp_path)
+    assert keys[0] == keys[1] != keys[2]

@@ -1,0 +1,135 @@
+"""What a policy sees of a frame: brightness of the picture inside its bars, tensors, and why estimates are missing."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from control_makers import CAMERA, performance
+
+from pipeline import control
+from pipeline.camera.exposure import Camera
+from pipeline.cli.frame_analysis import FrameAnalysis, Thresholds
+from pipeline.control import loop
+from pipeline.control.metering import Metering
+from pipeline.control.observation import abstention_reason, brightness, observe
+from pipeline.control.scenario import Scenario
+from pipeline.control.state import CameraState
+from pipeline.errors import InputError
+from pipeline.streams import stream
+
+GAMMA = CAMERA.formation.gamma
+
+
+def scene(rows=400, columns=640, mean=0.5):
+    """A textured picture of a mean grey level, on the 8-bit grid."""
+    texture = stream(1, "observation").normal(mean, 0.1, (rows, columns))
+    return (np.rint(np.clip(texture, 0, 1) * 255) / 255).astype(np.float32)
+
+
+@pytest.mark.parametrize("level", [0.0, 16 / 255, 128 / 255])
+def test_bars_beside_a_picture_do_not_change_the_exposure(level):
+    picture = scene()
+    frame = np.full((640, 640), level, np.float32)
+    frame[120:520] = picture
+    seen, alone = observe(frame), observe(picture)
+    assert (seen.mean_level, seen.saturated_fraction) == (alone.mean_level, alone.saturated_fraction)
+    assert Metering().factor(seen, GAMMA) == 1.0
+    state = CameraState.of(8, 100)
+    decisions = [
+        control.Controller(control.create("mean_intensity", camera=CAMERA)).step(f, state) for f in (frame, picture)
+    ]
+    assert decisions[0] == decisions[1]
+
+
+def test_white_sky_counts_as_picture():
+    """A frame exposed too long: its sky is white over whole lines, which are bright, not missing."""
+    frame = scene()
+    frame[:150] = 1.0
+    seen = observe(frame)
+    assert seen.mean_level == pytest.approx(frame.mean()) and seen.saturated_fraction >= 150 / 400
+    frame[-40:] = 1.0
+    assert brightness(frame) == pytest.approx((frame.mean(), np.mean(frame >= 0.99)))
+
+
+def test_the_precision_of_a_frame_with_bars_is_expected_at_the_brightness_of_its_picture(monkeypatch):
+    """Beside a surface of darker frames, bars would make it a darker frame."""
+    frame = np.zeros((640, 640), np.float32)
+    frame[120:520] = scene()
+    levels = []
+    monkeypatch.setattr(
+        "pipeline.control.expected_precision.expected_precision",
+        lambda surface, sigma, mtf, relative, level: levels.append(level) or SimpleNamespace(best_percent=1.0),
+    )
+    analysis = FrameAnalysis(SimpleNamespace(), Thresholds(), performance())
+    monkeypatch.setattr("pipeline.cli.flag_words.left_out_words", lambda row: "rows")
+    nothing = SimpleNamespace(value=np.full((2, 8), np.nan))
+    analysis._precision({}, frame, SimpleNamespace(mtf=nothing), "frame.png")
+    assert levels == [observe(frame[120:520]).mean_level]
+
+
+@pytest.mark.parametrize(("kept", "expected"), [(True, 42.0), (False, 50.0)])
+def test_settings_that_are_kept_promise_what_the_row_of_the_frame_states(monkeypatch, kept, expected):
+    names = ("exposure_ms", "iso", "best_exposure_ms", "best_iso", "gain_percent")
+    made = SimpleNamespace(
+        **dict.fromkeys(names, 1.0), best_ap_percent=50.0, undecided=False, action="hold", keeps_settings=kept
+    )
+    monkeypatch.setattr("pipeline.control.advice.advise", lambda *_, **__: made)
+    analysis = FrameAnalysis(SimpleNamespace(), Thresholds(), performance())
+    for ap_percent, best in ((42.0, expected), (float("nan"), 50.0)):
+        row = analysis._advice(scene(), SimpleNamespace(), (0.016, 100.0), ap_percent)
+        assert row["best_ap_percent"] == best
+
+
+@pytest.mark.parametrize("kind", [torch.float32, torch.float64, torch.bfloat16])
+def test_a_controller_takes_tensors_as_the_monitor_does(kind):
+    frame, state = torch.full((16, 16), 0.25, dtype=kind), CameraState.of(8, 100)
+    policy = control.create("mean_intensity", camera=CAMERA)
+    made = control.Controller(policy).step(frame, state)
+    assert made == control.Controller(policy).step(frame.float().numpy(), state)
+
+
+@pytest.mark.parametrize("frame", [torch.zeros((8, 8), dtype=torch.uint8), torch.zeros((8, 8, 3)), [[0.5]], None])
+def test_what_is_no_grey_frame_is_refused_in_one_line(frame):
+    with pytest.raises(InputError, match=r"frame: expected \(H, W\) floats in \[0, 1\], grey, not .*; divide 8-bit"):
+        control.Controller(control.create("mean_intensity", camera=CAMERA)).step(frame, CameraState.of(8, 100))
+
+
+def answered(blur, noise, reasons):
+    return SimpleNamespace(abstained={"blur": not blur, "noise": not noise}, reasons=reasons)
+
+
+@pytest.mark.parametrize(
+    ("blur", "noise", "reasons", "words"),
+    [
+        (True, False, {"blur": {"flat": 2}, "noise": {"compressed": 9}}, "noise: compressed"),
+        (True, False, {"blur": {}, "noise": {}}, "noise: no estimate"),
+        (
+            False,
+            False,
+            {"blur": {"flat": 2}, "noise": {"flat": 1, "saturated": 1}},
+            "blur: flat; noise: flat, saturated",
+        ),
+        (True, True, {"blur": {"flat": 2}, "noise": {}}, ""),
+    ],
+)
+def test_reasons_are_those_of_the_estimates_that_are_missing(blur, noise, reasons, words):
+    assert abstention_reason(answered(blur, noise, reasons)) == words
+
+
+def test_the_closed_loop_states_the_reasons_of_the_controller(monkeypatch):
+    """Blur has an answer although some patches are flat, noise has none."""
+    mtf = SimpleNamespace(value=np.ones((2, 8)), low=np.ones((2, 8)), high=np.ones((2, 8)))
+    condition = answered(True, False, {"blur": {"flat": 2}, "noise": {}})
+    condition.mtf, condition.sigma_dn = mtf, None
+    stub = SimpleNamespace(frame=lambda image: condition)
+    monkeypatch.setattr(loop, "monitor", lambda: stub)
+    monkeypatch.setattr(loop.SimulatedScene, "key", lambda *_: [])
+    state = CameraState.of(8, 100)
+    drive = Scenario("test", 2, ((0.0, 1.0),), ((0.0, 0.0),), state)
+    simulated = loop.SimulatedScene(loop.Rig(Camera(), CAMERA, "compact", "{}", seed=1), drive, [])
+    formed = loop.FormedFrame(np.full((16, 16), 128, np.uint8), 0.0, 0.0, 0.0)
+    *_, reason = simulated.estimates(None, 0, state, formed)
+    assert reason == observe(formed.image, stub).reason == "noise: no estimate"
