@@ -19,6 +19,7 @@ from pipeline import control
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState, Limits
+from pipeline.datasets.video import read_video
 
 SURFACE = Path("data/control_surface/all.npz")
 DELAY_FRAMES = 2
@@ -26,6 +27,8 @@ DELAY_FRAMES = 2
 
 class OpenCvCamera:
     """A driver (`pipeline.control.driver.Driver`) on OpenCV's capture; V4L2 takes exposure in units of 100 us.
+
+    Videos are read as the monitor reads them.
 
     Args:
         source: ``/dev/video0`` or a video file.
@@ -36,11 +39,12 @@ class OpenCvCamera:
     """
 
     def __init__(self, source: str, state: CameraState) -> None:
-        self.capture_device = cv2.VideoCapture(source)
-        if not self.capture_device.isOpened():
-            raise OSError(f"{source}: expected a video file or a V4L2 camera that no other program uses")
         self.state, self.live = state, source.startswith("/dev/")
+        self.frames = () if self.live else read_video(Path(source))
         if self.live:
+            self.capture_device = cv2.VideoCapture(source)
+            if not self.capture_device.isOpened():
+                raise OSError(f"{source}: expected a V4L2 camera that no other program uses")
             self.capture_device.set(cv2.CAP_PROP_AUTO_EXPOSURE, 1)  # manual
             self.apply(state)
 
@@ -50,6 +54,10 @@ class OpenCvCamera:
         Raises:
             EOFError: there is no further frame.
         """
+        if not self.live:
+            for _, picture in self.frames:
+                return picture
+            raise EOFError("no further frame")
         good, frame = self.capture_device.read()
         if not good:
             raise EOFError("no further frame")

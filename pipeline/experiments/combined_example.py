@@ -13,12 +13,14 @@ from pipeline.camera.psf.kernel import Kernel
 from pipeline.camera.settings import CameraSettings
 from pipeline.camera.steps import steps as chain
 from pipeline.camera.truth import Corrupted
+from pipeline.cluster_intervals import NO_INTERVAL
 from pipeline.datasets.patches import Patch
 from pipeline.experiments.calibrate import raw_and_calibrated
 from pipeline.experiments.combined import CELL, Pair
 from pipeline.experiments.condition import Condition, nearest_rotation
 from pipeline.experiments.corrupt import SharpFrame
 from pipeline.experiments.frames import TestFrame
+from pipeline.experiments.intervals import bootstrap_stream, frame_interval, robust_median
 from pipeline.experiments.tables import CURVES
 from pipeline.statistics import robust
 from pipeline.streams import stream
@@ -129,12 +131,14 @@ def example_angle(measurements: pd.DataFrame, kind: str, size_px: float, angle_d
     return float(min(measurements.loc[rows, "angle_deg"].unique(), key=lambda angle: (abs(angle - angle_deg), angle)))
 
 
-def example_curves(measurements: pd.DataFrame, size_px: float) -> pd.DataFrame:
+def example_curves(measurements: pd.DataFrame, size_px: float, seed: int = 0, draws: int = 500) -> pd.DataFrame:
     """MTF curves of one kernel of each experiment, over levels: robust statistics over patches.
 
     Args:
         measurements: `pipeline.experiments.tables.MEASUREMENTS`; rows of noise are passed over.
         size_px: of the kernel; of motion, the rotation nearest to 45 degrees.
+        seed: root of the bootstrap's random streams.
+        draws: bootstrap resamples of frames.
 
     Returns:
         `pipeline.experiments.tables.CURVES`; axis ``"HV"`` is the mean of both directions, which the paper draws.
@@ -143,6 +147,7 @@ def example_curves(measurements: pd.DataFrame, size_px: float) -> pd.DataFrame:
 
     keys = [*CELL, "angle_deg"]
     rows = []
+    quiet: dict[tuple[object, ...], tuple[NDArray[np.str_], dict[str, NDArray[np.float64]]]] = {}
     for calibrated, table in raw_and_calibrated(measurements[measurements["quantity"] == "mtf"]):
         of_size = table[table["kernel_size_px"] == size_px]
         for key, group in of_size.groupby(keys, sort=True):
@@ -152,13 +157,20 @@ def example_curves(measurements: pd.DataFrame, size_px: float) -> pd.DataFrame:
             ordered = group.sort_values(["frame", "patch", "axis", "frequency"])
             shape = (-1, 2, len(mtf.FREQUENCIES))
             estimates, truth = (ordered[name].to_numpy(float).reshape(shape) for name in ("estimate", "truth"))
+            frames = ordered["frame"].to_numpy(str).reshape(shape)[:, 0, 0]
             del cell["noise_source"]
-            for axis, curves, true in (
-                ("H", estimates[:, 0], truth[0, 0]),
-                ("V", estimates[:, 1], truth[0, 1]),
-                ("HV", estimates.mean(axis=1), truth[0].mean(axis=0)),
-            ):
+            axes = {"H": estimates[:, 0], "V": estimates[:, 1], "HV": estimates.mean(axis=1)}
+            true_of = {"H": truth[0, 0], "V": truth[0, 1], "HV": truth[0].mean(axis=0)}
+            curve = (calibrated, *(value for name, value in cell.items() if name != "target_sigma_dn"))
+            is_least = curve not in quiet  # keys are sorted: the least noise comes first
+            same_frames, least = quiet.setdefault(curve, (frames, axes))
+            for axis, curves in axes.items():
+                true = true_of[axis]
                 for point, values in enumerate(curves.T):
+                    low, high = NO_INTERVAL
+                    if not is_least and np.array_equal(frames, same_frames):
+                        generator = bootstrap_stream(seed, "example curves", *map(str, key), calibrated, axis, point)
+                        low, high = change_interval(least[axis].T[point], values, frames, generator, draws)
                     statistics = robust(values, stream(0, "bootstrap", "no interval"), 1)
                     rows.append(
                         {
@@ -171,8 +183,38 @@ def example_curves(measurements: pd.DataFrame, size_px: float) -> pd.DataFrame:
                             "median": statistics.median,
                             "minimum": statistics.minimum,
                             "maximum": statistics.maximum,
+                            "change_low": low,
+                            "change_high": high,
                             "count": statistics.count,
                             "abstained": statistics.abstained,
                         }
                     )
     return CURVES.conform(pd.DataFrame(rows, columns=list(CURVES.columns)))
+
+
+def change_interval(
+    before: NDArray[np.float64],
+    after: NDArray[np.float64],
+    frames: NDArray[np.str_],
+    generator: np.random.Generator,
+    draws: int,
+) -> tuple[float, float]:
+    """95 % interval of the change of a robust median over patches, whole frames resampled for both at once.
+
+    Args:
+        before: (N,) estimates of N patches, NaN where abstained.
+        after: (N,) those of the same patches.
+        frames: (N,) the frame of each.
+        generator: random stream of the bootstrap.
+        draws: see `pipeline.experiments.intervals.frame_interval`.
+
+    Returns:
+        lower and upper end; NaN with fewer than two frames that have an estimate before and after.
+    """
+    answered = [np.isin(frames, frames[np.isfinite(values)]) for values in (before, after)]
+    both = answered[0] & answered[1]
+
+    def change(patches: NDArray[np.float64]) -> NDArray[np.float64]:
+        return robust_median(patches[..., 1]) - robust_median(patches[..., 0])
+
+    return frame_interval(np.stack([before, after], axis=1)[both], frames[both], change, generator, draws)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline import tables
 from pipeline.errors import InputError
 from pipeline.experiments.factors import EFFECTS, FACTOR_CELLS
-from pipeline.experiments.tables import BLUR_CELLS, CURVES, NOISE_CELLS
+from pipeline.experiments.tables import BLUR_CELLS, CHANGES, CURVES, NOISE_CELLS
 from pipeline.stage_files import any_table, existing
 from pipeline.store import Schema, read_json
 
@@ -83,6 +84,8 @@ class FrameRecord:
             InputError: it is missing, or has other columns.
         """
         schema, read = SCHEMAS[name], any_table(self.folder / name)
+        if schema is CURVES:  # of records from before these were kept
+            read = read.assign(**{column: math.nan for column in CHANGES if column not in read})
         text = [column for column, kind in schema.columns.items() if kind == "string" and column in read]
         filled = read.assign(**{column: read[column].astype("string").fillna("") for column in text})
         return schema.conform(filled, str(self.folder / name))

@@ -145,6 +145,8 @@ CURVES = Schema(
         "median": "float64",
         "minimum": "float64",  # of the inliers
         "maximum": "float64",
+        "change_low": "float64",  # 95 % interval over frames of the median less that at the least noise, paired
+        "change_high": "float64",
         "count": "int64",
         "abstained": "int64",
     },
@@ -156,6 +158,8 @@ CURVES = Schema(
         "frequency": "fraction of Nyquist",
     },
 )
+CHANGES = ("change_low", "change_high")
+"""Columns of `CURVES` that tables recorded earlier lack."""
 
 _NOISE = {
     "dataset": "string",

@@ -255,33 +255,33 @@ def shared_errors(table: pd.DataFrame, reference: str, seed: int = 1, draws: int
     An estimator that abstains from hard patches has a smaller error for it; on the same patches errors can be compared.
 
     Args:
-        table: `COLUMNS`; estimators of one table have the same patches.
+        table: `COLUMNS`; estimators of one table have the same patches in the same order.
         reference: name of the estimator in the table.
         seed: root of the bootstrap's stream.
         draws: resamples of pictures, with all their patches.
 
     Returns:
         a row per estimator: ``shared_patches`` that both answer; against each truth, ``true`` and ``cleaned``,
-        ``_shared_mae_dn`` in DN with the 95 % interval ``_shared_mae_low_dn`` to ``_shared_mae_high_dn``. NaN without a
-        shared patch, as where the reference is not in the table.
+        ``_shared_mae_dn`` in DN with the 95 % interval ``_shared_mae_low_dn`` to ``_shared_mae_high_dn``. No row
+        without a shared patch, as where the reference is not in the table.
     """
     import pandas as pd
 
-    place = ["picture", "x_px", "y_px"]
     is_answered = np.isfinite(table["sigma_dn"])
-    of_reference = table.loc[is_answered & (table["estimator"] == reference), place]
+    number = table.groupby("estimator").cumcount()  # colour planes of a raw picture have patches in the same places
+    of_reference = set(number[is_answered & (table["estimator"] == reference)])
     rows = []
-    for name, group in table[is_answered].groupby("estimator", sort=False):
-        shared = group.merge(of_reference, on=place)
-        row: dict[str, Any] = {"estimator": name, "shared_patches": len(shared)}
+    for name, group in table[is_answered & number.isin(of_reference)].groupby("estimator", sort=False):
+        row: dict[str, Any] = {"estimator": name, "shared_patches": len(group)}
         for truth in ("true", "cleaned"):
-            error = (shared["sigma_dn"] - shared[f"{truth}_sigma_dn"]).abs()
+            error = (group["sigma_dn"] - group[f"{truth}_sigma_dn"]).abs()
             draw = stream(seed, "real noise", "shared", str(name), truth)
-            ends = cluster_mean(error, shared["picture"], draw, draws, bounds=(0.0, math.inf))
+            ends = cluster_mean(error, group["picture"], draw, draws, bounds=(0.0, math.inf))
             columns = (f"{truth}_shared_mae_dn", f"{truth}_shared_mae_low_dn", f"{truth}_shared_mae_high_dn")
             row |= dict(zip(columns, ends, strict=False))
         rows.append(row)
-    return pd.DataFrame(rows)
+    names = [f"{truth}_shared_mae_{end}dn" for truth in ("true", "cleaned") for end in ("", "low_", "high_")]
+    return pd.DataFrame(rows, columns=["estimator", "shared_patches", *names])
 
 
 def estimators(kinds: Mapping[str, tuple[str, Mapping[str, Any]]]) -> dict[str, NoiseEstimator]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pipeline.executor import run_map
 from pipeline.report import page, provenance, style, table_formats, training_budget
-from pipeline.report.display_names import qualified
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import Score, score, summary_table, to_table
 from pipeline.report.ledger_items import NO_REAL_FRAMES, TITLES, all_rows
@@ -57,6 +57,20 @@ SECTIONS = (
 )
 """Every section in the paper's order: a function of the inputs, None where it has nothing to show."""
 
+BLUR, NOISE = ("blur",), ("noise",)
+TASKS: Mapping[Callable[..., Any], tuple[str, ...]] = {
+    blur.section: BLUR,
+    blur.recorded: BLUR,
+    real_blur.section: BLUR,
+    factors.section: BLUR,
+    combined.section: BLUR,
+    combined.recorded: BLUR,
+    noise.section: NOISE,
+    noise.recorded: NOISE,
+    real_noise.section: NOISE,
+}
+"""Section -> task of the paper's network that it shows; sections of both, or of neither, are not named."""
+
 
 @dataclass(frozen=True)
 class Drawn:
@@ -65,17 +79,15 @@ class Drawn:
     Attributes:
         inputs: the files of the stages.
         folder: where figures are written.
-        names: words that are qualified on this page (`pipeline.report.display_names.qualified`).
     """
 
     inputs: ReportInputs
     folder: Path
-    names: Mapping[str, str]
 
     @style.styled
     def __call__(self, make: Callable[[ReportInputs], Section | None]) -> Section | None:
         """The section, its figures emptied: what they show is in their files. None where there is nothing to show."""
-        with qualified(self.names):
+        with training_budget.named(self.inputs, *TASKS.get(make, ())):
             section = make(self.inputs)
         figures = [] if section is None else [block for block in section.blocks if isinstance(block, Figure)]
         for figure in figures:
@@ -104,11 +116,10 @@ def build(inputs: ReportInputs, out_dir: str | Path, workers: int = 1) -> Score:
         InputError: a stage's file is broken or incomplete. A stage that has not run is no error: it is shown as such.
     """
     out = Path(out_dir)
-    names = training_budget.names(inputs)
-    with qualified(names):
+    with training_budget.named(inputs):
         rows = all_rows(inputs)
         with replacing_folder(out / "figures") as folder:
-            made = run_map(Drawn(inputs, folder, names), SECTIONS, workers=workers, label="sections of the report")
+            made = run_map(Drawn(inputs, folder), SECTIONS, workers=workers, label="sections of the report")
             sections = [section for section in made if section is not None]
             blocks = [block for section in sections for block in section.blocks]
             figures = [block for block in blocks if isinstance(block, Figure)]

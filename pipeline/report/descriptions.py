@@ -31,10 +31,11 @@ A table is a caption, columns, notes and the stage that made its numbers; its ro
 Of a column, ``source`` names the column of the frame where it has another name, ``word`` one whose display name is
 shown, ``choices`` the words for its values, ``text`` a text to fill in from the row, ``percent`` one in fractions,
 ``sum`` columns of counts, ``estimate`` the columns of value, ends of the interval, count and published value
-(`pipeline.report.tables.estimate`); ``wide`` is that of `Column`. A column ``"*"`` with ``spread: {across, index}``
-stands for one column for each value of ``across`` (`pipeline.report.tables.pivot`), whose name and heading follow from
-``key`` and ``heading`` (``"level_{:g}"``, ``"{:g} DN"``; by default the value and its display name). Words in braces
-are filled in; ``{x:word}`` is the display name of x, ``{x:lower}`` the same in lower case.
+(`pipeline.report.tables.estimate`); ``wide`` and ``signed`` are those of `Column`. A column ``"*"`` with
+``spread: {across, index}`` stands for one column for each value of ``across`` (`pipeline.report.tables.pivot`), whose
+name and heading follow from ``key`` and ``heading`` (``"level_{:g}"``, ``"{:g} DN"``; by default the value and its
+display name). Words in braces are filled in; ``{x:word}`` is the display name of x, ``{x:lower}`` the same in lower
+case.
 """
 
 from __future__ import annotations
@@ -219,12 +220,12 @@ class Descriptions:
             rows = pivot(rows, spread["index"], spread["across"], _cell("*", star), star.get("key", "{}").format)
         columns: list[Column] = []
         for name, entry in about["columns"].items():
-            unit, decimals = str(entry.get("unit", "")), entry.get("decimals")
+            unit, decimals, signed = str(entry.get("unit", "")), entry.get("decimals"), bool(entry.get("signed", False))
             if name == "*":
-                columns += [Column(one, title, unit, decimals) for one, title in (across or {}).items()]
+                columns += [Column(one, title, unit, decimals, False, signed) for one, title in (across or {}).items()]
             elif name not in without:
                 title, wide = filled(entry.get("title", ""), words), bool(entry.get("wide", False))
-                columns.append(Column(name, title, unit, decimals, wide))
+                columns.append(Column(name, title, unit, decimals, wide, signed))
                 made.setdefault(name, _cell(name, entry))
         lines = []
         for row in records(rows):

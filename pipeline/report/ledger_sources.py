@@ -16,6 +16,7 @@ from pipeline.camera.mtf import FREQUENCIES
 from pipeline.errors import InputError
 from pipeline.experiments import blur_records
 from pipeline.experiments.condition import SHARP
+from pipeline.experiments.frame_records import folders_with
 from pipeline.experiments.intervals import median_error_of_range
 from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES, sharp_curves
 from pipeline.report import detection_results
@@ -164,6 +165,18 @@ def blur_amae(inputs: ReportInputs) -> pd.DataFrame | None:
     ]
     raw = [where(part[part["blur_kind"] != SHARP], calibrated=False) for part in parts]
     return _with_records(raw[0], raw[1:])
+
+
+def blur_estimates(inputs: ReportInputs) -> pd.DataFrame | None:
+    """`pipeline.experiments.tables.BLUR_ESTIMATES` without noise behind the numbers of `blur_amae`, records among them.
+
+    Records from before estimates were kept have none.
+    """
+    recorded = [
+        blur_records.read_folder(folder).as_the_paper_ran(blur_records.estimates_of(folder))
+        for folder in folders_with(inputs.recorded, blur_records.SUMMARY_FILE, blur_records.KEYS).values()
+    ]
+    return _with_records(inputs.noiseless("blur_estimates"), recorded)
 
 
 def _with_records(ran: pd.DataFrame | None, recorded: list[pd.DataFrame]) -> pd.DataFrame | None:

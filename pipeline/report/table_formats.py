@@ -78,7 +78,7 @@ def tex(text: str) -> str:
 def _tex_cell(cell: Cell, column: Column, reference_word: str) -> str:
     if isinstance(cell, Estimate):
         text = tex(format_number(cell.value, column.decimals))
-        notes = [tex(format_interval(cell, column.decimals))]
+        notes = [tex(format_interval(cell, column.decimals, signed=column.signed))]
         if cell.count is not None:
             notes.append(f"$n={cell.count}$")
         if cell.reference is not None:

@@ -39,6 +39,9 @@ class Estimate:
         return math.isfinite(self.low) and math.isfinite(self.high)
 
 
+NEARLY_0 = 1e-9
+"""Rounding of sums: smaller numbers are 0."""
+
 Cell = str | int | float | bool | Estimate | None
 Row = Mapping[str, Any]
 
@@ -53,6 +56,7 @@ class Column:
         unit: shown in brackets after the title.
         decimals: digits after the point of numbers; None shows up to four significant digits.
         wide: the column holds sentences and may take several lines.
+        signed: the sign of an interval's end decides, so that it shows where an end rounds to 0 (`format_end`).
     """
 
     name: str
@@ -60,6 +64,7 @@ class Column:
     unit: str = ""
     decimals: int | None = None
     wide: bool = False
+    signed: bool = False
 
     @property
     def heading(self) -> str:
@@ -245,11 +250,21 @@ def format_number(value: float | None, decimals: int | None = None) -> str:
     return text.replace("-", "−", 1) if text.startswith("-") else text
 
 
-def format_interval(cell: Estimate, decimals: int | None = None) -> str:
-    """``"5.10 to 5.40"``; empty where the estimate has no interval."""
+def format_end(value: float, decimals: int | None = None) -> str:
+    """An end of an interval whose sign decides: as `format_number`, but an end that rounds to 0 with its first digit.
+
+    0 itself, up to rounding, stays 0.
+    """
+    rounds_to_0 = decimals is not None and NEARLY_0 < abs(value) < 0.5 * 10.0**-decimals
+    return format_number(value, math.ceil(-math.log10(abs(value))) if rounds_to_0 else decimals)
+
+
+def format_interval(cell: Estimate, decimals: int | None = None, *, signed: bool = False) -> str:
+    """``"5.10 to 5.40"``; empty where the estimate has no interval. ``signed``: see `format_end`."""
     if not cell.has_interval:
         return ""
-    return f"{format_number(cell.low, decimals)} to {format_number(cell.high, decimals)}"
+    end = format_end if signed else format_number
+    return f"{end(cell.low, decimals)} to {end(cell.high, decimals)}"
 
 
 def format_cell(cell: Cell, column: Column, reference_word: str = "paper") -> str:
@@ -261,7 +276,7 @@ def format_cell(cell: Cell, column: Column, reference_word: str = "paper") -> st
     if isinstance(cell, str):
         return cell
     if isinstance(cell, Estimate):
-        notes = [format_interval(cell, column.decimals)]
+        notes = [format_interval(cell, column.decimals, signed=column.signed)]
         if cell.count is not None:
             notes.append(f"n {cell.count:,}")
         if cell.reference is not None:

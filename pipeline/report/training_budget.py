@@ -12,9 +12,11 @@ that its percentage is an upper bound.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from pipeline.learning.learning_curve import LearningCurve, read
-from pipeline.report.display_names import ESTIMATORS
+from pipeline.report.display_names import ESTIMATORS, qualified
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.tables import format_number
 
@@ -59,15 +61,27 @@ def rounded_up(percent: float) -> str:
     return format_number(round(step * math.ceil(round(percent / step, 6)), 10))
 
 
-def names(inputs: ReportInputs) -> dict[str, str]:
+def names(inputs: ReportInputs, *tasks: str) -> dict[str, str]:
     """The one name of the paper's two networks with their shares of the paper's training.
 
     ``"NAME (blur: at most 45 %; noise: at most 86 % of the paper's samples)"``, with a semicolon between both: a comma
-    separates the parts of the ledger's quantities. Empty without a record of them; a network that saw no fewer samples
-    than the paper's needs no words.
+    separates the parts of the ledger's quantities; of a single task ``"NAME (at most 45 % of the paper's samples)"``.
+    Empty without a record of them; a network that saw no fewer samples than the paper's needs no words.
+
+    Args:
+        inputs: with the released networks.
+        tasks: that the name stands for, values of `TASKS`; both if none is given.
     """
     partial = {TASKS[name]: percent for name, percent in percents(inputs).items() if percent < 100}
-    if not partial:
+    chosen = {task: percent for task, percent in partial.items() if task in (tasks or TASKS.values())}
+    if not chosen:
         return {}
-    words = "; ".join(f"{task}: at most {rounded_up(percent)} %" for task, percent in partial.items())
-    return {NETWORK: f"{ESTIMATORS[NETWORK]} ({words} of the paper’s samples)"}
+    parts = [f"{'' if len(tasks) == 1 else f'{task}: '}at most {rounded_up(chosen[task])} %" for task in chosen]
+    return {NETWORK: f"{ESTIMATORS[NETWORK]} ({'; '.join(parts)} of the paper’s samples)"}
+
+
+@contextmanager
+def named(inputs: ReportInputs, *tasks: str) -> Iterator[None]:
+    """While something of these tasks is made, `names` stand for the paper's networks."""
+    with qualified(names(inputs, *tasks)):
+        yield

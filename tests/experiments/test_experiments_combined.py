@@ -14,7 +14,7 @@ from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.patches import cut, object_patches, tiles
 from pipeline.experiments.calibrate import divide_out_filter, divided_by_sharp
 from pipeline.experiments.combined import DISC, blur_cells, sigma_cells, with_expected
-from pipeline.experiments.combined_example import example_curves, highest_contrast_patch, steps
+from pipeline.experiments.combined_example import change_interval, example_curves, highest_contrast_patch, steps
 from pipeline.experiments.condition import Condition, Subset, grid
 from pipeline.experiments.corrupt import SharpFrame
 from pipeline.experiments.frames import TestFrame
@@ -22,7 +22,8 @@ from pipeline.experiments.intervals import robust_median
 from pipeline.experiments.metrics import combined_metrics
 from pipeline.experiments.run import Method, PreFilter, Registered, run
 from pipeline.experiments.summarise import MTF_CELL, mtf_cells
-from pipeline.experiments.tables import NOISE_READ, rounded, written
+from pipeline.experiments.tables import CHANGES, NOISE_READ, rounded, written
+from pipeline.streams import stream
 
 
 def test_each_pair_is_the_single_experiment_of_its_kernel_and_noise(measurements, frame, patches):
@@ -188,6 +189,33 @@ def test_example_curves_are_medians_of_the_rotation_nearest_to_the_diagonal(meas
     kernel = next(kernel for kernel in KERNELS if kernel.name == "linear_motion_7_0")
     both = part[part["axis"] == "HV"].sort_values("frequency_index")["true_mtf"].to_numpy()
     assert both == pytest.approx(mtf.sample(kernel.psf).mean(axis=0))
+
+
+def test_the_change_of_a_curve_is_that_of_the_same_frames():
+    """Every frame rises by about 0.05, its MTF lies from 0.2 to 0.8: ranges of patches overlap, the change is clear."""
+    generator = stream(0, "change of a curve")
+    frames = np.repeat([f"f{number}" for number in range(8)], 2)
+    before = np.repeat(np.linspace(0.2, 0.8, 8), 2) + generator.normal(scale=0.005, size=16)
+    after = before + 0.05 + generator.normal(scale=0.005, size=16)
+    low, high = change_interval(before, after, frames, stream(0, "a"), 500)
+    assert 0 < low < 0.05 < high < 0.15 and after.min() < before.max()
+    flipped = change_interval(after, before, frames, stream(0, "a"), 500)
+    np.testing.assert_allclose(flipped, (-high, -low))
+    after[:2] = np.nan  # a frame without an estimate counts for neither
+    without = change_interval(before[2:], after[2:], frames[2:], stream(0, "a"), 500)
+    np.testing.assert_allclose(change_interval(before, after, frames, stream(0, "a"), 500), without)
+    assert np.isnan(change_interval(before[:2], before[:2], frames[:2], stream(0, "a"), 500)).all()  # a single frame
+
+
+def test_curves_state_their_change_from_the_least_noise(measurements):
+    """Of a single frame there is no interval; of two there is, where there is noise."""
+    assert example_curves(measurements, 7.0)[list(CHANGES)].isna().all(axis=None)
+    twice = pd.concat([measurements, measurements.assign(frame="another", estimate=measurements["estimate"] * 0.9)])
+    curves = example_curves(twice, 7.0)
+    is_quiet = curves["target_sigma_dn"] == 0
+    assert curves.loc[is_quiet, list(CHANGES)].isna().all(axis=None)
+    known = curves[~is_quiet & curves["median"].notna()]
+    assert len(known) and known["change_low"].notna().all() and (known["change_low"] <= known["change_high"]).all()
 
 
 def test_a_cell_without_any_estimate_has_counts_but_no_mean():

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -338,3 +339,42 @@ class Bare(Folder):
     assert words.classes == ["car"] and dict(words.neighbours) == {"van": ("car",)}
     with pytest.raises(InputError, match="kind 'bare'.*detector_classes"):
         class_map("bare")
+
+
+def test_after_an_edit_of_a_helper_module_a_killed_sweep_begins_anew(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its pieces of before the edit would be mixed with those of after it."""
+    helper = tmp_path / "edited_spots/helper.py"
+    helper.parent.mkdir()
+    helper.write_text("SIDE = 30\n")
+    text = SPOTS.replace("side_px=30", "side_px=None").replace("self.side_px = side_px", "self.side_px = SIDE")
+    (helper.parent / "__init__.py").write_text(f"from edited_spots.helper import SIDE\n{text}")
+    plug_in(tmp_path, monkeypatch, "edited_spots_module", "", detection="spots = edited_spots:Spots")
+    config, made = _with_own(data), []
+    load_or_compute = checkpoint.load_or_compute
+
+    def killed(*arguments: Any) -> Any:
+        if len(made) == 3:
+            raise KeyboardInterrupt
+        made.append(load_or_compute(*arguments))
+        return made[-1]
+
+    def run_again() -> None:
+        for name in [name for name in sys.modules if name.startswith("edited_spots")]:
+            del sys.modules[name]
+        sweep.opened.cache_clear()
+        detect.run.run(config, {"dataset": "kitti", "detector": "mine"}, tmp_path, tmp_path)
+
+    index.run.run(config, {"dataset": "kitti"}, tmp_path, tmp_path)
+    detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)
+    before = store.read_json(tmp_path / "data/detector/mine/detector.json")
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(checkpoint, "load_or_compute", killed)
+        run_again()
+    helper.write_text("SIDE = 50\n\n")
+    run_again()
+    table = store.read_table(tmp_path / "data/detect/kitti-mine/detections.parquet", sweep.DETECTIONS)
+    assert set(table["x2"]) == {50.0}
+    detector.run.run(config, {"detector": "mine"}, tmp_path, tmp_path)  # so that what depends on it runs again
+    assert store.read_json(tmp_path / "data/detector/mine/detector.json") != before

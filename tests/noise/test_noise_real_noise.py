@@ -113,7 +113,16 @@ def test_errors_are_compared_on_the_patches_that_the_reference_answers_too():
     np.testing.assert_allclose(rows["true_shared_mae_dn"], [0.5, 0.1])
     np.testing.assert_allclose(rows["cleaned_shared_mae_dn"], [0.5, 0.1])
     assert real_noise.summarise(table).set_index("estimator").loc["other", "true_mae_dn"] > 2
-    assert real_noise.shared_errors(other, "reference")["true_shared_mae_dn"].isna().all()
+    assert real_noise.shared_errors(other, "reference").empty
+
+
+def test_patches_of_other_colour_planes_in_the_same_place_are_other_patches():
+    """Four planes: the reference answers two of the patches that share picture and place, the other all four."""
+    true = [2.0, 2.0, 2.0, 2.0]
+    parts = [patches("reference", [2.5, np.nan, 2.5, np.nan], true), patches("other", [2.1, 9.0, 2.1, 9.0], true)]
+    rows = real_noise.shared_errors(pd.concat(parts).assign(picture="p", x_px=0), "reference").set_index("estimator")
+    assert list(rows["shared_patches"]) == [2, 2]
+    np.testing.assert_allclose(rows["true_shared_mae_dn"], [0.5, 0.1])
 
 
 def test_an_estimator_that_never_answers_has_no_figures():

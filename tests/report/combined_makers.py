@@ -99,7 +99,9 @@ def curves(dataset: str) -> pd.DataFrame:
                                     "target_sigma_dn": level, "filter_px": filter_px, "calibrated": way, "axis": axis,
                                     "frequency_index": index, "frequency": frequency, "true_mtf": truth,
                                     "median": truth + 0.01 * level + 0.1 * (filter_px > 0), "minimum": 0.0,
-                                    "maximum": 1.0, "count": 9, "abstained": 1,
+                                    "maximum": 1.0, "change_low": 0.01 * level - 0.005 if level else np.nan,
+                                    "change_high": 0.01 * level + 0.005 if level else np.nan, "count": 9,
+                                    "abstained": 1,
                                 }
                             )  # fmt: skip
     return CURVES.conform(pd.DataFrame(rows))

@@ -6,13 +6,13 @@ import dataclasses
 import json
 import math
 from functools import partial
-from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 from report_makers import ABSENT, REPO
 
+from pipeline.curves.regression import fit
 from pipeline.report.claims import of_blur, of_detection, of_noise
 from pipeline.report.claims.claim import (
     CONSISTENT,
@@ -27,6 +27,7 @@ from pipeline.report.claims.claim import (
     of_number,
     verdict_of_counts,
 )
+from pipeline.report.detection_results import Results
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections import claims
 
@@ -70,21 +71,6 @@ def test_with_nothing_run_every_claim_names_its_command() -> None:
     assert set(claims.MEASURES) == {claim.measure.func.__name__[1:] for claim, _ in pairs[:-4]}
     assert len({claim.sentence for claim, _ in pairs}) == len(pairs)
     assert all(claim.reservation and claim.source for claim, _ in pairs)
-
-
-def test_the_network_is_best_where_its_whole_interval_is_lower(tmp_path: Path) -> None:
-    """Three kernels: it is lower, it is higher, and intervals overlap."""
-    cells = [
-        (size, name, value, value - width, value + width)
-        for size, network, width in ((3.0, 1.0, 0.5), (7.0, 9.0, 0.5), (11.0, 4.0, 3.0))
-        for name, value in (("cnn", network), ("pmp", 5.0), ("gbb", 6.0))
-    ]
-    table = pd.DataFrame(cells, columns=["kernel_size_px", "estimator", "amae_percent", "low_percent", "high_percent"])
-    evidence = Evidence(NOTHING)
-    evidence.amae = table.assign(measured_on="kitti", dataset="kitti", blur_kind="defocus", paper=1.0)
-    measured = of_blur.MEASURES["network_is_best"](evidence)
-    assert measured is not None and measured.verdict == PARTLY and measured.on == "KITTI"
-    assert measured.text.startswith("1 for, 1 against, of 3 cells")
 
 
 @pytest.mark.parametrize(
@@ -142,15 +128,15 @@ def test_mean_amae_is_stated_with_the_levels_that_it_is_of() -> None:
     assert f"Mean AMAE {levels} 6.0 %." in measured.text
 
 
-@pytest.mark.parametrize("column", ["median", "maximum"])
+@pytest.mark.parametrize("column", ["median", "change_low"])
 def test_a_curve_that_is_unknown_with_the_strongest_noise_is_left_out(column: str) -> None:
     """The network's curve at 25 DN is unknown: that at 15 DN must not stand for it."""
     rows = [
-        (dataset, name, level, 0.1 + level / 100, 0.05 + level / 100, 0.15 + level / 100)
+        (dataset, name, level, 0.1 + level / 100, 0.0, 1.0, level / 100 - 0.01, level / 100 + 0.01)
         for dataset, name in (("kitti", "cnn"), ("udacity", "cnn"))
         for level in (25.0, 0.0, 15.0)
     ]
-    columns = ["dataset", "estimator", "target_sigma_dn", "median", "minimum", "maximum"]
+    columns = ["dataset", "estimator", "target_sigma_dn", "median", "minimum", "maximum", "change_low", "change_high"]
     table = pd.DataFrame(rows, columns=columns).assign(
         experiment="photon_linear", calibrated=False, filter_px=0.0, axis="HV", frequency_index=4
     )
@@ -161,10 +147,10 @@ def test_a_curve_that_is_unknown_with_the_strongest_noise_is_left_out(column: st
     table.loc[0, column] = math.nan
     measured = of_noise.MEASURES["overestimates"](SimpleNamespace(inputs=inputs))
     assert measured.text.startswith("1 for, 0 against, of 1 curve.") and measured.on == "Udacity"
-    assert "from 0 to 25 DN: CNN on Udacity 0.10 to 0.35. Left out, unknown with the least or the strongest" in (
-        measured.text
-    )
-    assert "noise: CNN on KITTI." in measured.text and "KITTI 0." not in measured.text
+    assert "from 0 to 25 DN: CNN on Udacity 0.10 to 0.35. Left out, no estimate with the least" in measured.text
+    assert "interval of the change: CNN on KITTI." in measured.text and "KITTI 0." not in measured.text
+    table.loc[3, ["change_low", "change_high"]] = -0.01, 0.5  # the interval of the change includes 0
+    assert of_noise.MEASURES["overestimates"](SimpleNamespace(inputs=inputs)).verdict == UNDECIDED
     table.loc[3, column] = math.nan
     measured = of_noise.MEASURES["overestimates"](SimpleNamespace(inputs=inputs))
     assert measured.verdict == UNDECIDED and measured.text.startswith("Left out")
@@ -180,17 +166,22 @@ def test_improved_estimation_on_recorded_frames_decides_claims_on_noise_and_on_s
         assert "Of the paper's estimators." in measured.text
 
 
-def test_a_regression_of_fewer_cells_than_terms_decides_nothing() -> None:
+def test_an_unweighted_r2_stands_beside_the_papers_and_decides_nothing() -> None:
+    """Weighted the fit has another R²; one of fewer cells than terms has none."""
+    fitted = pd.DataFrame({"iso": [100.0, 200.0, 300.0, 400.0] * 3, "exposure_ms": [1.0] * 4 + [2.0] * 4 + [4.0] * 4})
+    fitted = fitted.assign(label="bicycle", ap_percent=fitted["iso"] / 10 + fitted["exposure_ms"] ** 2)
+    terms = pd.DataFrame({"label": "bicycle", "term": ["c1", "c2", "c3"]})
+    nothing, fits = pd.DataFrame(), {"car": {"r2": None}, "person": {}}
     evidence = Evidence(NOTHING)
-    evidence.detection = [SimpleNamespace(dataset="sim", fits={"car": {"r2": None}, "person": {}})]
+    evidence.detection = [
+        Results("sim", "compact", nothing, nothing, nothing, fitted=fitted, coefficients=terms, fits=fits)
+    ]
     assert of_detection.MEASURES["regression"](evidence) is None
-    evidence.detection[0].fits["bicycle"] = {"r2": 0.99}
+    evidence.detection[0].fits["bicycle"] = {"r2": 0.123}
     measured = of_detection.MEASURES["regression"](evidence)
-    assert (
-        measured is not None
-        and measured.verdict == SUPPORTED
-        and measured.text.startswith("1 for, 0 against, of 1 fit.")
-    )
+    r2 = fit(fitted["iso"], fitted["exposure_ms"], fitted["ap_percent"], terms=["c1", "c2", "c3"]).r2
+    assert measured is not None and measured.verdict == UNDECIDED
+    assert measured.text.startswith(f"Unweighted R² of 1 fit: {r2:.3f} to {r2:.3f}; ") and "0.123" not in measured.text
 
 
 @pytest.mark.parametrize(("miss", "verdict"), [(0.06, CONSISTENT), (0.2, CONTRADICTED)])

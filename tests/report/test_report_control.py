@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import control_report_makers as made
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -271,6 +272,26 @@ def test_the_sentence_on_the_order_is_built_from_numbers() -> None:
     assert len(rows) == 8 and {row["present_detector"] for row in rows if row["motion_px"] == 21.0} == {5.0, 15.0}
     (row,) = [row for row in order_study.conclusion_table(_study()).rows if row["claim"] == "AP falls with motion blur"]
     assert row["detector_linear"] == "yes: 50.0 to 29.0 %, change −31.0 to −11.0 points"
+    (note,) = order_study.conclusion_table(_study()).footnotes
+    assert "5 to 15 DN, mean over motions of 21 px; of motion: 0 to 21 px" in note  # not over the sharp frames
+
+
+def test_opposite_verdicts_never_stand_beside_the_same_interval() -> None:
+    """Changes of AMAE of 0.04 to 1.0 and of -0.04 to 1.0 points, both of which round to 0.0 to 1.0."""
+    effects = made.effects()
+    of_noise = (effects["cause"] == "noise") & (effects["measure"] == "amae_percent")
+    effects.loc[of_noise, "high"] = 1.0
+    effects.loc[of_noise, "low"] = np.where(effects[of_noise]["light"] == "linear", -0.04, 0.04)
+    row = order_study.conclusion_table(order_study.Study(made.study(), effects)).rows[1]
+    assert row["paper_encoded"].startswith("yes") and row["paper_encoded"].endswith("change 0.04 to 1.0 points")
+    assert row["paper_linear"].startswith("not decided")
+    assert row["paper_linear"].endswith("change −0.04 to 1.0 points")
+
+
+def test_paired_differences_show_the_sign_of_their_ends(section: Section) -> None:
+    columns = [column for column in _table(section, "control_pairs").columns if column.unit == "points"]
+    columns += [column for column in closed_loop.losses([]).columns if column.unit == "points"]
+    assert len(columns) > 3 and all(column.signed for column in columns)
 
 
 def test_the_verdict_of_the_page_holds_the_findings(

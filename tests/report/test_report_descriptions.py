@@ -151,7 +151,7 @@ def test_every_description_is_used_and_complete(path: Path) -> None:
                 known = {"name", "caption", "stage", "order", "columns", "notes", "further_notes", "reference_word"}
                 assert set(entry) <= known, key
                 allowed = {"title", "unit", "decimals", "word", "percent", "estimate", "source", "wide"}
-                allowed |= {"choices", "text", "sum", "spread", "key", "heading"}
+                allowed |= {"choices", "text", "sum", "spread", "key", "heading", "signed"}
                 assert all(set(column) <= allowed for column in entry["columns"].values()), key
                 spread = entry["columns"].get("*", {}).get("spread", {"across", "index"})
                 assert set(spread) == {"across", "index"}, key

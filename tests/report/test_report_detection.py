@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from report_makers import ABSENT, REPO
@@ -14,14 +15,16 @@ from sweep_makers import LEVELS, SIZES, sweep_tables
 from pipeline import store
 from pipeline.config.compose import compose
 from pipeline.config.schema import validate
+from pipeline.curves.regression import fit
 from pipeline.experiments.detect import DETECTIONS, LOOKED, OBJECTS
 from pipeline.experiments.tables import CONDITIONS
 from pipeline.report import detection_results, style
 from pipeline.report.build import build
+from pipeline.report.claims import paired_precision
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.ledger import MATCH, NOT_COMPARABLE
 from pipeline.report.ledger_items import ITEMS, rows_of
-from pipeline.report.sections import detection
+from pipeline.report.sections import detection, detection_figures
 from pipeline.report.spec import Figure, NotRun
 from pipeline.report.tables import Estimate, Table
 from pipeline.stages import curves, direction, refit, regression
@@ -115,6 +118,51 @@ def test_too_few_cells_for_the_regression_are_said(blocks: dict[str, Figure | Ta
     cars = [row for row in table.rows if row["label"] == "Car"]
     assert all(row["cells"] == 15 for row in cars)
     assert all("no fit" in str(row["reason"]) for row in table.rows if row["label"] == "Person")
+
+
+def test_errors_that_were_raised_are_counted_and_the_unweighted_fit_stands_beside(
+    inputs: ReportInputs, blocks: dict[str, Figure | Table]
+) -> None:
+    """No cell weighs more than one with an error of 2 points; the made-up detector has cells without any error."""
+    table = blocks["regression_fits_sim"]
+    assert isinstance(table, Table)
+    row = next(row for row in table.rows if row["label"] == "Car" and row["detector"] == "Compact")
+    one = detection_results.read(dataclasses.replace(inputs, recorded=None))[0]
+    errors = one.fitted_cells("car")["error_percent"]
+    assert errors.min() == 2.0 and row["raised"] == (errors == 2.0).sum() > 0
+    assert any("below 2 points count as 2" in note for note in table.footnotes)
+    cells = one.fitted_cells("car")
+    fitted = fit(cells["iso"], cells["exposure_ms"], cells["ap_percent"]).r2
+    assert row["unweighted_r2"] == fitted != row["r2"]
+
+
+def test_a_residual_stands_wholly_on_its_mark() -> None:
+    """White digits beside a dark mark would be lost on white paper: -21 would read -2."""
+    iso, exposure_ms = (axis.ravel() for axis in np.meshgrid([100.0, 500, 1500, 2500], [1.0, 7, 15, 21]))
+    rows = {"iso": iso, "exposure_ms": exposure_ms, "ap_percent": 50.0, "fitted_percent": 71.0, "residual": -21.0}
+    cells = pd.DataFrame(rows).assign(label="car", error_percent=2.0, fit="a car")
+    grid = cells.assign(ap_percent=np.nan, fitted_percent=iso / 50 + exposure_ms)
+    drawing = detection_figures.regression(pd.concat([cells, grid]), {"a car": "A, car"})
+    drawing.figure.draw_without_rendering()
+    axes = drawing.figure.axes[1]
+    half = detection_figures.RESIDUAL_PT / 2 * drawing.figure.dpi / 72
+    for text, offset in zip(axes.texts, axes.collections[0].get_offsets(), strict=True):
+        middle, extent = axes.transData.transform(offset)[0], text.get_window_extent()
+        assert text.get_text() == "−21" and middle - half <= extent.x0 and extent.x1 <= middle + half
+
+
+def test_a_stage_keeps_what_paired_differences_need(inputs: ReportInputs) -> None:
+    """The resampled values belong to the points: their mean is near AP, and scenes are shared by all conditions."""
+    alone = dataclasses.replace(inputs, recorded=None)
+    cars = [sweep for sweep in paired_precision.sweeps(detection_results.read(alone)) if sweep.label == "car"]
+    assert [sweep.detector for sweep in cars] == list(DETECTORS)
+    for sweep in cars:
+        assert sweep.draws.shape[0] == len(sweep.points) == len(SIZES) * len(LEVELS)
+        np.testing.assert_allclose(np.nanmean(sweep.draws, axis=1), sweep.points["ap_percent"], atol=6.0)
+        longest, strongest = sweep.ends()
+        value, low, high = sweep.difference((longest, strongest), (0.0, 0.0))
+        assert value == sweep.ap_percent(longest, strongest) - sweep.ap_percent(0.0, 0.0)
+        assert low <= value <= high < 0
 
 
 def test_recorded_curves_carry_their_source(blocks: dict[str, Figure | Table]) -> None:

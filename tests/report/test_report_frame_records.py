@@ -12,9 +12,11 @@ from combined_makers import blur_cells, curves, noise_cells
 from report_makers import REPO, make_noise
 
 from pipeline import store
+from pipeline.experiments import frame_records
 from pipeline.experiments.blur_records import BlurRecord
 from pipeline.experiments.factors import EFFECTS, FACTOR_CELLS, SETTINGS
 from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, FACTOR_FILES, NOISE_FILE
+from pipeline.experiments.tables import CHANGES
 from pipeline.recording.provenance import write_csv
 from pipeline.report import ledger_causes, ledger_sources
 from pipeline.report.inputs import ReportInputs
@@ -51,6 +53,13 @@ def effects() -> pd.DataFrame:
     return EFFECTS.conform(
         pd.DataFrame([{**shared, "blur_kind": kind, "kernel_size_px": size, **numbers} for kind, size in blurs])
     )
+
+
+def test_curves_recorded_before_their_change_was_kept_have_none(tmp_path: Path) -> None:
+    old = curves("udacity").drop(columns=list(CHANGES))
+    put(tmp_path / "udacity-combined", "udacity", {COMBINED_FILES[2]: old})
+    read = frame_records.joined(tmp_path, COMBINED_FILES[2])
+    assert len(read) == len(old) and read[list(CHANGES)].isna().all(axis=None)
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from report_makers import REPO
 
@@ -59,6 +60,10 @@ def test_recorded_numbers_stand_in_for_stages_that_have_not_run(inputs: ReportIn
     error = first["true_mae_dn"]
     assert isinstance(error, Estimate)
     assert error.value == selected["true_mae_dn"] and error.low == selected["true_mae_low_dn"]
+    shared = {(row["recording"], row["estimator"]): row["true_shared_mae_dn"] for row in table.rows}
+    values = [shared[place, "Correlated"].value for place in ("CC", "PolyU")]
+    assert values == pytest.approx([0.42, 0.71], abs=0.005)  # 0.60 and 1.08 on all patches
+    assert shared["CC", "Adaptive"].value == pytest.approx(error.value, rel=1e-4)
     bounds = blocks["real_noise_picture_bounds"]
     assert isinstance(bounds, Table)
     shown = {(row["recording"], row["of"]): row for row in bounds.rows}
@@ -78,6 +83,21 @@ def test_errors_stand_above_the_points(inputs: ReportInputs) -> None:
         assert note.get_text().startswith("error ") and note.get_text().endswith(" % estimated")
         assert extent.y0 > panel.y1 and panel.x0 <= extent.x0 and extent.x1 <= panel.x1
         assert not axes.get_title() or axes.title.get_window_extent().y0 > extent.y1
+
+
+def test_estimates_above_the_panel_are_marked(inputs: ReportInputs) -> None:
+    """Triangles at the upper end, as many as there are estimates beyond it; no other mark touches that end."""
+    parts = recordings(inputs)
+    drawing = real_noise.scatter(list(parts.values()), real_noise.SHOWN)
+    panels = np.array(drawing.figure.axes).reshape(len(parts), len(real_noise.SHOWN))
+    for row, part in zip(panels, parts.values(), strict=True):
+        for axes, name in zip(row, real_noise.SHOWN, strict=True):
+            estimates, top = part.patches.loc[part.patches["estimator"] == name, "sigma_dn"], axes.get_ylim()[1]
+            points, triangles = axes.collections
+            assert len(triangles.get_offsets()) == (estimates > top).sum()
+            assert len(points.get_offsets()) == len(estimates) - (estimates > top).sum()
+            assert len(triangles.get_paths()[0].vertices) == 4  # closed
+    assert len(panels[list(parts).index("flea3"), real_noise.SHOWN.index("bf")].collections[1].get_offsets()) > 5
 
 
 def test_examples_show_both_answers_and_the_reason_to_abstain(inputs: ReportInputs) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputError
 from pipeline.report import table_formats
-from pipeline.report.tables import Column, Estimate, Table, format_cell, format_number
+from pipeline.report.tables import Column, Estimate, Table, format_cell, format_interval, format_number
 
 
 def table(**changes: object) -> Table:
@@ -60,6 +60,24 @@ def test_an_estimate_shows_interval_count_and_reference() -> None:
     shown = format_cell(Estimate(5.25, 5.1, 5.4, 72, 5.2), Column("x", decimals=2), "paper")
     assert shown == "5.25 [5.10 to 5.40; n 72; paper 5.20]"
     assert format_cell(Estimate(5.25), Column("x", decimals=2)) == "5.25"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "shown"),
+    [
+        (-0.029, 1.6, "−0.03 to 1.6"),
+        (0.002, 1.04, "0.002 to 1.0"),
+        (-0.06, 0.049, "−0.1 to 0.05"),
+        (0.0, 1.0, "0.0 to 1.0"),
+        (-1e-15, 1.0, "0.0 to 1.0"),
+    ],
+)
+def test_a_deciding_end_shows_its_sign_where_it_would_round_to_zero(low: float, high: float, shown: str) -> None:
+    made = Table("t", "", [Column("x", decimals=1, signed=True)], [{"x": Estimate(0.6, low, high)}])
+    assert format_interval(Estimate(0.6, low, high), 1, signed=True) == shown
+    assert f"[{shown}]" in table_formats.to_markdown(made) and shown in table_formats.to_html(made)
+    assert f"[{table_formats.tex(shown)}]" in table_formats.to_latex(made)
+    assert format_interval(Estimate(0.6, -0.029, 1.6), 1) == "0.0 to 1.6"  # where the sign decides nothing
 
 
 def test_csv_keeps_every_part_of_an_estimate_and_full_precision() -> None:

@@ -1,7 +1,10 @@
 """A claim of the paper, our measurement of it, and the verdict that the measurement's intervals allow.
 
 A verdict counts cells of a table: a cell supports a claim where its whole 95 % interval lies on the claimed side, and
-opposes it where it lies on the other side. Cells share frames, so that their number is no number of independent tests.
+opposes it where it lies on the other side. Two cells of the same frames are compared by the interval of their paired
+difference (`pipeline.report.claims.paired_blur`, `.paired_precision`); where nothing is kept to compute that of, by
+whether their intervals overlap, which decides less (`OVERLAP`). Cells share frames, so that their number is not that of
+independent tests.
 """
 
 from __future__ import annotations
@@ -15,6 +18,8 @@ from typing import Any
 import pandas as pd
 
 from pipeline.report import detection_results, ledger_sources
+from pipeline.report.claims import paired_blur, paired_precision
+from pipeline.report.claims.paired_precision import Sweep
 from pipeline.report.detection_results import Results
 from pipeline.report.display_names import counted, listing, word
 from pipeline.report.inputs import ReportInputs, published_table
@@ -25,7 +30,11 @@ NOT_MEASURED = "not measured"
 CONSISTENT = "consistent"  # the paper's numbers with each other: no measurement of ours
 VERDICTS = (SUPPORTED, PARTLY, UNDECIDED, CONTRADICTED, CONSISTENT, NOT_MEASURED)
 NEARLY_ALL, HALF = 0.9, 0.5
+OVERLAP = "Intervals that do not overlap decide."
+"""Rule of claims that compare cells of which no estimates of single frames are kept, for paired differences."""
+
 ENDS = ("low_percent", "high_percent")
+PAPER_BLUR = ("cnn", "pmp", "gbb")
 SAME_EXPERIMENT = {"linear_motion_dcsn": "linear_dcsn"}
 """Name of an experiment of improved estimation -> that of blur and noise at once, whose blur and noise are the same."""
 
@@ -62,7 +71,8 @@ class Claim:
     """A sentence of the paper in our words, and the section, table or figure it is from.
 
     ``measure`` gives our measurement, None where what it needs has not run; ``stage`` would produce it, or ``command``
-    where no stage does; the reservation is why it might not decide the claim.
+    where no stage does; the reservation is why it might not decide the claim. ``tasks``: of the paper's networks that
+    it is about (`pipeline.report.training_budget.names`).
     """
 
     source: str
@@ -71,6 +81,7 @@ class Claim:
     reservation: str = ""
     stage: str = ""
     command: str = ""
+    tasks: tuple[str, ...] = ()
 
 
 class Evidence:
@@ -89,6 +100,12 @@ class Evidence:
         if ours is None:
             return paper.iloc[:0].assign(amae_percent=0.0, low_percent=0.0, high_percent=0.0, measured_on="")
         return ours.merge(paper, how="left", on=keys)
+
+    @cached_property
+    def blur(self) -> dict[paired_blur.Key, paired_blur.Cell]:
+        """Estimates of the paper's estimators behind Table I, and on sharp frames, for paired differences."""
+        estimates = ledger_sources.blur_estimates(self.inputs)
+        return {} if estimates is None else paired_blur.cells(where(estimates, estimator=list(PAPER_BLUR)))
 
     @cached_property
     def sharp(self) -> pd.DataFrame:
@@ -113,14 +130,9 @@ class Evidence:
         return [*detection_results.read(self.inputs), *recorded]
 
     @cached_property
-    def sweeps(self) -> pd.DataFrame:
-        """Average precision (`pipeline.curves.precision.PRECISION`) of all; an index for each class."""
-        groups = [(one, label) for one in self.detection for label in one.labels]
-        parts = [
-            where(one.precision, label=label).assign(sweep=number, measured_on=one.dataset)
-            for number, (one, label) in enumerate(groups)
-        ]
-        return pd.concat(parts).set_index("sweep") if parts else pd.DataFrame()
+    def sweeps(self) -> list[Sweep]:
+        """Average precision of every detector and class under each kind of blur, with its resampled values."""
+        return paired_precision.sweeps(self.detection)
 
     @cached_property
     def run_times(self) -> dict[str, float]:
@@ -152,7 +164,7 @@ def lower(first: pd.DataFrame, second: pd.DataFrame, ends: Sequence[str] = ENDS)
     """Rows of a first table that the second has, too (by their index), for the claim that the first number is lower.
 
     A row ``supports`` it where its whole interval (columns ``ends``) lies below that of the second, and ``opposes`` it
-    where it lies above.
+    where it lies above: the rule `OVERLAP`, for tables without estimates of single frames.
     """
     low, high = ends
     both = first.join(second[[low, high]], how="inner", rsuffix="_of_second")

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 
-from pipeline.report.claims import claim
-from pipeline.report.claims.claim import ENDS, Evidence, Measurement
+from pipeline.experiments.condition import SHARP
+from pipeline.experiments.sharp_curves import NOMINAL_FREQUENCIES
+from pipeline.report.claims import claim, paired_blur
+from pipeline.report.claims.claim import Evidence, Measurement
 from pipeline.report.display_names import word
 from pipeline.report.sections.runtime import patch_times
 from pipeline.report.tables import format_number, where
@@ -18,41 +21,75 @@ PREPROCESSING_PERCENT = 90.0
 
 
 def _network_is_best(evidence: Evidence) -> Measurement | None:
-    cells, kernel = evidence.amae, ["measured_on", "blur_kind", "kernel_size_px"]
-    network = where(cells, estimator=NETWORK).set_index(kernel)
-    rest = where(cells, estimator=DECONVOLUTION).groupby(kernel)[[*ENDS, "paper"]].min()
+    """On the patches that the network and each of the others have."""
+    known, rows = evidence.blur, []
+    for key in known:
+        dataset, estimator, blur, size_px = key
+        others = [(dataset, name, blur, size_px) for name in DECONVOLUTION]
+        if estimator == NETWORK and blur != SHARP and all(other in known for other in others):
+            rows.append({"measured_on": dataset, **paired_blur.lower(known, key, others, evidence.inputs.seed)})
+    cells = pd.DataFrame(rows)
+    if cells.empty:
+        return None
+    kernel = ["measured_on", "blur_kind", "kernel_size_px"]
+    network = where(evidence.amae, estimator=NETWORK).set_index(kernel)
+    rest = where(evidence.amae, estimator=DECONVOLUTION).groupby(kernel)[["paper"]].min()
     papers = network.join(rest["paper"].dropna(), how="inner", rsuffix="_of_rest")
     lowest = papers["paper"] < papers["paper_of_rest"]
-    text = f"In the paper's own numbers the network is lowest in {lowest.sum()} of {len(lowest)} of them."
-    return claim.of_cells(claim.lower(network, rest), "cell", cells["measured_on"], text)
+    text = "On the patches that both have. "
+    text += f"In the paper's own numbers the network is lowest in {lowest.sum()} of {len(lowest)} of them."
+    return claim.of_cells(cells, "cell", cells["measured_on"], text)
 
 
 def _amae_over_size(
     evidence: Evidence, *, first_px: float, then_px: float, estimators: Sequence[str], blur: str, rises: bool
 ) -> Measurement | None:
     """That the AMAE of a blur rises, or falls, from one kernel size to another."""
-    cells = where(evidence.amae, estimator=list(estimators), blur_kind=blur)
-    first, then = (
-        where(cells, kernel_size_px=size).set_index(["measured_on", "estimator"]) for size in (first_px, then_px)
+    known, rows = evidence.blur, []
+    smaller, larger = (first_px, then_px) if rises else (then_px, first_px)
+    for dataset, name in dict.fromkeys(key[:2] for key in known if key[1] in estimators):
+        low, high = ((dataset, name, blur, size_px) for size_px in (smaller, larger))
+        if low in known and high in known:
+            compared = paired_blur.lower(known, low, [high], evidence.inputs.seed)
+            rows.append({"measured_on": dataset, "estimator": name, **compared})
+    pairs = pd.DataFrame(rows)
+    if pairs.empty:
+        return None
+    cells = where(evidence.amae, blur_kind=blur).merge(pairs[["measured_on", "estimator"]])
+    before, after = (
+        format_number(where(cells, kernel_size_px=size)["amae_percent"].mean(), 1) for size in (first_px, then_px)
     )
-    both = claim.lower(first, then) if rises else claim.lower(then, first)
-    before, after = (format_number(of.loc[both.index, "amae_percent"].mean(), 1) for of in (first, then))
     text = f"Mean AMAE {before} % at {first_px:g} px and {after} % at {then_px:g} px."
-    return claim.of_cells(both, "dataset-estimator pair", cells["measured_on"], text)
+    return claim.of_cells(pairs, "dataset-estimator pair", pairs["measured_on"], text)
 
 
 def _defocus_is_easiest(evidence: Evidence) -> Measurement | None:
-    cells, keys = where(evidence.amae, estimator=NETWORK), ["measured_on", "kernel_size_px"]
-    disc = where(cells, blur_kind="defocus").set_index(keys)
-    motion = cells[cells["blur_kind"] != "defocus"].groupby(keys)[list(ENDS)].min()
-    pairs = claim.lower(disc, motion)
-    means = cells.groupby("blur_kind")["amae_percent"].mean()
+    known, rows = evidence.blur, []
+    for key in known:
+        dataset, estimator, blur, _ = key
+        motion = [other for other in known if other[::3] == key[::3] and other[1] == NETWORK and other[2] != blur]
+        if estimator == NETWORK and blur == "defocus" and motion:
+            rows.append({"measured_on": dataset, **paired_blur.lower(known, key, motion, evidence.inputs.seed)})
+    pairs = pd.DataFrame(rows)
+    if pairs.empty:
+        return None
+    means = where(evidence.amae, estimator=NETWORK).groupby("blur_kind")["amae_percent"].mean()
     text = f"Mean AMAE: {', '.join(f'{word(str(blur))} {mean:.1f} %' for blur, mean in means.items())}."
-    return claim.of_cells(pairs, "dataset-size pair", sorted(pairs.index.get_level_values("measured_on")), text)
+    return claim.of_cells(pairs, "dataset-size pair", pairs["measured_on"], text)
 
 
 def _sharp_frames(evidence: Evidence) -> Measurement | None:
-    if evidence.sharp.empty:
+    """That PMP and GBB estimate a lower MTF than the network, on the patches that both have."""
+    known, rows = evidence.blur, []
+    statistic = paired_blur.horizontal_mtf(NOMINAL_FREQUENCIES.index(FREQUENCY))
+    for key in known:
+        dataset, estimator, blur, size_px = key
+        beside = (dataset, NETWORK, blur, size_px)
+        if estimator in DECONVOLUTION and blur == SHARP and beside in known:
+            compared = paired_blur.lower(known, key, [beside], evidence.inputs.seed, statistic)
+            rows.append({"measured_on": dataset, **compared})
+    pairs = pd.DataFrame(rows)
+    if pairs.empty or evidence.sharp.empty:
         return None
     cells = evidence.sharp[np.isclose(evidence.sharp["frequency"], FREQUENCY)]
     network = where(cells, estimator=NETWORK).set_index("measured_on")
@@ -63,7 +100,7 @@ def _sharp_frames(evidence: Evidence) -> Measurement | None:
         for dataset, mean, ours in zip(means.index, means, network["mtf"].reindex(means.index), strict=True)
     ]
     text = f"Median MTF at {FREQUENCY:g} of Nyquist, horizontal: {'; '.join(words)}."
-    return claim.of_cells(claim.lower(rest, network, ("low", "high")), "dataset-estimator pair", means.index, text)
+    return claim.of_cells(pairs, "dataset-estimator pair", pairs["measured_on"], text)
 
 
 def _many_times_faster(evidence: Evidence) -> Measurement | None:

@@ -7,58 +7,73 @@ import pandas as pd
 from pipeline.control.order_conclusions import DETECTOR, ENCODED, LINEAR, PAPER, Conclusion, Study
 from pipeline.control.scenario_result import OURS
 from pipeline.report.claims import claim
-from pipeline.report.claims.claim import ENDS, Evidence, Measurement
-from pipeline.report.display_names import word
+from pipeline.report.claims.claim import Evidence, Measurement
+from pipeline.report.claims.paired_precision import WHO, distinct
+from pipeline.report.display_names import counted, word
 from pipeline.report.inputs import published_table
 from pipeline.report.sections import order_study
 from pipeline.report.sections.closed_loop import scenario_results
 from pipeline.report.tables import records, where
 
 BUILT_IN = ("prosilica", "mean_intensity")
+CLEAN = (0.0, 0.0)
+"""Neither blur (px) nor noise (DN)."""
+
+MEASURED_BIN = ("sigma_bin_dn", "mtf_bin", "sigma_dn", "mtf", "ap_percent")
+"""Columns of a bin of a surface that are equal where it is the same measurement."""
+
 DIRECTION_POINTS = 5.0
 """Difference of AP between directions of blur from which the direction matters."""
 
 
 def _falls(evidence: Evidence, *, cause: str) -> Measurement | None:
-    """That AP falls with the strongest noise or the longest blur, the other absent."""
-    if evidence.sweeps.empty:
+    """That AP falls with the strongest noise or the longest blur, the other absent; the mean over directions."""
+    rows = []
+    for sweep in evidence.sweeps:
+        longest, strongest = sweep.ends()
+        point = (0.0, strongest) if cause == "noise" else (longest, 0.0)
+        if point == CLEAN:
+            continue
+        blur = "" if cause == "noise" else sweep.blur_kind
+        clean, worst = sweep.ap_percent(0.0, 0.0), sweep.ap_percent(*point)
+        rows.append({**sweep.who, "blur_kind": blur, "clean": clean, "worst": worst, **sweep.lower(point, [CLEAN])})
+    pairs = distinct(rows, "blur_kind")
+    if pairs.empty:
         return None
-    column, other = ("target_sigma_dn", "kernel_size_px") if cause == "noise" else ("kernel_size_px", "target_sigma_dn")
-    rows = where(evidence.sweeps, **{other: 0})
-    clean, worst = where(rows, **{column: 0}), rows[rows[column] == rows.groupby("sweep")[column].transform("max")]
-    before, after = (of["ap_percent"].groupby("sweep").mean().mean() for of in (clean, worst))
-    text = f"Mean AP {before:.0f} to {after:.0f} %."
-    return claim.of_cells(claim.lower(worst, clean), "condition", worst["measured_on"], text)
+    before, after = pairs.groupby(WHO)[["clean", "worst"]].mean().mean()
+    return claim.of_cells(pairs, "comparison", pairs["dataset"], f"Mean AP {before:.0f} to {after:.0f} %.")
 
 
 def _both_cost_more(evidence: Evidence) -> Measurement | None:
-    rows = evidence.sweeps
-    if rows.empty:
-        return None
-    size, level = (rows.groupby("sweep")[name].transform("max") for name in ("kernel_size_px", "target_sigma_dn"))
-    longest, strongest = rows["kernel_size_px"] == size, rows["target_sigma_dn"] == level
-    noisy = rows[strongest & (rows["kernel_size_px"] == 0)]
-    both, blurred = (
-        rows[longest & noise].set_index("angle_deg", append=True) for noise in (strongest, rows["target_sigma_dn"] == 0)
-    )
-    either = blurred[[*ENDS]].join(noisy[[*ENDS]], rsuffix="_of_noise")
-    lowest = pd.DataFrame({end: either[[end, f"{end}_of_noise"]].min(axis=1) for end in ENDS})
-    return claim.of_cells(claim.lower(both, lowest), "direction", both["measured_on"])
+    """That AP under the longest blur and the strongest noise is below that under either; the mean over directions."""
+    rows = []
+    for sweep in evidence.sweeps:
+        longest, strongest = sweep.ends()
+        if not (longest and strongest):
+            continue
+        lower = sweep.lower((longest, strongest), [(longest, 0.0), (0.0, strongest)])
+        rows.append({**sweep.who, "blur_kind": sweep.blur_kind, **lower})
+    pairs = distinct(rows, "blur_kind")
+    return None if pairs.empty else claim.of_cells(pairs, "comparison", pairs["dataset"])
 
 
 def _not_monotonic(evidence: Evidence) -> Measurement | None:
-    surfaces = [
-        (one.dataset, group)
-        for one in evidence.detection
-        for _, group in one.heat[one.heat["count"] > 0].groupby("label")
+    """By surfaces; bins that two of them share, those without blur, count for the first alone."""
+    parts = [
+        where(one.heat, label=label).assign(dataset=one.dataset, detector=one.detector, surface=f"{number} {label}")
+        for number, one in enumerate(evidence.detection)
+        for label in sorted(set(one.heat["label"]))
     ]
-    certain = pd.DataFrame({"supports": [group["certainly"].any() for _, group in surfaces], "opposes": False})
-    rises, certainly, bins = (
-        sum(int(of(group)) for _, group in surfaces)
-        for of in (lambda group: group["non_monotonic"].sum(), lambda group: group["certainly"].sum(), len)
-    )
-    text = f"{rises} of {bins} bins exceed a milder neighbour, {certainly} certainly, corrected for their number."
-    return claim.of_cells(certain, "surface", [dataset for dataset, _ in surfaces], text)
+    if not parts:
+        return None
+    bins = pd.concat(parts, ignore_index=True)
+    bins = bins[bins["count"] > 0].drop_duplicates([*WHO, *MEASURED_BIN])
+    groups = bins.groupby("surface", sort=False)
+    certain = pd.DataFrame({"dataset": groups["dataset"].first(), "supports": groups["certainly"].any()})
+    certain = certain.assign(opposes=False)
+    rises, certainly = (int(bins[name].sum()) for name in ("non_monotonic", "certainly"))
+    text = f"{rises} of {len(bins)} bins exceed a milder neighbour, {certainly} certainly, corrected for their number."
+    return claim.of_cells(certain, "surface", certain["dataset"], text)
 
 
 def _direction_matters(evidence: Evidence) -> Measurement | None:
@@ -84,16 +99,19 @@ def _direction_matters(evidence: Evidence) -> Measurement | None:
 
 
 def _regression(evidence: Evidence) -> Measurement | None:
+    """R² of fits in which every cell counts the same, as in the paper, beside the paper's; it has no interval."""
     published = published_table(evidence.inputs.paper / "regression_coefficients.csv")
     bound = float(published.loc[published["parameter"] == "r2", "value"].min())
-    every = [(one.dataset, fit.get("r2")) for one in evidence.detection for fit in one.fits.values()]
-    fits = [(dataset, float(r2)) for dataset, r2 in every if r2 is not None]  # none of fewer cells than terms
+    every = [(one.dataset, one.unweighted_r2(label)) for one in evidence.detection for label in one.fits]
+    fits = [(dataset, r2) for dataset, r2 in every if r2 is not None]
     if not fits:
         return None
-    r2 = pd.Series([fit for _, fit in fits])
-    text = f"R² of {r2.min():.3f} to {r2.max():.3f}; the paper's {bound:.3f} and more counts."
-    cells = pd.DataFrame({"supports": r2 >= bound, "opposes": r2 < bound})
-    return claim.of_cells(cells, "fit", [dataset for dataset, _ in fits], text)
+    r2 = pd.Series([value for _, value in fits])
+    text = (
+        f"Unweighted R² of {counted(len(r2), 'fit')}: {r2.min():.3f} to {r2.max():.3f}; {(r2 >= bound).sum()} of them "
+        f"as high as the paper's {bound:.3f}, unweighted too. Without an interval R² decides nothing."
+    )
+    return Measurement(text, claim.UNDECIDED, on=claim.names_of(dataset for dataset, _ in fits))
 
 
 def _grid(evidence: Evidence) -> Measurement | None:
@@ -119,22 +137,27 @@ def _framework_wins(evidence: Evidence) -> Measurement | None:
         for name, row in (("framework", ours), ("built-in", others[0]), ("fixed", others[1]))
     )
     value, low, high = (ours[name] for name in ("car_ap_percent", "low_percent", "high_percent"))
-    return Measurement(f"AP: {text}.", verdict, value, low, high, word("sim"))
+    return Measurement(f"AP: {text}. {claim.OVERLAP}", verdict, value, low, high, word("sim"))
 
 
 def _framework_wins_elsewhere(evidence: Evidence) -> Measurement | None:
-    differences = [
-        difference
+    """By paired differences; where both policies drive alike, so that theirs are the same, they count once."""
+    rows = [
+        (one.name, other, *difference)
         for one in scenario_results(evidence.inputs)
         for policy in OURS
         for other in BUILT_IN
         if one.is_demanding and (difference := one.difference(policy, other)) is not None
     ]
-    cells = pd.DataFrame(differences, columns=["points", "low", "high"], dtype=float)
+    columns = ["points", "low", "high"]
+    every = pd.DataFrame(rows, columns=["scenario", "other", *columns]).astype(dict.fromkeys(columns, float))
+    cells = every.drop_duplicates()
     cells = cells.assign(supports=cells["low"] > 0, opposes=cells["high"] < 0)
+    twice = every[every.duplicated()]["scenario"].nunique()
+    same = f" Both policies drive alike in {counted(twice, 'scenario')}, which count once." if twice else ""
     text = (
         f"Difference of AP {cells['points'].min():+z.0f} to {cells['points'].max():+z.0f} points "
-        f"({', '.join(map(word, OURS))} less {', '.join(map(word, BUILT_IN))})."
+        f"({', '.join(map(word, OURS))} less {', '.join(map(word, BUILT_IN))}).{same}"
     )
     return claim.of_cells(cells, "comparison", ["sim"], text)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import pandas as pd
 
 from pipeline.report.claims import claim
-from pipeline.report.claims.claim import Evidence, Measurement
+from pipeline.report.claims.claim import PAPER_BLUR, Evidence, Measurement
 from pipeline.report.display_names import word
 from pipeline.report.inputs import published_table
 from pipeline.report.ledger_sources import levels
@@ -19,7 +19,6 @@ PREVENTED_PERCENT = 10.0
 
 NOISY_DN, FOLLOWS_DN = 10.0, 2.0
 PAPER_NOISE = ("cnn", "pca", "bf")
-PAPER_BLUR = ("cnn", "pmp", "gbb")
 REAL_FRACTION = 0.25
 KERNEL = ["experiment", "dataset", "estimator", "kernel_size_px"]
 CURVE = ["dataset", "estimator"]
@@ -84,7 +83,7 @@ def _disturbs(evidence: Evidence) -> Measurement | None:
         cells[(cells["target_sigma_dn"] == end) & (least < most)].set_index(KERNEL).sort_index()
         for end in (least, most)
     )
-    return _of_paper(claim.lower(quiet, loud).reset_index(), "kernel", _by_estimator(cells))
+    return _of_paper(claim.lower(quiet, loud).reset_index(), "kernel", f"{_by_estimator(cells)} {claim.OVERLAP}")
 
 
 def _defocus_under_photon_noise(evidence: Evidence) -> Measurement | None:
@@ -95,15 +94,16 @@ def _defocus_under_photon_noise(evidence: Evidence) -> Measurement | None:
 
 
 def _overestimates(evidence: Evidence) -> Measurement | None:
+    """By the paired change of the median from the least to the strongest noise, frames resampled."""
     of_paper = {"experiment": "photon_linear", "calibrated": False, "filter_px": 0}
     curves = where(evidence.inputs.result_with_records("combined_curves"), axis="HV", frequency_index=4, **of_paper)
     groups = curves.sort_values("target_sigma_dn", kind="stable").groupby(CURVE)
     quiet, loud = (rows.set_index(CURVE).sort_index() for rows in (groups.head(1), groups.tail(1)))
     known = quiet["target_sigma_dn"] < loud["target_sigma_dn"]
-    for name in ("median", "minimum", "maximum"):
-        known &= quiet[name].notna() & loud[name].notna()
+    known &= quiet["median"].notna() & loud["median"].notna() & loud["change_low"].notna()
     unknown = [f"{word(name)} on {word(dataset)}" for dataset, name in known.index[~known]]
-    left_out = f"Left out, unknown with the least or the strongest noise: {', '.join(unknown)}. " if unknown else ""
+    without = "no estimate with the least or the strongest noise, or no interval of the change"
+    left_out = f"Left out, {without}: {', '.join(unknown)}. " if unknown else ""
     quiet, loud = quiet[known], loud[known]
     if quiet.empty:
         return Measurement(left_out.strip(), claim.UNDECIDED) if unknown else None
@@ -113,8 +113,8 @@ def _overestimates(evidence: Evidence) -> Measurement | None:
             quiet.index, quiet["target_sigma_dn"], loud["target_sigma_dn"], quiet["median"], loud["median"], strict=True
         )
     ]
-    text = f"Median at 0.3 of Nyquist {_by_levels(parts)}. {left_out}Ranges over patches decide."
-    pairs = claim.lower(quiet, loud, ("minimum", "maximum"))
+    text = f"Median at 0.3 of Nyquist {_by_levels(parts)}. {left_out}".strip()
+    pairs = loud.assign(supports=loud["change_low"] > 0, opposes=loud["change_high"] < 0)
     return claim.of_cells(pairs, "curve", quiet.index.get_level_values("dataset"), text)
 
 
@@ -122,7 +122,7 @@ def _smoothing(evidence: Evidence) -> Measurement | None:
     cells = where(evidence.combined, experiment=["linear_dcsn", "defocus_dcsn"])
     cells = cells[cells["target_sigma_dn"] >= NOISY_DN].set_index([*KERNEL, "target_sigma_dn"])
     pairs = claim.lower(cells[cells["filter_px"] > 0], where(cells, filter_px=0))
-    return _of_paper(pairs.reset_index(), "cell", "Beside the same cell without the disc.")
+    return _of_paper(pairs.reset_index(), "cell", f"Beside the same cell without the disc. {claim.OVERLAP}")
 
 
 def _follows(evidence: Evidence) -> Measurement | None:
@@ -162,3 +162,6 @@ def _levels(evidence: Evidence) -> Measurement | None:
 MEASURES = claim.measures(
     _levels, _follows, _real_cameras, _prevents, _disturbs, _defocus_under_photon_noise, _overestimates, _smoothing,
 )  # fmt: skip
+
+TASKS = dict.fromkeys(("levels", "follows", "real_cameras"), "noise")
+"""Claim -> task of the paper's network that it is about; the others are about blur."""

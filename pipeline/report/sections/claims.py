@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from pipeline.control.order_conclusions import CONCLUSIONS
+from pipeline.report import training_budget
 from pipeline.report.claims import descriptions, of_blur, of_detection, of_noise
 from pipeline.report.claims.claim import NOT_MEASURED, VERDICTS, Claim, Evidence, Measurement
 from pipeline.report.descriptions import Descriptions
@@ -23,10 +24,11 @@ PAGE = Descriptions("claims")
 
 def all_claims() -> list[Claim]:
     """The claims of ``claims/claims.yaml``, then the conclusions that the order study decides."""
-    claims = [
-        Claim(measure=partial(MEASURES[entry.pop("measure")], **entry.pop("options", {})), **entry)
-        for entry in descriptions()
-    ]
+    claims = []
+    for entry in descriptions():
+        name = entry.pop("measure")
+        measure = partial(MEASURES[name], **entry.pop("options", {}))
+        claims.append(Claim(measure=measure, tasks=(of_noise.TASKS.get(name, "blur"),), **entry))
     reservation = PAGE.text("order_study")
     return claims + [
         Claim("order study", f"{one.claim}.", partial(of_detection.order, conclusion=one), reservation, STAGE)
@@ -39,7 +41,8 @@ def measurements(inputs: ReportInputs) -> list[tuple[Claim, Measurement]]:
     evidence = Evidence(inputs)
     pairs = []
     for claim in all_claims():
-        measured = claim.measure(evidence)
+        with training_budget.named(inputs, *claim.tasks):
+            measured = claim.measure(evidence)
         if measured is None:
             measured = Measurement(f"Not run: {claim.command or inputs.line(claim.stage)}", NOT_MEASURED)
         pairs.append((claim, measured))

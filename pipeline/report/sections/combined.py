@@ -15,13 +15,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from pipeline.experiments.frame_records import COMBINED_FILES, DENOISED_FILE, records_with
-from pipeline.report import style
+from pipeline.report import style, training_budget
 from pipeline.report.descriptions import Descriptions
 from pipeline.report.display_names import DATASETS, ESTIMATORS, EXPERIMENTS, in_order, word
 from pipeline.report.figures import PAPER, PAPER_DASH, add_legend, lines, ordinal_legend
 from pipeline.report.inputs import ReportInputs, at_frequencies, published
 from pipeline.report.ledger_items import beside_ours
-from pipeline.report.spec import Block, Section, as_recorded, overview
+from pipeline.report.spec import Block, Figure, Section, as_recorded, overview
 from pipeline.report.tables import (
     Row,
     Table,
@@ -316,9 +316,19 @@ def _example(dataset: str, curves: pd.DataFrame, inputs: ReportInputs, *, with_o
             yield PAGE.figure("combined_example", drawing, **words)
 
 
+def _noise(noise: pd.DataFrame, dataset: str, inputs: ReportInputs) -> Figure:
+    with training_budget.named(inputs, "noise"):
+        return PAGE.figure("combined_noise", noise_figure(noise, dataset), dataset=dataset)
+
+
+def _abstentions(blur: pd.DataFrame, noise: pd.DataFrame, inputs: ReportInputs) -> Table:
+    with training_budget.named(inputs):
+        return abstention_table(blur, noise)
+
+
 def _figures(blur: pd.DataFrame, noise: pd.DataFrame, datasets: Sequence[str], inputs: ReportInputs) -> Iterator[Block]:
     for dataset in in_order(noise["dataset"], datasets):
-        yield PAGE.figure("combined_noise", noise_figure(noise, dataset), dataset=dataset)
+        yield _noise(noise, dataset, inputs)
     stages, paper = [STAGE.format(dataset=name) for name in datasets], published(inputs, "photon_defocus_amae.csv")
     for estimator in in_order(blur["estimator"], OURS_FIRST)[:1]:
         for is_calibrated, suffix, how in ((False, "", ""), (True, "_calibrated", ", calibrated")):
@@ -357,7 +367,7 @@ def section(inputs: ReportInputs) -> Section:
         blocks += [*_figures(blur, noise, ran, inputs), overview_table(blur)]
     blocks += [table for dataset in ran for table in _errors(dataset, blur, inputs)]
     blocks += [denoised_table(dataset, cells, paper) for dataset in smoothed]
-    blocks += [abstention_table(blur, noise)] if ran else []
+    blocks += [_abstentions(blur, noise, inputs)] if ran else []
     return PAGE.section([*blocks, *beside], [*runs, *denoised_runs, *published_runs])
 
 
@@ -376,7 +386,7 @@ def _of_record(
         amae_of = PAGE.figure("combined_amae", drawing, name=f"combined_amae_{dataset}_{name}", estimator=name, how=on)
         yield as_recorded(amae_of)
     if (noise["dataset"] == dataset).any():
-        yield as_recorded(PAGE.figure("combined_noise", noise_figure(noise, dataset), dataset=dataset))
+        yield as_recorded(_noise(noise, dataset, inputs))
     yield from map(as_recorded, _errors(dataset, blur, inputs))
 
 
@@ -392,7 +402,7 @@ def recorded(inputs: ReportInputs) -> Section | None:
         blur = blur[blur["experiment"] != ""]
         for record in records:
             blocks += _of_record(record.dataset, blur, noise, curves, inputs)
-        blocks.append(as_recorded(abstention_table(blur, noise)))
+        blocks.append(as_recorded(_abstentions(blur, noise, inputs)))
     paper, cells = published(inputs, "improved_blur.csv"), inputs.recorded_result("denoised_blur")
     blocks += [as_recorded(denoised_table(record.dataset, cells, paper)) for record in denoised]
     return PAGE.section(blocks, key="combined_recorded")

@@ -90,11 +90,18 @@ def spread(dataset: str, results: Sequence[Results]) -> Table | None:
 def fits(dataset: str, results: Sequence[Results]) -> Table:
     """Goodness of each fit, and the calibration of its axes."""
     pairs = [(one, label) for one in results for label in sorted(one.fits)]
-    rows = [{"detector": one.detector, "label": label, **one.fits[label]} for one, label in pairs]
+    raised = [one.raised_errors(label) for one, label in pairs]
+    floor = max((float(errors.max()) for errors in raised if len(errors)), default=0.0)
+    rows = [
+        {"detector": one.detector, "label": label, **one.fits[label], "unweighted_r2": one.unweighted_r2(label)}
+        | ({"raised": len(errors)} if len(one.fitted_cells(label)) else {})
+        for (one, label), errors in zip(pairs, raised, strict=True)
+    ]
     known = results[0].calibration if results else {}
+    notes = [*(["calibration"] if "lambda1" in known else []), *(["raised"] if floor else [])]
     return PAGE.table(
         "regression_fits", rows, cells={"reason": lambda row: f"no fit: {row['reason']}" if "reason" in row else None},
-        also=["calibration"] if "lambda1" in known else [], dataset=dataset, **known,
+        also=notes, without=() if floor else ("raised",), dataset=dataset, floor=floor, **known,
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.path import Path
 
 from pipeline.report import style
 from pipeline.report.descriptions import Descriptions
@@ -17,6 +18,12 @@ from pipeline.report.tables import format_number, ordered, records, where
 
 PAGE = Descriptions("detection")
 LEAST_APART_PX = 4
+RESIDUAL_PT = 10.5
+"""Width of the mark of a residual, which holds a sign and two digits."""
+
+WIDE = Path([(-1.0, -0.6), (1.0, -0.6), (1.0, 0.6), (-1.0, 0.6), (-1.0, -0.6)])
+"""Outline of that mark, a lying rectangle."""
+
 CAUSES = {"sigma_dn": "noise", "mtf": "blur"}
 
 
@@ -136,8 +143,8 @@ def _fitted(axes: Axes, rows: pd.DataFrame) -> Any:
 def _residuals(axes: Axes, rows: pd.DataFrame, reach: float) -> Any:
     data = rows[rows["ap_percent"].notna()]
     dots = axes.scatter(
-        data["iso"], data["exposure_ms"], c=data["residual"], s=48, cmap="RdBu", vmin=-reach, vmax=reach,
-        edgecolors=style.MUTED, linewidths=0.4,
+        data["iso"], data["exposure_ms"], c=data["residual"], s=RESIDUAL_PT**2, marker=WIDE, cmap="RdBu", vmin=-reach,
+        vmax=reach, edgecolors=style.MUTED, linewidths=0.4,
     )  # fmt: skip
     for row in records(data):
         ink = style.PAPER if abs(row["residual"]) > 0.5 * reach else style.INK

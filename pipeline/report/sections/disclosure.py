@@ -5,7 +5,7 @@ from __future__ import annotations
 from pipeline.learning.learning_curve import read
 from pipeline.report import training_budget
 from pipeline.report.descriptions import Descriptions
-from pipeline.report.display_names import counted
+from pipeline.report.display_names import counted, listing
 from pipeline.report.inputs import ReportInputs, mode_note
 from pipeline.report.sections.training import network_title
 from pipeline.report.spec import Section
@@ -49,7 +49,8 @@ def _light(inputs: ReportInputs) -> str:
     numbers = {
         f"{light}_{order}_{name}": format_number(value, 1) for (light, order, name), value in means.stack().items()
     }
-    return " ".join([PAGE.text("encoded"), PAGE.text("linear", **numbers)])
+    motions = listing(f"{px:g}" for px in sorted(set(selected["motion_px"])))
+    return " ".join([PAGE.text("encoded"), PAGE.text("linear", motions=motions, **numbers)])
 
 
 def section(inputs: ReportInputs) -> Section:

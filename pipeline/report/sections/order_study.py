@@ -10,7 +10,7 @@ from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections.closed_loop import CONTROL
 from pipeline.report.spec import Block
-from pipeline.report.tables import Table, format_number
+from pipeline.report.tables import Table, format_end, format_number
 
 STAGE = "order_study"
 MARKS = {True: "yes", False: "no", None: "not decided"}
@@ -30,8 +30,9 @@ def evidence(study: Study, conclusion: Conclusion, setting: tuple[str, str]) -> 
     effect = study.effect(conclusion, setting)
     if effect is None:
         return "one level only"
-    numbers = (format_number(effect[name], 1) for name in ("before", "after", "low", "high"))
-    return "{} to {} %, change {} to {} points".format(*numbers)
+    numbers = (format_number(effect[name], 1) for name in ("before", "after"))
+    ends = (format_end(effect[name], 1) for name in ("low", "high"))
+    return "{} to {} %, change {} to {} points".format(*numbers, *ends)
 
 
 def conclusion_table(study: Study) -> Table:
@@ -45,8 +46,10 @@ def conclusion_table(study: Study) -> Table:
         }
         rows.append({"claim": conclusion.claim, **cells, "survival": study.survival(conclusion)})
     motion, sigma = (sorted(set(study.conditions[name])) for name in ("motion_px", "target_sigma_dn"))
+    moving = listing(f"{px:g}" for px in motion if px > motion[0] or len(motion) == 1)
     ends = {"shortest_px": motion[0], "longest_px": motion[-1], "least_dn": sigma[0], "most_dn": sigma[-1]}
-    return CONTROL.table("order_study_conclusions", rows, kept_percent=100 * order_conclusions.KEPT_FRACTION, **ends)
+    kept_percent = 100 * order_conclusions.KEPT_FRACTION
+    return CONTROL.table("order_study_conclusions", rows, kept_percent=kept_percent, moving=moving, **ends)
 
 
 def finding(study: Study) -> str:

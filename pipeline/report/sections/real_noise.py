@@ -118,7 +118,8 @@ def sensor_figure(made: Sensor) -> style.Drawing:
             axes.plot(selected[x], selected[y], "o", markersize=2.6, color=colour)
             ends = np.array([0.0, selected[x].max()])
             axes.plot(ends, fit[offset] + fit[slope] * ends, linewidth=0.8, color=colour)
-    transfer.set(xlabel="mean grey value above black [DN]", ylabel="variance of the noise [DN²]", title="Photon transfer")
+    labels = {"xlabel": "mean grey value above black [DN]", "ylabel": "variance of the noise [DN²]"}
+    transfer.set(**labels, title="Photon transfer")
     dark.set(xlabel="exposure time [s]", ylabel="mean of a dark frame [DN]", title="Dark current")
     add_legend(figure, [(f"plane {name}", {**look, "linestyle": "-", "marker": "o"}) for name, look in looks.items()])
     gain, noise, dark_e = (
