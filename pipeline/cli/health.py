@@ -11,6 +11,7 @@ import click
 
 from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.given_paths import GivenPath
+from pipeline.cli.health_options import HealthOptions
 from pipeline.cli.held_signals import held
 from pipeline.cli.numbers import FiniteRange, Mtf50Limit
 from pipeline.errors import printable
@@ -20,8 +21,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pipeline.cli.frame_analysis import FrameAnalysis
-    from pipeline.cli.health_files import HealthRun
+    from pipeline.cli.health_files import HealthFiles, HealthRun
+    from pipeline.cli.set_aside import SetAside
     from pipeline.condition import ConditionMonitor
+    from pipeline.control.performance import Performance
 
 ALARM = 3  # exit code
 SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is doubted: about a 4 px disc of defocus
@@ -77,7 +80,7 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
 )  # fmt: skip
 @click.option(
     "--alarm-flags", is_flag=True,
-    help="alarm on flags too: black, dark, over-exposed, obstructed, banded, impulses, frozen",
+    help="alarm on flags too: black, dark, over-exposed, obstructed, banded, dead lines, impulses, frozen",
 )  # fmt: skip
 @click.option("--every", default=1, show_default=True, type=click.IntRange(min=1), help="of a video, each n-th frame")
 @click.option("--exposure", help="exposure time of the pictures, e.g. 4ms, for advice; from EXIF if left out")
@@ -91,14 +94,7 @@ SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is d
     help="first frames of a video or folder that its trend is compared with",
 )  # fmt: skip
 @click.option("--no-trend", is_flag=True, help="no alarm where the condition of a video or folder worsens over time")
-def command(
-    paths: tuple[Path, ...], out: Path | None, maps: bool, blur_name: str, quality: str, noise_name: str,
-    most_tiles: int, most_patches: int, sharp: tuple[Path, ...], calibrate_estimator: bool, generic_lens: bool,
-    camera_name: str | None, as_json: bool, as_lines: bool,
-    alarm_sigma_dn: float | None, alarm_mtf50: float | None,
-    alarm_flags: bool, every: int, exposure: str | None, iso: float | None, surface: Path | None,
-    reference_frames: int, no_trend: bool,
-) -> None:  # fmt: skip
+def command(**given: Any) -> None:
     """Estimate blur and noise of PATHS: pictures, videos, or folders of them.
 
     Prints a verdict in words, then per frame the noise in grey levels (DN, 0..255) with its 95 % interval, the
@@ -111,7 +107,8 @@ def command(
     a generic lens.
 
     Frames that are black, dark, over-exposed, obstructed or frozen are flagged, in brackets after their name, and so
-    is noise that the estimate leaves out: of whole rows or columns (banded), and of single pixels (impulses). Where
+    is noise that the estimate leaves out: of whole rows or columns (banded, dead lines), and of single pixels
+    (impulses). Where
     noise or blur of a video or folder grows over time, a trend alarm is raised: less than one false alarm an hour at
     10 frames per second.
 
@@ -120,87 +117,88 @@ def command(
 
     Exit codes: 0 fine; 3 alarm (threshold or trend); else 2 if a file could not be used; 130 interrupted.
     """
+    from pipeline import freed_memory
+    from pipeline.cli.frame_analysis import find_surface
+    from pipeline.cli.health_files import HealthFiles, HealthRun
+    from pipeline.cli.set_aside import SetAside
+    from pipeline.executor import one_thread
+
+    one_thread()
+    freed_memory.keep()
+    options = HealthOptions(**given)
+    files, sharp_files = options.files, options.sharp_files
+    about = options.about()
+    performance, without_precision = find_surface(options.surface)
+    set_aside = SetAside()
+    run = HealthRun(about, set_aside=set_aside.reasons, without_precision=without_precision)
+    with ExitStack() as stack:
+        results = None
+        if options.out is not None:
+            results = stack.enter_context(HealthFiles(options.out, [*files, *sharp_files], run, maps=options.maps))
+        monitor, sharp_sizes = _monitor(options, about)
+        analysis = _analysis(options, monitor, performance)
+        run.trend_alarms = analysis.trend_alarms
+        if not options.as_lines:
+            stack.callback(_print_run, run, options.as_json)
+        _analyse(options, analysis, run, results, set_aside, sharp_sizes)
+    if results is not None:
+        click.echo(f"written to {options.out}; page {results.page}", err=options.as_json or options.as_lines)
+    _end(options, run, set_aside)
+
+
+def _monitor(options: HealthOptions, about: dict[str, Any]) -> tuple[ConditionMonitor, set[tuple[int, ...]]]:
+    """The monitor, calibrated as asked for, and the sizes (H, W) of frames that its calibration is of.
+
+    Args:
+        options: of the command.
+        about: of the run; its weights are written to it.
+    """
+    from pipeline.cli import camera_store
+    from pipeline.condition import ConditionMonitor
+    from pipeline.recording.provenance import monitor_weights
+
+    monitor = ConditionMonitor(
+        options.estimator, options.noise_name, blur_options={"output": "relative"} if options.generic_lens else None,
+        most_tiles=options.most_tiles, most_patches=options.most_patches,
+    )  # fmt: skip
+    about |= {"weights_released": monitor.weights_released, "weights_sha256": monitor_weights(monitor)}
+    if options.sharp:
+        return monitor, _calibrate(monitor, options)
+    if options.camera is None:
+        return monitor, set()
+    camera_store.apply(options.camera, monitor)
+    return monitor, set() if options.camera.size_px is None else {options.camera.size_px}
+
+
+def _analysis(options: HealthOptions, monitor: ConditionMonitor, performance: Performance | None) -> FrameAnalysis:
+    """What every frame goes through."""
+    from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds
+
+    thresholds = Thresholds(options.alarm_sigma_dn, options.alarm_mtf50, options.alarm_flags)
+    reference = None if options.no_trend else options.reference_frames
+    settings, relative = Settings(options.exposure, options.iso), bool(options.relative_to)
+    return FrameAnalysis(monitor, thresholds, performance, settings, relative=relative, reference_frames=reference)
+
+
+def _analyse(
+    options: HealthOptions, analysis: FrameAnalysis, run: HealthRun, results: HealthFiles | None, set_aside: SetAside,
+    sharp_sizes: set[tuple[int, ...]],
+) -> None:  # fmt: skip
+    """Analyse all frames, one after the other; each is in all files and in the run, or in none."""
     import json
 
     from tqdm import tqdm
 
-    from pipeline import freed_memory
     from pipeline.cli import camera_store
     from pipeline.cli.frame_ahead import estimated_ahead
-    from pipeline.cli.frame_analysis import FrameAnalysis, Settings, Thresholds, find_surface
-    from pipeline.cli.health_files import HealthFiles, HealthRun
-    from pipeline.cli.health_verdict import undecided_alarms
-    from pipeline.cli.package_version import version
-    from pipeline.cli.pictures import expand, least_side_px, readable, stream_of
-    from pipeline.cli.set_aside import SetAside
-    from pipeline.condition import ConditionMonitor
+    from pipeline.cli.pictures import least_side_px, readable, stream_of
     from pipeline.errors import InputError
-    from pipeline.executor import one_thread
-    from pipeline.recording.provenance import monitor_weights
     from pipeline.store import plain_json
 
-    one_thread()
-    freed_memory.keep()
-    if quality == "best":
-        if blur_name != "spectral":
-            raise InputError(f"--quality best chooses the blur estimator; leave --blur {blur_name} out")
-        blur_name = "fused"
-    files = expand(paths)
-    sharp_files = expand(sharp) if sharp else []
-    if calibrate_estimator and not sharp:
-        raise InputError("--calibrate-estimator needs sharp pictures of the same camera; give them by --sharp")
-    if generic_lens and sharp:
-        raise InputError("--generic-lens is instead of --sharp, which is more exact: leave --generic-lens out")
-    if generic_lens and blur_name != "spectral":
-        raise InputError(f"--generic-lens is for the blur estimator spectral, not {blur_name}; leave one of them out")
-    if camera_name is not None and (sharp or generic_lens):
-        raise InputError("--camera NAME is instead of --sharp and --generic-lens")
-    if maps and out is None:
-        raise InputError("--map needs --out FOLDER, where the pictures go")
-    if as_json and as_lines:
-        raise InputError("--json and --jsonl: choose one of the two")
-    camera = camera_store.load(camera_name) if camera_name is not None else None
-    performance, without_precision = find_surface(surface)
-    about: dict[str, Any] = {
-        "version": version(), "blur_estimator": blur_name, "noise_estimator": noise_name,
-        "sharp": [printable(file) for file in sharp_files],
-        "relative": bool(sharp) or generic_lens or camera is not None,
-        "relative_to": (
-            f"the calibration of the camera {camera_name}" if camera is not None else
-            "the sharp frames" if sharp else "a generic lens" if generic_lens else ""
-        ),
-        "camera": camera_name,
-        "thresholds": {"sigma_dn": alarm_sigma_dn, "mtf50": alarm_mtf50, "flags": alarm_flags},
-        "weights_released": {}, "weights_sha256": {},  # until the monitor is created, which may fail
-    }  # fmt: skip
-    set_aside = SetAside()
-    run = HealthRun(about, set_aside=set_aside.reasons, without_precision=without_precision)
-    sequences = sequence_names(files)
-    with ExitStack() as stack:
-        results = (
-            stack.enter_context(HealthFiles(out, [*files, *sharp_files], run, maps=maps)) if out is not None else None
-        )
-        monitor = ConditionMonitor(
-            blur_name, noise_name, blur_options={"output": "relative"} if generic_lens else None,
-            most_tiles=most_tiles, most_patches=most_patches,
-        )  # fmt: skip
-        about["weights_released"] = monitor.weights_released
-        about["weights_sha256"] = monitor_weights(monitor)
-        sharp_sizes: set[tuple[int, ...]] = (
-            _calibrate(monitor, sharp_files, calibrate_estimator, every) if sharp else set()
-        )
-        if camera is not None:
-            camera_store.apply(camera, monitor)
-            sharp_sizes = set() if camera.size_px is None else {camera.size_px}
-        analysis = FrameAnalysis(
-            monitor, Thresholds(alarm_sigma_dn, alarm_mtf50, alarm_flags), performance, Settings(exposure, iso),
-            relative=about["relative"], reference_frames=None if no_trend else reference_frames,
-        )  # fmt: skip
-        run.trend_alarms = analysis.trend_alarms
-        if not as_lines:
-            stack.callback(_print_run, run, as_json)
-        pictures = readable(files, every, run.hinted, least_side_px(monitor.noise_estimator))
-        frames = stack.enter_context(closing(estimated_ahead(analysis, pictures)))
+    sequences = sequence_names(options.files)
+    least_px = least_side_px(analysis.monitor.noise_estimator)
+    pictures = readable(options.files, options.every, run.hinted, least_px)
+    with closing(estimated_ahead(analysis, pictures)) as frames:
         for name, image, estimate in tqdm(frames, delay=2, leave=False, unit=" frames"):
             try:
                 stream, estimated = stream_of(name), estimate()
@@ -216,12 +214,16 @@ def command(
                 if results is not None:
                     results.add(row, image, condition)
                 run.rows.append(row)
-            run.without_trend = _without_trend(analysis, reference_frames)
-            if as_lines:
+            run.without_trend = _without_trend(analysis, options.reference_frames)
+            if options.as_lines:
                 click.echo(json.dumps(plain_json(row), sort_keys=True))
-    if results is not None:
-        click.echo(f"written to {out}; page {results.page}", err=as_json or as_lines)
-    if as_lines:  # which have no verdict
+
+
+def _end(options: HealthOptions, run: HealthRun, set_aside: SetAside) -> None:
+    """Last messages and the exit code."""
+    from pipeline.cli.health_verdict import undecided_alarms
+
+    if options.as_lines:  # which have no verdict
         for sentence in undecided_alarms(run.rows):
             click.echo(f"warning: {sentence}", err=True)
     alarmed = sum(bool(row["alarms"]) for row in run.rows)
@@ -310,10 +312,8 @@ def _print_run(run: HealthRun, as_json: bool) -> None:
         click.echo(line(row))
 
 
-def _calibrate(
-    monitor: ConditionMonitor, files: Sequence[Path], calibrate_estimator: bool, every: int
-) -> set[tuple[int, ...]]:  # sizes (H, W) of the sharp frames
-    """Calibrate a monitor to sharp frames; warns of those that do not look sharp."""
+def _calibrate(monitor: ConditionMonitor, options: HealthOptions) -> set[tuple[int, ...]]:
+    """Calibrate a monitor to sharp frames, whose sizes (H, W) are returned; warns of those that do not look sharp."""
     from collections import Counter
 
     import numpy as np
@@ -323,8 +323,8 @@ def _calibrate(
 
     images: list[NDArray[np.float32]] = []
     hinted = Counter[int]()
-    for file in files:
-        for name, image in read(file, every, hinted, least_side_px(monitor.noise_estimator)):
+    for file in options.sharp_files:
+        for name, image in read(file, options.every, hinted, least_side_px(monitor.noise_estimator)):
             mtf50 = half_contrast(monitor.frame(image).mtf.value)
             if np.isfinite(mtf50).any() and np.nanmin(mtf50) < SHARP_MTF50:
                 click.echo(
@@ -333,5 +333,5 @@ def _calibrate(
                     err=True,
                 )
             images.append(image)
-    monitor.calibrate(images, fitted=calibrate_estimator)
+    monitor.calibrate(images, fitted=options.calibrate_estimator)
     return {image.shape for image in images}

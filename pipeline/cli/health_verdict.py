@@ -358,8 +358,8 @@ def _hinted(counts: Mapping[int, int]) -> list[str]:
     ]
     if counts.get(TURNED):
         sentences.append(
-            f"Pictures and videos stored turned or mirrored (by their metadata): {counts[TURNED]}; horizontal, vertical and "
-            "positions are those of the stored pixels."
+            f"Pictures and videos stored turned or mirrored (by their metadata): {counts[TURNED]}; "
+            "horizontal, vertical and positions are those of the stored pixels."
         )
     return sentences
 
