@@ -12,10 +12,11 @@ from __future__ import annotations
 import multiprocessing
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, TypeVar
+from contextlib import contextmanager
+from typing import Any, Generic, TypeVar
 
 from pipeline import processor, weight_files
 from pipeline.errors import InputError
@@ -111,62 +112,105 @@ def run_map(
 
 
 def _map_processes(function: Callable[[Item], Result], items: list[Item], workers: int, label: str) -> list[Result]:
-    done: dict[int, Result] = {}
+    work = _Work(function, items, label)
     lost = 0
-    with_spawn = multiprocessing.get_context("spawn")
-    bar = iter(_progress(range(len(items)), len(items), label))
-    kept = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))  # read by the children before they import anything
-    try:
-        while len(done) < len(items):
-            waiting = [index for index in range(len(items)) if index not in done]
-            before = len(done)
-            # One worker takes the items in order, so that it is known at which of them it died.
-            size = 1 if lost == _PATIENCE - 1 else workers
-            pool = ProcessPoolExecutor(size, mp_context=with_spawn, initializer=one_thread)
-            futures: dict[Future[Result], int] = {}
+    with _one_thread_for_children():
+        while waiting := work.waiting():
+            before = len(work.done)
             try:
-                with processor.for_children():  # the pool starts its processes with the first items
-                    for index in waiting:
-                        futures[pool.submit(_call, function, items[index])] = index
-                failed: dict[int, BaseException] = {}
-                for future in as_completed(futures):
-                    index = futures[future]
-                    if future.cancelled():
-                        continue
-                    if (error := future.exception()) is None:
-                        done[index] = future.result()
-                        next(bar, None)
-                    elif isinstance(error, BrokenProcessPool):
-                        raise error
-                    else:  # an earlier item may fail as well, and it is its error that one worker would meet
-                        failed[index] = error
-                        for other, later in futures.items():
-                            if later > index:
-                                other.cancel()
-                    if failed and all(other.done() for other, earlier in futures.items() if earlier < min(failed)):
-                        raise failed[min(failed)]
+                # One worker takes the items in order, so that it is known at which of them it died.
+                work.share(1 if lost == _PATIENCE - 1 else workers)
             except BrokenProcessPool as error:
-                for future, index in futures.items():  # `as_completed` may yield lost items before finished ones
-                    if index not in done and future.done() and not future.cancelled() and not future.exception():
-                        done[index] = future.result()
-                        next(bar, None)
-                lost = 0 if len(done) > before else lost + 1
+                lost = 0 if len(work.done) > before else lost + 1
                 if lost >= _PATIENCE:
                     raise InputError(
                         f"{label or 'parallel map'}: worker processes died {_PATIENCE} times without finishing an "
                         f"item, the last time a single one with item {items[waiting[0]]!r}; is memory short for it?"
                     ) from error
-            finally:
-                pool.shutdown(wait=True, cancel_futures=True)
+    return work.results()
+
+
+@contextmanager
+def _one_thread_for_children() -> Iterator[None]:
+    """Have processes that are started meanwhile compute with one thread, which they read before they import."""
+    kept = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
+    try:
+        yield
     finally:
         for name, value in kept.items():
             if value is None:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
-    next(bar, None)
-    return [done[index] for index in range(len(items))]
+
+
+class _Work(Generic[Item, Result]):
+    """Items shared among worker processes, and what they have finished.
+
+    Attributes:
+        done: number of an item -> its result.
+    """
+
+    def __init__(self, function: Callable[[Item], Result], items: list[Item], label: str) -> None:
+        self.function, self.items = function, items
+        self.done: dict[int, Result] = {}
+        self._bar = iter(_progress(range(len(items)), len(items), label))
+
+    def waiting(self) -> list[int]:
+        """Numbers of the items without a result, in order."""
+        return [index for index in range(len(self.items)) if index not in self.done]
+
+    def share(self, workers: int) -> None:
+        """Give what is waiting to so many fresh processes.
+
+        Raises:
+            BrokenProcessPool: one of them died; what was finished before is kept.
+            Exception: that of the first item in order that failed.
+        """
+        with_spawn = multiprocessing.get_context("spawn")
+        pool = ProcessPoolExecutor(workers, mp_context=with_spawn, initializer=one_thread)
+        futures: dict[Future[Result], int] = {}
+        try:
+            with processor.for_children():  # the pool starts its processes with the first items
+                for index in self.waiting():
+                    futures[pool.submit(_call, self.function, self.items[index])] = index
+            self._collect(futures)
+        except BrokenProcessPool:
+            for future, index in futures.items():  # `as_completed` may yield lost items before finished ones
+                if index not in self.done and future.done() and not future.cancelled() and not future.exception():
+                    self._keep(index, future)
+            raise
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+    def _collect(self, futures: Mapping[Future[Result], int]) -> None:
+        """Keep results as they come; see `share` for what it raises."""
+        failed: dict[int, BaseException] = {}
+        for future in as_completed(futures):
+            index = futures[future]
+            if future.cancelled():
+                continue
+            if (error := future.exception()) is None:
+                self._keep(index, future)
+            elif isinstance(error, BrokenProcessPool):
+                raise error
+            else:  # an earlier item may fail as well, and it is its error that one worker would meet
+                failed[index] = error
+                for other, later in futures.items():
+                    if later > index:
+                        other.cancel()
+            if failed and all(other.done() for other, earlier in futures.items() if earlier < min(failed)):
+                raise failed[min(failed)]
+
+    def _keep(self, index: int, future: Future[Result]) -> None:
+        self.done[index] = future.result()
+        next(self._bar, None)
+
+    def results(self) -> list[Result]:
+        """One per item, in their order, when all are done; ends the progress bar."""
+        next(self._bar, None)
+        return [self.done[index] for index in range(len(self.items))]
 
 
 def _check_pins(statuses: Mapping[str, str], address: str) -> None:
