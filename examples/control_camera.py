@@ -20,6 +20,7 @@ from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
 from pipeline.control.state import CameraState, Limits
 from pipeline.datasets.video import read_video
+from pipeline.errors import InputError
 
 SURFACE = Path("data/control_surface/all.npz")
 DELAY_FRAMES = 2
@@ -40,6 +41,8 @@ class OpenCvCamera:
 
     def __init__(self, source: str, state: CameraState) -> None:
         self.state, self.live = state, source.startswith("/dev/")
+        if not self.live and not Path(source).is_file():
+            raise OSError(f"{source}: expected a video file or a V4L2 camera")
         self.frames = () if self.live else read_video(Path(source))
         if self.live:
             self.capture_device = cv2.VideoCapture(source)
@@ -99,6 +102,8 @@ def main(arguments: list[str] | None = None) -> int:
             frames += 1
     except EOFError:
         pass
+    except InputError as error:  # the video is none, or damaged behind these frames
+        parser.error(str(error))
     return frames
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import re
+import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -130,6 +131,12 @@ def _map_processes(function: Callable[[Item], Result], items: list[Item], worker
     return work.results()
 
 
+def _begin_worker() -> None:
+    """One thread; Ctrl-C ends a worker at once and silently, its parent reports it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    one_thread()
+
+
 @contextmanager
 def _one_thread_for_children() -> Iterator[None]:
     """Have processes that are started meanwhile compute with one thread, which they read before they import."""
@@ -169,7 +176,7 @@ class _Work(Generic[Item, Result]):
             Exception: that of the first item in order that failed.
         """
         with_spawn = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(workers, mp_context=with_spawn, initializer=one_thread)
+        pool = ProcessPoolExecutor(workers, mp_context=with_spawn, initializer=_begin_worker)
         futures: dict[Future[Result], int] = {}
         try:
             with processor.for_children():  # the pool starts its processes with the first items

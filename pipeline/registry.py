@@ -11,6 +11,7 @@ Names are looked up, never import paths, so a configuration file cannot run arbi
 from __future__ import annotations
 
 import importlib
+import inspect
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -82,9 +83,13 @@ class Registry:
 
         Raises:
             InputError: unknown name, or an option it does not take.
+            Exception: whatever making it raises.
         """
         made = self.get(name)
         try:
-            return made(**options)
+            inspect.signature(made).bind(**options)
         except TypeError as error:
             raise InputError(f"{self.kind} '{name}': {error}") from error
+        except ValueError:  # of compiled code, without a signature to compare with
+            pass
+        return made(**options)

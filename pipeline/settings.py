@@ -39,7 +39,7 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1, strict=True)]
-Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Seed = Annotated[int, Field(ge=0, lt=2**63, strict=True)]
 Draws = Annotated[int, Field(ge=1, le=100_000)]
 """Of a bootstrap."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$")]

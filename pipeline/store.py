@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
+_UMASK = os.umask(0o077)
+"""Permissions that new files do not get; the system gives it only for another one."""
+os.umask(_UMASK)
+
 
 @contextlib.contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
@@ -39,7 +43,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     temporary = Path(name)
     try:
         yield temporary
-        temporary.chmod(0o644)
+        temporary.chmod(0o666 & ~_UMASK)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -64,7 +68,7 @@ def replacing_folder(path: str | Path) -> Iterator[Path]:
     temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=".writing-"))
     try:
         yield temporary
-        temporary.chmod(0o755)
+        temporary.chmod(0o777 & ~_UMASK)
         if path.is_dir():
             _exchange(temporary, path)
         else:

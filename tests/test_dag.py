@@ -28,7 +28,8 @@ def plain(template, job):
 def test_declared_parameters_are_those_the_stage_reads(name):
     module = importlib.import_module(f"pipeline.stages.{module_of(name)}")
     assert module.run.name == module_of(name) and name.startswith(module.run.name)
-    assert sorted(module.run.reads) == sorted(plain(path, module.run.job) for path in STAGES[name]["params"])
+    read = [path for path in STAGES[name]["params"] if not path.startswith("plug_ins.")]  # those are hashes of source
+    assert sorted(module.run.reads) == sorted(plain(path, module.run.job) for path in read)
 
 
 @pytest.mark.parametrize("name", STAGES)
@@ -36,6 +37,26 @@ def test_jobs_are_those_of_the_matrix(name):
     module = importlib.import_module(f"pipeline.stages.{module_of(name)}")
     keys = re.findall(r"\+job\.(\w+)=", STAGES[name]["cmd"])
     assert list(module.run.job) == keys
+
+
+def test_stages_that_execute_third_parties_code_follow_an_edit_of_it():
+    """Stages of detections follow it by what `detector` writes; those of a dataset by what `index` writes."""
+    followed = {
+        name: {path.removeprefix("plug_ins.").partition(".")[0] for path in body["params"] if "plug_ins." in path}
+        for name, body in STAGES.items()
+    }
+    assert {name: sections for name, sections in followed.items() if sections} == {
+        "index": {"datasets"},
+        "noise_other": {"noise"},
+        "real_noise": {"real_noise"},
+        "blur_other": {"blur"},
+        "combined": {"blur", "noise"},
+        "denoised_blur": {"blur"},
+        "detector_other": {"detection"},
+        "measured": {"measured_mtf", "measured_sigma"},
+        "closed_loop": {"control"},
+    }
+    assert set.union(*followed.values()) == set(PARAMS["plug_ins"])
 
 
 @pytest.mark.parametrize("name", GRAPH)

@@ -8,23 +8,27 @@ import tomllib
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 import pytest
 from data_makers import picture
+from dvc.cli import DvcParserError, parse_args
 
+from pipeline import yaml_text
 from pipeline.blur import camera_calibration, spectral
 from pipeline.cli import main
 from pipeline.config.compose import CONF, compose, parse
 from pipeline.config.overrides import check_overrides
+from pipeline.dependencies import dvc_yaml
+from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), ROOT / "data/raw/README.md"]
 NOT_EXECUTED: dict[str, str] = {  # a line of a Python block that is not executed here -> the reason
     "table_one.measure(": "executed with its result checked in tests/experiments/test_experiments_table_one.py",
 }
-DVC_COMMANDS = {"repro", "exp", "queue", "dag", "status", "plots", "metrics", "params", "pull", "checkout", "import"}
 
 
 @dataclass(frozen=True)
@@ -108,12 +112,7 @@ def check_command(words: list[str]) -> None:
     if program == "camera-monitor":
         parse_click(main, rest)
     elif program == "dvc":
-        assert rest[0] in DVC_COMMANDS, words
-        overrides = [rest[index + 1] for index, word in enumerate(rest[:-1]) if word in ("-S", "--set-param")]
-        if any(re.search(r"=[^\[]*,", override) for override in overrides):
-            check_overrides(overrides, CONF)
-        else:
-            parse(compose(overrides), "conf/")
+        check_dvc(rest)
     elif program == "make":
         targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
         assert all(word in targets for word in rest if "=" not in word), words
@@ -122,10 +121,56 @@ def check_command(words: list[str]) -> None:
         assert module.with_suffix(".py").is_file() or (module / "__main__.py").is_file() or rest[1] in ("venv", "pip")
         if rest[1].startswith("pipeline.stages."):
             check_overrides(rest[2:], CONF)
+        elif rest[1] == "pipeline.dvc":
+            check_dvc(rest[2:])
     elif program == "python":
         assert (ROOT / rest[0]).is_file(), words
     else:
         assert program in ("git", "pip", "source", "cd", "mkdir", "dask", "unzip", "tar", "curl", "wget"), words
+
+
+def check_dvc(words: list[str]) -> None:
+    """Parse the words as DVC does, compose their overrides, and look up the stages that they name."""
+    given = vars(parse_args(words))
+    overrides = given.get("set_param") or []
+    if any(re.search(r"=[^\[{]*,", override) for override in overrides):
+        check_overrides(overrides, CONF)
+        return
+    text = compose(overrides)
+    parse(text, "conf/")
+    if words[0] in ("repro", "status", "exp"):
+        assert set(given.get("targets") or []) <= stages(yaml_text.parse(text)), words
+
+
+def stages(content: dict[str, Any]) -> set[str]:
+    """Groups and members of the graph, as DVC names them, under a configuration."""
+    graph = yaml_text.parse((ROOT / "dvc.yaml").read_text(encoding="utf-8"))
+    names = set()
+    for group in dvc_yaml.groups(graph, content):
+        names.add(group.name)
+        for item in group.items:
+            members = [item["key"]] if "key" in item else [value for name, value in item.items() if name != "item"]
+            names.add(f"{group.name}@{'-'.join(members)}")
+    return names
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "dvc repro reprot",
+        "dvc repro --froce report",
+        "dvc exp run -S '+noise.estimators.difference={kind: pca}' noise_other@photos-difference",
+        "dvc exp run -S profile=smok report",
+        "dvc stauts",
+        "python -m pipeline.dvc repro detect_yolox@sim-yolox",
+    ],
+)
+def test_a_wrong_command_of_dvc_is_noticed(line: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    with pytest.raises((AssertionError, DvcParserError, InputError)):
+        check_command(shlex.split(line))
+    for right in ("dvc repro -f train_mtf_spectral", "dvc repro index@sim", "dvc queue status"):
+        check_command(shlex.split(right))
 
 
 def parse_click(command: click.Command, words: list[str]) -> None:

@@ -33,6 +33,22 @@ def test_a_wrong_option_is_named():
         registry.create("fraction", colour=1)
 
 
+class Faulty:
+    """Its own mistake is no wrong option."""
+
+    def __init__(self, size=1):
+        self.size = size + "px"
+
+
+def test_a_mistake_inside_a_constructor_is_not_taken_for_a_wrong_option():
+    registry = Registry("thing", "pipeline.test_things", {"faulty": f"{__name__}:Faulty", "bare": "builtins:dict"})
+    with pytest.raises(TypeError, match="unsupported operand"):
+        registry.create("faulty", size=2)
+    with pytest.raises(InputError, match="faulty.*colour"):
+        registry.create("faulty", colour=1)
+    assert registry.create("bare", colour=1) == {"colour": 1}  # which has no signature to compare with
+
+
 def test_entry_points_of_third_parties_are_found(tmp_path, monkeypatch):
     (tmp_path / "mine.py").write_text("class Mine:\n    pass\n")
     info = tmp_path / "mine-1.0.dist-info"

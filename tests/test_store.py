@@ -2,6 +2,7 @@
 
 import errno
 import json
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from pipeline import store
 from pipeline.errors import InputError
 
+ROOT = Path(__file__).resolve().parents[1]
 SCHEMA = store.Schema("points", {"name": "string", "x": "float64"})
 TABLE = pd.DataFrame({"x": [1.0, np.nan], "name": ["a", "b"]})
 
@@ -241,3 +243,19 @@ def test_estimates_are_rounded_once_and_truths_are_not(tmp_path):
     assert written["true_sigma_dn"][0] == 1.23456789
     plain = store.Schema("settings", {name: kind for name, kind in columns.items() if name != "estimator"})
     assert plain.conform(table.drop(columns="estimator"))["sigma_dn"][0] == 1.23456789
+
+
+@pytest.mark.parametrize(
+    ("umask", "file", "folder"), [(0o022, 0o644, 0o755), (0o002, 0o664, 0o775), (0o077, 0o600, 0o700)]
+)
+def test_permissions_follow_the_umask(umask, file, folder, tmp_path):
+    program = """
+import sys
+from pathlib import Path
+from pipeline import store
+with store.replacing_folder(Path(sys.argv[1]) / "folder") as out:
+    store.write_text(out / "a.txt", "a")
+"""
+    subprocess.run([sys.executable, "-c", program, str(tmp_path)], umask=umask, cwd=ROOT, check=True)
+    modes = [stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("folder/a.txt", "folder")]
+    assert modes == [file, folder]

@@ -6,6 +6,7 @@ import json
 import sys
 
 from pipeline.config.compose import check, compile_params
+from pipeline.config.overrides import parsed
 from pipeline.config.references import check_references
 from pipeline.config.schema import Config
 from pipeline.errors import InputError
@@ -20,7 +21,7 @@ def main(arguments: list[str]) -> int:
             check(further=check_references)
         elif any(argument.startswith("-") for argument in arguments):
             raise InputError(f"{' '.join(arguments)}: expected KEY=VALUE ..., --check or --schema")
-        elif compile_params(arguments, further=check_references):
+        elif compile_params([each.input_line for each in parsed(arguments)], further=check_references):
             print("params.yaml written from conf/")
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -1,8 +1,9 @@
 """Compile ``conf/`` into ``params.yaml``, and notice when the two have drifted apart.
 
 ``dvc exp run`` composes by itself; ``dvc repro`` does not (it would silently run the old values after an edit of
-``conf/``), so `make repro` compiles first and the first stage of the DAG checks. The text written here is the
-same, byte for byte, as the one DVC writes.
+``conf/``), so `make repro` compiles first and ``python -m pipeline.dvc repro`` checks. Plain ``dvc repro`` checks in
+the first stage of the DAG, but not where a target is named, which does not depend on that stage. The text written here
+is the same, byte for byte, as the one DVC writes.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import yaml_text
+from pipeline.config import from_params
 from pipeline.config.schema import Config, known_keys, validate
 from pipeline.errors import InputError, did_you_mean
 from pipeline.store import write_text
@@ -34,7 +36,7 @@ def compose(overrides: Sequence[str] = (), conf: Path = CONF) -> str:
         resolved YAML text.
 
     Raises:
-        InputError: no such folder, or an override Hydra refuses.
+        InputError: no such folder, a file in it that is not YAML, or an override Hydra refuses.
     """
     from hydra import compose as hydra_compose
     from hydra import initialize_config_dir
@@ -42,6 +44,7 @@ def compose(overrides: Sequence[str] = (), conf: Path = CONF) -> str:
     from hydra.errors import HydraException
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
 
     from pipeline.config.hydra_plugins import kinds  # noqa: F401  (registers the resolvers of conf/)
 
@@ -52,6 +55,8 @@ def compose(overrides: Sequence[str] = (), conf: Path = CONF) -> str:
         with initialize_config_dir(config_dir=str(conf.resolve()), version_base=None):
             composed = hydra_compose("config", overrides=list(overrides))
             OmegaConf.resolve(composed)
+    except (YAMLError, UnicodeDecodeError) as error:
+        raise InputError(_not_yaml(conf, " ".join(str(error).split()))) from None
     except (HydraException, OmegaConfBaseException, ValueError) as error:
         raise InputError(f"conf/ with overrides {list(overrides)}: {_explain(str(error), conf)}") from None
     return OmegaConf.to_yaml(composed)
@@ -74,6 +79,18 @@ def _explain(message: str, conf: Path) -> str:
     return " ".join(line for line in lines if line and not line.startswith(noise))
 
 
+def _not_yaml(conf: Path, reason: str) -> str:
+    """A sentence that names the file that Hydra could not read: its own message may not."""
+    import yaml
+
+    for path in sorted(conf.rglob("*.yaml")):
+        try:
+            yaml.compose(path.read_text(encoding="utf-8"))
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            return f"{path}: not valid YAML ({' '.join(str(error).split())})"
+    return f"{conf}: not valid YAML ({reason})"
+
+
 def parse(text: str, where: str) -> Config:
     """Read YAML text and check it against the schema.
 
@@ -93,11 +110,9 @@ def load(path: Path = PARAMS) -> Config:
     """Read and check ``params.yaml``.
 
     Raises:
-        InputError: missing, not YAML, or not what the schema allows.
+        InputError: missing, empty, not YAML, or not what the schema allows.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; run 'python -m pipeline.config' to compile it from conf/")
-    return parse(path.read_text(encoding="utf-8"), str(path))
+    return validate(from_params.read(path), str(path))
 
 
 def compile_params(
@@ -119,7 +134,7 @@ def compile_params(
     """
     text = compose(overrides)
     further(parse(text, "conf/"))
-    if path.is_file() and path.read_text(encoding="utf-8") == text:
+    if path.is_file() and path.read_bytes() == text.encode():
         return False
     write_text(path, text)
     return True
@@ -149,5 +164,5 @@ def check(path: Path = PARAMS, further: Callable[[Config], None] = lambda config
         shown = "\n".join(list(lines)[:20])
         raise InputError(
             f"{path} is not what conf/ with profile={given.profile} gives:\n{shown}\n"
-            "run 'make params' (or 'python -m pipeline.config KEY=VALUE ...' for other values)"
+            "run 'make params'; other values are for dvc exp run -S KEY=VALUE"
         )

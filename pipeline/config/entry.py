@@ -11,6 +11,8 @@ it cannot depend on a value whose change would not re-run it.
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,6 +36,8 @@ MODES = Registry(
     {"params": "pipeline.config.from_params:start", "conf": "pipeline.config.from_conf:start"},
 )
 """Ways into a stage, each imported only when it is taken."""
+FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+"""Errors of the system where nothing more can be written."""
 
 
 class Params:
@@ -166,13 +170,28 @@ class Stage:
     def __call__(self, arguments: Sequence[str] | None = None) -> None:
         """Entry point of ``python -m pipeline.stages.NAME``; SIGTERM ends it as Ctrl-C does."""
         arguments = list(sys.argv[1:] if arguments is None else arguments)
-        try:
-            way = "params" if "--params" in arguments else "conf"
-            with handled([signal.SIGTERM], _end):
-                MODES.get(way)(self, [argument for argument in arguments if argument != "--params"])
-        except InputError as error:
-            print(f"error: {error}", file=sys.stderr)
-            raise SystemExit(2) from None
+        way = "params" if "--params" in arguments else "conf"
+        with plain_errors(), handled([signal.SIGTERM], _end):
+            MODES.get(way)(self, [argument for argument in arguments if argument != "--params"])
+
+
+@contextlib.contextmanager
+def plain_errors() -> Iterator[None]:
+    """End the process, after one line instead of a traceback, where the input is wrong, a disk full, or on Ctrl-C."""
+    try:
+        yield
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"error: {where}{error.strerror}; make room and run again", file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        raise SystemExit(128 + signal.SIGINT) from None
 
 
 def _end(number: int, frame: FrameType | None) -> None:

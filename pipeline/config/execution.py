@@ -27,6 +27,6 @@ class ExecutorSettings(Settings):
     """
 
     backend: Literal["processes", "dask"]
-    workers: Annotated[int, Field(ge=0, le=1024)]
+    workers: Annotated[int, Field(ge=0, le=1024, strict=True)]
     address: str | None
     device: Annotated[str, Field(pattern=r"^(cpu|cuda(:\d+)?)$")] = "cpu"

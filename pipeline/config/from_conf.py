@@ -29,8 +29,9 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     from omegaconf import DictConfig, OmegaConf
 
     from pipeline.config.compose import CONF
+    from pipeline.config.entry import plain_errors
     from pipeline.config.hydra_plugins import kinds  # noqa: F401  (registers the resolvers of conf/)
-    from pipeline.config.overrides import check_overrides, check_scheduler
+    from pipeline.config.overrides import check_overrides, check_scheduler, check_sweep, parsed, split
     from pipeline.config.references import check_references
     from pipeline.config.schema import validate
     from pipeline.config.unread import warnings
@@ -41,24 +42,44 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
         outputs = Path(HydraConfig.get().runtime.output_dir)
         content: Any = OmegaConf.to_container(composed, resolve=True)
         job = {key: str(value) for key, value in (content.pop("job", None) or {}).items()}
-        try:
+        with plain_errors():
             config = validate(content, "conf/")
             root = Path(config.root)
+            check_outputs(outputs)
             stage.run(config, job, root, outputs, weights=root / "data/weights" if config.root else None)
-        except InputError as error:
-            print(f"error: {error}", file=sys.stderr)
-            raise SystemExit(2) from None
 
     if not (CONF / "config.yaml").is_file():
         raise InputError(f"{CONF}/config.yaml: no such file; run from the project's top folder")
     check_overrides(arguments, CONF, check_references)
+    check_sweep(arguments)
     check_scheduler(arguments)
+    options, words = split(arguments)
+    for override in parsed(words):
+        if override.key_or_group == "hydra.run.dir" and not override.is_sweep_override():
+            check_outputs(Path(str(override.value())))  # before Hydra writes its records there
     for sentence in warnings(stage, arguments, CONF):
         print(f"warning: {sentence}", file=sys.stderr)
     sweep = fresh_folder(Path("multirun") / stage.name)
     folders = [f"hydra.sweep.dir={sweep.as_posix()}", f"hydra.run.dir=outputs/{stage.name}"]
-    sys.argv[1:] = [f"hydra.job.name={stage.name}", *folders, *arguments]  # the user's own come last and win
+    # Overrides of the user come last and win; Hydra takes them only without an option between them.
+    sys.argv[1:] = [f"hydra.job.name={stage.name}", *folders, *words, *options]
     hydra.main(version_base=None, config_path=str(CONF.resolve()), config_name="config")(entry)()
+
+
+def check_outputs(folder: Path) -> None:
+    """Refuse to write a sweep's results over those that DVC tracks.
+
+    Args:
+        folder: that Hydra was asked to write to.
+
+    Raises:
+        InputError: it is the project itself, or the folder of a profile.
+    """
+    project = Path.cwd().resolve()
+    if folder.resolve() == project or folder.resolve().parent == project / "runs":
+        raise InputError(
+            f"hydra.run.dir={folder}: holds results of dvc repro, which a sweep must not replace; give another folder"
+        )
 
 
 def fresh_folder(parent: Path) -> Path:

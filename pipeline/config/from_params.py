@@ -27,8 +27,6 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
     Raises:
         InputError: another argument, or sections that are not what the schema allows.
     """
-    import yaml
-
     job = {}
     for argument in arguments:
         key, equals, value = argument.partition("=")
@@ -38,14 +36,29 @@ def start(stage: Stage, arguments: Sequence[str]) -> None:
                 "leave --params away to override other keys"
             )
         job[key.removeprefix("+job.")] = value
-    if not PARAMS.is_file():
-        raise InputError(f"{PARAMS}: no such file; run 'python -m pipeline.config' to compile it from conf/")
-    try:
-        content: Any = yaml_text.parse(PARAMS.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise InputError(f"{PARAMS}: not valid YAML ({error})") from None
+    content = read(PARAMS)
     if not processor.status().startswith(processor.PINNED):
         print(f"note: {processor.status()}; last digits may differ from committed results", file=sys.stderr)
-    config = sections.read(content or {}, stage.sections(), str(PARAMS))
+    config = sections.read(content, stage.sections(), str(PARAMS))
     root = Path(config.root)
     stage.run(config, job, root, root, released=not config.root, weights=root / "data/weights" if config.root else None)
+
+
+def read(path: Path) -> dict[str, Any]:
+    """What a ``params.yaml`` holds, unchecked.
+
+    Raises:
+        InputError: missing, empty, or not YAML.
+    """
+    import yaml
+
+    compiled = "run 'make params' to compile it from conf/"
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; {compiled}")
+    try:
+        content: Any = yaml_text.parse(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not valid YAML ({' '.join(str(error).split())}); {compiled}") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: expected a mapping of sections, got {type(content).__name__}; {compiled}")
+    return content

@@ -11,6 +11,33 @@ Registry -> kind -> names of that kind (of detectors, name -> file that the stag
 holds what third parties registered.
 """
 
+PlugIns = dict[Name, dict[Name, str]]
+"""SHA-256 of the source behind every member that a third party registered: what it is for -> member -> digits."""
+
+
+class DatasetFiles(Settings):
+    """What the stage `index` of one dataset depends on.
+
+    Attributes:
+        data: a folder, or a file that changes with the data.
+        whitelist: list of frames; a file that never changes where there is none.
+    """
+
+    data: str
+    whitelist: str
+
+
+class ReadFiles(Settings):
+    """Files and folders that stages read and no stage makes.
+
+    Attributes:
+        datasets: dataset -> what its index depends on.
+        psf: folder of stored kernels; a file that never changes where there is none.
+    """
+
+    datasets: dict[Name, DatasetFiles]
+    psf: str
+
 
 class MatrixSettings(Settings):
     """Lists that ``dvc.yaml`` expands into stages."""

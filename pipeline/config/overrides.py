@@ -1,4 +1,4 @@
-"""Overrides of a sweep, checked before Hydra sees them: its own messages span many lines."""
+"""A stage's command line, checked before Hydra sees it: its own messages span many lines."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import itertools
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError, did_you_mean
 
@@ -16,6 +16,89 @@ if TYPE_CHECKING:
 MOST_COMBINATIONS = 64  # of a sweep, that are checked one by one
 LAUNCHER_EXTRAS = {"joblib": "sweep", "submitit_local": "cluster", "submitit_slurm": "cluster"}
 """Hydra's launchers -> the extra of this package that installs them."""
+
+FLAGS = (
+    "--help", "-h", "--hydra-help", "--version", "--resolve", "--run", "-r", "--multirun", "-m", "--shell-completion",
+    "-sc",
+)  # fmt: skip
+WITH_VALUE = ("--cfg", "-c", "--package", "-p", "--info", "-i", "--experimental-rerun")
+OTHER_CONF = ("--config-path", "-cp", "--config-name", "-cn", "--config-dir", "-cd")
+"""Options of Hydra; the last replace ``conf/``, which every stage is configured by."""
+
+
+def split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Options of Hydra with their values, and overrides, of a command line that may mix them.
+
+    Args:
+        arguments: of the command line.
+
+    Returns:
+        options; overrides, not yet read.
+
+    Raises:
+        InputError: an option that Hydra does not have, or that replaces ``conf/``.
+    """
+    options: list[str] = []
+    overrides: list[str] = []
+    waiting = list(arguments)
+    while waiting:
+        word = waiting.pop(0)
+        name, equals, _ = word.partition("=")
+        if not word.startswith("-"):
+            overrides.append(word)
+            continue
+        if name in OTHER_CONF:
+            raise InputError(f"{name}: a stage is configured by conf/config.yaml; give other values as KEY=VALUE")
+        if name not in FLAGS + WITH_VALUE:
+            raise InputError(f"{word}: no option of a stage; {did_you_mean(name, FLAGS + WITH_VALUE)}")
+        options.append(word)
+        if name in WITH_VALUE and not equals and waiting and "=" not in waiting[0]:
+            options.append(waiting.pop(0))
+    return options, overrides
+
+
+def parsed(words: Sequence[str]) -> list[Any]:
+    """Overrides as Hydra's parser gives them.
+
+    Args:
+        words: ``KEY=VALUE`` and Hydra's other forms.
+
+    Raises:
+        InputError: a word that is none.
+    """
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException
+
+    parser = OverridesParser.create()
+    result = []
+    for word in words:
+        try:
+            result += parser.parse_overrides([word])
+        except HydraException:
+            key, equals, value = word.partition("=")
+            quoted = f"; quote a value with letters beyond a to z or signs: '{key}=\"{value}\"'" if equals else ""
+            raise InputError(f"{word}: not an override KEY=VALUE{quoted}") from None
+    return result
+
+
+def check_sweep(arguments: Sequence[str]) -> None:
+    """Refuse several values of a key where one job is to run.
+
+    Args:
+        arguments: of the command line.
+
+    Raises:
+        InputError: an override sweeps, but ``--multirun`` is not given.
+    """
+    options, words = split(arguments)
+    overrides = parsed(words)
+    if {"--multirun", "-m"} & set(options) or any(each.key_or_group == "hydra.mode" for each in overrides):
+        return
+    for override in overrides:
+        if override.is_sweep_override():
+            raise InputError(
+                f"{override.input_line}: several values need --multirun; a list that is one value goes in brackets"
+            )
 
 
 def check_overrides(
@@ -32,34 +115,39 @@ def check_overrides(
         InputError: an override cannot be read, names a key, option or value that does not exist, or a launcher that is
             not installed; in one line.
     """
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-    from hydra.core.override_parser.types import Override
-    from hydra.errors import HydraException
-
     from pipeline.config.compose import compose, parse
 
-    words = [word for word in arguments if not word.startswith("-")]
-    parser = OverridesParser.create()
     choices: list[list[str]] = []
-    jobs = set[str]()
-    for word in words:
-        try:
-            (override,) = parser.parse_overrides([word])
-        except HydraException as error:
-            raise InputError(f"{word}: not an override KEY=VALUE ({str(error).splitlines()[0]})") from None
+    keys = set[str]()
+    for override in parsed(split(arguments)[1]):
+        word = override.input_line
         if override.key_or_group == "hydra/launcher":
             _check_launcher(override.value())
             continue
         head = override.key_or_group.partition(".")[0]
-        if head == "job" and override.key_or_group in jobs:
-            raise InputError(f"{word}: {override.key_or_group} is given twice; sweep over several as KEY=VALUE,VALUE")
-        if head == "job":
-            jobs.add(override.key_or_group)
-        if head in ("hydra", "job"):
+        if head == "hydra":
             continue
-        choices.append(values_of(override) if isinstance(override, Override) else [word])
+        key = f"{override.key_or_group}@{override.package}" if override.package else override.key_or_group
+        if key in keys and not override.is_delete():
+            raise InputError(f"{word}: {key} is given twice; sweep over several as KEY=VALUE,VALUE")
+        keys.add(key)
+        if override.is_sweep_override() and not override.is_discrete_sweep():
+            raise InputError(f"{word}: a sweep is over listed values, e.g. {override.key_or_group}=1,2")
+        if head == "job":
+            _check_job(override)
+        else:
+            choices.append(values_of(override))
     for chosen in itertools.islice(itertools.product(*choices), MOST_COMBINATIONS):
         further(parse(compose(chosen, conf), "conf/"))
+
+
+def _check_job(override: Any) -> None:
+    """Refuse an override of the job that adds no key to it."""
+    path, _, value = override.input_line.lstrip("+~").partition("=")
+    if path == "job" and not isinstance(override.value(), dict):
+        raise InputError(f"{override.input_line}: expected +job.KEY=NAME, e.g. +job.dataset={value or 'sim'}")
+    if not (override.is_add() or override.is_force_add()):
+        raise InputError(f"{override.input_line}: conf/ has no job; expected +{path}={value}")
 
 
 def check_scheduler(arguments: Sequence[str]) -> None:
@@ -90,7 +178,7 @@ def _check_launcher(name: object) -> None:
     raise InputError(f"hydra/launcher={name}: {did_you_mean(str(name), {*installed, *LAUNCHER_EXTRAS})}")
 
 
-def values_of(override: object) -> list[str]:
+def values_of(override: Any) -> list[str]:
     """The overrides that a sweep over one key stands for; itself where it is none.
 
     Args:
@@ -99,8 +187,8 @@ def values_of(override: object) -> list[str]:
     Returns:
         lines ``KEY=VALUE``; none for a range that is not a list of values.
     """
-    line: str = override.input_line  # type: ignore[attr-defined]
-    if not override.is_sweep_override() or not override.is_discrete_sweep():  # type: ignore[attr-defined]
-        return [line] if not override.is_sweep_override() else []  # type: ignore[attr-defined]
+    line: str = override.input_line
+    if not override.is_sweep_override() or not override.is_discrete_sweep():
+        return [line] if not override.is_sweep_override() else []
     key = line.partition("=")[0]
-    return [f"{key}={value}" for value in override.sweep_string_iterator()]  # type: ignore[attr-defined]
+    return [f"{key}={value}" for value in override.sweep_string_iterator()]

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.config.overrides import MOST_COMBINATIONS, values_of
+from pipeline.config.overrides import MOST_COMBINATIONS, parsed, split, values_of
 
 if TYPE_CHECKING:
     from pipeline.config.entry import Stage
@@ -32,11 +32,8 @@ def warnings(stage: Stage, arguments: Sequence[str], conf: Path) -> list[str]:
     Returns:
         the sentences; none for an override that changes nothing at all, or where the job is incomplete.
     """
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-
-    words = [word for word in arguments if not word.startswith("-")]
-    parsed = OverridesParser.create().parse_overrides(words)
-    choices = [(override, values_of(override) or [override.input_line or ""]) for override in parsed]
+    overrides = parsed(split(arguments)[1])
+    choices = [(override, values_of(override) or [override.input_line or ""]) for override in overrides]
     reads = _declared(stage, [line for override, lines in choices if _key(override) == "job" for line in lines])
     if reads is None:
         return []

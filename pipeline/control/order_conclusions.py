@@ -51,7 +51,7 @@ SETTINGS = ((PAPER, ENCODED), (DETECTOR, ENCODED), (PAPER, LINEAR), (DETECTOR, L
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class StudyTables:
     """Both tables of the stage: conditions, and the effects of noise and motion with paired intervals."""
 
     conditions: pd.DataFrame

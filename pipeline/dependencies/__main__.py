@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline import yaml_text
@@ -12,19 +14,29 @@ from pipeline.store import write_text
 GRAPH, PARAMS = Path("dvc.yaml"), Path("params.yaml")
 
 
-def main(arguments: list[str]) -> int:
-    """Run one of the two; returns the exit status."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one of the two; returns the exit status: 1 where `--check` meets a difference, 2 for wrong input."""
+    import yaml
+
     from pipeline.dependencies.dvc_yaml import differences, rewritten
 
+    parser = argparse.ArgumentParser(
+        prog="python -m pipeline.dependencies", description="Code dependencies of the stages in dvc.yaml."
+    )
+    modes = parser.add_mutually_exclusive_group(required=True)
+    modes.add_argument("--check", action="store_true", help="name each line that is missing or too many")
+    modes.add_argument("--write", action="store_true", help="set them in place")
+    options = parser.parse_args(arguments)
     try:
-        if arguments not in (["--check"], ["--write"]):
-            raise InputError(f"{' '.join(arguments)}: expected --check or --write")
         for path in (GRAPH, PARAMS):
             if not path.is_file():
                 raise InputError(f"{path}: no such file; run from the project's top folder")
         text = GRAPH.read_text(encoding="utf-8")
-        params = yaml_text.parse(PARAMS.read_text(encoding="utf-8"))
-        if arguments == ["--write"]:
+        try:
+            params = yaml_text.parse(PARAMS.read_text(encoding="utf-8"))
+        except (yaml.YAMLError, UnicodeDecodeError):
+            raise InputError(f"{PARAMS}: not valid YAML; run 'make params' to compile it from conf/") from None
+        if options.write:
             written = rewritten(text, params, Path.cwd())
             if written != text:
                 write_text(GRAPH, written)
@@ -42,4 +54,4 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))
+    raise SystemExit(main())

@@ -2,30 +2,52 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import sys
 from collections.abc import Sequence
 
 from pipeline.dvc import at_once, experiment, lock_file, read_once
 from pipeline.errors import InputError
+from pipeline.signals import handled
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run DVC; returns its exit status."""
+    """Run DVC; returns its exit status, 2 for settings that are refused before it starts."""
     from dvc.cli import main as run_dvc
 
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    is_experiment = experiment.is_experiment(arguments)
-    if is_experiment:
-        try:
+    is_experiment, is_reproduction = experiment.is_experiment(arguments), arguments[:1] == ["repro"]
+    try:
+        if is_experiment:
             experiment.check(arguments)
-        except InputError as error:
-            print(f"error: {error}", file=sys.stderr)
-            return 2
+        elif is_reproduction and not {"-h", "--help"} & set(arguments):
+            check_params()
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     read_once.install()
     writer = lock_file.install()
-    if arguments[:1] == ["repro"] or is_experiment:
-        at_once.install(writer)
-    return int(run_dvc(arguments))
+    with contextlib.ExitStack() as handlers:
+        if is_reproduction or is_experiment:
+            handlers.enter_context(handled([signal.SIGTERM], at_once.install(writer).end))
+        return int(run_dvc(arguments))
+
+
+def check_params() -> None:
+    """Refuse a ``params.yaml`` that ``conf/`` does not give.
+
+    The stage `config` compares them too, but is no stage that a target depends on, and DVC knows nothing of third
+    parties' packages, whose hashes are in ``params.yaml``.
+
+    Raises:
+        InputError: see `pipeline.config.compose.check`.
+    """
+    from pipeline.config.compose import CONF, check
+    from pipeline.config.references import check_references
+
+    if CONF.is_dir():
+        check(further=check_references)
 
 
 if __name__ == "__main__":

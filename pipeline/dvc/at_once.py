@@ -5,18 +5,21 @@ thread at a time has the *turn*, and hands it over only while the command of its
 dependencies are up to date the first ones in DVC's order are taken; a stage without outputs, which nothing can depend
 on, ends before later ones begin (the check of ``params.yaml``). When one fails, those that run end, no other begins,
 and DVC's message follows. Ctrl-C does the same; the running commands receive it from the terminal as this process does.
+SIGTERM is handed to them, and this process ends after them.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from pipeline import yaml_text
@@ -85,6 +88,28 @@ class Stages:
         self._writer, self._params = writer, params
         self._turn = threading.Lock()
         self._slots = CoreSlots()
+        self._commands: list[Any] = []
+
+    def end(self, number: int, frame: FrameType | None) -> None:
+        """Handle a signal that ends this process: the running commands get it too, and are waited for (`_wait`)."""
+        import psutil  # type: ignore[import-untyped]
+
+        for command in list(self._commands):
+            with contextlib.suppress(psutil.NoSuchProcess):  # it has just ended
+                process = psutil.Process(command.pid)
+                in_shell = process.children() if isinstance(command, subprocess.Popen) else []
+                for each in (*in_shell, process):  # a shell that is ended first leaves its command behind
+                    each.send_signal(number)
+        raise SystemExit(128 + number)
+
+    @contextlib.contextmanager
+    def _noted(self, command: Any) -> Iterator[Any]:
+        """While it runs, a command that a signal ends too."""
+        self._commands.append(command)
+        try:
+            yield command
+        finally:
+            self._commands.remove(command)
 
     def reproduce(self, original: Callable[..., list[Any]]) -> Callable[..., list[Any]]:
         """`dvc.repo.reproduce._reproduce`; the original for options under which the order matters."""
@@ -162,8 +187,8 @@ class Stages:
         if self._slots.count > 1:
             os.environ.setdefault(THREADS, str(max(1, cores // self._slots.count)))
 
-    def run(self, original: Callable[..., None]) -> Callable[..., None]:
-        """`dvc.stage.run._run`: one command of a stage, with its turn handed over meanwhile."""
+    def run(self) -> Callable[..., None]:
+        """In the place of `dvc.stage.run._run`: one command of a stage, with its turn handed over meanwhile."""
         from dvc.stage.exceptions import StageCmdFailedError
         from dvc.stage.run import _make_cmd
 
@@ -172,10 +197,7 @@ class Stages:
             words = preloaded.words(command, Path(options["cwd"]), environment)
             name = environment.get("DVC_STAGE", "")
             if name not in self._slots:
-                if words is None:
-                    original(executable, command, **options)
-                    return
-                code = _wait(preloaded.start(words, environment))
+                code = self._run_alone(words, _make_cmd(executable, command), options)
             else:
                 self._turn.release()
                 try:
@@ -186,6 +208,15 @@ class Stages:
                 raise StageCmdFailedError(command, code)
 
         return run
+
+    def _run_alone(self, words: list[str] | None, command: Any, options: dict[str, Any]) -> int:
+        """Run a command while no other runs, its output where that of this process goes."""
+        if words is not None:
+            process: Any = preloaded.start(words, options["env"])
+        else:
+            process = subprocess.Popen(command, **options)
+        with self._noted(process):
+            return _wait(process)
 
     def _run_beside(self, name: str, words: list[str] | None, command: Any, options: dict[str, Any]) -> int:
         """Run a command beside others, each line of its output after the name of its stage."""
@@ -199,7 +230,7 @@ class Stages:
             with affinity(cores):  # of this thread; its child inherits it
                 process = subprocess.Popen(command, stdout=writing.fileno(), stderr=subprocess.STDOUT, **options)
         writing.close()
-        with self._slots.running(name, process.pid):
+        with self._slots.running(name, process.pid), self._noted(process):
             with os.fdopen(os.dup(reading.fileno()), encoding="utf-8", errors="replace", newline="\n") as lines:
                 reading.close()
                 for line in lines:
@@ -207,25 +238,33 @@ class Stages:
                     if shown:
                         sys.stdout.write(f"{name} | {shown}\n")
                         sys.stdout.flush()
-            return int(process.wait()) if words is None else _wait(process)
+            return _wait(process)
 
 
 def _wait(process: Any) -> int:
-    """Wait for a child of the server; Ctrl-C is for the child to answer, as it is in DVC."""
+    """Wait for a command and return its exit status; Ctrl-C is for the command to answer, as it is in DVC."""
     alone = threading.current_thread() is threading.main_thread()
     before = signal.signal(signal.SIGINT, signal.SIG_IGN) if alone else None
     try:
-        return preloaded.exit_status(process)
+        return _exit_status(process)
+    except SystemExit:  # of `Stages.end`: the command is ending
+        _exit_status(process)
+        raise
     finally:
         if alone:
             signal.signal(signal.SIGINT, before)
 
 
-def install(writer: LockFileWriter) -> None:
-    """Let DVC in this process run stages at once."""
+def _exit_status(process: Any) -> int:
+    return int(process.wait()) if isinstance(process, subprocess.Popen) else preloaded.exit_status(process)
+
+
+def install(writer: LockFileWriter) -> Stages:
+    """Let DVC in this process run stages at once; returns what runs them, whose `Stages.end` handles SIGTERM."""
     from dvc.repo import reproduce
     from dvc.stage import run
 
     stages = Stages(writer, Path("params.yaml"))
     reproduce._reproduce = stages.reproduce(reproduce._reproduce)
-    run._run = stages.run(run._run)
+    run._run = stages.run()
+    return stages

@@ -1,12 +1,23 @@
-"""Settings of ``dvc exp run -S``, checked before DVC starts: its own message spans lines and names no key nearby."""
+"""Settings of ``dvc exp run -S``, checked before DVC starts: its own message spans lines and names no key nearby.
+
+An experiment of ``--queue`` or ``--temp`` runs in a copy of what git tracks, where relative paths below ``data/raw``
+lead to nothing; they are refused here.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import os.path
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+from pipeline.errors import InputError
 
 CONF, PARAMS = Path("conf"), "params.yaml"
+USER_FOLDER, TRACKED = Path("data/raw"), Path("data/raw/README.md")
+DERIVED = ("by_kind", "read_files")
+"""Sections of paths that other keys give."""
 
 
 def is_experiment(arguments: Sequence[str]) -> bool:
@@ -14,12 +25,19 @@ def is_experiment(arguments: Sequence[str]) -> bool:
     return list(arguments[:2]) in (["exp", "run"], ["experiments", "run"])
 
 
-def settings(arguments: Sequence[str]) -> list[str]:
-    """Overrides of ``params.yaml`` among the arguments of ``dvc exp run``, without the name of that file."""
+def _given(arguments: Sequence[str]) -> argparse.Namespace:
+    """Those of the arguments of ``dvc exp run`` that are checked."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("-S", "--set-param", action="append", default=[])
-    given, _ = parser.parse_known_args(list(arguments))
-    plain = (text.removeprefix(f"{PARAMS}:") for text in given.set_param)
+    parser.add_argument("-C", "--copy-paths", action="append", default=[])
+    parser.add_argument("--queue", action="store_true")
+    parser.add_argument("--temp", action="store_true")
+    return parser.parse_known_args(list(arguments))[0]
+
+
+def settings(arguments: Sequence[str]) -> list[str]:
+    """Overrides of ``params.yaml`` among the arguments of ``dvc exp run``, without the name of that file."""
+    plain = (text.removeprefix(f"{PARAMS}:") for text in _given(arguments).set_param)
     return [text for text in plain if ":" not in text.partition("=")[0]]  # of another file
 
 
@@ -30,11 +48,50 @@ def check(arguments: Sequence[str]) -> None:
         arguments: of ``dvc exp run``.
 
     Raises:
-        InputError: a key, option, name or folder that does not exist, or a value out of range.
+        InputError: a key, option, name or folder that does not exist, a value out of range, or a path that leads to
+            nothing where the experiment will run.
     """
     from pipeline.config.overrides import check_overrides
     from pipeline.config.references import check_references
 
-    overrides = settings(arguments)
-    if overrides and CONF.is_dir():
-        check_overrides(overrides, CONF, check_references)
+    overrides, given = settings(arguments), _given(arguments)
+    in_copy = given.queue or given.temp
+
+    def further(config: Any) -> None:
+        check_references(config)
+        if in_copy:
+            _check_copy(config, given.copy_paths)
+
+    if CONF.is_dir() and (overrides or in_copy):
+        check_overrides(overrides, CONF, further)
+
+
+def _check_copy(config: Any, copied: Sequence[str]) -> None:
+    """Refuse relative paths to files that git ignores, but for those that DVC is asked to copy."""
+    content = {name: value for name, value in config.model_dump().items() if name not in DERIVED}
+    lines = [
+        f"{key}={path}: an experiment of --queue or --temp runs in a copy without it, since git ignores {USER_FOLDER}; "
+        "give the absolute path"
+        for key, path in _paths(content)
+        if not any(_normal(path).is_relative_to(_normal(each)) for each in copied)
+    ]
+    if lines:
+        raise InputError("\n".join(lines))
+
+
+def _paths(content: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
+    """Keys of a configuration whose values are relative paths below the users' folder."""
+    for name, value in content.items():
+        key = f"{above}{name}"
+        if isinstance(value, Mapping):
+            yield from _paths(value, f"{key}.")
+        elif isinstance(value, str) and name != "dvc_dependency" and _is_ignored(_normal(value)):
+            yield key, value
+
+
+def _is_ignored(path: Path) -> bool:
+    return path.is_relative_to(USER_FOLDER) and path != TRACKED
+
+
+def _normal(path: str) -> Path:
+    return Path(os.path.normpath(path))

@@ -15,6 +15,7 @@ import multiprocessing
 import os
 import re
 import shutil
+import signal
 import sys
 import threading
 from collections.abc import Collection, Mapping, Sequence
@@ -114,6 +115,7 @@ def run(
         output.close()
     if cores is not None:
         os.sched_setaffinity(0, cores)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     os.environ.clear()
     os.environ.update(environment)
     freed_memory.keep(os.environ, kept_bytes=KEPT_BYTES)
@@ -126,3 +128,11 @@ def run(
         runpy.run_module(module, run_name="__main__", alter_sys=True)
     finally:
         atexit._run_exitfuncs()  # a fork leaves without them
+
+
+def _end_with_parent() -> None:
+    """End this process once the one that asked for it is gone: killed, it could not end it by itself."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)

@@ -16,6 +16,7 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store
+    from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.control import evaluation, setup, tables
     from pipeline.control.cache import fingerprint
     from pipeline.control.loop import Rig
@@ -35,7 +36,7 @@ def run(run: Run) -> None:
             "camera": camera,
             "seed": params.seed,
             "frames": pixels,
-            "detector": [detector.kind, options, about["sha256"]],
+            "detector": [detector.kind, options, about["sha256"], digest("pipeline.detection", detector.kind)],
         },
     )
     rig = Rig(

@@ -25,6 +25,7 @@ def run(run: Run) -> None:
     import pandas as pd
 
     from pipeline import store
+    from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.control import measured_surface, setup, tables
     from pipeline.control.cache import fingerprint
     from pipeline.control.views import folds, views
@@ -36,14 +37,14 @@ def run(run: Run) -> None:
     every = folds(views(run.inputs / "data/sim"), section.viewpoints, section.folds)
     every_view = [view for fold in every for view in fold if view.moment in section.surface.moments]
     designs, camera = setup.designs(section.surface), setup.camera(section.camera)
-    settings = [measured_surface.exposures(every_view, camera, design) for design in designs]
+    conditions = [(design, measured_surface.exposures(every_view, camera, design)) for design in designs]
     work = [(view, number) for number in range(len(designs)) for view in every_view]
     about = store.read_json(run.inputs / "data/detector" / section.detector / "detector.json")
     shared: dict[str, Any] = {"camera": camera, "seed": params.seed}
-    by = {"detector": [detector.kind, options, about["sha256"]], "outputs": str(run.outputs)}
-    key = fingerprint("pipeline.control.measured_surface", {**shared, **by, "designs": designs, "settings": settings})
+    sources = [about["sha256"], digest("pipeline.detection", detector.kind)]
+    by = {"detector": [detector.kind, options, *sources], "outputs": str(run.outputs)}
+    key = fingerprint("pipeline.control.measured_surface", {**shared, **by, "conditions": conditions})
     folder = run.inputs / ".cache/control_surface" / key
-    conditions = list(zip(designs, settings, strict=True))
     measure = partial(
         measure_view, folder=folder, kind=detector.kind, options=options, shared=shared, conditions=conditions
     )

@@ -23,6 +23,7 @@ def run(run: Run) -> None:
     from functools import partial
 
     from pipeline import store
+    from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.datasets.selection import evaluation_frames, scene_of
     from pipeline.detection import checkpoint
     from pipeline.experiments import detect
@@ -45,7 +46,8 @@ def run(run: Run) -> None:
         seed=params.seed,
     )
     about = store.read_json(run.inputs / "data/detector" / name / "detector.json")
-    about_run = {"sweep": vars(sweep), "weights": about["sha256"], "job": dict(run.job), "outputs": str(run.outputs)}
+    detector = [about["sha256"], digest("pipeline.detection", section.kind)]
+    about_run = {"sweep": vars(sweep), "detector": detector, "job": dict(run.job), "outputs": str(run.outputs)}
     key = checkpoint.fingerprint(detect.__name__, about_run, section.kind)
     folder = run.inputs / ".cache/detect" / key
     work = [(frame, kernel) for frame in frames for kernel in blurs]

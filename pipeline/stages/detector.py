@@ -11,6 +11,7 @@ USES = {"pipeline.detection": ["detection.detectors.{detector}"]}
 def run(run: Run) -> None:
     """Open the detector, which refuses a wrong or broken file, and write what it is."""
     from pipeline import store
+    from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.detection import opened
     from pipeline.detection.weights import file_sha256
     from pipeline.experiments.detect import identifying_file, options_of
@@ -22,6 +23,8 @@ def run(run: Run) -> None:
     with store.replacing_folder(run.outputs / "data/detector" / name) as out:
         hashed = "source" if section.weights is None else "weights"
         about = {"kind": section.kind, hashed: path.name, "bytes": path.stat().st_size, "options": section.options}
+        source = digest("pipeline.detection", section.kind)
+        about |= {} if source is None else {"package_sha256": source}  # of a third party, with its other modules
         store.write_json(out / "detector.json", {**about, "sha256": file_sha256(path)})
 
 

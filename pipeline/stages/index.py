@@ -13,6 +13,7 @@ READS = ["datasets.{dataset}", "noise.tile_px", "blur.patch_px", "report.example
 def run(run: Run) -> None:
     """Scan the dataset, write the tables, a few example frames and a manifest of content hashes."""
     from pipeline import store, tables
+    from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.datasets.index import index
     from pipeline.datasets.open import open_section
 
@@ -41,6 +42,9 @@ def run(run: Run) -> None:
         store.write_json(folder / "samples.json", boxes)
         store.write_arrays(folder / "samples.npz", **{f"frame_{f.name}": to_8_bit(f.image()) for f in shown})
         store.write_json(folder / "manifest.json", {f.name: content_hash(f.path) for f in result.usable})
+        source = digest("pipeline.datasets", params.datasets[name].kind)
+        if source is not None:  # a third party's reader, which all that depends on this index executes
+            store.write_json(folder / "reader.json", {"package_sha256": source})
     patches = result.patches.groupby("purpose").size()
     store.write_json(
         run.outputs / f"reports/metrics/index/{name}.json",

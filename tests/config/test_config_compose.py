@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.config import compose as compiling
+from pipeline.config import from_params
 from pipeline.config.compose import compile_params, compose, load, parse
 from pipeline.errors import InputError
 
@@ -138,14 +139,22 @@ def test_compiling_twice_writes_once(tmp_path):
     assert load(path).seed == 1
 
 
-@pytest.mark.parametrize("text", ["[1, 2]", "a: [", ""])
-def test_broken_params_are_refused(tmp_path, text):
+@pytest.mark.parametrize("read", [load, from_params.read])
+@pytest.mark.parametrize("content", [None, b"[1, 2]", b"a: [", b"", b"a: \xff"])
+def test_broken_params_are_one_line_with_the_remedy(tmp_path, content, read):
     path = tmp_path / "params.yaml"
-    with pytest.raises(InputError, match=r"params\.yaml"):
-        load(path)
-    path.write_text(text)
-    with pytest.raises(InputError, match=r"params\.yaml"):
-        load(path)
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=r"params\.yaml: .*run 'make params'") as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_params_that_are_no_text_are_compiled_anew(tmp_path):
+    path = tmp_path / "params.yaml"
+    path.write_bytes(b"\xff")
+    assert compile_params([], path)
+    assert load(path).seed == 1
 
 
 def test_command_line_says_one_line_and_fails():

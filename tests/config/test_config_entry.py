@@ -117,6 +117,36 @@ stage("probe", reads=["seed"])(body)(["--params"])
     assert [path.name for path in tmp_path.iterdir()] == ["params.yaml"]
 
 
+WITHOUT_ROOM = """
+import resource, sys
+from pathlib import Path
+from pipeline import store
+from pipeline.config.entry import stage
+
+def body(run):
+    if len(sys.argv) > 1:
+        raise KeyboardInterrupt
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+    store.write_text(run.outputs / "table.txt", "x" * 5000)
+
+stage("probe", reads=["seed"])(body)(["--params"])
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "line"),
+    [([], 2, "error: File too large; make room and run again\n"), (["interrupt"], 130, "interrupted\n")],
+)
+def test_a_full_disk_and_an_interrupt_are_one_line(words, status, line, tmp_path):
+    shutil.copy(ROOT / "params.yaml", tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_ROOM, *words], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (status, line)
+    assert [path.name for path in tmp_path.iterdir()] == ["params.yaml"]
+
+
 def test_each_sweep_has_a_folder_of_its_own(tmp_path, monkeypatch):
     monkeypatch.setattr("pipeline.config.from_conf.time.strftime", lambda form: "2026-01-02_03-04-05")
     first = fresh_folder(tmp_path)

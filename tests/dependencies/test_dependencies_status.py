@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pipeline.dependencies.__main__ import main
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -58,3 +60,19 @@ def test_status_names_the_stages_that_can_execute_an_edited_module(project, edit
     finally:
         path.write_text(before, encoding="utf-8")
     assert {line.rstrip(":") for line in status.splitlines() if line.endswith(":") and line[0] != "\t"} == named
+
+
+@pytest.mark.parametrize(("arguments", "status", "words"), [(["--help"], 0, "--write"), ([], 2, "required")])
+def test_the_command_line_describes_itself(arguments, status, words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    output = capsys.readouterr()
+    assert ended.value.code == status and words in output.out + output.err
+
+
+def test_params_that_are_not_yaml_are_one_line(tmp_path, monkeypatch, capsys):
+    (tmp_path / "dvc.yaml").write_text("stages: {}\n")
+    (tmp_path / "params.yaml").write_text("a: [")
+    monkeypatch.chdir(tmp_path)
+    assert main(["--check"]) == 2
+    assert capsys.readouterr().err == "error: params.yaml: not valid YAML; run 'make params' to compile it from conf/\n"

@@ -1,5 +1,6 @@
 """``python -m pipeline.dvc repro``: stages at once, from one server, with the results, messages and file of DVC."""
 
+import contextlib
 import os
 import shutil
 import signal
@@ -9,6 +10,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import psutil
 import pytest
 import yaml
 from interrupts import heed_interrupts
@@ -287,3 +289,48 @@ def test_stages_begin_in_order_behind_their_dependencies_and_checks():
     assert startable([b, c, d], [check], {a}, upstream) == []
     assert startable([b, c, d], [], {a, check}, upstream) == [b, c]
     assert startable([d], [c], {a, b, check}, upstream) == [d]
+
+
+SLEEPING = """
+import os, time
+import pipeline
+from pathlib import Path
+with open("begun", "a") as begun:
+    begun.write(f"{os.getpid()}\\n")
+time.sleep(100)
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "at_once", "served"),
+    [(signal.SIGTERM, 1, True), (signal.SIGTERM, 2, True), (signal.SIGTERM, 1, False), (signal.SIGTERM, 2, False),
+     (signal.SIGKILL, 1, True), (signal.SIGKILL, 2, True)],
+)  # fmt: skip
+def test_no_stage_outlives_the_one_that_runs_it(tmp_path, number, at_once, served):
+    """It would write its results over those of a later run."""
+    module = "show" if served else "release"
+    folder = make(tmp_path, {name: show(name, module=module) for name in "xyz"}, modules=True)
+    (folder / f"pipeline/stages/{module}.py").write_text(SLEEPING + ("" if served else "# release_torch\n"))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "pipeline.dvc", "repro"], cwd=folder, env=environment(folder, at_once),
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + 120
+    while not (folder / "begun").exists() or len((folder / "begun").read_text().split()) < at_once:
+        assert time.monotonic() < deadline and process.poll() is None
+        time.sleep(0.1)
+    stages = [int(word) for word in (folder / "begun").read_text().split()]
+    process.send_signal(number)
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == (128 + number if number == signal.SIGTERM else -number), output
+    assert "Traceback" not in output
+    while any(running(stage) for stage in stages):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert len((folder / "begun").read_text().split()) == at_once and not (folder / "dvc.lock").exists()
+
+
+def running(pid):
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    return False

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.dvc import experiment
-from pipeline.dvc.__main__ import main
+from pipeline.dvc.__main__ import check_params, main
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,3 +50,37 @@ def test_right_settings_and_sweeps_pass() -> None:
     experiment.check(["exp", "run", "--run-all"])
     with pytest.raises(InputError, match="datasets\\.kitti\\.root=/nowhere: no such folder"):
         experiment.check(["exp", "run", "-S", "+dataset@datasets.kitti=kitti", "-S", "datasets.kitti.root=/nowhere"])
+
+
+REAL = ["-S", "+dataset@datasets.mine=photos", "-S"]
+
+
+@pytest.mark.parametrize("option", ["--queue", "--temp"])
+def test_an_experiment_in_a_copy_takes_no_relative_path_to_ignored_files(
+    option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pipeline.config.references.check_references", lambda config: None)  # the folder is not there
+    relative = [*REAL, "datasets.mine.root=./data/raw/kitti"]
+    with pytest.raises(InputError, match=r"datasets\.mine\.root=\./data/raw/kitti: .*absolute path$") as caught:
+        experiment.check(["exp", "run", option, *relative])
+    assert "\n" not in str(caught.value)
+    experiment.check(["exp", "run", *relative])
+    experiment.check(["exp", "run", option, "-C", "data/raw", *relative])
+    experiment.check(["exp", "run", option, *REAL, f"datasets.mine.root={tmp_path}"])
+    experiment.check(["exp", "run", option])
+
+
+@pytest.mark.parametrize("target", [[], ["index@photos"]])
+def test_reproducing_refuses_params_that_conf_does_not_give(
+    target: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "conf").symlink_to(ROOT / "conf")
+    (tmp_path / "data").symlink_to(ROOT / "data")
+    params = (ROOT / "params.yaml").read_text()
+    (tmp_path / "params.yaml").write_text(params.replace("\nseed: 1\n", "\nseed: 2\n"))
+    monkeypatch.chdir(tmp_path)
+    assert main(["repro", *target]) == 2
+    error = capsys.readouterr().err
+    assert "+seed: 2" in error and "run 'make params'" in error
+    (tmp_path / "params.yaml").write_text(params)
+    check_params()

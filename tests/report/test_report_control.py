@@ -238,8 +238,8 @@ def test_the_surface_has_one_panel_for_each_brightness(section: Section) -> None
     assert {row["level"] for row in _table(section, "control_surface").rows} == {0.5, 0.25}
 
 
-def _study(kept_detector: float = 1.0, noise_hurts: bool = True) -> order_study.Study:
-    return order_study.Study(made.study(kept_detector), made.effects(noise_hurts))
+def _study(kept_detector: float = 1.0, noise_hurts: bool = True) -> order_study.StudyTables:
+    return order_study.StudyTables(made.study(kept_detector), made.effects(noise_hurts))
 
 
 def test_the_order_study_decides_by_intervals() -> None:
@@ -253,13 +253,13 @@ def test_the_order_study_decides_by_intervals() -> None:
 
 def test_a_change_against_the_claim_does_not_survive() -> None:
     effects = made.effects().assign(low=5.0, high=9.0)
-    study = order_study.Study(made.study(), effects)
+    study = order_study.StudyTables(made.study(), effects)
     assert study.survival(order_study.CONCLUSIONS[2]) == "does not survive"
 
 
 def test_one_noise_level_decides_nothing_about_noise() -> None:
     effects = made.effects()
-    study = order_study.Study(made.study(), effects[effects["cause"] == "motion"])
+    study = order_study.StudyTables(made.study(), effects[effects["cause"] == "motion"])
     assert study.survival(order_study.CONCLUSIONS[1]) == "not decided"
     assert study.survival(order_study.CONCLUSIONS[3]) == "survives"
 
@@ -282,7 +282,7 @@ def test_opposite_verdicts_never_stand_beside_the_same_interval() -> None:
     of_noise = (effects["cause"] == "noise") & (effects["measure"] == "amae_percent")
     effects.loc[of_noise, "high"] = 1.0
     effects.loc[of_noise, "low"] = np.where(effects[of_noise]["light"] == "linear", -0.04, 0.04)
-    row = order_study.conclusion_table(order_study.Study(made.study(), effects)).rows[1]
+    row = order_study.conclusion_table(order_study.StudyTables(made.study(), effects)).rows[1]
     assert row["paper_encoded"].startswith("yes") and row["paper_encoded"].endswith("change 0.04 to 1.0 points")
     assert row["paper_linear"].startswith("not decided")
     assert row["paper_linear"].endswith("change −0.04 to 1.0 points")

@@ -2,9 +2,11 @@
 
 ``${names_of_kind:noise.estimators,pca}`` is the list of names whose ``kind`` is ``pca``; with several kinds, of all of
 them; ``${names_of_other_kind:...}`` of none of them. ``${dependencies_of_kind:detection.detectors,yolox}`` maps names
-to the file that their stage `detector` depends on. ``${dependency_folder:...}`` is a folder, or `NO_DATA` where it is
-null. `pipeline.config.compose` imports this file; DVC loads it as a Hydra plugin (``hydra.plugins_path`` in
-``.dvc/config``), so it imports nothing of the package.
+to the file that their stage `detector` depends on, ``${dependencies_of_datasets:datasets}`` to those of `index`.
+``${dependency_folder:...}`` is a folder, or `NO_DATA` where it is null. ``${sources_of_plug_ins:noise.estimators,
+pipeline.noise}`` maps the names whose ``kind`` a third party registers to the SHA-256 of its source.
+`pipeline.config.compose` imports this file; DVC loads it as a Hydra plugin (``hydra.plugins_path`` in ``.dvc/config``),
+so it imports nothing of the package but the file beside it.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ from importlib.util import find_spec
 from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
+
+from .plug_in_sources import digest
 
 DETECTORS = "pipeline.detection"
 """Entry point group of third parties' detectors."""
@@ -72,6 +76,37 @@ def dependencies_of_other_kind(path: str, *kinds: str, _root_: Any) -> DictConfi
     return _watched(_members(path, kinds, False, _root_))
 
 
+def dependencies_of_datasets(path: str, *, _root_: Any) -> DictConfig:
+    """Names of datasets, with the data and the list of frames that their stage `index` depends on."""
+    members = OmegaConf.select(_root_, path)
+    return OmegaConf.create(
+        {
+            str(name): {
+                "data": dependency_folder(_value(member, "dvc_dependency")),
+                "whitelist": dependency_folder(_value(member, "whitelist")),
+            }
+            for name, member in members.items()
+        }
+    )
+
+
+def sources_of_plug_ins(path: str, group: str, *, _root_: Any) -> DictConfig:
+    """Names of the members of a section that are a third party's, with the SHA-256 of its source.
+
+    Args:
+        path: of the section, or of a value that is itself a registry name.
+        group: entry point group of the registry.
+    """
+    section = OmegaConf.select(_root_, path)
+    kinds = (
+        {str(name): _value(member, "kind") for name, member in section.items()}
+        if isinstance(section, DictConfig)
+        else {str(section): section}
+    )
+    digests = {name: digest(group, str(kind)) for name, kind in kinds.items()}
+    return OmegaConf.create({name: value for name, value in digests.items() if value is not None})
+
+
 def dependency_folder(folder: str | None) -> str:
     """What a stage depends on that reads a user's folder."""
     return NO_DATA if folder is None else str(folder)
@@ -82,6 +117,8 @@ for resolver in (
     names_of_other_kind,
     dependencies_of_kind,
     dependencies_of_other_kind,
+    dependencies_of_datasets,
     dependency_folder,
+    sources_of_plug_ins,
 ):
     OmegaConf.register_new_resolver(resolver.__name__, resolver, replace=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from pipeline.control.order_conclusions import DETECTOR, ENCODED, LINEAR, PAPER, Conclusion, Study
+from pipeline.control.order_conclusions import DETECTOR, ENCODED, LINEAR, PAPER, Conclusion, StudyTables
 from pipeline.control.scenario_result import OURS
 from pipeline.report.claims import claim
 from pipeline.report.claims.claim import Evidence, Measurement
@@ -179,7 +179,7 @@ def order(evidence: Evidence, *, conclusion: Conclusion) -> Measurement | None:
     conditions, effects = (evidence.inputs.read(f"order_study/{name}.parquet") for name in ("study", "effects"))
     if conditions is None or effects is None:
         return None
-    study = Study(conditions, effects)
+    study = StudyTables(conditions, effects)
     verdicts = {True: claim.SUPPORTED, False: claim.CONTRADICTED, None: claim.UNDECIDED}
     text = f"{order_study.evidence(study, conclusion, setting)}; in the paper's order and light "
     text += order_study.evidence(study, conclusion, (PAPER, ENCODED))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from pipeline.control import order_conclusions
-from pipeline.control.order_conclusions import CONCLUSIONS, SETTINGS, Conclusion, Study
+from pipeline.control.order_conclusions import CONCLUSIONS, SETTINGS, Conclusion, StudyTables
 from pipeline.report.display_names import listing
 from pipeline.report.inputs import ReportInputs
 from pipeline.report.sections.closed_loop import CONTROL
@@ -23,8 +23,8 @@ def study_table(study: pd.DataFrame) -> Table:
     return CONTROL.table("order_study", wide.reset_index(), frames=int(study["frames"].max()))
 
 
-def evidence(study: Study, conclusion: Conclusion, setting: tuple[str, str]) -> str:
-    """The numbers behind `Study.holds`, in words."""
+def evidence(study: StudyTables, conclusion: Conclusion, setting: tuple[str, str]) -> str:
+    """The numbers behind `StudyTables.holds`, in words."""
     if not conclusion.cause:
         return f"{100 * study.kept(setting):.0f} % of the noise left"
     effect = study.effect(conclusion, setting)
@@ -35,7 +35,7 @@ def evidence(study: Study, conclusion: Conclusion, setting: tuple[str, str]) -> 
     return "{} to {} %, change {} to {} points".format(*numbers, *ends)
 
 
-def conclusion_table(study: Study) -> Table:
+def conclusion_table(study: StudyTables) -> Table:
     """The paper's conclusions under both orders and in both lights."""
     rows = []
     for conclusion in CONCLUSIONS:
@@ -52,7 +52,7 @@ def conclusion_table(study: Study) -> Table:
     return CONTROL.table("order_study_conclusions", rows, kept_percent=kept_percent, moving=moving, **ends)
 
 
-def finding(study: Study) -> str:
+def finding(study: StudyTables) -> str:
     """The sentence of the verdict."""
     by_word: dict[str, list[str]] = {}
     for conclusion in CONCLUSIONS:
@@ -68,5 +68,5 @@ def blocks(inputs: ReportInputs) -> tuple[list[Block], list[str]]:
     study, effects = (inputs.read(f"{STAGE}/{name}.parquet") for name in ("study", "effects"))
     if study is None or effects is None:
         return [], []
-    both = Study(study, effects)
+    both = StudyTables(study, effects)
     return [study_table(study), conclusion_table(both)], [finding(both)]

@@ -1,0 +1,98 @@
+"""A stage's command line: every mistake is one line before Hydra begins, and options may stand anywhere."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline.config.compose import CONF, compose, parse
+from pipeline.config.from_conf import check_outputs
+from pipeline.config.overrides import check_overrides, check_sweep, parsed, split
+from pipeline.errors import InputError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(autouse=True)
+def at_top(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["+job=photos"], r"\+job=photos: expected \+job.KEY=NAME, e.g. \+job.dataset=photos"),
+        (["job.dataset=photos"], r"expected \+job.dataset=photos"),
+        (["seed=interval(1,3)", "--multirun"], "seed=interval.*listed values"),
+        (["seed=1,2", "seed=3", "--multirun"], "seed=3: seed is given twice"),
+        (["+dataset@datasets.a=kitti", "+dataset@datasets.a=photos"], "dataset@datasets.a is given twice"),
+        (["--config-name", "x"], "--config-name: .*conf/config.yaml"),
+        (["--config-dir=x"], "--config-dir: .*conf/config.yaml"),
+        (["--multrun", "seed=1,2"], "--multrun: .*did you mean '--multirun'"),
+        (["datasets.photos.root=/data/Fährten"], "quote.*'datasets.photos.root=\"/data/Fährten\"'"),
+        (["seed"], "seed: not an override KEY=VALUE$"),
+        (["seed=true"], "'seed': .*valid integer"),
+        (["executor.workers=true"], "'executor.workers': .*valid integer"),
+    ],
+)
+def test_a_mistake_is_one_line(arguments: list[str], words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        check_overrides(arguments, CONF)
+    assert "\n" not in str(caught.value)
+
+
+def test_several_values_need_a_multirun() -> None:
+    for allowed in (["seed=1,2", "-m"], ["--multirun", "seed=1,2"], ["seed=1,2", "hydra.mode=MULTIRUN"], ["a=[1,2]"]):
+        check_sweep(allowed)
+    with pytest.raises(InputError, match=r"seed=1,2: several values need --multirun"):
+        check_sweep(["seed=1,2"])
+
+
+def test_options_stand_anywhere() -> None:
+    assert split(["a=1", "--cfg", "job", "b=2", "-m", "--info", "c=3"]) == (
+        ["--cfg", "job", "-m", "--info"],
+        ["a=1", "b=2", "c=3"],
+    )
+    check_overrides(["--cfg", "job", "seed=3"], CONF)
+    check_overrides(["+job={dataset: photos}", "+job.estimator=pca,bf", "--multirun"], CONF)
+
+
+def test_a_quoted_value_may_hold_any_letters() -> None:
+    (override,) = parsed(['datasets.photos.root="/data/Fährten Süd"'])
+    assert parse(compose([override.input_line]), "conf/").datasets["photos"].root == "/data/Fährten Süd"
+
+
+@pytest.mark.parametrize("arguments", [["hydra/launcher=basic", "--multirun", "seed=1,2"], ["--multirun", "seed=1,2"]])
+def test_an_option_between_overrides_sweeps(arguments: list[str], tmp_path: Path) -> None:
+    done = stage(*arguments, f"hydra.sweep.dir={tmp_path}")
+    assert done.returncode == 0, done.stderr
+    assert all((tmp_path / job / "reports/metrics/sensor.json").is_file() for job in "01")
+
+
+def stage(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "pipeline.stages.sensor", "profile=smoke", *arguments], capture_output=True, text=True
+    )
+
+
+def test_a_sweep_does_not_write_over_results_of_the_project() -> None:
+    for folder in (Path(), ROOT, Path("runs/smoke"), Path("conf/..")):
+        with pytest.raises(InputError, match="results of dvc repro"):
+            check_outputs(folder)
+    check_outputs(Path("outputs/sensor"))
+    done = stage("hydra.run.dir=.")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1) and "hydra.run.dir=.: " in done.stderr
+    assert not (ROOT / ".hydra").exists()
+
+
+@pytest.mark.parametrize("content", [b"source: [", b"source: \xff"])
+def test_a_file_of_conf_that_is_not_yaml_is_named(content: bytes, tmp_path: Path) -> None:
+    shutil.copytree(CONF, tmp_path / "conf")
+    (tmp_path / "conf/psf/generated.yaml").write_bytes(content)
+    with pytest.raises(InputError, match=r"conf/psf/generated\.yaml: not valid YAML") as caught:
+        compose([], tmp_path / "conf")
+    assert "\n" not in str(caught.value)
