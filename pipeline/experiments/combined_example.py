@@ -213,6 +213,8 @@ def change_interval(
     """
     answered = [np.isin(frames, frames[np.isfinite(values)]) for values in (before, after)]
     both = answered[0] & answered[1]
+    if not both.any():
+        return NO_INTERVAL
 
     def change(patches: NDArray[np.float64]) -> NDArray[np.float64]:
         return robust_median(patches[..., 1]) - robust_median(patches[..., 0])

@@ -205,6 +205,8 @@ def test_the_change_of_a_curve_is_that_of_the_same_frames():
     without = change_interval(before[2:], after[2:], frames[2:], stream(0, "a"), 500)
     np.testing.assert_allclose(change_interval(before, after, frames, stream(0, "a"), 500), without)
     assert np.isnan(change_interval(before[:2], before[:2], frames[:2], stream(0, "a"), 500)).all()  # a single frame
+    nothing = np.full_like(before, np.nan)
+    assert np.isnan(change_interval(nothing, after, frames, stream(0, "a"), 500)).all()
 
 
 def test_curves_state_their_change_from_the_least_noise(measurements):
