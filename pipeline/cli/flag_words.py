@@ -33,13 +33,15 @@ def flag_words(row: Mapping[str, Any]) -> list[str]:
 def left_out_words(row: Mapping[str, Any]) -> list[str]:
     """Noise of a frame that its noise estimate leaves out, in words: of rows or columns, and of single pixels.
 
+    Single dead lines are a fault of the frame, but no noise of it: they hardly touch what a detector sees.
+
     Args:
         row: of `pipeline.cli.health_rows.condition_row`.
 
     Returns:
         a phrase for each flag that names such noise (`words_of_flag`).
     """
-    return [words_of_flag(name, row) for name in flag_names(row) if name in (BANDED, DEAD_LINES, IMPULSES)]
+    return [words_of_flag(name, row) for name in flag_names(row) if name in (BANDED, IMPULSES)]
 
 
 def line_noise_dn(row: Mapping[str, Any]) -> float:

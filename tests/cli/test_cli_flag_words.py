@@ -13,7 +13,7 @@ from control_makers import performance
 from data_makers import picture
 
 from pipeline.cli import main
-from pipeline.cli.flag_words import flag_words, line_noise_dn
+from pipeline.cli.flag_words import flag_words, left_out_words, line_noise_dn
 from pipeline.cli.frame_analysis import Thresholds
 from pipeline.cli.health_rows import alarms, undecided
 from pipeline.cli.watch_alarms import alarm_words
@@ -38,6 +38,7 @@ def test_flags_in_words_state_what_the_estimate_leaves_out():
     assert [words.partition(",")[0] for words in lines] == [
         "dead lines: 1 row or column stands out", "dead lines: 4 rows or columns stand out",
     ]  # fmt: skip
+    assert left_out_words(CLEAR | {"flags": "dead_lines", "dead_lines": 1}) == []
     assert flag_words(BANDED | {"row_noise_dn": 9.0})[1].startswith("banded: rows differ by 9.0 DN")
     assert flag_words(IMPULSES) == ["impulses: 1.2 % of the pixels, which the noise estimate leaves out"]
     assert flag_words(CLEAR | {"flags": "over_exposed, frozen"}) == ["over-exposed", "frozen"]
