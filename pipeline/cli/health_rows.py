@@ -92,8 +92,7 @@ def undecided(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: flo
     """Thresholds of which a frame does not show whether it violates them.
 
     Noise that is unknown but for a bound, or not detected, keeps a threshold that is no lower than what there may be.
-    Of impulses, which the
-    estimate leaves out, the fraction is measured, but not the noise that they amount to.
+    Of impulses, which the estimate leaves out, the fraction is measured, but not the noise that they amount to.
 
     Args:
         row: of `condition_row`.
