@@ -15,6 +15,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import as_array
 from pipeline.camera.constants import FULL_SCALE_DN, RANGE_SLACK
 from pipeline.camera.mtf import BINS, CAMERA, SYSTEM
 from pipeline.camera.saturation import SATURATED, is_saturated
@@ -134,8 +135,7 @@ def as_patches(patches: Any, name: str = "patches", size_px: int = PATCH_PX) -> 
     Raises:
         InputError: not such an array, masked, not floats, not finite, or outside [0, 1].
     """
-    if hasattr(patches, "detach"):  # a torch tensor, told apart without importing torch
-        patches = patches.detach().cpu().numpy()
+    patches = as_array(patches)
     if isinstance(patches, np.ma.MaskedArray):
         raise InputError(f"{name}: masked arrays are not estimated; cut patches without masked pixels")
     array = np.asarray(patches)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import as_array
 from pipeline.blur.base import SHARP_FLOOR, BlurEstimate, Estimator, as_patches, unusable
 from pipeline.errors import InputError
 from pipeline.project_files import located
@@ -62,9 +63,7 @@ class Cnn(Estimator):
         Raises:
             InputError: the patches are not as expected.
         """
-        if hasattr(patches, "detach"):
-            patches = patches.detach().cpu().numpy()
-        array = np.asarray(patches)
+        array = np.asarray(as_array(patches))
         if array.ndim != 5 or array.shape[1] < 1:
             raise InputError(f"patches: shape {array.shape}, expected (places, frames, 1, 192, 192)")
         count, frames = array.shape[:2]

@@ -60,10 +60,11 @@ def command(
     from pipeline.cli.set_aside import SetAside
     from pipeline.condition import noise_of_frame
     from pipeline.errors import InputError, printable
+    from pipeline.noise.base import smallest_patch_px
     from pipeline.store import write_image
 
     method = noise.create(estimator)
-    least_tile_px = int(getattr(method, "min_size_px", 1))
+    least_tile_px = smallest_patch_px(method)
     if tile_px < least_tile_px:
         raise InputError(
             f"--tile {tile_px}: the noise estimator {estimator} takes tiles of at least {least_tile_px} px"

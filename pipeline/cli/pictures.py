@@ -155,7 +155,9 @@ def read(
 
 def least_side_px(estimator: object) -> int:
     """Side, pixels, that pictures have at least for a noise estimator; a plug-in may not state one."""
-    return max(SMALLEST_PX, int(getattr(estimator, "min_size_px", 0)))
+    from pipeline.noise.base import smallest_patch_px
+
+    return max(SMALLEST_PX, smallest_patch_px(estimator))
 
 
 def too_small(shape: Sequence[int], least_px: int) -> str:

@@ -20,21 +20,21 @@ from numpy.typing import NDArray
 from pipeline import blur, noise
 from pipeline.blur.base import FREQUENCIES, PATCH_PX, BlurEstimate, Estimator, as_patches
 from pipeline.blur.camera_calibration import CalibratedEstimator, CameraFittable, calibrate
-from pipeline.camera.constants import RANGE_SLACK
 from pipeline.camera.saturation import SATURATED
 from pipeline.condition.coarse_grain import most_coarse_noise_dn
 from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
+from pipeline.condition.grey_frame import grey_frame
 from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area, shifted
 from pipeline.condition.structure import STRUCTURELESS, structureless
 from pipeline.condition.summary import Summary, at_most_dn, summarise, summarise_noise, with_upper_end
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.errors import InputError
-from pipeline.noise.base import FLAT, NoiseEstimate, NoiseEstimator
+from pipeline.noise.base import FLAT, NoiseEstimate, NoiseEstimator, smallest_patch_px
 from pipeline.noise.maps import CellEstimator, pasted
 
 Estimate = TypeVar("Estimate", BlurEstimate, NoiseEstimate)
 
-LEAST_TILE_PX, TILE_PX = 16, 128
+TILE_PX = 128
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class ConditionMonitor:
         self.blur_options, self.noise_options = dict(blur_options or {}), dict(noise_options or {})
         self.blur_estimator = blur.create(blur_name, **self.blur_options)
         self.noise_estimator = noise.create(noise_name, **self.noise_options)
-        least_px = getattr(self.noise_estimator, "min_size_px", LEAST_TILE_PX)
+        least_px = smallest_patch_px(self.noise_estimator)
         if tile_px < least_px:
             raise InputError(
                 f"condition monitor: tile_px={tile_px}, expected at least {least_px} for noise by {noise_name}"
@@ -188,7 +188,7 @@ class ConditionMonitor:
             InputError: none of their patches can be measured, or the blur estimator's answers are relative to something
                 already, as the generic lens.
         """
-        cuts = [_whole_cover(_checked(frame)) for frame in sharp_frames]
+        cuts = [_whole_cover(grey_frame(frame)) for frame in sharp_frames]
         cuts = [part for part in cuts if len(part)]
         if not cuts:
             raise InputError(f"sharp frames: none is as large as a patch of {PATCH_PX} px; give whole frames")
@@ -218,7 +218,7 @@ class ConditionMonitor:
         Raises:
             InputError: not such a frame, or smaller than the noise estimator needs.
         """
-        picture = _checked(image)
+        picture = grey_frame(image)
         area = _area(picture, self.noise_estimator)
         shape = picture[area].shape
         large_enough = min(shape) >= PATCH_PX
@@ -269,7 +269,7 @@ def noise_of_frame(
     Raises:
         InputError: not such a frame, or smaller than the estimator needs.
     """
-    picture = _checked(image)
+    picture = grey_frame(image)
     area = _area(picture, estimator)
     squares = shifted(frame_tiles(picture[area].shape, tile_px, most_tiles), area)
     return _noise(estimator, cut(picture, squares), squares, picture)
@@ -330,26 +330,6 @@ def _without(estimate: Estimate, lost: Mapping[str, NDArray[np.bool_]]) -> Estim
     return estimate
 
 
-def _checked(image: NDArray[np.floating]) -> NDArray[np.float32]:
-    """A frame as float32, or an error with the cause; every pixel counts, those between the tiles too."""
-    if hasattr(image, "detach"):  # a torch tensor, told apart without importing torch
-        tensor: Any = image.detach().cpu()
-        image = (tensor.float() if tensor.is_floating_point() else tensor).numpy()  # NumPy has no bfloat16
-    if np.ma.is_masked(image):
-        raise InputError("frame: masked pixels are not estimated; cut the frame to a rectangle without them")
-    if getattr(image, "ndim", None) != 2 or not image.size or not np.issubdtype(image.dtype, np.floating):
-        given = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}".strip()
-        raise InputError(f"frame: got {given}; expected (H, W) floats in [0, 1], grey (divide 8-bit frames by 255)")
-    picture = np.ascontiguousarray(image, dtype=np.float32)
-    least, greatest = picture.min(), picture.max()
-    if not (least >= -RANGE_SLACK and greatest <= 1.0 + RANGE_SLACK):  # NaN is neither
-        raise InputError(
-            f"frame: spans {least:.9g} .. {greatest:.9g}; expected numbers in [0, 1], none of them NaN "
-            "(divide 8-bit frames by 255; clip after filtering)"
-        )
-    return picture if least >= 0.0 and greatest <= 1.0 else np.clip(picture, 0.0, 1.0)
-
-
 def _area(picture: NDArray[np.float32], estimator: NoiseEstimator) -> tuple[slice, slice]:
     """The part of a frame inside its bars.
 
@@ -357,7 +337,7 @@ def _area(picture: NDArray[np.float32], estimator: NoiseEstimator) -> tuple[slic
         InputError: it is smaller than the noise estimator needs.
     """
     area = picture_area(picture)
-    (height, width), least_px = picture[area].shape, getattr(estimator, "min_size_px", LEAST_TILE_PX)
+    (height, width), least_px = picture[area].shape, smallest_patch_px(estimator)
     if min(height, width) < least_px:
         inside = "" if (height, width) == picture.shape else " inside the bars beside it"
         raise InputError(

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.camera.constants import RANGE_SLACK
+from pipeline.condition.grey_frame import grey_frame
 from pipeline.condition.picture_area import picture_area
 from pipeline.control.state import CameraState
-from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     from pipeline.condition import Condition, ConditionMonitor
@@ -88,7 +86,7 @@ def observe(
     Raises:
         InputError: not (H, W) floats in [0, 1], or the monitor refuses the frame.
     """
-    frame = _checked(image)
+    frame = grey_frame(image)
     sigma = mtf = None
     reason = "no estimator"
     if condition is None and monitor is not None:
@@ -96,26 +94,6 @@ def observe(
     if condition is not None:
         (sigma, mtf), reason = estimates(condition), abstention_reason(condition)
     return Observation(frame, *brightness(frame), sigma, mtf, reason)
-
-
-def _checked(image: NDArray[np.floating]) -> NDArray[np.float32]:
-    """A frame as float32, or an error with the cause."""
-    array: Any = image
-    if hasattr(array, "detach"):  # a torch tensor, told apart without importing torch
-        array = array.detach().cpu()
-        array = (array.float() if array.is_floating_point() else array).numpy()  # NumPy has no bfloat16
-    shape, kind = getattr(array, "shape", ()), getattr(array, "dtype", type(array).__name__)
-    if len(shape) != 2 or 0 in shape or not np.issubdtype(array.dtype, np.floating):
-        raise InputError(
-            f"frame: expected (H, W) floats in [0, 1], grey, not {kind} of shape {tuple(shape)}; divide 8-bit frames "
-            "by 255"
-        )
-    frame = np.asarray(array, dtype=np.float32)
-    low, high = float(frame.min()), float(frame.max())  # both carry NaN on
-    if not (low >= -RANGE_SLACK and high <= 1.0 + RANGE_SLACK):
-        spans = "holds NaN" if math.isnan(low) else f"spans {low:g} .. {high:g}"
-        raise InputError(f"frame: {spans}; expected floats in [0, 1]; divide 8-bit frames by 255")
-    return frame
 
 
 def brightness(frame: NDArray[np.floating]) -> Brightness:

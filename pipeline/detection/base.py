@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.arrays import as_array
 from pipeline.camera.constants import RANGE_SLACK
 from pipeline.errors import InputError
 
@@ -115,7 +116,7 @@ def each_image(images: Images) -> Iterable[NDArray[np.float32]]:
         raise InputError("images: expected a sequence; for one picture use [picture]")
     count = 0
     for entry in images:
-        array = entry.detach().cpu().numpy() if hasattr(entry, "detach") else np.asarray(entry)
+        array = np.asarray(as_array(entry))
         if array.dtype.kind != "f":
             raise InputError(
                 f"images: image {count} is {array.dtype}, expected floats in [0, 1]; divide 8-bit pictures by 255"

@@ -26,6 +26,8 @@ from pipeline.learning.settings import Schedule
 if TYPE_CHECKING:
     import torch
 
+    from pipeline.learning.recorded_step import Tensors
+
 CHECKPOINT = "checkpoint.safetensors"
 ARCHITECTURE = "training-checkpoint-1"
 
@@ -142,9 +144,6 @@ def train(
     chosen = state.best if state.best else state.average
     model.load_state_dict(chosen)
     return Trained(model.cpu().eval(), state.curve, state.best_step or state.step, device)
-
-
-Tensors = Mapping[str, "torch.Tensor"]
 
 
 def _unrecorded(state: _State, loss: Loss, schedule: Schedule) -> Callable[[Tensors], Mapping[str, Number]]:

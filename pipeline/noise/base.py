@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import as_array
 from pipeline.camera.constants import FULL_SCALE_DN, RANGE_SLACK
 from pipeline.camera.saturation import SATURATED, SATURATED_FRACTION, is_saturated
 from pipeline.errors import InputError
@@ -40,6 +41,9 @@ ALTERNATING = "alternating"
 
 STREAKED = "streaked"
 """Reason: neighbouring pixels are equal far more often than noise leaves them, as behind a median filter."""
+
+SMALLEST_PATCH_PX = 16
+"""Smallest height and width of a patch for estimators that state none."""
 
 LEAST_SIGMA_DN = 1e-3
 """Smaller estimates are rounding of float32 images (1.5e-5 DN at white), not noise; they count as flat."""
@@ -107,6 +111,11 @@ class NoiseEstimator(Protocol):
         ...
 
 
+def smallest_patch_px(estimator: object) -> int:
+    """Smallest height and width, px, of a patch for a noise estimator; a plug-in may not state one."""
+    return int(getattr(estimator, "min_size_px", SMALLEST_PATCH_PX))
+
+
 def as_stack(patches: NDArray[np.floating] | torch.Tensor, least_px: int) -> NDArray[np.floating]:
     """Check patches and drop their channel axis.
 
@@ -120,8 +129,7 @@ def as_stack(patches: NDArray[np.floating] | torch.Tensor, least_px: int) -> NDA
     Raises:
         InputError: with the cause and the index of the first offending patch.
     """
-    if hasattr(patches, "detach"):
-        patches = patches.detach().cpu().numpy()
+    patches = as_array(patches)
     if isinstance(patches, np.ma.MaskedArray):
         raise InputError("patches: masked arrays are not estimated; cut patches without masked pixels")
     if not isinstance(patches, np.ndarray):

@@ -91,10 +91,10 @@ def test_example_names_a_source_that_cannot_be_opened(tmp_path):
 @pytest.mark.parametrize(
     ("frame", "words"),
     [
-        (np.full((8, 8), 128.0, np.float32), r"frame: spans 128 .. 128; expected floats in \[0, 1\]"),
+        (np.full((8, 8), 128.0, np.float32), r"frame: spans 128 .. 128; expected numbers in \[0, 1\]"),
         (np.full((8, 8), -0.1), "frame: spans -0.1"),
-        (np.full((8, 8), np.nan), "frame: holds NaN"),
-        (np.zeros((0, 8)), "frame: expected"),
+        (np.full((8, 8), np.nan), "frame: spans nan"),
+        (np.zeros((0, 8)), "frame: got float64 .0, 8."),
     ],
 )
 def test_a_frame_outside_its_range_moves_no_camera(frame, words):

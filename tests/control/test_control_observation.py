@@ -93,7 +93,7 @@ def test_a_controller_takes_tensors_as_the_monitor_does(kind):
 
 @pytest.mark.parametrize("frame", [torch.zeros((8, 8), dtype=torch.uint8), torch.zeros((8, 8, 3)), [[0.5]], None])
 def test_what_is_no_grey_frame_is_refused_in_one_line(frame):
-    with pytest.raises(InputError, match=r"frame: expected \(H, W\) floats in \[0, 1\], grey, not .*; divide 8-bit"):
+    with pytest.raises(InputError, match=r"frame: got .*; expected \(H, W\) floats in \[0, 1\], grey"):
         control.Controller(control.create("mean_intensity", camera=CAMERA)).step(frame, CameraState.of(8, 100))
 
 

@@ -1,0 +1,25 @@
+"""NumPy arrays of what callers hand in: arrays, or torch tensors, told apart without importing torch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+HALF_BYTES = 2
+"""Size of a half-precision float. NumPy has no bfloat16, and estimators compute in no less than single precision."""
+
+
+def as_array(values: Any) -> Any:
+    """A torch tensor as a NumPy array; anything else as it is.
+
+    Args:
+        values: a tensor of any device, with a gradient or without, or anything else.
+
+    Returns:
+        the array of a tensor, which shares its memory where it can; floats of half precision become float32.
+    """
+    if not hasattr(values, "detach"):
+        return values
+    tensor = values.detach().cpu()
+    if tensor.is_floating_point() and tensor.element_size() <= HALF_BYTES:
+        tensor = tensor.float()
+    return tensor.numpy()
