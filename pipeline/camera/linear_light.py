@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.bisection import bisected
 from pipeline.camera import chain, draws
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.sensor import Sensor
@@ -23,7 +24,7 @@ from pipeline.streams import KeyPart
 
 GRID_PIXELS = 60_000
 ADC_BITS = 12
-_BISECTIONS = 30
+_HALVINGS = 30
 
 
 def corrupt(
@@ -134,7 +135,4 @@ def _scale(light_e: Float, noises: list[Float], sigma_dn: float, sensor: Sensor)
         low, high = high, 2.0 * high
         if high > 1e9:
             raise InputError(f"no factor on the noise reaches {sigma_dn:g} DN in linear light; ask for a lower level")
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if deviation(middle) < sigma_dn else (low, middle)
-    return (low + high) / 2
+    return bisected(lambda factor: deviation(factor) >= sigma_dn, low, high, _HALVINGS)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.bisection import bisected
 from pipeline.camera.exposure import Camera, Motion, noise_generator
 from pipeline.control.motion import motion_mtf
 from pipeline.control.performance import Performance
@@ -86,12 +87,11 @@ def light_for_level(camera: Camera, radiance: NDArray[np.float32], target_level:
     """Illumination at which a scene has a mean encoded level at gain 1, by bisection."""
     thin = radiance.reshape(-1)[:: max(1, radiance.size // 20_000)].astype(np.float64)
     unit = thin * exposure_s / (camera.radiance_at_full_scale * camera.reference_exposure_s)
-    low, high = -20.0, 20.0
-    for _ in range(50):
-        middle = (low + high) / 2
-        mean = float((np.clip(unit * 2.0**middle, 0.0, 1.0) ** (1.0 / camera.gamma)).mean())
-        low, high = (middle, high) if mean < target_level else (low, middle)
-    return float(2.0 ** ((low + high) / 2))
+
+    def mean_level(light: float) -> float:
+        return float((np.clip(unit * light, 0.0, 1.0) ** (1.0 / camera.gamma)).mean())
+
+    return float(2.0 ** bisected(lambda stops: mean_level(2.0**stops) >= target_level, -20.0, 20.0, 50))
 
 
 def gain_for_sigma(
@@ -105,13 +105,10 @@ def gain_for_sigma(
 
     if noise(1.0) >= sigma_dn:
         return 1.0
-    low, high = 0.0, np.log2(_LARGEST_GAIN)
-    if noise(2.0**high) < sigma_dn:
+    most_stops = np.log2(_LARGEST_GAIN)
+    if noise(2.0**most_stops) < sigma_dn:
         raise InputError(f"control.surface.target_sigmas_dn: this camera does not reach {sigma_dn:g} DN at any gain")
-    for _ in range(30):
-        middle = (low + high) / 2
-        low, high = (middle, high) if noise(2.0**middle) < sigma_dn else (low, middle)
-    return float(2.0 ** ((low + high) / 2))
+    return float(2.0 ** bisected(lambda stops: noise(2.0**stops) >= sigma_dn, 0.0, most_stops, 30))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.bisection import bisected
 from pipeline.camera.exposure import Camera, Motion, noise_generator
 from pipeline.control import example_pictures
 from pipeline.control.measured_surface import light_for_level, monitor
@@ -100,14 +101,14 @@ def shots(camera: Camera, full_well_e: float) -> list[Shot]:
 def noisy_full_well(camera: Camera, radiance: NDArray[np.float32]) -> float:
     """Full well at which (4 ms, ISO 400) has 20 DN of noise at kept brightness, by bisection."""
     thin = radiance[::8, ::8]
-    low, high = np.log2(100.0), np.log2(1e6)
-    for _ in range(30):
-        middle = (low + high) / 2
-        at = replace(camera, noise_gain="linear", sensor=replace(camera.sensor, full_well_e=2.0**middle))
+
+    def noise(full_well_e: float) -> float:
+        at = replace(camera, noise_gain="linear", sensor=replace(camera.sensor, full_well_e=full_well_e))
         light = light_for_level(at, thin, 0.5, 0.004) / 4.0
-        sigma = at.sigma_dn(at.electrons(thin, 0.004, light), 4.0, 0.004)
-        low, high = (low, middle) if sigma < SIGMA_1_DN else (middle, high)
-    return float(2.0 ** ((low + high) / 2))
+        return at.sigma_dn(at.electrons(thin, 0.004, light), 4.0, 0.004)
+
+    exponent = bisected(lambda exponent: noise(2.0**exponent) < SIGMA_1_DN, np.log2(100.0), np.log2(1e6), 30)
+    return float(2.0**exponent)
 
 
 def measure(

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from pipeline.bisection import bisected
 from pipeline.control.decision import Action, Decision
 from pipeline.control.iopc import DARKER_TIMES_PER_STOP, TIMES_PER_STOP, darker_totals, exposure_times
 from pipeline.control.observation import Observation
@@ -18,7 +19,7 @@ from pipeline.control.policy import ControlledCamera, Policy
 from pipeline.control.state import CameraState
 from pipeline.errors import InputError
 
-_BISECTIONS = 20
+_HALVINGS = 20
 
 
 class Oracle(Policy):
@@ -66,8 +67,8 @@ class Oracle(Policy):
         limits = self.limits
         low = math.log2(limits.exposure_min_s * limits.gain_min)
         high = math.log2(limits.exposure_max_s * limits.gain_max)
-        for _ in range(_BISECTIONS):
-            middle = (low + high) / 2
-            continuous = limits.without_steps().time_first(2.0**middle)
-            low, high = (middle, high) if observation.truth(continuous).mean_level < self.target else (low, middle)
-        return float(2.0 ** ((low + high) / 2))
+        continuous, truth = limits.without_steps(), observation.truth
+        stops = bisected(
+            lambda stops: truth(continuous.time_first(2.0**stops)).mean_level >= self.target, low, high, _HALVINGS
+        )
+        return float(2.0**stops)
