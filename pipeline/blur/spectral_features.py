@@ -53,26 +53,12 @@ def features(patches_dn: torch.Tensor, block_px: int = BLOCK_PX) -> tuple[torch.
             contrast, share of white and of black pixels.
     """
     import torch
-    import torch.nn.functional as functional
 
-    count = len(patches_dn)
     mean = patches_dn.mean((1, 2), keepdim=True)
     centred = patches_dn - mean
     power = _power(torch.fft.rfft2(centred * _window(PATCH_PX)), PATCH_PX)  # rows 0 .. 95, -96 .. -1; columns 0 .. 96
-    # Rows from -97 and columns from -1, so that averages of three are centred on multiples of the step.
-    step = PATCH_PX // block_px
-    rolled = torch.roll(power, PATCH_PX // 2 + 1, 1)
-    left = torch.roll(power[:, :, 1:2].flip(1), PATCH_PX // 2 + 2, 1)  # a real image's spectrum: P(-x, y) = P(x, -y)
-    wide = torch.cat([left, rolled[:, :, : BINS + 1 - step]], dim=2)
-    wide = torch.cat([wide, wide[:, : 3 - step]], dim=1)
-    whole = functional.avg_pool2d(wide[:, None], 3, step)[:, 0]
-    blocks = (
-        patches_dn.unfold(1, block_px, block_px).unfold(2, block_px, block_px).reshape(count, -1, block_px, block_px)
-    )
-    blocks = blocks - blocks.mean((-1, -2), keepdim=True)
-    local = (_power(torch.fft.rfft2(blocks * _window(block_px)), block_px) + POWER_FLOOR).log()
-    local = torch.roll(local, block_px // 2, 2)[..., : block_px // 2]
-    maps = torch.stack([(whole + POWER_FLOOR).log(), local.mean(1), local.amin(1)], dim=1) * LOG_SCALE
+    local = _block_spectra(patches_dn, block_px)
+    maps = torch.stack([_averaged(power, block_px), local.mean(1), local.amin(1)], dim=1) * LOG_SCALE
     numbers = torch.stack(
         [
             mean[:, 0, 0] / 255,
@@ -84,6 +70,39 @@ def features(patches_dn: torch.Tensor, block_px: int = BLOCK_PX) -> tuple[torch.
         dim=1,
     )
     return maps, torch.cat([_profiles((power + POWER_FLOOR).log() * LOG_SCALE), numbers], dim=1)
+
+
+def _averaged(power: torch.Tensor, block_px: int) -> torch.Tensor:
+    """Log power of the whole patch, averaged over 3 x 3 bins about each frequency of a block's spectrum.
+
+    Args:
+        power: (N, 192, 97), rows 0 .. 95, -96 .. -1.
+        block_px: B; every second (96) or third bin (64) is one of its frequencies.
+
+    Returns:
+        (N, B, B / 2), vertical frequencies from -1/2.
+    """
+    import torch
+    import torch.nn.functional as functional
+
+    step = PATCH_PX // block_px
+    # Rows from -97 and columns from -1, so that the bins averaged are centred on multiples of the step.
+    rolled = torch.roll(power, PATCH_PX // 2 + 1, 1)
+    left = torch.roll(power[:, :, 1:2].flip(1), PATCH_PX // 2 + 2, 1)  # a real image's spectrum: P(-x, y) = P(x, -y)
+    wide = torch.cat([left, rolled[:, :, : BINS + 1 - step]], dim=2)
+    wide = torch.cat([wide, wide[:, : 3 - step]], dim=1)
+    return (functional.avg_pool2d(wide[:, None], 3, step)[:, 0] + POWER_FLOOR).log()
+
+
+def _block_spectra(patches_dn: torch.Tensor, block_px: int) -> torch.Tensor:
+    """Log power of each block of a patch: (N, blocks, B, B / 2), vertical frequencies from -1/2."""
+    import torch
+
+    blocks = patches_dn.unfold(1, block_px, block_px).unfold(2, block_px, block_px)
+    blocks = blocks.reshape(len(patches_dn), -1, block_px, block_px)
+    blocks = blocks - blocks.mean((-1, -2), keepdim=True)
+    log_power = (_power(torch.fft.rfft2(blocks * _window(block_px)), block_px) + POWER_FLOOR).log()
+    return torch.roll(log_power, block_px // 2, 2)[..., : block_px // 2]
 
 
 def _deviation(patches: torch.Tensor) -> torch.Tensor:

@@ -39,6 +39,8 @@ PATCH_PX = 192
 MARGIN_PX = 24  # the blur wraps round within it; it is cut away
 FIELD_PX = PATCH_PX + 2 * MARGIN_PX
 CAMERA_MARGIN_PX = 8  # of the field that a camera sees beside the patch; its filters and block grid reach into it
+CAMERA_GAMMA = 2.2  # of the views, undone before they are blurred in linear light
+LINEAR_FRACTION = 0.5  # of the views that a camera delivers
 KINDS = ("photon", "dcsn", "readout", "combined")
 
 
@@ -55,6 +57,21 @@ class Chunk:
     patches_dn: NDArray[np.uint8]
     mtf: NDArray[np.float32]
     sigma_dn: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class _Origin:
+    """How each view of a chunk comes about, (V,) bool each.
+
+    Attributes:
+        noisy: noise enters before the blur.
+        delivered: by a random camera.
+        linear: blurred in linear light; such views are delivered.
+    """
+
+    noisy: NDArray[np.bool_]
+    delivered: NDArray[np.bool_]
+    linear: NDArray[np.bool_]
 
 
 @dataclass
@@ -88,50 +105,73 @@ class Samples:
         """Chunk `index`."""
         import torch
 
-        recipe = self.recipe
         generator = stream(self.seed, self.purpose, index)
         torch_generator = torch_stream(self.seed, self.purpose, index)
-        views = np.stack(
+        scene = torch.from_numpy(self._views(generator))
+        origin = self._origin(generator)
+        scene[origin.linear] = scene[origin.linear] ** CAMERA_GAMMA
+        if origin.noisy.any():
+            sigma = self._levels(generator, int(origin.noisy.sum()))
+            noise = noise_e(scene[origin.noisy], torch.zeros(len(sigma), dtype=torch.long), torch_generator)
+            scene[origin.noisy] = (scene[origin.noisy] + scaled(noise, sigma) / 255).clamp(0, 1)
+        field, label = self._blurred(scene, generator)
+        inside = slice(MARGIN_PX, MARGIN_PX + PATCH_PX)
+        image_dn, sigma = self._with_noise(field[:, inside, inside].clamp(0, 1), origin, generator, torch_generator)
+        half = torch.from_numpy(
+            np.where(generator.random((self.recipe.chunk, 1, 1)) < 0.5, 0.5, 0.0).astype(np.float32)
+        )
+        whole = (image_dn.clamp(0, 255) + half).floor().clamp(0, 255).to(torch.uint8)  # rounded, or cut as by many
+        chunk = Chunk(whole.numpy(), label.numpy(), sigma.float().numpy())
+        for number in np.flatnonzero(np.tile(origin.delivered, self.recipe.kernels_per_view)):
+            linear = bool(origin.linear[number % self.recipe.views])
+            self._deliver(chunk, int(number), field[number].numpy(), linear, generator)
+        return chunk
+
+    def _views(self, generator: np.random.Generator) -> NDArray[np.float32]:
+        """Sharp views (V, 240, 240) in [0, 1]."""
+        return np.stack(
             [
                 images.view(
-                    self.tiles[int(generator.integers(len(self.tiles)))], generator, FIELD_PX, recipe.anisotropy
+                    self.tiles[int(generator.integers(len(self.tiles)))], generator, FIELD_PX, self.recipe.anisotropy
                 )
-                for _ in range(recipe.views)
+                for _ in range(self.recipe.views)
             ]
         )
-        scene = torch.from_numpy(views)
-        before = torch.from_numpy(generator.random(recipe.views) < recipe.pre_blur_noise_fraction)
-        delivered = np.zeros(recipe.views, bool)
-        linear = np.zeros(recipe.views, bool)
-        if recipe.camera_fraction:
-            delivered = generator.random(recipe.views) < recipe.camera_fraction
-            linear = delivered & (generator.random(recipe.views) < 0.5)
-            before &= ~torch.from_numpy(delivered)
-            scene[linear] = scene[linear] ** 2.2
-        if before.any():
-            sigma = self._levels(generator, int(before.sum()))
-            noisy = noise_e(scene[before], torch.zeros(len(sigma), dtype=torch.long), torch_generator)
-            scene[before] = (scene[before] + scaled(noisy, sigma) / 255).clamp(0, 1)
-        whole_field, label = self._blurred(scene, generator)
-        inside = slice(MARGIN_PX, MARGIN_PX + PATCH_PX)
-        blurred = whole_field[:, inside, inside].clamp(0, 1)
+
+    def _origin(self, generator: np.random.Generator) -> _Origin:
+        """Of each view, whether noise enters before the blur, whether a camera delivers it, and from which light."""
+        recipe = self.recipe
+        noisy = generator.random(recipe.views) < recipe.pre_blur_noise_fraction
+        if not recipe.camera_fraction:
+            return _Origin(noisy, np.zeros(recipe.views, bool), np.zeros(recipe.views, bool))
+        delivered = generator.random(recipe.views) < recipe.camera_fraction
+        linear = delivered & (generator.random(recipe.views) < LINEAR_FRACTION)
+        return _Origin(noisy & ~delivered, delivered, linear)
+
+    def _with_noise(
+        self, blurred: torch.Tensor, origin: _Origin, generator: np.random.Generator, torch_generator: torch.Generator
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Blurred patches with noise of their own, DN, and its level: 0 where they have noise from elsewhere.
+
+        Args:
+            blurred: (N, 192, 192) in [0, 1]; N = kernels_per_view V, view by view for each kernel.
+            origin: of the V views.
+            generator: source of randomness.
+            torch_generator: that of the noise.
+        """
+        import torch
+
+        recipe = self.recipe
         kind = torch.from_numpy(generator.integers(len(KINDS), size=recipe.chunk))
-        share = recipe.clean_fraction / max(1 - recipe.pre_blur_noise_fraction, 1e-9)
-        after = torch.from_numpy(generator.random(recipe.chunk) >= share)
-        after &= ~before.repeat(recipe.kernels_per_view)
-        after &= ~torch.from_numpy(delivered).repeat(recipe.kernels_per_view)
+        clean_share = recipe.clean_fraction / max(1 - recipe.pre_blur_noise_fraction, 1e-9)
+        noisy = generator.random(recipe.chunk) >= clean_share
+        noisy &= ~np.tile(origin.noisy | origin.delivered, recipe.kernels_per_view)
+        after = torch.from_numpy(noisy)
         sigma = self._levels(generator, recipe.chunk) * after
         image_dn = blurred * 255
         if after.any():
             image_dn[after] += scaled(noise_e(blurred[after], kind[after], torch_generator), sigma[after])
-        half = torch.from_numpy(np.where(generator.random((recipe.chunk, 1, 1)) < 0.5, 0.5, 0.0).astype(np.float32))
-        whole = (image_dn.clamp(0, 255) + half).floor().clamp(0, 255).to(torch.uint8)  # rounded, or cut as by many
-        chunk = Chunk(whole.numpy(), label.numpy(), sigma.float().numpy())
-        for number in np.flatnonzero(np.tile(delivered, recipe.kernels_per_view)):
-            self._deliver(
-                chunk, int(number), whole_field[number].numpy(), bool(linear[number % recipe.views]), generator
-            )
-        return chunk
+        return image_dn, sigma
 
     def _deliver(
         self, chunk: Chunk, number: int, blurred: NDArray[np.float32], linear: bool, generator: np.random.Generator
@@ -169,25 +209,36 @@ class Samples:
         return torch.from_numpy(np.where(generator.random(count) < 0.5, even, logarithmic).astype(np.float32))
 
     def _blurred(self, scene: torch.Tensor, generator: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
-        """Every view under its kernels: (N, 240, 240), and the total MTF (N, 2, 8)."""
+        """Every view under its kernels and intrinsic blur: (N, 240, 240), and the total MTF (N, 2, 8)."""
+        import torch
+
+        kernel = self._kernels(generator)
+        low, high = self.recipe.intrinsic_px
+        variance = torch.from_numpy(generator.uniform(low, high, (len(kernel), 1, 1)).astype(np.float32)) ** 2
+
+        def gaussian(frequencies_squared: torch.Tensor) -> torch.Tensor:
+            """Transfer of the intrinsic blur, which is separable."""
+            return torch.exp(-2 * torch.pi**2 * variance * frequencies_squared)
+
+        rows, columns, bins, rows_squared, columns_squared, bins_squared = self._waves
+        transfer = (rows * gaussian(rows_squared) @ kernel.to(torch.complex64)) @ (
+            columns * gaussian(columns_squared)
+        ).mT
+        spectrum = torch.fft.rfft2(scene).repeat(self.recipe.kernels_per_view, 1, 1)
+        image = torch.fft.irfft2(spectrum * transfer, s=(FIELD_PX, FIELD_PX))
+        curves = torch.stack([(kernel.sum(axis).to(torch.complex64) @ bins.T).abs() for axis in (1, 2)], dim=1)
+        return image, curves * gaussian(bins_squared)
+
+    def _kernels(self, generator: np.random.Generator) -> torch.Tensor:
+        """Kernels (N, 49, 49) of the bank in random order, each one mirrored and transposed at random."""
         import torch
 
         count = self.recipe.chunk
         picked = self.kernels[np.sort(generator.integers(len(self.kernels), size=count))[generator.permutation(count)]]
         kernel = torch.from_numpy(np.asarray(picked, dtype=np.float32))
-        kernel = torch.where(torch.from_numpy(generator.random((count, 1, 1)) < 0.5), kernel.flip(1), kernel)
-        kernel = torch.where(torch.from_numpy(generator.random((count, 1, 1)) < 0.5), kernel.flip(2), kernel)
-        kernel = torch.where(torch.from_numpy(generator.random((count, 1, 1)) < 0.5), kernel.transpose(1, 2), kernel)
-        rows, columns, bins, rows_squared, columns_squared, bins_squared = self._waves
-        wide = kernel.to(torch.complex64)
-        curves = torch.stack([(kernel.sum(axis).to(torch.complex64) @ bins.T).abs() for axis in (1, 2)], dim=1)
-        low, high = self.recipe.intrinsic_px
-        spread = torch.from_numpy(generator.uniform(low, high, (count, 1, 1)).astype(np.float32)) ** 2
-        decay = -2 * torch.pi**2 * spread  # of a Gaussian, which is separable
-        transfer = (rows * torch.exp(decay * rows_squared) @ wide) @ (columns * torch.exp(decay * columns_squared)).mT
-        spectrum = torch.fft.rfft2(scene).repeat(self.recipe.kernels_per_view, 1, 1)
-        image = torch.fft.irfft2(spectrum * transfer, s=(FIELD_PX, FIELD_PX))
-        return image, curves * torch.exp(decay * bins_squared)
+        for turned in (lambda values: values.flip(1), lambda values: values.flip(2), lambda values: values.mT):
+            kernel = torch.where(torch.from_numpy(generator.random((count, 1, 1)) < 0.5), turned(kernel), kernel)
+        return kernel
 
 
 def noise_e(image: torch.Tensor, kind: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
