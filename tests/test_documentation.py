@@ -21,7 +21,7 @@ from pipeline.blur import camera_calibration, spectral
 from pipeline.cli import main
 from pipeline.config.compose import CONF, compose, parse
 from pipeline.config.overrides import check_overrides
-from pipeline.dependencies import dvc_yaml
+from pipeline.dependencies import stage_groups
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -146,7 +146,7 @@ def stages(content: dict[str, Any]) -> set[str]:
     """Groups and members of the graph, as DVC names them, under a configuration."""
     graph = yaml_text.parse((ROOT / "dvc.yaml").read_text(encoding="utf-8"))
     names = set()
-    for group in dvc_yaml.groups(graph, content):
+    for group in stage_groups.groups(graph, content):
         names.add(group.name)
         for item in group.items:
             members = [item["key"]] if "key" in item else [value for name, value in item.items() if name != "item"]

@@ -14,49 +14,21 @@ Packages outside of this one, and estimators that third parties add by entry poi
 
 from __future__ import annotations
 
-import ast
 import functools
 import hashlib
 import json
-import re
 from collections.abc import Iterable, Iterator, Mapping, Set
-from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+from pipeline.dependencies.source_file import PACKAGE, Source, read_source
 from pipeline.errors import InputError, did_you_mean
 
-PACKAGE = "pipeline"
 ROOT = Path(__file__).resolve().parents[2]
 
 Chosen = Mapping[str, frozenset[str]]
 """Registry group -> names that are chosen of it; a group that is absent means all of its names."""
-
-_DATA = re.compile(r"^(data/weights|data/paper|benchmarks/results)/[\w./-]+\.[a-z0-9]+$")
-
-
-@dataclass(frozen=True)
-class Source:
-    """What one source file refers to.
-
-    Attributes:
-        imports: dotted names of modules that it imports.
-        froms: (module, name) of its ``from module import name``.
-        registries: group -> name -> dotted module.
-        folders: group -> package whose modules are the entries (`pipeline.registry.Registry.of_folder`).
-        data: data files that it names, relative to the project.
-        whole_folder: whether it opens files of its folder (`importlib.resources.files`).
-        computed: lines that import a module by a computed name.
-    """
-
-    imports: frozenset[str]
-    froms: frozenset[tuple[str, str]]
-    registries: Mapping[str, Mapping[str, str]]
-    folders: Mapping[str, str]
-    data: frozenset[str]
-    whole_folder: bool
-    computed: tuple[int, ...]
 
 
 def closure(modules: str | Iterable[str], chosen: Chosen | None = None, root: Path = ROOT) -> frozenset[str]:
@@ -87,27 +59,33 @@ def closure(modules: str | Iterable[str], chosen: Chosen | None = None, root: Pa
         if path is None or (module, used) in seen:
             continue
         seen.add((module, used))
-        if "." in module:
-            waiting.append((module.rpartition(".")[0], False))
-        files.add(path)
-        package = path.endswith("__init__.py")
-        source = _source(root / path, module, package)
+        source, package = _source(root / path, module), path.endswith("__init__.py")
         if source.computed:
             raise InputError(
                 f"{path}:{source.computed[0]} imports a module by a computed name, which the closure cannot follow; "
                 "look it up in a pipeline.registry.Registry"
             )
-        waiting += [(name, True) for name in source.imports]
-        for base, name in source.froms:
-            submodule = f"{base}.{name}"
-            known = _file(submodule, root) is not None
-            waiting += [(submodule, True), (base, False)] if known else [(base, True)]
-        if used or not package:
-            waiting += [(target, True) for target in _registered(source, chosen or {}, starts, root)]
-        files |= source.data
+        files |= {path} | source.data
         if source.whole_folder:
             files |= _beside(root / path, root)
+        waiting += _imported(source, module, root)
+        if used or not package:
+            waiting += [(target, True) for target in _registered(source, chosen or {}, starts, root)]
     return frozenset(files)
+
+
+def _imported(source: Source, module: str, root: Path) -> Iterator[tuple[str, bool]]:
+    """Modules that importing a module executes, each with whether more of it is used than a submodule."""
+    if "." in module:
+        yield module.rpartition(".")[0], False
+    for name in source.imports:
+        yield name, True
+    for base, name in source.froms:
+        submodule = f"{base}.{name}"
+        if _file(submodule, root) is None:
+            yield base, True
+        else:
+            yield from ((submodule, True), (base, False))
 
 
 def _beside(path: Path, root: Path) -> set[str]:
@@ -153,7 +131,7 @@ def registered(module: str, root: Path = ROOT) -> frozenset[str]:
         root: folder that holds the package.
     """
     path = _file(module, root)
-    source = parse((root / path).read_text(encoding="utf-8"), module, True) if path else None
+    source = read_source((root / path).read_text(encoding="utf-8"), module, True) if path else None
     return frozenset(name for names in (source.registries.values() if source else ()) for name in names)
 
 
@@ -185,86 +163,12 @@ def _file(module: str, root: Path) -> str | None:
     return next((path for path in (f"{base}/__init__.py", f"{base}.py") if (root / path).is_file()), None)
 
 
-def _source(path: Path, module: str, package: bool) -> Source:
+def _source(path: Path, module: str) -> Source:
     status = path.stat()
-    return _parsed(path, module, package, status.st_mtime_ns, status.st_size)
+    return _parsed(path, module, status.st_mtime_ns, status.st_size)
 
 
 @functools.lru_cache(maxsize=2048)
-def _parsed(path: Path, module: str, package: bool, _changed_ns: int, _size: int) -> Source:
-    return parse(path.read_text(encoding="utf-8"), module, package)
-
-
-def parse(text: str, module: str, package: bool = False) -> Source:
-    """What a source text refers to.
-
-    Args:
-        text: Python source.
-        module: its dotted name.
-        package: whether it is a package's ``__init__``.
-    """
-    tree = ast.parse(text)
-    imports: set[str] = set()
-    froms: set[tuple[str, str]] = set()
-    values: dict[str, dict[str, str]] = {}
-    folders: dict[str, str] = {}
-    data: set[str] = set()
-    computed: list[int] = []
-    whole_folder = False
-    for node in _executed(tree):
-        if isinstance(node, ast.Import):
-            imports.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            base = _absolute(node, module, package)
-            froms.update((base, alias.name) for alias in node.names)
-        elif isinstance(node, ast.Call):
-            called = ast.unparse(node.func)
-            if called in ("importlib.import_module", "import_module", "__import__"):
-                target = node.args[0] if node.args else None
-                if isinstance(target, ast.Constant) and isinstance(target.value, str):
-                    imports.add(target.value)
-                elif module != f"{PACKAGE}.registry":
-                    computed.append(node.lineno)
-            elif called.rpartition(".")[2] == "Registry":
-                group, names = _registry(node)
-                values.setdefault(group, {}).update(names)
-            elif called.endswith("Registry.of_folder"):
-                _, group, package_name, _ = (ast.literal_eval(argument) for argument in node.args)
-                folders[group] = package_name
-            elif called in ("resources.files", "importlib.resources.files"):
-                whole_folder = True
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _DATA.match(node.value):
-            data.add(node.value)
-    return Source(frozenset(imports), frozenset(froms), values, folders, frozenset(data), whole_folder, tuple(computed))
-
-
-def _executed(tree: ast.Module) -> Iterator[ast.AST]:
-    """All nodes but the bodies of ``if TYPE_CHECKING``."""
-    waiting: list[ast.AST] = [tree]
-    while waiting:
-        node = waiting.pop()
-        yield node
-        if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
-            waiting.extend(node.orelse)
-        else:
-            waiting.extend(ast.iter_child_nodes(node))
-
-
-def _absolute(node: ast.ImportFrom, module: str, package: bool) -> str:
-    if not node.level:
-        return node.module or ""
-    parts = module.split(".")
-    up = node.level - 1 if package else node.level
-    base = parts[: len(parts) - up]
-    return ".".join([*base, *([node.module] if node.module else [])])
-
-
-def _registry(call: ast.Call) -> tuple[str, dict[str, str]]:
-    """Group and modules of a ``Registry(kind, group, builtin)`` call with literal arguments."""
-    given = dict(zip(("kind", "group", "builtin"), call.args, strict=False))
-    given |= {keyword.arg: keyword.value for keyword in call.keywords if keyword.arg}
-    try:
-        group, builtin = ast.literal_eval(given["group"]), ast.literal_eval(given["builtin"])
-    except (KeyError, ValueError):
-        raise InputError(f"line {call.lineno}: expected Registry(kind, group, {{name: 'module:attribute'}})") from None
-    return str(group), {str(name): str(target).partition(":")[0] for name, target in builtin.items()}
+def _parsed(path: Path, module: str, _changed_ns: int, _size: int) -> Source:
+    """Kept until the file changes."""
+    return read_source(path.read_text(encoding="utf-8"), module, path.name == "__init__.py")

@@ -4,179 +4,36 @@ A stage depends on the closure of its module, with the registry names that its `
 its ``--params`` mode and with the sections that it reads. Folders stand for all that is in them where the closure has
 all of it. Only code (``pipeline/...``) and data files that code names (weights, published tables) are managed; every
 other line of ``deps`` is left as it is.
-
-Estimators differ in what they execute, but DVC gives all members of one matrix the same list of dependencies. Their
-stages are therefore groups, one per registry name, over ``${by_kind.REGISTRY.NAME}``.
 """
 
 from __future__ import annotations
 
-import importlib
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass
-from itertools import product
+from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
 
 from pipeline import yaml_text
-from pipeline.dependencies.closure import PACKAGE, ROOT, Chosen, closure, registered
+from pipeline.dependencies.closure import ROOT, closure, registered
+from pipeline.dependencies.source_file import PACKAGE
+from pipeline.dependencies.stage_groups import (
+    ESTIMATORS,
+    ROOTED,
+    Group,
+    all_outs,
+    chosen_of,
+    filled,
+    groups,
+    lookup,
+    outs_of,
+)
 from pipeline.errors import InputError
 
-ESTIMATORS = {
-    "pipeline.noise": "noise.estimators",
-    "pipeline.blur": "blur.estimators",
-    "pipeline.detection": "detection.detectors",
-}
-"""Registry group -> section whose members name an entry of it by ``kind``."""
 WIDTH = 120
 Contents = Mapping[str, Set[str]]
 """Folder -> files below it."""
-_ROOTED = "${root}"
 _MANAGED = re.compile(rf"^({PACKAGE}/|(\$\{{root\}})?data/weights/.|data/paper/.|benchmarks/results/.)")
-_BY_KIND = re.compile(r"^\$\{by_kind\.(\w+)\.(\w+)\}$")
-_VALUE = re.compile(r"\$\{([^}]+)\}")
-
-
-@dataclass(frozen=True)
-class Group:
-    """One entry under ``stages`` of ``dvc.yaml``.
-
-    Attributes:
-        name: its key.
-        body: its content, of ``do`` where there is one.
-        items: per member of its matrix or ``foreach``: name in the template (``item.dataset``, ``key``) -> value; one
-            empty mapping where it is a single stage.
-        kinds: registry group -> name, where it goes over ``${by_kind.REGISTRY.NAME}``.
-    """
-
-    name: str
-    body: Mapping[str, Any]
-    items: Sequence[Mapping[str, str]]
-    kinds: Mapping[str, str]
-
-    @property
-    def module(self) -> str:
-        """The module that its command runs."""
-        match = re.search(r"python -m (\S+)", str(self.body["cmd"]))
-        if match is None:
-            raise InputError(f"dvc.yaml: stage '{self.name}': expected cmd: python -m MODULE ...")
-        return match[1]
-
-    @property
-    def is_stage(self) -> bool:
-        """Whether it runs a stage; the check of the configuration only imports what it names and opens no data."""
-        return self.module.startswith(f"{PACKAGE}.stages.")
-
-    def jobs(self) -> list[dict[str, str]]:
-        """What ``+job.KEY=`` gives each member; names in the place of values where it has no member."""
-        given = re.findall(r"\+job\.(\w+)=(\S+)", str(self.body["cmd"]))
-        return [{key: _filled(value, item) for key, value in given} for item in self.items or [{}]]
-
-
-def _filled(template: str, item: Mapping[str, str]) -> str:
-    """A template with the values of an item; what the item does not have is left as its name."""
-    return _VALUE.sub(lambda match: item.get(match[1], match[1]), template)
-
-
-def lookup(content: Any, path: str) -> Any:
-    """A value of nested mappings by its dotted path.
-
-    Raises:
-        InputError: there is none.
-    """
-    for part in path.split("."):
-        if not isinstance(content, Mapping) or part not in content:
-            raise InputError(f"params.yaml: no '{path}'; run 'python -m pipeline.config'")
-        content = content[part]
-    return content
-
-
-def groups(graph: Mapping[str, Any], params: Mapping[str, Any]) -> list[Group]:
-    """The groups of a graph.
-
-    Args:
-        graph: content of ``dvc.yaml``.
-        params: content of ``params.yaml``.
-    """
-    return [_group(name, entry, params) for name, entry in graph["stages"].items()]
-
-
-def _group(name: str, entry: Mapping[str, Any], params: Mapping[str, Any]) -> Group:
-    def resolved(value: Any) -> Any:
-        match = _VALUE.fullmatch(value) if isinstance(value, str) else None
-        return lookup(params, match[1]) if match else value
-
-    over = entry.get("matrix", {"": entry["foreach"]} if "foreach" in entry else {})
-    kinds = {
-        f"{PACKAGE}.{match[1]}": match[2]
-        for value in over.values()
-        if isinstance(value, str) and (match := _BY_KIND.match(value))
-    }
-    items: list[dict[str, str]]
-    if "foreach" in entry:
-        members = resolved(entry["foreach"])
-        items = [{"key": str(member), "item": str(member)} for member in members]
-        if isinstance(members, Mapping):
-            for item, value in zip(items, members.values(), strict=True):
-                parts = (
-                    {f"item.{key}": str(part) for key, part in value.items()} if isinstance(value, Mapping) else None
-                )
-                item |= {"item": str(value)} if parts is None else parts
-    elif over:
-        names = [f"item.{variable}" for variable in over]
-        values = [[str(resolved(value)) for value in resolved(variable)] for variable in over.values()]
-        items = [dict(zip(names, each, strict=True)) for each in product(*values)]
-    else:
-        items = [{}]
-    return Group(name, entry.get("do", entry), items, kinds)
-
-
-def chosen_of(group: Group, job: Mapping[str, str], params: Mapping[str, Any]) -> Chosen:
-    """Registry names that one member of a group can use."""
-    chosen: dict[str, frozenset[str]] = {}
-    module = importlib.import_module(group.module)
-    stage = getattr(module, "run", None)
-    if stage is not None:
-        mode = "params" if "--params" in str(group.body["cmd"]).split() else "conf"
-        chosen = {
-            f"{PACKAGE}.config.modes": frozenset({mode}),
-            f"{PACKAGE}.config.sections": frozenset(stage.sections()),
-        }
-        for registry, paths in stage.uses.items():
-            if registry in group.kinds:
-                chosen[registry] = frozenset({group.kinds[registry]})
-                if group.kinds[registry] == "other":
-                    chosen[registry] = _kinds(registry, paths, job, params) if group.items else frozenset()
-            else:
-                chosen[registry] = _kinds(registry, paths, job, params)
-    return chosen
-
-
-def _kinds(registry: str, paths: Sequence[str], job: Mapping[str, str], params: Mapping[str, Any]) -> frozenset[str]:
-    kinds: set[str] = set()
-    for path in paths:
-        path = path.format(**job)
-        value = lookup(params, path) if "." in path else path
-        kinds |= set(_kinds_in(registry, value, params))
-    return frozenset(kinds)
-
-
-def _kinds_in(registry: str, value: Any, params: Mapping[str, Any]) -> Iterator[str]:
-    """Registry names in a section, in a mapping of sections or names, in a list of names, or a name itself."""
-    members = lookup(params, ESTIMATORS[registry]) if registry in ESTIMATORS else {}
-    if isinstance(value, str):
-        yield str(members[value]["kind"]) if value in members else value
-    elif isinstance(value, Mapping) and isinstance(value.get("kind"), str):
-        yield value["kind"]
-    elif isinstance(value, Mapping):
-        for name, member in value.items():
-            given = isinstance(member, Mapping) and "kind" in member
-            yield from _kinds_in(registry, member if given else name, params)
-    elif isinstance(value, Sequence):
-        for name in value:
-            yield from _kinds_in(registry, name, params)
 
 
 def files_of(group: Group, params: Mapping[str, Any], root: Path = ROOT) -> frozenset[str]:
@@ -194,7 +51,7 @@ def files_of(group: Group, params: Mapping[str, Any], root: Path = ROOT) -> froz
 def expected(
     group: Group, params: Mapping[str, Any], outs: frozenset[str], contents: Contents, root: Path = ROOT
 ) -> list[str]:
-    """The lines of code and named data in ``deps`` of a group.
+    """The lines of code and named data in ``deps`` of a group, but for what lies in folders that are written by hand.
 
     Args:
         group: of ``dvc.yaml``.
@@ -203,36 +60,27 @@ def expected(
         contents: folders of the package with the files below them; see `contents_of`.
         root: folder that holds the package.
     """
-    selected = {_filled(_plain(line), item) for line in _outs(group.body) for item in group.items}
-    given = [line for line in group.body.get("deps", []) if not _MANAGED.match(line)]
-    by_hand = {_filled(line, item).removeprefix(params["root"]) for line in given for item in group.items}
+    selected = {filled(line.removeprefix(ROOTED), item) for line in outs_of(group.body) for item in group.items}
+    by_hand = _by_hand(group)
+    given = {filled(line, item).removeprefix(params["root"]) for line in by_hand for item in group.items}
     lines = []
     for path in _folders(files_of(group, params, root), contents):
         if path.startswith(f"{PACKAGE}/"):
             lines.append(path)
-        elif group.is_stage and path not in selected and path not in by_hand:
-            rooted = f"{_ROOTED}{path}"
+        elif group.is_stage and path not in selected and path not in given:
+            rooted = f"{ROOTED}{path}"
             lines.append(rooted if rooted in outs else path)
+    folders = tuple(f"{line.rstrip('/')}/" for line in by_hand)
     stage = f"{group.module.replace('.', '/')}.py"
-    return sorted(lines, key=lambda line: (line != stage, not line.startswith(PACKAGE), line))
-
-
-def _outs(body: Mapping[str, Any]) -> list[str]:
-    return [next(iter(out)) if isinstance(out, Mapping) else out for out in body.get("outs", [])]
-
-
-def _plain(line: str) -> str:
-    return line.removeprefix(_ROOTED)
-
-
-def all_outs(graph: Mapping[str, Any], params: Mapping[str, Any]) -> frozenset[str]:
-    """Outputs of all stages with their items filled in and ``${root}`` left."""
-    return frozenset(
-        _filled(out, {"root": _ROOTED, **item})
-        for group in groups(graph, params)
-        for item in group.items
-        for out in _outs(group.body)
+    return sorted(
+        (line for line in lines if not line.startswith(folders)),
+        key=lambda line: (line != stage, not line.startswith(PACKAGE), line),
     )
+
+
+def _by_hand(group: Group) -> list[str]:
+    """Lines of ``deps`` that are not managed here."""
+    return [line for line in group.body.get("deps", []) if not _MANAGED.match(line)]
 
 
 def _folders(files: frozenset[str], contents: Contents) -> list[str]:
@@ -274,8 +122,6 @@ def differences(text: str, params: Mapping[str, Any], root: Path = ROOT) -> list
     for group in groups(graph, params):
         declared = [line for line in group.body.get("deps", []) if _MANAGED.match(line)]
         wanted = expected(group, params, outs, contents, root)
-        folders = tuple(f"{line.rstrip('/')}/" for line in group.body.get("deps", []) if not _MANAGED.match(line))
-        wanted = [line for line in wanted if not line.startswith(folders)] if folders else wanted
         problems += [
             f"dvc.yaml: stage '{group.name}': add to deps:  - {line}" for line in wanted if line not in declared
         ]
@@ -319,25 +165,26 @@ def rewritten(text: str, params: Mapping[str, Any], root: Path = ROOT) -> str:
     outs, contents = all_outs(graph, params), contents_of(root)
     lines = text.splitlines()
     for group in groups(graph, params):
-        start, end = _block(lines, group.name)
         depth = 6 if "do" in graph["stages"][group.name] else 4
-        head = re.compile(rf"^ {{{depth}}}deps:")
-        first = next((number for number in range(start, end) if head.match(lines[number])), None)
-        if first is None:
-            commands = (number for number in range(start, end) if lines[number].strip().startswith("cmd:"))
-            first = last = next(commands, start) + 1
-        else:
-            ends = (number for number in range(first + 1, end) if re.match(rf"^ {{0,{depth}}}\S", lines[number]))
-            last = next(ends, end)
-            while not lines[last - 1].strip():
-                last -= 1
-        others = [line for line in group.body.get("deps", []) if not _MANAGED.match(line)]
-        inside = tuple(f"{line}/" for line in others)
-        wanted = [
-            line for line in expected(group, params, outs, contents, root) if not (inside and line.startswith(inside))
-        ]
-        lines[first:last] = _deps_text(others, wanted, depth)
+        first, last = _deps_lines(lines, group.name, depth)
+        lines[first:last] = _deps_text(_by_hand(group), expected(group, params, outs, contents, root), depth)
     return "\n".join(lines) + "\n"
+
+
+def _deps_lines(lines: Sequence[str], name: str, depth: int) -> tuple[int, int]:
+    """First line of ``deps`` of a stage and the line after its last; both behind ``cmd`` where it has none."""
+    start, end = _block(lines, name)
+    head = re.compile(rf"^ {{{depth}}}deps:")
+    first = next((number for number in range(start, end) if head.match(lines[number])), None)
+    if first is None:
+        commands = (number for number in range(start, end) if lines[number].strip().startswith("cmd:"))
+        behind = next(commands, start) + 1
+        return behind, behind
+    ends = (number for number in range(first + 1, end) if re.match(rf"^ {{0,{depth}}}\S", lines[number]))
+    last = next(ends, end)
+    while not lines[last - 1].strip():
+        last -= 1
+    return first, last
 
 
 def _deps_text(others: Sequence[str], code: Sequence[str], depth: int) -> list[str]:

@@ -9,7 +9,7 @@ import yaml
 
 from pipeline.config.compose import compose
 from pipeline.config.hydra_plugins.plug_in_sources import digest
-from pipeline.dependencies.dvc_yaml import groups
+from pipeline.dependencies.stage_groups import groups
 
 ROOT = Path(__file__).resolve().parents[2]
 POINTS = """

@@ -11,12 +11,13 @@ import yaml
 from pipeline.condition.estimate import ConditionMonitor
 from pipeline.dependencies import dvc_yaml
 from pipeline.dependencies.closure import closure
+from pipeline.dependencies.stage_groups import ESTIMATORS, groups
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
 PARAMS = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))
 GRAPH = yaml.safe_load(TEXT)
-GROUPS = {group.name: group for group in dvc_yaml.groups(GRAPH, PARAMS)}
+GROUPS = {group.name: group for group in groups(GRAPH, PARAMS)}
 MODULES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py"))
 
 
@@ -81,7 +82,7 @@ def test_trainings_do_not_depend_on_sections_they_do_not_read():
     assert not any("spectral" in path for path in files)
 
 
-@pytest.mark.parametrize("registry", dvc_yaml.ESTIMATORS)
+@pytest.mark.parametrize("registry", ESTIMATORS)
 def test_every_registry_name_has_a_group(registry):
     section = registry.rpartition(".")[2]
     without = {**PARAMS, "by_kind": {**PARAMS["by_kind"], section: dict(PARAMS["by_kind"][section])}}

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import yaml
 
-from pipeline.dependencies import dvc_yaml
+from pipeline.dependencies import stage_groups
 
 FREE = ("params.yaml", "dvc.yaml", "dvc.lock", ".cache/", ".git", "conf/", ".dvc", "tests/recorder/")
 """Opened by machinery (parameters are dependencies by value) or caches with a fingerprint in their name."""
@@ -35,7 +35,7 @@ def declared(group, item, params):
     outs = [
         next(iter(out)) if isinstance(out, dict) else out for key in ("outs", "metrics") for out in body.get(key, [])
     ]
-    return {dvc_yaml._filled(line, values) for line in [*body["deps"], *outs]}
+    return {stage_groups.filled(line, values) for line in [*body["deps"], *outs]}
 
 
 def records(folder):
@@ -46,7 +46,7 @@ def records(folder):
 def problems(recorded, top=Path()):
     """Differences of all records, one line each."""
     params = yaml.safe_load((top / "params.yaml").read_text(encoding="utf-8"))
-    groups = dvc_yaml.groups(yaml.safe_load((top / "dvc.yaml").read_text(encoding="utf-8")), params)
+    groups = stage_groups.groups(yaml.safe_load((top / "dvc.yaml").read_text(encoding="utf-8")), params)
     results = set()
     for record in recorded:
         module, *words = record["stage"]
