@@ -14,7 +14,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 FLOORS = {
     "errors": 0, "streams": 0, "store": 0, "registry": 0, "executor": 0, "statistics": 0, "tables": 0, "settings": 0,
-    "cluster_intervals": 0,
+    "cluster_intervals": 0, "arrays": 0, "bisection": 0,
     "grouped_statistics": 0, "dependencies": 0, "processor": 0, "project_files": 0, "weight_files": 0,
     "stage_files": 0, "baselines": 0, "signals": 0, "freed_memory": 0, "yaml_text": 0,
     "camera": 1,
