@@ -101,7 +101,6 @@ def blurred(estimator: BlurEstimator, sharp: NDArray[np.float32], samples: int, 
         InputError: hardly any of them can be measured.
     """
     from pipeline.camera import mtf
-    from pipeline.camera.blur import blur
 
     scene = overlap.scenes(sharp[:, 0])
     fold = _folds(scene)
@@ -110,22 +109,12 @@ def blurred(estimator: BlurEstimator, sharp: NDArray[np.float32], samples: int, 
     if noisy:
         shown, kernel = _several_at_once(fold, samples, stream(seed, "camera fit patches"))
     bank = _kernels(int(kernel[-1]) + 1, seed)
-    sigma_dn = stream(seed, "camera fit noise").uniform(0, LARGEST_SIGMA_DN, len(bank))
-    clean: list[BlurEstimate] = []
-    grainy: list[BlurEstimate] = []
-    for first in range(0, samples, AT_ONCE):
-        part = slice(first, first + AT_ONCE)
-        kernels, picked = bank[kernel[part]], sharp[shown[part]]
-        levels = blur(picked, kernels / kernels.sum((1, 2), keepdims=True)) * FULL_SCALE_DN
-        clean.append(estimator.estimate(np.rint(levels) / FULL_SCALE_DN))
-        if noisy:
-            noise = stream(seed, "camera fit noise", first)
-            grainy.append(estimator.estimate(_with_noise(levels, sigma_dn[kernel[part]], noise)))
-    read = np.concatenate([members(item) for item in clean]).reshape(samples, -1)
-    usable = ~np.isnan(read).any(axis=1)
-    if grainy:
-        under_noise = np.concatenate([members(item) for item in grainy]).reshape(samples, -1)
-        usable &= ~np.isnan(under_noise).any(axis=1)
+    clean, under_noise = _estimates(estimator, sharp[shown], bank, kernel, seed, noisy=noisy)
+    mtfs = _networks_mtf(clean)
+    usable: NDArray[np.bool_] = ~np.isnan(mtfs).any(axis=1)
+    if noisy:
+        noisy_mtfs = _networks_mtf(under_noise)
+        usable &= ~np.isnan(noisy_mtfs).any(axis=1)
     if usable.sum() < LEAST_SAMPLES:
         raise InputError(
             f"sharp_patches: only {usable.sum()} of {samples} blurred samples can be measured (flat or saturated); "
@@ -137,14 +126,54 @@ def blurred(estimator: BlurEstimator, sharp: NDArray[np.float32], samples: int, 
     if not noisy or not np.ptp(fold):
         fold = _folds(scene) if scene.any() else kernel % FOLDS  # of a single scene, folds differ in kernels only
     return Samples(
-        logit(read[usable]),
+        logit(mtfs[usable]),
         known,
         scene,
         kernel,
         fold,
         _half_width(clean, usable),
-        UnderNoise(logit(under_noise[usable]), _hidden(grainy, usable), _hidden(clean, usable)) if grainy else None,
+        UnderNoise(logit(noisy_mtfs[usable]), _hidden(under_noise, usable), _hidden(clean, usable)) if noisy else None,
     )
+
+
+def _estimates(
+    estimator: BlurEstimator,
+    patches: NDArray[np.float32],
+    bank: NDArray[np.float32],
+    kernel: NDArray[np.int_],
+    seed: int,
+    *,
+    noisy: bool,
+) -> tuple[list[BlurEstimate], list[BlurEstimate]]:
+    """What an estimator reads of blurred patches without noise, and with it; nothing there where it is not asked for.
+
+    Args:
+        estimator: not calibrated.
+        patches: (N, 1, 192, 192) in [0, 1], sharp.
+        bank: (K, 49, 49) kernels.
+        kernel: (N,) number of that which blurs each patch; patches of one kernel have noise of one strength.
+        seed: of the noise.
+        noisy: read them with noise as well.
+    """
+    from pipeline.camera.blur import blur
+
+    sigma_dn = stream(seed, "camera fit noise").uniform(0, LARGEST_SIGMA_DN, len(bank))
+    clean: list[BlurEstimate] = []
+    under_noise: list[BlurEstimate] = []
+    for first in range(0, len(patches), AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        kernels = bank[kernel[part]]
+        levels = blur(patches[part], kernels / kernels.sum((1, 2), keepdims=True)) * FULL_SCALE_DN
+        clean.append(estimator.estimate(np.rint(levels) / FULL_SCALE_DN))
+        if noisy:
+            generator = stream(seed, "camera fit noise", first)
+            under_noise.append(estimator.estimate(_with_noise(levels, sigma_dn[kernel[part]], generator)))
+    return clean, under_noise
+
+
+def _networks_mtf(estimates: Sequence[BlurEstimate]) -> NDArray[np.float64]:
+    """(N, 16 E) MTFs, network after network; NaN where abstained."""
+    return np.concatenate([members(estimate).reshape(len(estimate), -1) for estimate in estimates])
 
 
 def _folds(scene: NDArray[np.int_]) -> NDArray[np.int_]:
@@ -170,8 +199,8 @@ def _several_at_once(
     """
     sets: list[NDArray[np.int_]] = []
     while sum(map(len, sets)) < samples:
-        for one in np.unique(fold):
-            patches = generator.permutation(np.flatnonzero(fold == one))
+        for number in np.unique(fold):
+            patches = generator.permutation(np.flatnonzero(fold == number))
             sets += np.array_split(patches, -(-len(patches) // TOGETHER))
     kernel = np.repeat(np.arange(len(sets)), [len(patches) for patches in sets])
     return np.concatenate(sets)[:samples], kernel[:samples]
@@ -192,7 +221,7 @@ def _half_width(estimates: Sequence[BlurEstimate], usable: NDArray[np.bool_]) ->
 
 def _hidden(estimates: Sequence[BlurEstimate], usable: NDArray[np.bool_]) -> HiddenUnits:
     known = [item.hidden for item in estimates if item.hidden is not None]
-    arrays = (np.concatenate([getattr(item, one.name) for item in known]) for one in fields(HiddenUnits))
+    arrays = (np.concatenate([getattr(item, part.name) for item in known]) for part in fields(HiddenUnits))
     return HiddenUnits(*arrays).part(usable)
 
 
