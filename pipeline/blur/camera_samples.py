@@ -111,7 +111,7 @@ def blurred(estimator: BlurEstimator, sharp: NDArray[np.float32], samples: int, 
     bank = _kernels(int(kernel[-1]) + 1, seed)
     clean, under_noise = _estimates(estimator, sharp[shown], bank, kernel, seed, noisy=noisy)
     mtfs = _networks_mtf(clean)
-    usable: NDArray[np.bool_] = ~np.isnan(mtfs).any(axis=1)
+    usable = np.asarray(~np.isnan(mtfs).any(axis=1))
     if noisy:
         noisy_mtfs = _networks_mtf(under_noise)
         usable &= ~np.isnan(noisy_mtfs).any(axis=1)
