@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline import blur
-from pipeline.blur import camera_calibration, spectral
+from pipeline.blur import camera_calibration, camera_fit, spectral
 from pipeline.blur.affine_logits import logit, sigmoid
 from pipeline.blur.base import BlurEstimate
 from pipeline.blur.camera_calibration import CalibratedEstimator, Calibration
@@ -239,10 +239,10 @@ def test_of_maps_that_hold_out_as_well_the_strongest_draw_is_taken():
     plain, right = logit(truth) + 2.0, logit(truth) + generator.normal(0, 0.1, truth.shape)
     alike = right + generator.normal(0, 0.02, truth.shape)
     scene = np.arange(240) % 24
-    chosen = camera_calibration._chosen(np.stack([right, alike]), plain, truth, scene)
+    chosen = camera_fit._chosen(np.stack([right, alike]), plain, truth, scene)
     assert (chosen.index, chosen.weight) == (0, 1.0)
-    assert camera_calibration._chosen(np.stack([right + 1.0, right]), plain, truth, scene).index == 1
-    assert camera_calibration._chosen(np.stack([right + 4.0, right - 4.0]), right, truth, scene).weight == 0.0
+    assert camera_fit._chosen(np.stack([right + 1.0, right]), plain, truth, scene).index == 1
+    assert camera_fit._chosen(np.stack([right + 4.0, right - 4.0]), right, truth, scene).weight == 0.0
 
 
 def test_windows_of_one_picture_are_trusted_less_than_other_scenes(truth):
@@ -257,7 +257,7 @@ def test_windows_of_one_picture_are_trusted_less_than_other_scenes(truth):
     one, two = (
         camera_calibration.calibrate(Bent(truth, wrong), patches, samples=SAMPLES) for patches in (windows, scenes)
     )
-    _, weight = camera_calibration.ONE_SCENE
+    _, weight = camera_fit.ONE_SCENE
     assert one.offset.mean() == pytest.approx(weight * np.log(2), rel=0.15)
     assert two.offset.mean() == pytest.approx(np.log(2), rel=0.15)
 
@@ -283,7 +283,7 @@ def fitted(truth, first, second):
     """A calibration to 25 scenes of an ensemble of two networks, from their logits (500, 16), and what they read."""
     logits, known = np.concatenate([first, second], axis=1), truth.reshape(SAMPLES, -1)
     number = np.arange(SAMPLES)
-    maps = camera_calibration._fitted(Samples(logits, known, number % 25, kernel=number, fold=number % 4))
+    maps = camera_fit.fit(Samples(logits, known, number % 25, kernel=number, fold=number % 4))
     members = sigmoid(np.stack([first, second], axis=1)).reshape(SAMPLES, 2, 2, 8)
     return Calibration(maps.matrix, maps.offset, 1.0, SAMPLES, (0.0, 0.0), maps.alone), members
 
