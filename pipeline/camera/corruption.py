@@ -126,20 +126,7 @@ def corrupt(
     Raises:
         InputError: wrong image, noise source, level, kernel, camera, order, light or conditions.
     """
-    if not 0.0 <= sigma_dn < float("inf"):
-        raise InputError(f"sigma_dn is a level of at least 0 DN, got {sigma_dn!r}")
-    if camera not in CAMERAS:
-        raise InputError(f"camera '{camera}' is unknown; {did_you_mean(str(camera), CAMERAS)}")
-    if reach not in ("source", "frame"):
-        raise InputError(f"reach is 'source' or 'frame', got '{reach}'")
-    for key_name, value, known in (("order", order, ORDERS), ("light", light, LIGHTS)):
-        if value not in known:
-            raise InputError(f"camera.{key_name} '{value}' is unknown; {did_you_mean(str(value), known)}")
-    if camera != "physical" and (order, light) != ("paper", "encoded"):
-        raise InputError(
-            f"camera '{camera}' follows the authors' program: camera.order is 'paper' and camera.light 'encoded' there,"
-            f" got '{order}' and '{light}'; use camera.kind physical for others"
-        )
+    _refuse_wrong_options(sigma_dn, camera, reach, order, light)
     name, effects = conditioned(noise_source, temperature_k, exposure_s)
     used = sensor or Sensor()
     scene = chain.as_image(image)
@@ -179,6 +166,24 @@ def corrupt(
         order=order,
         key=key,
     )
+
+
+def _refuse_wrong_options(sigma_dn: float, camera: str, reach: str, order: str, light: str) -> None:
+    """Raises InputError for options of `corrupt` that are unknown, out of range or do not go together."""
+    if not 0.0 <= sigma_dn < float("inf"):
+        raise InputError(f"sigma_dn is a level of at least 0 DN, got {sigma_dn!r}")
+    if camera not in CAMERAS:
+        raise InputError(f"camera '{camera}' is unknown; {did_you_mean(str(camera), CAMERAS)}")
+    if reach not in ("source", "frame"):
+        raise InputError(f"reach is 'source' or 'frame', got '{reach}'")
+    for name, value, known in (("order", order, ORDERS), ("light", light, LIGHTS)):
+        if value not in known:
+            raise InputError(f"camera.{name} '{value}' is unknown; {did_you_mean(str(value), known)}")
+    if camera != "physical" and (order, light) != ("paper", "encoded"):
+        raise InputError(
+            f"camera '{camera}' follows the authors' program: camera.order is 'paper' and camera.light 'encoded' there,"
+            f" got '{order}' and '{light}'; use camera.kind physical for others"
+        )
 
 
 def conditioned(

@@ -107,22 +107,15 @@ def train(
     import torch
 
     model.to(device)
-    kinds = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
-    options: dict[str, Any] = {"lr": schedule.learning_rate, "betas": schedule.betas, "eps": schedule.epsilon}
-    options["fused"] = True  # its square root is the same on any processor, that of the other forms is MKL's
     recorded = recordable and device != "cpu"
-    if recorded:
-        options |= {"lr": torch.tensor(schedule.learning_rate, device=device), "capturable": True}
-    optimiser = kinds[schedule.optimiser](model.parameters(), weight_decay=schedule.weight_decay, **options)
-    state = _State(model, optimiser, {name: value.clone() for name, value in model.state_dict().items()}, device)
+    state = _State(model, _optimiser(model, schedule, device, recorded), _weights(model), device)
     path = None if folder is None else Path(folder) / CHECKPOINT
     if path is not None and path.is_file():
         _restore(path, state, schedule)
     model.train()
     learn = _recorded(state, loss, schedule) if recorded else _unrecorded(state, loss, schedule)
-    while state.step < schedule.steps:
-        if stop_after is not None and state.step >= stop_after:
-            break
+    last = schedule.steps if stop_after is None else min(stop_after, schedule.steps)
+    while state.step < last:
         measures = learn({name: torch.from_numpy(values) for name, values in loader.batch(state.step).items()})
         state.step += 1
         for name, number in measures.items():
@@ -130,7 +123,7 @@ def train(
         row = _row(state, schedule)
         due = state.step == schedule.steps or state.step % schedule.checkpoint_every == 0
         if not schedule.ema_decay and (due or state.step == stop_after):
-            state.average = {name: value.clone() for name, value in state.model.state_dict().items()}
+            state.average = _weights(model)
         if due:
             result = _validated(state, validate, score)
             if row is not None:
@@ -139,11 +132,26 @@ def train(
                 _keep(path, state, schedule)
         if row is not None and report is not None:
             report(row)
-    if stop_after is not None and state.step < schedule.steps and path is not None:
+    if state.step < schedule.steps and path is not None:  # stopped
         _keep(path, state, schedule)
-    chosen = state.best if state.best else state.average
-    model.load_state_dict(chosen)
+    model.load_state_dict(state.best or state.average)
     return Trained(model.cpu().eval(), state.curve, state.best_step or state.step, device)
+
+
+def _optimiser(model: torch.nn.Module, schedule: Schedule, device: str, recorded: bool) -> torch.optim.Optimizer:
+    """The optimiser of a schedule; of a recorded step, the learning rate is a tensor that the recording reads."""
+    import torch
+
+    rate = torch.tensor(schedule.learning_rate, device=device) if recorded else schedule.learning_rate
+    options: dict[str, Any] = {"lr": rate, "betas": schedule.betas, "eps": schedule.epsilon, "capturable": recorded}
+    options["fused"] = True  # its square root is the same on any processor, that of the other forms is MKL's
+    kinds = {"adamw": torch.optim.AdamW, "adam": torch.optim.Adam}
+    return kinds[schedule.optimiser](model.parameters(), weight_decay=schedule.weight_decay, **options)
+
+
+def _weights(model: torch.nn.Module) -> dict[str, torch.Tensor]:
+    """A copy of the weights as they are now."""
+    return {name: value.clone() for name, value in model.state_dict().items()}
 
 
 def _unrecorded(state: _State, loss: Loss, schedule: Schedule) -> Callable[[Tensors], Mapping[str, Number]]:
@@ -225,7 +233,7 @@ def _validated(state: _State, validate: Callable[..., dict[str, float]] | None, 
 
     if validate is None:
         return {}
-    kept = {name: value.clone() for name, value in state.model.state_dict().items()}
+    kept = _weights(state.model)
     state.model.load_state_dict(state.average)
     state.model.eval()
     with torch.no_grad():

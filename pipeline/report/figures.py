@@ -96,18 +96,16 @@ def grid(
     look = {key: about[name] for key, name in (("fontsize", "title_size"), ("pad", "title_pad")) if name in about}
     mappable = None
     for (row, upper), (column, left) in itertools.product(enumerate(rows), enumerate(columns)):
-        spot, key = panels[row, column], f"{upper} {left}"
-        shown = where(frame, **{about["down"]: upper, about["across"]: left})
+        spot, key, sides = panels[row, column], f"{upper} {left}", {about["down"]: upper, about["across"]: left}
+        shown = where(frame, **sides)
         if under is not None:
             under(spot, shown, key)
         if "lines" in about:
             lines(spot, shown, looks=looks, key=key, **about["lines"])
         if beside is not None:
-            sides = {about["down"]: upper, about["across"]: left}
-            theirs = where(beside, **{name: value for name, value in sides.items() if name in beside})
-            how = {"change": PAPER | about["beside"].get("look", {}), "part": "paper", "key": key, "zorder": 2}
-            ends = {end: about["beside"][end] for end in ("x", "y")}
-            lines(spot, theirs, about["lines"]["by"], looks, **ends, **how)
+            _paper_lines(
+                spot, where(beside, **{name: sides[name] for name in sides if name in beside}), about, looks, key
+            )
         if over is not None:
             mappable = over(spot, shown, key) or mappable
         if shown.empty:
@@ -115,8 +113,7 @@ def grid(
             spot.text(0.5, 0.5, absent, transform=spot.transAxes, ha="center", va="center", color=style.MUTED)
         spot.set(**{**about.get("axes", {}), **(axes or {}), **about.get("axes_across", {}).get(left, {})})
         if row == 0:
-            headings = about.get("headings") or {left: word(left)}
-            spot.set_title(headings.format(left) if isinstance(headings, str) else headings[left], **look)
+            spot.set_title(_heading(about, left), **look)
         if row == len(rows) - 1:
             spot.set_xlabel(x[left] if isinstance(x, dict) else x)
         if column == 0:
@@ -128,6 +125,21 @@ def grid(
     plotted = plotted[about["values"]] if "values" in about else plotted
     series = style.switches(name for name in looks if isinstance(name, str))
     return Drawing(figure, alt, plotted.sort_values(about["sort"]) if "sort" in about else plotted, series)
+
+
+def _paper_lines(
+    spot: Axes, values: pd.DataFrame, about: Mapping[str, Any], looks: Mapping[Any, Look], key: str
+) -> None:
+    """Draw the paper's values into a panel, in the looks of our lines, changed."""
+    ends = {end: about["beside"][end] for end in ("x", "y")}
+    change = PAPER | about["beside"].get("look", {})
+    lines(spot, values, about["lines"]["by"], looks, **ends, change=change, part="paper", key=key, zorder=2)
+
+
+def _heading(about: Mapping[str, Any], value: Any) -> str:
+    """What stands above the panels of a value across."""
+    headings = about.get("headings") or {value: word(value)}
+    return headings.format(value) if isinstance(headings, str) else headings[value]
 
 
 HANDLE_IN, CHARACTER_IN = 0.5, 0.05
