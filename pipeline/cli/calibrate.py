@@ -13,13 +13,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-LEAST_MTF = 0.05  # a chart's MTF is not taken below this: it is noise there
 MOST_EMPTY_FRACTION = 0.5  # of the 16 values of an MTF that may lie at or below the estimators' floor
 MOST_EMPTY_FRACTION_FIT = 0.25  # likewise where the pictures are blurred further, to correct the estimator
-CIRCLES = (1.0, 0.75, 0.5)  # on which the rays of a star are counted, of the circle of its lowest frequency
-LEAST_EXPLAINED = 0.5  # of the variance along each of them; of black and white rays it is 0.8, of other pictures < 0.25
-LEAST_AGREEMENT = 0.7  # correlation of the rays on neighbouring circles
-LEAST_STAR_AMPLITUDE = 0.02  # of the rays at the lowest frequency, of full scale
 
 
 class _Area(click.ParamType):
@@ -64,8 +59,8 @@ def command(
 
     Prints the MTF of the camera and the file, which is in the user's configuration folder (CAMERA_MONITOR_HOME).
     """
-    from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
     from pipeline.cli import camera_store
+    from pipeline.cli.charts import edge_mtf, star_mtf
     from pipeline.cli.package_version import version
     from pipeline.cli.pictures import expand, read
     from pipeline.errors import InputError
@@ -81,21 +76,13 @@ def command(
         raise InputError("--calibrate-estimator is for pictures of scenes, not for a chart")
     frames = [(file, image) for path in expand(paths) for file, image in read(path)]
     shape = frames[0][1].shape
-    for file, image in frames if chart is None else []:  # a chart's MTF does not depend on where it was cropped
-        if image.shape != shape:
-            sizes = f"{image.shape[1]}x{image.shape[0]} px, {frames[0][0]} {shape[1]}x{shape[0]} px"
-            raise InputError(f"{file} is {sizes}; calibrate one size at a time")
-    hashes: dict[str, str] = {}
     mtf: NDArray[np.float64] | None
-    fit = None
-    if chart == "edge":
-        mtf = edge_mtf(frames, areas)
-    elif chart == "star":
-        assert rays is not None
-        mtf = star_mtf(frames, rays)
-    else:
+    fit, hashes = None, dict[str, str]()
+    if chart is None:
+        _refuse_other_sizes(frames)
         mtf, fit, hashes = _from_scenes(frames, blur_name, calibrate_estimator)
-    if mtf is not None and chart is not None:
+    else:
+        mtf = edge_mtf(frames, areas) if rays is None else star_mtf(frames, rays)
         _refuse_without_contrast(mtf, f"the {chart} chart", "focus the camera on it", MOST_EMPTY_FRACTION)
     stored = camera_store.StoredCamera(
         name=name, kind=f"{chart} chart" if chart else "fit" if fit else "sharp frames", blur_estimator=blur_name,
@@ -103,9 +90,7 @@ def command(
         sharp_mtf=None if mtf is None else mtf.tolist(), fit=fit, version=version(),
     )  # fmt: skip
     if mtf is not None:
-        click.echo(f"{'Nyquist':10} {' '.join(f'{frequency:5.2f}' for frequency in FREQUENCIES)}")
-        for direction, curve in zip(DIRECTIONS, mtf, strict=True):
-            click.echo(f"{direction:10} {' '.join(f'{value:5.2f}' for value in curve)}")
+        _print_mtf(mtf)
     if fit is not None:
         before, after = fit["error_percent"]
         click.echo(f"mean absolute error on {fit['samples']} blurred patches: {before:.1f} %, calibrated {after:.1f} %")
@@ -115,126 +100,24 @@ def command(
         click.echo(f"replaces the stored calibration of {name}")
 
 
-def edge_mtf(
-    frames: list[tuple[str, NDArray[np.float32]]], areas: tuple[tuple[int, int, int, int], ...]
-) -> NDArray[np.float64]:
-    """(2, 8) MTF from slanted edges, the mean of those of each axis.
-
-    That of a camera that sharpens may exceed 1, where it is stored as 1: estimators report 1 at most, so that division
-    by more would find blur in the camera's own sharp frames.
-
-    Args:
-        frames: names and pictures (H, W) in [0, 1].
-        areas: (x, y, width, height) px of the edges in every picture; none for the whole picture.
-
-    Raises:
-        InputError: an area outside of a picture, no slanted edge, one clipped at black or white, or none of one axis.
-    """
-    import numpy as np
-
-    from pipeline.camera.mtf import DIRECTIONS
-    from pipeline.camera.slanted_edge import measure
+def _refuse_other_sizes(frames: list[tuple[str, NDArray[np.float32]]]) -> None:
+    """Raises InputError for scenes of several sizes; a chart's MTF does not depend on where it was cropped."""
     from pipeline.errors import InputError
 
-    curves: dict[str, list[NDArray[np.float64]]] = {direction: [] for direction in DIRECTIONS}
-    for name, image in frames:
-        for x, y, width, height in areas or [(0, 0, image.shape[1], image.shape[0])]:
-            if x + width > image.shape[1] or y + height > image.shape[0]:
-                raise InputError(f"--area {x},{y},{width},{height} is not inside of {name}")
-            try:
-                edge = measure(image[y : y + height, x : x + width])
-            except InputError as error:
-                raise InputError(f"{name}: {error}") from None
-            curves[edge.direction].append(edge.mtf)
-    for direction, tilt in zip(DIRECTIONS, ("vertical", "horizontal"), strict=True):
-        if not curves[direction]:
-            raise InputError(f"no nearly {tilt} edge, which gives the {direction} MTF; add one by a picture or --area")
-    mtf = np.stack([np.mean(curves[direction], axis=0) for direction in DIRECTIONS])
-    return np.clip(mtf, LEAST_MTF, 1.0)  # estimates of sharpened frames end at 1 too
+    first, shape = frames[0][0], frames[0][1].shape
+    for file, image in frames:
+        if image.shape != shape:
+            sizes = f"{image.shape[1]}x{image.shape[0]} px, {first} {shape[1]}x{shape[0]} px"
+            raise InputError(f"{file} is {sizes}; calibrate one size at a time")
 
 
-def star_mtf(frames: list[tuple[str, NDArray[np.float32]]], rays: int) -> NDArray[np.float64]:
-    """(2, 8) MTF from Siemens stars, relative to its lowest frequency, the mean over pictures.
+def _print_mtf(mtf: NDArray[np.float64]) -> None:
+    """A line of frequencies, and one of contrast for each direction, (2, 8)."""
+    from pipeline.camera.mtf import DIRECTIONS, FREQUENCIES
 
-    Args:
-        frames: names and pictures (H, W) in [0, 1].
-        rays: bright rays in a full turn, an even number, which makes the star point-symmetric.
-
-    Raises:
-        InputError: an odd or too small number of rays, a star too small for the lowest frequency, with too little
-            contrast, clipped at black or white, or with another number of rays, or no star.
-    """
-    import numpy as np
-
-    from pipeline.camera import star
-    from pipeline.camera.star_centre import point_of_symmetry
-    from pipeline.errors import InputError
-
-    if rays % 2:
-        raise InputError(f"--rays {rays}: expected an even number, whose centre can be located by symmetry")
-    if rays < star.LEAST_PERIODS:
-        raise InputError(
-            f"--rays {rays}: expected at least {star.LEAST_PERIODS}; fewer are too coarse for the highest frequency "
-            "but a few pixels from the centre; use a star of more rays"
-        )
-    curves = []
-    for name, image in frames:
-        try:
-            centre_px = point_of_symmetry(image)
-        except InputError as error:
-            raise InputError(f"{name}: {error}") from None
-        _check_star(name, image, centre_px, rays)
-        try:
-            star.check_clipping(image, centre_px, rays)
-        except InputError as error:
-            raise InputError(f"{name}: {error}") from None
-        contrast = star.measure_mtf(image, centre_px, rays, amplitude=1.0)
-        if contrast[:, 0].min() < LEAST_STAR_AMPLITUDE:
-            raise InputError(
-                f"{name}: the rays of the star differ by {510 * contrast[:, 0].min():.0f} DN; expected at least "
-                f"{510 * LEAST_STAR_AMPLITUDE:.0f}; light the chart better or expose longer"
-            )
-        curves.append(contrast / contrast[:, :1])
-    return np.clip(np.mean(curves, axis=0), LEAST_MTF, 1.0)
-
-
-def _check_star(name: str, image: NDArray[np.float32], centre_px: tuple[float, float], rays: int) -> None:
-    """Raises InputError unless a picture shows a Siemens star of that number of rays, large enough."""
-    import numpy as np
-
-    from pipeline.camera import star
-    from pipeline.errors import InputError
-
-    radius_px = star.lowest_circle_px(rays)
-    x, y = centre_px
-    room_px = min(x, y, image.shape[1] - 1 - x, image.shape[0] - 1 - y)
-    larger = f"a star of {rays} rays must be {2 * radius_px:.0f} px across"
-    mend = "check --rays, take the whole star from nearer by, or use one of fewer rays"
-    if room_px < radius_px:
-        raise InputError(
-            f"{name}: {larger}, but the picture ends {room_px:.0f} px from its centre ({x:.0f}, {y:.0f}); {mend}"
-        )
-    evidence = star.ray_evidence(image, centre_px, rays, radius_px * np.array(CIRCLES))
-    present = (evidence.explained >= LEAST_EXPLAINED) & (evidence.extra_rays == 0)
-    if present.all() and evidence.agreement.min() >= LEAST_AGREEMENT:
-        return
-    if present[-1] and not present[0]:
-        raise InputError(f"{name}: {larger}, but its rays end before that; {mend}")
-    if (
-        evidence.explained.min() >= LEAST_EXPLAINED and (evidence.extra_rays % 2).any()
-    ):  # where there are none they turn
-        likely = "they do not go all the way round, part of it is hidden or without contrast"
-    elif evidence.explained.min() >= LEAST_EXPLAINED and len(set(evidence.extra_rays.tolist())) == 1:
-        likely = f"the star seems to have {rays + int(evidence.extra_rays[0])} rays"
-    elif evidence.likely_explained >= LEAST_EXPLAINED:
-        likely = f"the star seems to have about {evidence.likely_rays} rays"
-    else:
-        percent = ", ".join(f"{100 * value:.0f}" for value in evidence.explained)
-        likely = f"such rays explain {percent} % of the variance along three circles about ({x:.0f}, {y:.0f})"
-    raise InputError(
-        f"{name}: no Siemens star of {rays} rays: {likely}; expected the bright rays in a full turn, of a star that "
-        "fills the picture; check --rays and the picture"
-    )
+    click.echo(f"{'Nyquist':10} {' '.join(f'{frequency:5.2f}' for frequency in FREQUENCIES)}")
+    for direction, curve in zip(DIRECTIONS, mtf, strict=True):
+        click.echo(f"{direction:10} {' '.join(f'{value:5.2f}' for value in curve)}")
 
 
 def _from_scenes(
@@ -246,6 +129,7 @@ def _from_scenes(
     from pipeline import blur
     from pipeline.blur.base import PATCH_PX, Estimator
     from pipeline.blur.camera_calibration import Calibration, CameraFittable, calibrate
+    from pipeline.cli.charts import LEAST_MTF
     from pipeline.datasets.patches import cut, tiles
     from pipeline.errors import InputError
     from pipeline.recording.provenance import blur_weights

@@ -240,6 +240,49 @@ def performance(
     return Performance(surface, reference, FREQUENCY_INDEX, longest, level, darker, calibration), table
 
 
+def of_all_brightnesses(
+    measured: Sequence[Sequence[Measured]],
+    designs: Sequence[SurfaceDesign],
+    criteria: EvaluationCriteria,
+    fold: int,
+    seed: int,
+) -> tuple[Performance, pd.DataFrame]:
+    """The surface of the brightest design, which carries those of the darker ones.
+
+    Args:
+        measured: of each design, views and what `measure` gave.
+        designs: the brightest first.
+        criteria: how detections are judged.
+        fold: recorded in the table.
+        seed: of the bootstrap.
+
+    Returns:
+        the surface, and the knots of all designs (schema `KNOTS`), the darkest first.
+
+    Raises:
+        InputError: see `performance`.
+    """
+    import pandas as pd
+
+    darker, tables = [], []
+    for views, design in zip(measured[:0:-1], designs[:0:-1], strict=True):
+        surface, table = performance(views, design, criteria, fold, seed)
+        darker.append(surface)
+        tables.append(table)
+    surface, table = performance(measured[0], designs[0], criteria, fold, seed, darker)
+    return surface, pd.concat([*tables, table])
+
+
+def fold_sets(folds: int) -> dict[str, list[int]]:
+    """Folds that each stored surface is of: ``all``, each one, and all without each one (it, if there is no other)."""
+    everything = list(range(folds))
+    sets = {"all": everything}
+    for number in everything:
+        sets[f"fold{number}"] = [number]
+        sets[f"without_fold{number}"] = [other for other in everything if other != number] or [number]
+    return sets
+
+
 def _reference(measured: Sequence[Measured]) -> NDArray[np.float64]:
     """(2, 8) median MTF of the sharp frames.
 

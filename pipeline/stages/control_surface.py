@@ -50,25 +50,16 @@ def run(run: Run) -> None:
     )
     measured = dict(zip(work, run.map(measure, work, "surface for control"), strict=True))
     criteria = setup.criteria(params.detection.evaluation)
-    parts = {"all": list(range(len(every)))}
-    for number in range(len(every)):
-        parts[f"fold{number}"] = [number]
-        parts[f"without_fold{number}"] = [other for other in parts["all"] if other != number] or [number]
     rows = []
     with store.replacing_folder(run.outputs / "data/control_surface") as out:
-        for name, chosen in parts.items():
+        for name, chosen in measured_surface.fold_sets(len(every)).items():
             seen = [view for view in every_view if any(view in every[number] for number in chosen)]
-            label = chosen[0] if len(chosen) == 1 else -1
-            darker: list[measured_surface.Performance] = []
-            for number in reversed(range(len(designs))):  # the brightest last: it carries the others
-                mine = [(view, measured[view, number]) for view in seen]
-                surface, table = measured_surface.performance(
-                    mine, designs[number], criteria, label, params.seed, [] if number else darker
-                )
-                darker.append(surface)
-                if name == "all" or name.startswith("fold"):
-                    rows.append(table.assign(fold=-1 if name == "all" else label))
+            by_design = [[(view, measured[view, number]) for view in seen] for number in range(len(designs))]
+            fold = chosen[0] if len(chosen) == 1 else -1
+            surface, table = measured_surface.of_all_brightnesses(by_design, designs, criteria, fold, params.seed)
             surface.save(out / f"{name}.npz")
+            if name == "all" or name.startswith("fold"):
+                rows.append(table.assign(fold=-1 if name == "all" else fold))
         store.write_table(out / "knots.parquet", pd.concat(rows), tables.KNOTS)
     clear(folder)
 

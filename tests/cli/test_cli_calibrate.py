@@ -17,7 +17,7 @@ from pipeline.camera.mtf import FREQUENCIES, sample
 from pipeline.camera.slanted_edge import measure
 from pipeline.camera.star_centre import point_of_symmetry
 from pipeline.cli import camera_store, main
-from pipeline.cli.calibrate import star_mtf
+from pipeline.cli.charts import star_mtf
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
