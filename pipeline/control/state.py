@@ -13,6 +13,8 @@ from dataclasses import dataclass, field, replace
 from pipeline.errors import InputError
 
 BASE_ISO = 100.0
+NEARLY_STOPS = 0.05
+"""Settings this near are the same: a driver rounds exposure times to microseconds or to lines of the sensor."""
 
 
 def _is_number(value: object) -> bool:
@@ -68,6 +70,11 @@ class CameraState:
     def total_exposure_s(self) -> float:
         """Time x gain; brightness is proportional to it."""
         return self.exposure_s * self.gain
+
+    def is_nearly(self, other: CameraState) -> bool:
+        """Whether exposure time and gain are those of other settings, but for a driver's rounding."""
+        stops = (math.log2(self.exposure_s / other.exposure_s), math.log2(self.gain / other.gain))
+        return max(map(abs, stops)) <= NEARLY_STOPS
 
     def traded(self, alpha: float) -> CameraState:
         """Exposure shortened by ``alpha``, gain raised by it: ``(t / alpha, g alpha)``; brightness is kept."""

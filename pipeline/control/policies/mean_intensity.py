@@ -6,6 +6,7 @@ the defaults of built-in controllers: target 50 %, tolerance 5 %.
 
 from __future__ import annotations
 
+from pipeline.control.asked_exposure import AskedExposure
 from pipeline.control.decision import Action, Decision
 from pipeline.control.metering import Metering
 from pipeline.control.observation import Observation
@@ -42,13 +43,16 @@ class MeanIntensity(Policy):
         super().__init__(camera, performance)
         self.metering = Metering(target, tolerance, largest_factor=8.0, damping=damping)
         self.exposure_max_s = None if exposure_max_ms is None else self.limits.longest_up_to(exposure_max_ms / 1e3)
+        self.exposure = AskedExposure(self.limits, self.exposure_max_s)
 
     def decide(self, observation: Observation, state: CameraState) -> Decision:
         """See `Policy.decide`."""
         factor = self.metering.factor(observation, self.camera.formation.gamma)
         too_long = self.exposure_max_s is not None and state.exposure_s > self.exposure_max_s * (1 + 1e-9)
         if factor == 1.0 and not too_long:
-            return Decision(state, Action.HOLD, f"mean {observation.mean_level:.2f} is within tolerance")
-        new = self.limits.time_first(state.total_exposure_s * factor, self.exposure_max_s)
+            return Decision(
+                self.exposure.kept(state), Action.HOLD, f"mean {observation.mean_level:.2f} is within tolerance"
+            )
+        new = self.exposure.times(factor, state)
         action = Action.HOLD if new == state else Action.MOVE
         return Decision(new, action, f"mean {observation.mean_level:.2f}: total exposure times {factor:.2f}")

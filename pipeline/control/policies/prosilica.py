@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 
+from pipeline.control.asked_exposure import AskedExposure
 from pipeline.control.decision import Action, Decision
 from pipeline.control.observation import Observation
 from pipeline.control.performance import Performance
@@ -51,6 +52,7 @@ class Prosilica(Policy):
             raise InputError("policy prosilica: expected gain, target and cut in (0, 1) and hold within the levels")
         self.gain, self.target, self.cut, self.levels = gain, target, cut, levels
         self.hold = (int(hold[0]), int(hold[1]))
+        self.exposure = AskedExposure(self.limits)
 
     def factor(self, mean_level: float) -> float:
         """Factor on the exposure for a mean level in 0..1."""
@@ -63,7 +65,9 @@ class Prosilica(Policy):
         """See `Policy.decide`."""
         factor = self.factor(observation.mean_level)
         if factor == 1.0:
-            return Decision(state, Action.HOLD, f"mean {observation.mean_level:.2f} is within the hold band")
-        new = self.limits.time_first(state.total_exposure_s * factor)
+            return Decision(
+                self.exposure.kept(state), Action.HOLD, f"mean {observation.mean_level:.2f} is within the hold band"
+            )
+        new = self.exposure.times(factor, state)
         action = Action.HOLD if new == state else Action.MOVE
         return Decision(new, action, f"mean {observation.mean_level:.2f}: total exposure times {factor:.3f}")

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from pipeline.control.asked_exposure import AskedExposure
 from pipeline.control.decision import Action, Decision
 from pipeline.control.gradient import information, sobel_magnitude
 from pipeline.control.observation import Observation
@@ -47,6 +48,7 @@ class Shim(Policy):
         if gain <= 0 or nonlinearity <= 0 or len(anchors) < 6 or sorted(set(anchors)) != list(anchors):
             raise InputError("policy shim: expected gain and nonlinearity above 0, and at least six rising anchors")
         self.gain, self.nonlinearity, self.anchors = gain, nonlinearity, tuple(anchors)
+        self.exposure = AskedExposure(self.limits)
 
     def best_gamma(self, observation: Observation) -> float:
         """Gamma with most gradient information; 1 where no curve shows any."""
@@ -73,6 +75,6 @@ class Shim(Policy):
         if gamma == 1.0 and not 0.05 < observation.mean_level < 0.95:
             gamma = self.anchors[0] if observation.mean_level < 0.5 else self.anchors[-1]
         factor = self.factor(gamma)
-        new = self.limits.time_first(state.total_exposure_s * factor)
+        new = self.exposure.times(factor, state)
         action = Action.HOLD if new == state else Action.MOVE
         return Decision(new, action, f"best gamma {gamma:.2f}: total exposure times {factor:.3f}")

@@ -26,8 +26,6 @@ from pipeline.control.state import CameraState
 LEAST_STEP = 0.1
 CHANGE = 0.10
 PATIENCE = 3
-SAME_STOPS = 0.05
-"""Settings this near are those asked for: a driver rounds exposure times to microseconds or to lines of the sensor."""
 
 
 class Shin2019(Policy):
@@ -78,8 +76,7 @@ class Shin2019(Policy):
     def _arrived(self, state: CameraState, asked: CameraState) -> bool:
         """Whether a frame shows the settings asked for, or as near to them as the camera comes."""
         self._waited += 1
-        stops = (math.log2(state.exposure_s / asked.exposure_s), math.log2(state.gain / asked.gain))
-        return max(map(abs, stops)) <= SAME_STOPS or self._waited > self.limits.delay_frames + PATIENCE
+        return state.is_nearly(asked) or self._waited > self.limits.delay_frames + PATIENCE
 
     def _watch(self, observation: Observation, state: CameraState, value: float) -> Decision:
         assert self._held is not None and self._asked is not None

@@ -1,0 +1,87 @@
+"""Total exposure carried across a camera's steps: small changes add up, and frames taken otherwise begin anew."""
+
+import math
+
+import pytest
+
+from pipeline import control
+from pipeline.control.asked_exposure import AskedExposure
+from pipeline.control.policy import ControlledCamera
+from pipeline.control.state import CameraState, DelayLine, Limits
+
+STEPS = Limits(exposure_steps_per_stop=6, gain_step_db=1.0)
+CONTINUOUS = Limits()
+
+
+def driven(limits: Limits, factors: list[float], start: CameraState) -> list[CameraState]:
+    """Settings of each frame."""
+    asked, state, states = AskedExposure(limits), start, []
+    line = DelayLine.filled(start, limits.delay_frames)
+    for factor in factors:
+        states.append(state)
+        state = line.next(asked.times(factor, state))
+    return states
+
+
+@pytest.mark.parametrize("factor", [1.02, 0.98, 1.0])
+def test_changes_smaller_than_a_step_add_up(factor):
+    start = CameraState.of(8.0, 100)
+    with_steps, continuous = (driven(limits, [factor] * 40, start) for limits in (STEPS, CONTINUOUS))
+    for near, exact in zip(with_steps, continuous, strict=True):
+        assert abs(math.log2(near.total_exposure_s / exact.total_exposure_s)) <= 1 / 12 + 1e-9
+
+
+@pytest.mark.parametrize("delay", [1, 3])
+def test_with_a_delay_the_exposure_is_that_of_a_camera_without_steps(delay):
+    factors = [1.03] * 30 + [0.96] * 30
+    start = CameraState.of(2.0, 100)
+    limits = [Limits(exposure_steps_per_stop=steps, delay_frames=delay) for steps in (6, 0)]
+    with_steps, continuous = (driven(each, factors, start) for each in limits)
+    for near, exact in zip(with_steps, continuous, strict=True):
+        assert abs(math.log2(near.total_exposure_s / exact.total_exposure_s)) <= 1 / 12 + 1e-9
+
+
+def test_settings_that_were_not_asked_for_begin_anew():
+    asked = AskedExposure(STEPS)
+    state = asked.times(1.05, CameraState.of(8.0, 100))
+    other = CameraState.of(2.0, 100)
+    assert asked.times(1.0, other).total_exposure_s == pytest.approx(other.total_exposure_s, rel=0.06)
+    assert state.exposure_ms == pytest.approx(8.4, rel=0.06)
+
+
+def test_a_drivers_rounding_to_microseconds_is_no_other_setting():
+    asked, state = AskedExposure(STEPS), CameraState.of(8.0, 100)
+    for _ in range(20):
+        state = asked.times(1.02, CameraState(round(state.exposure_s, 6), state.gain))
+    assert state.exposure_ms == pytest.approx(8.0 * 1.02**20, rel=0.07)
+
+
+def test_what_is_asked_for_does_not_run_away_beyond_the_range():
+    asked, state = AskedExposure(CONTINUOUS), CameraState(CONTINUOUS.exposure_max_s, CONTINUOUS.gain_max)
+    for _ in range(10):
+        state = asked.times(1.5, state)
+    assert asked.times(0.5, state).total_exposure_s == pytest.approx(state.total_exposure_s / 2)
+
+
+def test_kept_settings_keep_what_was_asked_for():
+    asked = AskedExposure(STEPS)
+    state = asked.times(1.05, CameraState.of(8.0, 100))
+    for _ in range(3):
+        state = asked.kept(state)
+    assert asked.times(1.0, state) == state
+    assert asked.times(1.06, state).exposure_ms == pytest.approx(8.0 * 1.05 * 1.06, rel=0.06)
+
+
+@pytest.mark.parametrize("name", ["mean_intensity", "prosilica", "shim"])
+def test_policies_follow_their_law_on_a_camera_with_steps(name, monkeypatch):
+    """A law that asks for 2 % more, frame after frame, is not frozen by steps of 12 %."""
+    from control_makers import Scene
+
+    policy = control.create(name, camera=ControlledCamera(STEPS))
+    monkeypatch.setattr(policy, "factor", lambda *_: 1.02, raising=False)
+    if name == "mean_intensity":
+        monkeypatch.setattr(type(policy.metering), "factor", lambda *_: 1.02)
+    scene, state = Scene(light=0.5, speed_px_s=0.0), CameraState.of(4.0, 100)
+    for _ in range(36):  # 1.02 ** 36 = 2.04
+        state = policy.decide(scene.observe(state), state).state
+    assert state.exposure_ms == pytest.approx(4.0 * 1.02**36, rel=0.07)
