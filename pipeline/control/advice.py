@@ -102,9 +102,10 @@ class _FromInside(IopcOptimal):
 
     def noise_dn(self, frame: Frame) -> float:
         """The noise estimated, DN, or as much as an estimate errs by: of none nothing could be predicted."""
-        if frame.observation.sigma_dn is None:
+        seen = frame.observation
+        if seen.sigma_dn is None:
             return super().noise_dn(frame)
-        estimated_dn = float(self.performance.true_sigma_dn(frame.observation.sigma_dn.value))
+        estimated_dn = float(self.performance.true_sigma_dn(seen.sigma_dn.value, seen.mean_level))
         return max(estimated_dn, ESTIMATE_ERROR_DN)
 
 

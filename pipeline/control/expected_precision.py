@@ -71,7 +71,7 @@ def expected_at(
     """
     bright = None if level is None else min(level, performance.level)
     best = float(performance.expected(0.0, 0.0, bright).ap_percent)
-    true_sigma_dn = performance.true_sigma_dn(sigma_dn) if np.isfinite(sigma_dn) else sigma_dn
+    true_sigma_dn = performance.true_sigma_dn(sigma_dn, bright) if np.isfinite(sigma_dn) else sigma_dn
     here = performance.expected(true_sigma_dn, motion_px, bright)
     return ExpectedPrecision(float(here.ap_percent), float(here.low), float(here.high), best)
 

@@ -331,7 +331,7 @@ class IopcPolicy(Policy):
     def _learn(self, observation: Observation, state: CameraState) -> None:
         """Update speed and the ratio of estimated to modelled noise."""
         assert observation.mtf is not None and observation.sigma_dn is not None
-        sigma_dn = float(self.performance.true_sigma_dn(observation.sigma_dn.value))
+        sigma_dn = float(self.performance.true_sigma_dn(observation.sigma_dn.value, observation.mean_level))
         modelled = float(model_sigma_dn(self.camera.formation, self._level(observation), state.gain, state.exposure_s))
         ratio = float(np.clip(sigma_dn / modelled, *_RATIO_RANGE))
         self._noise.update(ratio, sigma_dn)

@@ -1,11 +1,12 @@
 """Average precision expected at a noise and a motion blur: the measured surface as a controller asks it.
 
 The surface (`pipeline.curves.surface`) is over noise and MTF; the monitor's estimates of noise are calibrated by its
-medians at the knots. The MTF axis is reached through the length of linear motion, at a frequency low enough that the
-MTF falls steadily up to 31 px. It is tabulated once, so that a decision costs microseconds. What was not measured is
-refused (NaN), but for noise below the least measured, which counts as that. The table is made monotonic: more noise or
-motion never raises AP, whatever the scatter of the measurement; answers lie in 0..100. Surfaces of darker frames may
-stand beside it; a query at their brightness is interpolated between them.
+medians at the knots, at the brightness of the frame where it is known. The MTF axis is reached through the length of
+linear motion, at a frequency low enough that the MTF falls steadily up to 31 px. It is tabulated once, so that a
+decision costs microseconds. What was not measured is refused (NaN), but for noise below the least measured, which
+counts as that. The table is made monotonic: more noise or motion never raises AP, whatever the scatter of the
+measurement; answers lie in 0..100. Surfaces of darker frames may stand beside it; a query at their brightness is
+interpolated between them.
 """
 
 from __future__ import annotations
@@ -162,12 +163,24 @@ class Performance:
             parts.append(np.where(inside, np.where(down > _EDGE, upper * (1 - down) + lower * down, upper), np.nan))
         return parts
 
-    def true_sigma_dn(self, estimated_dn: ArrayLike) -> Floats:
-        """Noise that a monitor's estimate stands for: linear between the knots, in proportion beyond them.
+    def true_sigma_dn(self, estimated_dn: ArrayLike, level: float | None = None) -> Floats:
+        """Noise that a monitor's estimate stands for.
 
         Args:
             estimated_dn: (...) the monitor's estimate, DN.
+            level: mean encoded level of the frame, for the calibrations of the surfaces that are measured next to it,
+                mixed linearly in its logarithm; beyond the measured levels that of the nearest. None, or a surface
+                without darker ones: the level is not regarded.
         """
+        if level is None or not self.darker:
+            return self._calibrated_dn(estimated_dn)
+        parts = [other._calibrated_dn(estimated_dn) for other in (self, *self.darker)]
+        stops = -np.log2([self.level, *(other.level for other in self.darker)])
+        index, share = _position(np.clip(-np.log2(max(level, 1e-6)), stops[0], stops[-1]), stops)
+        return np.asarray(parts[int(index)] * (1 - share) + parts[int(index) + 1] * share)
+
+    def _calibrated_dn(self, estimated_dn: ArrayLike) -> Floats:
+        """The true noise by the calibration at this level: linear between the knots, in proportion beyond them."""
         given = np.asarray(estimated_dn, dtype=np.float64)
         estimated, true = self.calibration
         inside = np.interp(given, estimated, true)

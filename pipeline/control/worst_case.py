@@ -91,7 +91,7 @@ def decide_within(
         formation=policy.camera.formation,
         performance=policy.performance,
     )
-    levels_dn = policy.performance.true_sigma_dn(np.unique(np.linspace(*noise_dn, LEVELS)))
+    levels_dn = policy.performance.true_sigma_dn(np.unique(np.linspace(*noise_dn, LEVELS)), observation.mean_level)
     longest_px = policy.performance.longest_px if len(motions_px) > 1 else math.inf
     lengths_px = [min(length, longest_px) for length in motions_px]
     expected = np.array([with_noise(float(dn), length) for length in lengths_px for dn in levels_dn])

@@ -164,3 +164,20 @@ def test_performance_of_an_older_file_is_read_as_it_was_written(tmp_path):
     np.savez(path, **{**arrays, "darker0_scenes": np.float64(2.5)})
     with pytest.raises(InputError, match=r"surface.npz: array 'scenes': expected a count"):
         Performance.load(path)
+
+
+def test_estimates_of_noise_stand_for_those_of_frames_as_dark():
+    """The monitor reads 10 DN as 8 in bright frames and as 12 in frames of a quarter of their level."""
+    bright = performance()
+    calibrations = {0.5: [[8.0], [10.0]], 0.125: [[12.0], [10.0]]}
+    dark, light = (
+        Performance(bright.surface, bright.reference, 0, 31.0, level, calibration=calibrations[level])
+        for level in (0.125, 0.5)
+    )
+    known = Performance(bright.surface, bright.reference, 0, 31.0, 0.5, [dark], light.calibration)
+    assert float(known.true_sigma_dn(8.0)) == pytest.approx(10.0)
+    assert float(known.true_sigma_dn(8.0, 0.5)) == pytest.approx(10.0)
+    assert float(known.true_sigma_dn(12.0, 0.125)) == pytest.approx(10.0)
+    np.testing.assert_allclose(known.true_sigma_dn([8.0, 12.0], 0.25), [(10 + 20 / 3) / 2, (15 + 10) / 2])
+    for level, nearest in ((0.9, 0.5), (0.01, 0.125)):
+        assert float(known.true_sigma_dn(6.0, level)) == pytest.approx(float(known.true_sigma_dn(6.0, nearest)))
