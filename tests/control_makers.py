@@ -13,7 +13,6 @@ from pipeline.control.motion import CYCLES_PER_PX, motion_mtf
 from pipeline.control.observation import Estimate, Observation, Outcome
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
-from pipeline.control.prediction import model_sigma_dn
 from pipeline.control.state import CameraState, Limits
 from pipeline.curves.cells import Cells
 from pipeline.curves.surface import Surface
@@ -82,7 +81,7 @@ class Scene:
 
     def truth(self, state: CameraState) -> Outcome:
         level = self.linear_level(state)
-        sigma = float(model_sigma_dn(self.camera, level, state.gain, state.exposure_s)) if level < 1 else 0.0
+        sigma = float(self.camera.sigma_dn_at(level, state.gain, state.exposure_s)) if level < 1 else 0.0
         return Outcome(sigma, self.speed_px_s * state.exposure_s, min(level, 1.0) ** (1 / self.camera.gamma))
 
     def observe(self, state: CameraState, silent: bool = False) -> Observation:

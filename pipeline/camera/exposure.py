@@ -27,7 +27,7 @@ from pipeline.camera import draws
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.psf import create as create_psf
 from pipeline.camera.sensor import Sensor
-from pipeline.camera.tone_curve import encode, slope
+from pipeline.camera.tone_curve import encode, noise_after_curve
 from pipeline.camera.truth import through_optics
 from pipeline.errors import InputError, did_you_mean
 from pipeline.streams import KeyPart, stream
@@ -35,6 +35,7 @@ from pipeline.streams import KeyPart, stream
 NoiseGain = Literal["physical", "linear"]
 NOISE_GAINS = ("physical", "linear")
 SATURATED_LEVEL = 0.98
+_TABULATED = 256
 """Linear level from which a pixel counts as saturated: read noise spreads pixels of a full well below full scale."""
 
 _MOST_COUNTED_E = np.float32(2.0**19)  # brighter light than this is far beyond any well: it is not drawn
@@ -202,9 +203,9 @@ class Camera:
         )
 
     def sigma_dn(self, electrons: ArrayLike, gain: float, exposure_s: float) -> float:
-        """Median over the pixels of the noise after the tone curve, DN: linear noise times the slope of the curve.
+        """Median over the pixels of the noise after the tone curve (`tone_curve.noise_after_curve`), DN.
 
-        Saturated pixels carry no noise and are left out; a frame with nothing else gives 0. It is the noise before the
+        Saturated pixels are left out; a frame with nothing else gives 0. It is the noise before the
         frame is rounded to 8 bit, which adds about 1/12 DN^2 and counts where noise is weak: frames of 0.379 DN have
         0.476 DN as delivered.
 
@@ -216,13 +217,31 @@ class Camera:
         mean_e = np.asarray(electrons, dtype=np.float64).reshape(-1)
         mean_e = mean_e[:: max(1, mean_e.size // 20_000)]
         level = mean_e * self.sensor.dn_per_electron * gain / FULL_SCALE_DN
-        inside = level < 1.0
-        if not inside.any():
+        level = level[level < 1.0]
+        if not level.size:
             return 0.0
-        linear = self.budget(mean_e[inside], gain, exposure_s).total
-        # near black the curve's slope is that over the noise's own width
-        slopes = slope(np.maximum(level[inside], linear / FULL_SCALE_DN), self.gamma)
-        return float(np.median(linear * slopes))
+        tabulated = np.linspace(0.0, 1.0, _TABULATED) ** 2  # finer in the dark, where the curve bends
+        return float(np.median(np.interp(level, tabulated, self.sigma_dn_at(tabulated, gain, exposure_s))))
+
+    def sigma_dn_at(self, linear_level: ArrayLike, gain: ArrayLike, exposure_s: ArrayLike) -> NDArray[np.float64]:
+        """Noise after the tone curve of pixels of one level, DN.
+
+        Args:
+            linear_level: (...) mean level in linear light, 0..1.
+            gain: (...) camera gain.
+            exposure_s: (...) exposure time, s.
+
+        Raises:
+            InputError: see `budget`.
+        """
+        linear = self.linear_sigma_dn(linear_level, gain, exposure_s)
+        return FULL_SCALE_DN * noise_after_curve(np.asarray(linear_level), linear / FULL_SCALE_DN, self.gamma)
+
+    def linear_sigma_dn(self, linear_level: ArrayLike, gain: ArrayLike, exposure_s: ArrayLike) -> NDArray[np.float64]:
+        """Noise of pixels of one level before the tone curve, on the linear 0..255 scale; see `sigma_dn_at`."""
+        level, gains = np.asarray(linear_level, dtype=np.float64), np.asarray(gain, dtype=np.float64)
+        mean_e = level * FULL_SCALE_DN / (self.sensor.dn_per_electron * gains)
+        return self.budget(mean_e, gains, exposure_s).total
 
     def expose(
         self,

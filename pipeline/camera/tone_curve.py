@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 Float = NDArray[np.float32]
 
 GAMMA = 2.2
+_NORMAL = np.linspace(-4.4, 4.4, 45)
+_DENSITY = np.exp(-(_NORMAL**2) / 2) / np.exp(-(_NORMAL**2) / 2).sum()
+_ROUNDS, _LEAST_NOISE = 8, 1e-6
 _DARKEST = 1e-4  # level at which the slope is taken for darker ones; it is infinite at 0
 
 
@@ -43,6 +46,49 @@ def slope(linear: NDArray[np.floating], gamma: float = GAMMA) -> NDArray[np.floa
     if gamma == 1.0:
         return np.ones_like(linear)
     return np.maximum(linear, _DARKEST) ** (1.0 / gamma - 1.0) / gamma
+
+
+def noise_after_curve(
+    linear: NDArray[np.floating], sigma: NDArray[np.floating], gamma: float = GAMMA
+) -> NDArray[np.float64]:
+    """Standard deviation of encoded grey levels under normal noise, full scale 1: of ``encode(clip(x + s z, 0, 1))``.
+
+    Of weak noise it is `slope` times the noise. Of strong noise in dark frames it is more, for the curve bends, and at
+    black and white less, for noise is clipped there.
+
+    Args:
+        linear: (...) levels x.
+        sigma: (...) standard deviations s before the curve; shapes broadcast.
+        gamma: of the curve.
+
+    Returns:
+        (...) by quadrature, exact to a few thousandths.
+    """
+    levels = np.asarray(linear, np.float64)[..., None] + np.asarray(sigma, np.float64)[..., None] * _NORMAL
+    encoded = np.clip(levels, 0.0, 1.0) ** (1.0 / gamma)
+    mean = encoded @ _DENSITY
+    return np.asarray(np.sqrt(np.maximum(encoded**2 @ _DENSITY - mean**2, 0.0)))
+
+
+def noise_before_curve(
+    linear: NDArray[np.floating], sigma: NDArray[np.floating], gamma: float = GAMMA
+) -> NDArray[np.float64]:
+    """The inverse of `noise_after_curve`: standard deviation before the curve that has a given one after it.
+
+    Args:
+        linear: (...) levels.
+        sigma: (...) standard deviations of encoded grey levels, above 0; shapes broadcast.
+        gamma: of the curve.
+
+    Returns:
+        (...) above 0, at most 1: no noise of normal distribution is stronger after the curve than what that gives.
+    """
+    levels, wanted = np.broadcast_arrays(np.asarray(linear, np.float64), np.asarray(sigma, np.float64))
+    before = np.clip(wanted / slope(np.maximum(levels, 1e-3), gamma), _LEAST_NOISE, 1.0)
+    for _ in range(_ROUNDS):  # noise after the curve grows less than twice as fast as before it
+        after = np.maximum(noise_after_curve(levels, before, gamma), _LEAST_NOISE)
+        before = np.clip(before * wanted / after, _LEAST_NOISE, 1.0)
+    return before
 
 
 def render(linear: Float, gamma: float = GAMMA, s_curve: float = 0.0) -> Float:

@@ -37,7 +37,7 @@ from pipeline.control.noise_ratio import NoiseRatio
 from pipeline.control.observation import Observation
 from pipeline.control.performance import LEVEL_SLACK_STOPS, Performance, limited
 from pipeline.control.policy import ControlledCamera, Policy
-from pipeline.control.prediction import linear_level, model_sigma_dn, predict
+from pipeline.control.prediction import linear_level, predict
 from pipeline.control.speed import KnownSpeedJumps, SpeedFilter
 from pipeline.control.state import CameraState, Limits
 from pipeline.errors import InputError
@@ -295,7 +295,7 @@ class IopcPolicy(Policy):
     def noise_dn(self, frame: Frame) -> float:
         """Noise of the frame, DN: that of the sensor's model times the ratio that frames so far had to theirs."""
         level, state = self._level(frame.observation), frame.state
-        return self._noise.value * float(model_sigma_dn(self.camera.formation, level, state.gain, state.exposure_s))
+        return self._noise.value * float(self.camera.formation.sigma_dn_at(level, state.gain, state.exposure_s))
 
     def preferred(self, frame: Frame, among: Candidates) -> int:
         """Index of the settings kept unless the best candidate promises enough more, else of the best.
@@ -332,7 +332,7 @@ class IopcPolicy(Policy):
         """Update speed and the ratio of estimated to modelled noise."""
         assert observation.mtf is not None and observation.sigma_dn is not None
         sigma_dn = float(self.performance.true_sigma_dn(observation.sigma_dn.value, observation.mean_level))
-        modelled = float(model_sigma_dn(self.camera.formation, self._level(observation), state.gain, state.exposure_s))
+        modelled = float(self.camera.formation.sigma_dn_at(self._level(observation), state.gain, state.exposure_s))
         ratio = float(np.clip(sigma_dn / modelled, *_RATIO_RANGE))
         self._noise.update(ratio, sigma_dn)
         if self.known_speed_px_s is None:

@@ -2,9 +2,8 @@
 
 Near the best settings average precision is flat: short exposures at high gain promise about as much as longer ones at
 low gain. When the light falls by a factor of eight (a tunnel), the first frames are taken with the old settings; the
-noise of high gain then hides everything, that of low gain little. With sensor noise s and tone curve slope m::
-
-    sigma' = sigma [s(e / 8) m(level / 8)] / [s(e) m(level)],    motion' = motion
+noise of high gain then hides everything, that of low gain little. The noise is that which `prediction.noise_elsewhere`
+gives at an eighth of the level, the motion stays.
 
 A level below the darkest measured counts as that, a condition beyond the measured region as an average precision of 0.
 """
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera.exposure import Camera
 from pipeline.control.performance import Performance
-from pipeline.control.prediction import Predicted, model_sigma_dn
+from pipeline.control.prediction import Predicted, noise_elsewhere
 from pipeline.control.state import CameraState
 
 FALL = 8.0
@@ -40,6 +39,6 @@ def after_fall(
     times = np.array([each.exposure_s for each in states])
     gains = np.array([each.gain for each in states])
     linear = at.level**camera.gamma
-    ratio = model_sigma_dn(camera, linear / FALL, gains, times) / model_sigma_dn(camera, linear, gains, times)
+    sigma_dn = noise_elsewhere(camera, at.sigma_dn, (linear, gains, times), (linear / FALL, gains, times))
     level = np.maximum((linear / FALL) ** (1.0 / camera.gamma), performance.darkest_level)
-    return np.nan_to_num(performance.ap_percent(at.sigma_dn * ratio, at.motion_px, level))
+    return np.nan_to_num(performance.ap_percent(sigma_dn, at.motion_px, level))

@@ -1,11 +1,12 @@
 """Noise and motion blur at other settings, predicted from the estimates at the present ones.
 
-Blur: ``L' = L t' / t``. Noise: the estimate times the ratio of the noise budgets (`pipeline.camera.exposure.Camera`),
-at the brightness the frame has and would have::
+Blur: ``L' = L t' / t``. Noise: the estimate, taken back before the tone curve c, times the ratio of the noise budgets b
+(`pipeline.camera.exposure.Camera.budget`) at the brightness the frame has and would have::
 
-    sigma' = sigma * [s(e', g') slope(level')] / [s(e, g) slope(level)],     e' = e t' / t,  level ~ t g
+    sigma' = c(c^-1(sigma, level) b(level', g', t') / b(level, g, t), level'),     level' = level t' g' / (t g)
 
-With ``noise_gain: linear`` and kept brightness that is the paper's ``sigma' = alpha sigma``.
+With ``noise_gain: linear``, kept brightness and noise so weak that the curve is straight within it that is the paper's
+``sigma' = alpha sigma``.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.exposure import Camera
-from pipeline.camera.tone_curve import slope
+from pipeline.camera.tone_curve import noise_after_curve, noise_before_curve
 from pipeline.control.state import CameraState
 
 Floats = NDArray[np.float64]
@@ -41,18 +43,20 @@ def linear_level(mean_level: float, camera: Camera) -> float:
     return float(max(mean_level, _DARKEST_MEAN) ** camera.gamma)
 
 
-def model_sigma_dn(camera: Camera, linear_level: ArrayLike, gain: ArrayLike, exposure_s: ArrayLike) -> Floats:
-    """Noise after the tone curve that the sensor's parameters imply for pixels of one level.
+def noise_elsewhere(
+    camera: Camera, sigma_dn: ArrayLike, here: tuple[ArrayLike, ...], there: tuple[ArrayLike, ...]
+) -> Floats:
+    """Noise after the tone curve at other settings, DN.
 
     Args:
         camera: sensor and tone curve.
-        linear_level: (N,) mean level in linear light, 0..1.
-        gain: (N,) camera gain.
-        exposure_s: (N,) exposure time.
+        sigma_dn: (...) noise here, DN.
+        here: mean level in linear light, 0..1, camera gain and exposure time, s; (...) each.
+        there: the same at the other settings.
     """
-    level, gains = np.asarray(linear_level, dtype=float), np.asarray(gain, dtype=float)
-    budget = camera.budget(level * camera.sensor.full_well_e / gains, gains, np.asarray(exposure_s, dtype=float))
-    return np.asarray(budget.total * slope(np.maximum(level, _DARKEST_LEVEL), camera.gamma))
+    before, after = (camera.linear_sigma_dn(*settings) for settings in (here, there))
+    linear = noise_before_curve(np.asarray(here[0], float), np.asarray(sigma_dn, float) / FULL_SCALE_DN, camera.gamma)
+    return FULL_SCALE_DN * noise_after_curve(np.asarray(there[0], float), linear * after / before, camera.gamma)
 
 
 def predict(
@@ -77,7 +81,6 @@ def predict(
     times = np.array([each.exposure_s for each in candidates])
     gains = np.array([each.gain for each in candidates])
     levels = np.minimum(level * times * gains / state.total_exposure_s, 1.0)
-    here = model_sigma_dn(camera, level, state.gain, state.exposure_s)
-    there = model_sigma_dn(camera, levels, gains, times)
+    sigma = noise_elsewhere(camera, sigma_dn, (level, state.gain, state.exposure_s), (levels, gains, times))
     encoded = levels ** (1.0 / camera.gamma)
-    return Predicted(sigma_dn * there / float(here), motion_px * times / state.exposure_s, encoded)
+    return Predicted(sigma, motion_px * times / state.exposure_s, encoded)

@@ -139,7 +139,7 @@ class Limits:
         Raises:
             InputError: the limit is below the shortest exposure time.
         """
-        longest = self.exposure_max_s if exposure_max_s is None else self.longest_up_to(exposure_max_s)
+        longest = self.longest_up_to(self.exposure_max_s if exposure_max_s is None else exposure_max_s)
         time = min(max(total_exposure_s / self.gain_min, self.exposure_min_s), longest)
         return self.nearest(time, total_exposure_s / time)
 

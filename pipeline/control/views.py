@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.datasets.frame import Box
-from pipeline.datasets.sim import Sim
+from pipeline.datasets.sim import NOTHING_IGNORED, Sim
 from pipeline.errors import InputError
 from pipeline.store import read_arrays
 
@@ -63,7 +63,7 @@ def views(root: Path, moments: int | None = None) -> list[View]:
         InputError: no frame, or a frame without radiance.
     """
     results = []
-    for frame in Sim("sim", root, split=SPLIT, moments="all").frames():
+    for frame in Sim("sim", root, split=SPLIT, moments="all", **NOTHING_IGNORED).frames():
         match = _NAME.match(frame.name)
         path = frame.path.with_name(f"{frame.name}.radiance.npz")
         if match is None or frame.defect or (moments is not None and int(match["moment"]) >= moments):

@@ -165,8 +165,9 @@ def _grid(label: str, whole: Fit) -> pd.DataFrame:
 def calibration(conditions: pd.DataFrame, section: RegressionSettings) -> dict[str, Any]:
     """lambda1 and lambda2 as this camera's own estimates give them, beside the nominal ones.
 
-    Noise is taken without blur, motion without noise: its MTF is the mean over four directions, so that lengths without
-    all of them, like MTFs that no length of motion leaves, say nothing and are left out.
+    Noise is taken without blur, motion without noise: its MTF is the mean over four directions, divided by that of the
+    frames without motion, which is the lens's, so that lengths without all directions, like MTFs that no length of
+    motion leaves, say nothing and are left out.
 
     Args:
         conditions: `pipeline.experiments.tables.CONDITIONS`.
@@ -178,16 +179,16 @@ def calibration(conditions: pd.DataFrame, section: RegressionSettings) -> dict[s
     noisy = conditions[
         (conditions["kernel_size_px"] == 0) & (conditions["target_sigma_dn"] > 0) & conditions["sigma_dn"].notna()
     ]
-    blurred = conditions[
-        (conditions["target_sigma_dn"] == 0) & (conditions["kernel_size_px"] > 0) & conditions["mtf"].notna()
-    ]
+    noise_free = conditions[(conditions["target_sigma_dn"] == 0) & conditions["mtf"].notna()]
+    sharp, blurred = (noise_free[(noise_free["kernel_size_px"] > 0) == moving] for moving in (False, True))
+    lens_mtf = float(sharp["mtf"].mean())
     exposure, lengths = [], []
     by_size: Any = blurred.groupby("kernel_size_px")
     for size, group in by_size:
         if set(group["angle_deg"]) != set(ANGLES_DEG):
             continue
         try:
-            lengths.append(size_for_mtf_px(float(group["mtf"].mean())))
+            lengths.append(size_for_mtf_px(min(float(group["mtf"].mean()) / lens_mtf, 1.0)))
         except InputError:
             continue
         exposure.append(float(size) / section.px_per_ms)
@@ -195,6 +196,8 @@ def calibration(conditions: pd.DataFrame, section: RegressionSettings) -> dict[s
     given = {"lambda1_nominal": nominal.lambda1, "lambda2_nominal": nominal.lambda2, "lengths_px": lengths}
     given |= {"exposures_ms": exposure, "target_sigmas_dn": noisy["target_sigma_dn"].tolist()}
     given["sigmas_dn"] = noisy["sigma_dn"].tolist()
+    if sharp.empty:
+        return {**given, "reason": "no condition without blur and noise, whose MTF is the lens's"}
     try:
         result = calibrate(nominal.iso(noisy["target_sigma_dn"]), noisy["sigma_dn"], exposure, lengths)
     except InputError as error:

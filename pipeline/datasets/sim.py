@@ -28,6 +28,8 @@ from pipeline.datasets.labels import BadLabels, numbers
 from pipeline.errors import InputError
 
 MOMENTS = ("last", "all")
+NOTHING_IGNORED: dict[str, Any] = {"min_height_px": 0.0, "min_visible_fraction": 0.0}
+"""Options for those who decide by rules of their own which objects count."""
 _NAME = re.compile(r"^(?P<viewpoint>.+)-(?P<moment>\d+)$")
 
 

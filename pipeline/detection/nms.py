@@ -31,7 +31,9 @@ def suppress(
     """
     if len(boxes) == 0:
         return np.zeros(0, dtype=np.int64)
-    corner_size = np.concatenate([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], axis=1).astype(np.float64)
+    # OpenCV shifts classes apart by the largest coordinate, which does not part boxes left of 0
+    corners = boxes[:, :2] - min(float(boxes[:, :2].min()), 0.0)
+    corner_size = np.concatenate([corners, boxes[:, 2:] - boxes[:, :2]], axis=1).astype(np.float64)
     floor = float(score.min()) - 1.0  # OpenCV wants a floor of its own; nothing is to fall below it
     kept = cv2.dnn.NMSBoxesBatched(corner_size.tolist(), score.tolist(), kind.tolist(), floor, iou_threshold)
     order = np.asarray(kept, dtype=np.int64).reshape(-1)

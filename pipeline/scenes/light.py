@@ -27,7 +27,8 @@ class Light:
         azimuth_rad: horizontal direction towards the sun, in world coordinates.
         elevation_rad: height of the sun above the horizon.
         sun: irradiance of the sun on a surface facing it.
-        ambient: irradiance of an open sky on a level surface.
+        ambient: of an open sky. A level surface has 1.38 of it as irradiance, a wall 0.40 (directions are drawn by the
+            cosine and weighted by it again), and 0.10 and 0.17 from below and all around.
         sky: factor on the radiance of the sky.
         cover: share of clouds, about 0 (clear) to 1 (overcast).
         clouds: (2,) shift of the cloud pattern.

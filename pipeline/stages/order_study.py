@@ -16,12 +16,14 @@ def run(run: Run) -> None:
 
     from pipeline import store
     from pipeline.datasets.index import indexed_frames
+    from pipeline.datasets.sim import NOTHING_IGNORED
     from pipeline.experiments import order_study
     from pipeline.experiments.class_maps import class_map
 
     params, section = run.params, run.params.control
     detector, source = params.detection.detectors[section.detector], params.datasets["sim"]
-    frames = indexed_frames(run.inputs / "data/index/sim", "sim", source)
+    every_object = source.model_copy(update={"options": source.options | NOTHING_IGNORED})
+    frames = indexed_frames(run.inputs / "data/index/sim", "sim", every_object)
     chosen = order_study.conditions(section.order_study.sizes_px, section.order_study.target_sigmas_dn)
     options = json.dumps(detector.arguments(), sort_keys=True)
     measure = partial(

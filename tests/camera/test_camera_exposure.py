@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.camera.exposure import SATURATED_LEVEL, Camera, Motion, _of_codes, kernels, noise_generator
 from pipeline.camera.sensor import Sensor, named
-from pipeline.camera.tone_curve import decode, encode
+from pipeline.camera.tone_curve import decode, encode, noise_after_curve, noise_before_curve, slope
 from pipeline.errors import InputError
 
 SIDE = 400
@@ -97,6 +97,21 @@ def test_exposure_after_the_tone_curve_sigma_is_the_median_of_the_pixels():
     clean = 255 * encode(frame.electrons * 4 / 20_000)
     rows = (255 * frame.image - clean).std(axis=1)
     assert frame.sigma_dn == pytest.approx(np.median(rows), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("level", "gain", "exposure_s"),
+    [(0.05, 8.0, 0.002), (0.2, 16.0, 0.004), (0.2, 1.0, 0.008), (0.01, 30.0, 0.002), (0.9, 16.0, 0.004)],
+)
+def test_exposure_sigma_is_that_of_pixels_over_many_shots_in_the_dark_and_near_white(level, gain, exposure_s):
+    """The curve bends in the dark, and noise is clipped: linear noise times the slope misses up to a fifth."""
+    camera = Camera(named("paper"))
+    radiance = level * camera.radiance_at_full_scale * camera.reference_exposure_s / (gain * exposure_s)
+    shots = np.full((256, 256), radiance, np.float32)
+    frame = camera.expose(shots, exposure_s, gain, noise_generator(8, "shots"))
+    rounded = float((255 * frame.image).std())
+    assert frame.sigma_dn == pytest.approx(np.sqrt(rounded**2 - 1 / 12), rel=0.02)
+    assert float(camera.sigma_dn_at(level, gain, exposure_s)) == pytest.approx(frame.sigma_dn, rel=0.01)
 
 
 def test_exposure_saturates_at_the_well_and_at_the_converter():
@@ -197,3 +212,17 @@ def test_exposure_every_number_of_the_converter_has_the_grey_level_of_the_tone_c
     np.testing.assert_allclose(image, linear_level ** (1 / gamma), atol=0.5 / 255 + 1e-6)
     np.testing.assert_array_equal(np.rint(image * 255), image * np.float32(255))
     assert saturated_from == np.count_nonzero(linear_level < SATURATED_LEVEL)
+
+
+def test_noise_before_the_curve_is_the_inverse_of_noise_after_it():
+    levels, before = np.meshgrid([0.005, 0.05, 0.2, 0.6, 0.95], [1e-3, 0.01, 0.05, 0.15])
+    after = noise_after_curve(levels, before)
+    np.testing.assert_allclose(noise_before_curve(levels, after), before, rtol=0.02)
+    weak = noise_after_curve(np.array([0.2]), np.array([1e-3]))
+    np.testing.assert_allclose(weak, 1e-3 * slope(np.array([0.2])), rtol=1e-3)
+
+
+def test_noise_without_a_curve_is_kept_but_for_clipping():
+    np.testing.assert_allclose(noise_after_curve(np.array([0.5]), np.array([0.02]), 1.0), 0.02, rtol=1e-3)
+    black = noise_after_curve(np.array([0.0]), np.array([0.02]), 1.0)  # half of a normal distribution, half zeros
+    np.testing.assert_allclose(black, 0.02 * np.sqrt(0.5 - 1 / (2 * np.pi)), rtol=5e-3)

@@ -67,7 +67,7 @@ def test_a_constant_scene_settles_after_any_step_of_light_and_does_not_oscillate
 
 def test_without_growth_settings_of_a_constant_scene_alternate(monkeypatch):
     """What the growth is for: estimates at either setting favour the other one."""
-    cases = [(0, 300.0, 0.3), (0, 400.0, 0.5), (3, 300.0, 0.3), (3, 400.0, 0.3), (3, 200.0, 0.5)]
+    cases = [(0, 300.0, 0.5), (0, 400.0, 0.5), (3, 300.0, 0.3), (3, 400.0, 0.3), (3, 200.0, 0.5)]
 
     def ranges():
         return [

@@ -294,9 +294,9 @@ def test_policies_linear_noise_gain_is_the_papers_alpha_sigma():
     from pipeline.control.prediction import predict
 
     state = CameraState.of(8, 400)
-    for kind, low, high in (("linear", 3.99, 4.01), ("physical", 2.0, 3.9)):
-        at = predict(Camera(noise_gain=kind), 5.0, 8.0, 0.22, state, [state.traded(4.0)])
-        assert low <= at.sigma_dn[0] / 5.0 <= high and at.motion_px[0] == pytest.approx(2.0)
+    for kind, low, high in (("linear", 3.97, 4.03), ("physical", 2.0, 3.9)):
+        at = predict(Camera(noise_gain=kind), 2.0, 8.0, 0.4, state, [state.traded(4.0)])
+        assert low <= at.sigma_dn[0] / 2.0 <= high and at.motion_px[0] == pytest.approx(2.0)
 
 
 def test_policies_oracle_sees_the_truth_and_nobody_else_may():

@@ -102,6 +102,9 @@ def test_cells_without_a_value_are_left_out_and_too_few_are_refused() -> None:
         iso_exposure.tables("car", data, TERMS)
 
 
+LENS_MTF = 0.97
+
+
 def conditions(gain: float, stretch: float, angles: tuple[float, ...] = (0.0, 45.0, 90.0, 135.0)) -> pd.DataFrame:
     rows = []
     for level in (0.0, 5.0, 25.0):
@@ -112,11 +115,12 @@ def conditions(gain: float, stretch: float, angles: tuple[float, ...] = (0.0, 45
                 "angle_deg": 0.0,
                 "target_sigma_dn": level,
                 "sigma_dn": gain * level,
+                "mtf": LENS_MTF if level == 0.0 else np.nan,
             }
         )
     for size in (3.0, 7.0, 15.0):
         for angle in angles:
-            mtf = motion_mtf(stretch * size)
+            mtf = LENS_MTF * motion_mtf(stretch * size)
             row = {
                 "blur_kind": "linear_motion",
                 "kernel_size_px": size,
@@ -139,6 +143,12 @@ def test_calibration_finds_the_gain_and_the_speed() -> None:
 def test_calibration_says_why_it_has_none() -> None:
     """The formula is a mean over four rotations; two of them would give another length."""
     assert "expected two lists" in iso_exposure.calibration(conditions(1.0, 1.0, (0.0, 90.0)), SECTION)["reason"]
+
+
+def test_without_the_lens_alone_the_motion_is_not_known() -> None:
+    table = conditions(1.0, 1.0)
+    result = iso_exposure.calibration(table[table["kernel_size_px"] > 0], SECTION)
+    assert "the lens's" in result["reason"] and "lambda2" not in result
 
 
 def test_the_stage_gives_the_papers_grids_and_coefficients_back(tmp_path: Path) -> None:

@@ -101,6 +101,12 @@ def test_suppression_is_greedy_within_classes(count: int, key: int, iou_threshol
     assert suppress(result.boxes, result.score, kind, iou_threshold, max_detections=3).tolist() == expected[:3]
 
 
+def test_suppression_tells_classes_apart_left_of_and_above_zero() -> None:
+    boxes = np.array([[900.0, 900, 1000, 1000], [-101, -101, -1, -1], [-100, -101, -1, -1]])
+    kept = suppress(boxes, np.array([0.9, 0.8, 0.7]), np.array([0, 1, 1]), 0.5)
+    assert kept.tolist() == [0, 1]
+
+
 @given(
     width=st.integers(20, 400),
     height=st.integers(20, 400),

@@ -88,6 +88,8 @@ def jpeg(picture: Picture, quality: int, full_chroma: bool = False) -> Picture:
 def video(frames: Sequence[Picture], name: str, quality: int) -> list[Picture]:
     """Frames through a video codec.
 
+    Motion JPEG turns a grey of 128 into (126, 128, 126): that is FFmpeg's way from RGB to full-range YUV.
+
     Args:
         frames: (H, W, 3) uint8 RGB, all of one even size.
         name: one of `VIDEO`.
