@@ -162,6 +162,7 @@ def summary(
                 "frames_lost_percent": 100.0 * float(lost.mean()),
                 "abstained_percent": 100.0 * float((table["action"] == Action.ABSTAINED.value).mean()),
                 "refused_percent": 100.0 * float((table["action"] == Action.REFUSED.value).mean()),
+                "probes_percent": 100.0 * float((table["action"] == Action.PROBE.value).mean()),
                 "objects": selected.objects,
                 "frames": sum(len(record.views) for record in records[name]),
                 "motion_in_poor_light": scenario.motion_in_poor_light,

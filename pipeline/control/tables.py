@@ -66,6 +66,7 @@ SUMMARY = Schema(
         "frames_lost_percent": "float64",
         "abstained_percent": "float64",
         "refused_percent": "float64",
+        "probes_percent": "float64",  # decisions that are probes of a search still under way
         "objects": "int64",
         "frames": "int64",
         "motion_in_poor_light": "bool",
