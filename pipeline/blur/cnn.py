@@ -38,12 +38,12 @@ class Cnn(Estimator):
         import torch
 
         from pipeline.blur.cnn_net import ARCHITECTURE, MtfCnn
-        from pipeline.learning.weights import into
+        from pipeline.learning.weights import into, untrained
 
         if batch < 1:
             raise InputError(f"blur estimator 'cnn': batch={batch}, expected at least 1")
         self.batch, self.device = batch, device
-        network = MtfCnn()
+        network = untrained(MtfCnn)
         self.released = bool(into(network, weights or active(RELEASED), ARCHITECTURE)["released"])
         self.network = network.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
 

@@ -142,7 +142,7 @@ class Fused(Estimator):
         device: str = "cpu",
     ) -> None:
         from pipeline.blur.fusion_gate import ARCHITECTURE, FusionGate
-        from pipeline.learning.weights import into
+        from pipeline.learning.weights import into, untrained
 
         if not isinstance(deconvolved_patches, int) or deconvolved_patches < 1:
             raise InputError(f"deconvolved_patches={deconvolved_patches!r}: expected a whole number of at least 1")
@@ -152,7 +152,7 @@ class Fused(Estimator):
         self.spectral = Spectral(spectral_weights, batch=batch, device=device)
         self.networks = SpectralAndPixels(self.spectral, pixel_weights)
         self.deconvolution = Deconvolution(kernel_size)
-        gate = FusionGate()
+        gate = untrained(FusionGate)
         header = into(gate, Path(weights or active(RELEASED)), ARCHITECTURE)
         self.released = bool(header["released"]) and self.networks.released
         self.gate, self.interval = gate.eval(), float(header["interval"])

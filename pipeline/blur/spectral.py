@@ -127,14 +127,14 @@ class Spectral(Estimator):
         import torch
 
         from pipeline.blur.spectral_net import ARCHITECTURE, SpectralNet
-        from pipeline.learning.weights import into
+        from pipeline.learning.weights import into, untrained
 
         if batch < 1:
             raise InputError(f"blur estimator 'spectral': batch={batch}, expected at least 1")
         if output not in OUTPUTS:
             raise InputError(f"blur estimator 'spectral': output={output!r}, expected one of {', '.join(OUTPUTS)}")
         self.mirrored, self.batch, self.device = mirrored, batch, device
-        network, path = SpectralNet(), Path(weights or active(RELEASED))
+        network, path = untrained(SpectralNet), Path(weights or active(RELEASED))
         header = into(network, path, ARCHITECTURE)
         self.released = bool(header["released"])
         if output == "relative":
@@ -144,7 +144,7 @@ class Spectral(Estimator):
         self.network = network.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.processed: SpectralNet | None = None
         if processed:
-            second = SpectralNet()
+            second = untrained(SpectralNet)
             header = into(second, Path(processed_weights or active(RELEASED_PROCESSED)), ARCHITECTURE)
             self.released &= bool(header["released"])
             self.processed_interval = float(header.get("interval", INTERVAL))

@@ -46,9 +46,9 @@ class SpectralAndPixels(Estimator):
         import torch
 
         from pipeline.blur.pixel_net import ARCHITECTURE, PixelNet
-        from pipeline.learning.weights import into
+        from pipeline.learning.weights import into, untrained
 
-        self.spectral, network = spectral, PixelNet()
+        self.spectral, network = spectral, untrained(PixelNet)
         header = into(network, Path(pixel_weights or active(RELEASED)), ARCHITECTURE)
         self.released = spectral.released and bool(header["released"])
         self.pixels = network.eval().to(spectral.device, memory_format=torch.channels_last)  # type: ignore[call-overload]

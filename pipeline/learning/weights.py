@@ -10,15 +10,17 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline import weight_files
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
     import torch
+
+Made = TypeVar("Made")
 
 LARGEST_WEIGHT = 1e6
 RELEASED_WITHOUT_FLAG = frozenset(
@@ -137,6 +139,20 @@ def _check_values(path: str | Path, tensors: Mapping[str, torch.Tensor]) -> None
                 f"{path}: tensor '{name}' holds values up to {float(tensor.abs().max()):.3g}, expected at most "
                 f"{LARGEST_WEIGHT:g}; restore the file"
             )
+
+
+def untrained(make: Callable[[], Made]) -> Made:
+    """A network as it is before weights are loaded.
+
+    PyTorch draws its first weights, for nothing, from random numbers that are the caller's; they stay as they are.
+
+    Args:
+        make: the network's class, or a call of it.
+    """
+    import torch
+
+    with torch.random.fork_rng(devices=[]):
+        return make()
 
 
 def into(model: torch.nn.Module, path: str | Path, architecture: str) -> dict[str, Any]:

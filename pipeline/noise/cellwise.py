@@ -56,13 +56,13 @@ class Cellwise(CellMapper):
         device: str = "cpu",
         saturated_fraction: float = SATURATED_FRACTION,
     ) -> None:
-        from pipeline.learning.weights import into
+        from pipeline.learning.weights import into, untrained
         from pipeline.noise.cellwise_net import ARCHITECTURE, CellwiseNet
 
         super().__init__(saturated_fraction)
         if batch < 1:
             raise InputError(f"noise estimator 'cellwise': batch={batch}, expected at least 1")
-        network = CellwiseNet()
+        network = untrained(CellwiseNet)
         path = weights or active(RELEASED)
         header = into(network, path, ARCHITECTURE)
         self.released = bool(header["released"])

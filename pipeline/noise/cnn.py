@@ -47,7 +47,7 @@ class PixelCnn(Estimator):
         quantise_like_paper: bool = False,
         saturated_fraction: float = SATURATED_FRACTION,
     ) -> None:
-        from pipeline.learning.weights import into
+        from pipeline.learning.weights import into, untrained
         from pipeline.noise.cnn_net import ARCHITECTURE, PixelNet
 
         super().__init__(saturated_fraction, quantise_like_paper=quantise_like_paper)
@@ -59,7 +59,7 @@ class PixelCnn(Estimator):
                 f"noise estimator 'cnn': {path} is absent; train it with"
                 " `python -m pipeline.stages.train_sigma --params +job.network=cnn`, or use 'cellwise'"
             )
-        network = PixelNet()
+        network = untrained(PixelNet)
         self.released = bool(into(network, path, ARCHITECTURE)["released"])
         self.network = network.eval().to(device)
         self.batch, self.device = batch, device

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +80,7 @@ class Correlated(CellMapper):
     min_size_px = LEAST_PX
 
     def __init__(self, weights: str | Path | None = None, *, saturated_fraction: float = 0.8) -> None:
-        from pipeline.learning.weights import into, load
+        from pipeline.learning.weights import into, load, untrained
         from pipeline.noise.correlated_net import ARCHITECTURE, CorrelatedNet
 
         super().__init__(saturated_fraction)
@@ -89,7 +90,7 @@ class Correlated(CellMapper):
             raise InputError(
                 f"{path}: has no interval or members in its header; train it anew (dvc repro train_sigma_correlated)"
             )
-        network = CorrelatedNet(header["members"])
+        network = untrained(partial(CorrelatedNet, header["members"]))
         self.released = bool(into(network, path, ARCHITECTURE)["released"])
         self.interval: float = header["interval"]
         self.network = network.eval()

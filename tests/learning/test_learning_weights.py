@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from safetensors.torch import save_file
@@ -108,3 +109,20 @@ def test_released_weights_are_finite():
     assert files
     for file in files:
         weights.load(file, weights.details(file)["architecture"])
+
+
+def test_a_network_is_made_without_the_callers_random_numbers():
+    torch.manual_seed(5)
+    before = torch.get_rng_state()
+    assert isinstance(weights.untrained(lambda: torch.nn.Linear(3, 2)), torch.nn.Linear)
+    assert torch.equal(torch.get_rng_state(), before)
+
+
+def test_opening_the_monitor_leaves_all_random_numbers_as_they_are():
+    from pipeline.condition import ConditionMonitor
+
+    torch.manual_seed(5)
+    before, numbers = torch.get_rng_state(), np.random.get_state()[1].copy()
+    ConditionMonitor(blur_name="fused")
+    assert torch.equal(torch.get_rng_state(), before)
+    assert np.array_equal(np.random.get_state()[1], numbers)

@@ -39,7 +39,8 @@ def make_scenario(root: Path, name: str, speed_px_s: float, margin: float, light
             "high_percent": ap + margin, "regret_percent": AP["oracle"] - ap, "regret_low_percent": 0.0,
             "regret_high_percent": 9.0, "settling_frames": np.nan if policy == "shin2019" else 2.0,
             "overshoot_stops": 0.1, "ripple_stops": 0.02, "frames_lost_percent": 10.0, "abstained_percent": 0.0,
-            "refused_percent": 5.0, "probes_percent": 0.0, "objects": 30, "frames": 24, "motion_in_poor_light": speed_px_s >= 100.0,
+            "refused_percent": 5.0, "probes_percent": 0.0, "objects": 30, "frames": 24,
+            "motion_in_poor_light": speed_px_s >= 100.0,
         }
         for policy, ap in AP.items()
     ]  # fmt: skip

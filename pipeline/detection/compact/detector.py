@@ -87,7 +87,7 @@ class Compact:
         if self._model is None:
             from pipeline.learning import weights
 
-            model, architecture, candidates = self._network()
+            model, architecture, candidates = weights.untrained(self._network)
             self.released = bool(weights.into(model, self.weights, architecture)["released"])
             self._model = (model.eval(), candidates)
         return self._model
