@@ -19,7 +19,7 @@ def as_array(values: Any) -> Any:
     """
     if not hasattr(values, "detach"):
         return values
-    tensor = values.detach().cpu()
+    tensor = values.detach().cpu().resolve_conj().resolve_neg()
     if tensor.is_floating_point() and tensor.element_size() <= HALF_BYTES:
         tensor = tensor.float()
     return tensor.numpy()

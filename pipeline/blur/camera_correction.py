@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from pipeline.blur.affine_logits import NEAREST, Floats, sigmoid
 from pipeline.blur.base import HiddenUnits
+from pipeline.learning.inference import inference
 from pipeline.streams import stream
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ class Correction(OutputLayers):
 
         weights = (self.first, self.first_offset, self.second, self.second_offset, self.matrix, self.offset)
         given = (np.asarray(values, np.float64) for values in (hidden.units, hidden.second_share, *weights))
-        with torch.inference_mode():
+        with inference():
             units, share, *tensors = map(torch.from_numpy, given)
             return np.asarray(_forward(units, share, tensors).numpy())
 
@@ -251,7 +252,7 @@ def _trained(
         error = (error.unflatten(0, batch.shape) * present) / present.sum(1, keepdim=True)
         return (error.abs().sum(1) + error.sum(1).abs()).mean()
 
-    with torch.inference_mode(False), torch.enable_grad():
+    with torch.inference_mode(False), torch.enable_grad(), torch.autocast("cpu", enabled=False):
         weights = [torch.nn.Parameter(torch.from_numpy(np.asarray(value, np.float32))) for value in values]
         descend(weights, loss, steps=min(STEPS, -(-MOST_PASSES * len(sets) // BATCH)), learning_rate=LEARNING_RATE)
     made = dict(zip([*names, "matrix", "offset"], (part.detach().double().numpy() for part in weights), strict=True))

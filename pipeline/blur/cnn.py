@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import as_array
 from pipeline.blur.base import SHARP_FLOOR, BlurEstimate, Estimator, as_patches, unusable
 from pipeline.errors import InputError
+from pipeline.learning.inference import inference
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
@@ -83,7 +84,7 @@ class Cnn(Estimator):
         count, frames = patches.shape[:2]
         positions = max(self.batch // frames, 1)
         mtf = np.empty((count, 2, 8), np.float32)
-        with torch.inference_mode():
+        with inference():
             for first in range(0, count, positions):
                 part = patches[first : first + positions, :, 0].reshape(-1, *patches.shape[3:])
                 image = torch.from_numpy(np.ascontiguousarray(part)).to(self.device)

@@ -45,6 +45,7 @@ from pipeline.blur.spectral_and_pixels import RELEASED as RELEASED_PIXELS
 from pipeline.blur.spectral_and_pixels import SpectralAndPixels
 from pipeline.camera.mtf import CAMERA, SYSTEM
 from pipeline.errors import InputError, did_you_mean
+from pipeline.learning.inference import inference
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
@@ -219,7 +220,7 @@ class Fused(Estimator):
         if self.camera is not None:
             others[0] = self.camera.relative(others[0])
         arguments = (join_members(spectral.mtf, others), spectral.scale, spectral.sigma_dn)
-        with torch.inference_mode():
+        with inference():
             joined = self.gate(*(torch.from_numpy(np.asarray(part, np.float32)) for part in arguments))
         mtf, scale = (part.numpy().astype(np.float64) for part in joined)
         weight = spectral.pays[:, None, None]

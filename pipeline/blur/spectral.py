@@ -41,6 +41,7 @@ from pipeline.blur.camera_calibration import Calibration, corrected, fit_map
 from pipeline.blur.camera_correction import OutputLayers
 from pipeline.camera.mtf import CAMERA, GENERIC_LENS, SYSTEM
 from pipeline.errors import InputError
+from pipeline.learning.inference import inference
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
@@ -224,7 +225,7 @@ class Spectral(Estimator):
         mtf, scale = np.empty((count, 2, 8), np.float32), np.empty((count, 2, 8), np.float32)
         sigma_dn, share = np.empty(count, np.float32), np.zeros(count, np.float32)
         units = np.empty((count, members.shape[1], self.network.head[0].out_features), np.float32)
-        with torch.inference_mode():
+        with inference():
             for first in range(0, count, self.batch):
                 part = slice(first, first + self.batch)
                 # To whole numbers: the network knows 8-bit images, whose rounding has a power of its own.

@@ -17,6 +17,7 @@ import numpy as np
 from pipeline.blur.base import FREQUENCIES, BlurEstimate, Estimator, HiddenUnits
 from pipeline.blur.camera_correction import OutputLayers
 from pipeline.blur.spectral import FIRST, SECOND, Spectral
+from pipeline.learning.inference import inference
 from pipeline.project_files import located
 from pipeline.weight_files import active
 
@@ -78,7 +79,7 @@ class SpectralAndPixels(Estimator):
 
         mtf = np.empty((len(patches), *members.shape[2:]), np.float32)
         units = np.empty((len(patches), hidden.units.shape[2]), np.float32)
-        with torch.inference_mode():
+        with inference():
             for first in range(0, len(patches), AT_ONCE):
                 part = slice(first, first + AT_ONCE)
                 levels = torch.from_numpy(np.rint(patches[part, 0] * 255)).to(self.spectral.device)

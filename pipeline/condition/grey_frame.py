@@ -27,7 +27,8 @@ def grey_frame(image: Any) -> NDArray[np.float32]:
     picture = as_array(image)
     if np.ma.is_masked(picture):
         raise InputError("frame: masked pixels are not estimated; cut the frame to a rectangle without them")
-    if getattr(picture, "ndim", None) != 2 or not picture.size or not np.issubdtype(picture.dtype, np.floating):
+    is_grey = isinstance(picture, np.ndarray) and picture.ndim == 2 and picture.size > 0
+    if not is_grey or not np.issubdtype(picture.dtype, np.floating):
         given = f"{getattr(picture, 'dtype', type(picture).__name__)} {getattr(picture, 'shape', '')}".strip()
         raise InputError(f"frame: got {given}; expected (H, W) floats in [0, 1], grey (divide 8-bit frames by 255)")
     picture = np.ascontiguousarray(picture, dtype=np.float32)

@@ -65,14 +65,16 @@ from pipeline.noise.correlated import RELEASED as RELEASED_CORRELATED
 from pipeline.noise.correlated import Correlated
 from pipeline.noise.correlated_features import (
     LEAST_PX,
+    Grey,
     Moments,
     anisotropy,
     fine_windows,
     flattest_tenth,
     moments,
+    principal_noise_dn,
     whiteness,
 )
-from pipeline.noise.joint_answer import Levels, Second, conceded, joined, widened
+from pipeline.noise.joint_answer import Levels, Second, conceded, joined, shadowed, widened
 from pipeline.noise.maps import CELL_PX
 from pipeline.noise.streaks import streaked
 
@@ -177,6 +179,8 @@ class Adaptive(CellMapper):
         wide = self._reaches_too_far(levels, second)
         reason[:] = reasons(_evidence(seen, second, joint, wide, alternating(stack)), reason)
         joint = widened(conceded(joint, second, seen.flat_dn, seen.flat_correlation), np.flatnonzero(plain))
+        certain = np.flatnonzero(joint.low_dn > PLAIN_SIGMA_DN)
+        joint = shadowed(joint, certain, np.array([principal_noise_dn(_whole(stack[index])) for index in certain]))
         white_sigma_dn = np.minimum(joint.white_sigma_dn, joint.sigma_dn)
         measured = Measured(joint.sigma_dn, joint.low_dn, joint.high_dn, white_sigma_dn, joint.correlation)
         return measured, joint.cells_dn
@@ -239,12 +243,17 @@ def check_reach(name: str, value: float) -> None:
         raise InputError(f"{name}: expected a number above 0, not {value!r}")
 
 
+def _whole(patch: NDArray[np.floating]) -> Grey:
+    """A patch in whole grey levels."""
+    return np.rint(patch * np.float32(FULL_SCALE_DN)).astype(np.uint8)
+
+
 def _screened(stack: NDArray[np.floating]) -> Screened:
     """`Screened` of patches (N, H, W)."""
     (white, streaks), (flat_dn, correlation) = np.zeros((2, len(stack)), bool), np.zeros((2, len(stack)))
     known: list[Moments | None] = []
     for index, patch in enumerate(stack):
-        pixels = np.rint(patch * np.float32(FULL_SCALE_DN)).astype(np.uint8)
+        pixels = _whole(patch)
         fine = fine_windows(pixels)
         correlation[index] = whiteness(pixels, fine)
         white[index] = correlation[index] < PLAINLY_WHITE and not at_corner(pixels)

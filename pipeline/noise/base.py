@@ -138,6 +138,7 @@ def as_stack(patches: NDArray[np.floating] | torch.Tensor, least_px: int) -> NDA
         raise InputError(
             f"patches: expected shape (N, 1, H, W), not {patches.shape}; for one picture use picture[None, None]"
         )
+    patches = patches.astype(patches.dtype.newbyteorder("="), copy=False)
     if patches.dtype == np.float16:
         patches = patches.astype(np.float32)
     if patches.dtype not in (np.float32, np.float64):

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.errors import InputError
+from pipeline.learning.inference import inference
 from pipeline.noise.base import Measured
 from pipeline.noise.cell_mapper import CellMapper
 from pipeline.noise.maps import CELL_PX
@@ -94,7 +95,7 @@ class Cellwise(CellMapper):
         count, height, width = len(stack), *(side // CELL_PX for side in stack.shape[1:])
         sigma, scale = np.empty(count), np.empty(count)
         maps = np.empty((count, height, width), np.float32)
-        with torch.inference_mode():
+        with inference():
             for first in range(0, count, self.batch):
                 part = slice(first, first + self.batch)
                 pixels = np.rint(stack[part, : height * CELL_PX, : width * CELL_PX] * np.float32(FULL_SCALE_DN))

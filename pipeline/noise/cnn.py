@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.saturation import SATURATED_FRACTION
 from pipeline.errors import InputError
+from pipeline.learning.inference import inference
 from pipeline.noise.base import Estimator, Measured, as_stack
 from pipeline.project_files import located
 from pipeline.weight_files import active
@@ -80,7 +81,7 @@ class PixelCnn(Estimator):
     def _maps_dn(self, stack: NDArray[np.floating]) -> NDArray[np.float32]:
         import torch
 
-        with torch.inference_mode():
+        with inference():
             copied = np.array(stack[:, None], dtype=np.float32)  # torch warns of arrays that are read-only
             image = torch.from_numpy(copied).to(self.device)
             result = self.network(image).clamp(0, 1)

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.errors import InputError
+from pipeline.learning.inference import inference
 from pipeline.noise.base import Measured
 from pipeline.noise.cell_mapper import CELL_PX, CellMapper
 from pipeline.noise.correlated_features import LEAST_PX, Moments, moments, statistics_of
@@ -125,7 +126,7 @@ class Correlated(CellMapper):
         if not len(pixels):
             nothing = np.empty(0)
             return Prediction(nothing, nothing, nothing, nothing, np.empty((0, height, width), np.float32), seen)
-        with torch.inference_mode():
+        with inference():
             sigma, scale, white, correlation, curve = self.network(torch.from_numpy(seen))
             maps = cell_map(sigma, curve, torch.from_numpy(brightness))
         values = [value.double().numpy() for value in (sigma, self.interval * scale, sigma * white, correlation)]

@@ -356,3 +356,45 @@ def test_weak_noise_behind_a_codec_may_as_well_be_none():
 def test_a_reach_that_is_no_positive_number_is_refused(option, value):
     with pytest.raises(InputError, match=f"{option}: expected a number above 0"):
         noise.create("adaptive", **{option: value})
+
+
+def behind_a_tone_curve(read: float, photons: float, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """A shaded picture with edges, formed in linear light and encoded: without noise, and in whole grey levels."""
+    y, x = np.mgrid[:128, :128] / 128
+    light = np.clip(0.02 + 0.5 * x**2 * (1 + 0.5 * (y > 0.5)) + 0.1 * (np.hypot(x - 0.3, y - 0.3) < 0.2), 0, 1)
+    noisy = light + generator.standard_normal(light.shape) * np.sqrt(read**2 + light / photons)
+    clean, made = (255 * np.clip(values, 0, 1) ** (1 / 2.2) for values in (light, noisy))
+    return clean, np.rint(made)
+
+
+@pytest.mark.parametrize(("read", "photons"), [(0.01, 1e9), (0.004, 1e3), (0.02, 1e9), (0.001, 500.0)])
+def test_noise_that_a_tone_curve_makes_strongest_in_shadows_is_within_the_interval(read, photons):
+    generator = stream(3, "shadows", str(read))
+    pairs = [behind_a_tone_curve(read, photons, generator) for _ in range(6)]
+    truth = np.array([(noisy - clean).std() for clean, noisy in pairs])
+    result = noise.create("adaptive").estimate(stack(*(noisy for _, noisy in pairs)).astype(np.float32))
+    answered = ~result.abstained
+    assert answered.any()
+    assert (truth <= 1.06 * result.high_dn)[answered].all()
+
+
+def test_even_noise_has_as_narrow_an_interval_as_without_regard_to_shadows(monkeypatch):
+    generator = stream(3, "even")
+    ramp = np.linspace(60, 190, 128) + np.zeros((128, 128))
+    patches = stack(*(np.rint(ramp + s * generator.standard_normal(ramp.shape)) for s in (3, 6, 12))).astype(np.float32)
+    wide = noise.create("adaptive").estimate(patches)
+    monkeypatch.setattr("pipeline.noise.joint_answer.PRINCIPAL_REACH", 0.0)
+    narrow = noise.create("adaptive").estimate(patches)
+    np.testing.assert_allclose(wide.high_dn, narrow.high_dn, rtol=0.05)
+    np.testing.assert_array_equal(wide.sigma_dn, narrow.sigma_dn)
+
+
+@pytest.mark.parametrize("name", ["adaptive", "cellwise", "cnn", "correlated"])
+def test_a_callers_autocast_changes_nothing(name):
+    import torch
+
+    patches = stack(np.rint(128 + 5 * stream(3, "autocast").standard_normal((128, 128)))).astype(np.float32)
+    estimator = noise.create(name)
+    expected = estimator.estimate(patches)
+    with torch.autocast("cpu", torch.bfloat16):
+        np.testing.assert_array_equal(estimator.estimate(patches).sigma_dn, expected.sigma_dn)

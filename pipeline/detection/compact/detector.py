@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.detection.base import Detections, each_image
 from pipeline.errors import InputError
+from pipeline.learning.inference import inference
 from pipeline.project_files import located
 from pipeline.scenes.labels import LABELS
 from pipeline.weight_files import active
@@ -80,7 +81,8 @@ class Compact:
         network, candidates = self._open()
         height, width = (max(1, round(side * self.scale)) for side in image.shape)
         inner, placement = letterbox(image, width, height, FILL) if self.scale != 1 else (image, None)
-        raw = candidates(network, filled(inner), self.score_floor)
+        with inference():
+            raw = candidates(network, filled(inner), self.score_floor)
         return to_detections(raw, image.shape, self.iou_threshold, self.max_detections, placement)
 
     def _open(self) -> Any:
