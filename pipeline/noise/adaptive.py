@@ -104,6 +104,9 @@ whose patches then ask both networks."""
 
 PLAIN_SIGMA_DN = 1.0
 
+SURELY_NOISE_DN = 0.3
+"""Lower end of an interval beyond which there is noise, of which shadows may hold more (`joint_answer.shadowed`)."""
+
 REAL_CAMERAS = 1.5
 """How much wider the second network's intervals must be on real cameras than on the simulated ones that set them."""
 
@@ -179,8 +182,8 @@ class Adaptive(CellMapper):
         wide = self._reaches_too_far(levels, second)
         reason[:] = reasons(_evidence(seen, second, joint, wide, alternating(stack)), reason)
         joint = widened(conceded(joint, second, seen.flat_dn, seen.flat_correlation), np.flatnonzero(plain))
-        certain = np.flatnonzero(joint.low_dn > PLAIN_SIGMA_DN)
-        joint = shadowed(joint, certain, np.array([principal_noise_dn(_whole(stack[index])) for index in certain]))
+        detected = np.flatnonzero(joint.low_dn > SURELY_NOISE_DN)
+        joint = shadowed(joint, detected, np.array([principal_noise_dn(_whole(stack[index])) for index in detected]))
         white_sigma_dn = np.minimum(joint.white_sigma_dn, joint.sigma_dn)
         measured = Measured(joint.sigma_dn, joint.low_dn, joint.high_dn, white_sigma_dn, joint.correlation)
         return measured, joint.cells_dn
