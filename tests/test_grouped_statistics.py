@@ -36,3 +36,4 @@ def test_cells_weigh_by_their_patches_and_cells_without_a_number_not_at_all():
     rows = pd.DataFrame({"error": [1.0, 4.0, math.nan, 9.0], "count": [1, 2, 5, 0]})
     assert weighted_mean(rows, "error") == pytest.approx(3.0)
     assert math.isnan(weighted_mean(rows[rows["error"].isna()], "error"))
+    assert math.isnan(weighted_mean(rows[rows["count"] == 0], "error"))

@@ -49,6 +49,13 @@ def test_interval_covers_the_truth_about_95_times_in_100():
     assert 180 <= hits <= 200
 
 
+@pytest.mark.parametrize(("level", "normals"), [(0.95, 1.96), (0.5, 0.674)])
+def test_an_interval_is_as_wide_as_its_level_says(level, normals):
+    values = stream(0, "level").normal(3.0, 1.0, 400)
+    low, high = bootstrap_interval(values, stream(0, "boot"), np.mean, 4000, level)
+    assert (high - low) / 2 == pytest.approx(normals * values.std() / 20, rel=0.06)
+
+
 @pytest.mark.parametrize(
     ("values", "expected"), [([], np.nan), ([2.0], np.nan), ([np.nan, 2.0], np.nan), ([2.0, 2.0], 2.0)]
 )

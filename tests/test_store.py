@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
 from pipeline import store
 from pipeline.errors import InputError
@@ -243,6 +244,16 @@ def test_estimates_are_rounded_once_and_truths_are_not(tmp_path):
     assert written["true_sigma_dn"][0] == 1.23456789
     plain = store.Schema("settings", {name: kind for name, kind in columns.items() if name != "estimator"})
     assert plain.conform(table.drop(columns="estimator"))["sigma_dn"][0] == 1.23456789
+
+
+def test_a_picture_is_written_in_the_colours_given_and_its_range_is_kept(tmp_path):
+    """Red comes first, as in NumPy's pictures; OpenCV's have blue first. Beyond the range is its end."""
+    red = np.zeros((4, 6, 3), np.uint8)
+    red[..., 0] = 200
+    store.write_image(tmp_path / "red.png", red)
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "red.png")), red)
+    store.write_image(tmp_path / "bright.png", np.array([[-0.1, 0.5, 1.0, 1.2]]))
+    assert np.asarray(Image.open(tmp_path / "bright.png")).tolist() == [[0, 128, 255, 255]]
 
 
 @pytest.mark.parametrize(

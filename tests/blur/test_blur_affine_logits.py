@@ -45,6 +45,14 @@ def test_the_stronger_the_draw_the_nearer_the_start_and_the_greater_the_error(sa
     assert error == sorted(error, reverse=True)
 
 
+def test_an_offset_is_hardly_drawn_however_strong_the_draw_of_the_matrix(samples):
+    """A camera that is softer all over moves all logits alike, which few samples tell."""
+    read = samples[0]
+    truth = sigmoid((read[:, :VALUES] + read[:, VALUES:]) / 2 - 0.5)
+    ((_, offset),) = affine_logits.fit(read, truth, [100.0])
+    assert offset == pytest.approx(np.full(VALUES, -0.5), abs=0.05)
+
+
 def test_a_map_is_the_least_of_its_loss(samples):
     """No small step in any of many random directions lowers what is minimised."""
     read, truth, _, _ = samples

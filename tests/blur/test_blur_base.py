@@ -5,7 +5,16 @@ import pytest
 import torch
 
 from pipeline import blur
-from pipeline.blur.base import FREQUENCIES, SHARP_FLOOR, BlurEstimate, BlurEstimator, Estimator, as_patches, unusable
+from pipeline.blur.base import (
+    FREQUENCIES,
+    SHARP_FLOOR,
+    BlurEstimate,
+    BlurEstimator,
+    Estimator,
+    WithoutEmptyFrequencies,
+    as_patches,
+    unusable,
+)
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -17,6 +26,13 @@ class Brightness(Estimator):
         result = np.ones((len(patches), 2, FREQUENCIES)) * patches.mean(axis=(1, 2, 3), dtype=float)[:, None, None]
         result[reason != ""] = np.nan
         return BlurEstimate(result, reason != "", reason, low=result * 0.5, high=result * 1.5)
+
+
+class Soft(Estimator):
+    """Answers an MTF of a fiftieth everywhere."""
+
+    def measure(self, patches, reason):
+        return BlurEstimate(np.full((len(patches), 2, FREQUENCIES), 0.02), reason != "", reason)
 
 
 @pytest.fixture
@@ -79,6 +95,16 @@ def test_calibration_does_not_divide_by_next_to_nothing(patches):
     assert factor.sharp_mtf.max() < SHARP_FLOOR
     estimate = factor.estimate(dark)
     assert estimate.mtf == pytest.approx(np.full((1, 2, 8), dark.mean() / SHARP_FLOOR), rel=1e-5)
+
+
+def test_frequencies_that_the_camera_does_not_pass_take_the_answer_of_the_next_lower(patches):
+    """Where it passes less than the floor, what is divided is noise."""
+    divided = Soft()
+    divided.sharp_mtf = np.array([[0.8, 0.6, 0.4, 0.3, 0.2, 0.06, 0.04, 0.01], [0.8] * 8])
+    relative = divided.estimate(patches).mtf
+    answer = WithoutEmptyFrequencies(divided).estimate(patches).mtf
+    assert np.array_equal(answer[:, 1], relative[:, 1])
+    assert np.array_equal(answer[:, 0], relative[:, 0][:, [0, 1, 2, 3, 4, 5, 5, 5]])
 
 
 def test_calibration_needs_a_patch_that_can_be_measured(patches):

@@ -83,6 +83,20 @@ def test_distortions_affine_in_logits_are_undone(sharp, truth, factor, power):
     assert np.abs(result(odds(unseen, factor, power)) - unseen).mean() < 0.02
 
 
+def test_what_a_calibration_is_fitted_on_is_stored_in_8_bits(sharp, truth):
+    """As the frames are that it will be asked about; rounding has a spectrum of its own."""
+
+    class Looking(Bent):
+        def estimate(self, patches):
+            levels = 255 * np.asarray(patches, float)
+            assert np.abs(levels - np.rint(levels)).max() < 1e-3 and levels.min() >= 0 and levels.max() <= 255
+            return super().estimate(patches)
+
+    looking = Looking(truth, np.array)
+    camera_calibration.calibrate(looking, sharp, samples=100)
+    assert looking.asked >= 100
+
+
 def test_mixed_frequencies_are_told_apart(sharp, truth):
     """An estimator that reads each frequency half from its neighbour."""
     result = camera_calibration.calibrate(
@@ -243,6 +257,17 @@ def test_of_maps_that_hold_out_as_well_the_strongest_draw_is_taken():
     assert (chosen.index, chosen.weight) == (0, 1.0)
     assert camera_fit._chosen(np.stack([right + 1.0, right]), plain, truth, scene).index == 1
     assert camera_fit._chosen(np.stack([right + 4.0, right - 4.0]), right, truth, scene).weight == 0.0
+
+
+@pytest.mark.parametrize(("scenes", "count"), [(2, 240), (3, 240), (4, 4), (24, 24)])
+def test_few_scenes_do_not_say_how_much_errors_differ_between_scenes(monkeypatch, scenes, count):
+    """The standard error is then over samples."""
+    read, number, groups = np.zeros((240, 16)), np.arange(240), []
+    monkeypatch.setattr(camera_fit, "_held_out", lambda maps, logits, folds: logits[None])
+    monkeypatch.setattr(camera_fit, "_chosen", lambda held_out, plain, truth, scene: groups.append(scene))
+    samples = Samples(read, sigmoid(read), number % scenes, kernel=number, fold=number % 2)
+    camera_fit._strength(samples, [])
+    assert len(np.unique(groups[0])) == count
 
 
 def test_windows_of_one_picture_are_trusted_less_than_other_scenes(truth):

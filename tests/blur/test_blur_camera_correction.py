@@ -236,3 +236,9 @@ def test_noise_costs_less_with_a_correction(camera):
             answer = CalibratedEstimator(estimator, calibration).estimate(patches)
             errors[name].append(np.abs(answer.mtf - mtf.sample(kernel)).mean())
     assert np.mean(errors["with"]) < np.mean(errors["without"])
+
+
+def test_scenes_that_follow_each_other_are_held_out_together():
+    """Neighbours may show the same surroundings."""
+    assert camera_samples._folds(np.arange(8)).tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert camera_samples._folds(np.array([0, 0, 1, 2])).tolist() == [0, 0, 1, 2]

@@ -60,6 +60,9 @@ def test_patches_without_noise_are_left_alone(patches):
     truth = mtf.sample(motion(7.0, 30.0))
     estimate = make(truth, sigma=9.9).estimate(patches)
     assert np.allclose(estimate.mtf, truth)
+    assert np.array_equal(
+        make(truth, sigma=10.0).estimate(patches).mtf, make(truth).estimate(patches).mtf, equal_nan=True
+    )
     mixed = Denoised(Oracle(truth, mtf.sample(defocus(7.0))), lambda batch: np.array([0.0, 20.0, np.nan]))
     answer = mixed.estimate(patches).mtf
     assert np.allclose(answer[[0, 2]], truth) and np.isnan(answer[1]).any()

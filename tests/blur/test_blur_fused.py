@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+import torch
 
 from pipeline import blur
 from pipeline.blur import fusion_gate
 from pipeline.blur.base import Estimator
-from pipeline.blur.fused import Fused, deconvolution_pays, unsureness
+from pipeline.blur.camera_calibration import Calibration
+from pipeline.blur.fused import Fused, SpectralAnswer, deconvolution_pays, unsureness
 from pipeline.blur.fusion_camera import FusionMap
 from pipeline.blur.fusion_members import Deconvolution, join_members
 from pipeline.camera.blur import blur as convolve
@@ -192,6 +194,49 @@ def test_gbb_is_divided_by_its_sharp_mtf_but_not_by_noise(camera):
     level = np.where(np.arange(16).reshape(2, 8) % 2, 0.8, 0.1)
     changed = FusionMap(camera.spectral, level)
     assert np.allclose(changed.relative(np.full((2, 8), 0.4)), np.where(level == 0.8, 0.5, 1.0))
+    assert np.allclose(changed.relative(np.full((2, 8), 0.15)), np.where(level == 0.8, 0.15 / 0.8, 0.15 / 0.3))
+
+
+def plain_map(widening=1.0):
+    """A calibration that takes the joint answer of two networks as it is."""
+    identity = np.eye(16, 32)
+    return Calibration(identity, np.zeros(16), widening, 100, (1.0, 1.0))
+
+
+def test_a_gate_is_given_gbb_over_its_sharp_mtf_and_mixes_intervals_by_what_deconvolution_pays(gate_file):
+    estimator = make(gate_file).with_camera(FusionMap(plain_map(), np.full((2, 8), 0.5)))
+    estimator.deconvolution = lambda patches: np.stack([np.full((2, 8), value) for value in (0.2, 0.3)])
+    given = []
+
+    def gate(members, scale, sigma_dn):
+        given.append(members.numpy())
+        return torch.full_like(scale, 0.1), torch.full_like(scale, 0.04)
+
+    estimator.gate = gate
+    mtf, scale = np.full((1, 2, 8), 0.6), np.full((1, 2, 8), 0.01)
+    spectral = SpectralAnswer(mtf, scale, np.zeros(1), np.array([0.25]))
+    answer, width = estimator._fused(np.zeros((1, 1, 192, 192), np.float32), spectral)
+    assert given[0][0, :, 0, 0] == pytest.approx([0.6, 0.4, 0.3])
+    assert answer == pytest.approx(0.25 * 0.1 + 0.75 * mtf)
+    assert width == pytest.approx(0.25 * estimator.interval * 0.04 + 0.75 * estimator.spectral.interval * scale)
+
+
+def test_where_deconvolution_pays_does_not_depend_on_how_wide_a_calibrated_interval_is(gate_file, blurred):
+    pays, scales = [], []
+    for widening in (1.0, 0.2):
+        calibrated = make(gate_file).with_camera(FusionMap(plain_map(widening), np.ones((2, 8))))
+        spectral = calibrated._of_networks(blurred, np.full(len(blurred), ""))
+        pays.append(spectral.pays)
+        scales.append(spectral.scale)
+    assert np.array_equal(*pays) and pays[0].max() > 0 and pays[0].min() < 1
+    assert np.allclose(scales[1], 0.2 * scales[0])
+
+
+def test_a_camera_takes_the_place_of_a_division(gate_file):
+    divided = make(gate_file)
+    divided.sharp_mtf = np.full((2, 8), 0.5)
+    for camera in (None, FusionMap(plain_map(), np.ones((2, 8)))):
+        assert divided.with_camera(camera).sharp_mtf is None
 
 
 def test_the_spectral_network_stands_in_for_what_is_not_identifiable():

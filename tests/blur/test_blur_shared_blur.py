@@ -28,6 +28,18 @@ def test_a_patch_with_its_own_blur_is_its_own_group():
     assert [group.tolist() for group in groups] == [[0, 1, 2, 4, 5, 6], [3]]
 
 
+def test_few_patches_with_blurs_of_their_own_do_not_move_the_one_of_the_others():
+    mtf = answers(7, 0.3, 3)
+    mtf[[1, 5]] = 0.95
+    groups = shared_blur.groups(mtf, np.full_like(mtf, SCALE))
+    assert [group.tolist() for group in groups] == [[0, 2, 3, 4, 6], [1], [5]]
+
+
+def test_less_than_half_that_agree_are_no_group():
+    mtf = np.stack([np.full((2, 8), level) for level in (0.1, 0.3, 0.5, 0.51, 0.7, 0.9)])
+    assert [len(group) for group in shared_blur.groups(mtf, np.full_like(mtf, SCALE))] == [1] * 6
+
+
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_different_blurs_are_single(count):
     mtf = np.repeat(np.linspace(0.1, 0.9, count)[:, None, None], 16, axis=1).reshape(count, 2, 8)

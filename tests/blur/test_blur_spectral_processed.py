@@ -63,3 +63,10 @@ def test_the_joined_answer_is_the_processed_one_where_its_noise_exceeds_by_two()
     assert mtf[:, 0, 0] == pytest.approx([0.8, 0.6, 0.4]) and sigma == pytest.approx([0, 0.7, 3.0])
     assert scale[0, 0, 0] == pytest.approx(0.01 + 0.4)  # and the distance of the networks
     assert estimator.interval * scale[2, 0, 0] >= 0.4 + estimator.interval * 0.01  # reaches both
+
+
+def test_of_a_patch_that_is_refused_no_network_s_answer_is_left(scenes):
+    patches = np.stack([scenes[0][8:200, 8:200], np.full((192, 192), 0.5)])[:, None].astype(np.float32)
+    answer = blur.create("spectral").estimate(patches)
+    assert answer.abstained.tolist() == [False, True] and answer.members.shape[1] == 2
+    assert np.isnan(answer.members[1]).all() and np.isfinite(answer.members[0]).all()

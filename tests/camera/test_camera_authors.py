@@ -70,6 +70,14 @@ def test_authors_noise_map_has_the_raw_magnitudes_of_the_program():
         assert raw.std() == pytest.approx(sigma_dn, abs=0.01)
 
 
+def test_authors_full_well_holds_no_more_electrons():
+    """Half of the photon noise of a white frame lies beyond, and is lost."""
+    white = Sensor().electrons(np.ones((300, 400), np.float32))
+    raw = authors.raw_dn(white, PRESETS["photon"], Sensor(), 293.15, 0.00014, stream(12, "x"))
+    assert raw.max() == pytest.approx(255, abs=0.02)
+    assert (raw == raw.max()).mean() == pytest.approx(0.5, abs=0.01)
+
+
 def test_authors_saturated_frames_keep_one_side_of_the_noise():
     bright = np.full((300, 400), 245, np.uint8)
     noise = residual(bright, "photon", 25.0, camera="authors")

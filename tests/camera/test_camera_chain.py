@@ -135,6 +135,11 @@ def test_chain_full_well_and_camera_gain():
     assert high.unclipped_sigma_dn / low.unclipped_sigma_dn == pytest.approx(2.0, rel=0.01)
 
 
+def test_chain_noise_below_black_is_clipped_as_well():
+    black = chain.expose(np.zeros((200, 300), np.float32), chain.PRESETS["readout"], stream(13, "chain"))
+    assert black.image.min() == 0.0 and black.clipped_fraction == pytest.approx(0.5, abs=0.01)
+
+
 def test_chain_over_exposure_saturates():
     formed = chain.expose(scene(), chain.Effects(), stream(13, "chain"), sensor=Sensor(over_exposure=3.0))
     # charge comes in whole electrons, so a level may fall by the hundredth of a DN that one electron is

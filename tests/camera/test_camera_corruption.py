@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.camera import corruption, mtf, psf
+from pipeline.camera import chain, corruption, mtf, psf
 from pipeline.camera.chain import PRESETS
 from pipeline.camera.sensor import Sensor
 from pipeline.camera.truth import local_sigma
@@ -85,6 +85,14 @@ def test_levels_noise_without_a_difference_between_pixels_reaches_none(shape, op
         corruption.corrupt(
             grey, "dcsn", sigma_dn=10.0, generator=stream(1, "x"), temperature_k=233.0, exposure_s=1e-6, **options
         )
+
+
+def test_levels_are_of_the_scatter_not_of_a_shift():
+    """Dark current whose mean stays in the frame is brighter by it, not noisier."""
+    noise = 500 + 20 * stream(1, "shift").standard_normal((200, 300), dtype=np.float32)
+    drawn, sensor = chain.Drawn({"dark": noise}, 300.0, 0.1), Sensor()
+    scale = corruption.noise_scale_to_reach(drawn, 5.0, sensor)
+    assert scale * noise.std() * sensor.dn_per_electron == pytest.approx(5.0, rel=1e-3)
 
 
 def test_levels_photon_noise_grows_with_the_root_of_light():

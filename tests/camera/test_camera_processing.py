@@ -168,6 +168,13 @@ def test_temporal_noise_measures_white_and_correlated_noise():
     assert result.white_sigma_dn < 0.2 * result.sigma_dn
 
 
+def test_temporal_noise_does_not_count_flicker_of_the_whole_frame():
+    shots_dn = 100 + 3 * stream(1, "flicker").standard_normal((8, 64, 64)).astype(np.float32)
+    shots_dn += np.linspace(-10, 10, 8, dtype=np.float32)[:, None, None]
+    result = temporal_noise.measure(shots_dn)
+    assert result.sigma_dn == pytest.approx(3, rel=0.03) and abs(result.correlation) < 0.05
+
+
 @pytest.mark.parametrize("shape", [(2, 16, 16), (2, 8, 128), (2, 128, 16), (1, 32, 32), (2, 32, 36), (32, 32)])
 def test_temporal_noise_refuses_shots_that_it_cannot_measure(shape):
     with pytest.raises(InputError, match="at least 24 px"):

@@ -115,6 +115,19 @@ def test_stars_of_few_rays_have_sectors_large_enough(periods: int) -> None:
     assert np.abs(result - mtf.sample(psf)).max() < 0.03
 
 
+def test_a_direction_needs_room_where_its_sectors_lie() -> None:
+    """Contrast along columns is read beside the centre, that along rows above and below it."""
+    low = synthesise(140, 400, PERIODS, amplitude=AMPLITUDE)
+    for image, centre, direction, other in (
+        (low, (199.5, 69.5), "vertical", "horizontal"),
+        (low.T, (69.5, 199.5), "horizontal", "vertical"),
+    ):
+        contrast = star.measure(image, centre, PERIODS, [0.1], amplitude=AMPLITUDE, direction=direction)
+        assert contrast == pytest.approx(1, abs=1e-3)
+        with pytest.raises(InputError, match="ends after 70 px"):
+            star.measure(image, centre, PERIODS, [0.1], amplitude=AMPLITUDE, direction=other)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

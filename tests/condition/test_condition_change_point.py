@@ -62,6 +62,24 @@ def test_a_large_shift_is_seen_within_a_second_and_an_alarm_clears():
     assert not chart.alarm
 
 
+def test_an_alarm_that_stood_for_long_clears_as_soon_as_a_short_one():
+    generator = stream(0, "long alarm")
+    chart = Chart(Reference.of(generator.normal(0, SPREAD, 300)), FRAMES_BETWEEN_FALSE_ALARMS)
+    for value in generator.normal(5 * SPREAD, SPREAD, 1000):
+        chart.step(value)
+    assert chart.alarm
+    for value in generator.normal(0, SPREAD, 40):
+        chart.step(value)
+    assert not chart.alarm
+
+
+@pytest.mark.parametrize("phi", [0.5, 0.8])
+def test_the_autocorrelation_of_a_short_reference_is_not_taken_for_less(phi):
+    """One standard error is added to an estimate without bias: more than three of four references lie above."""
+    series = autoregressive(stream(0, "short reference", phi), phi, 4000)
+    assert (Reference.of([next(series) for _ in range(100)]).autocorrelation >= phi).mean() > 0.75
+
+
 def test_a_single_leap_and_missing_values_raise_nothing():
     chart = Chart(Reference.of(stream(0, "leap").normal(0, SPREAD, 300)), FRAMES_BETWEEN_FALSE_ALARMS)
     assert not chart.step(100.0)
@@ -177,3 +195,11 @@ def test_a_defocus_that_goes_on_raises_its_alarm_against_the_first_reference():
     alarms, trend = run(defocus, "defocus that goes on")
     assert trend.drifts["blur horizontal"].instead is None and trend.state() == "alarm"
     assert {alarm.quantity for alarm in alarms} == {"blur horizontal", "blur vertical"}
+
+
+def test_a_reference_that_is_steady_but_worse_than_the_first_does_not_take_over():
+    """It would forget the alarm, and what the camera was before."""
+    ramp = [(3.0, 0.8 * np.exp(-0.7 * min(t, REFERENCE_FRAMES) / REFERENCE_FRAMES)) for t in range(REFERENCE_FRAMES)]
+    alarms, trend = run(ramp + [(3.0, 0.25)] * 2 * REFERENCE_FRAMES, "steady but worse")
+    assert {alarm.quantity for alarm in alarms} == {"blur horizontal", "blur vertical"}
+    assert trend.state() == "alarm" and trend.drifts["blur horizontal"].instead is None

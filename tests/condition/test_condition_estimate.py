@@ -12,9 +12,10 @@ from pipeline.camera import mtf
 from pipeline.camera.corruption import corrupt
 from pipeline.camera.processing.codec import Codec, store
 from pipeline.camera.psf import create
-from pipeline.condition import ConditionMonitor, estimate
+from pipeline.condition import ConditionMonitor, estimate, noise_of_frame
 from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
+from pipeline.noise.base import UNCERTAIN, NoiseEstimate
 from pipeline.streams import stream
 
 
@@ -244,3 +245,25 @@ def test_the_answer_is_the_same_each_time(monitor):
     assert np.array_equal(one.mtf.value, other.mtf.value)
     assert np.array_equal(one.noise.map_dn, other.noise.map_dn)
     assert (one.sigma_dn.low, one.sigma_dn.high) == (other.sigma_dn.low, other.sigma_dn.high)
+
+
+class FewAnswer:
+    """Noise of 30 DN in one square of six; the others are too uncertain to tell."""
+
+    min_size_px = 32
+
+    def estimate_cells(self, patches):
+        sigma_dn = np.where(np.arange(len(patches)) == 0, 30.0, np.nan)
+        reason = np.where(np.isnan(sigma_dn), UNCERTAIN, "").astype(object)
+        cells = np.repeat(sigma_dn.astype(np.float32), 256).reshape(-1, 16, 16)
+        return NoiseEstimate(sigma_dn, sigma_dn, sigma_dn, np.isnan(sigma_dn), reason), cells
+
+    def estimate(self, patches):
+        return self.estimate_cells(patches)[0]
+
+
+def test_a_frame_whose_noise_is_unknown_has_no_map_of_it():
+    """Few squares that answer are no sample of the frame."""
+    state = noise_of_frame(FewAnswer(), frame(width_px=384, height_px=256))
+    assert len(state.patches) == 6 and np.isnan(state.summary.value)
+    assert state.map_dn.shape == (32, 48) and np.isnan(state.map_dn).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from data_makers import picture
@@ -88,6 +89,48 @@ def test_dead_hot_and_half_gain_lines_are_flagged(level, axis):
     flags = FrameInspector().inspect(np.ascontiguousarray(np.moveaxis(image, 0, axis)))
     assert flags.names == ("dead_lines",) and 3 <= flags.dead_lines <= 4
     assert max(flags.row_noise_dn, flags.column_noise_dn) < 1
+
+
+@pytest.mark.parametrize("blur_px", [0.6, 0.8, 1.0])
+def test_a_thin_line_of_the_scene_is_no_dead_one(blur_px):
+    """A cable across the frame, as dark as a dead row; the lens spreads it over its neighbours."""
+    cable = np.zeros_like(IMAGE)
+    cable[100] = 0.5
+    sharp, seen = (np.clip(IMAGE - line, 0, 1) for line in (cable, cv2.GaussianBlur(cable, (0, 0), blur_px)))
+    assert FrameInspector().inspect(sharp).dead_lines == 1
+    assert FrameInspector().inspect(seen).dead_lines == 0
+
+
+def test_a_dead_row_shows_beside_black_parts_of_the_frame():
+    image = IMAGE.copy()
+    image[:, int(0.35 * image.shape[1]) : int(0.65 * image.shape[1])] = 2 / 255  # where a row cannot show
+    assert FrameInspector().inspect(image).dead_lines == 0
+    image[100] = 0
+    assert FrameInspector().inspect(image).dead_lines == 1
+
+
+def test_lines_are_not_counted_where_noise_of_all_rows_hides_them():
+    offsets = stream(0, "flags", "banded and dead").normal(0, 8.0, (IMAGE.shape[0], 1))
+    levels = np.clip(np.rint(255 * IMAGE + offsets), 0, 255)
+    levels[[60, 150]] = 0
+    flags = FrameInspector().inspect((levels / 255).astype(np.float32))
+    assert flags.dead_lines and flags.names == ("banded",)
+
+
+def test_a_lamp_at_night_does_not_make_the_dark_an_obstruction():
+    image = noise(2.0)
+    image[40:56, 60:76] = 250 / 255
+    flags = FrameInspector().inspect(image)
+    assert flags.obstructed_fraction > 0.9 and flags.names == ("black",)
+
+
+def test_a_dark_part_with_structure_is_no_obstruction():
+    """A tunnel's wall, not something on the lens."""
+    dark, image = np.rint(0.15 * picture("dark part", *IMAGE.shape[::-1])) / 255, IMAGE.copy()
+    half = 2 * image.shape[1] // 5
+    image[:, :half] = dark[:, :half]
+    assert FrameInspector().inspect(image).obstructed_fraction < 0.06
+    assert FrameInspector().inspect(obstructed(IMAGE, 0.4, level_dn=20.0)).obstructed_fraction > 0.3
 
 
 def test_in_a_dim_frame_shadows_do_not_count_as_an_obstruction():

@@ -11,7 +11,7 @@ from data_makers import picture
 
 from pipeline.camera.processing.codec import Codec, store
 from pipeline.condition.frame_flags import IMPULSE_FRACTION
-from pipeline.condition.impulses import impulse_fraction
+from pipeline.condition.impulses import _sigma_dn, impulse_fraction
 from pipeline.streams import stream
 
 HEIGHT, WIDTH = 480, 720
@@ -78,6 +78,21 @@ def test_codecs_make_no_impulses(codec):
 def test_dark_frames_whose_noise_is_clipped_have_no_impulses():
     for mean in (2.0, 6.0):
         assert impulse_fraction(white(4.0, mean)) < IMPULSE_FRACTION
+
+
+def test_clipped_noise_beside_texture_has_no_impulses():
+    """Half of the frame is black: its noise looks weak, and what passes black isolated; the other half is no smooth."""
+    draws = stream(0, "impulses", "half dark")
+    texture = cv2.GaussianBlur(draws.standard_normal(SCENE.shape), (0, 0), 2.0)
+    frame = 120 + 60 * texture / texture.std()
+    frame[:, : WIDTH // 2] = 0
+    assert impulse_fraction(levels(frame + draws.normal(0, 15, SCENE.shape))) < IMPULSE_FRACTION
+
+
+@pytest.mark.parametrize("sigma_dn", [2.0, 5.0, 10.0])
+def test_the_noise_that_impulses_are_compared_with_is_that_of_whole_grey_levels(sigma_dn):
+    drawn = np.rint(stream(0, "impulses", "levels", sigma_dn).normal(0, sigma_dn, (200, 200)))
+    assert _sigma_dn(np.abs(drawn).astype(np.uint8)) == pytest.approx(sigma_dn, rel=0.05)
 
 
 def points(sigma_px: float, count: int) -> np.ndarray:

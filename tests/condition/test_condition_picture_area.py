@@ -66,6 +66,11 @@ def test_squares_that_a_surround_covers_abstain():
     state = ConditionMonitor().frame(as_frame(whole))
     reasons = state.reasons
     assert min(reasons["noise"][COVERED_REASON], reasons["blur"][COVERED_REASON]) >= 2
+    answered = np.zeros(state.noise.map_dn.shape, bool)
+    for square, without in zip(state.noise.patches, state.noise.estimate.abstained, strict=True):
+        rows, columns = (slice(start // 8, -(-(start + 128) // 8)) for start in (square.y_px, square.x_px))
+        answered[rows, columns] |= not without
+    assert answered.any() and not (np.isfinite(state.noise.map_dn) & ~answered).any()
     assert float(state.sigma_dn.low) <= SIGMA_DN <= float(state.sigma_dn.high)
 
 
@@ -79,6 +84,16 @@ def test_pictures_are_not_covered(sigma_dn):
     assert not covered(patch).any()
     patch[..., :20] = 16 / 255
     assert covered(patch).all() == (sigma_dn > 0)
+
+
+@pytest.mark.parametrize("level", [0, 255])
+def test_black_and_white_parts_are_no_surround(level):
+    """Estimators leave saturated pixels out by themselves."""
+    patch = as_frame(scene())[None, None, :128, :128].copy()
+    patch[..., :40] = level / 255
+    assert not covered(patch).any()
+    patch[..., :40] = 128 / 255
+    assert covered(patch).all()
 
 
 def test_a_calibration_needs_structure():

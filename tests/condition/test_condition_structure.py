@@ -39,6 +39,13 @@ def test_a_picture_keeps_its_structure_under_blur_and_noise(blur_px, sigma_dn):
     assert not structureless(noisy(image, sigma_dn)).any()
 
 
+@pytest.mark.parametrize(("contrast_dn", "shows"), [(1.0, False), (3.4, True)])
+def test_weak_structure_in_strong_noise_counts_from_what_block_means_resolve(contrast_dn, shows):
+    """Means of 16 x 16 px hold a sixteenth of 25 DN of noise, 1.6 DN; half as much again is needed."""
+    squares = np.kron(np.where(np.indices((12, 12)).sum(axis=0) % 2, 1, -1), np.ones((16, 16)))
+    assert structureless(noisy(0.5 + contrast_dn / 255 * squares, 25.0)).all() == (not shows)
+
+
 def test_a_frame_of_shading_has_no_blur():
     y, x = np.mgrid[0:400, 0:600]
     frame = noisy(0.2 + 0.5 * x / 600 + 0.1 * y / 400, 3.0)[0, 0]

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.config.compose import CONF, check, compile_params, compose, parse
 from pipeline.config.overrides import check_overrides, check_scheduler
-from pipeline.config.references import check_references
+from pipeline.config.references import _may_be_made, check_references
 from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -122,6 +122,11 @@ def test_the_launcher_of_slurm_is_refused_where_there_is_none(monkeypatch, tmp_p
     check_scheduler(["hydra/launcher=submitit_local", "--multirun"])
     (tmp_path / "srun").touch(mode=0o755)
     check_scheduler(["hydra/launcher=submitit_slurm", "--multirun"])
+
+
+def test_what_stages_write_may_be_absent_what_users_bring_may_not():
+    assert _may_be_made("data/sim", "") and _may_be_made("runs/mine/data/weights/a.safetensors", "runs/mine/")
+    assert not _may_be_made("data/raw/kitti", "") and not _may_be_made("/data/kitti", "")
 
 
 def test_good_overrides_pass():

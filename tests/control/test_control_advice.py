@@ -9,7 +9,7 @@ from control_makers import CAMERA, performance, seen_mtf
 from pipeline.blur.base import BlurEstimate
 from pipeline.condition import BlurState, Condition, NoiseState
 from pipeline.condition.summary import summarise
-from pipeline.control.advice import LEAST_GAIN_PERCENT, advise
+from pipeline.control.advice import LEAST_GAIN_PERCENT, advise, inside
 from pipeline.control.prediction import predict
 from pipeline.control.state import BASE_ISO, CameraState
 from pipeline.errors import InputError
@@ -131,3 +131,26 @@ def test_advice_needs_no_monitor_beside_a_condition_and_one_of_both():
     assert advise(IMAGE, STATE, CAMERA, SURFACE, condition=estimated) == advice((13.0, 14.0, 15.0))
     with pytest.raises(InputError, match="expected a monitor, or the condition"):
         advise(IMAGE, STATE, CAMERA, SURFACE)
+
+
+def test_an_estimate_of_no_noise_is_as_uncertain_as_the_estimator():
+    """Half a grey level: next to nothing, times the ratio of any two settings, would be next to nothing everywhere."""
+    fast = CameraState(0.008, 4.0)
+    none, some = (
+        advise(IMAGE, fast, CAMERA, SURFACE, None, None, condition((12.0,) * 3, dn, (dn, dn))) for dn in (0.001, 0.5)
+    )
+    assert (none.best_exposure_ms, none.best_iso) == (some.best_exposure_ms, some.best_iso)
+
+
+def test_settings_that_are_nominally_at_a_limit_are_inside():
+    """Cameras report rounded times and gains; a hundredth beyond a limit is the limit."""
+    limits = CAMERA.limits
+    for state in (
+        CameraState(limits.exposure_min_s / 1.01, 2.0),
+        CameraState(limits.exposure_max_s * 1.01, 2.0),
+        CameraState(0.008, limits.gain_min / 1.01),
+        CameraState(0.008, limits.gain_max * 1.01),
+    ):
+        assert inside(limits, state) == state
+    assert inside(limits, CameraState(limits.exposure_min_s / 1.1, 2.0)).exposure_s >= limits.exposure_min_s
+    assert inside(limits, CameraState(limits.exposure_max_s * 1.1, 2.0)).exposure_s <= limits.exposure_max_s

@@ -5,15 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
-from control_makers import CAMERA, make_views, performance
+from control_makers import CAMERA, make_views, performance, seen_mtf
 
 from pipeline.camera.exposure import Camera
 from pipeline.control import evaluation
 from pipeline.control.decision import Action
-from pipeline.control.loop import Rig, SimulatedScene, make_policy, run
+from pipeline.control.loop import Rig, SimulatedScene, _misjudged, make_policy, run
+from pipeline.control.motion import motion_length
+from pipeline.control.observation import Estimate
 from pipeline.control.scenario import EstimatorFault, Flicker, Scenario
-from pipeline.control.scoring import EvaluationCriteria
+from pipeline.control.scoring import EvaluationCriteria, Score
 from pipeline.control.state import CameraState
 from pipeline.control.views import View, folds, views, with_sun
 from pipeline.errors import InputError
@@ -184,6 +187,16 @@ def test_scenario_light_speed_flicker_and_disturbances():
         scenario(light=((3.0, 1.0), (2.0, 1.0)))
 
 
+def test_scenario_light_falls_by_stops_and_a_lamp_turns_on_from_frame_to_frame():
+    """Half way from 1 to a sixteenth is a quarter; 30 frames a second see a lamp of 10 Hz in three phases."""
+    assert scenario(steps=10, light=((0.0, 1.0), (8.0, 1 / 16))).light_at(4, 0.01) == pytest.approx(1 / 4)
+    lamp = Flicker(10.0, 0.8)
+    steady = scenario(steps=10, light=((0.0, 1.0),), flicker=lamp)
+    seen = [steady.light_at(step, 0.002) for step in range(6)]
+    assert seen == pytest.approx([lamp.factor(number / 30, 0.002) for number in (0, 1, 2, 0, 1, 2)])
+    assert np.ptp(seen[:3]) > 0.3
+
+
 def test_views_are_dealt_to_folds_that_share_no_viewpoint(seen):
     parts = folds(seen, 2, 2)
     names = [{view.viewpoint for view in part} for part in parts]
@@ -212,3 +225,60 @@ def test_settling_is_counted_from_the_disturbance():
     assert evaluation.settling_frames(stops, 1, 7) == 2
     assert np.isnan(evaluation.settling_frames(np.array([0.0, 1, 2, 3, 4, 5]), 0, 6))
     assert evaluation.settling_frames(np.zeros(5), 0, 5) == 0
+
+
+def drive_of(times_ms, isos, light):
+    """The columns of one fold that transients are read from."""
+    columns = {"exposure_ms": times_ms, "iso": isos, "light": light}
+    return pd.DataFrame({"fold": 0, "step": range(len(light)), **columns})
+
+
+def test_transients_are_those_of_the_brightness_not_of_the_settings():
+    """Light falls to a quarter; the gain follows a frame late, overshoots by a stop, then holds."""
+    light, drive = [1.0] * 5 + [0.25] * 7, scenario(steps=12, light=((5.0, 1.0), (6.0, 0.25)))
+    assert drive.disturbances == [0, 6]
+    drive = scenario(steps=12, light=((4.0, 1.0), (5.0, 0.25)))
+    table = drive_of([8.0] * 12, [100.0] * 5 + [100.0, 800.0] + [400.0] * 5, light)
+    numbers = evaluation.transients(drive, table)
+    assert numbers == {"settling_frames": 2.0, "overshoot_stops": pytest.approx(1.0), "ripple_stops": 0.0}
+    hunting = drive_of([8.0, 4.0] * 6, [100.0, 200.0] * 6, [1.0] * 12)
+    numbers = evaluation.transients(scenario(steps=12, light=((0.0, 1.0),)), hunting)
+    assert numbers["settling_frames"] == numbers["overshoot_stops"] == 0.0
+    assert numbers["ripple_stops"] == pytest.approx(0.5)
+
+
+def test_a_difference_is_of_the_policy_named_first_and_a_regret_is_what_the_oracle_has_more(seen, monkeypatch):
+    percents = {"oracle": 70.0, "fixed": 60.0}
+
+    def score(records, criteria, seed):
+        percent = percents[records]
+        return Score(percent, percent - 5, percent + 5, 9, percent + np.array([-1.0, 0.0, 1.0]), 5)
+
+    drive, records = scenario(steps=2), run(make_policy("fixed", {}, CAMERA, None), rig(), scenario(steps=2), seen)
+    table = evaluation.steps_table(drive, "any", 0, records, EvaluationCriteria(bootstrap_draws=5), np.ones((2, 8)), 1)
+    monkeypatch.setattr(evaluation, "score", score)
+    monkeypatch.setattr(evaluation, "sum", lambda parts: 0, raising=False)
+    summary, pairs = evaluation.summary(
+        drive, dict.fromkeys(percents, table), {name: name for name in percents}, EvaluationCriteria(), 1
+    )
+    assert summary.set_index("policy")["regret_percent"].to_dict() == {"oracle": 0.0, "fixed": 10.0}
+    rows = pairs.set_index(["policy", "other"])["difference_percent"].to_dict()
+    assert rows == {("oracle", "fixed"): 10.0, ("fixed", "oracle"): -10.0}
+
+
+def test_kept_detections_belong_to_all_that_a_frame_depends_on(seen):
+    """Settings, light, motion, sun and the view: a frame of others is another frame."""
+    drive, state = scenario(), CameraState.of(4, 100)
+    changed = [scenario(direction_deg=90.0), scenario(sun_radius_fraction=0.1), scenario(speed_px_s=((0.0, 9.0),))]
+    scenes = [SimulatedScene(rig(), each, seen) for each in (drive, *changed)]
+    keys = [scene.key(seen[0], 0, state) for scene in scenes]
+    keys += [scenes[0].key(seen[0], 0, other) for other in (CameraState.of(4, 200), CameraState.of(8, 100))]
+    keys += [scenes[0].key(seen[0], 2, state), scenes[0].key(seen[1], 0, state)]
+    assert len({str(key) for key in keys}) == len(keys) == 8
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.5])
+def test_a_misjudged_motion_is_that_many_times_as_long(factor):
+    exact = Estimate(*(part / seen_mtf(0.0).value for part in seen_mtf(10.0)))  # of a camera without blur of its own
+    length = motion_length(_misjudged(exact, factor), np.ones((2, 8))).value_px
+    assert length == pytest.approx(10 * factor, rel=0.1)

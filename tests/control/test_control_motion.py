@@ -22,6 +22,14 @@ def test_motion_length_is_recovered(length, direction):
         assert result.direction_deg == pytest.approx(direction, abs=5)
 
 
+@pytest.mark.parametrize("length", [5.0, 10.0, 20.0])
+def test_the_interval_of_a_length_spans_those_of_the_ends_of_the_mtf(length):
+    """A lower MTF is a longer motion."""
+    shorter, longer = seen_mtf(length - 2), seen_mtf(length + 2)
+    result = motion_length(Estimate(seen_mtf(length).value, longer.value, shorter.value), REFERENCE)
+    assert (result.low_px, result.high_px) == pytest.approx((length - 2, length + 2), abs=0.2)
+
+
 @pytest.mark.parametrize("length", [7.0, 12.2, 21.0])
 def test_motion_length_of_a_sampled_kernel(length):
     curve = np.asarray(mtf.sample(psf.create("linear_motion", length)))

@@ -14,7 +14,7 @@ from pipeline.camera.exposure import Camera
 from pipeline.cli.frame_analysis import FrameAnalysis, Thresholds
 from pipeline.control import loop
 from pipeline.control.metering import Metering
-from pipeline.control.observation import abstention_reason, brightness, observe
+from pipeline.control.observation import Observation, abstention_reason, brightness, observe
 from pipeline.control.scenario import Scenario
 from pipeline.control.state import CameraState
 from pipeline.errors import InputError
@@ -133,3 +133,12 @@ def test_the_closed_loop_states_the_reasons_of_the_controller(monkeypatch):
     formed = loop.FormedFrame(np.full((16, 16), 128, np.uint8), 0.0, 0.0, 0.0)
     *_, reason = simulated.estimates(None, 0, state, formed)
     assert reason == observe(formed.image, stub).reason == "noise: no estimate"
+
+
+def test_a_frame_that_is_mostly_white_hides_how_bright_the_scene_is():
+    """Its mean says at least so bright: exposure falls by a stop more."""
+    white = Observation(np.ones((8, 8), np.float32), 0.98, 0.9)
+    grey = Observation(np.ones((8, 8), np.float32), 0.98, 0.4)
+    metering = Metering(largest_factor=32.0)
+    assert metering.factor(grey, GAMMA) == pytest.approx((0.5 / 0.98) ** GAMMA)
+    assert metering.factor(white, GAMMA) == pytest.approx((0.5 / 0.98) ** GAMMA / 2)

@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control_makers import SIZES, darker_performance, formula_ap, performance
+from control_makers import CAMERA, SIZES, darker_performance, formula_ap, performance
 
 from pipeline.cluster_intervals import small_sample_factor
+from pipeline.control.expected_precision import expected_at
 from pipeline.control.performance import Performance, monotonic
+from pipeline.control.prediction import predict
+from pipeline.control.state import CameraState
 from pipeline.curves.surface import Surface
 from pipeline.errors import InputError
 
@@ -181,3 +184,19 @@ def test_estimates_of_noise_stand_for_those_of_frames_as_dark():
     np.testing.assert_allclose(known.true_sigma_dn([8.0, 12.0], 0.25), [(10 + 20 / 3) / 2, (15 + 10) / 2])
     for level, nearest in ((0.9, 0.5), (0.01, 0.125)):
         assert float(known.true_sigma_dn(6.0, level)) == pytest.approx(float(known.true_sigma_dn(6.0, nearest)))
+
+
+def test_performance_of_a_frame_brighter_than_the_surface_is_that_of_the_brightest():
+    """Of a picture there is; control refuses to go there."""
+    known = darker_performance(-6.0)
+    assert expected_at(known, 5.0, 3.0, 0.9) == expected_at(known, 5.0, 3.0, 0.5)
+    assert expected_at(known, 5.0, 3.0, 0.25).ap_percent == pytest.approx(
+        expected_at(known, 5.0, 3.0, 0.5).ap_percent - 6.0, abs=0.2
+    )
+
+
+def test_a_frame_is_predicted_no_brighter_than_white():
+    state = CameraState.of(4, 100)
+    at = predict(CAMERA.formation, 3.0, 2.0, 0.25, state, [state, CameraState.of(8, 100), CameraState.of(32, 800)])
+    assert at.level == pytest.approx(np.array([0.25, 0.5, 1.0]) ** (1 / CAMERA.formation.gamma))
+    assert at.motion_px == pytest.approx([2.0, 4.0, 16.0])

@@ -335,3 +335,41 @@ def test_policies_a_third_partys_policy_is_a_registered_class(monkeypatch):
     decision = control.Controller(policy).step(np.full((32, 32), 0.5, np.float32), state)
     assert decision.state.exposure_ms == pytest.approx(4.0) and decision.state.iso == pytest.approx(200.0)
     assert replace(CAMERA, limits=CAMERA.limits) == CAMERA
+
+
+def test_policies_a_frame_from_before_the_settings_written_does_not_move_them_again():
+    """One frame of delay: the second dark frame was taken before the first decision took effect."""
+    late = replace(CAMERA, limits=replace(CAMERA.limits, delay_frames=1))
+    policy, state = control.create("iopc_optimal", camera=late, performance=SURFACE), CameraState.of(4, 100)
+
+    def seen(level):
+        return Observation(np.full((8, 8), level, np.float32), level, 0.0, scalar(2.0), seen_mtf(1.0))
+
+    first, second = (policy.decide(seen(level), state).state for level in (0.27, 0.275))
+    assert first.total_exposure_s > 3 * state.total_exposure_s
+    assert second.total_exposure_s == pytest.approx(first.total_exposure_s, rel=1e-12)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+def test_policies_the_margin_grows_with_the_frames_that_settings_take(delay):
+    late = replace(CAMERA, limits=replace(CAMERA.limits, delay_frames=delay))
+    assert control.create("iopc_optimal", camera=late, performance=SURFACE, margin=0.2).margin == pytest.approx(
+        0.2 * (1 + delay)
+    )
+
+
+def test_policies_where_no_lamp_period_fits_shorter_exposures_are_free():
+    """At most 8 ms under a lamp of 100 Hz: none averages it, and a still scene keeps long exposures."""
+    short = replace(CAMERA, limits=replace(CAMERA.limits, exposure_max_s=0.008))
+    policy = control.create("iopc_continuous", camera=short, performance=SURFACE, lamp_hz=100.0)
+    states, _ = drive(policy, Scene(light=0.2, speed_px_s=50.0), CameraState.of(4, 800), frames=12)
+    assert states[-1].exposure_ms > 4.0
+
+
+def test_policies_the_cap_holds_for_the_highest_speed_that_is_likely():
+    """After one frame the speed is known to a fifth: the motion may be longer than expected, but not than the cap."""
+    policy, state = make("iopc_continuous", max_motion_px=3.0), CameraState.of(8, 200)
+    policy.decide(Scene(0.5, 1_000.0).observe(state), state)
+    decision = policy.decide(Scene(0.5, 1_000.0).observe(state), state)
+    assert policy.speed_high_px_s > 1.1 * policy.speed_px_s
+    assert policy.speed_high_px_s * decision.state.exposure_s <= 3.0 * (1 + 1e-6)

@@ -67,3 +67,10 @@ def test_published_law_takes_time_before_gain():
         image = np.full((8, 8), min(1.0, 0.03 * state.exposure_ms), np.float32)
         state = policy.decide(Observation(image, float(image[0, 0]), 0.0), state).state
     assert state.gain == 1.0 and 0.03 * state.exposure_ms == pytest.approx(0.47, abs=0.03)
+
+
+def test_published_law_holds_from_its_lower_to_its_upper_level():
+    """Levels of 64, both ends of the band included."""
+    policy = control.create("prosilica", camera=CAMERA)
+    assert [policy.factor(level / 64) for level in (29.0, 30.5, 31.0, 31.9)] == [1.0] * 4
+    assert policy.factor(32.0 / 64) == 0.75 and policy.factor(28.9 / 64) > 1.0

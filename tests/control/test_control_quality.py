@@ -9,6 +9,7 @@ import pytest
 from control_makers import CAMERA
 
 from pipeline import control
+from pipeline.control.gradient import information, sobel_magnitude
 from pipeline.control.image_quality import quality
 from pipeline.control.nelder_mead import search
 from pipeline.control.observation import Observation
@@ -27,6 +28,13 @@ def test_quality_noise_of_flat_frames(sigma):
 def test_quality_noise_at_five_dn_is_five():
     flat = 0.5 + 5 / 255 * stream(2, "flat").standard_normal((768, 896))
     assert quality(flat.astype(np.float32)).noise_dn == pytest.approx(5.0, abs=0.1)
+
+
+def test_quality_gradient_is_the_mean_of_the_cells_over_their_scatter():
+    """Of ten by ten cells, whose deviation is that of a sample."""
+    image = np.rint(255 * stream(1, "cells").random((100, 120)) ** 4).astype(np.float32) / 255
+    cells = information(sobel_magnitude(image)).reshape(10, 10, 10, 12).mean(axis=(1, 3))
+    assert quality(image).gradient == pytest.approx(cells.mean() / cells.std(ddof=1), rel=1e-5)
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0])
@@ -118,6 +126,36 @@ def test_shin_settles_on_the_best_settings_whatever_the_delay_and_the_drivers_ro
     assert [one.action.value for one in decisions[-40:]] == ["hold"] * 40
     assert {one.state for one in decisions[ended:]} == {decisions[ended].state}
     assert len(set(taken[-40:])) == 1
+
+
+@pytest.mark.parametrize(("level", "brighter"), [(0.2, True), (0.8, False)])
+def test_shin_begins_towards_the_middle_of_the_range(level, brighter):
+    """Of a dark frame with longer times and higher gains, of a bright one with shorter and lower."""
+    policy, state = control.create("shin2019", camera=CAMERA), CameraState.of(4, 400)
+    seen, asked = Observation(np.full((60, 60), level, np.float32), level, 0.0), []
+    for _ in range(3):
+        asked.append(policy.decide(seen, asked[-1] if asked else state).state)
+    assert asked[0].exposure_s == pytest.approx(state.exposure_s) and asked[0].gain == pytest.approx(state.gain)
+    longer, higher = np.log2([asked[1].exposure_s / state.exposure_s, asked[2].gain / state.gain])
+    assert (longer > 0.3 and higher > 0.3) if brighter else (longer < -0.3 and higher < -0.3)
+
+
+def test_shin_searches_anew_only_where_a_change_stays():
+    """A frame or two of a passing lorry do not begin a search, three in a row do."""
+    policy, state = control.create("shin2019", camera=CAMERA, probes=4), CameraState.of(4, 200)
+    texture = stream(1, "lorry").uniform(-0.1, 0.1, (60, 60))
+
+    def decide(level):
+        image = np.clip(level + texture, 0, 1).astype(np.float32)
+        return policy.decide(Observation(image, float(image.mean()), 0.0), state)
+
+    decision = decide(0.5)
+    while not decision.reason.startswith("search ended"):
+        state = decision.state
+        decision = decide(0.5)
+    state = decision.state
+    assert [decide(level).action.value for level in (0.5, 0.2, 0.2, 0.5, 0.2, 0.2)] == ["hold"] * 6
+    assert decide(0.2).reason == "new search"
 
 
 def test_shim_fixed_point_direction_and_step_bounds():

@@ -101,3 +101,17 @@ def test_speed_is_kept_through_short_exposures_and_given_up_where_a_long_one_sho
     for _ in range(20):
         filtered.update(0.0, 0.030, 2.0)
     assert filtered.value_px_s * 0.030 < 1.1 * RESOLUTION_PX
+
+
+def test_a_ratio_of_noise_that_was_seen_often_is_hardly_moved_by_one_frame():
+    once, often = NoiseRatio(), NoiseRatio()
+    for _ in range(20):
+        often.update(1.0, 10.0)
+    assert often.value == 1.0
+    assert once.update(2.0, 10.0) > 1.8 > 1.6 > often.update(2.0, 10.0) > 1.3
+
+
+def test_a_ratio_of_weak_noise_is_believed_less():
+    """Estimates err by half a grey level: of 1 DN that is half of it."""
+    weak, strong = NoiseRatio(), NoiseRatio()
+    assert weak.update(2.0, 1.0) < 1.4 < 1.8 < strong.update(2.0, 20.0) < 2.0

@@ -47,6 +47,19 @@ def test_state_trade_of_the_paper():
     assert second.exposure_ms == pytest.approx(3.733, abs=5e-4) and second.iso == pytest.approx(214.29, abs=0.01)
 
 
+def test_state_gains_in_steps_end_below_the_highest():
+    """Steps of 4 dB from 1 on: of 32, which is 30.1 dB, the seventh at 28 dB is the last."""
+    coarse = Limits(gain_step_db=4.0)
+    assert coarse.nearest(0.01, 32.0).gain == coarse.nearest(0.01, 1e3).gain == pytest.approx(10 ** (28 / 20))
+
+
+def test_state_an_exposure_beyond_a_cap_is_shortened_though_the_frame_is_as_bright_as_wanted():
+    policy, seen = MeanIntensity(ControlledCamera(), exposure_max_ms=10.0), Observation(np.zeros((4, 4)), 0.5, 0.0)
+    new = policy.decide(seen, CameraState.of(20, 100)).state
+    assert new.exposure_ms == pytest.approx(10.0) and new.total_exposure_s == pytest.approx(0.02)
+    assert policy.decide(seen, new).state == new
+
+
 def test_state_written_settings_arrive_after_the_delay():
     first, second, third = (CameraState(t, 1.0) for t in (1e-3, 2e-3, 3e-3))
     line = DelayLine.filled(first, 2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from pipeline.control import measured_surface as surface
 from pipeline.control.scoring import EvaluationCriteria
 from pipeline.control.views import View
 from pipeline.datasets.frame import Box
+from pipeline.detection.base import Detections
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -107,3 +109,26 @@ def test_surface_all_views_share_light_and_gain(tmp_path):
     assert shared.gains[0] == 1.0 and list(shared.gains) == sorted(shared.gains)
     electrons = camera.electrons(RADIANCE, 0.008, shared.light / shared.gains[2])
     assert camera.sigma_dn(electrons, shared.gains[2], 0.008) == pytest.approx(20.0, rel=0.1)
+
+
+def test_surface_levels_of_noise_differ_in_noise_not_in_brightness(tmp_path, monkeypatch):
+    """The gain that makes noise is made up for by less light."""
+    np.savez(tmp_path / "view.radiance.npz", radiance=RADIANCE.astype(np.float16))
+    view, images = View("view-0", "view", 0, tmp_path / "view.radiance.npz", ()), []
+    nothing = Detections.of(np.zeros((0, 4)), np.zeros(0), np.zeros(0, dtype=str))
+    detector = SimpleNamespace(detect=lambda seen: images.extend(seen) or [nothing])
+    monkeypatch.setattr(surface, "opened", lambda kind, options: detector)
+    camera = Camera()
+    shared = surface.Exposures(surface.light_for_level(camera, RADIANCE, 0.5, 0.008), (1.0, 4.0, 16.0))
+    result = surface.measure(
+        view, camera=camera, design=DESIGN, shared=shared, kind="", options="", max_detections=9, estimate=False, seed=1
+    )  # fmt: skip
+    assert [image.mean() for image in images] == pytest.approx([0.5] * 9, abs=0.04)
+    noise = result["true_sigma"].reshape(3, 3)
+    assert (noise[1] > 1.5 * noise[0]).all() and (noise[2] > 1.5 * noise[1]).all()
+
+
+def test_surface_knots_of_noise_rise_where_measured_ones_do_not():
+    rising = surface._rising(np.array([[0.0, 2.0], [3.0, 1.9], [2.5, 4.0]]))
+    assert (np.diff(rising, axis=0) > 0).all() and rising[1:].max() == 4.0
+    assert rising[:, 0] == pytest.approx([0.05, 3.0, 3.05]) and rising[:, 1] == pytest.approx([2.0, 2.05, 4.0])

@@ -59,6 +59,13 @@ def test_constants_are_recovered_with_their_deviation() -> None:
     assert math.isnan(PAPER.std_dev1)
 
 
+def test_the_deviation_of_two_measurements_rests_on_one_degree_of_freedom() -> None:
+    """Y = 1, 3 at x = 1, 2: slope 7 / 5, residuals -.4 and .2, of which one is free."""
+    made = calibrate([1.0, 2.0], [1.0, 3.0], [1.0, 2.0], [2.0, 4.0])
+    assert (made.lambda1, made.std_dev1) == pytest.approx((1.4, np.sqrt((0.4**2 + 0.2**2) / 5)))
+    assert (made.lambda2, made.std_dev2) == pytest.approx((2.0, 0.0))
+
+
 def test_bad_input_is_named() -> None:
     for arguments, words in (
         (([100], [1], [1, 2], [1, 2]), "iso, sigma_dn: expected two lists"),

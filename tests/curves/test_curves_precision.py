@@ -191,6 +191,47 @@ def test_directions_without_an_effect_are_rarely_told_apart() -> None:
     assert np.isinf(directions.chance(np.full((4, 9), 50.0), 1))
 
 
+def test_a_spread_that_chance_may_make_begins_at_nothing() -> None:
+    """Two directions of 52 and 48 %, the better of which changes from draw to draw: the spread is 4 in each of them."""
+    rows = pd.DataFrame(
+        {"label": "car", "target_sigma_dn": 0.0, "angle_deg": [0.0, 90.0], "kernel_size_px": 7.0, "scenes": 8,
+         "ap_percent": [52.0, 48.0], "low_percent": 40.0, "high_percent": 60.0}
+    )  # fmt: skip
+    turns = np.where(stream(1, "spread").random(200) < 0.5, 2.0, -2.0)
+    _, spread = directions.tables(rows, 50 + np.stack([turns, -turns]), 0.0)
+    assert spread["spread_percent"].item() == pytest.approx(4.0)
+    assert (spread["low_percent"].item(), spread["high_percent"].item()) == pytest.approx((0.0, 4.0))
+    _, certain = directions.tables(rows, np.array([[52.0], [48.0]]) + turns / 2, 0.0)  # both change alike
+    assert certain["low_percent"].item() == pytest.approx(4.0)
+
+
+def test_a_rise_needs_objects_by_the_square_of_what_it_lacks(
+    judged: tuple[pd.DataFrame, dict[str, np.ndarray]],
+) -> None:
+    """Standard errors fall with the root of the number of objects."""
+    table, draws = judged
+    cars = table[table["label"] == "car"].reset_index(drop=True)
+    better = cars.copy()
+    here = (better["kernel_size_px"] == 7) & (better["target_sigma_dn"] == 20)
+    better.loc[here, "ap_percent"] = 80.0
+    surface = precision.surface(better, draws["car"], SECTION, 1)
+    cells = precision.heat("car", surface, 0.0, objects=8)
+    rising = cells["non_monotonic"].to_numpy()
+    certainty = surface.certainty(0.0).ravel()
+    assert rising.any() and (certainty[rising] > 0).all()
+    assert cells["objects_needed"][rising].to_numpy() == pytest.approx(8 / certainty[rising] ** 2)
+    assert cells["objects_needed"][~rising].isna().all()
+
+
+def test_objects_too_low_or_too_hidden_are_ignored() -> None:
+    box = {"frame": "f", "label": "car", "x1": 0.0, "y1": 0.0, "x2": 50.0, "ignore": False}
+    objects = pd.DataFrame(
+        [{**box, "y2": y2, "visible_fraction": share} for y2, share in ((40, 1.0), (20, 1.0), (40, 0.2), (40, np.nan))]
+    )
+    (truth, nothing) = precision.truths(objects, ["f", "g"], 25.0, 0.3)
+    assert truth.ignore.tolist() == [False, True, True, False] and len(nothing.label) == 0
+
+
 def test_metrics_name_the_clean_value_and_the_surface(judged: tuple[pd.DataFrame, dict[str, np.ndarray]]) -> None:
     table, draws = judged
     cars = table[table["label"] == "car"]

@@ -87,6 +87,27 @@ def test_equals_another_solver_with_and_without_errors() -> None:
         np.testing.assert_allclose(estimate.std_dev, np.sqrt(np.diag(covariance)), rtol=1e-4)
 
 
+def test_the_share_explained_is_of_the_weighted_scatter_and_its_adjustment_of_the_degrees() -> None:
+    """R2 = 1 - chi2 / sum of w (y - weighted mean)^2; a constant alone explains nothing of it."""
+    iso, exposure = settings()
+    errors = np.where(iso > 1000, 5.0, 0.5)
+    data = evaluate([0, -3e-3, -1.2, 6.6, 17, 980, -290, -2.6], iso, exposure)
+    data += errors * stream(4, "regression").normal(size=len(iso))
+    assert fit(iso, exposure, data, errors, ["c5"]).r2 == pytest.approx(0.0, abs=1e-12)
+    whole = fit(iso, exposure, data, errors)
+    left, of_mean = whole.chi2 / whole.degrees, fit(iso, exposure, data, errors, ["c5"]).chi2 / (len(iso) - 1)
+    assert whole.adjusted_r2 == pytest.approx(1 - left / of_mean)
+
+
+def test_resamples_that_do_not_scatter_leave_the_errors_that_were_given() -> None:
+    """Where all resamples find every object: the least error stands in for what they do not show."""
+    iso, exposure = settings()
+    data, errors = np.full(len(iso), 100.0), np.full(len(iso), 0.5)
+    given_errors = fit(iso, exposure, data, errors)
+    resampled = fit(iso, exposure, data, errors, draws_percent=np.full((len(iso), 50), 100.0))
+    np.testing.assert_allclose(resampled.std_dev, given_errors.std_dev, rtol=1e-6)
+
+
 @given(st.lists(st.floats(-1, 1), min_size=8, max_size=8))
 def test_recovers_any_surface_of_its_kind(shares: list[float]) -> None:
     """Coefficients whose terms reach up to 30 points each are found to a billionth of that."""

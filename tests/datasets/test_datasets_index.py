@@ -166,6 +166,19 @@ def test_usable_frames_come_back_from_the_table(tmp_path):
         usable_frames(dataset, indexed.frames)
 
 
+def test_of_previous_frames_the_latest_without_a_gap_are_used(tmp_path):
+    """The oldest of three is broken: two are left. The middle one is: the one after it."""
+    root = make_kitti(tmp_path, frames=2, previous=3)
+    for stem in ("000000_03", "000001_02"):
+        (root / "training" / "prev_2" / f"{stem}.png").write_bytes(b"")
+    dataset = datasets.open_dataset("kitti", "kitti", root)
+    indexed = index(dataset)
+    assert indexed.frames["previous_frames"].tolist() == [2, 1] and indexed.notes[PREVIOUS] == 2
+    for frames in (indexed.usable, usable_frames(dataset, indexed.frames)):
+        names = [[path.stem for path in frame.previous] for frame in frames]
+        assert names == [["000000_02", "000000_01"], ["000001_01"]]
+
+
 def test_indexed_patches(tmp_path):
     indexed = index(datasets.open_dataset("sim", "sim", make_sim(tmp_path / "sim")))
     write_table(tmp_path / "patches.parquet", indexed.patches, PATCHES)

@@ -124,6 +124,8 @@ def test_object_rule_by_hand():
     assert [p.x_px for p in object_patches(frame, exact, one_more=False)] == [0]
     near = [Box("car", 100, 100, 150, 150), Box("van", 110, 105, 150, 150), Box("van", 180, 100, 220, 150)]
     assert [(p.x_px, p.label) for p in object_patches(frame, near)] == [(100, "car"), (180, "van")]
+    apart = [Box("car", 100, 100, 150, 150), Box("van", 148, 100, 190, 150)]  # share 3/4 of each, 3/5 of their union
+    assert [p.x_px for p in object_patches(frame, apart)] == [100, 148]
     assert object_patches(frame, [Box("car", 0, 0, 50, 50, ignore=True)]) == []
     assert object_patches((191, 600), [Box("car", 0, 0, 50, 50)]) == []
 

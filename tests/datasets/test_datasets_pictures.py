@@ -20,6 +20,7 @@ from PIL.PngImagePlugin import PngImageFile
 from pipeline.datasets.pictures import (
     BadPicture,
     Picture,
+    _scaled,
     picture_size,
     read_grey,
     read_grey8,
@@ -278,3 +279,10 @@ def test_odd_tiff_directory_without_a_word(shared, capfd):
     capfd.readouterr()  # OpenCV's remarks
     read_grey(path)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+def test_the_values_of_a_file_come_back_from_the_16_bits_they_are_kept_in(bits):
+    white = (1 << bits) - 1
+    values = np.arange(white + 1)
+    assert np.array_equal(Picture(_scaled(values, white), white=white).file_values(), values)

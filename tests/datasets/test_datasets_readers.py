@@ -207,6 +207,14 @@ def test_sim(tmp_path):
     assert not any(b.ignore for b in lenient[0].boxes)
 
 
+def test_sim_moments_follow_each_other_by_number(tmp_path):
+    root = make_sim(tmp_path, viewpoints=1) / "evaluation"
+    for suffix in ("png", "json"):
+        (root / f"evaluation-0000-3.{suffix}").rename(root / f"evaluation-0000-10.{suffix}")
+    (last,) = datasets.open_dataset("sim", "sim", tmp_path).frames()
+    assert last.name == "evaluation-0000-10" and [path.stem[-1] for path in last.previous] == ["0", "1", "2"]
+
+
 def test_sim_labels_as_a_bare_list_and_broken_ones(tmp_path):
     root = make_sim(tmp_path, viewpoints=1)
     path = root / "evaluation" / "evaluation-0000-3.json"

@@ -72,6 +72,10 @@ def test_a_new_entry_goes_before_its_followers():
     for name, followers in (("old", ()), ("c", ()), ("a", ("b", "c")), ("b", ("c",)), ("a", ("b", "c"))):
         text = with_entry(text, {name: entries[name]}, followers)
     assert text == ordered
+    text = ""
+    for name, followers in (("old", ()), ("c", ()), ("b", ("c",)), ("a", ("b", "c"))):  # before the first of several
+        text = with_entry(text, {name: entries[name]}, followers)
+    assert text == ordered
 
 
 @pytest.mark.parametrize("text", ["schema: '1.0'\nstages:\n", f"{HEAD}  a:\n    cmd: x\ndatasets: []\n"])

@@ -12,6 +12,7 @@ from pipeline.camera import mtf
 from pipeline.camera.psf.defocus import create as disc
 from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.patches import cut, object_patches, tiles
+from pipeline.datasets.pictures import read_grey
 from pipeline.experiments.calibrate import divide_out_filter, divided_by_sharp
 from pipeline.experiments.combined import DISC, blur_cells, sigma_cells, with_expected
 from pipeline.experiments.combined_example import change_interval, example_curves, highest_contrast_patch, steps
@@ -86,11 +87,12 @@ def test_a_slow_estimator_takes_its_part_only(frame, patches):
 
 
 def test_earlier_frames_are_corrupted_alike_and_given_along(tmp_path):
-    shapes = []
+    shapes, given = [], []
 
     class Together(Contrast):
         def estimate_sequences(self, sequences):
             shapes.append(sequences.shape)
+            given.append(sequences)
             return self.estimate(sequences.mean(axis=1))
 
     frame = datasets.open_dataset("kitti", "kitti", make_kitti(tmp_path, frames=1)).frames()[0]
@@ -99,6 +101,8 @@ def test_earlier_frames_are_corrupted_alike_and_given_along(tmp_path):
     measured(frame, patches, methods=[method], pairs=PAIRS[:1], kernels=KERNELS[:1])
     # The reference, level 0, noisy, and filtered.
     assert len(shapes) == 4 and set(shapes) == {(len(patches), 4, 1, 192, 192)}
+    moments = [cut(read_grey(path), patches) for path in (*frame.previous, frame.path)]
+    assert np.array_equal(given[0], np.stack(moments, axis=1))  # in the order that they were taken in
 
 
 def test_the_disc_is_divided_out_where_enough_is_left(measurements):

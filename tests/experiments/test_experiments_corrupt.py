@@ -108,6 +108,14 @@ def test_levels_of_a_frame_scale_one_draw_and_frames_draw_their_own(frame):
     assert abs(np.corrcoef(small.ravel(), other.ravel())[0, 1]) < 0.1
 
 
+def test_conditions_that_are_not_paired_draw_their_own(frame):
+    sharp = SharpFrame(frame, CameraSettings(), 1, paired=False)
+    sharp.image = np.full((64, 64), 0.5, np.float32)
+    chosen = [Condition(kernel, "dcsn", level) for kernel in BLURS[:2] for level in (10.0, 20.0)]
+    noises = [sharp.formation(condition).noise_dn.ravel() for condition in chosen]
+    assert np.abs(np.corrcoef(noises) - np.eye(len(chosen))).max() < 0.1
+
+
 def test_level_zero_without_a_kernel_is_the_frame_itself(frame):
     shown = SharpFrame(frame, CameraSettings(), 1).under(Condition(noise_source="combined"))
     assert shown.image.tobytes() == frame.image().tobytes()

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,15 +20,19 @@ from plug_in_makers import SPOTS, plug_in
 from yolox_makers import LABELS, tiny_yolox
 
 from pipeline import store
+from pipeline.camera.settings import CameraSettings
 from pipeline.config.compose import compose, parse
 from pipeline.config.references import check_references
 from pipeline.config.schema import Config, validate
 from pipeline.curves import precision
+from pipeline.datasets import open_dataset
 from pipeline.datasets.frame import Box, Frame
 from pipeline.detection import checkpoint
+from pipeline.detection.base import Detections
 from pipeline.errors import InputError
 from pipeline.experiments import detect as sweep
 from pipeline.experiments.class_maps import class_map
+from pipeline.experiments.condition import sharp_kernel
 from pipeline.stages import curves, detect, detector, direction, index, measured, regression
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -239,6 +244,17 @@ def test_a_dataset_without_any_object_is_refused_by_name(data: Path, tmp_path: P
 def _indexed(config: Config, out: Path, name: str) -> Path:
     index.run.run(config, {"dataset": name}, out, out)
     return out
+
+
+def test_the_most_detections_of_a_frame_are_of_the_classes_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of three trees and a car the car counts, though two trees are surer."""
+    detected = Detections.of(np.tile([0.0, 0, 9, 9], (4, 1)), np.array([0.9, 0.8, 0.7, 0.6]), ["tree"] * 3 + ["car"])
+    monkeypatch.setattr(sweep, "opened", lambda kind, options: SimpleNamespace(detect=lambda images: [detected]))
+    frame = open_dataset("kitti", "kitti", make_kitti(tmp_path, frames=1)).frames()[0]
+    looking = sweep.Sweep("any", "{}", ("car",), "dcsn", (0.0,), CameraSettings(), 1, max_detections=2)
+    assert looking.detect(frame, sharp_kernel())["label"].tolist() == ["car"]
 
 
 def test_a_missing_class_map_is_named() -> None:

@@ -85,6 +85,16 @@ def test_the_interval_of_an_absolute_error_contains_it():
     assert 0 <= low <= estimate <= high
 
 
+def test_the_interval_of_what_is_never_negative_does_not_begin_below_zero():
+    """Two frames, of which all resamples are few and k is large; of a signed number it may."""
+    frames = np.array(["a", "b"])
+    errors, differences = (
+        frame_interval(np.array(values), frames, lambda data: data.mean(axis=0), stream(1, "draws"), 100)
+        for values in ([0.1, 2.0], [-0.1, 2.0])
+    )
+    assert errors[0] == 0.0 and differences[0] < -2.0 and min(errors[1], differences[1]) > 2.0
+
+
 @pytest.mark.parametrize("frames", [3, 4, 8])
 def test_intervals_of_few_frames_hold_the_true_value_about_as_often_as_they_claim(frames):
     """Of 400 data sets, each of `frames` frames with three patches that share half of their variance."""

@@ -7,9 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pipeline.camera import mtf, psf
 from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.frame import Box, Frame
 from pipeline.detection.average_precision import MeanResult
+from pipeline.detection.base import Detections
 from pipeline.detection.classes import CLASS_MAPS
 from pipeline.experiments import order_study
 from pipeline.store import write_image
@@ -33,6 +35,23 @@ def test_order_study_covers_orders_lights_lengths_and_levels():
     assert {(one.order, one.light) for one in chosen} == {
         (order, light) for order in ("paper", "detector") for light in ("encoded", "linear")
     }
+
+
+def test_order_study_motion_is_judged_beside_the_camera_s_own_blur(frame, monkeypatch):
+    """An estimator that reads the whole system exactly, of which the sharp frame passes half, has no error."""
+    kernel = mtf.sample(psf.create("linear_motion", 11))
+    answers = [np.full((2, 8), 0.5), np.full((2, 8), 0.5), 0.5 * kernel]
+    monitor = SimpleNamespace(
+        frame=lambda image: SimpleNamespace(
+            mtf=SimpleNamespace(value=answers.pop(0)), sigma_dn=SimpleNamespace(value=0.0)
+        )
+    )
+    nothing = Detections.of(np.zeros((0, 4)), np.zeros(0), np.zeros(0, dtype=str))
+    detector = SimpleNamespace(detect=lambda images: [nothing])
+    monkeypatch.setattr(order_study, "_opened", lambda kind, options: (monitor, detector))
+    chosen = [one for one in order_study.conditions([0, 11], [5]) if (one.order, one.light) == ("detector", "encoded")]
+    entries = order_study.measure(frame, chosen=chosen, camera=CameraSettings(), kind="", options="{}", seed=1)
+    assert [entry["amae_percent"] for entry in entries] == pytest.approx([0.0, 0.0], abs=1e-9)
 
 
 def test_order_study_noise_behind_the_optics_keeps_its_level(frame):
@@ -87,6 +106,20 @@ def test_abstentions_do_not_make_an_effect():
     unknown = order_study.Study(result, chosen, scores, 1).effects()
     unknown = unknown[unknown["measure"] == "amae_percent"]
     assert len(unknown) and unknown[["before", "after", "change", "low", "high"]].isna().all(axis=None)
+
+
+def test_the_interval_of_an_effect_on_precision_leans_as_its_resamples_do():
+    """Resamples in which the loss is greater are far out, those in which it is smaller are near."""
+    result, chosen, scores = _made(lambda one: 1.0, lambda one: 90 - one.motion_px)
+    skewed = stream(1, "skewed").exponential(4.0, 2000)
+    scores = [
+        MeanResult(score.ap_percent, score.ap_percent - skewed * (one.motion_px == 21), 8, 8)
+        for score, one in zip(scores, chosen, strict=True)
+    ]
+    table = order_study.Study(result, chosen, scores, 1).effects().set_index(["order", "light", "cause", "measure"])
+    motion = table.loc[("paper", "encoded", "motion", "ap_percent")]
+    assert motion["change"] == pytest.approx(-21)
+    assert motion["change"] - motion["low"] > 2 * (motion["high"] - motion["change"]) > 0
 
 
 def test_effects_of_one_noise_level_are_not_stated():

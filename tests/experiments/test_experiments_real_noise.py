@@ -143,5 +143,7 @@ def test_pictures_without_an_estimate_have_the_bound_of_a_frame():
     assert photographs["bound_dn"] == pytest.approx(np.quantile(bound, 0.4)) and photographs["true_dn"] == 3.0
     assert photographs["held_fraction"] == 0.5
     assert (means["bounded"], means["true_dn"], means["held_fraction"]) == (4, 0.0, 1.0)
+    _, none = picture_bounds(table.assign(mean_picture_at_most_dn=0.0)).to_dict("records")
+    assert (none["bound_dn"], none["held_fraction"]) == (0.0, 1.0)  # of means, which have no noise
     nothing = picture_bounds(table[table["picture"] == "known"]).iloc[0]
     assert nothing["bounded"] == 0 and np.isnan(nothing["bound_dn"]) and np.isnan(nothing["held_fraction"])

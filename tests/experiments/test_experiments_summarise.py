@@ -17,6 +17,7 @@ from pipeline.experiments.condition import grid, sharp_kernel
 from pipeline.experiments.frames import of_dataset
 from pipeline.experiments.metrics import table_one_metrics
 from pipeline.experiments.run import Method, run
+from pipeline.experiments.summarise import coverage
 from pipeline.experiments.table_one import summarise
 from pipeline.streams import stream
 
@@ -55,6 +56,15 @@ def test_every_patch_kernel_axis_and_frequency_has_a_row(estimates):
     assert np.allclose(one["truth"].to_numpy()[:8], mtf.sample(defocus(7.0))[1])
 
 
+def test_blur_along_rows_is_the_horizontal_one(estimates):
+    along = estimates[(estimates.kernel == "linear_motion_7_0") & (estimates.patch == 0)]
+    frame = along[along["frame"] == along["frame"].iloc[0]]
+    for axis, exact in zip("HV", mtf.sample(motion(7.0, 0)), strict=True):
+        for column, factor in (("truth", 1.0), ("estimate", 0.8)):
+            assert frame.loc[frame["axis"] == axis, column].to_numpy() == pytest.approx(factor * exact)
+    assert frame.loc[frame["axis"] == "H", "truth"].min() < 0.2 < frame.loc[frame["axis"] == "V", "truth"].min()
+
+
 def test_the_cameras_own_blur_is_divided_out(estimates):
     raw = summarise(estimates, 1, 20)
     relative = summarise(divided_by_sharp(estimates), 1, 20, calibrated=True)
@@ -64,6 +74,22 @@ def test_the_cameras_own_blur_is_divided_out(estimates):
     assert motion_row["amae_percent"] == pytest.approx(20 * np.mean(truths), rel=1e-6)
     assert motion_row["angles"] == 2 and motion_row["low_percent"] == pytest.approx(motion_row["high_percent"])
     assert raw["coverage"].between(0, 1).all() and (raw["abstained"] == 0).all()
+
+
+def test_the_cameras_own_blur_is_that_of_sharp_frames_without_noise(estimates):
+    """Noise moves what an estimator reads of them."""
+    noisy = estimates[estimates.kernel == "sharp"].assign(target_sigma_dn=20.0)
+    noisy["estimate"] /= 2
+    both = divided_by_sharp(pd.concat([estimates, noisy, noisy, noisy], ignore_index=True))
+    alone = divided_by_sharp(estimates)
+    assert both["estimate"].to_numpy()[: len(alone)] == pytest.approx(alone["estimate"].to_numpy())
+    assert both["estimate"].to_numpy()[len(alone) :] == pytest.approx(0.5)
+
+
+def test_an_interval_that_ends_at_the_truth_holds_it():
+    """Of a patch without noise whose interval begins at zero."""
+    held = coverage(np.array([0.0, 1.0, np.nan]), np.array([2.0, 3.0, 1.0]), np.array([0.0, 3.0, 0.5]))
+    assert np.array_equal(held, [1.0, 1.0, np.nan], equal_nan=True)
 
 
 def test_calibration_needs_the_sharp_frame(estimates):

@@ -64,7 +64,8 @@ def test_zero_is_no_answer_where_a_codec_may_have_removed_noise(trace):
 def test_grain_that_is_finer_along_columns_belongs_to_the_ground():
     grain = {"correlation": LEAST_GRAIN_CORRELATION + 0.01, "anisotropy": FORESHORTENED + 0.01}
     assert reason(**grain) == UNCERTAIN
-    for changed in ({"correlation": 0.2}, {"anisotropy": 0.1}, {"weight": 0.4}, {"high_dn": 2.0}):
+    other_way = {"anisotropy": -2 * FORESHORTENED}  # finer along rows, as no ground plane's is
+    for changed in ({"correlation": 0.2}, {"anisotropy": 0.1}, other_way, {"weight": 0.4}, {"high_dn": 2.0}):
         assert reason(**(grain | changed)) == "", changed
 
 

@@ -22,14 +22,16 @@ from pipeline.noise.adaptive import (
     OFFSET,
     REAL_CAMERAS,
     SLOPE,
+    WIDEST_COMPRESSED_REACH,
     WIDEST_QUANTISED_REACH,
     WIDEST_REACH,
     Adaptive,
     weights,
 )
 from pipeline.noise.base import COMPRESSED, UNCERTAIN
+from pipeline.noise.codec_traces import codec_traces
 from pipeline.noise.correlated_features import anisotropy
-from pipeline.noise.joint_answer import MOST_HIDDEN
+from pipeline.noise.joint_answer import COARSE_PART, MOST_HIDDEN, Levels, Second, joined
 from pipeline.streams import stream
 
 ADAPTIVE = noise.create("adaptive")
@@ -153,6 +155,20 @@ def test_grain_without_a_codec_is_answered_only_where_the_network_is_sure(monkey
     assert reasons == [("", ""), (UNCERTAIN, ""), (UNCERTAIN, COMPRESSED)]
 
 
+def test_fine_quantisation_alone_allows_a_wider_interval_than_a_strong_codec(monkeypatch):
+    """JPEG of quality 98 shows by its quantised blocks only."""
+    coded = cv2.imdecode(cv2.imencode(".jpg", flat(6, 0.9).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 98])[1], 0)
+    patches, estimator = stack(coded.astype(np.float32)), Adaptive()
+    answer, reasons = estimator.correlated.predict(patches[:, 0]), []
+    traces = codec_traces(answer.statistics, coded.size)
+    assert traces.quantised.all() and not traces.strong.any()
+    for reach in (1.1 * WIDEST_COMPRESSED_REACH, 1.1 * WIDEST_QUANTISED_REACH):
+        given = replace(answer, reach=np.full(1, reach / REAL_CAMERAS))
+        monkeypatch.setattr(estimator.correlated, "predict", lambda *_, given=given: given)
+        reasons += list(estimator.estimate(patches).reason)
+    assert reasons == ["", COMPRESSED]
+
+
 @pytest.mark.parametrize("rate", [23, 28])
 def test_weak_noise_behind_h264_is_not_read_as_zero(rate):
     """Noise of 2 DN: the codec removes it, while its own error differs from shot to shot by 2 to 5 DN."""
@@ -267,6 +283,46 @@ def test_an_interval_holds_both_answers_where_they_differ(monkeypatch):
     assert estimate.low_dn <= white_dn and estimate.high_dn >= given.sigma_dn
 
 
+def test_of_two_sure_answers_that_differ_the_interval_reaches_both():
+    """Each is sure to 2 %; the one that is believed as much as the other may be right."""
+    answer = ADAPTIVE.correlated.predict(stack(flat(9))[:, 0])
+    answer = replace(answer, sigma_dn=np.array([12.0]), reach=np.array([0.02]), correlation=np.array([0.2]))
+    white = replace(Levels.zero(1, (16, 16)), sigma_dn=np.array([6.0]), low_dn=np.array([5.9]), high_dn=np.array([6.1]))
+    second = Second(np.array([0]), answer, codec_traces(answer.statistics, 128**2), np.array([0.5]))
+    joint = joined(white, second)
+    assert joint.sigma_dn == pytest.approx(np.sqrt(7 * 13) - 1)
+    assert joint.low_dn < 6.0 and joint.high_dn > 12.0
+
+
+def test_processed_noise_is_read_with_the_coarse_part_that_is_taken_for_the_picture():
+    patches = stack(flat(6, 0.9))
+    alone, estimate = ADAPTIVE.correlated.predict(patches[:, 0]), ADAPTIVE.estimate(patches)
+    assert np.log1p(estimate.sigma_dn) == pytest.approx(np.log1p(alone.sigma_dn) + COARSE_PART)
+
+
+def test_noise_that_may_be_none_moves_towards_zero_in_its_map_and_its_white_part_too(monkeypatch):
+    """The interval of the second network reaches below zero; the answer so falls from 6 DN to 3."""
+    patches, estimator = stack(flat(6, 0.9)), Adaptive(widest_reach=9.0)
+    answer = estimator.correlated.predict(patches[:, 0])
+    reach = (2 * (np.log1p(6.0) + COARSE_PART) - np.log1p(3.0)) / REAL_CAMERAS
+    sigma_dn = np.array([6.0])
+    given = replace(answer, sigma_dn=sigma_dn, white_sigma_dn=0.9 * sigma_dn, reach=np.array([reach]))
+    monkeypatch.setattr(estimator.correlated, "predict", lambda *_: given)
+    estimate, cells = estimator.estimate_cells(patches)
+    assert estimate.sigma_dn == pytest.approx(3.0) and estimate.low_dn == 0
+    assert estimate.white_sigma_dn <= estimate.sigma_dn
+    assert np.sqrt((cells**2).mean()) == pytest.approx(3.0, rel=1e-3)
+
+
+def test_noise_smoothed_along_rows_is_within_the_interval_though_neither_network_reads_it():
+    field = stream(1, "band-limited").standard_normal((160, 160))
+    smooth = cv2.GaussianBlur(field, (0, 0), sigmaX=1.5, sigmaY=1e-3)[16:-16, 16:-16]
+    shown = np.rint(120 + 8 * smooth / smooth.std()).astype(np.float32)
+    estimate = ADAPTIVE.estimate(stack(shown))
+    assert not estimate.abstained[0]
+    assert estimate.low_dn <= 8 <= estimate.high_dn
+
+
 def test_what_a_bilateral_filter_leaves_of_noise_is_not_answered_as_white():
     scene = cv2.GaussianBlur(data.astronaut()[..., 1], (0, 0), 1)
     noisy = scene + stream(1, "bilateral").normal(0, 10, scene.shape)
@@ -289,7 +345,10 @@ def test_maps_cover_every_cell():
     estimate, cells = ADAPTIVE.estimate_cells(stack(flat(5, 0.9), flat(9)))
     assert cells.shape == (2, 16, 16) and np.isfinite(cells).all()
     assert np.sqrt((cells**2).mean(axis=(1, 2))) == pytest.approx(estimate.sigma_dn, rel=0.05)
-    assert ADAPTIVE.map(flat(5, 0.9, side=200) / np.float32(255)).shape == (25, 25)
+    whole = ADAPTIVE.map(flat(5, 0.9, side=200) / np.float32(255))
+    assert whole.shape == (25, 25) and np.isfinite(whole).all()  # no multiple of the step between tiles
+    odd = ADAPTIVE.map(flat(9, side=201) / np.float32(255))  # its last cells hold one line of the picture
+    assert [odd[-1].mean(), odd[:, -1].mean()] == pytest.approx([9, 9], rel=0.1)
 
 
 def test_it_is_the_default_of_the_monitor():

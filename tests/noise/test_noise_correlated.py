@@ -101,6 +101,27 @@ def test_the_mean_answer_of_equal_members_is_theirs():
     assert white.shape == correlation.shape == (2,) and curve.shape == (2, len(CURVE_LEVELS_DN))
 
 
+def test_an_interval_is_wider_by_what_the_members_differ():
+    net = CorrelatedNet(members=2)
+    net.members[1].load_state_dict(net.members[0].state_dict())
+    statistics = torch.from_numpy(np.stack([correlated_features.statistics(flat(level)) for level in (2, 9)]))
+    with torch.no_grad():
+        net.members[1][-1].bias[0] += 0.5  # of the logarithm of its answer
+        (sigma, scale, *_), (each, scales, *_) = net(statistics), net.answers(statistics)
+    levels = torch.log1p(each.clamp_min(0))
+    assert torch.allclose(torch.log1p(sigma), levels.mean(0), atol=1e-5)
+    assert (levels[1] > levels[0]).all()
+    assert torch.allclose(scale, scales.mean(0) + (levels[1] - levels[0]) / 2, atol=1e-5)
+
+
+def test_white_noise_is_its_own_white_part():
+    levels = (3.0, 10.0, 20.0)
+    estimate = noise.create("correlated").estimate(
+        np.stack([flat(level) for level in levels])[:, None] / np.float32(255)
+    )
+    assert estimate.white_sigma_dn == pytest.approx(levels, rel=0.1)
+
+
 def test_samples_are_labelled_with_what_their_shots_show():
     from pipeline.learning import images
 

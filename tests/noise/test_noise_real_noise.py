@@ -62,6 +62,15 @@ def test_cleaning_removes_drift_and_misregistration_and_keeps_noise():
     assert residual.std() == pytest.approx(noise.std(), rel=0.01)
 
 
+def test_cleaning_removes_a_difference_in_sharpness():
+    """The photograph was focused a little otherwise than the others, whose mean it is compared with."""
+    mean = 255 * cv2.GaussianBlur(stream(1, "real noise", "focus").random((SIZE, SIZE)), (0, 0), 3)
+    noise = stream(1, "real noise", "focus noise").normal(0, 0.5, mean.shape)
+    softer = cv2.GaussianBlur(mean, (0, 0), 1.0) - mean
+    assert softer.std() > noise.std()
+    assert real_noise.cleaned(softer + noise, mean).std() == pytest.approx(noise.std(), rel=0.05)
+
+
 def test_the_summary_is_arithmetic():
     table = pd.DataFrame(
         {
@@ -84,6 +93,8 @@ def test_the_summary_is_arithmetic():
     assert row["true_coverage_fraction"] == pytest.approx(2 / 3)
     assert row["cleaned_coverage_fraction"] == pytest.approx(1 / 3)
     assert row["mean_picture_sigma_dn"] == pytest.approx(0.2) and row["correlation_mae"] == pytest.approx(0.1)
+    mixed = real_noise.summarise(table.assign(correlation=[0.5, 0.3, 0.4, np.nan])).iloc[0]
+    assert mixed["correlation_mae"] == pytest.approx(0.2 / 3)
     assert 0 <= row["true_mae_low_dn"] <= row["true_mae_dn"] <= row["true_mae_high_dn"]
     assert row["true_mae_high_dn"] > 1  # of two pictures: beyond what either shows
 

@@ -23,6 +23,7 @@ from pipeline.report.claims.claim import (
     UNDECIDED,
     VERDICTS,
     Evidence,
+    lower,
     of_cells,
     of_number,
     verdict_of_counts,
@@ -92,6 +93,26 @@ def test_published_times_hold_where_they_do_for_both_estimators(pca_s: float, bf
     assert of_blur.MEASURES["published_times"](evidence) is None
 
 
+def test_one_is_lower_where_the_intervals_do_not_overlap() -> None:
+    first = pd.DataFrame({"low_percent": [1.0, 1.0, 5.0], "high_percent": [2.0, 4.0, 6.0]}, index=list("abc"))
+    second = pd.DataFrame({"low_percent": [3.0, 3.0, 3.0], "high_percent": [4.0, 5.0, 4.0]}, index=list("abc"))
+    both = lower(first, second)
+    assert both["supports"].tolist() == [True, False, False] and both["opposes"].tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("pmp_s", "gbb_s", "verdict"), [(9.0, 6.0, SUPPORTED), (9.0, 4.0, UNDECIDED), (3.0, 4.0, CONTRADICTED)]
+)
+def test_the_network_is_many_times_faster_where_both_programs_take_fifty_times_as_long(
+    pmp_s: float, gbb_s: float, verdict: str
+) -> None:
+    evidence, least, most = Evidence(NOTHING), 10 * min(pmp_s, gbb_s), 10 * max(pmp_s, gbb_s)
+    evidence.run_times = {"cnn_mtf": 0.1, "pmp": pmp_s, "gbb": gbb_s}
+    measured = of_blur.MEASURES["many_times_faster"](evidence)
+    assert measured is not None and (measured.verdict, measured.value) == (verdict, pytest.approx(least))
+    assert measured.text.startswith(f"{least:.1f} and {most:.1f} times: 100 ms")
+
+
 def test_noise_prevents_estimation_by_the_papers_estimators_not_by_ours() -> None:
     """The paper's network fails in two cells and has no interval in a third; ours, which is not counted, does not."""
     cells = [("cnn", 10.0, 20.0), ("cnn", 25.0, 40.0), ("cnn", 15.0, 30.0), ("spectral", 10.0, 2.0)]
@@ -126,6 +147,43 @@ def test_mean_amae_is_stated_with_the_levels_that_it_is_of() -> None:
     assert measured is not None
     levels = "from 0 to 25 DN: CNN 4.0 to 8.0 %, Spectral 1.0 to 2.0 %; at 5 DN: GBB 3.0 %; from 0 to 15 DN: PMP 5.0 to"
     assert f"Mean AMAE {levels} 6.0 %." in measured.text
+
+
+def test_intervals_decide_claims_on_noise_not_the_values_within_them() -> None:
+    """Of 12 % [8, 16] it is not known whether it exceeds 10 %."""
+    evidence = Evidence(NOTHING)
+    rows = [(12.0, 8.0, 16.0), (12.0, 11.0, 13.0), (6.0, 5.0, 7.0), (90.0, 80.0, 99.0), (3.0, 2.0, 4.0)]
+    evidence.combined = pd.DataFrame(rows, columns=["amae_percent", "low_percent", "high_percent"]).assign(
+        dataset="kitti", experiment="photon_defocus", estimator="cnn", kernel_size_px=3.0, filter_px=0.0,
+        target_sigma_dn=15.0,
+    )  # fmt: skip
+    prevents = of_noise.MEASURES["prevents"](evidence, experiment="photon_defocus")
+    assert prevents is not None and prevents.text.startswith("2 for, 2 against, of 5 cells.")
+    below = of_noise.MEASURES["defocus_under_photon_noise"](evidence)  # the paper's are at most 5.6 %
+    assert below is not None and below.text.startswith("1 for, 3 against, of 5 cells.")
+
+
+def test_estimates_follow_noise_where_their_interval_lies_within_two_grey_levels() -> None:
+    """Too low, right, too high, right on average only."""
+    ends = [(5.0, 4.0, 6.0), (10.5, 9.5, 11.5), (14.0, 13.0, 15.0), (10.0, 7.0, 11.0)]
+    table = pd.DataFrame(ends, columns=["median_dn", "low_dn", "high_dn"]).assign(
+        dataset="kitti", estimator="pca", unclipped_median_dn=10.0
+    )
+    inputs = SimpleNamespace(result_with_records=lambda name: table)
+    measured = of_noise.MEASURES["follows"](SimpleNamespace(inputs=inputs))
+    assert measured.text.startswith("1 for, 2 against, of 4 cells. Median less noise added: PCA -5.0 to +4.0 DN.")
+
+
+def test_noise_of_real_cameras_is_followed_where_the_error_is_certainly_within_a_quarter(tmp_path) -> None:
+    ends = [(1.0, 0.5, 2.0), (2.4, 2.0, 3.0), (4.0, 3.0, 5.0)]
+    table = pd.DataFrame(ends, columns=["true_mae_dn", "true_mae_low_dn", "true_mae_high_dn"])
+    (tmp_path / "real-noise").mkdir()
+    table.assign(dataset="cc", estimator="pca", true_mean_dn=10.0).to_csv(
+        tmp_path / "real-noise/noise_summary.csv", index=False
+    )
+    inputs = SimpleNamespace(recorded=tmp_path)
+    measured = of_noise.MEASURES["real_cameras"](SimpleNamespace(inputs=inputs))
+    assert measured.text.startswith("1 for, 1 against, of 3 dataset-estimator pairs.")
 
 
 @pytest.mark.parametrize("column", ["median", "change_low"])

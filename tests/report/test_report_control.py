@@ -257,6 +257,13 @@ def test_a_change_against_the_claim_does_not_survive() -> None:
     assert study.survival(order_study.CONCLUSIONS[2]) == "does not survive"
 
 
+def test_a_fall_whose_interval_holds_zero_is_not_decided() -> None:
+    """Of a claim that precision falls, whose sign is turned for the comparison."""
+    effects = made.effects().assign(low=-12.0, high=3.0)
+    study = order_study.StudyTables(made.study(), effects)
+    assert study.survival(order_study.CONCLUSIONS[2]) == "not decided"
+
+
 def test_one_noise_level_decides_nothing_about_noise() -> None:
     effects = made.effects()
     study = order_study.StudyTables(made.study(), effects[effects["cause"] == "motion"])

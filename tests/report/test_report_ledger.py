@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -31,6 +32,7 @@ from pipeline.report.ledger import (
     to_table,
     tolerance_of_both,
 )
+from pipeline.report.ledger_causes import _lens
 from pipeline.report.ledger_items import ITEMS, UNEXPLAINED, Source, all_rows, rows_of
 from pipeline.report.tables import format_number
 
@@ -335,3 +337,20 @@ def test_every_measured_item_names_its_real_frames_or_why_it_has_none() -> None:
 def test_missing_published_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="image_formation.csv"):
         all_rows(ReportInputs(paper=tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("ours", "paper", "remaining", "named"),
+    [
+        (12.0, 4.0, 5.0, True),  # seven of eight points are the lens's
+        (12.0, 4.0, 9.0, False),  # three of eight
+        (3.0, 8.0, 2.0, False),  # nothing is to be explained by a lens
+    ],
+)
+def test_a_lens_is_a_cause_of_an_error_above_the_papers_that_it_explains(
+    ours: float, paper: float, remaining: float, named: bool
+) -> None:
+    kernel = {"estimator": "cnn", "blur_kind": "defocus", "kernel_size_px": 7.0}
+    cells = pd.DataFrame([{**kernel, "calibrated": True, "amae_percent": remaining}])
+    words = _lens({**kernel, "ours": ours, "paper": paper}, SimpleNamespace(summary=cells))
+    assert words.startswith(f"the camera's lens: {remaining:.1f} % remain") == named and bool(words) == named
