@@ -7,7 +7,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # stages and tests start hundreds of processes, each of which would compile every module anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help repro test smoke check lint docs bench params clean-venv
+.PHONY: help repro test smoke check lint docs bench params
 .DEFAULT_GOAL := help
 
 help: ## show this list

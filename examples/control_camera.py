@@ -89,11 +89,11 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         driver = OpenCvCamera(options.source, CameraState.of(options.exposure_ms, options.iso))
-    except OSError as error:
+        camera = ControlledCamera(Limits(delay_frames=DELAY_FRAMES if driver.live else 0))
+        performance = Performance.load(SURFACE) if options.policy.startswith("iopc") else None
+        controller = control.Controller(control.create(options.policy, camera=camera, performance=performance))
+    except (OSError, InputError) as error:
         parser.error(str(error))
-    camera = ControlledCamera(Limits(delay_frames=DELAY_FRAMES if driver.live else 0))
-    performance = Performance.load(SURFACE) if options.policy.startswith("iopc") else None
-    controller = control.Controller(control.create(options.policy, camera=camera, performance=performance))
     frames = 0
     try:
         for decision in controller.run(driver, 10_000):

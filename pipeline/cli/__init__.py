@@ -25,7 +25,7 @@ COMMANDS = {
     "dataset": "Check a dataset: what is usable, what would be set aside and why.",
     "render": "Render frames of the procedural dataset Sim.",
     "blur": "Measure blur estimators on recorded pictures: the paper's Table I.",
-    "record": "Measure noise of real cameras: estimators on photographs, sensors from raw frames.",
+    "record": "Measure estimators on your frames and photographs, sensors on raw frames.",
     "curves": "Ask measured curves for a detector's average precision at some noise and blur.",
     "advise": "Advise exposure and gain for pictures, and say why.",
     "doctor": "State what is installed, which weights and data are there, what runs.",

@@ -91,7 +91,8 @@ def alarms(
 def undecided(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: float | None) -> list[str]:
     """Thresholds of which a frame does not show whether it violates them.
 
-    Noise that is unknown but for a bound, or not detected, keeps a threshold that is no lower than what there may be.
+    Noise that is unknown but for a bound, not detected, or perhaps half as much again as estimated, keeps a threshold
+    that is no lower than what there may be.
     Of impulses, which the estimate leaves out, the fraction is measured, but not the noise that they amount to.
 
     Args:
@@ -102,12 +103,14 @@ def undecided(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: flo
     Returns:
         ``noise``, ``blur horizontal`` and ``blur vertical``, those that apply.
     """
+    from pipeline.condition.verdict import may_be_much_more
     from pipeline.noise.abstentions import UNDETECTED_LOW_DN
 
     result = []
     if most_sigma_dn is not None and not _noisier(row, most_sigma_dn):
-        undetected = isnan(row["sigma_dn"]) or row["sigma_low_dn"] < UNDETECTED_LOW_DN
-        may_exceed = undetected and not row["sigma_at_most_dn"] <= most_sigma_dn
+        unsure = isnan(row["sigma_dn"]) or row["sigma_low_dn"] < UNDETECTED_LOW_DN
+        unsure |= may_be_much_more(row["sigma_dn"], row["sigma_high_dn"])
+        may_exceed = unsure and not row["sigma_at_most_dn"] <= most_sigma_dn
         result += ["noise"] if may_exceed or IMPULSES in flag_names(row) else []
     if least_mtf50 is not None:
         result += [f"blur {axis}" for axis in AXES if isnan(row[f"mtf50_{axis}"])]

@@ -180,16 +180,21 @@ def row_words(row: dict[str, Any], *, flags: bool = True) -> str:
 def _level(sigma_dn: float, high_dn: float, at_most_dn: float) -> str:
     """Noise in DN, in brackets; where it is unknown, its bound, and nothing without one.
 
-    Where it is very low, but moderate or more within its interval, how much texture may hide is stated too.
+    Where it is very low, but moderate or more within its interval, how much texture may hide is stated too; where it is
+    more, how much there may be, if that is moderate or more and at least half as much again.
     """
-    from pipeline.condition.verdict import NOISE_GRADES, bound_words
+    from pipeline.condition.verdict import NOISE_GRADES, bound_words, may_be_much_more
 
     if not isfinite(sigma_dn):
         bound = bound_words(at_most_dn)
         return f" ({bound})" if bound else ""
     (very_low, _), (low, _), *_ = NOISE_GRADES
-    hidden = sigma_dn < very_low and high_dn >= low
-    return f" ({sigma_dn:.1f} DN" + (f"; texture may hide up to {high_dn:.0f} DN)" if hidden else ")")
+    if sigma_dn < very_low:
+        more = f"; texture may hide up to {high_dn:.0f} DN" if high_dn >= low else ""
+    else:
+        unsure = high_dn >= low and may_be_much_more(sigma_dn, high_dn)
+        more = f"; there may be up to {high_dn:.0f} DN" if unsure else ""
+    return f" ({sigma_dn:.1f} DN{more})"
 
 
 def directed_shares(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:

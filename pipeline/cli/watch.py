@@ -49,7 +49,7 @@ STATED = (
 @click.option("--alarm-mtf50", type=Mtf50Limit(), help="alarm when MTF50 falls below this, fraction of Nyquist")
 @click.option(
     "--alarm-flags", is_flag=True,
-    help="alarm on flags too: black, dark, over-exposed, obstructed, banded, impulses, frozen",
+    help="alarm on flags too: black, dark, over-exposed, obstructed, banded, dead lines, impulses, frozen",
 )  # fmt: skip
 @click.option(
     "--reference-frames", default=300, show_default=True, type=click.IntRange(100, 100_000),

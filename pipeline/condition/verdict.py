@@ -44,6 +44,7 @@ HIGHEST_NOISE = "very high"
 DIRECTED_RATIO = 0.8  # of the mean MTF of the lower axis to the other's
 DIRECTED_SHARE = 0.5  # of the blurred patches
 HIGH_NOISE_DN = 10.0
+MUCH_MORE = 1.5
 DIM_MEDIAN_DN = 48.0
 AXES = ("horizontal", "vertical")
 REASONS = {
@@ -119,6 +120,16 @@ def noise_ends(sigma_dn: float, low_dn: float, high_dn: float) -> tuple[float, f
         return sigma_dn, sigma_dn
     least, most = (_reached(NOISE_GRADES, end) for end in (low_dn, high_dn))
     return (low_dn, high_dn) if most - least >= UNCERTAIN_GRADES else (sigma_dn, sigma_dn)
+
+
+def may_be_much_more(sigma_dn: float, high_dn: float) -> bool:
+    """Whether noise may be half as much again as estimated, or more; not where an end is unknown (NaN).
+
+    Args:
+        sigma_dn: estimate, DN.
+        high_dn: upper end of its 95 % interval, DN.
+    """
+    return high_dn >= MUCH_MORE * sigma_dn
 
 
 def blur_range(low: NDArray[np.floating], high: NDArray[np.floating]) -> str:

@@ -381,13 +381,14 @@ def test_what_is_unknown_raises_no_alarm_but_is_stated(tmp_path):
 
 @pytest.mark.parametrize(
     ("sigma_dn", "low_dn", "at_most_dn", "limits"),
-    [(3.0, 2.0, 9.0, []), (9.0, 7.0, 12.0, []), (0.1, 0.0, 4.0, []), (0.1, 0.0, 6.0, ["noise"]),
+    [(3.0, 2.0, 9.0, ["noise"]), (4.5, 4.0, 6.0, []), (3.0, 2.0, 5.0, []), (9.0, 7.0, 12.0, []), (0.1, 0.0, 4.0, []), (0.1, 0.0, 6.0, ["noise"]),
      (np.nan, np.nan, 4.0, []), (np.nan, np.nan, 5.0, []), (np.nan, np.nan, 6.0, ["noise"]),
      (np.nan, np.nan, np.nan, ["noise"])],
 )  # fmt: skip
 def test_a_bound_of_noise_decides_where_it_keeps_the_limit(sigma_dn, low_dn, at_most_dn, limits):
-    """Of noise that is unknown or not detected; that texture may hide more than the limit is no alarm, nor none."""
+    """Of noise that is unknown, not detected or perhaps much more: that there may be more is no alarm, nor none."""
     row = {"sigma_dn": sigma_dn, "sigma_low_dn": low_dn, "sigma_at_most_dn": at_most_dn, "abstained": {}}
+    row["sigma_high_dn"] = at_most_dn if np.isfinite(sigma_dn) else np.nan
     row |= {"noise_patches": 30, "mtf50_horizontal": np.nan, "mtf50_vertical": np.inf}
     assert undecided(row, 5.0, None) == limits
     assert undecided(row, None, 0.2) == ["blur horizontal"] and undecided(row, None, None) == []

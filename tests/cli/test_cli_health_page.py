@@ -355,6 +355,15 @@ def test_noise_that_texture_may_hide_is_stated_beside_none():
     assert any("Worst frame" in words and "up to 14 DN" in words for words in worst)
 
 
+@pytest.mark.parametrize(
+    ("high_dn", "words"),
+    [(5.9, "noise moderate (4.2 DN)"), (9.8, "noise moderate (4.2 DN; there may be up to 10 DN)")],
+)
+def test_noise_that_may_be_much_more_than_estimated_is_stated_beside_it(high_dn, words):
+    row = frame_row(0, sigma_dn=4.2, sigma_low_dn=3.6, sigma_high_dn=high_dn, noise="moderate", blur="sharp")
+    assert words in run_verdict([row], without_precision="")["sentence"]
+
+
 def test_a_run_whose_noise_a_codec_mostly_hides_is_not_judged_by_the_frames_that_have_an_estimate():
     coded = frame_row(0, sigma_dn=np.nan, sigma_high_dn=np.nan, sigma_at_most_dn=14.2, noise="", blur="sharp",
                       ap_low_percent=31.0, sharp_ap_percent=96.0, mtf=np.full((2, 8), 0.99))  # fmt: skip
