@@ -381,7 +381,8 @@ def test_what_is_unknown_raises_no_alarm_but_is_stated(tmp_path):
 
 @pytest.mark.parametrize(
     ("sigma_dn", "low_dn", "at_most_dn", "limits"),
-    [(3.0, 2.0, 9.0, ["noise"]), (4.5, 4.0, 6.0, []), (3.0, 2.0, 5.0, []), (9.0, 7.0, 12.0, []), (0.1, 0.0, 4.0, []), (0.1, 0.0, 6.0, ["noise"]),
+    [(3.0, 2.0, 9.0, ["noise"]), (4.5, 4.0, 6.0, []), (3.0, 2.0, 5.0, []), (9.0, 7.0, 12.0, []),
+     (0.1, 0.0, 4.0, []), (0.1, 0.0, 6.0, ["noise"]),
      (np.nan, np.nan, 4.0, []), (np.nan, np.nan, 5.0, []), (np.nan, np.nan, 6.0, ["noise"]),
      (np.nan, np.nan, np.nan, ["noise"])],
 )  # fmt: skip
