@@ -35,8 +35,9 @@ from pipeline.streams import KeyPart, stream
 NoiseGain = Literal["physical", "linear"]
 NOISE_GAINS = ("physical", "linear")
 SATURATED_LEVEL = 0.98
-_TABULATED = 256
 """Linear level from which a pixel counts as saturated: read noise spreads pixels of a full well below full scale."""
+
+_TABULATED = 256  # levels at which the noise of a frame is computed
 
 _MOST_COUNTED_E = np.float32(2.0**19)  # brighter light than this is far beyond any well: it is not drawn
 
@@ -205,9 +206,8 @@ class Camera:
     def sigma_dn(self, electrons: ArrayLike, gain: float, exposure_s: float) -> float:
         """Median over the pixels of the noise after the tone curve (`tone_curve.noise_after_curve`), DN.
 
-        Saturated pixels are left out; a frame with nothing else gives 0. It is the noise before the
-        frame is rounded to 8 bit, which adds about 1/12 DN^2 and counts where noise is weak: frames of 0.379 DN have
-        0.476 DN as delivered.
+        Saturated pixels are left out; a frame with nothing else gives 0. It is the noise before the frame is rounded to
+        8 bit, which adds about 1/12 DN^2 and counts where noise is weak: frames of 0.379 DN have 0.476 DN as delivered.
 
         Args:
             electrons: (H, W) mean photo-electrons, e-.
