@@ -20,7 +20,7 @@ from pipeline.cli.watch_alarms import alarm_words
 from pipeline.streams import stream
 
 CLEAR = {
-    "picture": "a.png", "sigma_dn": 0.4, "sigma_low_dn": 0.2, "sigma_at_most_dn": 1.1,
+    "picture": "a.png", "sigma_dn": 0.4, "sigma_low_dn": 0.2, "sigma_high_dn": 1.1, "sigma_at_most_dn": 1.1,
     "noise_patches": 30, "abstained": {}, "mtf50_horizontal": 0.5, "mtf50_vertical": 0.5,
     "flags": "", "row_noise_dn": 0.3, "column_noise_dn": 0.0, "dead_lines": 0,
     "impulse_fraction": 0.0,
@@ -70,7 +70,7 @@ def test_noise_that_the_estimate_leaves_out_does_not_keep_a_threshold(row, limit
 
 
 def test_noise_beyond_what_estimators_know_is_above_any_threshold_of_theirs():
-    strong = CLEAR | {"sigma_dn": np.nan, "sigma_low_dn": np.nan, "sigma_at_most_dn": np.nan}
+    strong = CLEAR | {"sigma_dn": np.nan, "sigma_low_dn": np.nan, "sigma_high_dn": np.nan, "sigma_at_most_dn": np.nan}
     assert alarms(strong | {"abstained": {"noise": {"beyond": 16}}}, 8.0, None) == ["noise"]
     half = strong | {"abstained": {"noise": {"beyond": 15, "uncertain": 15}}}
     assert alarms(half, 8.0, None) == alarms(strong | {"abstained": {"noise": {"beyond": 16}}}, 60.0, None) == []
