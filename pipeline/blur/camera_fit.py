@@ -114,9 +114,9 @@ def _strength(samples: Samples, maps: Sequence[Sequence[Map]]) -> _Strength:
     scenes = int(samples.scene.max()) + 1
     if scenes == 1:
         return _Strength(*ONE_SCENE)
-    judged = samples.scene if scenes > FEW_SCENES else np.arange(len(samples.known))
+    independent = samples.scene if scenes > FEW_SCENES else np.arange(len(samples.known))
     held_out = _held_out(maps, samples.logits, samples.fold)
-    return _chosen(held_out, samples.logits[:, :VALUES], samples.known, judged)
+    return _chosen(held_out, samples.logits[:, :VALUES], samples.known, independent)
 
 
 def _corrected(

@@ -109,7 +109,7 @@ def blurred(estimator: BlurEstimator, sharp: NDArray[np.float32], samples: int, 
     if noisy:
         shown, kernel = _several_at_once(fold, samples, stream(seed, "camera fit patches"))
     bank = _kernels(int(kernel[-1]) + 1, seed)
-    clean, under_noise = _estimates(estimator, sharp[shown], bank, kernel, seed, noisy=noisy)
+    clean, under_noise = _estimates(estimator, sharp, shown, bank, kernel, seed, noisy=noisy)
     mtfs = _networks_mtf(clean)
     usable = np.asarray(~np.isnan(mtfs).any(axis=1))
     if noisy:
@@ -138,7 +138,8 @@ def blurred(estimator: BlurEstimator, sharp: NDArray[np.float32], samples: int, 
 
 def _estimates(
     estimator: BlurEstimator,
-    patches: NDArray[np.float32],
+    sharp: NDArray[np.float32],
+    shown: NDArray[np.int_],
     bank: NDArray[np.float32],
     kernel: NDArray[np.int_],
     seed: int,
@@ -149,9 +150,10 @@ def _estimates(
 
     Args:
         estimator: not calibrated.
-        patches: (N, 1, 192, 192) in [0, 1], sharp.
+        sharp: (P, 1, 192, 192) in [0, 1]; copied a part of the samples at a time, for all of them take 350 MB.
+        shown: (N,) number of the patch that each sample shows.
         bank: (K, 49, 49) kernels.
-        kernel: (N,) number of that which blurs each patch; patches of one kernel have noise of one strength.
+        kernel: (N,) number of that which blurs each sample; samples of one kernel have noise of one strength.
         seed: of the noise.
         noisy: read them with noise as well.
     """
@@ -160,10 +162,10 @@ def _estimates(
     sigma_dn = stream(seed, "camera fit noise").uniform(0, LARGEST_SIGMA_DN, len(bank))
     clean: list[BlurEstimate] = []
     under_noise: list[BlurEstimate] = []
-    for first in range(0, len(patches), AT_ONCE):
+    for first in range(0, len(shown), AT_ONCE):
         part = slice(first, first + AT_ONCE)
         kernels = bank[kernel[part]]
-        levels = blur(patches[part], kernels / kernels.sum((1, 2), keepdims=True)) * FULL_SCALE_DN
+        levels = blur(sharp[shown[part]], kernels / kernels.sum((1, 2), keepdims=True)) * FULL_SCALE_DN
         clean.append(estimator.estimate(np.rint(levels) / FULL_SCALE_DN))
         if noisy:
             generator = stream(seed, "camera fit noise", first)

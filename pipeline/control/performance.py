@@ -136,7 +136,7 @@ class Performance:
         if level is None or not self.darker:
             return self._at_level(sigma_dn, motion_px, count)
         parts = [other._at_level(sigma_dn, motion_px, count) for other in (self, *self.darker)]
-        stops = -np.log2([self.level, *(other.level for other in self.darker)])
+        stops = self._stops()
         shape = np.broadcast_shapes(np.shape(sigma_dn), np.shape(motion_px), np.shape(level))
         wanted = np.broadcast_to(-np.log2(np.maximum(np.asarray(level, dtype=float), 1e-6)), shape)
         inside = (wanted >= stops[0] - LEVEL_SLACK_STOPS) & (wanted <= stops[-1] + LEVEL_SLACK_STOPS)
@@ -149,6 +149,10 @@ class Performance:
             between = np.where(share < 1 - _EDGE, before * (1 - share), 0.0) + _next(after, share)
             mixed.append(np.where(inside, between, np.nan))
         return mixed
+
+    def _stops(self) -> Floats:
+        """Levels of this surface and the darker ones, in stops below white, rising."""
+        return np.asarray(-np.log2([self.level, *(other.level for other in self.darker)]))
 
     def _at_level(self, sigma_dn: ArrayLike, motion_px: ArrayLike, count: int) -> list[Floats]:
         sigma, motion = np.broadcast_arrays(np.asarray(sigma_dn, float), np.asarray(motion_px, float))
@@ -175,7 +179,7 @@ class Performance:
         if level is None or not self.darker:
             return self._calibrated_dn(estimated_dn)
         parts = [other._calibrated_dn(estimated_dn) for other in (self, *self.darker)]
-        stops = -np.log2([self.level, *(other.level for other in self.darker)])
+        stops = self._stops()
         index, share = _position(np.clip(-np.log2(max(level, 1e-6)), stops[0], stops[-1]), stops)
         return np.asarray(parts[int(index)] * (1 - share) + parts[int(index) + 1] * share)
 

@@ -13,12 +13,12 @@ With t = ln(1 + sigma), the weight w of the network for correlated noise, and it
                 motion; or the scene's texture has that direction. The end then reaches as far as these areas vary.
                 Where a codec shows and the interval ends below `WEAK_DN` there may as well be no noise: the lower end
                 is zero
+    widened     `cellwise` does not know of mild codecs, which leave strong noise white and no trace of themselves, but
+                change its strength: where it answers alone, its interval is wider by `PLAIN_PART`
     shadowed    where there is noise for certain, the upper end is at least `PRINCIPAL_REACH` times the white noise by
                 principal components of the whole patch. `cellwise` takes the variance to be that of a sensor, even or
                 rising with brightness, and carries what smooth cells show to the others; behind a tone curve noise is
                 strongest in shadows, of which it then reads a half to nine tenths
-    widened     `cellwise` does not know of mild codecs, which leave strong noise white and no trace of themselves, but
-                change its strength: where it answers alone, its interval is wider by `PLAIN_PART`
 """
 
 from __future__ import annotations
