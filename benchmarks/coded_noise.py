@@ -1,17 +1,18 @@
-"""The default noise estimator on frames with white noise behind a codec or a filter: right, abstained, or wrong.
+"""The default noise estimator on frames with noise behind a codec, a filter or a tone curve: right or wrong.
 
     python benchmarks/coded_noise.py [--dataset NAME=KIND:ROOT ...] [--frames N] [--patches N] [--rows CSV] [--out FILE]
 
 Frames of *Sim* and of the datasets named (kinds of `pipeline.datasets`, e.g. ``kitti=kitti:data/raw/kitti``) get normal
 noise of 0 to 25 DN, equal in all colours, and are stored as JPEG, Motion JPEG, MPEG-4 or H.264
 (`pipeline.camera.processing.codec`); a video is of three frames, the last is taken. Others are filtered, scaled or
-turned (`FILTERS`), as frames are that were denoised, resized or rectified before. The *truth* of a patch is the
-standard deviation over four shots of the processed frames, each with its own noise: what differs from shot to shot is
-noise, whoever made it. Noise that a recorded frame has itself stays the same and is not among it, so that weak noise is
-judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere; those with more than 5 % of black or
-white pixels (``saturated``) are left out: clipping took part of their noise, and the estimate is of the rest of the
-patch. Frames are estimated whole (`pipeline.condition.ConditionMonitor`), and their truth is that of the
-median tile.
+turned (`FILTERS`), as frames are that were denoised, resized or rectified before, or get photon or readout noise in
+linear light (`CURVES`), as those of a monochrome camera with a gamma, whose noise is strongest in the shadows. The
+*truth* of a patch is the standard deviation over four shots of the processed frames, each with its own noise: what
+differs from shot to shot is noise, whoever made it. Noise that a recorded frame has itself stays the same and is not
+among it, so that weak noise is judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere; those
+with more than 5 % of black or white pixels (``saturated``) are left out: clipping took part of their noise, and the
+estimate is of the rest of the patch. Frames are estimated whole (`pipeline.condition.ConditionMonitor`), and their
+truth is that of the median tile.
 
 An answer is ``wrong`` where it is off by more than 20 % of the truth and by more than 0.5 DN. ``wrong_fraction`` and
 ``held_fraction`` (of truths in the 95 % interval) are of the answers; ``compressed_fraction`` is that of abstentions
@@ -41,6 +42,7 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
+from pipeline.camera import tone_curve  # noqa: E402
 from pipeline.camera.processing import temporal_noise  # noqa: E402
 from pipeline.camera.processing.codec import VIDEO, Codec, store  # noqa: E402
 from pipeline.camera.saturation import saturated_fraction  # noqa: E402
@@ -51,6 +53,7 @@ from pipeline.datasets.pictures import read_grey8  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
 from pipeline.noise.base import COMPRESSED  # noqa: E402
+from pipeline.noise.samples import noise_by_level  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
 
 if TYPE_CHECKING:
@@ -97,7 +100,13 @@ FILTERS: Mapping[str, Callable[[NDArray[np.uint8]], Any]] = {
 }
 """Name -> what is done to the grey frame with its noise."""
 
-PROCESSINGS: tuple[Codec | str, ...] = (*CODECS, *FILTERS)
+CURVES: Mapping[str, tuple[tuple[float, float, float], float]] = {
+    "photons 2.2": ((1.0, 0.0, 0.0), 2.2),
+    "readout 2.2": ((0.0, 0.0, 1.0), 2.2),
+}
+"""Name -> noise that comes before a tone curve, as shares of photons, dark current and readout, and its gamma."""
+
+PROCESSINGS: tuple[Codec | str, ...] = (*CODECS, *FILTERS, *CURVES)
 SIGMAS_DN = (0.0, 2.0, 5.0, 10.0, 25.0)
 SHOTS, FRAMES_BEFORE = 4, 2
 PATCH_PX = 128
@@ -106,13 +115,26 @@ TOLERANCE, TOLERANCE_DN = 0.2, 0.5
 SEED = 1
 
 
+def behind_curve(
+    frame: NDArray[np.uint8],
+    sigma_dn: float,
+    source: tuple[float, float, float],
+    gamma: float,
+    generator: np.random.Generator,
+) -> NDArray[np.uint8]:
+    """A frame with noise that came before its tone curve; the arguments of `pipeline.noise.samples.noise_by_level`."""
+    sigma, _ = noise_by_level(np.bincount(frame.ravel(), minlength=256), sigma_dn, source, gamma)
+    light = tone_curve.decode(frame / 255, gamma) + sigma[frame] * generator.standard_normal(frame.shape)
+    return np.rint(255 * tone_curve.encode(np.clip(light, 0, 1), gamma)).astype(np.uint8)
+
+
 def shots(frame: NDArray[np.uint8], processing: Codec | str, sigma_dn: float, *key: str | float) -> NDArray[np.uint8]:
     """Shots of one scene as they come back from a codec or a filter.
 
     Args:
         frame: (H, W) grey levels, without added noise.
-        processing: the codec that stores them, or one of `FILTERS`.
-        sigma_dn: of the normal noise added before.
+        processing: the codec that stores them, one of `FILTERS`, or one of `CURVES`.
+        sigma_dn: of the normal noise added before; behind a tone curve, of that over the frame.
         key: of the random stream.
 
     Returns:
@@ -127,6 +149,8 @@ def shots(frame: NDArray[np.uint8], processing: Codec | str, sigma_dn: float, *k
     def noisy() -> NDArray[np.uint8]:
         return np.repeat(grey()[..., None], 3, axis=2)
 
+    if isinstance(processing, str) and processing in CURVES:
+        return np.stack([behind_curve(frame, sigma_dn, *CURVES[processing], generator) for _ in range(SHOTS)])
     if isinstance(processing, str):
         return np.stack([FILTERS[processing](grey()) for _ in range(SHOTS)])
     before = FRAMES_BEFORE if processing.name in VIDEO else 0
@@ -257,7 +281,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 for codec, part in kind.groupby("codec", sort=False)
             },
             "by_dataset": {
-                str(name): summarised(part[~part["codec"].isin(["none", *FILTERS])])
+                str(name): summarised(part[~part["codec"].isin(["none", *FILTERS, *CURVES])])
                 for name, part in kind.groupby("dataset", sort=False)
             },
         }

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
-from pipeline.store import Schema, read_arrays, read_json, read_table
+from pipeline.store import Schema, read_arrays, read_csv, read_json, read_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,9 +79,9 @@ def any_table(path: Path) -> pd.DataFrame:
     """
     import pandas as pd
 
+    if path.suffix == ".csv":
+        return read_csv(path, "run the stage that makes it again (dvc repro)")
     try:
-        if path.suffix == ".csv":
-            return pd.read_csv(path)
         if path.suffix == ".parquet":
             return pd.read_parquet(path)
     except FileNotFoundError:

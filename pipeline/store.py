@@ -226,6 +226,27 @@ def read_table(path: str | Path, schema: Schema) -> pd.DataFrame:
     return schema.conform(table, str(path))
 
 
+def read_csv(path: str | Path, remedy: str, text: Mapping[str, str] | None = None) -> pd.DataFrame:
+    """Read a CSV table.
+
+    Args:
+        path: the file.
+        remedy: what mends a file that is missing or broken, for the message.
+        text: columns of text -> their type; others are told by their cells.
+
+    Raises:
+        InputError: the file is missing or no CSV table.
+    """
+    import pandas as pd
+
+    try:
+        return pd.read_csv(path, dtype=dict(text or {}))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such table; {remedy}") from None
+    except (OSError, ValueError) as error:  # pandas' errors of parsing and of encoding are ValueErrors
+        raise InputError(f"{path}: not a CSV table ({printable(str(error).strip())}); {remedy}") from None
+
+
 def read_published(path: str | Path, columns: Mapping[str, type]) -> pd.DataFrame:
     """Read a CSV of published numbers, which people may edit.
 
@@ -240,12 +261,7 @@ def read_published(path: str | Path, columns: Mapping[str, type]) -> pd.DataFram
     import pandas as pd
 
     restore = "restore it from git (git checkout data/paper)"
-    try:
-        table = pd.read_csv(path)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file of published numbers; {restore}") from None
-    except (OSError, ValueError) as error:  # pandas' errors of parsing and of encoding are ValueErrors
-        raise InputError(f"{path}: not a CSV table ({printable(str(error).strip())}); {restore}") from None
+    table = read_csv(path, restore)
     for name, kind in columns.items():
         if name not in table.columns:
             present = ", ".join(map(printable, table))

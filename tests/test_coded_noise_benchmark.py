@@ -40,6 +40,16 @@ def test_shots_are_filtered(name, shape):
     assert 0 < np.sqrt(taken.var(axis=0, ddof=1).mean()) < 7
 
 
+def test_noise_of_linear_light_lies_in_the_shadows():
+    frame = np.repeat(np.array([[40, 200]], np.uint8), 96, axis=1).repeat(160, axis=0)
+    for name, ratio in (("photons 2.2", (40 / 200) ** 0.1), ("readout 2.2", (40 / 200) ** 1.2)):
+        taken = coded_noise.shots(frame, name, 4.0, "two greys", name)
+        deviation = np.sqrt(taken.var(axis=0, ddof=1).reshape(160, 2, 96).mean(axis=(0, 2)))
+        assert np.sqrt((deviation**2).mean()) == pytest.approx(4.0, rel=0.03)
+        assert deviation[1] / deviation[0] == pytest.approx(ratio, rel=0.06)
+    assert not coded_noise.shots(frame, "readout 2.2", 0.0, "none").var(axis=0).any()
+
+
 def test_answers_are_counted():
     nan = np.nan
     table = pd.DataFrame(

@@ -211,6 +211,18 @@ def test_edited_published_numbers_are_one_line(tmp_path, text, words):
     assert table["b"][0] == 2.5 and table["b"].isna()[1] and list(table.columns) == ["a", "b", "c"]
 
 
+@pytest.mark.parametrize("content", [b"", b'a,b\n"1,2\n', b"a\n\xff\xfe\n"])
+def test_a_csv_table_that_is_broken_or_absent_is_one_line(tmp_path, content):
+    path = tmp_path / "t.csv"
+    with pytest.raises(InputError, match=r"t\.csv: no such table; restore it from git"):
+        store.read_csv(path, "restore it from git")
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"t\.csv: not a CSV table \(.*\); restore it from git"):
+        store.read_csv(path, "restore it from git")
+    path.write_text("frame,b\n001,2\n")
+    assert store.read_csv(path, "", {"frame": "str"}).iloc[0].tolist() == ["001", 2]
+
+
 def test_deep_json_is_one_line(tmp_path):
     path = tmp_path / "deep.json"
     path.write_text("[" * 200_000 + "]" * 200_000)

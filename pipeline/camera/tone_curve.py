@@ -49,7 +49,7 @@ def slope(linear: NDArray[np.floating], gamma: float = GAMMA) -> NDArray[np.floa
 
 
 def noise_after_curve(
-    linear: NDArray[np.floating], sigma: NDArray[np.floating], gamma: float = GAMMA
+    linear: NDArray[np.floating], sigma: NDArray[np.floating], gamma: float = GAMMA, *, clipped: bool = True
 ) -> NDArray[np.float64]:
     """Standard deviation of encoded grey levels under normal noise, full scale 1: of ``encode(clip(x + s z, 0, 1))``.
 
@@ -60,12 +60,13 @@ def noise_after_curve(
         linear: (...) levels x.
         sigma: (...) standard deviations s before the curve; shapes broadcast.
         gamma: of the curve.
+        clipped: at black and white, as in a picture; False: of ``encode(x + s z)``, before anything cuts the noise.
 
     Returns:
         (...) by quadrature, exact to a few thousandths.
     """
     levels = np.asarray(linear, np.float64)[..., None] + np.asarray(sigma, np.float64)[..., None] * _NORMAL
-    encoded = np.clip(levels, 0.0, 1.0) ** (1.0 / gamma)
+    encoded = np.clip(levels, 0.0, 1.0) ** (1.0 / gamma) if clipped else encode(levels, gamma)
     mean = encoded @ _DENSITY
     return np.asarray(np.sqrt(np.maximum(encoded**2 @ _DENSITY - mean**2, 0.0)))
 

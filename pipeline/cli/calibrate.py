@@ -172,8 +172,7 @@ def _check_sharpness(names: list[str], mtfs: list[NDArray[Any]], most_empty_frac
     """
     import numpy as np
 
-    from pipeline.cli.health import SHARP_MTF50
-    from pipeline.condition.summary import half_contrast
+    from pipeline.condition.summary import SHARP_MTF50, half_contrast
 
     answered = [mtf[np.isfinite(mtf).all(axis=(1, 2))] for mtf in mtfs]
     every = np.concatenate(answered)

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from pipeline.control.performance import Performance
 
 ALARM = 3  # exit code
-SHARP_MTF50 = 0.2  # fraction of Nyquist below which a frame given as sharp is doubted: about a 4 px disc of defocus
 
 
 @click.command("health")
@@ -314,24 +313,22 @@ def _print_run(run: HealthRun, as_json: bool) -> None:
 
 def _calibrate(monitor: ConditionMonitor, options: HealthOptions) -> set[tuple[int, ...]]:
     """Calibrate a monitor to sharp frames, whose sizes (H, W) are returned; warns of those that do not look sharp."""
+    import warnings
     from collections import Counter
 
-    import numpy as np
-
     from pipeline.cli.pictures import least_side_px, read
-    from pipeline.condition.summary import half_contrast
 
     images: list[NDArray[np.float32]] = []
+    names: list[str] = []
     hinted = Counter[int]()
     for file in options.sharp_files:
         for name, image in read(file, options.every, hinted, least_side_px(monitor.noise_estimator)):
-            mtf50 = half_contrast(monitor.frame(image).mtf.value)
-            if np.isfinite(mtf50).any() and np.nanmin(mtf50) < SHARP_MTF50:
-                click.echo(
-                    f"warning: --sharp {name} does not look sharp: contrast falls to half at "
-                    f"{np.nanmin(mtf50):.2f} of Nyquist; blur relative to it will be underestimated",
-                    err=True,
-                )
             images.append(image)
-    monitor.calibrate(images, fitted=options.calibrate_estimator)
+            names.append(f"--sharp {name}")
+    with warnings.catch_warnings(record=True) as doubts:
+        warnings.simplefilter("always")
+        monitor.calibrate(images, fitted=options.calibrate_estimator, names=names)
+    for doubt in doubts:
+        if doubt.category is UserWarning:  # and not the remarks of a library
+            click.echo(f"warning: {doubt.message}", err=True)
     return {image.shape for image in images}

@@ -8,6 +8,7 @@ counted and has its reason, and a frame without any estimate has NaN, never a ze
 from __future__ import annotations
 
 import time
+import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -26,8 +27,17 @@ from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
 from pipeline.condition.grey_frame import grey_frame
 from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area, shifted
 from pipeline.condition.structure import STRUCTURELESS, structureless
-from pipeline.condition.summary import Summary, at_most_dn, summarise, summarise_noise, with_upper_end
+from pipeline.condition.summary import (
+    SHARP_MTF50,
+    Summary,
+    at_most_dn,
+    half_contrast,
+    summarise,
+    summarise_noise,
+    with_upper_end,
+)
 from pipeline.datasets.patches import Patch, cut, tiles
+from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError
 from pipeline.noise.base import FLAT, NoiseEstimate, NoiseEstimator, smallest_patch_px
 from pipeline.noise.maps import CellEstimator, pasted
@@ -35,6 +45,8 @@ from pipeline.noise.maps import CellEstimator, pasted
 Estimate = TypeVar("Estimate", BlurEstimate, NoiseEstimate)
 
 TILE_PX = 128
+DOUBTED_BY = 24
+"""Most patches by which a frame given as sharp is doubted."""
 
 
 @dataclass(frozen=True)
@@ -173,31 +185,41 @@ class ConditionMonitor:
         self.weights_released = {name: bool(getattr(made, "released", True)) for name, made in estimators.items()}
         """Of ``blur`` and ``noise``: False where the estimator runs on weights that are not the released ones."""
 
-    def calibrate(self, sharp_frames: Sequence[NDArray[np.floating]], *, fitted: bool = False) -> None:
+    def calibrate(
+        self, sharp_frames: Sequence[NDArray[np.floating]], *, fitted: bool = False, names: Sequence[str] = ()
+    ) -> None:
         """Answer from now on with the blur that was *added* to this camera's own sharp frames.
 
-        Called again, it takes the place of the calibration before.
+        Called again, it takes the place of the calibration before. A frame that does not look sharp itself, of which
+        the median patch's contrast falls to half below `SHARP_MTF50`, gives a `UserWarning`: blur relative to it is
+        underestimated.
 
         Args:
             sharp_frames: (H, W) frames in [0, 1], known to be sharp.
             fitted: calibrate by frames that are blurred synthetically (`pipeline.blur.camera_calibration`), which takes
                 some thousand estimates; otherwise divide by the estimates of the frames as they are, which makes sharp
                 frames exactly 1, but errs more where there is blur. An estimator of several members is always fitted.
+            names: of the frames, for warnings; their numbers by default.
 
         Raises:
             InputError: none of their patches can be measured, or the blur estimator's answers are relative to something
                 already, as the generic lens.
         """
         cuts = [_whole_cover(grey_frame(frame)) for frame in sharp_frames]
-        cuts = [part for part in cuts if len(part)]
-        if not cuts:
+        if not any(map(len, cuts)):
             raise InputError(f"sharp frames: none is as large as a patch of {PATCH_PX} px; give whole frames")
-        patches = np.concatenate(cuts)
-        patches = patches[~np.logical_or.reduce(list(_unreadable(patches).values()))]
+        readable = [
+            part[~np.logical_or.reduce(list(_unreadable(part).values()))] if len(part) else part for part in cuts
+        ]
+        patches = np.concatenate(readable)
         if not len(patches):
             raise InputError("sharp frames: no patch has structure that shows sharpness, only shading and noise")
         calibrated, made_of = self._calibrated
         uncalibrated = made_of if self.blur_estimator is calibrated else self.blur_estimator
+        labels = names or [f"sharp frame {number + 1} of {len(cuts)}" for number in range(len(cuts))]
+        for label, part in zip(labels, readable, strict=True):
+            if len(part):
+                _warn_of_blur(label, uncalibrated, part)
         if not fitted and isinstance(uncalibrated, Estimator) and not isinstance(uncalibrated, CameraFittable):
             self.blur_estimator = uncalibrated.divided(patches)
         elif fitted:
@@ -307,6 +329,18 @@ def _whole_cover(frame: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N, 1, 192, 192) patches that cover a frame inside its bars; none where it is too small."""
     area = picture_area(frame)
     return cut(frame, shifted(tiles(frame[area].shape, PATCH_PX, "cover"), area))
+
+
+def _warn_of_blur(label: str, estimator: Any, patches: NDArray[np.float32]) -> None:
+    """Warn of a frame that was given as sharp and does not look it, by up to `DOUBTED_BY` of its patches."""
+    result = estimator.estimate(patches[evenly_spread(range(len(patches)), DOUBTED_BY)])
+    mtf50 = half_contrast(summarise(result.mtf, result.low, result.high).value)
+    if np.isfinite(mtf50).any() and np.nanmin(mtf50) < SHARP_MTF50:
+        warnings.warn(
+            f"{label} does not look sharp: contrast falls to half at {np.nanmin(mtf50):.2f} of Nyquist, expected "
+            f"{SHARP_MTF50:g} or more; blur relative to it will be underestimated",
+            stacklevel=3,
+        )
 
 
 def _unreadable(stack: NDArray[np.float32]) -> dict[str, NDArray[np.bool_]]:

@@ -28,6 +28,9 @@ from pipeline.streams import stream
 Floats = NDArray[np.float64]
 BOOTSTRAP_DRAWS = 200
 HALF = 0.5
+SHARP_MTF50 = 0.2
+"""Fraction of Nyquist below which a frame that was given as sharp is doubted: about a 4 px disc of defocus."""
+
 LEAST_ANSWERING = 0.25
 """Share of a frame's tiles, but for flat, saturated and covered ones, that must answer for its noise. Of 12 frames of
 KITTI, Udacity, *Sim* and that of the paper's authors, means of PolyU and Penn-Fudan with 0 to 10 DN, 43 were answered

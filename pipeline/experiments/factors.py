@@ -30,7 +30,7 @@ from pipeline import blur
 from pipeline.camera import authors, mtf
 from pipeline.camera.constants import FULL_SCALE_DN
 from pipeline.camera.psf.defocus import disc, effective_diameter_px
-from pipeline.cluster_intervals import bias_corrected
+from pipeline.cluster_intervals import bias_corrected, resamples
 from pipeline.errors import InputError
 from pipeline.experiments.condition import Condition
 from pipeline.experiments.frames import TestFrame
@@ -358,7 +358,7 @@ class _Columns:
     def __init__(self, columns: Sequence[_Column], draws: int, seed: int) -> None:
         self.columns = columns
         self.frames = sorted({name for column in columns for name in column.estimates})
-        picks = stream(seed, "bootstrap", "factors").integers(len(self.frames), size=(draws, len(self.frames)))
+        picks = resamples(len(self.frames), draws, stream(seed, "bootstrap", "factors"))
         samples = [self.frames, *([self.frames[number] for number in pick] for pick in picks)]
         self.errors = [np.array([column.amae(sample) for sample in samples]) for column in columns]
 

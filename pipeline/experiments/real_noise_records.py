@@ -17,7 +17,7 @@ from pipeline.experiments.real_noise_tables import (
     TRANSFER_POINTS,
 )
 from pipeline.stage_files import existing, optional
-from pipeline.store import Schema
+from pipeline.store import Schema, read_csv
 
 if TYPE_CHECKING:
     import numpy as np
@@ -169,9 +169,7 @@ def _csv(path: Path, schema: Schema) -> pd.DataFrame:
 
 def _table(path: Path) -> Any:
     """A table as `pipeline.recording.provenance` writes it: empty cells of text are "", those of numbers are NaN."""
-    import pandas as pd
-
     text = {"plane": "string", "picture": "string", "reason": "string", "mean_picture_reason": "string"}
     text["dark_sigma_reason"] = "string"
-    table = pd.read_csv(path, dtype=text)
+    table = read_csv(path, "restore it from git, or measure it again (camera-monitor record)", text)
     return table.assign(**{name: table[name].fillna("") for name in text if name in table})

@@ -8,7 +8,8 @@ procedural pictures only (`training`). Its output, and how it differs from the c
 * Noise counts as the sensor added it: what a lens or motion has blurred since (photon noise of a blurred scene in a
   simulation, film grain, a noisy picture resized) does not.
 * Fine texture is told from noise by the fall of its spectrum; the less sure, the wider the interval.
-* Photon noise is stronger where it is bright: `Cellwise.map` gives sigma for every cell.
+* Photon noise is stronger where it is bright, noise behind a tone curve where it is dark: sigma is the root mean square
+  over the patch, and `Cellwise.map` gives it for every cell.
 
 It knows 8-bit images; others are rounded to 8 bit first.
 """

@@ -1,15 +1,16 @@
 """The cell-wise network: statistics of cells to a map of the noise, and from the map to the patch.
 
     reference^2 = sum_cells w own^2                    own = base + 0.5,   I' = sum_cells w I
-    carried^2 = reference^2 ((1 - f) + f I / I') exp(2 s)
+    carried^2 = reference^2 ((1 - f) + f I / I') ((I + i) / (I' + i))^-q exp(2 s)
     ln sigma_cell = g ln own + (1 - g) ln carried + c
     sigma_patch^2 = mean_cells sigma_cell^2
     ln(1 + sigma) is Laplace distributed about ln(1 + sigma_patch) with scale b
 
 base is Immerkaer's estimate in a cell; w are attention weights, which find the cells that show the noise best. A
 sensor's variance is affine in its signal I: f is the photons' share, with which what smooth dark cells show is carried
-over to bright and textured ones. The gate g is the weight of a cell's own estimate; s (of the patch) and c (of
-the cell) are corrections. All of these, and b, come from the network.
+over to bright and textured ones. A tone curve is steep in the shadows and flat where it is bright, and so noise behind
+it falls with brightness: the power q, 0 of a linear camera, about 2 - 2 / gamma. The gate g is the weight of a cell's
+own estimate; s (of the patch) and c (of the cell) are corrections. All of these, and b, come from the network.
 
 Each cell sees its neighbours (two 3 x 3 layers) and a summary of the whole patch: attention heads average the cells'
 features, and their *powers* as well: the spectrum of many cells together is known to a per cent, which is what it takes
@@ -26,11 +27,14 @@ from torch import nn
 from pipeline.learning.elementwise import logarithm, square_root
 from pipeline.noise.cellwise_features import CHANNELS, MEAN, POWERS, log_power, power
 
-ARCHITECTURE = "sigma-cellwise-1"
+ARCHITECTURE = "sigma-cellwise-2"
 WIDTH = 40
 HEADS = 4
 BASE_OFFSET_DN = 0.5
 LIGHT_FLOOR = 0.005  # of the signal where it is black, as a share of mid grey
+CURVE_FLOOR = 0.1  # i: noise itself lifts black, where the slope of a curve has no end
+STEEPEST = 2.5  # of q
+FLAT_START = -3.0  # of its sigmoid: next to no tone curve to begin with
 TRACED = 2  # heads
 LEVELS = (0.02, 0.15, 0.4, 0.7, 1.0, 1.3, 1.6, 1.97)  # of brightness, mid grey = 1
 LEVEL_REACH = 0.3
@@ -59,7 +63,7 @@ class CellwiseNet(nn.Module):
         self.join = nn.Conv2d(WIDTH, WIDTH, 3, padding=1)
         self.mix = nn.Conv2d(WIDTH, WIDTH, 1)
         self.cell = nn.Conv2d(WIDTH, 2, 1)
-        self.patch = nn.Linear(WIDTH, 2)
+        self.patch = nn.Linear(WIDTH, 3)
         self.spread = nn.Linear(3 * WIDTH, 1)
 
     def forward(
@@ -86,8 +90,9 @@ class CellwiseNet(nn.Module):
         summary = self.summary(torch.cat([(shares @ cells.mT).flatten(1), spectra.flatten(1), traces], dim=1))
         joined = functional.relu(self.join(seen) + self.context(summary)[:, :, None, None])
         mixed = functional.relu(self.mix(joined))
-        level, photons = self.patch(summary).unbind(1)
-        carried = self._carried(first, light, selected, torch.sigmoid(photons))
+        level, photons, curve = self.patch(summary).unbind(1)
+        fall = STEEPEST * torch.sigmoid(curve + FLAT_START)
+        carried = self._carried(first, light, selected, torch.sigmoid(photons), fall)
         carried = logarithm(carried) + level.clamp(*PATCH_CORRECTION)[:, None]
         gate, correction = self.cell(mixed).flatten(2).unbind(1)
         blend = torch.lerp(carried, logarithm(selected), torch.sigmoid(gate)) + correction.clamp(*CELL_CORRECTION)
@@ -98,12 +103,16 @@ class CellwiseNet(nn.Module):
         return sigma_dn, functional.softplus(spread + SCALE_START) + SMALLEST_SCALE, map_dn
 
     @staticmethod
-    def _carried(weights: torch.Tensor, light: torch.Tensor, own: torch.Tensor, share: torch.Tensor) -> torch.Tensor:
+    def _carried(
+        weights: torch.Tensor, light: torch.Tensor, own: torch.Tensor, share: torch.Tensor, fall: torch.Tensor
+    ) -> torch.Tensor:
         """The noise of the cells attended to, carried over to all (N, cells) by brightness, DN."""
         light = light + LIGHT_FLOOR
         reference = (weights * own.square()).sum(1, keepdim=True)
-        relative = light / (weights * light).sum(1, keepdim=True)
-        return square_root(reference * (1 + share[:, None] * (relative - 1)))
+        attended = (weights * light).sum(1, keepdim=True)
+        relative = light / attended
+        curve = logarithm((light + CURVE_FLOOR) / (attended + CURVE_FLOOR)) * fall[:, None]
+        return square_root(reference * (1 + share[:, None] * (relative - 1))) * (-0.5 * curve).exp()
 
     @staticmethod
     def _traces(weights: torch.Tensor, light: torch.Tensor, own: torch.Tensor) -> torch.Tensor:

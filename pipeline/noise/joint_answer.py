@@ -15,10 +15,6 @@ With t = ln(1 + sigma), the weight w of the network for correlated noise, and it
                 is zero
     widened     `cellwise` does not know of mild codecs, which leave strong noise white and no trace of themselves, but
                 change its strength: where it answers alone, its interval is wider by `PLAIN_PART`
-    shadowed    where there is noise for certain, the upper end is at least `PRINCIPAL_REACH` times the white noise by
-                principal components of the whole patch. `cellwise` takes the variance to be that of a sensor, even or
-                rising with brightness, and carries what smooth cells show to the others; behind a tone curve noise is
-                strongest in shadows, of which it then reads a half to nine tenths
 """
 
 from __future__ import annotations
@@ -53,13 +49,6 @@ how much noise there may be then over the white noise with which the flattest wo
 along rows or columns by 1 to 2 px lies beyond in nine tenths of all patches of KITTI and Udacity, and is 1.1 to 1.8
 times the latter; both networks read none. As recorded 3 % of the patches of KITTI lie beyond, none of CC, .5 % of
 PolyU and a third of the authors' *Sim*, whose road is seen at a slant."""
-
-
-PRINCIPAL_REACH = 1.15
-"""Over the noise by principal components, which is 0.9 to 1.1 times the noise in nine tenths of patches with photon or
-readout noise behind a tone curve. On ten frames of KITTI, Udacity and the authors' *Sim* the intervals so hold 95 % of
-patches with photon noise (63 % without this end), 96 % of defocused ones (49 %), 88 and 90 % with strong readout noise
-(44 and 35 %); those of even white noise are 9 % wider at 2 DN and 1 to 3 % from 5 DN on."""
 
 
 @dataclass(frozen=True)
@@ -153,19 +142,6 @@ def conceded(
     moved = joint.copy()
     moved.high_dn[at], moved.low_dn[at] = high, np.where(may_be_none, 0.0, low)
     return moved
-
-
-def shadowed(joint: Levels, detected: NDArray[np.intp], principal_dn: NDArray[np.float64]) -> Levels:
-    """The joint answers with upper ends that allow for more noise in shadows; see the module.
-
-    Args:
-        joint: answers of both networks.
-        detected: indices of the K patches in which there is noise for certain.
-        principal_dn: (K,) white noise of these by principal components, DN.
-    """
-    wide = joint.copy()
-    wide.high_dn[detected] = np.maximum(joint.high_dn[detected], PRINCIPAL_REACH * principal_dn)
-    return wide
 
 
 def widened(joint: Levels, plain: NDArray[np.intp]) -> Levels:

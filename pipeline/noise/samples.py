@@ -8,6 +8,11 @@ that of readout r, which comes after. All are normal (the counts behind them are
 before anything cuts the noise**: that of the sensor, locally, which photon noise makes larger where it is bright. In a
 white sky half of the noise is cut away and the sensor's sigma follows from the other half.
 
+Of a share of the samples I is what a tone curve made of linear light, I = x^(1 / gamma), as of a monochrome camera with
+a gamma. Noise then came to x, and is strongest in the shadows, where the curve is steep (`noise_by_level`):
+
+    D = round_or_floor(clip(255 (x + n)^(1 / gamma))),    var(n) = g^2 (p x + d + r)
+
 What the networks must not take for noise is in I: fine texture with the falling spectrum of natural surfaces,
 everywhere or by material; noise that a lens or a motion has blurred; what interpolation and compression leave.
 
@@ -21,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera import tone_curve
 from pipeline.learning import images
 from pipeline.learning.textures import power_law, smooth_field
 from pipeline.noise.maps import CELL_PX
@@ -30,6 +36,9 @@ from pipeline.streams import stream
 MARGIN_PX = 16
 FULL_WELL_SHARE = 0.85
 """How often the full well lies at white, as in the paper's sensor, so that charge cannot exceed it."""
+_GAIN_ROUNDS = 8
+_MOST_NOISE_AT_WHITE = 0.5
+"""In linear light, as a share of white: a dark patch's photon noise does not grow beyond reason."""
 
 Plane = NDArray[np.float32]
 
@@ -106,6 +115,11 @@ def noisy(clean: Plane, recipe: Recipe, generator: np.random.Generator) -> tuple
         sigma = float(generator.uniform(low, high))
     signal = clean / np.float32(255)
     photon, dark, readout = _source(generator, recipe.sources)
+    if recipe.tone_curve_fraction and generator.random() < recipe.tone_curve_fraction:
+        gamma = float(generator.uniform(*recipe.gamma))
+        image, sigma_at = _behind_tone_curve(clean, sigma, (photon, dark, readout), gamma, generator)
+        power = (sigma_at**2)[clean.astype(np.intp)].reshape(cells, CELL_PX, cells, CELL_PX).mean(axis=(1, 3))
+        return _rounded(image, generator), float(np.sqrt(power.mean())), np.sqrt(power)
     charge = photon * signal + np.float32(dark)
     # A patch in the dark of a frame whose noise is that of its bright parts: photon noise does not grow beyond reason.
     gain = np.float32(sigma / np.sqrt(max(float(charge.mean()) + readout, 0.02 * photon)))
@@ -114,9 +128,68 @@ def noisy(clean: Plane, recipe: Recipe, generator: np.random.Generator) -> tuple
         np.clip(image, 0, 255, out=image)
     if readout:
         image += gain * np.float32(np.sqrt(readout)) * generator.standard_normal(clean.shape, dtype=np.float32)
-    rounded = np.floor(image + 0.5) if generator.random() < 0.5 else np.floor(image)  # rounded, or cut as by many
+    patch = _rounded(image, generator)
     power = (charge + np.float32(readout)).reshape(cells, CELL_PX, cells, CELL_PX).mean(axis=(1, 3)) * gain**2
-    return np.clip(rounded, 0, 255).astype(np.uint8), float(np.sqrt(power.mean())), np.sqrt(power)
+    return patch, float(np.sqrt(power.mean())), np.sqrt(power)
+
+
+def _rounded(image: Plane, generator: np.random.Generator) -> NDArray[np.uint8]:
+    """8 bit: rounded, or cut as by many cameras."""
+    rounded = np.floor(image + 0.5) if generator.random() < 0.5 else np.floor(image)
+    return np.clip(rounded, 0, 255).astype(np.uint8)
+
+
+def _behind_tone_curve(
+    clean: Plane, sigma_dn: float, source: tuple[float, float, float], gamma: float, generator: np.random.Generator
+) -> tuple[Plane, Plane]:
+    """Noise that came in linear light, behind the tone curve of a camera: strongest in the shadows.
+
+    Args:
+        clean: (S, S) whole numbers 0..255.
+        sigma_dn: wanted root mean square over the patch.
+        source: natural variances, see `_source`.
+        gamma: of the curve.
+        generator: source of randomness.
+
+    Returns:
+        (S, S) the picture, DN, not cut, and (256,) the noise of each grey level, DN.
+    """
+    level = clean.astype(np.intp)
+    before, after_dn = noise_by_level(np.bincount(level.ravel(), minlength=256), sigma_dn, source, gamma)
+    light = tone_curve.decode(np.arange(256) / 255, gamma)
+    image = 255 * tone_curve.encode(light[level] + before[level] * generator.standard_normal(clean.shape), gamma)
+    return image.astype(np.float32), after_dn.astype(np.float32)
+
+
+def noise_by_level(
+    pixels: NDArray[np.integer], sigma_dn: float, source: tuple[float, float, float], gamma: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Noise in linear light at each grey level, of a strength that is wanted behind the tone curve.
+
+        var(x) = g^2 (p x + d + r),    x linear light,    g such that the root mean square over the pixels is sigma
+
+    Args:
+        pixels: (256,) of a picture with each grey level.
+        sigma_dn: wanted. It is not reached where noise at white would be more than half of white.
+        source: natural variances of photon noise at white, dark current and readout: p, d, r.
+        gamma: of the curve.
+
+    Returns:
+        (256,) standard deviation before the curve, full scale 1; (256,) behind it, before anything cuts it, DN.
+    """
+    photon, dark, readout = source
+    light = tone_curve.decode(np.arange(256) / 255, gamma)
+    natural = np.sqrt(photon * light + dark + readout)
+    share = pixels / pixels.sum()
+
+    def after_dn(gain: float) -> NDArray[np.float64]:
+        return 255 * tone_curve.noise_after_curve(light, gain * natural, gamma, clipped=False)
+
+    gain = 1e-3
+    for _ in range(_GAIN_ROUNDS):
+        gain *= sigma_dn / np.sqrt(max(float(share @ after_dn(gain) ** 2), 1e-6))
+        gain = min(gain, _MOST_NOISE_AT_WHITE / float(natural[-1]))
+    return gain * natural, after_dn(gain)
 
 
 def _source(generator: np.random.Generator, sources: str) -> tuple[float, float, float]:

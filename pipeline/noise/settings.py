@@ -29,6 +29,8 @@ class Recipe:
             before a blur, which does not count.
         interpolated_fraction, compressed_fraction: shares enlarged from fewer pixels, and stored as JPEG.
         sources: which noise: ``"any"`` (photon, constant and mixed) or ``"mixed"`` only.
+        tone_curve_fraction: share of the samples with noise whose light went through a tone curve after the noise came.
+        gamma: range of that curve's exponent.
     """
 
     size_px: Annotated[int, Field(ge=16, le=256, multiple_of=8)] = 128
@@ -42,6 +44,8 @@ class Recipe:
     interpolated_fraction: Fraction = 0.12
     compressed_fraction: Fraction = 0.15
     sources: Literal["any", "mixed"] = "any"
+    tone_curve_fraction: Fraction = 0.0
+    gamma: tuple[NonNegative, NonNegative] = (1.5, 2.6)
 
 
 @dataclass(frozen=True, config=STRICT)

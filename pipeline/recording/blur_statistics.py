@@ -141,7 +141,8 @@ def _kept_estimates(kept: Path, record: BlurRecord, folder: Path) -> pd.DataFram
     table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(MEASUREMENTS.columns))
     of_record = (table["dataset"] == record.dataset) & (table["quantity"] == "mtf")
     table = MEASUREMENTS.conform(table[of_record].drop_duplicates(), str(kept))
-    with_patches = list(dict.fromkeys(pd.read_csv(folder / PATCHES_FILE, dtype={"frame": str})["frame"]))
+    in_record = store.read_csv(folder / PATCHES_FILE, "restore it from git", {"frame": "str"})
+    with_patches = list(dict.fromkeys(in_record["frame"]))
     whole = []
     for name in record.estimators:
         frames, patches = record.measured_on(name)

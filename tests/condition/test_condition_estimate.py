@@ -153,6 +153,16 @@ def test_the_cameras_own_blur_can_be_divided_out(monkeypatch):
         ConditionMonitor(blur_options={"output": "relative"}).calibrate(sharp, fitted=True)
 
 
+def test_frames_that_are_given_as_sharp_and_are_not_give_a_warning(recwarn):
+    sharp, soft = seen(frame("a"), 0.0), seen(frame("b"), 0.0, create("defocus", 7.0))
+    ConditionMonitor().calibrate([sharp])
+    assert not [each for each in recwarn if each.category is UserWarning]
+    with pytest.warns(UserWarning, match=r"^sharp frame 2 of 2 does not look sharp: contrast falls to half at 0\.[01]"):
+        ConditionMonitor().calibrate([sharp, soft])
+    with pytest.warns(UserWarning, match=r"^night\.png does not look sharp"):
+        ConditionMonitor().calibrate([soft], names=["night.png"])
+
+
 def test_any_two_estimators_of_the_registries_serve():
     result = ConditionMonitor("spectral", "pca").frame(seen(frame(), 10.0))
     assert abs(float(result.sigma_dn.value) - 10) < 2

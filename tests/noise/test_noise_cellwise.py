@@ -10,6 +10,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from skimage import data
 
 from pipeline import noise
 from pipeline.camera.corruption import corrupt
@@ -19,6 +20,7 @@ from pipeline.learning.textures import power_law
 from pipeline.noise.cellwise import Cellwise
 from pipeline.noise.cellwise_features import CELL_PX, CHANNELS, POWERS, features, log_power, power
 from pipeline.noise.cellwise_net import ARCHITECTURE, CellwiseNet
+from pipeline.noise.samples import noise_by_level
 from pipeline.streams import stream
 
 
@@ -112,6 +114,26 @@ def test_known_noise_comes_back(estimator: Cellwise, noise_source: str, sigma_dn
     assert (estimate.low_dn <= estimate.sigma_dn).all()
     assert (estimate.sigma_dn <= estimate.high_dn).all()
     assert np.mean((estimate.low_dn <= truth) & (truth <= estimate.high_dn)) >= 4 / 6
+
+
+@pytest.mark.parametrize("source", [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)])
+@pytest.mark.parametrize("gamma", [1.6, 2.2])
+def test_noise_behind_a_tone_curve_comes_back(
+    estimator: Cellwise, source: tuple[float, float, float], gamma: float
+) -> None:
+    """Photographs under noise in linear light: strongest in the shadows; smooth bright cells show little of it."""
+    from pipeline.camera import tone_curve
+
+    for name in ("camera", "coins", "moon"):
+        levels = getattr(data, name)()[:256, :384]
+        pixels = np.bincount(levels.ravel(), minlength=256)
+        before, _ = noise_by_level(pixels, 8.0, source, gamma)
+        light = tone_curve.decode(levels / 255, gamma)
+        light = light + before[levels] * stream(7, "curve", name).standard_normal(levels.shape)
+        seen = np.rint(255 * np.clip(tone_curve.encode(light, gamma), 0, 1))
+        patches = [seen[y : y + 128, x : x + 128] for y in (0, 128) for x in (0, 128, 256)]
+        answer = estimator.estimate(np.stack(patches)[:, None].astype(np.float32) / 255)
+        assert np.sqrt((answer.sigma_dn**2).mean()) == pytest.approx(8.0, rel=0.12), name
 
 
 def test_no_noise_reads_as_none(estimator: Cellwise) -> None:
@@ -219,7 +241,7 @@ def test_foreign_or_incomplete_weights_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such weight file"):
         noise.create("cellwise", weights=tmp_path / "none.safetensors")
     weights.save(tmp_path / "other.safetensors", CellwiseNet().state_dict(), "sigma-cnn-1")
-    with pytest.raises(InputError, match="expected 'sigma-cellwise-1'"):
+    with pytest.raises(InputError, match="expected 'sigma-cellwise-2'"):
         noise.create("cellwise", weights=tmp_path / "other.safetensors")
     weights.save(tmp_path / "silent.safetensors", CellwiseNet().state_dict(), ARCHITECTURE)
     with pytest.raises(InputError, match="holds no interval"):

@@ -98,6 +98,52 @@ def test_white_keeps_its_label_though_half_of_the_noise_is_cut() -> None:
         assert 0.5 * 20 < np.sqrt(np.mean(present**2)) < 0.95 * 20
 
 
+@pytest.mark.parametrize("number", range(8))
+@pytest.mark.parametrize("grey", [60, 128, 180])
+def test_the_label_behind_a_tone_curve_is_the_noise_that_was_added(grey: int, number: int) -> None:
+    """Where nothing clips: the deviation of the patch within what sampling allows."""
+    recipe = Recipe(clean_fraction=0.0, low_fraction=0.0, sigma_dn=(3.0, 9.0), tone_curve_fraction=1.0)
+    clean = np.full((256, 256), grey, np.float32)
+    noisy, sigma, cells = samples.noisy(clean, recipe, stream(4, "label", grey, number))
+    assert 2.8 < sigma < 9.2
+    assert noisy.std() == pytest.approx(np.hypot(sigma, 1 / 12**0.5), rel=0.03)
+    np.testing.assert_allclose(cells, sigma, rtol=1e-5)
+
+
+def test_noise_behind_a_tone_curve_lies_in_the_shadows() -> None:
+    """Of dark current or readout: with the slope of the curve. Photon noise behind a square root is even."""
+    clean = np.full((128, 128), 40, np.float32)
+    clean[:, 64:] = 160
+    recipe = Recipe(
+        clean_fraction=0.0, low_fraction=0.0, sigma_dn=(3.0, 3.5), tone_curve_fraction=1.0, gamma=(2.0, 2.000001)
+    )
+    ratios = []
+    for number in range(40):
+        noisy, _, cells = samples.noisy(clean, recipe, stream(4, "ratio", number))
+        ratios.append(float(cells[:, :8].mean() / cells[:, 8:].mean()))
+        shown = noisy.astype(float)
+        assert shown[:, :64].std() / shown[:, 64:].std() == pytest.approx(ratios[-1], rel=0.12)
+    assert max(ratios) == pytest.approx(4.0, rel=0.05)
+    assert min(ratios) == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_dark_patch_has_no_more_noise_behind_a_tone_curve_than_a_camera_can_have() -> None:
+    recipe = Recipe(clean_fraction=0.0, low_fraction=0.0, sigma_dn=(40.0, 42.0), tone_curve_fraction=1.0)
+    for number in range(20):
+        noisy, sigma, cells = samples.noisy(np.full((64, 64), 1, np.float32), recipe, stream(4, "dark", number))
+        assert np.isfinite(cells).all() and 0 < sigma < 43
+        assert noisy.dtype == np.uint8
+
+
+def test_without_a_tone_curve_nothing_is_drawn_for_it() -> None:
+    """Trainings of before keep their samples."""
+    clean = np.full((64, 64), 90, np.float32)
+    recipe = Recipe(clean_fraction=0.0)
+    plain, _, _ = samples.noisy(clean, recipe, stream(5, "none"))
+    other, _, _ = samples.noisy(clean, replace(recipe, gamma=(1.1, 1.2)), stream(5, "none"))
+    np.testing.assert_array_equal(plain, other)
+
+
 def test_clean_samples_are_clean() -> None:
     clean = np.rint(stream(0, "clean").uniform(0, 255, (64, 64))).astype(np.float32)
     noisy, sigma, cells = samples.noisy(clean, Recipe(clean_fraction=1.0), stream(0, "clean noise"))

@@ -45,6 +45,8 @@ CODECS = {
     "median": "median filter, 3 px",
     "bilateral": "bilateral filter",
     "nlm": "non-local means",
+    "photons": "photon noise, then gamma",
+    "readout": "readout noise, then gamma",
 }
 UNITS = {"frames": "whole frames", "patches": "patches"}
 ADDED = ("0", "2", "5", "10", "25")
@@ -159,7 +161,7 @@ def crops(made: Examples) -> style.Drawing:
 
 
 def behind_codecs(record: Mapping[str, Any]) -> Table:
-    """What is answered of frames and patches with noise behind codecs and filters, and how much of that is wrong."""
+    """What is answered of frames and patches with noise behind codecs, filters and a tone curve, and what is wrong."""
     rows = []
     for unit, title in UNITS.items():
         codecs = record[unit]["by_codec"]
