@@ -202,8 +202,8 @@ class ConditionMonitor:
             names: of the frames, for warnings; their numbers by default.
 
         Raises:
-            InputError: none of their patches can be measured, or the blur estimator's answers are relative to something
-                already, as the generic lens.
+            InputError: none of their patches can be measured, the blur estimator's answers are relative to something
+                already, as the generic lens, or there are not as many names as frames.
         """
         cuts = [_whole_cover(grey_frame(frame)) for frame in sharp_frames]
         if not any(map(len, cuts)):
@@ -216,6 +216,8 @@ class ConditionMonitor:
             raise InputError("sharp frames: no patch has structure that shows sharpness, only shading and noise")
         calibrated, made_of = self._calibrated
         uncalibrated = made_of if self.blur_estimator is calibrated else self.blur_estimator
+        if names and len(names) != len(cuts):
+            raise InputError(f"sharp frames: {len(names)} names of {len(cuts)} frames; give one for each, or none")
         labels = names or [f"sharp frame {number + 1} of {len(cuts)}" for number in range(len(cuts))]
         for label, part in zip(labels, readable, strict=True):
             if len(part):

@@ -14,7 +14,8 @@ With t = ln(1 + sigma), the weight w of the network for correlated noise, and it
                 Where a codec shows and the interval ends below `WEAK_DN` there may as well be no noise: the lower end
                 is zero
     widened     `cellwise` does not know of mild codecs, which leave strong noise white and no trace of themselves, but
-                change its strength: where it answers alone, its interval is wider by `PLAIN_PART`
+                change its strength, nor of a sensor's fixed pattern: where it answers alone, its interval is wider by
+                `PLAIN_PART`
 """
 
 from __future__ import annotations
@@ -29,10 +30,9 @@ from pipeline.noise.codec_traces import Traces
 from pipeline.noise.correlated import Prediction
 from pipeline.noise.correlated_features import anisotropy
 
-PLAIN_PART = 0.07
+PLAIN_PART = 0.1
 """Of ln(1 + sigma), added in squares to both halves of the interval of plainly white noise. JPEG 80 to 95, Motion JPEG
-and MPEG-4 change noise of 7 to 25 DN by up to 6 % of ln(1 + sigma). Of 2,088 such patches of *Sim*, KITTI, Udacity and
-the authors' *Sim* the intervals so hold 91 % behind codecs (67 % without this part), 97 % as they are (83 %)."""
+and MPEG-4 change noise of 7 to 25 DN by up to 6 % of ln(1 + sigma), and real sensors have a fixed pattern besides."""
 
 COARSE_PART = 0.04
 """Of ln(1 + sigma), added where noise is as correlated as behind a camera's processing: its coarsest part, which real

@@ -161,6 +161,8 @@ def test_frames_that_are_given_as_sharp_and_are_not_give_a_warning(recwarn):
         ConditionMonitor().calibrate([sharp, soft])
     with pytest.warns(UserWarning, match=r"^night\.png does not look sharp"):
         ConditionMonitor().calibrate([soft], names=["night.png"])
+    with pytest.raises(InputError, match="1 names of 2 frames"):
+        ConditionMonitor().calibrate([sharp, soft], names=["night.png"])
 
 
 def test_any_two_estimators_of_the_registries_serve():
