@@ -65,14 +65,16 @@ from pipeline.noise.correlated import RELEASED as RELEASED_CORRELATED
 from pipeline.noise.correlated import Correlated
 from pipeline.noise.correlated_features import (
     LEAST_PX,
+    Grey,
     Moments,
     anisotropy,
     fine_windows,
     flattest_tenth,
     moments,
+    principal_noise_dn,
     whiteness,
 )
-from pipeline.noise.joint_answer import Levels, Second, conceded, joined, widened
+from pipeline.noise.joint_answer import Levels, Second, bounded, conceded, joined, widened
 from pipeline.noise.maps import CELL_PX
 from pipeline.noise.streaks import streaked
 
@@ -101,6 +103,9 @@ it; of white noise of 5 and 10 DN nine tenths lie below on photographs, but none
 whose patches then ask both networks."""
 
 PLAIN_SIGMA_DN = 1.0
+
+SURELY_NOISE_DN = 0.3
+"""Lower end of an interval beyond which there is noise for certain, which may be uneven (`joint_answer.bounded`)."""
 
 REAL_CAMERAS = 1.5
 """How much wider the second network's intervals must be on real cameras than on the simulated ones that set them."""
@@ -177,6 +182,8 @@ class Adaptive(CellMapper):
         wide = self._reaches_too_far(levels, second)
         reason[:] = reasons(_evidence(seen, second, joint, wide, alternating(stack)), reason)
         joint = widened(conceded(joint, second, seen.flat_dn, seen.flat_correlation), np.flatnonzero(plain))
+        detected = np.flatnonzero(joint.low_dn > SURELY_NOISE_DN)
+        joint = bounded(joint, detected, np.array([principal_noise_dn(_whole(stack[index])) for index in detected]))
         white_sigma_dn = np.minimum(joint.white_sigma_dn, joint.sigma_dn)
         measured = Measured(joint.sigma_dn, joint.low_dn, joint.high_dn, white_sigma_dn, joint.correlation)
         return measured, joint.cells_dn
@@ -239,12 +246,17 @@ def check_reach(name: str, value: float) -> None:
         raise InputError(f"{name}: expected a number above 0, not {value!r}")
 
 
+def _whole(patch: NDArray[np.floating]) -> Grey:
+    """A patch in whole grey levels."""
+    return np.rint(patch * np.float32(FULL_SCALE_DN)).astype(np.uint8)
+
+
 def _screened(stack: NDArray[np.floating]) -> Screened:
     """`Screened` of patches (N, H, W)."""
     (white, streaks), (flat_dn, correlation) = np.zeros((2, len(stack)), bool), np.zeros((2, len(stack)))
     known: list[Moments | None] = []
     for index, patch in enumerate(stack):
-        pixels = np.rint(patch * np.float32(FULL_SCALE_DN)).astype(np.uint8)
+        pixels = _whole(patch)
         fine = fine_windows(pixels)
         correlation[index] = whiteness(pixels, fine)
         white[index] = correlation[index] < PLAINLY_WHITE and not at_corner(pixels)

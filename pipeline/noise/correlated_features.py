@@ -168,6 +168,21 @@ def whiteness(patch_dn: Float | Grey, fine: Windows | None = None) -> float:
     return float((across + down) / 2)
 
 
+def principal_noise_dn(patch_dn: Float | Grey) -> float:
+    """White noise of a patch by principal components: the root of the least eigenvalue of all windows' covariance, DN.
+
+    It is the root mean square over the patch, however the noise goes with brightness and also where it is clipped.
+    Texture adds to it where it has all spatial frequencies; of correlated noise it is a part (Pyatykh et al. 2013).
+
+    Args:
+        patch_dn: (H, W) whole grey levels 0..255.
+    """
+    picture = np.ascontiguousarray(patch_dn, dtype=np.uint8)
+    values = _windows(picture, SPACINGS_PX[0], STEPS_PX[0], saturated=False).values
+    covariance = (values.T @ values / len(values)).astype(np.float64)
+    return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[1], 0.0)))  # the mean, first, has no variance
+
+
 def anisotropy(statistics: Float) -> Float:
     """How much more grain is correlated along rows than along columns.
 

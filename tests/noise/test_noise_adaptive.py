@@ -437,6 +437,35 @@ def test_noise_that_a_tone_curve_makes_strongest_in_shadows_is_within_the_interv
     assert (truth <= 1.06 * result.high_dn)[answered].all()
 
 
+def test_even_noise_has_as_narrow_an_interval_as_without_regard_to_uneven_noise(monkeypatch):
+    generator = stream(3, "even")
+    ramp = np.linspace(60, 190, 128) + np.zeros((128, 128))
+    patches = stack(*(np.rint(ramp + s * generator.standard_normal(ramp.shape)) for s in (3, 6, 12))).astype(np.float32)
+    wide = noise.create("adaptive").estimate(patches)
+    monkeypatch.setattr("pipeline.noise.joint_answer.PRINCIPAL_REACH", 0.0)
+    narrow = noise.create("adaptive").estimate(patches)
+    np.testing.assert_allclose(wide.high_dn, narrow.high_dn, rtol=0.05)
+    np.testing.assert_array_equal(wide.sigma_dn, narrow.sigma_dn)
+
+
+def test_noise_that_non_local_means_left_at_edges_is_within_the_interval():
+    picture = data.camera()[:256, :256].astype(np.float64)
+    shots = [
+        cv2.fastNlMeansDenoising(
+            np.clip(np.rint(picture + 10 * stream(6, "nlm", number).standard_normal(picture.shape)), 0, 255).astype(
+                np.uint8
+            ),
+            None, h=7, templateWindowSize=5, searchWindowSize=15,
+        )
+        for number in range(4)
+    ]  # fmt: skip
+    pieces = [np.stack(shots)[:, y : y + 128, x : x + 128] for y in (0, 128) for x in (0, 128)]
+    truth = np.array([temporal_noise.measure(piece).sigma_dn for piece in pieces])
+    result = ADAPTIVE.estimate(stack(*(piece[0].astype(np.float32) for piece in pieces)))
+    answered = ~result.abstained
+    assert answered.any() and (truth <= result.high_dn)[answered].all()
+
+
 @pytest.mark.parametrize("name", ["adaptive", "cellwise", "cnn", "correlated"])
 def test_a_callers_autocast_changes_nothing(name):
     import torch

@@ -196,3 +196,13 @@ def test_small_and_wrong_patches_are_refused():
     with pytest.raises(InputError, match="absent"):
         Correlated("absent.safetensors")
     assert len(noise.create("correlated").estimate(np.zeros((0, 1, 128, 128), np.float32))) == 0
+
+
+@pytest.mark.parametrize("sigma_dn", [2.0, 6.0, 15.0])
+def test_principal_components_give_the_mean_noise_however_it_goes_with_brightness(sigma_dn):
+    generator = stream(5, "principal")
+    ramp = np.linspace(40, 200, 128) + np.zeros((128, 128))
+    share = np.linspace(1.8, 0.2, 128)  # strongest in the dark
+    noisy = ramp + sigma_dn * share * generator.standard_normal(ramp.shape)
+    truth = sigma_dn * np.sqrt((share**2).mean())
+    assert correlated_features.principal_noise_dn(np.clip(np.rint(noisy), 0, 255)) == pytest.approx(truth, rel=0.1)
