@@ -172,7 +172,7 @@ def _check_sharpness(names: list[str], mtfs: list[NDArray[Any]], most_empty_frac
     """
     import numpy as np
 
-    from pipeline.condition.summary import SHARP_MTF50, half_contrast
+    from pipeline.condition.summary import unsharp
 
     answered = [mtf[np.isfinite(mtf).all(axis=(1, 2))] for mtf in mtfs]
     every = np.concatenate(answered)
@@ -182,13 +182,9 @@ def _check_sharpness(names: list[str], mtfs: list[NDArray[Any]], most_empty_frac
         )
         _refuse_without_contrast(np.median(every, axis=0), "the sharp pictures", advice, most_empty_fraction)
     for name, mtf in zip(names, answered, strict=True):
-        mtf50 = float(half_contrast(np.median(mtf, axis=0)).min()) if len(mtf) else float("inf")
-        if mtf50 < SHARP_MTF50:
-            click.echo(
-                f"warning: {name} does not look sharp: contrast falls to half at {mtf50:.2f} of Nyquist, expected "
-                f"{SHARP_MTF50:g} or more; blur relative to it will be underestimated; leave it out, or take it anew",
-                err=True,
-            )
+        doubt = unsharp(np.median(mtf, axis=0)) if len(mtf) else ""
+        if doubt:
+            click.echo(f"warning: {name} {doubt}; leave it out, or take it anew", err=True)
 
 
 def _refuse_without_contrast(mtf: NDArray[np.floating], subject: str, advice: str, most_empty_fraction: float) -> None:

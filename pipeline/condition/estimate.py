@@ -27,15 +27,7 @@ from pipeline.condition.frame_tiles import MOST_PATCHES, MOST_TILES, frame_tiles
 from pipeline.condition.grey_frame import grey_frame
 from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area, shifted
 from pipeline.condition.structure import STRUCTURELESS, structureless
-from pipeline.condition.summary import (
-    SHARP_MTF50,
-    Summary,
-    at_most_dn,
-    half_contrast,
-    summarise,
-    summarise_noise,
-    with_upper_end,
-)
+from pipeline.condition.summary import Summary, at_most_dn, summarise, summarise_noise, unsharp, with_upper_end
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError
@@ -190,9 +182,8 @@ class ConditionMonitor:
     ) -> None:
         """Answer from now on with the blur that was *added* to this camera's own sharp frames.
 
-        Called again, it takes the place of the calibration before. A frame that does not look sharp itself, of which
-        the median patch's contrast falls to half below `SHARP_MTF50`, gives a `UserWarning`: blur relative to it is
-        underestimated.
+        Called again, it takes the place of the calibration before. A frame that does not look sharp itself gives a
+        `UserWarning` (`pipeline.condition.summary.unsharp`): blur relative to it is underestimated.
 
         Args:
             sharp_frames: (H, W) frames in [0, 1], known to be sharp.
@@ -208,9 +199,7 @@ class ConditionMonitor:
         cuts = [_whole_cover(grey_frame(frame)) for frame in sharp_frames]
         if not any(map(len, cuts)):
             raise InputError(f"sharp frames: none is as large as a patch of {PATCH_PX} px; give whole frames")
-        readable = [
-            part[~np.logical_or.reduce(list(_unreadable(part).values()))] if len(part) else part for part in cuts
-        ]
+        readable = [_readable(part) for part in cuts]
         patches = np.concatenate(readable)
         if not len(patches):
             raise InputError("sharp frames: no patch has structure that shows sharpness, only shading and noise")
@@ -336,13 +325,17 @@ def _whole_cover(frame: NDArray[np.float32]) -> NDArray[np.float32]:
 def _warn_of_blur(label: str, estimator: Any, patches: NDArray[np.float32]) -> None:
     """Warn of a frame that was given as sharp and does not look it, by up to `DOUBTED_BY` of its patches."""
     result = estimator.estimate(patches[evenly_spread(range(len(patches)), DOUBTED_BY)])
-    mtf50 = half_contrast(summarise(result.mtf, result.low, result.high).value)
-    if np.isfinite(mtf50).any() and np.nanmin(mtf50) < SHARP_MTF50:
-        warnings.warn(
-            f"{label} does not look sharp: contrast falls to half at {np.nanmin(mtf50):.2f} of Nyquist, expected "
-            f"{SHARP_MTF50:g} or more; blur relative to it will be underestimated",
-            stacklevel=3,
-        )
+    doubt = unsharp(summarise(result.mtf, result.low, result.high).value)
+    if doubt:
+        warnings.warn(f"{label} {doubt}", stacklevel=3)
+
+
+def _readable(stack: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Of (N, 1, 192, 192) patches those that an estimator can read blur from."""
+    lost = np.zeros(len(stack), bool)
+    for patches in _unreadable(stack).values():
+        lost |= patches
+    return stack[~lost]
 
 
 def _unreadable(stack: NDArray[np.float32]) -> dict[str, NDArray[np.bool_]]:

@@ -66,6 +66,21 @@ def half_contrast(mtf: NDArray[np.floating]) -> Floats:
     return result.reshape(np.shape(mtf)[:-1])
 
 
+def unsharp(mtf: NDArray[np.floating]) -> str:
+    """Why a picture that was given as sharp does not look it; empty where it does or nothing is known.
+
+    Args:
+        mtf: (2, 8) of the picture, NaN where unknown.
+    """
+    mtf50 = half_contrast(mtf)
+    if not np.isfinite(mtf50).any() or np.nanmin(mtf50) >= SHARP_MTF50:
+        return ""
+    return (
+        f"does not look sharp: contrast falls to half at {np.nanmin(mtf50):.2f} of Nyquist, expected "
+        f"{SHARP_MTF50:g} or more; blur relative to it will be underestimated"
+    )
+
+
 @dataclass(frozen=True)
 class Summary:
     """Robust statistics over N patches, of one quantity or of each of several.

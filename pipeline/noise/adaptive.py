@@ -74,7 +74,7 @@ from pipeline.noise.correlated_features import (
     principal_noise_dn,
     whiteness,
 )
-from pipeline.noise.joint_answer import Levels, Second, bounded, conceded, joined, widened
+from pipeline.noise.joint_answer import Levels, Second, conceded, joined, raised, widened
 from pipeline.noise.maps import CELL_PX
 from pipeline.noise.streaks import streaked
 
@@ -105,7 +105,7 @@ whose patches then ask both networks."""
 PLAIN_SIGMA_DN = 1.0
 
 SURELY_NOISE_DN = 0.3
-"""Lower end of an interval beyond which there is noise for certain, which may be uneven (`joint_answer.bounded`)."""
+"""Lower end of an interval beyond which there is noise for certain, which may be uneven (`joint_answer.raised`)."""
 
 REAL_CAMERAS = 1.5
 """How much wider the second network's intervals must be on real cameras than on the simulated ones that set them."""
@@ -183,7 +183,7 @@ class Adaptive(CellMapper):
         reason[:] = reasons(_evidence(seen, second, joint, wide, alternating(stack)), reason)
         joint = widened(conceded(joint, second, seen.flat_dn, seen.flat_correlation), np.flatnonzero(plain))
         detected = np.flatnonzero(joint.low_dn > SURELY_NOISE_DN)
-        joint = bounded(joint, detected, np.array([principal_noise_dn(_whole(stack[index])) for index in detected]))
+        joint = raised(joint, detected, np.array([principal_noise_dn(_whole(stack[index])) for index in detected]))
         white_sigma_dn = np.minimum(joint.white_sigma_dn, joint.sigma_dn)
         measured = Measured(joint.sigma_dn, joint.low_dn, joint.high_dn, white_sigma_dn, joint.correlation)
         return measured, joint.cells_dn

@@ -16,7 +16,7 @@ With t = ln(1 + sigma), the weight w of the network for correlated noise, and it
     widened     `cellwise` does not know of mild codecs, which leave strong noise white and no trace of themselves, but
                 change its strength, nor of a sensor's fixed pattern: where it answers alone, its interval is wider by
                 `PLAIN_PART`
-    bounded     where there is noise for certain, the upper end is at least `PRINCIPAL_REACH` times the white noise by
+    raised      where there is noise for certain, the upper end is at least `PRINCIPAL_REACH` times the white noise by
                 principal components of the whole patch, however it is distributed over it. Both networks take it for
                 that of a camera, and read a half to four fifths of what a filter that looks for similar areas leaves at
                 edges and in texture
@@ -153,7 +153,7 @@ def conceded(
     return moved
 
 
-def bounded(joint: Levels, detected: NDArray[np.intp], principal_dn: NDArray[np.float64]) -> Levels:
+def raised(joint: Levels, detected: NDArray[np.intp], principal_dn: NDArray[np.float64]) -> Levels:
     """The joint answers with upper ends that allow for unevenly distributed noise; see the module.
 
     Args:
