@@ -23,6 +23,14 @@ then limits, not measurements, which `DarkCurrent.zero_fraction` shows.
 The intercept c is extrapolated from lit blocks, whose own noise spreads them over several grey values. Where it is
 below 1/12 DN^2 there is no dark noise to state.
 
+Fixed pattern: what pixels differ by in every frame, in proportion to their light, is not among this noise, though a
+single frame shows it like noise. Two frames of one scene share it,
+
+    s^2 = mean(h * a  h * b) / (mean(a) mean(b)),    h = (1, -4, 6, -4, 1) / sqrt(70) along rows and columns,
+
+a filter that passes white patterns whole and little of what a lens has drawn. It is the non-uniformity of the sensor,
+dust, and the finest grain of the scene, which two frames cannot tell apart: an upper limit for that of the sensor.
+
 Frames are raw mosaics in DN; each of the four colour planes ("00", "01", "10", "11": row and column of its first
 pixel) is a sensor by itself.
 
@@ -46,6 +54,7 @@ LOWEST_DN = 4.0  # above black; below this the black level cuts off part of the 
 CLIPPED_FRACTION = 0.98  # of white: pixels from here on count as clipped
 LINEAR_FRACTION = 0.7  # of saturation, up to which the standard fits the line
 MEAN_BINS = 24
+_FINE_GAIN = 70.0  # of the fourth difference along rows and columns: 1 + 16 + 36 + 16 + 1
 
 
 @dataclass(frozen=True)
@@ -73,6 +82,8 @@ class PhotonTransfer:
         black_dn: grey value without light that was subtracted from the points, DN.
         dark_variance_error: standard error of c, DN^2.
         covariance: of K and c, DN^3 per electron; both errors are of one line, so that it is negative.
+        pattern_fraction: standard deviation s of the fixed pattern as a fraction of the grey value above black
+            (`fixed_pattern`).
     """
 
     gain_dn_per_e: float
@@ -82,6 +93,7 @@ class PhotonTransfer:
     black_dn: float = 0.0
     dark_variance_error: float = 0.0
     covariance: float = 0.0
+    pattern_fraction: float = 0.0
 
     @property
     def dark_sigma_e(self) -> float:
@@ -117,6 +129,10 @@ class PhotonTransfer:
         """Standard deviation of the noise, DN, at raw grey values, black level included: of any shape, DN."""
         above_dn = grey_dn - self.black_dn
         return np.asarray(np.sqrt(np.maximum(self.dark_variance_dn2 + self.gain_dn_per_e * above_dn, 0)))
+
+    def sigma_with_pattern_dn(self, grey_dn: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Standard deviation of noise and fixed pattern together, DN; as `sigma_dn`."""
+        return np.hypot(self.sigma_dn(grey_dn), self.pattern_fraction * (grey_dn - self.black_dn))
 
 
 @dataclass(frozen=True)
@@ -179,20 +195,34 @@ def points_of_pair(
     Raises:
         InputError: frames of unequal shape, or white that is not above black.
     """
-    if first.shape != second.shape:
-        raise InputError(f"frames: shapes {first.shape} and {second.shape}, expected the same")
-    if not white_dn > black_dn:
-        raise InputError(f"white_dn: {white_dn:g} DN, expected more than the black level of {black_dn:g} DN")
-    a, b = _blocks(first), _blocks(second)
-    unclipped = np.maximum(a, b).max(axis=(1, 2)) < CLIPPED_FRACTION * white_dn
-    a, b = a - black_dn, b - black_dn
-    linear = b.mean(axis=(1, 2)) <= LINEAR_FRACTION * (white_dn - black_dn)
-    keep = (a.mean(axis=(1, 2)) >= LOWEST_DN) & unclipped & linear
-    a, b = a[keep], b[keep]
+    a, b = _usable_blocks(first, second, white_dn, black_dn)
     mean = b.mean(axis=(1, 2))
     ratio = mean / a.mean(axis=(1, 2))
     variance = (b - ratio[:, None, None] * a).var(axis=(1, 2), ddof=1) / (1 + ratio**2)
     return TransferPoints(mean * (1 + ratio) / (1 + ratio**2), variance)
+
+
+def pattern_of_pair(
+    first: NDArray[np.generic], second: NDArray[np.generic], white_dn: float, black_dn: float = 0.0
+) -> NDArray[np.float64]:
+    """Variance of the fixed pattern over squared grey value, s^2, of each block; the arguments of `points_of_pair`.
+
+    Returns:
+        (N,) of the blocks that are points of the photon transfer, too; of single blocks it may be negative.
+    """
+    blocks = _usable_blocks(first, second, white_dn, black_dn)
+    fine, fine_of_second = (np.diff(np.diff(block, n=4, axis=1), n=4, axis=2) / _FINE_GAIN for block in blocks)
+    means = [block.mean(axis=(1, 2)) for block in blocks]
+    return np.asarray((fine * fine_of_second).mean(axis=(1, 2)) / (means[0] * means[1]))
+
+
+def fixed_pattern(variances: Sequence[NDArray[np.float64]]) -> float:
+    """Standard deviation s of the fixed pattern as a fraction of the grey value: the median over blocks.
+
+    Args:
+        variances: (N,) each, `pattern_of_pair` of any number of pairs of one colour plane.
+    """
+    return float(np.sqrt(max(float(np.median(np.concatenate(variances))), 0.0)))
 
 
 def binned(points: Sequence[TransferPoints]) -> TransferPoints:
@@ -224,7 +254,8 @@ def photon_transfer(points: Sequence[TransferPoints], black_dn: float = 0.0) -> 
         black_dn: that was subtracted from them, kept with the result.
 
     Returns:
-        the fit; weights are the inverse of the squared variance, to which the error of a variance is proportional.
+        the fit, without a fixed pattern; weights are the inverse of the squared variance, to which the error of a
+        variance is proportional.
 
     Raises:
         InputError: fewer than 24 points, or a variance that does not grow with the mean.
@@ -264,6 +295,22 @@ def dark_current(exposures_s: Sequence[float], frames: Sequence[NDArray[np.gener
     (slope, offset), covariance = np.polyfit(np.asarray(exposures_s, dtype=np.float64), means, 1, cov=True)
     zero = float(np.mean([np.mean(frame == 0) for frame in frames]))
     return DarkCurrent(float(slope), float(np.sqrt(covariance[0, 0])), float(offset), zero)
+
+
+def _usable_blocks(
+    first: NDArray[np.generic], second: NDArray[np.generic], white_dn: float, black_dn: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Blocks (N, 16, 16) of both frames, above black; see `points_of_pair`."""
+    if first.shape != second.shape:
+        raise InputError(f"frames: shapes {first.shape} and {second.shape}, expected the same")
+    if not white_dn > black_dn:
+        raise InputError(f"white_dn: {white_dn:g} DN, expected more than the black level of {black_dn:g} DN")
+    a, b = _blocks(first), _blocks(second)
+    unclipped = np.maximum(a, b).max(axis=(1, 2)) < CLIPPED_FRACTION * white_dn
+    a, b = a - black_dn, b - black_dn
+    linear = b.mean(axis=(1, 2)) <= LINEAR_FRACTION * (white_dn - black_dn)
+    keep = (a.mean(axis=(1, 2)) >= LOWEST_DN) & unclipped & linear
+    return a[keep], b[keep]
 
 
 def _blocks(values: NDArray[np.generic]) -> NDArray[np.float64]:

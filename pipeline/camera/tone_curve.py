@@ -60,13 +60,14 @@ def noise_after_curve(
         linear: (...) levels x.
         sigma: (...) standard deviations s before the curve; shapes broadcast.
         gamma: of the curve.
-        clipped: at black and white, as in a picture; False: of ``encode(x + s z)``, before anything cuts the noise.
+        clipped: at black and white, as in a picture; False: at black alone. Where no light is left there is no noise:
+            a negative number has no grey level behind a curve. Beyond white the curve goes on.
 
     Returns:
         (...) by quadrature, exact to a few thousandths.
     """
     levels = np.asarray(linear, np.float64)[..., None] + np.asarray(sigma, np.float64)[..., None] * _NORMAL
-    encoded = np.clip(levels, 0.0, 1.0) ** (1.0 / gamma) if clipped else encode(levels, gamma)
+    encoded = np.clip(levels, 0.0, 1.0 if clipped else None) ** (1.0 / gamma)
     mean = encoded @ _DENSITY
     return np.asarray(np.sqrt(np.maximum(encoded**2 @ _DENSITY - mean**2, 0.0)))
 

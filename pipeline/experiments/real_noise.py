@@ -7,9 +7,14 @@ Raw frames: their noise is white and follows the photon transfer of the sensor,
 
     sigma^2 = c + K (mu - black)
 
-with K and c measured from the same frames (`pipeline.experiments.sensor_constants`). Patches are of single colour
-planes, neither clipped nor brighter than 40 DN: the non-uniformity of sensor and target, which this truth does not
-hold, grows with the signal itself.
+with K and c measured from the same frames (`pipeline.experiments.sensor_constants`). This is the cleaned truth: what
+differs from shot to shot. A single frame also holds what pixels differ by in every shot, the fixed pattern, as white
+and as fine as noise: with it,
+
+    sigma^2 = c + K (mu - black) + s^2 (mu - black)^2
+
+is the raw truth, an upper limit, for s holds the finest grain of the scene, too. Patches are of single colour planes,
+neither clipped nor brighter than 40 DN, where the fixed pattern would exceed the noise.
 """
 
 from __future__ import annotations
@@ -34,7 +39,7 @@ Kinds = Mapping[str, tuple[str, Mapping[str, Any]]]
 Executor = Callable[..., list[Any]]
 
 BRIGHTEST_DN = 40.0
-"""Mean of a raw patch, above black, up to which shot noise exceeds the non-uniformity of sensor and target."""
+"""Mean of a raw patch, above black, up to which shot noise exceeds a fixed pattern of a few hundredths."""
 
 
 def measure_pairs(folder: Path, kinds: Kinds, executor: Executor, label: str = "") -> pd.DataFrame:
@@ -116,7 +121,7 @@ def _of_frame(
         if not corners:
             continue
         patches = np.stack([_patch(grey, y, x) for y, x in corners])
-        sigma = fit.sigma_dn(patches.mean(axis=(1, 2)))
+        mean = patches.mean(axis=(1, 2))
         truth = {
             "picture": frame.path.stem,
             "x_px": [x for _, x in corners],
@@ -124,8 +129,8 @@ def _of_frame(
             "mean_picture_sigma_dn": np.nan,
             "mean_picture_reason": "",
             "mean_picture_at_most_dn": np.nan,
-            "true_sigma_dn": sigma,
-            "cleaned_sigma_dn": sigma,
+            "true_sigma_dn": fit.sigma_with_pattern_dn(mean),
+            "cleaned_sigma_dn": fit.sigma_dn(mean),
             "true_correlation": 0.0,
         }
         for name, estimator in estimators.items():

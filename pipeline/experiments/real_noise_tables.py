@@ -61,6 +61,7 @@ TRANSFER = Schema(
         "full_scale_e": "float64",
         "snr_at_full_scale": "float64",
         "blocks": "int64",
+        "pattern_fraction": "float64",  # of the grey value above black
     },
     {"gain_dn_per_e": "DN/e", "dark_variance_dn2": "DN^2", "dark_sigma_e": "e", "full_scale_e": "e"},
 )

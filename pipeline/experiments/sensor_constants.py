@@ -1,13 +1,13 @@
-"""Constants of a sensor from its raw frames, after EMVA 1288: photon transfer and dark current of each colour plane.
+"""Constants of a sensor from its raw frames, after EMVA 1288: photon transfer, fixed pattern and dark current.
 
-The black level of each plane comes from its dark frames and is subtracted before the photon transfer, so that the dark
-noise is the noise at no light. See `pipeline.camera.emva1288` for the equations.
+Each colour plane has its own. The black level of each plane comes from its dark frames and is subtracted before the
+photon transfer, so that the dark noise is the noise at no light. See `pipeline.camera.emva1288` for the equations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,9 @@ from pipeline.camera import emva1288
 from pipeline.datasets.raw_frames import RawFrame
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,8 @@ class SensorConstants:
         fits: colour plane -> its photon transfer.
         transfer: a row per plane: ``plane``, ``gain_dn_per_e``, ``gain_error``, ``dark_variance_dn2``,
             ``dark_sigma_e`` and ``dark_sigma_error`` (NaN where quantisation leaves none, for ``dark_sigma_reason``),
-            ``full_scale_e`` and ``snr_at_full_scale`` (of white less black, by extrapolation of the line), ``blocks``.
+            ``full_scale_e`` and ``snr_at_full_scale`` (of white less black, by extrapolation of the line), ``blocks``,
+            ``pattern_fraction`` (of the grey value).
         points: the photon-transfer curve: ``plane``, ``mean_dn`` above black and ``variance_dn2`` of bins of equal
             count, by medians.
         dark: a row per plane: ``plane``, ``slope_dn_per_s``, ``slope_error``, ``dark_current_e_per_s``, ``offset_dn``,
@@ -58,12 +61,17 @@ def sensor_constants(light: Sequence[RawFrame], dark: Sequence[RawFrame], white_
     dark_planes = {name: [emva1288.plane(picture, name) for picture in pictures] for name in emva1288.PLANES}
     currents = {name: emva1288.dark_current(exposures, planes) for name, planes in dark_planes.items()}
     curves: dict[str, list[emva1288.TransferPoints]] = {name: [] for name in emva1288.PLANES}
+    patterns: dict[str, list[NDArray[np.float64]]] = {name: [] for name in emva1288.PLANES}
     for _, group in groupby(light, key=lambda frame: frame.scene):
         for first, second in pairwise([frame.pixels() for frame in group]):
             for name, curve in curves.items():
                 a, b = emva1288.plane(first, name), emva1288.plane(second, name)
                 curve.append(emva1288.points_of_pair(a, b, white_dn, currents[name].black_dn))
-    fits = {name: emva1288.photon_transfer(curve, currents[name].black_dn) for name, curve in curves.items()}
+                patterns[name].append(emva1288.pattern_of_pair(a, b, white_dn, currents[name].black_dn))
+    lines = {name: emva1288.photon_transfer(curve, currents[name].black_dn) for name, curve in curves.items()}
+    fits = {
+        name: replace(line, pattern_fraction=emva1288.fixed_pattern(patterns[name])) for name, line in lines.items()
+    }
     dark_rows = [_dark_row(name, current, fits[name]) for name, current in currents.items()]
     means = [
         {"plane": name, "exposure_s": exposure_s, "mean_dn": float(plane.mean())}
@@ -99,6 +107,7 @@ def _transfer_row(name: str, fit: emva1288.PhotonTransfer, white_dn: float) -> d
         "full_scale_e": full_scale_dn / fit.gain_dn_per_e,
         "snr_at_full_scale": fit.snr(full_scale_dn),
         "blocks": fit.points,
+        "pattern_fraction": fit.pattern_fraction,
     }
 
 

@@ -13,6 +13,9 @@ a gamma. Noise then came to x, and is strongest in the shadows, where the curve 
 
     D = round_or_floor(clip(255 (x + n)^(1 / gamma))),    var(n) = g^2 (p x + d + r)
 
+There black cuts the noise before the curve, which would make any noise below it large: the label is the deviation
+behind the curve, of noise that black has cut and white has not.
+
 What the networks must not take for noise is in I: fine texture with the falling spectrum of natural surfaces,
 everywhere or by material; noise that a lens or a motion has blurred; what interpolation and compression leave.
 
@@ -104,11 +107,10 @@ def noisy(clean: Plane, recipe: Recipe, generator: np.random.Generator) -> tuple
         recipe: range of the noise.
         generator: source of randomness.
     """
-    cells = len(clean) // CELL_PX
     low, high = recipe.sigma_dn
     kind = generator.random()
     if kind < recipe.clean_fraction:
-        return clean.astype(np.uint8), 0.0, np.zeros((cells, cells), np.float32)
+        return clean.astype(np.uint8), 0.0, _of_cells(np.zeros_like(clean))
     if kind < recipe.clean_fraction + recipe.low_fraction:
         sigma = float(np.exp(generator.uniform(np.log(max(low, 0.3)), np.log(8.0))))
     else:
@@ -118,7 +120,7 @@ def noisy(clean: Plane, recipe: Recipe, generator: np.random.Generator) -> tuple
     if recipe.tone_curve_fraction and generator.random() < recipe.tone_curve_fraction:
         gamma = float(generator.uniform(*recipe.gamma))
         image, sigma_at = _behind_tone_curve(clean, sigma, (photon, dark, readout), gamma, generator)
-        power = (sigma_at**2)[clean.astype(np.intp)].reshape(cells, CELL_PX, cells, CELL_PX).mean(axis=(1, 3))
+        power = _of_cells((sigma_at**2)[clean.astype(np.intp)])
         return _rounded(image, generator), float(np.sqrt(power.mean())), np.sqrt(power)
     charge = photon * signal + np.float32(dark)
     # A patch in the dark of a frame whose noise is that of its bright parts: photon noise does not grow beyond reason.
@@ -129,8 +131,14 @@ def noisy(clean: Plane, recipe: Recipe, generator: np.random.Generator) -> tuple
     if readout:
         image += gain * np.float32(np.sqrt(readout)) * generator.standard_normal(clean.shape, dtype=np.float32)
     patch = _rounded(image, generator)
-    power = (charge + np.float32(readout)).reshape(cells, CELL_PX, cells, CELL_PX).mean(axis=(1, 3)) * gain**2
+    power = _of_cells(charge + np.float32(readout)) * gain**2
     return patch, float(np.sqrt(power.mean())), np.sqrt(power)
+
+
+def _of_cells(power: Plane) -> Plane:
+    """Means over the cells of a patch: (S / 8, S / 8)."""
+    cells = len(power) // CELL_PX
+    return np.asarray(power.reshape(cells, CELL_PX, cells, CELL_PX).mean(axis=(1, 3)))
 
 
 def _rounded(image: Plane, generator: np.random.Generator) -> NDArray[np.uint8]:
@@ -175,7 +183,7 @@ def noise_by_level(
         gamma: of the curve.
 
     Returns:
-        (256,) standard deviation before the curve, full scale 1; (256,) behind it, before anything cuts it, DN.
+        (256,) standard deviation before the curve, full scale 1; (256,) behind it, cut at black alone, DN.
     """
     photon, dark, readout = source
     light = tone_curve.decode(np.arange(256) / 255, gamma)

@@ -55,6 +55,31 @@ def test_signal_to_noise_follows_the_fit():
     assert transfer.dark_sigma_e == pytest.approx(np.sqrt(11 / 12) / 0.1) and transfer.dark_sigma_reason == ""
 
 
+def with_pattern(fraction, exposure, key):
+    """A raw frame of a ramp with an edge, each pixel off by a fixed fraction of its light."""
+    level = exposure * np.tile(np.linspace(20, 160, 640), (480, 1)) * np.where(np.arange(640) > 300, 0.8, 1.0)
+    electrons = level / GAIN * (1 + fraction * stream(1, "emva pattern").standard_normal(level.shape))
+    drawn = stream(1, "emva pattern", key)
+    return GAIN * (drawn.poisson(electrons) + drawn.normal(0, DARK_E, level.shape))
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.01, 0.03])
+def test_the_fixed_pattern_is_what_two_exposures_share_from_pixel_to_pixel(fraction):
+    short, long = with_pattern(fraction, 0.5, "short"), with_pattern(fraction, 1.0, "long")
+    variances = [
+        emva1288.pattern_of_pair(emva1288.plane(short, name), emva1288.plane(long, name), 255)
+        for name in emva1288.PLANES
+    ]
+    assert emva1288.fixed_pattern(variances) == pytest.approx(fraction, abs=0.003)
+
+
+def test_noise_and_fixed_pattern_add_as_variances_above_black():
+    transfer = emva1288.PhotonTransfer(0.1, 0.0, 1.0, 100, black_dn=16.0, pattern_fraction=0.04)
+    expected = np.sqrt(transfer.sigma_dn(np.array([116.0])) ** 2 + 4.0**2)
+    assert transfer.sigma_with_pattern_dn(np.array([116.0])) == pytest.approx(expected)
+    assert transfer.sigma_with_pattern_dn(np.array([16.0])) == pytest.approx(transfer.sigma_dn(np.array([16.0])))
+
+
 def test_a_variance_below_that_of_quantisation_gives_no_dark_noise_and_the_reason():
     transfer = emva1288.PhotonTransfer(0.1, 0.001, 0.05, 100, dark_variance_error=0.01)
     assert np.isnan(transfer.dark_sigma_e) and np.isnan(transfer.dark_sigma_error)

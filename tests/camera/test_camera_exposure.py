@@ -228,10 +228,11 @@ def test_noise_without_a_curve_is_kept_but_for_clipping():
     np.testing.assert_allclose(black, 0.02 * np.sqrt(0.5 - 1 / (2 * np.pi)), rtol=5e-3)
 
 
-def test_noise_before_anything_cuts_it_is_that_of_the_curve_continued_below_black():
+def test_noise_that_white_does_not_cut_ends_at_black_where_there_is_no_light():
     weak = noise_after_curve(np.array([0.2, 0.8]), np.array([1e-3, 1e-3]), clipped=False)
     np.testing.assert_allclose(weak, 1e-3 * slope(np.array([0.2, 0.8])), rtol=2e-3)
     white = noise_after_curve(np.array([1.0]), np.array([0.02]), 1.0, clipped=False)
     np.testing.assert_allclose(white, 0.02, rtol=1e-3)  # nothing is cut
     square_root = noise_after_curve(np.array([0.0]), np.array([0.02]), 2.0, clipped=False)
-    np.testing.assert_allclose(square_root, np.sqrt(0.02 * np.sqrt(2 / np.pi)), rtol=0.01)  # E|z| = sqrt(2 / pi)
+    mean, square = 0.41109, np.sqrt(1 / (2 * np.pi))  # of sqrt(max(z, 0)): 2^(1/4) Gamma(3/4) / (2 sqrt(pi))
+    np.testing.assert_allclose(square_root, np.sqrt(0.02 * (square - mean**2)), rtol=0.02)

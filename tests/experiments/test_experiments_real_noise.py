@@ -1,5 +1,6 @@
 """Noise estimators on recordings of real cameras: pairs, raw frames with photon transfer, the stage."""
 
+from dataclasses import replace
 from functools import partial
 
 import cv2
@@ -65,8 +66,15 @@ def test_noise_of_raw_frames_is_measured_against_photon_transfer(raw, sensor):
     selected = table[table["estimator"] == "pca"]
     assert set(selected["picture"]) == {"scene_100ms_1", "scene_200ms_1"}  # the third is brighter than the check allows
     assert len(selected) == 2 * len(PLANES)
-    mean_dn = (selected["true_sigma_dn"] ** 2 - GAIN**2 * DARK_E**2) / GAIN
+    mean_dn = (selected["cleaned_sigma_dn"] ** 2 - GAIN**2 * DARK_E**2) / GAIN
     assert (mean_dn < BRIGHTEST_DN * 1.1).all()
+    np.testing.assert_allclose(selected["true_sigma_dn"], selected["cleaned_sigma_dn"], rtol=0.03)  # no fixed pattern
+    worn = {name: replace(fit, pattern_fraction=0.05) for name, fit in sensor.fits.items()}
+    with_pattern = measure_raw(raw_frames(raw / "light"), worn, WHITE_DN, {"pca": KINDS["pca"]}, EXECUTOR)
+    of_pattern = np.sqrt(with_pattern["true_sigma_dn"] ** 2 - with_pattern["cleaned_sigma_dn"] ** 2)
+    offset, gain = np.tile([(fit.dark_variance_dn2, fit.gain_dn_per_e) for fit in sensor.fits.values()], (2, 1)).T
+    above_dn = (with_pattern["cleaned_sigma_dn"] ** 2 - offset) / gain
+    np.testing.assert_allclose(of_pattern, 0.05 * above_dn, rtol=1e-6)
     assert (selected["sigma_dn"] - selected["true_sigma_dn"]).abs().mean() < 0.15
     assert real_noise_metrics(summarise(table, draws=20))["pca"]["true_mae_dn"] < 0.15
 
