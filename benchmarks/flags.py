@@ -42,9 +42,10 @@ from scipy.stats import spearmanr  # noqa: E402
 
 from pipeline.camera import mtf, psf  # noqa: E402
 from pipeline.camera.blur import blur  # noqa: E402
+from pipeline.camera.quantise import to_8bit  # noqa: E402
 from pipeline.cluster_intervals import bias_corrected, resamples  # noqa: E402
 from pipeline.condition import ConditionMonitor  # noqa: E402
-from pipeline.datasets.pictures import read_grey, read_grey8, to_eight_bit  # noqa: E402
+from pipeline.datasets.pictures import read_grey, read_grey8  # noqa: E402
 from pipeline.noise.real_noise import cleaned, pairs  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
 
@@ -94,7 +95,7 @@ def corrupted(frames: dict[str, np.ndarray]) -> Iterator[Sample]:
             loss = 0.0 if kernel is None else 1.0 - float(mtf.sample(kernel).mean())
             for sigma_dn in NOISE_DN:
                 noise = stream(1, "flags", scene, kind, size_px, sigma_dn).normal(0, sigma_dn, frame.shape)
-                image = to_eight_bit(sharp + noise / 255).astype(np.float32) / np.float32(255)
+                image = to_8bit(sharp + noise / 255).astype(np.float32) / np.float32(255)
                 yield Sample(scene, image, loss, sigma_dn)
 
 
@@ -227,7 +228,7 @@ def main() -> None:
         sources["levin2009"] = list(levin(arguments.realdata / "levin2009"))
         sources["cc"] = list(cc(arguments.realdata / "cc_noise"))
         shaken = enumerate(sample.image for sample in sources["levin2009"])
-        whole["levin2009"] = [(str(number), to_eight_bit(image)) for number, image in shaken]
+        whole["levin2009"] = [(str(number), to_8bit(image)) for number, image in shaken]
         whole["cc"] = flag_rates.frames_below(arguments.realdata / "cc_noise")
         whole |= {name: flag_rates.frames_below(folder) for name, folder in folders.items()}
     methods = measures()

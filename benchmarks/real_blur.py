@@ -35,13 +35,14 @@ import numpy as np  # noqa: E402
 
 from pipeline import blur  # noqa: E402
 from pipeline.camera import mtf  # noqa: E402
+from pipeline.camera.quantise import to_8bit  # noqa: E402
 from pipeline.cluster_intervals import cluster_mean  # noqa: E402
 from pipeline.datasets.patches import BLUR_PX, cut, tiles  # noqa: E402
-from pipeline.datasets.pictures import read_grey8, to_eight_bit  # noqa: E402
-from pipeline.detection.weights import file_sha256  # noqa: E402
+from pipeline.datasets.pictures import read_grey8  # noqa: E402
 from pipeline.errors import InputError  # noqa: E402
 from pipeline.noise.real_noise import pairs  # noqa: E402
 from pipeline.recording.provenance import content_sha256  # noqa: E402
+from pipeline.store import file_sha256  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ OF_PAIRS: dict[str, dict[str, Any]] = {"spectral": {}, "gbb": DECONVOLUTION}
 
 def windows(image: NDArray[np.floating]) -> NDArray[np.float32]:
     """(N, 1, 192, 192) windows that cover a picture, (H, W) in [0, 1], rounded to 8 bits."""
-    rounded = to_eight_bit(image)
+    rounded = to_8bit(image)
     return cut(rounded, tiles(rounded.shape, BLUR_PX, "cover"))
 
 

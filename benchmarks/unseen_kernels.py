@@ -23,7 +23,6 @@ and GBB (fast) too, on one patch of each of N frames evenly spread, beside the s
 from __future__ import annotations
 
 import argparse
-import hashlib
 import sys
 import tempfile
 import time
@@ -49,6 +48,7 @@ from pipeline.experiments import calibrate, table_one  # noqa: E402
 from pipeline.experiments.condition import SHARP, grid, sharp_kernel  # noqa: E402
 from pipeline.experiments.frames import TestFrame, of_index  # noqa: E402
 from pipeline.experiments.run import Method, Registered, run  # noqa: E402
+from pipeline.store import file_sha256  # noqa: E402
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -291,7 +291,7 @@ def main() -> None:
     record = {
         "datasets": list(results),
         "source": SOURCE,
-        "weights_sha256": hashlib.sha256(spectral.RELEASED.read_bytes()).hexdigest(),
+        "weights_sha256": file_sha256(spectral.RELEASED),
         "seed": config.seed,
         "patches_per_frame": arguments.patches,
         "fitting_samples": arguments.samples,

@@ -9,6 +9,8 @@ renames none, and the earlier one is deleted once the new one is in its place.
 from __future__ import annotations
 
 import contextlib
+import errno
+import hashlib
 import json
 import math
 import os
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
 _UMASK = os.umask(0o077)
 """Permissions that new files do not get; the system gives it only for another one."""
 os.umask(_UMASK)
+FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+"""Errors of the system where nothing more can be written."""
 
 
 @contextlib.contextmanager
@@ -45,6 +49,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
         yield temporary
         temporary.chmod(0o666 & ~_UMASK)
         temporary.replace(path)
+    except OSError as error:
+        raise _naming(error, path) from None
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -73,10 +79,25 @@ def replacing_folder(path: str | Path) -> Iterator[Path]:
             _exchange(temporary, path)
         else:
             temporary.replace(path)
+    except OSError as error:
+        raise _naming(error, path) from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     for leftover in _replaced(path):
         shutil.rmtree(leftover)
+
+
+def file_sha256(path: str | Path) -> str:
+    """SHA-256 of a file's content, hexadecimal."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _naming(error: OSError, path: Path) -> OSError:
+    """An error of a full disk, which names no file, with the name of what was being written."""
+    if error.errno in FULL and error.filename is None:
+        error.filename = str(path)
+    return error
 
 
 def _exchange(new: Path, path: Path) -> None:

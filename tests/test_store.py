@@ -230,6 +230,14 @@ def test_deep_json_is_one_line(tmp_path):
         store.read_json(path)
 
 
+@pytest.mark.parametrize("writing", [store.replacing, store.replacing_folder])
+@pytest.mark.parametrize(("named", "expected"), [(None, "result"), ("elsewhere", "elsewhere")])
+def test_a_full_disk_names_what_was_being_written(tmp_path, writing, named, expected):
+    with pytest.raises(OSError, match=f"No space left on device: '.*{expected}'"), writing(tmp_path / "result"):
+        raise OSError(errno.ENOSPC, "No space left on device", *([named] if named else []))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_writing_an_image_names_the_reason_of_the_system(tmp_path, monkeypatch):
     def full(self, content):
         raise OSError(errno.ENOSPC, "No space left on device")

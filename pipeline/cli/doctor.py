@@ -79,12 +79,11 @@ def installed_packages() -> dict[str, dict[str, Any]]:
 
 def weight_files() -> list[dict[str, Any]]:
     """Released weight files: ``file``, ``architecture``, ``released``, ``sha256``, and the ``problem`` or empty."""
-    import hashlib
-
     from pipeline.errors import InputError
     from pipeline.learning.weights import details as header_of
     from pipeline.learning.weights import is_released, load
     from pipeline.project_files import located
+    from pipeline.store import file_sha256
 
     folder = located("data/weights/mtf_spectral.safetensors").parent
     rows = []
@@ -94,7 +93,7 @@ def weight_files() -> list[dict[str, Any]]:
             header = header_of(path)
             load(path, header["architecture"])
             row["architecture"], row["released"] = header["architecture"], is_released(path, header)
-            row["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
+            row["sha256"] = file_sha256(path)
         except InputError as error:
             row["problem"] = str(error)
         rows.append(row)

@@ -29,7 +29,9 @@ def noise_overlay(
     """
     import cv2
 
-    picture = np.repeat(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)[..., None], 3, axis=2)
+    from pipeline.camera.quantise import to_8bit
+
+    picture = np.repeat(to_8bit(image)[..., None], 3, axis=2)
     colours = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[None], cv2.COLORMAP_VIRIDIS)[0, :, ::-1]
     for tile, sigma in zip(tiles, sigma_dn, strict=True):
         rows, columns = slice(tile.y_px, tile.y_px + tile.size_px), slice(tile.x_px, tile.x_px + tile.size_px)

@@ -84,7 +84,8 @@ def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: P
 
     Noise estimators run on patches of the frames, whose noise follows the photon transfer. Prints, per colour plane,
     the system gain in DN per electron and the dark noise in electrons with their standard errors, and the electrons at
-    full scale, by extrapolation.
+    full scale, by extrapolation; and the fixed pattern, what pixels differ by in every frame, in percent of the grey
+    value.
     """
     from functools import partial
 
@@ -94,11 +95,13 @@ def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: P
 
     refuse_foreign(out, "--to", RESULTS, [light, dark])
     rows = record(light, dark, white_dn, ESTIMATORS, out, source, partial(run_map, workers=workers))
-    click.echo(f"{'plane':5} {'gain DN/e':>9} {'error':>7} {'dark noise e':>12} {'error':>7} {'full scale e':>12}")
+    click.echo(
+        f"{'plane':5} {'gain DN/e':>9} {'error':>7} {'dark noise e':>12} {'error':>7} {'full scale e':>12} {'pattern %':>9}"
+    )
     for row in rows.to_dict("records"):
         click.echo(
             f"{row['plane']:5} {row['gain_dn_per_e']:9.4f} {row['gain_error']:7.4f} {row['dark_sigma_e']:12.1f}"
-            f" {row['dark_sigma_error']:7.1f} {row['full_scale_e']:12.0f}"
+            f" {row['dark_sigma_error']:7.1f} {row['full_scale_e']:12.0f} {100 * row['pattern_fraction']:9.1f}"
         )
         if row["dark_sigma_reason"]:
             click.echo(f"{row['plane']:5} no dark noise: {row['dark_sigma_reason']}")

@@ -12,7 +12,6 @@ it cannot depend on a value whose change would not re-run it.
 from __future__ import annotations
 
 import contextlib
-import errno
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,6 +23,7 @@ from typing import TYPE_CHECKING, Any, cast
 from pipeline.errors import InputError, did_you_mean
 from pipeline.registry import Registry
 from pipeline.signals import handled
+from pipeline.store import FULL
 from pipeline.weight_files import active_folder
 
 if TYPE_CHECKING:
@@ -36,8 +36,6 @@ MODES = Registry(
     {"params": "pipeline.config.from_params:start", "conf": "pipeline.config.from_conf:start"},
 )
 """Ways into a stage, each imported only when it is taken."""
-FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
-"""Errors of the system where nothing more can be written."""
 
 
 class Params:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.quantise import to_8bit
 from pipeline.control.views import View
 from pipeline.datasets.frame import Box
 from pipeline.detection.base import Detections
@@ -80,7 +81,7 @@ def cut(image: NDArray[np.float32], detected: Detections, at: Window) -> dict[st
         that detection in the picture, NaN where missed.
     """
     part = image[at.top_px : at.top_px + HEIGHT_PX, at.left_px : at.left_px + WIDTH_PX]
-    picture = np.rint(part * 255.0).astype(np.uint8)
+    picture = to_8bit(part)
     mine = detected.where(detected.label == at.box.label)
     truth = np.array([[at.box.x1, at.box.y1, at.box.x2, at.box.y2]])
     hits = overlaps(mine.boxes, truth, 0.0)[0][:, 0] >= _IOU if len(mine) else np.zeros(0, dtype=bool)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from pipeline import control
 from pipeline.camera.exposure import Camera, Motion, noise_generator
+from pipeline.camera.quantise import to_8bit
 from pipeline.control.decision import Decision
 from pipeline.control.measured_surface import monitor
 from pipeline.control.motion import CYCLES_PER_PX
@@ -270,7 +271,7 @@ def _formed(
     radiance = with_sun(radiance_at(path), sun_radius_fraction)
     generator = noise_generator(seed, "closed loop", name)
     frame = camera.expose(radiance, state.exposure_s, state.gain, generator, light=light, motion=motion)
-    grey = np.rint(frame.image * np.float32(255.0)).astype(np.uint8)
+    grey = to_8bit(frame.image)
     return FormedFrame(grey, frame.blur_px, frame.saturated_fraction, frame.sigma_dn)
 
 

@@ -16,7 +16,6 @@ package names the benchmark only. Nothing of these files is stored in this proje
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from typing import ClassVar
 from pipeline.datasets.dataset import DataAbsent, Dataset
 from pipeline.datasets.frame import Frame
 from pipeline.errors import InputError
+from pipeline.store import file_sha256
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Photos(Dataset):
             path = self.root / photograph.file
             if not path.is_file():
                 raise DataAbsent(f"dataset '{self.name}': no file {path}. {self.source}")
-            if hashlib.sha256(path.read_bytes()).hexdigest() != photograph.sha256:
+            if file_sha256(path) != photograph.sha256:
                 raise InputError(f"{path}: not the photograph expected (SHA-256 differs); reinstall scikit-image")
             yield self._frame(path)
 

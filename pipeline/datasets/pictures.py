@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.camera.quantise import to_8bit
 from pipeline.datasets import tiff
 from pipeline.errors import DECODER_ERRORS, InputError
 
@@ -122,16 +123,11 @@ class Picture:
         if channel_order not in CHANNEL_ORDERS:
             raise InputError(f"channel_order={channel_order!r}: expected one of {', '.join(CHANNEL_ORDERS)}")
         if channel_order == "authors":
-            eight = self.pixels if self.pixels.dtype == np.uint8 else to_eight_bit(self.unit())
+            eight = self.pixels if self.pixels.dtype == np.uint8 else to_8bit(self.unit())
             swapped = cv2.cvtColor(eight, cv2.COLOR_BGR2GRAY) if self.colour else eight
             return swapped.astype(np.float32) / np.float32(255)
         values = self.unit()
         return np.clip(cv2.cvtColor(values, cv2.COLOR_RGB2GRAY), 0, 1) if self.colour else values
-
-
-def to_eight_bit(image: np.ndarray) -> np.ndarray:
-    """Float in [0, 1] to uint8: clipped and rounded, not truncated."""
-    return np.rint(np.clip(image, 0, 1) * np.float32(255)).astype(np.uint8)
 
 
 def read_grey(path: str | Path, *, channel_order: str = "rgb", smallest_px: int = SMALLEST_PX) -> np.ndarray:
@@ -153,7 +149,7 @@ def read_grey(path: str | Path, *, channel_order: str = "rgb", smallest_px: int 
 
 def read_grey8(path: str | Path, *, channel_order: str = "rgb", smallest_px: int = SMALLEST_PX) -> np.ndarray:
     """A picture file as 8-bit grey levels: `read_grey` times 255, rounded. (H, W) uint8."""
-    return to_eight_bit(read_grey(path, channel_order=channel_order, smallest_px=smallest_px))
+    return to_8bit(read_grey(path, channel_order=channel_order, smallest_px=smallest_px))
 
 
 def picture_size(path: str | Path) -> tuple[int, int] | None:

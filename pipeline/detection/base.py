@@ -116,6 +116,8 @@ def each_image(images: Images) -> Iterable[NDArray[np.float32]]:
         raise InputError("images: expected a sequence; for one picture use [picture]")
     count = 0
     for entry in images:
+        if isinstance(entry, np.ma.MaskedArray):
+            raise InputError(f"images: image {count} is a masked array; cut it to a rectangle without masked pixels")
         array = np.asarray(as_array(entry))
         if array.dtype.kind != "f":
             raise InputError(

@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.quantise import to_8bit
 from pipeline.detection import coco
 from pipeline.detection.base import Detections, each_image
-from pipeline.detection.modes import Limits, Mode, eight_bit, limits
+from pipeline.detection.modes import Limits, Mode, limits
 from pipeline.detection.onnx_model import OnnxFile
 from pipeline.errors import InputError
 
@@ -110,7 +111,7 @@ class FasterRcnn:
             scale = min(scale, float(self.longest_px) / max(width, height))
         size = (max(1, int(scale * width)), max(1, int(scale * height)))
         # Pillow keeps the kind of number: 8 bit as the authors' program has it, or floats.
-        source = eight_bit(image) if self.mode == "paper" else image * np.float32(255.0)
+        source = to_8bit(image) if self.mode == "paper" else image * np.float32(255.0)
         grey = np.asarray(Image.fromarray(source).resize(size, Image.Resampling.BILINEAR), dtype=np.float32)
         padded = [-(-side // MULTIPLE_PX) * MULTIPLE_PX for side in grey.shape]
         tensor = np.zeros((3, *padded), dtype=np.float32)

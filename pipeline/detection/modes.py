@@ -95,8 +95,3 @@ def limits(
         iou_threshold=base.iou_threshold if iou_threshold is None else iou_threshold,
         max_detections=base.max_detections if max_detections is None else max_detections,
     )
-
-
-def eight_bit(image: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """The image as an 8-bit file would hold it: (H, W) in [0, 1] to 0..255, rounded."""
-    return np.rint(np.clip(image, 0.0, 1.0) * 255.0).astype(np.uint8)

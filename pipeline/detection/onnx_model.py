@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.store import file_sha256
 
 if TYPE_CHECKING:
     import onnxruntime
@@ -36,7 +36,7 @@ class OnnxFile:
         if not self.path.is_file():
             raise InputError(f"{self.path}: no such model file; give weights= the path of an ONNX file")
         if sha256 is not None:
-            result = hashlib.sha256(self.path.read_bytes()).hexdigest()
+            result = file_sha256(self.path)
             if result != sha256.lower():
                 raise InputError(f"{self.path}: SHA-256 is {result}, expected {sha256}; get the file again")
         self._sessions: dict[tuple[int, int] | None, onnxruntime.InferenceSession] = {}

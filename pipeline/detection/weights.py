@@ -8,7 +8,6 @@ beside it; later ones must equal it.
 
 from __future__ import annotations
 
-import hashlib
 import http.client
 import urllib.error
 import urllib.request
@@ -21,7 +20,7 @@ from urllib.parse import urlsplit
 
 from pipeline.detection.weights_table import TABLE, Published
 from pipeline.errors import InputError, did_you_mean
-from pipeline.store import read_json, write_json
+from pipeline.store import file_sha256, read_json, write_json
 
 LOCK = "weights.lock.json"
 ATTEMPTS = 3
@@ -99,12 +98,6 @@ def get(entry: Published, folder: str | Path, sha256: str | None = None, progres
     _forget(part)
     _record(folder, entry, result, trust, source)
     return Fetched(target, result, trust, downloaded=True)
-
-
-def file_sha256(path: str | Path) -> str:
-    """Hash of a file, hexadecimal."""
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def by_hand(entry: Published, folder: str | Path) -> str:

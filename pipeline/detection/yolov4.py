@@ -23,10 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from pipeline.camera.quantise import to_8bit
 from pipeline.detection import coco
 from pipeline.detection.base import Detections, each_image
 from pipeline.detection.letterbox import Placement
-from pipeline.detection.modes import Limits, Mode, eight_bit, limits
+from pipeline.detection.modes import Limits, Mode, limits
 from pipeline.detection.onnx_model import OnnxModel
 from pipeline.detection.yolo import ANCHORS_PX, STRIDES, scored
 from pipeline.errors import InputError
@@ -88,7 +89,7 @@ class Yolov4:
 
     def _detect(self, image: NDArray[np.float32]) -> Detections:
         paper = self.mode == "paper"
-        canvas, placement = canvas_of(eight_bit(image) if paper else image * np.float32(255.0), self.side_px, paper)
+        canvas, placement = canvas_of(to_8bit(image) if paper else image * np.float32(255.0), self.side_px, paper)
         rows = self._raw(canvas)
         kind, score = scored(rows)
         boxes = placement.undo(decode(rows[:, :4], self.side_px))

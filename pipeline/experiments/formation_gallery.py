@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.camera.psf import create
 from pipeline.camera.psf.kernel import Kernel
+from pipeline.camera.quantise import to_8bit
 from pipeline.camera.settings import CameraSettings
 from pipeline.camera.steps import steps
 from pipeline.datasets.frame import Frame
@@ -46,7 +47,7 @@ def gallery(
     window = _window(frame, sharp.image.shape, crop_px)
 
     def shown(image: np.ndarray) -> np.ndarray:
-        return np.rint(np.clip(image[window], 0.0, 1.0) * 255.0).astype(np.uint8)
+        return to_8bit(image[window])
 
     psf = create("nonlinear_motion", kernel_size_px, generator=stream(seed, "gallery", "psf"))
     kernel = Kernel("gallery", "nonlinear_motion", kernel_size_px, 0.0, psf)

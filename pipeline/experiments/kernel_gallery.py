@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pipeline.blur.base import BlurEstimate
 from pipeline.camera import mtf
 from pipeline.camera.psf.kernel import Kernel
+from pipeline.camera.quantise import to_8bit
 from pipeline.camera.settings import CameraSettings
 from pipeline.datasets.patches import Patch, cut
 from pipeline.experiments.condition import Condition, first_rotations
@@ -62,7 +63,7 @@ def picture(
     """
     pixels = cut(SharpFrame(frame, camera, seed).under(Condition(kernel)).image, [patch])
     estimate = opened(estimator).estimate(pixels)
-    return Picture(kernel, np.rint(pixels[0, 0] * 255.0).astype(np.uint8), estimate)
+    return Picture(kernel, to_8bit(pixels[0, 0]), estimate)
 
 
 def gallery(

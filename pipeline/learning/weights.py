@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline import weight_files
 from pipeline.errors import InputError
+from pipeline.learning.inference import single_precision
+from pipeline.store import file_sha256
 
 if TYPE_CHECKING:
     import torch
@@ -144,14 +146,15 @@ def _check_values(path: str | Path, tensors: Mapping[str, torch.Tensor]) -> None
 def untrained(make: Callable[[], Made]) -> Made:
     """A network as it is before weights are loaded.
 
-    PyTorch draws its first weights, for nothing, from random numbers that are the caller's; they stay as they are.
+    PyTorch draws its first weights, for nothing, from random numbers that are the caller's; they stay as they are. So
+    does the type of new tensors that the caller has set; the network's is float32.
 
     Args:
         make: the network's class, or a call of it.
     """
     import torch
 
-    with torch.random.fork_rng(devices=[]):
+    with torch.random.fork_rng(devices=[]), single_precision():
         return make()
 
 
@@ -185,7 +188,7 @@ def is_released(path: str | Path, header: Mapping[str, Any]) -> bool:
     """
     if "released" in header:
         return header["released"] is True
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest() in RELEASED_WITHOUT_FLAG
+    return file_sha256(path) in RELEASED_WITHOUT_FLAG
 
 
 def _announce(path: str | Path, header: Mapping[str, Any]) -> None:

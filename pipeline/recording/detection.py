@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from pipeline import store
 from pipeline.curves import directions, precision
 from pipeline.datasets.selection import evaluation_frames, evenly_spread, scene_of
-from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError
 from pipeline.experiments import detect, iopc
 from pipeline.experiments.class_maps import class_map
@@ -25,6 +24,7 @@ from pipeline.recording.provenance import blur_weights, inputs_of, noise_weights
 from pipeline.report import style
 from pipeline.report.detection_results import DIRECTION, SPREAD
 from pipeline.report.sections import detection_figures
+from pipeline.store import file_sha256
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,13 +17,13 @@ import numpy as np
 
 from pipeline import store
 from pipeline.camera.processing.codec import Codec
-from pipeline.detection.weights import file_sha256
 from pipeline.experiments import noise_examples
 from pipeline.experiments.noise_examples import Example
 from pipeline.experiments.real_noise_records import EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE, example_crop
 from pipeline.noise import real_noise
 from pipeline.recording.provenance import content_sha256, noise_weights, write_csv
 from pipeline.report import style
+from pipeline.store import file_sha256
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import blur, noise, store
 from pipeline.camera.paper_kernels import PaperKernel
-from pipeline.detection.weights import file_sha256
 from pipeline.errors import InputError
+from pipeline.store import file_sha256
 from pipeline.weight_files import active
 
 if TYPE_CHECKING:

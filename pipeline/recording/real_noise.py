@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline import store
-from pipeline.detection.weights import file_sha256
 from pipeline.experiments.real_noise import Kinds, measure_pairs
 from pipeline.experiments.real_noise_records import PATCHES_FILE, PROVENANCE_FILE, SUMMARY_FILE
 from pipeline.noise import real_noise
 from pipeline.recording.provenance import content_sha256, noise_weights, without_folders, write_csv
+from pipeline.store import file_sha256
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import store
 from pipeline.datasets.raw_frames import raw_frames
-from pipeline.detection.weights import file_sha256
 from pipeline.experiments.real_noise import Kinds, measure_raw
 from pipeline.experiments.real_noise_records import (
     DARK_FILE,
@@ -33,6 +32,7 @@ from pipeline.experiments.real_noise_records import (
 from pipeline.experiments.sensor_constants import sensor_constants
 from pipeline.noise.real_noise import summarise
 from pipeline.recording.provenance import content_sha256, noise_weights, write_csv
+from pipeline.store import file_sha256
 
 if TYPE_CHECKING:
     import pandas as pd

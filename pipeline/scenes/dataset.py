@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.camera.quantise import to_8bit
 from pipeline.errors import InputError, did_you_mean
 from pipeline.scenes import labels, lens
 from pipeline.scenes.labels import SimBox
@@ -78,7 +79,7 @@ class SimFrame:
 
     def eight_bit(self) -> NDArray[np.uint8]:
         """(H, W) grey levels 0..255, rounded."""
-        return np.rint(self.grey * 255.0).astype(np.uint8)
+        return to_8bit(self.grey)
 
 
 @lru_cache(maxsize=2)

@@ -13,8 +13,8 @@ def run(run: Run) -> None:
     from pipeline import store
     from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.detection import opened
-    from pipeline.detection.weights import file_sha256
     from pipeline.experiments.detect import identifying_file, options_of
+    from pipeline.store import file_sha256
 
     name = run.job["detector"]
     section = run.params.detection.detectors[name]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-
 from pipeline.config.entry import Run, stage
 
 READS = ["datasets.{dataset}", "noise.tile_px", "blur.patch_px", "report.example_frames"]
@@ -13,6 +11,7 @@ READS = ["datasets.{dataset}", "noise.tile_px", "blur.patch_px", "report.example
 def run(run: Run) -> None:
     """Scan the dataset, write the tables, a few example frames and a manifest of content hashes."""
     from pipeline import store, tables
+    from pipeline.camera.quantise import to_8bit
     from pipeline.config.hydra_plugins.plug_in_sources import digest
     from pipeline.datasets.index import index
     from pipeline.datasets.open import open_section
@@ -40,8 +39,8 @@ def run(run: Run) -> None:
         store.write_table(folder / "quarantine.parquet", result.quarantine, tables.QUARANTINE)
         store.write_json(folder / "notes.json", result.notes)
         store.write_json(folder / "samples.json", boxes)
-        store.write_arrays(folder / "samples.npz", **{f"frame_{f.name}": to_8_bit(f.image()) for f in shown})
-        store.write_json(folder / "manifest.json", {f.name: content_hash(f.path) for f in result.usable})
+        store.write_arrays(folder / "samples.npz", **{f"frame_{f.name}": to_8bit(f.image()) for f in shown})
+        store.write_json(folder / "manifest.json", {f.name: store.file_sha256(f.path) for f in result.usable})
         source = digest("pipeline.datasets", params.datasets[name].kind)
         if source is not None:  # a third party's reader, which all that depends on this index executes
             store.write_json(folder / "reader.json", {"package_sha256": source})
@@ -57,18 +56,6 @@ def run(run: Run) -> None:
             "statistics": result.frames.select_dtypes("float").mean().to_dict(),
         },
     )
-
-
-def to_8_bit(image):  # type: ignore[no-untyped-def]
-    """A float picture in [0, 1] as rounded 8 bit."""
-    import numpy as np
-
-    return np.rint(image * 255.0).astype(np.uint8)
-
-
-def content_hash(path):  # type: ignore[no-untyped-def]
-    """SHA-256 of a file, so that what depends on this index notices other pictures under the same names."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 if __name__ == "__main__":

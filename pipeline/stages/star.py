@@ -11,6 +11,7 @@ def run(run: Run) -> None:
     import numpy as np
 
     from pipeline import store
+    from pipeline.camera.quantise import to_8bit
     from pipeline.camera.star import measure
     from pipeline.scenes.lens import true_mtf
     from pipeline.scenes.star import render_star, star_geometry
@@ -30,7 +31,7 @@ def run(run: Run) -> None:
     formula = true_mtf(frequencies, scenes.samples)
     error = float(np.abs(np.asarray(measured) - formula).max())
     with store.replacing_folder(run.outputs / "data/star") as folder:
-        store.write_arrays(folder / "star.npz", image=np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8))
+        store.write_arrays(folder / "star.npz", image=to_8bit(image))
         store.write_json(
             folder / "star.json",
             {

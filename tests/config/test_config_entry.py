@@ -135,7 +135,10 @@ stage("probe", reads=["seed"])(body)(["--params"])
 
 @pytest.mark.parametrize(
     ("words", "status", "line"),
-    [([], 2, "error: File too large; make room and run again\n"), (["interrupt"], 130, "interrupted\n")],
+    [
+        ([], 2, "error: table.txt: File too large; make room and run again\n"),
+        (["interrupt"], 130, "interrupted\n"),
+    ],
 )
 def test_a_full_disk_and_an_interrupt_are_one_line(words, status, line, tmp_path):
     shutil.copy(ROOT / "params.yaml", tmp_path)

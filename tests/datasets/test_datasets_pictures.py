@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from PIL.PngImagePlugin import PngImageFile
 
+from pipeline.camera.quantise import to_8bit
 from pipeline.datasets.pictures import (
     BadPicture,
     Picture,
@@ -25,7 +26,6 @@ from pipeline.datasets.pictures import (
     read_grey,
     read_grey8,
     read_picture,
-    to_eight_bit,
 )
 from pipeline.errors import InputError
 
@@ -266,7 +266,7 @@ def test_size_of_what_is_no_picture(tmp_path):
 
 @given(st.floats(-1, 2, width=32))
 def test_eight_bit_rounds_to_nearest(value):
-    level = int(to_eight_bit(np.array([value], np.float32))[0])
+    level = int(to_8bit(np.array([value], np.float32))[0])
     assert abs(level - min(max(value, 0), 1) * 255) <= 0.5 + 1e-4
 
 

@@ -60,6 +60,8 @@ def test_detections_are_chosen_by_score_and_label() -> None:
         ([np.zeros(4)], "shape"),
         ([np.zeros((0, 4))], "shape"),
         (np.zeros((4, 4)), "use \\[picture\\]"),
+        ([np.zeros((4, 4)), np.ma.masked_less(np.zeros((4, 4)), 0.5)], "image 1 is a masked array"),
+        (np.ma.masked_less(np.zeros((1, 1, 4, 4)), 0.5), "image 0 is a masked array"),
     ],
 )
 def test_wrong_images_are_named(images: object, words: str) -> None:

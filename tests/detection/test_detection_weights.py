@@ -24,6 +24,7 @@ from pipeline.detection import weights
 from pipeline.detection.settings import DetectorSettings
 from pipeline.detection.weights_table import TABLE, Published
 from pipeline.errors import InputError
+from pipeline.store import file_sha256
 
 ROOT = Path(__file__).resolve().parents[2]
 BYTES = np.random.Generator(np.random.Philox(5)).bytes(600_000)
@@ -266,7 +267,7 @@ def test_the_reference_file_is_the_one_in_the_table(shared: Path) -> None:
     if not path.is_file():
         pytest.skip("reference data absent: ../shared/weights/yolox_nano.onnx")
     row = TABLE["yolox_nano_reexport"]
-    assert (weights.file_sha256(path), path.stat().st_size) == (row.sha256, row.size_bytes)
+    assert (file_sha256(path), path.stat().st_size) == (row.sha256, row.size_bytes)
 
 
 def test_commands(server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
