@@ -96,7 +96,8 @@ def sensor_command(light: Path, dark: Path, white_dn: float, source: str, out: P
     refuse_foreign(out, "--to", RESULTS, [light, dark])
     rows = record(light, dark, white_dn, ESTIMATORS, out, source, partial(run_map, workers=workers))
     click.echo(
-        f"{'plane':5} {'gain DN/e':>9} {'error':>7} {'dark noise e':>12} {'error':>7} {'full scale e':>12} {'pattern %':>9}"
+        f"{'plane':5} {'gain DN/e':>9} {'error':>7} {'dark noise e':>12} {'error':>7} {'full scale e':>12}"
+        f" {'pattern %':>9}"
     )
     for row in rows.to_dict("records"):
         click.echo(

@@ -4,7 +4,7 @@ Fixed statistics of every 8 x 8 px cell (`cellwise_features`) go through a small
 procedural pictures only (`training`). Its output, and how it differs from the classical estimators:
 
 * sigma is that of the noise *before* the 8-bit range cut it. In a white sky half of the noise is gone; the other half
-  tells. (Of noise behind a tone curve it is what black has left: without light there is none to read.) Only a patch with
+  tells. (Behind a tone curve it is what black has left of the noise: without light there is none.) Only a patch with
   nearly no pixel left inside the range is abstained from as saturated.
 * Noise counts as the sensor added it: what a lens or motion has blurred since (photon noise of a blurred scene in a
   simulation, film grain, a noisy picture resized) does not.
