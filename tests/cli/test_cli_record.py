@@ -82,6 +82,7 @@ def test_a_sensor_is_measured_from_exposures_of_a_scene(tmp_path):
     assert list(transfer["plane"]) == ["00", "01", "10", "11"]
     assert transfer["gain_dn_per_e"].to_numpy() == pytest.approx(0.05, rel=0.1)
     assert transfer["gain_dn_per_e"].mean() == pytest.approx(0.05, rel=0.04)
+    assert "pattern %" in done.output and (transfer["pattern_fraction"] < 0.01).all()  # there is none
     dark = pd.read_csv(tmp_path / "out/sensor_dark.csv")
     assert dark["slope_dn_per_s"].mean() == pytest.approx(10, rel=0.05)
     assert len(json.loads((tmp_path / "out/sensor_provenance.json").read_text())["frames"]["light"]) == 3
