@@ -40,7 +40,7 @@ Source: EMVA Standard 1288, release 4.0, sections on photon transfer and dark cu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,10 +64,13 @@ class TransferPoints:
     Attributes:
         mean_dn: (N,) mean grey value of a block, DN above black; of frames of two exposures mu_b (1 + r) / (1 + r^2).
         variance_dn2: (N,) variance of the noise at that grey value, DN^2.
+        pattern_variance: (N,) variance s^2 of the fixed pattern, over the square of the grey value; of a single block
+            it may be negative. Empty where it was not measured.
     """
 
     mean_dn: NDArray[np.float64]
     variance_dn2: NDArray[np.float64]
+    pattern_variance: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -82,8 +85,8 @@ class PhotonTransfer:
         black_dn: grey value without light that was subtracted from the points, DN.
         dark_variance_error: standard error of c, DN^2.
         covariance: of K and c, DN^3 per electron; both errors are of one line, so that it is negative.
-        pattern_fraction: standard deviation s of the fixed pattern as a fraction of the grey value above black
-            (`fixed_pattern`).
+        pattern_fraction: standard deviation s of the fixed pattern as a fraction of the grey value above black; 0 where
+            it was not measured.
     """
 
     gain_dn_per_e: float
@@ -195,34 +198,21 @@ def points_of_pair(
     Raises:
         InputError: frames of unequal shape, or white that is not above black.
     """
-    a, b = _usable_blocks(first, second, white_dn, black_dn)
-    mean = b.mean(axis=(1, 2))
-    ratio = mean / a.mean(axis=(1, 2))
+    if first.shape != second.shape:
+        raise InputError(f"frames: shapes {first.shape} and {second.shape}, expected the same")
+    if not white_dn > black_dn:
+        raise InputError(f"white_dn: {white_dn:g} DN, expected more than the black level of {black_dn:g} DN")
+    a, b = _blocks(first), _blocks(second)
+    unclipped = np.maximum(a, b).max(axis=(1, 2)) < CLIPPED_FRACTION * white_dn
+    a, b = a - black_dn, b - black_dn
+    linear = b.mean(axis=(1, 2)) <= LINEAR_FRACTION * (white_dn - black_dn)
+    keep = (a.mean(axis=(1, 2)) >= LOWEST_DN) & unclipped & linear
+    a, b = a[keep], b[keep]
+    mean_of_first, mean = a.mean(axis=(1, 2)), b.mean(axis=(1, 2))
+    ratio = mean / mean_of_first
     variance = (b - ratio[:, None, None] * a).var(axis=(1, 2), ddof=1) / (1 + ratio**2)
-    return TransferPoints(mean * (1 + ratio) / (1 + ratio**2), variance)
-
-
-def pattern_of_pair(
-    first: NDArray[np.generic], second: NDArray[np.generic], white_dn: float, black_dn: float = 0.0
-) -> NDArray[np.float64]:
-    """Variance of the fixed pattern over squared grey value, s^2, of each block; the arguments of `points_of_pair`.
-
-    Returns:
-        (N,) of the blocks that are points of the photon transfer, too; of single blocks it may be negative.
-    """
-    blocks = _usable_blocks(first, second, white_dn, black_dn)
-    fine, fine_of_second = (np.diff(np.diff(block, n=4, axis=1), n=4, axis=2) / _FINE_GAIN for block in blocks)
-    means = [block.mean(axis=(1, 2)) for block in blocks]
-    return np.asarray((fine * fine_of_second).mean(axis=(1, 2)) / (means[0] * means[1]))
-
-
-def fixed_pattern(variances: Sequence[NDArray[np.float64]]) -> float:
-    """Standard deviation s of the fixed pattern as a fraction of the grey value: the median over blocks.
-
-    Args:
-        variances: (N,) each, `pattern_of_pair` of any number of pairs of one colour plane.
-    """
-    return float(np.sqrt(max(float(np.median(np.concatenate(variances))), 0.0)))
+    pattern = (_fine(a) * _fine(b)).mean(axis=(1, 2)) / (mean_of_first * mean)
+    return TransferPoints(mean * (1 + ratio) / (1 + ratio**2), variance, pattern)
 
 
 def binned(points: Sequence[TransferPoints]) -> TransferPoints:
@@ -254,8 +244,8 @@ def photon_transfer(points: Sequence[TransferPoints], black_dn: float = 0.0) -> 
         black_dn: that was subtracted from them, kept with the result.
 
     Returns:
-        the fit, without a fixed pattern; weights are the inverse of the squared variance, to which the error of a
-        variance is proportional.
+        the fit; weights are the inverse of the squared variance, to which the error of a variance is proportional. The
+        fixed pattern is the median over all blocks.
 
     Raises:
         InputError: fewer than 24 points, or a variance that does not grow with the mean.
@@ -266,6 +256,7 @@ def photon_transfer(points: Sequence[TransferPoints], black_dn: float = 0.0) -> 
     if not slope > 0:
         raise InputError("photon transfer: the variance does not grow with the mean; expected linear raw frames")
     slope_error, offset_error = np.sqrt(np.diag(covariance))
+    pattern = np.concatenate([part.pattern_variance for part in points])
     return PhotonTransfer(
         gain_dn_per_e=float(slope),
         gain_error=float(slope_error),
@@ -274,6 +265,7 @@ def photon_transfer(points: Sequence[TransferPoints], black_dn: float = 0.0) -> 
         black_dn=black_dn,
         dark_variance_error=float(offset_error),
         covariance=float(covariance[0, 1]),
+        pattern_fraction=float(np.sqrt(max(np.median(pattern), 0.0))) if len(pattern) else 0.0,
     )
 
 
@@ -297,20 +289,9 @@ def dark_current(exposures_s: Sequence[float], frames: Sequence[NDArray[np.gener
     return DarkCurrent(float(slope), float(np.sqrt(covariance[0, 0])), float(offset), zero)
 
 
-def _usable_blocks(
-    first: NDArray[np.generic], second: NDArray[np.generic], white_dn: float, black_dn: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Blocks (N, 16, 16) of both frames, above black; see `points_of_pair`."""
-    if first.shape != second.shape:
-        raise InputError(f"frames: shapes {first.shape} and {second.shape}, expected the same")
-    if not white_dn > black_dn:
-        raise InputError(f"white_dn: {white_dn:g} DN, expected more than the black level of {black_dn:g} DN")
-    a, b = _blocks(first), _blocks(second)
-    unclipped = np.maximum(a, b).max(axis=(1, 2)) < CLIPPED_FRACTION * white_dn
-    a, b = a - black_dn, b - black_dn
-    linear = b.mean(axis=(1, 2)) <= LINEAR_FRACTION * (white_dn - black_dn)
-    keep = (a.mean(axis=(1, 2)) >= LOWEST_DN) & unclipped & linear
-    return a[keep], b[keep]
+def _fine(blocks: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What the finest filter of the module leaves of (N, 16, 16) blocks, (N, 12, 12): of white noise its variance."""
+    return np.diff(np.diff(blocks, n=4, axis=1), n=4, axis=2) / _FINE_GAIN
 
 
 def _blocks(values: NDArray[np.generic]) -> NDArray[np.float64]:

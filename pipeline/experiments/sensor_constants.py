@@ -7,7 +7,7 @@ photon transfer, so that the dark noise is the noise at no light. See `pipeline.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +15,7 @@ from pipeline.camera import emva1288
 from pipeline.datasets.raw_frames import RawFrame
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
-    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -61,17 +59,12 @@ def sensor_constants(light: Sequence[RawFrame], dark: Sequence[RawFrame], white_
     dark_planes = {name: [emva1288.plane(picture, name) for picture in pictures] for name in emva1288.PLANES}
     currents = {name: emva1288.dark_current(exposures, planes) for name, planes in dark_planes.items()}
     curves: dict[str, list[emva1288.TransferPoints]] = {name: [] for name in emva1288.PLANES}
-    patterns: dict[str, list[NDArray[np.float64]]] = {name: [] for name in emva1288.PLANES}
     for _, group in groupby(light, key=lambda frame: frame.scene):
         for first, second in pairwise([frame.pixels() for frame in group]):
             for name, curve in curves.items():
                 a, b = emva1288.plane(first, name), emva1288.plane(second, name)
                 curve.append(emva1288.points_of_pair(a, b, white_dn, currents[name].black_dn))
-                patterns[name].append(emva1288.pattern_of_pair(a, b, white_dn, currents[name].black_dn))
-    lines = {name: emva1288.photon_transfer(curve, currents[name].black_dn) for name, curve in curves.items()}
-    fits = {
-        name: replace(line, pattern_fraction=emva1288.fixed_pattern(patterns[name])) for name, line in lines.items()
-    }
+    fits = {name: emva1288.photon_transfer(curve, currents[name].black_dn) for name, curve in curves.items()}
     dark_rows = [_dark_row(name, current, fits[name]) for name, current in currents.items()]
     means = [
         {"plane": name, "exposure_s": exposure_s, "mean_dn": float(plane.mean())}

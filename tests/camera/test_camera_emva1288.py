@@ -66,11 +66,11 @@ def with_pattern(fraction, exposure, key):
 @pytest.mark.parametrize("fraction", [0.0, 0.01, 0.03])
 def test_the_fixed_pattern_is_what_two_exposures_share_from_pixel_to_pixel(fraction):
     short, long = with_pattern(fraction, 0.5, "short"), with_pattern(fraction, 1.0, "long")
-    variances = [
-        emva1288.pattern_of_pair(emva1288.plane(short, name), emva1288.plane(long, name), 255)
+    points = [
+        emva1288.points_of_pair(emva1288.plane(short, name), emva1288.plane(long, name), 255)
         for name in emva1288.PLANES
     ]
-    assert emva1288.fixed_pattern(variances) == pytest.approx(fraction, abs=0.003)
+    assert emva1288.photon_transfer(points).pattern_fraction == pytest.approx(fraction, abs=0.003)
 
 
 def test_noise_and_fixed_pattern_add_as_variances_above_black():
