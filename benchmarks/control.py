@@ -132,7 +132,7 @@ def loop_step(performance: Performance, viewpoints: int) -> dict[str, float]:
     return {"viewpoints": viewpoints, "processor_ms": round(times[-1], 1)}
 
 
-def settling(performance: Performance, monitor: Any) -> dict[str, dict[str, dict[str, float]]]:
+def settling(performance: Performance, monitor: Any) -> dict[str, dict[str, dict[str, float | None]]]:
     """Decisions until a policy has settled, by policy, drive and delay.
 
     Returns:
@@ -153,11 +153,11 @@ def settling(performance: Performance, monitor: Any) -> dict[str, dict[str, dict
             known[key] = observe(frame.image, monitor)
         return known[key]
 
-    results: dict[str, dict[str, dict[str, float]]] = {}
+    results: dict[str, dict[str, dict[str, float | None]]] = {}
     for name in ("iopc_optimal", "iopc_continuous"):
         results[name] = {}
         for drive, (start, before, after) in DRIVES.items():
-            measures = {}
+            measures: dict[str, float | None] = {}
             for delay in range(4):
                 camera = ControlledCamera(Limits(exposure_steps_per_stop=6, gain_step_db=1.0, delay_frames=delay))
                 policy = control.create(name, camera=camera, performance=performance)

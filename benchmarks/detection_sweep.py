@@ -23,11 +23,11 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+sys.path.insert(0, str(ROOT))
 
-from common import machine, one_thread, run, write  # noqa: E402
+from benchmarks import common  # noqa: E402
 
-one_thread()
+common.one_thread()
 
 import numpy as np  # noqa: E402
 
@@ -36,9 +36,10 @@ from pipeline.datasets.frame import Box, Frame  # noqa: E402
 from pipeline.detection import opened  # noqa: E402
 from pipeline.executor import one_thread, run_map  # noqa: E402
 from pipeline.experiments import iopc  # noqa: E402
+from pipeline.experiments.class_maps import class_map  # noqa: E402
 from pipeline.experiments.condition import grid, sweep_kernels  # noqa: E402
 from pipeline.experiments.corrupt import SharpFrame  # noqa: E402
-from pipeline.experiments.detect import Sweep, class_map, options_of  # noqa: E402
+from pipeline.experiments.detect import Sweep, options_of  # noqa: E402
 from pipeline.learning.dead_leaves import draw  # noqa: E402
 from pipeline.store import write_image  # noqa: E402
 from pipeline.streams import stream  # noqa: E402
@@ -140,7 +141,7 @@ def main() -> None:
         result["form_and_measure_a_condition"] = least(see) / len(levels)
         for name, _, _ in names:
             chosen = config.detection.detectors[name]
-            if not Path(chosen.weights).is_file():
+            if chosen.weights is None or not Path(chosen.weights).is_file():
                 result["absent"].append(f"{name}: {chosen.fetch_command}")
                 continue
             options = options_of(chosen)
@@ -148,9 +149,9 @@ def main() -> None:
             sweep = Sweep(chosen.kind, options, tuple(words.classes), section.noise_source, levels, camera, 1)
             each = {"detect_a_frame": least(lambda d=detector: d.detect([sharp]))}  # type: ignore[misc]
             result["detectors"][name] = each | growth(sweep, shown, blurs)
-    about = machine("onnxruntime", "torch", "opencv-python-headless")
-    print(write("detection_sweep", {"machine": about, **result}, arguments.out).read_text(encoding="utf-8"))
+    about = common.machine("onnxruntime", "torch", "opencv-python-headless")
+    print(common.write("detection_sweep", {"machine": about, **result}, arguments.out).read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":
-    run(main)
+    common.run(main)

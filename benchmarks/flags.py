@@ -95,7 +95,7 @@ def corrupted(frames: dict[str, np.ndarray]) -> Iterator[Sample]:
             loss = 0.0 if kernel is None else 1.0 - float(mtf.sample(kernel).mean())
             for sigma_dn in NOISE_DN:
                 noise = stream(1, "flags", scene, kind, size_px, sigma_dn).normal(0, sigma_dn, frame.shape)
-                image = to_8bit(sharp + noise / 255).astype(np.float32) / np.float32(255)
+                image = to_8bit((sharp + noise / 255).astype(np.float32)).astype(np.float32) / np.float32(255)
                 yield Sample(scene, image, loss, sigma_dn)
 
 
@@ -132,7 +132,7 @@ def measures() -> dict[str, Callable[[np.ndarray], dict[str, float]]]:
     def laplacian(image: np.ndarray) -> dict[str, float]:
         return {"laplacian_variance": float(cv2.Laplacian(image.astype(np.float64) * 255, cv2.CV_64F).var())}
 
-    methods = {"ours": ours, "laplacian": laplacian}
+    methods: dict[str, Callable[[np.ndarray], dict[str, float]]] = {"ours": ours, "laplacian": laplacian}
     try:
         from brisque import BRISQUE
     except ImportError:

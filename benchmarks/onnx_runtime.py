@@ -13,12 +13,13 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+sys.path.insert(0, str(ROOT))
 
-import common  # noqa: E402
+from benchmarks import common  # noqa: E402
 
 common.one_thread()
 
@@ -46,9 +47,9 @@ def measured(repeats: int) -> dict[str, object]:
                 with torch.inference_mode():
                     times = common.take_turns(
                         {
-                            "torch": lambda model=model, inputs=inputs: model(*inputs.values()),
-                            "onnxruntime": lambda runtime=runtime, arrays=arrays: runtime.run(None, arrays),
-                            "features": lambda network=network, patches=patches: network.features(patches),
+                            "torch": partial(model, *inputs.values()),
+                            "onnxruntime": partial(runtime.run, None, arrays),
+                            "features": partial(network.features, patches),
                         },
                         repeats,
                     )

@@ -16,10 +16,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import common
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks import common  # noqa: E402
 
 common.one_thread()
-sys.path.insert(0, str(common.ROOT))
 
 ESTIMATORS = {"spectral": ("blur", 192, 16), "cellwise": ("noise", 128, 64), "gbb": ("blur", 192, 1)}
 """Package, patch size in pixels, patches of a call."""
