@@ -19,6 +19,7 @@ says, for example fewer steps. An emulator that sorts wrongly is refused: qemu 7
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import shutil
@@ -37,7 +38,6 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks import common  # noqa: E402
-from pipeline.store import file_sha256  # noqa: E402
 
 PROCESSORS = ("EPYC-Rome", "Haswell")
 RECORD = common.RESULTS / "processors.json"
@@ -70,7 +70,11 @@ def hashes(folder: Path, outs: list[str]) -> dict[str, str]:
     files = [
         file for out in outs for file in ([folder / out] if (folder / out).is_file() else (folder / out).rglob("*"))
     ]
-    return {file.relative_to(folder).as_posix(): file_sha256(file) for file in sorted(files) if file.is_file()}
+    return {
+        file.relative_to(folder).as_posix(): hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in sorted(files)
+        if file.is_file()
+    }
 
 
 SORTED = """import numpy as np
@@ -93,7 +97,6 @@ def version(qemu: str, processor: str) -> str:
 
 
 SERVER = """import importlib, os, sys, traceback
-from pipeline.store import file_sha256  # noqa: E402
 from pipeline.dvc import preloaded
 for name in preloaded.LIBRARIES:
     importlib.import_module(name)

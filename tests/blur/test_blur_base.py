@@ -166,28 +166,3 @@ def test_masked_arrays_are_refused(patches):
     masked = np.ma.masked_greater(np.asarray(patches), 0.5)
     with pytest.raises(InputError, match="patches: masked arrays"):
         blur.create("spectral").estimate(masked)
-
-
-@pytest.mark.parametrize("name", ["spectral", "cnn", "fused"])
-def test_a_callers_autocast_changes_nothing(name):
-    import torch
-
-    patches = stream(4, "autocast").random((1, 1, 192, 192)).astype(np.float32)
-    estimator = blur.create(name)
-    expected = estimator.estimate(patches)
-    with torch.autocast("cpu", torch.bfloat16):
-        np.testing.assert_array_equal(estimator.estimate(patches).mtf, expected.mtf)
-
-
-@pytest.mark.parametrize("name", ["spectral", "cnn", "fused"])
-def test_a_callers_type_of_new_tensors_changes_nothing(name):
-    import torch
-
-    patches = stream(4, "double").random((1, 1, 192, 192)).astype(np.float32)
-    expected = blur.create(name).estimate(patches)
-    torch.set_default_dtype(torch.float64)
-    try:
-        np.testing.assert_array_equal(blur.create(name).estimate(patches).mtf, expected.mtf)
-        assert torch.get_default_dtype() == torch.float64
-    finally:
-        torch.set_default_dtype(torch.float32)

@@ -464,28 +464,3 @@ def test_noise_that_non_local_means_left_at_edges_is_within_the_interval():
     result = ADAPTIVE.estimate(stack(*(piece[0].astype(np.float32) for piece in pieces)))
     answered = ~result.abstained
     assert answered.any() and (truth <= result.high_dn)[answered].all()
-
-
-@pytest.mark.parametrize("name", ["adaptive", "cellwise", "cnn", "correlated"])
-def test_a_callers_autocast_changes_nothing(name):
-    import torch
-
-    patches = stack(np.rint(128 + 5 * stream(3, "autocast").standard_normal((128, 128)))).astype(np.float32)
-    estimator = noise.create(name)
-    expected = estimator.estimate(patches)
-    with torch.autocast("cpu", torch.bfloat16):
-        np.testing.assert_array_equal(estimator.estimate(patches).sigma_dn, expected.sigma_dn)
-
-
-@pytest.mark.parametrize("name", ["adaptive", "cellwise", "cnn", "correlated"])
-def test_a_callers_type_of_new_tensors_changes_nothing(name):
-    import torch
-
-    patches = stack(np.rint(128 + 5 * stream(3, "double").standard_normal((128, 128)))).astype(np.float32)
-    expected = noise.create(name).estimate(patches)
-    torch.set_default_dtype(torch.float64)
-    try:
-        np.testing.assert_array_equal(noise.create(name).estimate(patches).sigma_dn, expected.sigma_dn)
-        assert torch.get_default_dtype() == torch.float64
-    finally:
-        torch.set_default_dtype(torch.float32)
