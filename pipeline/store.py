@@ -50,7 +50,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
         temporary.chmod(0o666 & ~_UMASK)
         temporary.replace(path)
     except OSError as error:
-        raise _naming(error, path) from None
+        _name(error, path)
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -80,7 +81,8 @@ def replacing_folder(path: str | Path) -> Iterator[Path]:
         else:
             temporary.replace(path)
     except OSError as error:
-        raise _naming(error, path) from None
+        _name(error, path)
+        raise
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     for leftover in _replaced(path):
@@ -93,11 +95,10 @@ def file_sha256(path: str | Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _naming(error: OSError, path: Path) -> OSError:
-    """An error of a full disk, which names no file, with the name of what was being written."""
+def _name(error: OSError, path: Path) -> None:
+    """Give an error of a full disk, which names no file, the name of what was being written."""
     if error.errno in FULL and error.filename is None:
         error.filename = str(path)
-    return error
 
 
 def _exchange(new: Path, path: Path) -> None:

@@ -39,6 +39,7 @@ Source: EMVA Standard 1288, release 4.0, sections on photon transfer and dark cu
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -85,8 +86,8 @@ class PhotonTransfer:
         black_dn: grey value without light that was subtracted from the points, DN.
         dark_variance_error: standard error of c, DN^2.
         covariance: of K and c, DN^3 per electron; both errors are of one line, so that it is negative.
-        pattern_fraction: standard deviation s of the fixed pattern as a fraction of the grey value above black; 0 where
-            it was not measured.
+        pattern_fraction: standard deviation s of the fixed pattern as a fraction of the grey value above black; NaN
+            where it was not measured.
     """
 
     gain_dn_per_e: float
@@ -96,20 +97,20 @@ class PhotonTransfer:
     black_dn: float = 0.0
     dark_variance_error: float = 0.0
     covariance: float = 0.0
-    pattern_fraction: float = 0.0
+    pattern_fraction: float = math.nan
 
     @property
     def dark_sigma_e(self) -> float:
         """Dark noise in electrons, quantisation removed; NaN where that leaves nothing (`dark_sigma_reason`)."""
         excess_dn2 = self.dark_variance_dn2 - QUANTISATION_DN2
-        return float(np.sqrt(excess_dn2) / self.gain_dn_per_e) if excess_dn2 >= 0 else float("nan")
+        return float(np.sqrt(excess_dn2) / self.gain_dn_per_e) if excess_dn2 >= 0 else math.nan
 
     @property
     def dark_sigma_error(self) -> float:
         """Standard error of the dark noise, electrons, by propagation of those of c and K; NaN without dark noise."""
         sigma_e = self.dark_sigma_e
         if not sigma_e > 0:
-            return float("nan")
+            return math.nan
         by_variance, by_gain = 1 / (2 * sigma_e * self.gain_dn_per_e**2), -sigma_e / self.gain_dn_per_e
         variance = (by_variance * self.dark_variance_error) ** 2 + (by_gain * self.gain_error) ** 2
         return float(np.sqrt(max(variance + 2 * by_variance * by_gain * self.covariance, 0.0)))
@@ -134,7 +135,7 @@ class PhotonTransfer:
         return np.asarray(np.sqrt(np.maximum(self.dark_variance_dn2 + self.gain_dn_per_e * above_dn, 0)))
 
     def sigma_with_pattern_dn(self, grey_dn: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Standard deviation of noise and fixed pattern together, DN; as `sigma_dn`."""
+        """Standard deviation of noise and fixed pattern together, DN; as `sigma_dn`; NaN without a measured pattern."""
         return np.hypot(self.sigma_dn(grey_dn), self.pattern_fraction * (grey_dn - self.black_dn))
 
 
@@ -265,7 +266,7 @@ def photon_transfer(points: Sequence[TransferPoints], black_dn: float = 0.0) -> 
         black_dn=black_dn,
         dark_variance_error=float(offset_error),
         covariance=float(covariance[0, 1]),
-        pattern_fraction=float(np.sqrt(max(np.median(pattern), 0.0))) if len(pattern) else 0.0,
+        pattern_fraction=float(np.sqrt(max(np.median(pattern), 0.0))) if len(pattern) else math.nan,
     )
 
 

@@ -2,8 +2,9 @@
 
 A picture's grey levels are encoded by a tone curve; photons and electrons are proportional to the light behind it. Here
 the picture is decoded (gamma 2.2), noise and blur act on linear light, and the result is encoded again. The target is
-the standard deviation of the noise *after* the tone curve, which amplifies noise in the shadows and compresses it in
-the highlights; the factor on the noise that reaches it is found by bisection on a regular grid of pixels.
+the standard deviation of the noise *after* the tone curve, which amplifies noise in the shadows, cuts it at black and
+compresses it in the highlights; beyond white the curve goes on. The factor on the noise that reaches it is found by
+bisection on a regular grid of pixels.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def corrupt(
         scene: (H, W) float32 encoded grey levels in [0, 1].
         name: of the effects, recorded.
         effects: what is on.
-        sigma_dn: target after the tone curve, before clipping, DN.
+        sigma_dn: target after the tone curve, before white clips, DN.
         generator: where everything comes from.
         sensor: the sensor; its converter has 12 bits here, in linear light 8 would show.
         psf: kernel of the optics, or None.

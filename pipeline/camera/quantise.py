@@ -66,7 +66,7 @@ def full_range(dn: NDArray[np.float32], out: NDArray[np.float32] | None = None) 
     return np.divide(dn, np.float32(FULL_SCALE_DN), out=out)
 
 
-def to_8bit(image: NDArray[np.float32]) -> NDArray[np.uint8]:
+def to_8bit(image: NDArray[np.floating]) -> NDArray[np.uint8]:
     """An image's 8-bit numbers, rounded.
 
     Args:

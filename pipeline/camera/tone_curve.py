@@ -2,10 +2,10 @@
 
     encoded = linear ** (1 / gamma),    S-curve: z = y - s / (2 pi) sin(2 pi y)
 
-`encode` and `decode` continue the power law below 0 (noise around black) as an odd function, so that noise keeps its
-sign. `render` and `linearise` are those of whole pictures, clipped to [0, 1] and several times as fast (OpenCV; last
-digits differ). *Sim* frames are encoded with gamma 2.2, close to the curve of sRGB (IEC 61966-2-1). The slope decides
-how visible noise is: steep in shadows and, with an S-curve, in the middle; flat in highlights.
+Negative numbers, as noise around black leaves them, have no grey level behind a curve: they count as black. `render`
+and `linearise` are those of whole pictures, clipped to [0, 1] and several times as fast (OpenCV; last digits differ).
+*Sim* frames are encoded with gamma 2.2, close to the curve of sRGB (IEC 61966-2-1). The slope decides how visible
+noise is: steep in shadows and, with an S-curve, in the middle; flat in highlights.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ _DARKEST = 1e-4  # level at which the slope is taken for darker ones; it is infi
 
 
 def encode(linear: NDArray[np.floating], gamma: float = GAMMA) -> NDArray[np.floating]:
-    """Encoded grey levels of linear ones, full scale 1; any shape, the same type."""
+    """Encoded grey levels of linear ones, full scale 1; any shape, the same type. With gamma 1 they are the same."""
     if gamma == 1.0:
         return linear
-    return np.sign(linear) * np.abs(linear) ** linear.dtype.type(1.0 / gamma)
+    return np.maximum(linear, 0) ** linear.dtype.type(1.0 / gamma)
 
 
 def decode(encoded: NDArray[np.floating], gamma: float = GAMMA) -> NDArray[np.floating]:
-    """Linear levels of encoded ones, full scale 1; any shape, the same type."""
+    """Linear levels of encoded ones, full scale 1; any shape, the same type. With gamma 1 they are the same."""
     if gamma == 1.0:
         return encoded
-    return np.sign(encoded) * np.abs(encoded) ** encoded.dtype.type(gamma)
+    return np.maximum(encoded, 0) ** encoded.dtype.type(gamma)
 
 
 def slope(linear: NDArray[np.floating], gamma: float = GAMMA) -> NDArray[np.floating]:
@@ -49,7 +49,7 @@ def slope(linear: NDArray[np.floating], gamma: float = GAMMA) -> NDArray[np.floa
 
 
 def noise_after_curve(
-    linear: NDArray[np.floating], sigma: NDArray[np.floating], gamma: float = GAMMA, *, clipped: bool = True
+    linear: NDArray[np.floating], sigma: NDArray[np.floating], gamma: float = GAMMA, *, clip_white: bool = True
 ) -> NDArray[np.float64]:
     """Standard deviation of encoded grey levels under normal noise, full scale 1: of ``encode(clip(x + s z, 0, 1))``.
 
@@ -60,14 +60,14 @@ def noise_after_curve(
         linear: (...) levels x.
         sigma: (...) standard deviations s before the curve; shapes broadcast.
         gamma: of the curve.
-        clipped: at black and white, as in a picture; False: at black alone. Where no light is left there is no noise:
-            a negative number has no grey level behind a curve. Beyond white the curve goes on.
+        clip_white: as in a picture; False: beyond white the curve goes on. Black always clips: a negative number has no
+            grey level behind a curve.
 
     Returns:
         (...) by quadrature, exact to a few thousandths.
     """
     levels = np.asarray(linear, np.float64)[..., None] + np.asarray(sigma, np.float64)[..., None] * _NORMAL
-    encoded = np.clip(levels, 0.0, 1.0 if clipped else None) ** (1.0 / gamma)
+    encoded = np.clip(levels, 0.0, 1.0 if clip_white else None) ** (1.0 / gamma)
     mean = encoded @ _DENSITY
     return np.asarray(np.sqrt(np.maximum(encoded**2 @ _DENSITY - mean**2, 0.0)))
 

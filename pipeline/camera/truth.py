@@ -35,8 +35,8 @@ class Corrupted:
 
     Attributes:
         image: (H, W) float32. Formed frames are in [0, 1] on the 8-bit grid; without quantisation
-            (`chain.Effects.quantise`) neither rounded nor clipped. A frame to which nothing happened (level 0, no
-            blur) is the input itself, whatever its grid.
+            (`chain.Effects.quantise`) neither rounded nor clipped, but at black behind a tone curve. A frame to which
+            nothing happened (level 0, no blur) is the input itself, whatever its grid.
         noise_source: its name, or several joined by ``+``; empty for none.
         target_sigma_dn: sigma asked for, DN; NaN where the noise has its natural size.
         noise_scale: factor on the sensor's own noise that reaches it; 1 is natural, 0 no noise.
@@ -90,7 +90,10 @@ class Corrupted:
 
     @cached_property
     def noise_dn(self) -> Float:
-        """(H, W) noise before full well, rounding and the 8-bit range, after the tone curve if there is one, DN."""
+        """(H, W) noise before full well, rounding and the 8-bit range, DN; after the tone curve if there is one.
+
+        A curve ends at black: what noise would be below it is no part of this.
+        """
         if self.light == "linear":
             return self.encoded_dn(self.electrons) - self.clean_dn
         return self.sensor.dn(self._noise_e)
@@ -104,7 +107,7 @@ class Corrupted:
         return total
 
     def encoded_dn(self, electrons: Float) -> Float:
-        """(H, W) e- as grey levels of this frame, DN: after its tone curve, if any; neither rounded nor clipped."""
+        """(H, W) e- as grey levels of this frame, DN: after a tone curve, which ends at black, if any; not rounded."""
         if self.light == "encoded":
             return self.sensor.dn(electrons)
         level = electrons / np.float32(self.sensor.electrons_at_full_scale)

@@ -46,8 +46,9 @@ def alternating(stack: NDArray[np.floating]) -> NDArray[np.bool_]:
     levels = stack.astype(np.float32, copy=False) * np.float32(FULL_SCALE_DN)
     rows, columns = len(down) // 4, len(across) // 4
     blocks = (down @ levels @ across.T).reshape(count, 4, rows, 4, columns)
-    powers = np.sort((blocks.astype(np.float64) ** 2).swapaxes(2, 3).reshape(count, 4, 4, rows * columns))
-    power = powers[..., : max(1, int(KEPT * rows * columns))].mean(axis=-1)
+    powers = (blocks.astype(np.float64) ** 2).swapaxes(2, 3).reshape(count, 4, 4, rows * columns)
+    kept = max(1, int(KEPT * rows * columns))
+    power = np.partition(powers, kept - 1)[..., :kept].mean(axis=-1)
     mean, line, cosine, sine = range(4)
     beside_rows = (power[:, mean, cosine] + power[:, mean, sine]) / 2
     beside_columns = (power[:, cosine, mean] + power[:, sine, mean]) / 2

@@ -55,7 +55,7 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     from pipeline.learning.elementwise import logarithm, square_root
 
     image = image_dn[:, None]
-    fine = _answers(image, _padded_filters())[:, :FILTERS]
+    fine = _answers(image, _filters())
     modulus = _mean(fine[:, :1].abs(), CELL_PX) * _ROOT_HALF_PI
     equal = _mean((fine[:, 3:4].abs() < 0.5).float(), CELL_PX)
     square = fine.square_()
@@ -124,14 +124,6 @@ def _filters() -> torch.Tensor:
     bank[5, 1:, 1:] = [[1, -1], [-1, 1]]
     bank /= np.sqrt((bank**2).sum(axis=(1, 2), keepdims=True))
     return torch.from_numpy(bank[:, None].astype(np.float32))
-
-
-@cache
-def _padded_filters() -> torch.Tensor:
-    """(8, 1, 3, 3): `_filters` and two of zeros; eight answers are convolved faster than six, with the same numbers."""
-    import torch
-
-    return torch.cat([_filters(), torch.zeros(2, 1, 3, 3)])
 
 
 @cache

@@ -178,7 +178,7 @@ def principal_noise_dn(patch_dn: Float | Grey) -> float:
         patch_dn: (H, W) whole grey levels 0..255.
     """
     picture = np.ascontiguousarray(patch_dn, dtype=np.uint8)
-    values = _windows(picture, SPACINGS_PX[0], STEPS_PX[0], saturated=False).values
+    values, _ = _about_mean(_pixels(picture, SPACINGS_PX[0], STEPS_PX[0]))
     covariance = (values.T @ values / len(values)).astype(np.float64)
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[1], 0.0)))  # the mean, first, has no variance
 
@@ -209,10 +209,16 @@ def _windows(picture: Grey, spacing: int, step: int, saturated: bool) -> Windows
         kept = halves[:, 0] + halves[:, 1] <= 1
         if np.count_nonzero(kept) > LEAST_WINDOWS:
             pixels = pixels.take(np.flatnonzero(kept), axis=0)
+    values, means = _about_mean(pixels)
+    return Windows(values, means, np.square(values) @ _SUM)
+
+
+def _about_mean(pixels: Grey) -> tuple[Float, Float]:
+    """Grey levels of windows about each one's mean, (n, 16), and the means, (n,), DN."""
     values = pixels.astype(np.float32)
     means = values @ _AVERAGE
     values -= means[:, None]
-    return Windows(values, means, np.square(values) @ _SUM)
+    return values, means
 
 
 def _pixels(picture: Grey, spacing: int, step: int) -> Grey:

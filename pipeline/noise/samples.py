@@ -191,7 +191,7 @@ def noise_by_level(
     share = pixels / pixels.sum()
 
     def after_dn(gain: float) -> NDArray[np.float64]:
-        return 255 * tone_curve.noise_after_curve(light, gain * natural, gamma, clipped=False)
+        return 255 * tone_curve.noise_after_curve(light, gain * natural, gamma, clip_white=False)
 
     gain = 1e-3
     for _ in range(_GAIN_ROUNDS):

@@ -73,6 +73,14 @@ def test_the_fixed_pattern_is_what_two_exposures_share_from_pixel_to_pixel(fract
     assert emva1288.photon_transfer(points).pattern_fraction == pytest.approx(fraction, abs=0.003)
 
 
+def test_a_fixed_pattern_that_was_not_measured_is_not_taken_for_none():
+    without = emva1288.TransferPoints(np.linspace(10, 200, 100), np.linspace(2, 20, 100))
+    transfer = emva1288.photon_transfer([without])
+    assert np.isnan(transfer.pattern_fraction)
+    assert np.isnan(transfer.sigma_with_pattern_dn(np.array([100.0]))).all()
+    assert np.isfinite(transfer.sigma_dn(np.array([100.0]))).all()
+
+
 def test_noise_and_fixed_pattern_add_as_variances_above_black():
     transfer = emva1288.PhotonTransfer(0.1, 0.0, 1.0, 100, black_dn=16.0, pattern_fraction=0.04)
     expected = np.sqrt(transfer.sigma_dn(np.array([116.0])) ** 2 + 4.0**2)

@@ -161,10 +161,12 @@ def test_exposure_common_random_numbers_and_same_bytes():
     assert np.corrcoef(a, b)[0, 1] > 0.9
 
 
-def test_exposure_tone_curve_is_undone_and_odd():
-    levels = np.linspace(-0.2, 1.0, 50)
+def test_exposure_tone_curve_is_undone_and_ends_at_black():
+    levels = np.linspace(0.0, 1.2, 50)
     np.testing.assert_allclose(decode(encode(levels)), levels, atol=1e-12)
-    np.testing.assert_array_equal(encode(-levels), -encode(levels))
+    np.testing.assert_array_equal(encode(-levels), 0.0)
+    np.testing.assert_array_equal(decode(-levels), 0.0)
+    np.testing.assert_array_equal(encode(-levels, 1.0), -levels)  # without a curve noise goes on below black
 
 
 @pytest.mark.parametrize(
@@ -229,10 +231,10 @@ def test_noise_without_a_curve_is_kept_but_for_clipping():
 
 
 def test_noise_that_white_does_not_cut_ends_at_black_where_there_is_no_light():
-    weak = noise_after_curve(np.array([0.2, 0.8]), np.array([1e-3, 1e-3]), clipped=False)
+    weak = noise_after_curve(np.array([0.2, 0.8]), np.array([1e-3, 1e-3]), clip_white=False)
     np.testing.assert_allclose(weak, 1e-3 * slope(np.array([0.2, 0.8])), rtol=2e-3)
-    white = noise_after_curve(np.array([1.0]), np.array([0.02]), 1.0, clipped=False)
+    white = noise_after_curve(np.array([1.0]), np.array([0.02]), 1.0, clip_white=False)
     np.testing.assert_allclose(white, 0.02, rtol=1e-3)  # nothing is cut
-    square_root = noise_after_curve(np.array([0.0]), np.array([0.02]), 2.0, clipped=False)
+    square_root = noise_after_curve(np.array([0.0]), np.array([0.02]), 2.0, clip_white=False)
     mean, square = 0.41109, np.sqrt(1 / (2 * np.pi))  # of sqrt(max(z, 0)): 2^(1/4) Gamma(3/4) / (2 sqrt(pi))
     np.testing.assert_allclose(square_root, np.sqrt(0.02 * (square - mean**2)), rtol=0.02)
