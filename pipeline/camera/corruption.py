@@ -102,7 +102,8 @@ def corrupt(
     Args:
         image: (H, W) uint8, or float32 in [0, 1].
         noise_source: ``photon``, ``dcsn``, ``readout``, ``combined`` or ``sensor`` (all but photon), or several.
-        sigma_dn: standard deviation of the noise over the frame before clipping, DN on the 0..255 scale.
+        sigma_dn: standard deviation of the noise over the frame before clipping, DN on the 0..255 scale; in linear
+            light before white clips, for a tone curve ends at black.
         generator: where everything comes from (`pipeline.streams.stream`).
         sensor: the paper's if None.
         psf: (h, w) kernel of the optics, unit sum; in the paper's order photon noise passes it, the other sources
