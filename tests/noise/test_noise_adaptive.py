@@ -31,7 +31,7 @@ from pipeline.noise.adaptive import (
 from pipeline.noise.base import COMPRESSED, UNCERTAIN
 from pipeline.noise.codec_traces import codec_traces
 from pipeline.noise.correlated_features import anisotropy
-from pipeline.noise.joint_answer import COARSE_PART, MOST_HIDDEN, Levels, Second, joined
+from pipeline.noise.joint_answer import MOST_HIDDEN, MOST_MOVED, WHITE_PART, Levels, Second, joined
 from pipeline.streams import stream
 
 ADAPTIVE = noise.create("adaptive")
@@ -294,17 +294,38 @@ def test_of_two_sure_answers_that_differ_the_interval_reaches_both():
     assert joint.low_dn < 6.0 and joint.high_dn > 12.0
 
 
-def test_processed_noise_is_read_with_the_coarse_part_that_is_taken_for_the_picture():
+def test_processed_noise_is_moved_by_its_white_part():
     patches = stack(flat(6, 0.9))
     alone, estimate = ADAPTIVE.correlated.predict(patches[:, 0]), ADAPTIVE.estimate(patches)
-    assert np.log1p(estimate.sigma_dn) == pytest.approx(np.log1p(alone.sigma_dn) + COARSE_PART)
+    assert alone.correlation[0] > 0.5
+    level, white = np.log1p(alone.sigma_dn), np.log1p(alone.white_sigma_dn)
+    moved = np.clip(WHITE_PART[0] + WHITE_PART[1] * (white - level), *MOST_MOVED)
+    assert np.log1p(estimate.sigma_dn) == pytest.approx(level + moved)
+
+
+@pytest.mark.parametrize(
+    ("white_dn", "correlation", "least", "most"),
+    [(4.0, 0.6, 8.7, 9.0), (0.5, 0.6, 6.0, 7.0), (4.0, 0.4, 8.0, 8.0), (0.5, 0.2, 8.0, 8.0)],
+    ids=["much of it white", "hardly any white", "not so correlated", "as good as white"],
+)
+def test_noise_of_8_dn_counts_as_more_with_much_white_noise_in_it_and_as_less_with_hardly_any(
+    white_dn, correlation, least, most
+):
+    answer = ADAPTIVE.correlated.predict(stack(flat(9))[:, 0])
+    given = {"sigma_dn": 8.0, "white_sigma_dn": white_dn, "correlation": correlation, "reach": 0.1}
+    answer = replace(answer, **{name: np.array([value]) for name, value in given.items()})
+    second = Second(np.array([0]), answer, codec_traces(answer.statistics, 128**2), np.array([1.0]))
+    joint = joined(Levels.zero(1, (16, 16)), second)
+    assert least - 1e-9 <= joint.sigma_dn[0] <= most + 1e-9
+    assert joint.low_dn[0] < joint.sigma_dn[0] < joint.high_dn[0]  # the interval moves along
 
 
 def test_noise_that_may_be_none_moves_towards_zero_in_its_map_and_its_white_part_too(monkeypatch):
     """The interval of the second network reaches below zero; the answer so falls from 6 DN to 3."""
     patches, estimator = stack(flat(6, 0.9)), Adaptive(widest_reach=9.0)
     answer = estimator.correlated.predict(patches[:, 0])
-    reach = (2 * (np.log1p(6.0) + COARSE_PART) - np.log1p(3.0)) / REAL_CAMERAS
+    moved = np.clip(WHITE_PART[0] + WHITE_PART[1] * np.log(6.4 / 7.0), *MOST_MOVED)  # of 5.4 DN of 6
+    reach = (2 * (np.log1p(6.0) + moved) - np.log1p(3.0)) / REAL_CAMERAS
     sigma_dn = np.array([6.0])
     given = replace(answer, sigma_dn=sigma_dn, white_sigma_dn=0.9 * sigma_dn, reach=np.array([reach]))
     monkeypatch.setattr(estimator.correlated, "predict", lambda *_: given)
