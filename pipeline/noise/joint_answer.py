@@ -2,11 +2,11 @@
 
 With t = ln(1 + sigma), the weight w of the network for correlated noise, and its answer t_2 with reach r_2,
 
-    detected    t_2' = max(t_2 - max(r_2 - t_2, 0), 0): where the interval reaches zero the noise is not detected, and
-                the answer moves towards zero by as much as the interval would reach below it
     processed   where noise is as correlated as behind a camera's processing, t_2 moves by a + b ln((1 + white) / (1 +
                 sigma)) of its own answers (`WHITE_PART`): the noise of real cameras is stronger than it looks where it
                 has kept much of its white part, and weaker where it has lost nearly all of it
+    detected    t_2' = max(t_2 - max(r_2 - t_2, 0), 0): where the interval reaches zero the noise is not detected, and
+                the answer moves towards zero by as much as the interval would reach below it
     joined      t = (1 - w) t_1 + w t_2', ends of the interval likewise, wider by sqrt(w (1 - w)) |t_2 - t_1|
     conceded    where flat areas are correlated (`FILTERED`), or no noise is detected, the upper end is at least that of
                 the second network, whatever w is, up to `MOST_HIDDEN` times what the flattest areas allow: `cellwise`,
