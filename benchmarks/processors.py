@@ -66,7 +66,10 @@ def command(qemu: str, processor: str, program: str) -> list[str]:
 
 
 def hashes(folder: Path, outs: list[str]) -> dict[str, str]:
-    """SHA-256 of every file of a stage's outputs."""
+    """SHA-256 of every file of a stage's outputs.
+
+    Without the package, which pins this process when it is imported: the emulated children would inherit that.
+    """
     files = [
         file for out in outs for file in ([folder / out] if (folder / out).is_file() else (folder / out).rglob("*"))
     ]
