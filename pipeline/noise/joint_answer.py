@@ -21,8 +21,8 @@ With t = ln(1 + sigma), the weight w of the network for correlated noise, and it
                 Where a codec shows and the interval ends below `WEAK_DN` there may as well be no noise: the lower end
                 is zero
     widened     `cellwise` does not know of mild codecs, which leave strong noise white and no trace of themselves, but
-                change its strength, nor of a sensor's fixed pattern: where it answers alone, its interval is wider by
-                `PLAIN_PART`
+                change its strength, nor of a sensor's fixed pattern: where it answers alone, or together with the
+                other network because the noise looks sharpened, the interval is wider by `PLAIN_PART`
     raised      where there is noise for certain, the upper end is at least `PRINCIPAL_REACH` times the white noise by
                 principal components of the whole patch, however it is distributed over it. Both networks take it for
                 that of a camera, and read a half to four fifths of what a filter that looks for similar areas leaves at
@@ -42,8 +42,9 @@ from pipeline.noise.correlated import Prediction
 from pipeline.noise.correlated_features import anisotropy, coarse_noise
 
 PLAIN_PART = 0.1
-"""Of ln(1 + sigma), added in squares to both halves of the interval of plainly white noise. JPEG 80 to 95, Motion JPEG
-and MPEG-4 change noise of 7 to 25 DN by up to 6 % of ln(1 + sigma), and real sensors have a fixed pattern besides."""
+"""Of ln(1 + sigma), added in squares to both halves of the interval of white and sharpened noise. JPEG 80 to 95, Motion
+JPEG and MPEG-4 change noise of 7 to 25 DN by up to 6 % of ln(1 + sigma), and real sensors have a fixed pattern besides.
+"""
 
 PROCESSED_LINE = (0.315, 0.27, 0.13)
 """a, b and c of the module. What is read too low on one real camera is read too high on another, and both terms
@@ -188,17 +189,17 @@ def raised(joint: Levels, detected: NDArray[np.intp], principal_dn: NDArray[np.f
     return wide
 
 
-def widened(joint: Levels, plain: NDArray[np.intp]) -> Levels:
-    """The joint answers with wider intervals of plainly white noise; see `PLAIN_PART`.
+def widened(joint: Levels, at: NDArray[np.intp]) -> Levels:
+    """The joint answers with wider intervals of noise that is not correlated; see `PLAIN_PART`.
 
     Args:
         joint: answers of both networks.
-        plain: indices of the patches that `cellwise` answers alone.
+        at: indices of the patches with such noise, plainly white or sharpened.
     """
-    level = np.log1p(joint.sigma_dn[plain])
-    below, above = (np.hypot(np.log1p(end[plain]) - level, PLAIN_PART) for end in (joint.low_dn, joint.high_dn))
+    level = np.log1p(joint.sigma_dn[at])
+    below, above = (np.hypot(np.log1p(end[at]) - level, PLAIN_PART) for end in (joint.low_dn, joint.high_dn))
     wide = joint.copy()
-    wide.low_dn[plain], wide.high_dn[plain] = np.expm1(level - below), np.expm1(level + above)
+    wide.low_dn[at], wide.high_dn[at] = np.expm1(level - below), np.expm1(level + above)
     return wide
 
 

@@ -17,6 +17,7 @@ from pipeline.camera.processing.develop import grey
 from pipeline.condition import ConditionMonitor
 from pipeline.datasets.pictures import read_grey8
 from pipeline.errors import InputError
+from pipeline.noise import adaptive
 from pipeline.noise.abstentions import FORESHORTENED, WEAK_DN
 from pipeline.noise.adaptive import (
     OFFSET,
@@ -42,10 +43,44 @@ def stack(*patches):
 
 
 def test_plainly_white_noise_is_answered_by_cellwise():
-    patches = stack(flat(4), flat(10), flat(20))
+    patches = stack(flat(4), flat(10), flat(15))
     estimate = ADAPTIVE.estimate(patches)
     assert estimate.sigma_dn == pytest.approx(noise.create("cellwise").estimate(patches).sigma_dn, rel=1e-6)
     assert estimate.white_sigma_dn == pytest.approx(estimate.sigma_dn)
+
+
+def added_laplacian(field):
+    return cv2.filter2D(field, -1, np.array([[0, -0.5, 0], [-0.5, 3, -0.5], [0, -0.5, 0]], np.float32))
+
+
+def scaled(factor, interpolation):
+    return lambda field: cv2.resize(field, None, fx=factor, fy=factor, interpolation=interpolation)
+
+
+SHARPENED = {
+    "added Laplacian": added_laplacian,
+    "Lanczos": scaled(0.7, cv2.INTER_LANCZOS4),
+    "cubic": scaled(0.5, cv2.INTER_CUBIC),
+}
+
+
+@pytest.mark.parametrize("sharpen", SHARPENED.values(), ids=SHARPENED)
+def test_sharpened_noise_is_read_where_cellwise_reads_a_sixth_too_much(sharpen):
+    field = sharpen(stream(7, "sharpened").standard_normal((800, 800), dtype=np.float32))
+    field *= np.float32(8 / field.std())
+    corners = [(y, x) for y in range(0, 257, 128) for x in range(0, 257, 128)]
+    patches = stack(*(np.clip(np.rint(120 + field[y : y + 128, x : x + 128]), 0, 255) for y, x in corners))
+    patches = patches.astype(np.float32)
+    estimate, white = ADAPTIVE.estimate(patches), noise.create("cellwise").estimate(patches)
+    assert np.median(white.sigma_dn) > 7 / 6 * 8 and (white.low_dn > 8).all()
+    assert not estimate.abstained.any() and np.median(estimate.sigma_dn) == pytest.approx(8, rel=0.1)
+    assert ((estimate.low_dn <= 8) & (estimate.high_dn >= 8)).mean() >= 8 / 9
+
+
+@pytest.mark.parametrize("side", [48, 64, 128])
+def test_white_noise_hardly_ever_looks_sharpened_in_patches_of_any_size(side):
+    patches = np.stack([flat(8, key=f"white {number}", side=side) for number in range(40)]) / np.float32(255)
+    assert (adaptive._screened(patches).sharpened > 0).mean() <= 0.15
 
 
 def test_noise_of_a_phone_is_read_where_cellwise_answers_zero():

@@ -36,11 +36,14 @@ def test_statistics_of_many_patches_are_those_of_each_wherever_their_fine_window
     bright = flat(9, blur_px=0.8, level=250.0)  # some windows saturated
     patches = [flat(5), flat(0), bright, bright[:96, :77].copy()]
     assert 0 < (bright >= 254).mean() < 0.5
+    assert [correlated_features.fine_windows(patch).complete for patch in patches] == [True, True, False, False]
     alone = np.stack([correlated_features.statistics(patch) for patch in patches])
     measured = []
     for patch in patches:
         fine = correlated_features.fine_windows(patch)
-        assert correlated_features.whiteness(patch, fine) == correlated_features.whiteness(patch)
+        assert correlated_features.flat_correlation(patch, fine) == correlated_features.flat_correlation(patch)
+        principal = correlated_features.principal_noise_dn(patch)
+        assert correlated_features.principal_noise_dn(patch, fine) == principal
         measured.append(correlated_features.moments(patch.astype(np.uint8), fine))
     assert np.array_equal(correlated_features.statistics_of(measured), alone)
 
@@ -67,8 +70,15 @@ def test_the_reference_statistic_is_near_white_noise():
 
 
 def test_whiteness_separates_white_noise_from_smoothed_noise():
-    assert abs(correlated_features.whiteness(flat(5))) < 0.1
-    assert correlated_features.whiteness(flat(5, blur_px=0.8)) > 0.2
+    assert abs(correlated_features.flat_correlation(flat(5)).adjacent) < 0.1
+    assert correlated_features.flat_correlation(flat(5, blur_px=0.8)).adjacent > 0.2
+
+
+def test_sharpened_noise_is_less_correlated_between_neighbours_than_diagonally():
+    sharpened = cv2.filter2D(flat(5), -1, np.array([[0, -1, 0], [-1, 5, -1], [0, -1, 0]], np.float32))
+    white, sharp = (correlated_features.flat_correlation(patch) for patch in (flat(5), sharpened))
+    assert white == pytest.approx((-1 / 15, -1 / 15), abs=0.04)  # the mean of 16 pixels was taken off
+    assert sharp.adjacent < sharp.diagonal - 0.1
 
 
 def test_compression_finds_the_grid_of_jpeg():
