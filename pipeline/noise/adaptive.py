@@ -10,11 +10,12 @@ and the answer is a mean of their ln(1 + sigma), t, with weight w of the second:
     w = 0    where flat areas look white, certainly hold noise (`PLAIN_SIGMA_DN`) and vary less than `FLAT_EXCESS` times
              what `cellwise` estimates
     w = 1    where they do not look white, and a codec shows or the noise is clearly correlated (`decided`)
-    w = 1 / (1 + exp(-(o + s (t_2 - t_1) + c [codec])))    elsewhere, but at least that of sharpened noise (`SHARPENED`)
+    w = 1 / (1 + exp(-(o + s (t_2 - t_1) + c p)))    elsewhere, but at least that of sharpened noise (`SHARPENED`)
 
 Codecs, scaling and rotation take the finest part of noise away, and `cellwise`, which tells noise from texture by it,
 then reads less than there is or nothing; the second network does not. So it is believed where it reads more (`OFFSET`,
-`SLOPE`), the sooner where a codec shows (`CODED`). Sharpening, in a camera or by scaling with cubic and wider kernels,
+`SLOPE`), the sooner the more p, 0 to 1, the picture shows of such processing (`PROCESSING`): the traces of a codec, or
+noise that looks smoothed (`SMOOTHED`). Sharpening, in a camera or by scaling with cubic and wider kernels,
 leaves noise strongest in its finest part, of which `cellwise` reads 10 to 45 % too much; the second network does not.
 Traces of a codec are steps at block edges, vanished fine detail (`compressed`) and quantised transform blocks
 (`pipeline.noise.block_quantisation`). The mean and its interval, with what neither network can rule out, are those of
@@ -83,9 +84,15 @@ from pipeline.noise.streaks import streaked
 RELEASED_BESIDE = {"cellwise_weights": RELEASED_CELLWISE, "correlated_weights": RELEASED_CORRELATED}
 """Option -> the released weights that it stands for; for records of what was measured with what."""
 
-OFFSET, SLOPE, CODED = -3.6, 6.8, 3.2
+OFFSET, SLOPE, PROCESSING = -3.6, 6.8, 3.2
 """Of the logistic weight: w = 1/2 where 1 + sigma of the second network is 1.7 times that of `cellwise`, or 1.06 times
-behind a codec."""
+where processing shows."""
+
+SMOOTHED, SMOOTHED_CORRELATION, SMOOTHED_DN = (0.05, 0.1), (0.08, 0.14), (2.0, 3.0)
+"""Noise looks smoothed, as by scaling, where adjacent pixels of flat areas are that much more correlated than diagonal
+ones, where the second network finds the noise correlated, and where it reads enough for that to be a property of the
+noise rather than of texture: p is the product of how far each lies between its two ends. It is above 0 in 6 to 16 % of
+the patches with 5 to 12 DN as they are (most on the two *Sim*), scaled by .7 or .85 with a low-pass in 58 to 95 %."""
 
 CORRELATED_ALONE = 0.45
 """Correlation of adjacent pixels from which the second network decides alone. Of noise this correlated `cellwise` reads
@@ -106,12 +113,13 @@ whose patches then ask both networks."""
 
 SHARPENED = (0.03, 0.06)
 """By how much adjacent pixels of flat areas are less correlated than diagonal ones, over which the weight of the second
-network rises to 1, in patches of `SHARPENED_SIDE_PX`; in smaller ones it takes as much more as correlations are less
+network rises to 1, in patches of `SURE_SIDE_PX`; in smaller ones it takes as much more as correlations are less
 certain. Of even white noise of 2 to 12 DN 1 to 3 % of the patches exceed the first, of noise behind an added Laplacian
 (all of it or half) 98 to 100 %, of 5 and 12 DN behind scaling by half with a cubic kernel or by 0.7 with a Lanczos one
 77 to 99 %. Behind an unsharp mask of 1 px few do; `cellwise` then reads 2 to 10 % too much, as intervals allow for."""
 
-SHARPENED_SIDE_PX = 128
+SURE_SIDE_PX = 128
+
 PLAIN_SIGMA_DN = 1.0
 
 SURELY_NOISE_DN = 0.3
@@ -127,6 +135,8 @@ way. Asphalt and cobbles of rendered scenes, which the second network takes for 
 WIDEST_WHITE_REACH = 0.9
 """The same, upwards, for `cellwise`: beyond it, on foliage and gravel, its answer is far too low."""
 
+WIDEST_SMOOTHED_REACH = 0.35  # the same where noise looks smoothed, a factor of 1.4, and
+SEEN_BY_BOTH_DN = (0.7, 1.3)  # the interval of `cellwise` begins above this: there is noise, not texture alone
 WIDEST_COMPRESSED_REACH = 0.47  # the same behind a strong codec: a factor of 1.6
 WIDEST_QUANTISED_REACH = 0.65  # the same where only quantised transform blocks show a codec
 
@@ -186,12 +196,15 @@ class Adaptive(CellMapper):
         traces = codec_traces(answer.statistics, stack.shape[1] * stack.shape[2])
         alone = decided(answer.correlation, traces.coded) & ~seen.looks_white[indices]
         self._answer_white(stack, reason, indices[~seen.looks_white[indices] & ~alone], levels)
-        either = weights(levels.sigma_dn[indices], answer.sigma_dn, traces.coded)
+        smoothed = seen.smoothed[indices] * np.interp(answer.correlation, SMOOTHED_CORRELATION, (0.0, 1.0))
+        smoothed *= np.interp(answer.sigma_dn, SMOOTHED_DN, (0.0, 1.0))
+        processed = np.where(traces.coded, 1.0, smoothed)
+        either = weights(levels.sigma_dn[indices], answer.sigma_dn, processed)
         weight = np.where(alone, 1.0, np.maximum(either, seen.sharpened[indices]))
         second = Second(indices, answer, traces, weight)
 
         joint = joined(levels, second)
-        wide = self._reaches_too_far(levels, second)
+        wide = self._reaches_too_far(levels, second, smoothed)
         reason[:] = reasons(_evidence(seen, second, joint, wide, alternating(stack)), reason)
         uncorrelated = np.flatnonzero(plain | (seen.sharpened > 0))
         joint = widened(conceded(joint, second, seen.flat_dn, seen.flat_correlation), uncorrelated)
@@ -211,22 +224,25 @@ class Adaptive(CellMapper):
             levels.sigma_dn[indices], levels.low_dn[indices] = white.sigma_dn, white.low_dn
             levels.high_dn[indices], levels.white_sigma_dn[indices] = white.high_dn, white.sigma_dn
 
-    def _reaches_too_far(self, levels: Levels, second: Second) -> NDArray[np.bool_]:
+    def _reaches_too_far(self, levels: Levels, second: Second, smoothed: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N,) whether the interval of both networks is wider than it may be; see the module.
 
         Args:
             levels: of `cellwise`.
             second: of the other network.
+            smoothed: (K,) how much the noise of patches that ask it looks smoothed, 0 to 1.
         """
+        smoothed = smoothed * np.interp(levels.low_dn[second.indices], SEEN_BY_BOTH_DN, (0.0, 1.0))
         reach = np.log1p(levels.high_dn) - np.log1p(levels.sigma_dn)
         widest = np.full(len(reach), self.widest_white_reach)
         reach[second.indices] += second.weight * (second.answer.reach - reach[second.indices])
-        widest[second.indices] += second.weight * (self._widest(second.traces) - widest[second.indices])
+        widest[second.indices] += second.weight * (self._widest(second.traces, smoothed) - widest[second.indices])
         return np.asarray(reach > widest)
 
-    def _widest(self, traces: Traces) -> NDArray[np.float64]:
-        """Reach of the second network's interval beyond which there is no answer, (N,)."""
-        uncoded_or_quantised = np.where(traces.quantised, WIDEST_QUANTISED_REACH, self.widest_reach)
+    def _widest(self, traces: Traces, smoothed: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Reach of the second network's interval beyond which there is no answer, (K,)."""
+        uncoded = self.widest_reach + smoothed * max(WIDEST_SMOOTHED_REACH - self.widest_reach, 0.0)
+        uncoded_or_quantised = np.where(traces.quantised, WIDEST_QUANTISED_REACH, uncoded)
         return np.asarray(np.where(traces.strong, self.widest_compressed_reach, uncoded_or_quantised))
 
 
@@ -239,6 +255,7 @@ class Screened:
         streaks: (N,) neighbours are equal too often.
         flat_dn: (N,) the white noise with which the flattest tenth of windows would vary as it does, DN.
         flat_correlation: (N,) of adjacent pixels there.
+        smoothed: (N,) how much flat areas look smoothed, by `SMOOTHED`, 0 to 1.
         sharpened: (N,) least weight of the network for correlated noise, by `SHARPENED`.
         principal_dn: (N,) white noise by principal components, DN.
         moments: of patches that do not look white.
@@ -248,6 +265,7 @@ class Screened:
     streaks: NDArray[np.bool_]
     flat_dn: NDArray[np.float64]
     flat_correlation: NDArray[np.float64]
+    smoothed: NDArray[np.float64]
     sharpened: NDArray[np.float64]
     principal_dn: NDArray[np.float64]
     moments: list[Moments | None]
@@ -282,9 +300,12 @@ def _screened(stack: NDArray[np.floating]) -> Screened:
         known.append(None if white[index] else moments(pixels, fine))
         flat_dn[index] = np.sqrt(flattest_tenth(fine.power) / (fine.values.shape[1] - 1)) / FLATTEST_TENTH
         principal_dn[index] = principal_noise_dn(pixels, fine)
-    uncertain = max(SHARPENED_SIDE_PX / np.sqrt(stack.shape[1] * stack.shape[2]), 1.0)
-    sharpened = np.interp(diagonal - adjacent, np.multiply(SHARPENED, uncertain), (0.0, 1.0))
-    return Screened(white, streaks, flat_dn, adjacent, sharpened, principal_dn, known)
+    uncertain = max(SURE_SIDE_PX / np.sqrt(stack.shape[1] * stack.shape[2]), 1.0)
+    smoothed, sharpened = (
+        np.interp(difference, np.multiply(ends, uncertain), (0.0, 1.0))
+        for difference, ends in ((adjacent - diagonal, SMOOTHED), (diagonal - adjacent, SHARPENED))
+    )
+    return Screened(white, streaks, flat_dn, adjacent, smoothed, sharpened, principal_dn, known)
 
 
 def decided(correlation: NDArray[np.float64], coded: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -301,20 +322,20 @@ def decided(correlation: NDArray[np.float64], coded: NDArray[np.bool_]) -> NDArr
 
 
 def weights(
-    white_dn: NDArray[np.float64], correlated_dn: NDArray[np.float64], coded: NDArray[np.bool_]
+    white_dn: NDArray[np.float64], correlated_dn: NDArray[np.float64], processed: NDArray[np.floating | np.bool_]
 ) -> NDArray[np.float64]:
     """Weight of the network for correlated noise where both answer; see the module.
 
     Args:
         white_dn: (N,) sigma of `cellwise`, DN.
         correlated_dn: (N,) sigma of the other network for the same patches, DN.
-        coded: (N,) whether they show the traces of a codec.
+        processed: (N,) how much processing they show, 0 to 1.
 
     Returns:
         (N,) in (0, 1).
     """
     apart = np.log1p(correlated_dn) - np.log1p(white_dn)
-    return np.asarray(1 / (1 + np.exp(-(OFFSET + SLOPE * apart + CODED * coded))))
+    return np.asarray(1 / (1 + np.exp(-(OFFSET + SLOPE * apart + PROCESSING * processed))))
 
 
 def _evidence(

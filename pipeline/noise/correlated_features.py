@@ -186,7 +186,7 @@ def flat_correlation(patch_dn: Float | Grey, fine: Windows | None = None) -> Fla
 
 @lru_cache(maxsize=1)
 def _adjacent_diagonal_power() -> NDArray[np.float64]:
-    """(256, 3): turns windows' covariance into the mean one of adjacent pixels, that of diagonal ones, and the power."""
+    """(256, 3): turns windows' covariance into the mean of adjacent pixels, that of diagonal ones, and the power."""
     weights = np.zeros((SIDE**2, SIDE**2, 3))
     (*adjacent, diagonal), itself = _lag_pairs()[:3], np.arange(SIDE**2)
     for column, pairs in enumerate((adjacent, [diagonal], [(itself, itself)])):

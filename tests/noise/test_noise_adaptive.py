@@ -57,6 +57,15 @@ def scaled(factor, interpolation):
     return lambda field: cv2.resize(field, None, fx=factor, fy=factor, interpolation=interpolation)
 
 
+def processed_noise(process, sigma_dn):
+    """Nine patches of grey with noise that was processed so and then has this deviation."""
+    field = process(stream(7, "processed").standard_normal((800, 800), dtype=np.float32))
+    field *= np.float32(sigma_dn / field.std())
+    corners = [(y, x) for y in range(0, 257, 128) for x in range(0, 257, 128)]
+    patches = stack(*(np.clip(np.rint(120 + field[y : y + 128, x : x + 128]), 0, 255) for y, x in corners))
+    return patches.astype(np.float32)
+
+
 SHARPENED = {
     "added Laplacian": added_laplacian,
     "Lanczos": scaled(0.7, cv2.INTER_LANCZOS4),
@@ -66,15 +75,20 @@ SHARPENED = {
 
 @pytest.mark.parametrize("sharpen", SHARPENED.values(), ids=SHARPENED)
 def test_sharpened_noise_is_read_where_cellwise_reads_a_sixth_too_much(sharpen):
-    field = sharpen(stream(7, "sharpened").standard_normal((800, 800), dtype=np.float32))
-    field *= np.float32(8 / field.std())
-    corners = [(y, x) for y in range(0, 257, 128) for x in range(0, 257, 128)]
-    patches = stack(*(np.clip(np.rint(120 + field[y : y + 128, x : x + 128]), 0, 255) for y, x in corners))
-    patches = patches.astype(np.float32)
+    patches = processed_noise(sharpen, 8)
     estimate, white = ADAPTIVE.estimate(patches), noise.create("cellwise").estimate(patches)
     assert np.median(white.sigma_dn) > 7 / 6 * 8 and (white.low_dn > 8).all()
     assert not estimate.abstained.any() and np.median(estimate.sigma_dn) == pytest.approx(8, rel=0.1)
     assert ((estimate.low_dn <= 8) & (estimate.high_dn >= 8)).mean() >= 8 / 9
+
+
+@pytest.mark.parametrize("sigma_dn", [5, 10])
+def test_noise_of_a_frame_scaled_down_is_read_where_cellwise_reads_three_quarters_at_most(sigma_dn):
+    patches = processed_noise(scaled(0.8, cv2.INTER_AREA), sigma_dn)
+    estimate, white = ADAPTIVE.estimate(patches), noise.create("cellwise").estimate(patches)
+    assert np.median(white.sigma_dn) < 0.75 * sigma_dn
+    assert not estimate.abstained.any() and estimate.sigma_dn == pytest.approx(np.full(9, sigma_dn), rel=0.15)
+    assert ((estimate.low_dn <= sigma_dn) & (estimate.high_dn >= sigma_dn)).all()
 
 
 @pytest.mark.parametrize("side", [48, 64, 128])
@@ -239,12 +253,12 @@ def test_cellwise_runs_only_where_it_has_a_weight(monkeypatch):
     assert sum(counted) == 1
 
 
-def test_the_second_network_is_believed_where_it_reads_more_the_sooner_behind_a_codec():
+def test_the_second_network_is_believed_where_it_reads_more_the_sooner_the_more_processing_shows():
     white_dn = np.array([10.0, 10.0, 10.0, 0.5, 5.0])
     correlated_dn = np.array([10.0, 20.0, 5.0, 5.0, 5.5])
-    free, coded = (weights(white_dn, correlated_dn, np.full(5, shown)) for shown in (False, True))
+    free, half, coded = (weights(white_dn, correlated_dn, np.full(5, shown)) for shown in (0.0, 0.5, 1.0))
     assert free[0] < 0.05 < 0.5 < free[1] < 1 and free[2] < 0.001 and free[3] > 0.95
-    assert (coded > free).all() and coded[4] > 0.45 > free[4]
+    assert (coded > half).all() and (half > free).all() and coded[4] > 0.45 > free[4]
     apart = np.log1p(correlated_dn) - np.log1p(white_dn)
     assert np.log(free / (1 - free)) == pytest.approx(OFFSET + SLOPE * apart)
 
@@ -311,7 +325,7 @@ def test_an_interval_holds_both_answers_where_they_differ(monkeypatch):
     answer = estimator.correlated.predict(patches[:, 0])
     white_dn = estimator.white.estimate(patches).sigma_dn
     level = np.log1p(white_dn) - OFFSET / SLOPE  # a weight of one half
-    given = replace(answer, sigma_dn=np.expm1(level), reach=np.full(1, 0.05), correlation=np.full(1, 0.2))
+    given = replace(answer, sigma_dn=np.expm1(level), reach=np.full(1, 0.05), correlation=np.full(1, 0.05))
     monkeypatch.setattr(estimator.correlated, "predict", lambda *_: given)
     estimate = estimator.estimate(patches)
     assert np.log1p(estimate.sigma_dn) == pytest.approx((level + np.log1p(white_dn)) / 2)
