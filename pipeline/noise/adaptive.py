@@ -72,8 +72,7 @@ from pipeline.noise.correlated_features import (
     Moments,
     anisotropy,
     fine_windows,
-    flat_correlation,
-    flattest_tenth,
+    flat_areas,
     moments,
     principal_noise_dn,
 )
@@ -98,9 +97,9 @@ CORRELATED_ALONE = 0.45
 """Correlation of adjacent pixels from which the second network decides alone. Of noise this correlated `cellwise` reads
 next to nothing; where a codec shows it takes as much time and changes as good as nothing."""
 
-FLATTEST_TENTH = 0.6825
-"""Standard deviation of the flattest tenth of windows of 4 x 4 pixels with white noise of 1: the root of the mean of
-the lowest tenth of a chi-squared distribution of 15 degrees of freedom, over 15."""
+FLATTEST_TENTH = 0.661
+"""Deviation about the mean in the flattest tenth of windows of 4 x 4 pixels with white noise of 1: the root of the mean
+of the lowest tenth of a chi-squared distribution of 15 degrees of freedom, over 16."""
 
 FLAT_EXCESS = 1.25
 """How much more than the estimated white noise flat areas may vary, before the second network is asked too."""
@@ -111,12 +110,12 @@ and 10 DN that a mild codec (JPEG 90, Motion JPEG) has passed lies at 0.02 to 0.
 it; of white noise of 5 and 10 DN nine tenths lie below on photographs, but none and six tenths on the authors' *Sim*,
 whose patches then ask both networks."""
 
-SHARPENED = (0.03, 0.06)
+SHARPENED = (0.04, 0.06)
 """By how much adjacent pixels of flat areas are less correlated than diagonal ones, over which the weight of the second
 network rises to 1, in patches of `SURE_SIDE_PX`; in smaller ones it takes as much more as correlations are less
-certain. Of even white noise of 2 to 12 DN 1 to 3 % of the patches exceed the first, of noise behind an added Laplacian
+certain. Of even white noise of 2 to 12 DN 1 % of the patches exceed the first, of noise behind an added Laplacian
 (all of it or half) 98 to 100 %, of 5 and 12 DN behind scaling by half with a cubic kernel or by 0.7 with a Lanczos one
-77 to 99 %. Behind an unsharp mask of 1 px few do; `cellwise` then reads 2 to 10 % too much, as intervals allow for."""
+71 to 97 %. Behind an unsharp mask of 1 px few do; `cellwise` then reads 2 to 10 % too much, as intervals allow for."""
 
 SURE_SIDE_PX = 128
 
@@ -289,23 +288,22 @@ def _whole(patch: NDArray[np.floating]) -> Grey:
 def _screened(stack: NDArray[np.floating]) -> Screened:
     """`Screened` of patches (N, H, W)."""
     white, streaks = np.zeros((2, len(stack)), bool)
-    flat_dn, adjacent, diagonal, principal_dn = np.zeros((4, len(stack)))
+    deviation_dn, adjacent, diagonal, principal_dn = np.zeros((4, len(stack)))
     known: list[Moments | None] = []
     for index, patch in enumerate(stack):
         pixels = _whole(patch)
         fine = fine_windows(pixels)
-        adjacent[index], diagonal[index] = flat_correlation(pixels, fine)
+        deviation_dn[index], adjacent[index], diagonal[index] = flat_areas(pixels, fine)
         white[index] = adjacent[index] < PLAINLY_WHITE and not at_corner(pixels)
         streaks[index] = not white[index] and streaked(fine)
         known.append(None if white[index] else moments(pixels, fine))
-        flat_dn[index] = np.sqrt(flattest_tenth(fine.power) / (fine.values.shape[1] - 1)) / FLATTEST_TENTH
         principal_dn[index] = principal_noise_dn(pixels, fine)
     uncertain = max(SURE_SIDE_PX / np.sqrt(stack.shape[1] * stack.shape[2]), 1.0)
     smoothed, sharpened = (
         np.interp(difference, np.multiply(ends, uncertain), (0.0, 1.0))
         for difference, ends in ((adjacent - diagonal, SMOOTHED), (diagonal - adjacent, SHARPENED))
     )
-    return Screened(white, streaks, flat_dn, adjacent, smoothed, sharpened, principal_dn, known)
+    return Screened(white, streaks, deviation_dn / FLATTEST_TENTH, adjacent, smoothed, sharpened, principal_dn, known)
 
 
 def decided(correlation: NDArray[np.float64], coded: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -74,15 +74,17 @@ class Windows:
     complete: bool
 
 
-class FlatCorrelation(NamedTuple):
-    """Correlation of pixels in flat areas, -1 to 1.
+class FlatAreas(NamedTuple):
+    """The flattest windows of a patch.
 
     Attributes:
-        adjacent: of pixels next to each other, mean over rows and columns, in the flattest tenth of windows; 0.3 to 0.8
-            behind a camera's processing.
-        diagonal: of pixels that touch at a corner, in the flattest three tenths: of fewer it is less certain.
+        deviation_dn: of their pixels about each window's mean, in the flattest tenth of windows, DN.
+        adjacent: correlation of pixels next to each other there, mean over rows and columns, -1 to 1; 0.3 to 0.8 behind
+            a camera's processing.
+        diagonal: that of pixels that touch at a corner, in the flattest three tenths: of fewer it is less certain.
     """
 
+    deviation_dn: float
     adjacent: float
     diagonal: float
 
@@ -158,13 +160,13 @@ def statistics_of(patches: Sequence[Moments]) -> Float:
 
 
 def fine_windows(patch_dn: Float | Grey) -> Windows:
-    """Windows of adjacent pixels, for `flat_correlation`, `principal_noise_dn` and `moments` of the same patch."""
+    """Windows of adjacent pixels, for `flat_areas`, `principal_noise_dn` and `moments` of the same patch."""
     picture = np.ascontiguousarray(patch_dn, dtype=np.uint8)
     return _windows(picture, SPACINGS_PX[0], STEPS_PX[0], _is_saturated(picture))
 
 
-def flat_correlation(patch_dn: Float | Grey, fine: Windows | None = None) -> FlatCorrelation:
-    """Correlations in the flattest windows of a patch: both -1/15 for white noise, as each window's mean is taken off.
+def flat_areas(patch_dn: Float | Grey, fine: Windows | None = None) -> FlatAreas:
+    """How pixels vary in flat windows of a patch. White noise has correlations of -1/15, for the mean is taken off.
 
     Texture and edges that no flat area is free of raise them, that of adjacent pixels most.
 
@@ -181,7 +183,8 @@ def flat_correlation(patch_dn: Float | Grey, fine: Windows | None = None) -> Fla
     adjacent, _, power = products.ravel() / few @ _adjacent_diagonal_power()
     products += flat[few:].T @ flat[few:]
     _, diagonal, wider_power = products.ravel() / more @ _adjacent_diagonal_power()
-    return FlatCorrelation(adjacent / (power + POWER_FLOOR_DN2), diagonal / (wider_power + POWER_FLOOR_DN2))
+    floor = POWER_FLOOR_DN2
+    return FlatAreas(float(np.sqrt(power)), adjacent / (power + floor), diagonal / (wider_power + floor))
 
 
 @lru_cache(maxsize=1)
@@ -308,18 +311,18 @@ def _lags(covariances: NDArray[np.float64], count: int) -> NDArray[np.float64]:
 
 def _bands(variance: Float, means: Float) -> NDArray[np.float64]:
     """Noise by brightness: log of the relative deviation of the flattest tenth, and the share of windows, per band."""
-    overall = flattest_tenth(variance)
+    overall = _flattest_tenth(variance)
     band = np.minimum((means * (BANDS / (WHITE_DN + 1))).astype(np.uint8), BANDS - 1)
     ratios, shares = np.zeros(BANDS), np.zeros(BANDS)
     for number, count in enumerate(np.bincount(band, minlength=BANDS).tolist()):
         shares[number] = count / len(variance)
         if LEAST_WINDOWS // 4 <= count < len(variance):
             inside = variance[band == number]
-            ratios[number] = 0.5 * np.log((flattest_tenth(inside) + POWER_FLOOR_DN2) / (overall + POWER_FLOOR_DN2))
+            ratios[number] = 0.5 * np.log((_flattest_tenth(inside) + POWER_FLOOR_DN2) / (overall + POWER_FLOOR_DN2))
     return np.concatenate([ratios, shares])
 
 
-def flattest_tenth(variance: Float) -> float:
+def _flattest_tenth(variance: Float) -> float:
     """Mean of the least tenth of numbers (n,)."""
     count = max(len(variance) // 10, 1)
     return float(np.partition(variance, count - 1)[:count].mean())

@@ -41,7 +41,7 @@ def test_statistics_of_many_patches_are_those_of_each_wherever_their_fine_window
     measured = []
     for patch in patches:
         fine = correlated_features.fine_windows(patch)
-        assert correlated_features.flat_correlation(patch, fine) == correlated_features.flat_correlation(patch)
+        assert correlated_features.flat_areas(patch, fine) == correlated_features.flat_areas(patch)
         principal = correlated_features.principal_noise_dn(patch)
         assert correlated_features.principal_noise_dn(patch, fine) == principal
         measured.append(correlated_features.moments(patch.astype(np.uint8), fine))
@@ -70,14 +70,14 @@ def test_the_reference_statistic_is_near_white_noise():
 
 
 def test_whiteness_separates_white_noise_from_smoothed_noise():
-    assert abs(correlated_features.flat_correlation(flat(5)).adjacent) < 0.1
-    assert correlated_features.flat_correlation(flat(5, blur_px=0.8)).adjacent > 0.2
+    assert abs(correlated_features.flat_areas(flat(5)).adjacent) < 0.1
+    assert correlated_features.flat_areas(flat(5, blur_px=0.8)).adjacent > 0.2
 
 
 def test_sharpened_noise_is_less_correlated_between_neighbours_than_diagonally():
     sharpened = cv2.filter2D(flat(5), -1, np.array([[0, -1, 0], [-1, 5, -1], [0, -1, 0]], np.float32))
-    white, sharp = (correlated_features.flat_correlation(patch) for patch in (flat(5), sharpened))
-    assert white == pytest.approx((-1 / 15, -1 / 15), abs=0.04)  # the mean of 16 pixels was taken off
+    white, sharp = (correlated_features.flat_areas(patch) for patch in (flat(5), sharpened))
+    assert white == pytest.approx((0.661 * 5, -1 / 15, -1 / 15), abs=0.04)  # the mean of 16 pixels was taken off
     assert sharp.adjacent < sharp.diagonal - 0.1
 
 
