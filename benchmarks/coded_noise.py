@@ -4,8 +4,8 @@
 
 Frames of *Sim* and of the datasets named (kinds of `pipeline.datasets`, e.g. ``kitti=kitti:data/raw/kitti``) get normal
 noise of 0 to 25 DN, equal in all colours, and are stored as JPEG, Motion JPEG, MPEG-4 or H.264
-(`pipeline.camera.processing.codec`); a video is of three frames, the last is taken. Others are filtered, scaled or
-turned (`FILTERS`), as frames are that were denoised, resized or rectified before, or get photon or readout noise in
+(`pipeline.camera.processing.codec`); a video is of three frames, the last is taken. Others are filtered, scaled, turned
+or sharpened (`FILTERS`), as frames are that were denoised, resized or rectified before, or get photon or readout noise in
 linear light (`CURVES`), as those of a monochrome camera with a gamma, whose noise is strongest in the shadows. The
 *truth* of a patch is the standard deviation over four shots of the processed frames, each with its own noise: what
 differs from shot to shot is noise, whoever made it. Noise that a recorded frame has itself stays the same and is not
@@ -71,6 +71,8 @@ CODECS = (
 )
 TURNED_DEG = 2.0
 ZOOM = 4
+SHARPENING = np.array([[0, -0.5, 0], [-0.5, 3, -0.5], [0, -0.5, 0]], np.float32)
+"""A picture with half its Laplacian added."""
 
 
 def turned(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -92,7 +94,9 @@ FILTERS: Mapping[str, Callable[[NDArray[np.uint8]], Any]] = {
     "scaled 0.7": partial(cv2.resize, dsize=None, fx=0.7, fy=0.7, interpolation=cv2.INTER_AREA),
     "scaled 1.3": partial(cv2.resize, dsize=None, fx=1.3, fy=1.3, interpolation=cv2.INTER_LINEAR),
     "scaled 4": zoomed,
+    "aliased 0.5": partial(cv2.resize, dsize=None, fx=0.5, fy=0.5, interpolation=cv2.INTER_CUBIC),
     "turned": turned,
+    "sharpened": partial(cv2.filter2D, ddepth=-1, kernel=SHARPENING),
     "gaussian": partial(cv2.GaussianBlur, ksize=(0, 0), sigmaX=0.8),
     "median": partial(cv2.medianBlur, ksize=3),
     "bilateral": partial(cv2.bilateralFilter, d=5, sigmaColor=25, sigmaSpace=2),

@@ -32,12 +32,20 @@ def test_frames_without_noise_come_back_alike_from_a_codec(codec):
     assert coded_noise.true_dn(taken, coded_noise.places(frame.shape, 2, np.random.default_rng(1))).max() == 0
 
 
-@pytest.mark.parametrize(("name", "shape"), [("scaled 0.7", (112, 134)), ("turned", (160, 192)), ("nlm", (160, 192))])
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [("scaled 0.7", (112, 134)), ("aliased 0.5", (80, 96)), ("turned", (160, 192)), ("nlm", (160, 192))],
+)
 def test_shots_are_filtered(name, shape):
     frame = np.full((160, 192), 120, np.uint8)
     taken = coded_noise.shots(frame, name, 8.0, "flat")
     assert taken.shape == (coded_noise.SHOTS, *shape) and taken.dtype == np.uint8
     assert 0 < np.sqrt(taken.var(axis=0, ddof=1).mean()) < 7
+
+
+def test_sharpening_makes_noise_stronger():
+    taken = coded_noise.shots(np.full((160, 192), 120, np.uint8), "sharpened", 5.0, "flat")
+    assert np.sqrt(taken.var(axis=0, ddof=1).mean()) == pytest.approx(5.0 * np.sqrt(3**2 + 4 * 0.5**2), rel=0.02)
 
 
 def test_noise_of_linear_light_lies_in_the_shadows():
