@@ -5,8 +5,8 @@
 Frames of *Sim* and of the datasets named (kinds of `pipeline.datasets`, e.g. ``kitti=kitti:data/raw/kitti``) get normal
 noise of 0 to 25 DN, equal in all colours, and are stored as JPEG, Motion JPEG, MPEG-4 or H.264
 (`pipeline.camera.processing.codec`); a video is of three frames, the last is taken. Others are filtered, scaled, turned
-or sharpened (`FILTERS`), as frames are that were denoised, resized or rectified before, or get photon or readout noise in
-linear light (`CURVES`), as those of a monochrome camera with a gamma, whose noise is strongest in the shadows. The
+or sharpened (`FILTERS`), as frames are that were denoised, resized or rectified before, or get photon or readout noise
+in linear light (`CURVES`), as those of a monochrome camera with a gamma, whose noise is strongest in the shadows. The
 *truth* of a patch is the standard deviation over four shots of the processed frames, each with its own noise: what
 differs from shot to shot is noise, whoever made it. Noise that a recorded frame has itself stays the same and is not
 among it, so that weak noise is judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere; those
