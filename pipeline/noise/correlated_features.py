@@ -230,22 +230,6 @@ def anisotropy(statistics: Float) -> Float:
     return statistics[:, first + LAGS.index((0, 1))] - statistics[:, first + LAGS.index((1, 0))]
 
 
-def coarse_noise(statistics: Float) -> Float:
-    """White noise of every second pixel of a patch by principal components, as ln of its standard deviation in DN.
-
-    Noise that is correlated between neighbours is less so at twice their distance, so this is nearer to all of it than
-    `principal_noise_dn`; texture adds to both.
-
-    Args:
-        statistics: (N, COUNT).
-
-    Returns:
-        (N,), at least that of the root of `POWER_FLOOR_DN2`.
-    """
-    least = (SPACINGS_PX.index(2) * len(FLATTEST) + FLATTEST.index(1.0)) * len(RANKS) + RANKS.index(0)
-    return statistics[:, least]
-
-
 def _is_saturated(picture: Grey) -> bool:
     return bool(picture.min() <= 1 or picture.max() >= WHITE_DN - 1)
 

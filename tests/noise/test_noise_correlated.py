@@ -216,11 +216,3 @@ def test_principal_components_give_the_mean_noise_however_it_goes_with_brightnes
     noisy = ramp + sigma_dn * share * generator.standard_normal(ramp.shape)
     truth = sigma_dn * np.sqrt((share**2).mean())
     assert correlated_features.principal_noise_dn(np.clip(np.rint(noisy), 0, 255)) == pytest.approx(truth, rel=0.1)
-
-
-def test_of_noise_smoothed_over_neighbours_every_second_pixel_holds_more():
-    patches = [flat(6), flat(6, 0.9)]
-    statistics = np.stack([correlated_features.statistics(patch) for patch in patches])
-    white, smooth = np.exp(correlated_features.coarse_noise(statistics))
-    assert white == pytest.approx(6, rel=0.1)
-    assert correlated_features.principal_noise_dn(patches[1]) < 0.5 * smooth < 0.5 * 6.6
