@@ -113,12 +113,13 @@ whose patches then ask both networks."""
 
 SHARPENED = (0.04, 0.06)
 """By how much adjacent pixels of flat areas are less correlated than diagonal ones, over which the weight of the second
-network rises to 1, in patches of `SURE_SIDE_PX`; in smaller ones it takes as much more as correlations are less
-certain. Of even white noise of 2 to 12 DN 1 % of the patches exceed the first, of noise behind an added Laplacian
-(all of it or half) 98 to 100 %, of 5 and 12 DN behind scaling by half with a cubic kernel or by 0.7 with a Lanczos one
-71 to 97 %. Behind an unsharp mask of 1 px few do; `cellwise` then reads 2 to 10 % too much, as intervals allow for."""
+network rises to 1. On KITTI, Udacity and the means of CC 1 % of the patches with white noise of 2 to 12 DN exceed the
+first, of those behind an added Laplacian (all of it or half) 98 to 100 %, with 5 and 12 DN behind scaling by half with
+a cubic kernel or by 0.7 with a Lanczos one 71 to 97 %; on rendered texture fewer. Behind an unsharp mask of 1 px few
+do; `cellwise` then reads 2 to 10 % too much, as intervals allow for."""
 
 SURE_SIDE_PX = 128
+"""Side of the patches for which `SMOOTHED` and `SHARPENED` hold; flat areas of smaller ones are fewer."""
 
 PLAIN_SIGMA_DN = 1.0
 
@@ -133,8 +134,8 @@ WIDEST_REACH = 0.22
 way. Asphalt and cobbles of rendered scenes, which the second network takes for noise of 5 to 17 DN, lie beyond it."""
 
 SEEN_BY_BOTH = (0.15, 0.3)
-"""Lower end of the interval of `cellwise` over sigma of the second network, over which both see the same noise. Scaling
-by .7 leaves it at .27 by the median; of a noise-free lawn that the second network reads as 15 DN it is .08."""
+"""Lower end of the interval of `cellwise` over sigma of the second network, over which both see the same noise: .27 by
+the median behind scaling of 12 DN, .08 on a noise-free lawn that the second network reads as 15 DN."""
 
 WIDEST_WHITE_REACH = 0.9
 """The same, upwards, for `cellwise`: beyond it, on foliage and gravel, its answer is far too low."""

@@ -166,7 +166,7 @@ LEVEL = {"count": 4, "answered": 4, "wrong": 1, "held_fraction": 1.0, "bounded":
 
 @pytest.mark.parametrize(
     "content",
-    [{"jpeg 80": {"0": {"count": 3}}}, {"jpeg 80": {level: {**LEVEL, "count": 0} for level in real_noise.ADDED}}, [1]],
+    [{"jpeg 80": {"0": {"count": 3}}}, {"jpeg 80": {level: {"count": 3} for level in real_noise.ADDED}}, [1]],
 )
 def test_a_record_of_codecs_that_is_no_such_record_is_refused(
     inputs: ReportInputs, tmp_path: Path, content: Any
@@ -176,6 +176,14 @@ def test_a_record_of_codecs_that_is_no_such_record_is_refused(
     store.write_json(broken, parts)
     with pytest.raises(InputError, match=r"coded_noise\.json: not a record of .*benchmarks/coded_noise\.py"):
         real_noise.section(dataclasses.replace(inputs, benchmarks={"coded_noise": broken}))
+
+
+def test_a_level_that_saturates_every_patch_is_an_empty_cell() -> None:
+    levels = dict.fromkeys(real_noise.ADDED, LEVEL) | {"25": {**LEVEL, "count": 0, "answered": 0}}
+    table = real_noise.behind_codecs(
+        {"datasets": ["sim"], "frames": {"by_codec": {}}, "patches": {"by_codec": {"sharpened": levels}}}
+    )
+    assert (table.rows[0]["added_10"], table.rows[0]["added_25"]) == ("100 / 25 / 100", "")
 
 
 def test_a_codec_that_has_no_name_here_keeps_its_own(tmp_path: Path) -> None:

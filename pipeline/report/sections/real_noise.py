@@ -199,7 +199,12 @@ def _order(codec: str) -> tuple[int, str, list[float]]:
 
 
 def _answered(level: Mapping[str, Any]) -> str:
-    """Percentages answered, of the answers wrong, and of their intervals that hold the truth: ``"64 / 3 / 98"``."""
+    """Percentages answered, of the answers wrong, and of their intervals that hold the truth: ``"64 / 3 / 98"``.
+
+    Empty where the noise saturates every patch.
+    """
+    if not level["count"]:
+        return ""
     share = f"{100 * level['answered'] / level['count']:.0f}"
     if not level["answered"]:
         return share
