@@ -91,6 +91,27 @@ def test_noise_of_a_frame_scaled_down_is_read_where_cellwise_reads_three_quarter
     assert ((estimate.low_dn <= sigma_dn) & (estimate.high_dn >= sigma_dn)).all()
 
 
+def test_smoothed_noise_has_a_wide_answer_where_both_networks_see_it_but_none_on_a_lawn_without_noise(monkeypatch):
+    """To the second network the lawn looks like smoothed noise of 15 DN; `cellwise` sees next to none."""
+    picture = data.camera()
+    lawn = stack(picture[384:512, 384:512].astype(np.float32))
+    generator = stream(3, "scaled photograph")
+    noisy = [picture + 12 * generator.standard_normal(picture.shape) for _ in range(4)]
+    shots = np.stack([scaled(0.7, cv2.INTER_AREA)(np.clip(np.rint(shot), 0, 255).astype(np.uint8)) for shot in noisy])
+    squares = [shots[:, y : y + 128, x : x + 128] for y in (0, 64, 128) for x in (0, 64, 128, 192)]
+    truth = np.array([temporal_noise.measure(square).sigma_dn for square in squares])
+    patches = stack(*(square[0].astype(np.float32) for square in squares))
+    estimate = ADAPTIVE.estimate(patches)
+    answered = ~estimate.abstained
+    assert answered.sum() > 6 and estimate.sigma_dn[answered] == pytest.approx(truth[answered], rel=0.25)
+    assert ADAPTIVE.estimate(lawn).abstained and ADAPTIVE.correlated.predict(lawn[:, 0]).sigma_dn > 10
+    with monkeypatch.context() as narrower:
+        narrower.setattr(adaptive, "WIDEST_SMOOTHED_REACH", WIDEST_REACH)
+        assert (~ADAPTIVE.estimate(patches).abstained).sum() < answered.sum()
+    monkeypatch.setattr(adaptive, "SEEN_BY_BOTH", (0.0, 0.01))
+    assert not ADAPTIVE.estimate(lawn).abstained
+
+
 @pytest.mark.parametrize("side", [48, 64, 128])
 def test_white_noise_hardly_ever_looks_sharpened_in_patches_of_any_size(side):
     patches = np.stack([flat(8, key=f"white {number}", side=side) for number in range(40)]) / np.float32(255)
