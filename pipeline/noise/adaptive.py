@@ -133,15 +133,15 @@ WIDEST_REACH = 0.22
 """Half-width of the interval of ln(1 + sigma) beyond which there is no answer where nothing shows a codec: 25 % either
 way. Asphalt and cobbles of rendered scenes, which the second network takes for noise of 5 to 17 DN, lie beyond it."""
 
-SEEN_BY_BOTH = (0.15, 0.3)
-"""Lower end of the interval of `cellwise` over sigma of the second network, over which both see the same noise: .27 by
-the median behind scaling of 12 DN, .08 on a noise-free lawn that the second network reads as 15 DN."""
-
 WIDEST_WHITE_REACH = 0.9
 """The same, upwards, for `cellwise`: beyond it, on foliage and gravel, its answer is far too low."""
 
 WIDEST_SMOOTHED_REACH = 0.35  # the same where noise looks smoothed and both see it (`SEEN_BY_BOTH`): a factor of 1.4
-WIDEST_COMPRESSED_REACH = 0.47  # the same behind a strong codec: a factor of 1.6
+SEEN_BY_BOTH = (0.15, 0.3)
+"""Lower end of the interval of `cellwise` over sigma of the second network, over which both see the same noise: .27 by
+the median behind scaling of 12 DN, .08 on a noise-free lawn that the second network reads as 15 DN."""
+
+WIDEST_COMPRESSED_REACH = 0.47  # as `WIDEST_REACH`, behind a strong codec: a factor of 1.6
 WIDEST_QUANTISED_REACH = 0.65  # the same where only quantised transform blocks show a codec
 
 
@@ -236,8 +236,8 @@ class Adaptive(CellMapper):
             second: of the other network.
             smoothed: (K,) how much the noise of patches that ask it looks smoothed, 0 to 1.
         """
-        seen = levels.low_dn[second.indices] / np.maximum(second.answer.sigma_dn, UNDETECTED_LOW_DN)
-        smoothed = smoothed * np.interp(seen, SEEN_BY_BOTH, (0.0, 1.0))
+        share = levels.low_dn[second.indices] / np.maximum(second.answer.sigma_dn, UNDETECTED_LOW_DN)
+        smoothed = smoothed * np.interp(share, SEEN_BY_BOTH, (0.0, 1.0))
         reach = np.log1p(levels.high_dn) - np.log1p(levels.sigma_dn)
         widest = np.full(len(reach), self.widest_white_reach)
         reach[second.indices] += second.weight * (second.answer.reach - reach[second.indices])
