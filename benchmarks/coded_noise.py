@@ -12,7 +12,7 @@ differs from shot to shot is noise, whoever made it. Noise that a recorded frame
 among it, so that weak noise is judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere; those
 with more than 5 % of black or white pixels (``saturated``) are left out: clipping took part of their noise, and the
 estimate is of the rest of the patch. Frames are estimated whole (`pipeline.condition.ConditionMonitor`), and their
-truth is the median over their tiles without those that are saturated so; where all are, the frame is left out.
+truth is that of the median tile.
 
 An answer is ``wrong`` where it is off by more than 20 % of the truth and by more than 0.5 DN. ``wrong_fraction`` and
 ``held_fraction`` (of truths in the 95 % interval) are of the answers; ``compressed_fraction`` is that of abstentions
@@ -176,23 +176,6 @@ def true_dn(taken: NDArray[np.uint8], patches: Sequence[Patch]) -> NDArray[np.fl
     return np.array([temporal_noise.measure(part).sigma_dn for part in stack])
 
 
-def frame_truth(taken: NDArray[np.uint8], tiles: Sequence[Patch]) -> tuple[float, float]:
-    """Noise of a frame, and the saturated fraction that decides whether it is left out.
-
-    Args:
-        taken: (SHOTS, H, W).
-        tiles: of the frame.
-
-    Returns:
-        median of `true_dn` over the tiles that are hardly saturated (`MOST_SATURATED`), DN; saturated fraction of the
-        tile that is least so. Where none is hardly saturated the median is that of all tiles.
-    """
-    saturated = saturated_fraction(cut(taken[0], tiles))
-    hardly = saturated <= MOST_SATURATED
-    truths = true_dn(taken, tiles)
-    return float(np.median(truths[hardly] if hardly.any() else truths)), float(saturated.min())
-
-
 def measure(dataset: Dataset, frames: int, patches: int) -> pd.DataFrame:
     """Estimates of patches and of whole frames of a dataset, each with its truth, one row each."""
     monitor, rows = ConditionMonitor(), []
@@ -215,11 +198,10 @@ def measure(dataset: Dataset, frames: int, patches: int) -> pd.DataFrame:
                     }
                     rows.append(about | {"of": "patches", "true_dn": truth, "saturated": saturated[index]} | ends)
                 whole = monitor.frame(taken[0].astype(np.float32) / np.float32(255)).noise
-                median_dn, least_saturated = frame_truth(taken, whole.patches)
                 middle = whole.summary
                 rows.append(
                     about
-                    | {"of": "frames", "true_dn": median_dn, "saturated": least_saturated}
+                    | {"of": "frames", "true_dn": float(np.median(true_dn(taken, whole.patches))), "saturated": 0.0}
                     | {"sigma_dn": float(middle.value), "low_dn": float(middle.low), "high_dn": float(middle.high)}
                     | {"reason": "" if np.isfinite(middle.value) else reason_of(whole.estimate)}
                     | {"at_most_dn": whole.at_most_dn}

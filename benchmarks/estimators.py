@@ -222,7 +222,7 @@ def main() -> None:
             one, fps = record["one_patch"]["processor_median_ms"], record.get("frame", {}).get("processor_fps", "-")
             print(f"{task:6s}{name:10s} one {one:9.3f} ms   batched {batched_ms:9.3f} ms   {fps} fps", flush=True)
     if not arguments.only or "joint" in arguments.only:
-        results["joint"] = {"spectral + cellwise": {"frame": frames_per_second("joint", "", {}, arguments.frames)}}
+        results["joint"] = {"spectral + adaptive": {"frame": frames_per_second("joint", "", {}, arguments.frames)}}
         print("joint", results["joint"], flush=True)
     about = common.machine("torch", "opencv-python-headless", "scikit-image")
     sizes = {"frame_px": [FRAME_PX[1], FRAME_PX[0]], "patch_px": SIDES, "processes": PROCESSES}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import struct
 import zlib
 from collections.abc import Iterable
@@ -19,6 +20,20 @@ class InputError(Exception):
 
     Stages and the command line print its message without a traceback and exit with status 2.
     """
+
+
+def finite_at_least_0(name: str, value: float) -> None:
+    """Check a setting that is a finite number of at least 0.
+
+    Args:
+        name: of the setting, as the message shall name it.
+        value: it.
+
+    Raises:
+        InputError: it is no such number.
+    """
+    if not 0 <= value < math.inf:
+        raise InputError(f"{name}={value!r}, expected a finite number, 0 or more")
 
 
 def printable(text: object) -> str:

@@ -10,7 +10,6 @@ import pytest
 
 from benchmarks import coded_noise
 from pipeline.camera.processing.codec import Codec
-from pipeline.datasets.patches import Patch
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,19 +41,6 @@ def test_shots_are_filtered(name, shape):
     taken = coded_noise.shots(frame, name, 8.0, "flat")
     assert taken.shape == (coded_noise.SHOTS, *shape) and taken.dtype == np.uint8
     assert 0 < np.sqrt(taken.var(axis=0, ddof=1).mean()) < 7
-
-
-def test_truth_of_a_frame_is_that_of_its_tiles_that_are_not_saturated():
-    """Clipping takes part of the noise of a dark frame, and the estimate is of the rest of it."""
-    frame = np.full((160, 3 * 128), 120, np.uint8)
-    frame[:, :256] = 2
-    tiles = [Patch(x, 0, 128) for x in (0, 128, 256)]
-    taken = coded_noise.shots(frame, Codec("none"), 5.0, "two dark tiles")
-    truth_dn, saturated = coded_noise.frame_truth(taken, tiles)
-    assert truth_dn == pytest.approx(5.0, rel=0.03) and saturated == 0
-    assert np.median(coded_noise.true_dn(taken, tiles)) < 4
-    dark_dn, saturated = coded_noise.frame_truth(taken, tiles[:2])
-    assert dark_dn < 4 and saturated > coded_noise.MOST_SATURATED
 
 
 def test_sharpening_makes_noise_stronger():

@@ -258,8 +258,8 @@ class WithoutEmptyFrequencies:
     def __init__(self, divided: Estimator) -> None:
         assert divided.sharp_mtf is not None
         self.divided, self.relative_to = divided, divided.relative_to
-        place = np.arange(divided.sharp_mtf.shape[1])
-        self._source = np.maximum.accumulate(np.where(divided.sharp_mtf > SHARP_FLOOR, place, 0), axis=1)  # (2, 8)
+        index = np.arange(divided.sharp_mtf.shape[1])
+        self._source = np.maximum.accumulate(np.where(divided.sharp_mtf > SHARP_FLOOR, index, 0), axis=1)  # (2, 8)
 
     def estimate(self, patches: Any) -> BlurEstimate:
         """The MTF relative to the camera, per patch; see `Estimator.estimate`."""

@@ -100,7 +100,7 @@ class Correction(OutputLayers):
 
     def content(self) -> dict[str, Any]:
         """Everything in it, as JSON can hold it."""
-        return {one.name: np.asarray(getattr(self, one.name)).tolist() for one in fields(self)}
+        return {part.name: np.asarray(getattr(self, part.name)).tolist() for part in fields(self)}
 
     @classmethod
     def from_content(cls, content: Any, values: int) -> Self:
@@ -113,7 +113,7 @@ class Correction(OutputLayers):
         Raises:
             KeyError, TypeError, ValueError: not such a content.
         """
-        arrays: dict[str, Any] = {one.name: np.array(content[one.name], float) for one in fields(cls)}
+        arrays: dict[str, Any] = {part.name: np.array(content[part.name], float) for part in fields(cls)}
         networks, units = arrays["first_offset"].shape
         expected = {
             "first": (networks, units, arrays["first"].shape[-1]),
@@ -190,7 +190,7 @@ def fit(
     if not weight:
         return None, held_out(0.0)
     made = _trained(layers, maps[-1], parts, np.ones(len(groups), bool), kernels, seed)
-    rounded = {one.name: np.round(getattr(made, one.name), DECIMALS) for one in fields(made)}
+    rounded = {part.name: np.round(getattr(made, part.name), DECIMALS) for part in fields(made)}
     return Correction(**(rounded | {"weight": weight})), held_out(weight)
 
 
@@ -204,9 +204,9 @@ def _together(*labels: NDArray[np.int_]) -> NDArray[np.int_]:
     number = number.ravel()
     order = np.argsort(number, kind="stable")
     sizes = np.bincount(number)
-    place = np.arange(len(number)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    rank = np.arange(len(number)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     table = np.full((len(sizes), int(sizes.max())), -1)
-    table[number[order], place] = order
+    table[number[order], rank] = order
     return table
 
 
@@ -240,7 +240,7 @@ def _trained(
 
     units, share = (joined([getattr(part.hidden, name) for part in parts]) for name in ("units", "second_share"))
     known = joined([part.known for part in parts])
-    names = [one.name for one in fields(layers)]
+    names = [layer.name for layer in fields(layers)]
     values = [getattr(layers, name) for name in names] + list(start)
     sets = _together(np.repeat(np.arange(len(parts)), kept.sum()), np.tile(kernels[kept], len(parts)))
     generator = stream(seed, "camera correction batches")

@@ -16,13 +16,13 @@ import torch
 import torch.nn.functional as functional
 from torch import nn
 
+from pipeline.blur.affine_logits import NEAREST
 from pipeline.camera.mtf import FREQUENCIES
 
 ARCHITECTURE = "mtf-fusion-1"
 MEMBERS = ("spectral", "gbb", "pmp")
 HIDDEN = 12
 NETWORKS = 3
-NEAREST = 0.004  # to 0 and 1 that a logit is taken of
 INPUTS = 23
 INPUT_SCALE = 0.5
 OFFSET_SCALE = 0.5

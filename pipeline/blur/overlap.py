@@ -30,7 +30,7 @@ def scenes(patches: NDArray[np.float32]) -> NDArray[np.int_]:
     label = np.arange(len(patches))
     if len(patches) > MOST_PATCHES:
         return label
-    runs = [_runs(one) for one in patches]
+    runs = [_runs(patch) for patch in patches]
     for second in range(len(patches)):
         for first in range(second):
             if label[first] != label[second] and _overlap(runs[first], runs[second]):
@@ -47,9 +47,9 @@ def _runs(patch: NDArray[np.float32]) -> NDArray[np.uint64]:
     return np.unique(np.ascontiguousarray(windows[structured]).view(np.uint64).ravel())
 
 
-def _overlap(one: NDArray[np.uint64], other: NDArray[np.uint64]) -> bool:
+def _overlap(first: NDArray[np.uint64], second: NDArray[np.uint64]) -> bool:
     """Whether enough runs of the shorter list are in the longer one."""
-    few, many = sorted((one, other), key=len)
+    few, many = sorted((first, second), key=len)
     if len(few) == 0:
         return False
     at = np.searchsorted(many, few).clip(max=len(many) - 1)

@@ -279,11 +279,11 @@ def _second_share(main: Answer, processed: Answer) -> NDArray[np.float32]:
 
 
 def _answer(
-    network: SpectralNet, maps: torch.Tensor, vector: torch.Tensor, ways: int
+    network: SpectralNet, maps: torch.Tensor, vector: torch.Tensor, orientations: int
 ) -> tuple[Answer, NDArray[np.float32]]:
     """What a network answers and its hidden units (N, 256), averaged over the ways a patch is seen."""
     units = network.hidden(maps, vector)
     mtf, scale, sigma_dn, hidden = (
-        value.unflatten(0, (ways, -1)).mean(0).cpu().numpy() for value in (*network.outputs(units)[:3], units)
+        value.unflatten(0, (orientations, -1)).mean(0).cpu().numpy() for value in (*network.outputs(units)[:3], units)
     )
     return (mtf, scale, sigma_dn), hidden

@@ -56,7 +56,9 @@ def features(patches_dn: torch.Tensor, block_px: int = BLOCK_PX) -> tuple[torch.
 
     mean = patches_dn.mean((1, 2), keepdim=True)
     centred = patches_dn - mean
-    power = _power(torch.fft.rfft2(centred * _window(PATCH_PX)), PATCH_PX)  # rows 0 .. 95, -96 .. -1; columns 0 .. 96
+    power = _power(
+        torch.fft.rfft2(centred * _window(PATCH_PX).to(centred.device)), PATCH_PX
+    )  # rows 0 .. 95, -96 .. -1; columns 0 .. 96
     local = _block_spectra(patches_dn, block_px)
     maps = torch.stack([_averaged(power, block_px), local.mean(1), local.amin(1)], dim=1) * LOG_SCALE
     numbers = torch.stack(
@@ -101,7 +103,7 @@ def _block_spectra(patches_dn: torch.Tensor, block_px: int) -> torch.Tensor:
     blocks = patches_dn.unfold(1, block_px, block_px).unfold(2, block_px, block_px)
     blocks = blocks.reshape(len(patches_dn), -1, block_px, block_px)
     blocks = blocks - blocks.mean((-1, -2), keepdim=True)
-    log_power = (_power(torch.fft.rfft2(blocks * _window(block_px)), block_px) + POWER_FLOOR).log()
+    log_power = (_power(torch.fft.rfft2(blocks * _window(block_px).to(blocks.device)), block_px) + POWER_FLOOR).log()
     return torch.roll(log_power, block_px // 2, 2)[..., : block_px // 2]
 
 

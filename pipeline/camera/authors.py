@@ -122,7 +122,7 @@ def add_noise(scene_dn: Double, raw: Double, sigma_dn: float, program: Program) 
     size = float(np.std(noise) if program.scaling == "std" else np.mean(np.abs(noise)))
     alike = program.scaling == "std" and noise.min() == noise.max()  # where rounding errors of the sum remain
     if alike or not size > 0.0:
-        raise InputError(f"no gain reaches {sigma_dn:g} DN: the effects give no noise on this frame")
+        raise InputError(f"no noise scale reaches {sigma_dn:g} DN: the effects give no noise on this frame")
     noise_scale = sigma_dn / size
     noise *= np.float32(noise_scale)
     out = scene_dn + noise

@@ -11,9 +11,9 @@ and ``detector``, that of a camera: light that optics have spread is still Poiss
 Of a mean of 400 e- behind an 11 px disc a camera counts a variance of 400, neighbours uncorrelated; the paper's order
 gives 4, neighbours correlated.
 
-Noise may be amplified: each source's noise, ``effect(e) - e``, enters multiplied by one common gain, at its own place
-in the chain. With gain 1 the frame is what the sensor would record; the paper's levels of 5 to 25 DN take gains of 10
-to 50 (`corruption`). Clipping and rounding happen once, where a camera does them.
+Noise may be amplified: each source's noise, ``effect(e) - e``, enters multiplied by one common factor (`noise_scale`),
+at its own place in the chain. With 1 the frame is what the sensor would record; the paper's levels of 5 to 25 DN take
+factors of 3 to 50 (`corruption`). Clipping and rounding happen once, where a camera does them.
 """
 
 from __future__ import annotations
@@ -224,7 +224,7 @@ def record(
         (H, W) image in [0, 1], and the share of pixels that would lie outside without clipping (0 without ``quantise``,
         where the image is the electrons over those at full scale).
     """
-    image = np.empty_like(light_e)
+    image = np.empty(light_e.shape, np.float32)  # in C order, whatever that of the light: it is filled by blocks
     full = np.float32(sensor.electrons_at_full_scale)
     nothing: list[Float | None] = [None] * len(blocks(image))
     outside = 0.0
@@ -261,7 +261,7 @@ def expose(
     order: Order = "paper",
     key: tuple[KeyPart, ...] = (),
 ) -> Corrupted:
-    """Form one frame with noise of its natural size, or multiplied by a given gain.
+    """Form one frame with noise of its natural size, or multiplied by a given factor.
 
     With nothing on and no kernel the frame is returned as it came, bit for bit.
 
@@ -281,7 +281,7 @@ def expose(
         the frame and its truth.
 
     Raises:
-        InputError: wrong image, gain, kernel, order or conditions.
+        InputError: wrong image, noise scale, kernel, order or conditions.
     """
     if not 0.0 <= noise_scale < float("inf"):
         raise InputError(f"noise_scale is a factor of at least 0 on the noise, got {noise_scale!r}")

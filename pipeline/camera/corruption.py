@@ -51,7 +51,7 @@ def noise_scale_to_reach(
     natural_dn = _deviation(list(maps.values())) * sensor.dn_per_electron
     if not natural_dn > 0.0:
         raise InputError(
-            f"no gain reaches {sigma_dn:g} DN: the effects {sorted(maps)} give no noise on this frame; "
+            f"no noise scale reaches {sigma_dn:g} DN: the effects {sorted(maps)} give no noise on this frame; "
             "leave black frames out or add another source"
         )
     return sigma_dn / natural_dn

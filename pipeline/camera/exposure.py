@@ -279,10 +279,11 @@ class Camera:
         check_settings(exposure_s, gain)
         moving = motion or Motion()
         mean_e = self.electrons(radiance, exposure_s, light)
-        # far beyond the well nothing but saturation can be seen, and Poisson means stay in their range
-        np.minimum(mean_e, np.float32(8.0 * self.sensor.full_well_e), out=mean_e)
         for psf in kernels(moving, exposure_s):
             mean_e = through_optics(mean_e, psf, "reflect")
+        # Far beyond the well nothing but saturation can be seen, and Poisson means stay in their range. Behind the
+        # optics only: what a lamp spreads over its surroundings is not limited by the well.
+        mean_e = np.minimum(mean_e, np.float32(8.0 * self.sensor.full_well_e))
         codes = self._converted(mean_e, gain, exposure_s, generator, poisson)
         image, saturated_from = _of_codes(self.adc_bits, self.gamma)
         return Exposed(

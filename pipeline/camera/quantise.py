@@ -21,7 +21,7 @@ def collect(
     """Charge held by the pixels: ``floor(clip(e, 0, N_fw))``.
 
     Counts of photons are whole. Where none were drawn a mean charge is rounded down as well, which darkens by half an
-    electron on average: by 0.005 DN at gain 1 and 0.40 DN at gain 64 of the paper's sensor.
+    electron on average: by 0.006 DN at gain 1 and 0.40 DN at gain 64 of the paper's sensor.
 
     Args:
         electrons: (..., H, W) e-, any real numbers.

@@ -40,7 +40,7 @@ class CameraSettings:
     """Which camera forms the corrupted image.
 
     Attributes:
-        kind: ``"physical"`` or ``"authors"`` (with the quirks of the authors' program).
+        kind: ``"physical"``, or with the quirks of the authors' program, ``"authors"`` or ``"authors_2022"``.
         poisson: ``"exact"`` or ``"hybrid"`` draws.
         sensor: a `Sensor`; in the configuration its ``model`` by name with the parameters that differ from it.
         order: ``"paper"``: photon noise before the optics; ``"detector"``: behind them, as in a camera.

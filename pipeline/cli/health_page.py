@@ -110,7 +110,7 @@ def page(content: dict[str, Any], frames: PageFrames) -> str:
     """The page.
 
     Args:
-        content: the run (`pipeline.cli.health_files.run_content`).
+        content: the run (`pipeline.cli.health_files.HealthRun.content`).
         frames: pictures of it.
 
     Returns:

@@ -118,7 +118,10 @@ def undecided(row: dict[str, Any], most_sigma_dn: float | None, least_mtf50: flo
 
 
 def _noisier(row: dict[str, Any], most_sigma_dn: float) -> bool:
-    """Whether the noise of a frame, or that of its rows or columns, is above a threshold."""
+    """Whether the noise of a frame, or that of its rows or columns, is above a threshold.
+
+    It is, unknown as it is, where most tiles are abstained from as beyond what is measured (`BEYOND`).
+    """
     from pipeline.noise.abstentions import LARGEST_DN
     from pipeline.noise.base import BEYOND
 

@@ -48,11 +48,20 @@ def alarm_words(name: str, row: dict[str, Any], thresholds: Thresholds) -> str:
         row: of the frame (`pipeline.cli.frame_analysis.FrameAnalysis.analyse`).
         thresholds: of alarms.
     """
-    if name == "noise" and not row["sigma_dn"] > thresholds.sigma_dn:
-        return f"noise of whole rows or columns {line_noise_dn(row):.2f} DN, above {thresholds.sigma_dn:g} DN"
-    if name == "noise":
-        return f"noise {row['sigma_dn']:.2f} DN, above {thresholds.sigma_dn:g} DN"
+    if name == "noise" and thresholds.sigma_dn is not None:
+        return f"{_noise_words(row, thresholds.sigma_dn)}, above {thresholds.sigma_dn:g} DN"
     if name.startswith("blur "):
         axis = name.removeprefix("blur ")
         return f"MTF50 {axis} {row[f'mtf50_{axis}']:.3f}, below {thresholds.mtf50:g} of Nyquist"
     return f"frame flagged {words_of_flag(name, row)}"
+
+
+def _noise_words(row: dict[str, Any], most_sigma_dn: float) -> str:
+    """Which noise of a frame is above a threshold (`pipeline.cli.health_rows.alarms`)."""
+    from pipeline.noise.abstentions import LARGEST_DN
+
+    if row["sigma_dn"] > most_sigma_dn:
+        return f"noise {row['sigma_dn']:.2f} DN"
+    if line_noise_dn(row) > most_sigma_dn:
+        return f"noise of whole rows or columns {line_noise_dn(row):.2f} DN"
+    return f"noise beyond {LARGEST_DN:g} DN"

@@ -193,8 +193,8 @@ def most_noise_dn(estimate: NoiseEstimate) -> float:
         estimate: of the frame's tiles.
 
     Returns:
-        `BOUND_QUANTILE` of the tiles' upper ends, DN; NaN where more tiles abstain for other reasons than because of a
-        codec, or the estimator has no intervals.
+        `BOUND_QUANTILE` of the tiles' upper ends, DN; NaN where as many tiles or more abstain for other reasons
+        than because of a codec, or the estimator has no intervals.
     """
     others = np.isin(estimate.reason, (UNCERTAIN, BEYOND, ALTERNATING, STREAKED)).sum()
     if estimate.at_most_dn is None or others >= (estimate.reason == COMPRESSED).sum():

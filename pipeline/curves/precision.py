@@ -209,7 +209,7 @@ def tuples(rows: pd.DataFrame, draws: Floats, average: bool) -> tuple[pd.DataFra
         average: over the directions of each size and level, as the paper does; else one point per direction.
 
     Returns:
-        size_px, target_sigma_dn, sigma_dn, mtf, ap_percent of each point, and its draws (points, B).
+        kernel_size_px, target_sigma_dn, sigma_dn, mtf, ap_percent of each point, and its draws (points, B).
     """
     import pandas as pd
 

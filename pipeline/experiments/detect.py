@@ -161,7 +161,7 @@ def tables(
 
     Args:
         work: frame and kernel of each piece.
-        found: what `Sweep.look` gave, in the same order.
+        found: what `Sweep.detect` gave, in the same order.
         sweep: that looked.
         scenes: frame -> its scene.
 

@@ -75,6 +75,7 @@ def frame_interval(
     statistic: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     generator: np.random.Generator,
     draws: int,
+    least: float = -math.inf,
 ) -> tuple[float, float]:
     """Bias-corrected 95 % interval of a statistic over patches, whole frames resampled.
 
@@ -83,10 +84,11 @@ def frame_interval(
     Args:
         values: (N, ...) of N patches, NaN where there is no estimate.
         frames: (N,) the frame of each.
-        statistic: reduces (M, draws, ...) resampled patches, NaN among them, to (draws,) numbers; of one that is never
-            negative, nor is the interval.
+        statistic: reduces (M, draws, ...) resampled patches, NaN among them, to (draws,) numbers.
         generator: random stream of the bootstrap.
         draws: resamples, of more than a few frames (`pipeline.cluster_intervals.resamples`).
+        least: value that the statistic can have, below which the interval does not reach; 0 for what is never
+            negative.
 
     Returns:
         lower and upper end, which enclose the statistic of the values given; NaN with fewer than two frames that hold
@@ -108,8 +110,7 @@ def frame_interval(
         resampled = padded[part.T].swapaxes(1, 2)  # frames, patches, draws, ...
         results.append(statistic(resampled.reshape(-1, *resampled.shape[2:])))
     resampled, estimate = np.concatenate(results), float(statistic(values[:, None])[0])
-    bounds = (-math.inf if np.fmin.reduce(resampled, initial=estimate) < 0 else 0.0, math.inf)
-    return bias_corrected(resampled, estimate, len(names), bounds)
+    return bias_corrected(resampled, estimate, len(names), (least, math.inf))
 
 
 def median_error_of_range(width: NDArray[np.float64], count: NDArray[np.float64]) -> NDArray[np.float64]:

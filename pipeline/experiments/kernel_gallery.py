@@ -88,8 +88,9 @@ def gallery(
 
     Returns:
         ``patch_<kernel>`` (h, w) uint8, ``estimate_<kernel>`` (k, k) float32, NaN where abstained, and
-        ``truth_<kernel>`` (n, n) float32; and ``{"dataset", "frame", "patch", "label", "kernels": [{"kernel", "kind",
-        "size_px", "mtf", "true_mtf", "amae_percent", "abstained", "reason"}]}`` with MTFs as [H, V] lists of eight.
+        ``truth_<kernel>`` (n, n) float32; and ``{"dataset", "frame", "patch", "label", "kernels": [{"kernel",
+        "blur_kind", "kernel_size_px", "mtf", "true_mtf", "amae_percent", "abstained", "reason"}]}`` with MTFs as
+        [H, V] lists of eight.
         None if the estimator has no kernels.
     """
     chosen = first_rotations(kernels)

@@ -70,7 +70,7 @@ EFFECTS = Schema(
     {
         "order": "string",
         "light": "string",
-        "cause": "string",  # noise: least to strongest, mean over all motion; motion: none to longest, least noise
+        "cause": "string",  # noise: least to strongest, mean over all motion but none; motion: none to longest, least
         "measure": "string",  # amae_percent or ap_percent
         "before": "float64",
         "after": "float64",
@@ -216,7 +216,9 @@ class Study:
                 values = np.array([part[name] for part in parts])
                 row[value] = float(median(values))
                 generator = stream(self.seed, "order study", name)
-                row[lower], row[upper] = frame_interval(values, np.arange(len(values)), median, generator, draws=200)
+                row[lower], row[upper] = frame_interval(
+                    values, np.arange(len(values)), median, generator, draws=200, least=0.0
+                )
                 row[silent] = int(np.count_nonzero(~np.isfinite(values)))
             rows.append(row)
         return STUDY.conform(pd.DataFrame(rows))

@@ -93,7 +93,9 @@ def saturated_patches(estimates: pd.DataFrame, seed: int) -> pd.DataFrame:
             answered = selected[~selected["abstained"]]
             answers = answered["sigma_dn"].to_numpy(float)
             generator = stream(seed, "report", "saturated", dataset, noise_source, estimator)
-            low, high = frame_interval(answers, answered["frame"].to_numpy(str), median, generator, draws=500)
+            low, high = frame_interval(
+                answers, answered["frame"].to_numpy(str), median, generator, draws=500, least=0.0
+            )
             rows.append(
                 {
                     "dataset": dataset,

@@ -29,7 +29,7 @@ def sharp_curves(estimates: pd.DataFrame, seed: int = 0, draws: int = 500) -> pd
         draws: bootstrap resamples of frames.
 
     Returns:
-        dataset, estimator, axis (H, V), frequency (one of `NOMINAL_FREQUENCIES`), place (its number, from 0), median,
+        dataset, estimator, axis (H, V), frequency (one of `NOMINAL_FREQUENCIES`), frequency_index (from 0), median,
         min, max, low and high (95 % interval of the median, frames resampled), count (patches with an estimate),
         rejected and abstained (patches).
     """
@@ -45,7 +45,7 @@ def sharp_curves(estimates: pd.DataFrame, seed: int = 0, draws: int = 500) -> pd
         for number, (_, point) in enumerate(curve.groupby("frequency", sort=True)):
             values = point["mtf"].to_numpy(float)
             generator = bootstrap_stream(seed, "sharp curves", dataset, estimator, axis, number)
-            low, high = frame_interval(values, point["frame"].to_numpy(str), robust_median, generator, draws)
+            low, high = frame_interval(values, point["frame"].to_numpy(str), robust_median, generator, draws, least=0.0)
             answers = values[np.isfinite(values)]
             kept = answers[inliers(answers)] if answers.size else np.array([np.nan])
             rows.append(
@@ -83,7 +83,7 @@ def sharp_errors(
         draws: bootstrap resamples of frames.
 
     Returns:
-        dataset, estimator, kind (`pipeline.experiments.condition.SHARP`), size_px (0), calibrated (False),
+        dataset, estimator, blur_kind (`pipeline.experiments.condition.SHARP`), kernel_size_px (0), calibrated (False),
         amae_percent, low_percent and high_percent (95 % interval), count and abstained (patches).
     """
     import pandas as pd
@@ -102,7 +102,7 @@ def sharp_errors(
             return mtf.amae(robust_median(patches), np.broadcast_to(lens, (2, len(lens))))
 
         generator = bootstrap_stream(seed, "sharp errors", dataset, estimator)
-        low, high = frame_interval(values, frames, error, generator, draws)
+        low, high = frame_interval(values, frames, error, generator, draws, least=0.0)
         rows.append(
             {
                 "dataset": dataset,

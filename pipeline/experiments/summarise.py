@@ -63,7 +63,9 @@ def noise_cells(
         )
         generator = bootstrap_stream(seed, purpose, *cell.values())
         statistics = robust(values, generator, 1)
-        low_dn, high_dn = frame_interval(values, group["frame"].to_numpy(str), robust_median, generator, draws)
+        low_dn, high_dn = frame_interval(
+            values, group["frame"].to_numpy(str), robust_median, generator, draws, least=0.0
+        )
         rows.append(
             {
                 **cell,
@@ -141,7 +143,7 @@ def mtf_cells(
 
         generator = bootstrap_stream(seed, purpose, *cell.values())
         frames = ordered["frame"].to_numpy(str).reshape(shape)[0, :, 0, 0]
-        low, high = frame_interval(by_patch, frames, amae, generator, draws)
+        low, high = frame_interval(by_patch, frames, amae, generator, draws, least=0.0)
         patches = group[~group["abstained"].to_numpy(bool)]
         estimated = patches[patches["estimate"].notna()]
         error = (estimated["estimate"] - estimated["truth"]).abs()
@@ -195,7 +197,7 @@ def condition_medians(
             values = part["estimate"].to_numpy(float)
             generator = stream(seed, "condition medians", quantity, *key)
             scenes = part["frame"].map(scene_of).to_numpy(str)
-            low, high = frame_interval(values, scenes, median, generator, draws)
+            low, high = frame_interval(values, scenes, median, generator, draws, least=0.0)
             row |= {f"{short}{unit}": float(median(values)), f"{short}_low{unit}": low, f"{short}_high{unit}": high}
             truth = "clipped_sigma_dn" if quantity == "sigma_dn" else "true_mtf"
             row[truth] = float(part["true"].median())

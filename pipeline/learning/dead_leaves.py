@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.learning.textures import Plane, fill, outline, shading, texture
-
-KINDS = ("ellipse", "bar", "polygon")
+from pipeline.learning.textures import OUTLINES, Plane, fill, outline, shading, texture
 
 
 def draw(generator: np.random.Generator, size_px: int, supersampling: int = 2) -> Plane:
@@ -31,7 +29,7 @@ def draw(generator: np.random.Generator, size_px: int, supersampling: int = 2) -
     count = int(np.exp(generator.uniform(np.log(150), np.log(4500))))
     radii = _radii(generator, count, supersampling)
     greys = _greys(generator, count)
-    kinds = generator.choice(KINDS, count, p=generator.dirichlet(np.ones(3)))
+    kinds = generator.choice(OUTLINES, count, p=generator.dirichlet(np.ones(3)))
     centres = generator.uniform(-20, fine_px + 20, (count, 2))
     textures = [texture(generator, fine_px) for _ in range(2)]
     textured = (radii > 12 * supersampling) & (generator.random(count) < generator.uniform(0, 0.5))

@@ -79,7 +79,8 @@ def view(
         tile: (T, T) uint8, T >= size.
         generator: source of randomness.
         size_px: side of the view, pixels.
-        anisotropy: share of views that are shrunk along one axis (mostly vertically); half as many get bars.
+        anisotropy: share of views that are shrunk, a quarter of them along both axes, the others along one (mostly
+            vertically); half as many get bars.
 
     Returns:
         (size, size) float32 in [0, 1].

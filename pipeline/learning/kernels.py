@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from pipeline.camera.psf.defocus import authors_disc
 from pipeline.camera.psf.nonlinear_motion import walk
 from pipeline.camera.psf.raster import splat
+from pipeline.errors import InputError, did_you_mean
 from pipeline.streams import stream
 
 CANVAS_PX = 49
@@ -59,7 +60,14 @@ def draw(generator: np.random.Generator, distribution: str = "paper_like") -> Ke
 
     Returns:
         (49, 49) float32, non-negative, sum 1, centred to about a pixel.
+
+    Raises:
+        InputError: another distribution.
     """
+    if distribution not in _SHARES:
+        raise InputError(
+            f"training kernels: no distribution {distribution!r}; {did_you_mean(distribution, DISTRIBUTIONS)}"
+        )
     shares = _SHARES[distribution]
     family = generator.choice(_FAMILIES[: len(shares)], p=shares)
     if family == "disc":

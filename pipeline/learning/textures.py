@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 Plane = NDArray[Any]
 
+OUTLINES = ("ellipse", "bar", "polygon")
+"""Kinds of `outline`."""
+
 SUBPIXEL_BITS = 4  # coordinates of outlines are handed to OpenCV in sixteenths of a pixel
 
 
@@ -34,7 +37,7 @@ def power_law(generator: np.random.Generator, size_px: int, exponent: float) -> 
 
 
 def smooth_field(generator: np.random.Generator, size_px: int, exponent: float) -> Plane:
-    """A `power_law` field with nothing finer than a twelfth of a tile: clouds, stains, uneven light."""
+    """A `power_law` field of 64 x 64 values, enlarged: clouds, stains, uneven light."""
     import cv2
 
     return cv2.resize(power_law(generator, 64, exponent), (size_px, size_px), interpolation=cv2.INTER_CUBIC)
@@ -99,7 +102,7 @@ def outline(
 
     Args:
         generator: source of randomness.
-        kind: ``"ellipse"``, ``"bar"`` (half of them upright) or ``"polygon"``.
+        kind: ``"ellipse"``, ``"bar"`` (seven in ten of them upright) or ``"polygon"``.
         centre: x and y, pixels.
         radius_px: size.
 

@@ -1,7 +1,7 @@
 """The training loop: AdamW or Adam, cosine schedule, moving average of the weights, checkpoints, resume.
 
 Learning rate at step t of T:   lr(t) = lr min(1, (t + 1) / warm-up) (e + (1 - e) (1 + cos(pi s)) / 2),
-                                s = max(0, t / T - hold) / (1 - hold)
+                                s = max(0, t / T - h) / (1 - h),   h = `constant_lr_fraction`
 Averaged weights:               w' <- d w' + (1 - d) w,   d = min(decay, (1 + t) / (10 + t))
 
 A run that is stopped and started again goes on from its last checkpoint and ends with the same weights, bit for bit
@@ -299,7 +299,7 @@ def _restore(path: Path, state: _State, schedule: Schedule) -> None:
         state.model.load_state_dict(part("model."))
     except RuntimeError:
         raise InputError(f"{path}: belongs to another network; delete its folder to begin anew") from None
-    parameters = [one for group in state.optimiser.param_groups for one in group["params"]]
+    parameters = [parameter for group in state.optimiser.param_groups for parameter in group["params"]]
     moments: dict[int, dict[str, torch.Tensor]] = {}
     for name, value in part("optimiser.").items():
         index, _, kind = name.partition(".")

@@ -53,14 +53,14 @@ def alternating(stack: NDArray[np.floating]) -> NDArray[np.bool_]:
     beside_rows = (power[:, mean, cosine] + power[:, mean, sine]) / 2
     beside_columns = (power[:, cosine, mean] + power[:, sine, mean]) / 2
     beside_both = power[:, (line, line, cosine, sine), (cosine, sine, line, line)].mean(axis=1)
-    found = np.zeros(count, np.bool_)
+    alternates = np.zeros(count, np.bool_)
     for at, beside in (
         (power[:, mean, line], beside_rows),
         (power[:, line, mean], beside_columns),
         (power[:, line, line], beside_both),
     ):
-        found |= (at > LEAST_RATIO * np.maximum(beside, DARKEST)) & (at - beside > LEAST_DN**2)
-    return found
+        alternates |= (at > LEAST_RATIO * np.maximum(beside, DARKEST)) & (at - beside > LEAST_DN**2)
+    return alternates
 
 
 @lru_cache(maxsize=16)

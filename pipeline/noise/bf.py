@@ -10,10 +10,10 @@
 
 Where s_min is at most 1/3 DN the filter has a single tap and step 4 gives 0 whatever the noise: such a patch is
 answered with 0 and the interval from 0 to what normal noise may have been where the quietest of M blocks varies so
-little. With F the distribution of chi squared of n - 1 = 127 degrees of freedom (n pixels of a block), the quietest
-falls below q sigma in one of twenty patches,
+little. With F the distribution of chi squared of n - 1 = 127 degrees of freedom (n pixels of a block, by which its sum
+of squares is divided), the quietest falls below q sigma in one of twenty patches,
 
-    sigma <= s_min / q,     1 - (1 - F((n - 1) q^2))^M = 0.05.
+    sigma <= s_min / q,     1 - (1 - F(n q^2))^M = 0.05.
 
 A block that does not vary at all is no such bound (it has been clipped or smoothed by the camera), and the patch is
 flat. Elsewhere the method has no interval: its error is bias (the filter follows part of the noise), not scatter.
@@ -74,9 +74,9 @@ class BlockAndFilter(Estimator):
 @functools.lru_cache(maxsize=16)
 def _least_ratio(blocks: int) -> float:
     """Smallest deviation of so many blocks of normal noise over its sigma, which 95 % of patches exceed."""
-    freedom = BLOCK_WIDTH_PX * BLOCK_HEIGHT_PX - 1
-    chi_squared = 2 * gammaincinv(freedom / 2, 1 - 0.95 ** (1 / blocks))
-    return float(np.sqrt(chi_squared / freedom))
+    pixels = BLOCK_WIDTH_PX * BLOCK_HEIGHT_PX
+    chi_squared = 2 * gammaincinv((pixels - 1) / 2, 1 - 0.95 ** (1 / blocks))
+    return float(np.sqrt(chi_squared / pixels))
 
 
 def _estimate(stack: NDArray[np.floating], eight_bit: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

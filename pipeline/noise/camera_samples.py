@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera.processing import temporal_noise
-from pipeline.camera.processing.denoise import gaussian
 from pipeline.camera.processing.develop import grey
+from pipeline.camera.processing.gaussian import blurred
 from pipeline.learning import cameras, images
 from pipeline.learning.textures import fur, lettering
 from pipeline.noise.samples import exposed, textured
@@ -99,7 +99,7 @@ def scene(
     if generator.random() < recipe.text_fraction:
         image = lettering(generator, image)
     image = exposed(image, generator)
-    return np.clip(gaussian(image, float(generator.uniform(*recipe.lens_px))) / np.float32(255), 0, 1)
+    return np.clip(blurred(image, float(generator.uniform(*recipe.lens_px))) / np.float32(255), 0, 1)
 
 
 def side_px(scaling: float) -> int:

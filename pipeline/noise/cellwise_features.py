@@ -55,16 +55,17 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     from pipeline.learning.elementwise import logarithm, square_root
 
     image = image_dn[:, None]
-    fine = _answers(image, _filters())
+    filters, bands = _filters().to(image.device), _bands().to(image.device)
+    fine = _answers(image, filters)
     modulus = _mean(fine[:, :1].abs(), CELL_PX) * _ROOT_HALF_PI
     equal = _mean((fine[:, 3:4].abs() < 0.5).float(), CELL_PX)
     square = fine.square_()
     quarters = _mean(square[:, :1], CELL_PX // 2)
     power = _mean(square, CELL_PX)
     half = _mean(image, 2) * 2
-    half_power = _mean(_answers(half, _filters()[:3]).square_(), CELL_PX // 2)
-    quarter_power = _mean(_answers(_mean(half, 2) * 2, _filters()[:3]).square_(), CELL_PX // 4)
-    cosine = functional.conv2d(image - 128, _cosines(), stride=CELL_PX).square_()
+    half_power = _mean(_answers(half, filters[:3]).square_(), CELL_PX // 2)
+    quarter_power = _mean(_answers(_mean(half, 2) * 2, filters[:3]).square_(), CELL_PX // 4)
+    cosine = functional.conv2d(image - 128, _cosines().to(image.device), stride=CELL_PX).square_()
     mean, lowest, highest = _mean(image, CELL_PX), _extreme(image, CELL_PX, -1), _extreme(image, CELL_PX, 1)
     white, black = torch.zeros_like(mean), torch.zeros_like(mean)
     if highest.max() >= WHITE_ABOVE_DN:
@@ -73,7 +74,7 @@ def features(image_dn: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         black = _mean((image <= BLACK_BELOW_DN).float(), CELL_PX)
     base = torch.minimum(square_root(power[:, :1]), modulus[:, :1])
     powers = [power, half_power, quarter_power, _extreme(quarters, 2, -1), _extreme(quarters, 2, 1), modulus**2]
-    powers += [functional.conv2d(cosine, _bands()), cosine[:, 1:].sum(1, keepdim=True) / CELL_PX**2]
+    powers += [functional.conv2d(cosine, bands), cosine[:, 1:].sum(1, keepdim=True) / CELL_PX**2]
     logs = log_power(torch.cat(powers, 1))
     room = logarithm(torch.cat([255 - mean, 255 - lowest, mean, highest], 1) + 0.5) * 0.5 - 1
     levels = torch.cat([mean, lowest, highest], 1) / 128 - 1

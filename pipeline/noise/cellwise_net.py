@@ -9,7 +9,8 @@
 base is Immerkaer's estimate in a cell; w are attention weights, which find the cells that show the noise best. A
 sensor's variance is affine in its signal I: f is the photons' share, with which what smooth dark cells show is carried
 over to bright and textured ones. A tone curve is steep in the shadows and flat where it is bright, and so noise behind
-it falls with brightness: the power q, 0 of a linear camera, about 2 - 2 / gamma. The gate g is the weight of a cell's
+it falls with brightness: the power q, 0 of a linear camera, about 2 gamma - 2 where noise before the curve is
+constant. The gate g is the weight of a cell's
 own estimate; s (of the patch) and c (of the cell) are corrections. All of these, and b, come from the network.
 
 Each cell sees its neighbours (two 3 x 3 layers) and a summary of the whole patch: attention heads average the cells'

@@ -43,15 +43,15 @@ def _layers() -> list[nn.Module]:
     return [layer for _ in range(BLOCK_LAYERS) for layer in (nn.Conv2d(WIDTH, WIDTH, 3, padding=1), nn.ReLU())]
 
 
-def loss(found: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+def loss(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """The paper's loss, averaged over the batch.
 
         0.25 sum_pixels (y - s)^2  +  0.75 (mean_pixels y - s)^2
 
     Args:
-        found: (N, H, W) y.
+        predicted: (N, H, W) y.
         truth: (N,) s, white = 1.
     """
-    error = found - truth[:, None, None]
+    error = predicted - truth[:, None, None]
     whole = error.mean((1, 2)).square()
     return ((1 - MEAN_WEIGHT) * error.square().sum((1, 2)) + MEAN_WEIGHT * whole).mean()

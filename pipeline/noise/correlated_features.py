@@ -52,7 +52,6 @@ COUNT = len(SPACINGS_PX) * len(FLATTEST) * len(RANKS) + len(FLATTEST) * len(LAGS
 REFERENCE = (SPACINGS_PX.index(2) * len(FLATTEST) + 2) * len(RANKS) + 1
 """Index of the statistic that answers are relative to: the second-least eigenvalue, spacing 2, flattest 60 %."""
 LAG_START = len(SPACINGS_PX) * len(FLATTEST) * len(RANKS)
-LAG_STOP = LAG_START + len(FLATTEST) * len(LAGS)
 GRID_START = COUNT - 15
 QUANTISED_START = COUNT - 4
 

@@ -98,7 +98,7 @@ class Levels:
 
 @dataclass(frozen=True)
 class Second:
-    """What the network for correlated noise says of the K patches that ask it.
+    """Answers of the network for correlated noise for the K patches that ask it.
 
     Attributes:
         indices: (K,) of these patches.

@@ -13,12 +13,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pipeline import store
 from pipeline.camera.processing.codec import Codec
 from pipeline.experiments import noise_examples
-from pipeline.experiments.noise_examples import Example
 from pipeline.experiments.real_noise_records import EXAMPLES_FILE, EXAMPLES_PROVENANCE_FILE, example_crop
 from pipeline.noise import real_noise
 from pipeline.recording.provenance import content_sha256, noise_weights, write_csv
@@ -76,15 +73,6 @@ def record(real: Path, mean: Path, frames: Sequence[Path], out: Path, source: st
     with store.replacing_folder(out) as folder:
         write_csv(folder / EXAMPLES_FILE, table)
         for number, example in enumerate(examples):
-            _write_crop(folder / example_crop(number), example)
+            store.write_image(folder / example_crop(number), style.middle(example.picture, CROP_PX, CROP_PX))
         store.write_json(folder / EXAMPLES_PROVENANCE_FILE, provenance)
     return table
-
-
-def _write_crop(path: Path, example: Example) -> None:
-    """The middle of a picture, pixel for pixel."""
-    import cv2
-
-    crop = np.ascontiguousarray(style.middle(example.picture, CROP_PX, CROP_PX))
-    with store.replacing(path) as temporary:
-        cv2.imwrite(str(temporary), crop)

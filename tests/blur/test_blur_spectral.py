@@ -72,6 +72,12 @@ def test_features_ignore_brightness_but_for_its_number(offset, seed):
     assert float(shifted_vector[0, -4] - vector[0, -4]) == pytest.approx(offset / 255, abs=1e-4)
 
 
+def test_features_are_computed_where_the_patches_are():
+    """Shapes alone are computed on the device "meta", which refuses tensors of another device."""
+    maps, vector = features(torch.zeros(2, 192, 192, device="meta"))
+    assert maps.device.type == vector.device.type == "meta"
+
+
 def test_contrast_shifts_log_power():
     """Half the contrast is a quarter of the power: log 4, in the scale of the features."""
     image = noise(2)

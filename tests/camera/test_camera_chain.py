@@ -34,6 +34,17 @@ def test_chain_with_nothing_on_returns_the_frame_bit_for_bit():
     assert formed.unclipped_sigma_dn == 0.0 and formed.noise_scale == 0.0 and not formed.noise_e
 
 
+@pytest.mark.parametrize("noise_source", ["photon", "dcsn", "readout", "combined"])
+def test_chain_takes_frames_in_any_memory_order(noise_source):
+    """A transposed frame is the same frame; the image was once filled in another order than it was made in."""
+    image = scene()
+    effects = chain.PRESETS[noise_source]
+    formed = chain.expose(image, effects, stream(1, "order"))
+    other = chain.expose(np.asfortranarray(image), effects, stream(1, "order"))
+    np.testing.assert_array_equal(other.image, formed.image)
+    assert other.clipped_sigma_dn == formed.clipped_sigma_dn
+
+
 @pytest.mark.parametrize(
     ("noise_source", "variance_e2"),
     [

@@ -124,6 +124,18 @@ def test_exposure_saturates_at_the_well_and_at_the_converter():
     assert black.image.max() < 0.2 and np.isfinite(black.sigma_dn)
 
 
+def test_exposure_spreads_the_light_of_a_lamp_beyond_the_well():
+    """Saturation is of the pixels behind the optics: defocus spreads all of a lamp's light, not eight wells of it."""
+    camera = linear(PROSILICA)
+    lamp = np.zeros((64, 64), np.float32)
+    lamp[32, 32] = 200 * camera.sensor.full_well_e / camera.electrons(np.ones((1, 1), np.float32), 0.008, 1.0)[0, 0]
+    motion = Motion(defocus_px=9)
+    frame = camera.expose(lamp, 0.008, 1.0, noise_generator(1, "lamp"), motion=motion)
+    (psf,) = kernels(motion, 0.008)
+    assert frame.electrons.max() == pytest.approx(200 * camera.sensor.full_well_e * psf.max(), rel=1e-3)
+    assert frame.saturated_fraction == pytest.approx(np.count_nonzero(psf * 200 > 1) / lamp.size, rel=0.1)
+
+
 def test_exposure_full_wells_read_below_white_by_the_dark_signal():
     camera = linear(Sensor(read_noise_e=0.0), temperature_k=330.0)
     dark = camera.sensor.dark_electrons(330.0, 0.1)

@@ -95,6 +95,28 @@ def test_sharpening_lifts_contrast_as_its_formula():
         )
 
 
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Denoising("bilateral", strength=-2), "denoising: strength=-2, expected a finite number, 0 or more"),
+        (lambda: Denoising(blend=1.5), "denoising: blend=1.5, expected 0 to 1"),
+        (lambda: Denoising("gaussian", radius_px=float("nan")), "denoising: radius_px=nan"),
+        (lambda: Sharpening(amount=float("inf")), "sharpening: amount=inf"),
+        (lambda: Codec("jpeg", 80, corner=(40, 0)), r"codec jpeg: corner=\(40, 0\), expected 0 to 7 each"),
+    ],
+)
+def test_settings_out_of_range_are_refused(make, words):
+    with pytest.raises(InputError, match=words):
+        make()
+
+
+def test_a_gaussian_narrower_than_a_pixel_sharpens_nothing():
+    luma = stream(1, "narrow").random((32, 32), dtype=np.float32)
+    narrow = Sharpening(amount=1.0, radius_px=0.14)
+    np.testing.assert_array_equal(sharpen(luma, narrow, 0.0), luma)
+    np.testing.assert_array_equal(gain(narrow, np.array([0.1, 0.5])), 1)
+
+
 def test_coring_spares_noise_and_sharpens_edges():
     noise = np.float32(0.01) * stream(1, "coring").standard_normal((128, 128), dtype=np.float32)
     flat, edge = np.full((128, 128), 0.4, np.float32), np.zeros((128, 128), np.float32)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from pipeline.camera import tone_curve
-from pipeline.camera.processing import codec, colour, demosaic, denoise, scale, sharpen
+from pipeline.camera.processing import codec, colour, demosaic, denoise, gaussian, scale, sharpen
 from pipeline.camera.processing.mosaic import mosaic
 from pipeline.streams import stream
 
@@ -55,7 +55,7 @@ def test_luma_and_chroma_and_back():
 def test_gaussian():
     luma = picture()[..., 1]
     peer = array(kornia.filters.gaussian_blur2d(tensor(luma), (13, 13), (1.3, 1.3)))
-    assert np.abs(denoise.gaussian(luma, 1.3) - peer)[INSIDE].max() < 1e-3
+    assert np.abs(gaussian.blurred(luma, 1.3) - peer)[INSIDE].max() < 1e-3
 
 
 def test_median():

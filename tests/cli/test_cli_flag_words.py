@@ -82,6 +82,7 @@ def test_flags_are_alarms_on_request_and_have_their_words():
     limits = Thresholds(5.0, None, True)
     assert alarm_words("noise", BANDED, limits) == "noise of whole rows or columns 8.31 DN, above 5 DN"
     assert alarm_words("noise", BANDED | {"sigma_dn": 6.0}, limits) == "noise 6.00 DN, above 5 DN"
+    assert alarm_words("noise", CLEAR | {"sigma_dn": np.nan}, limits) == "noise beyond 60 DN, above 5 DN"
     assert alarm_words("banded", BANDED, limits).startswith("frame flagged banded: columns differ by 8.3 DN")
     assert alarm_words("dark", BANDED, limits) == "frame flagged dark"
 

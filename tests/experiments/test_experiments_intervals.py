@@ -37,6 +37,14 @@ def test_resampling_whole_frames_widens_the_interval_of_correlated_patches():
     assert low <= np.median(values) <= high
 
 
+def test_the_interval_of_a_difference_reaches_below_zero():
+    """Of three frames that all rise the interval, wider than their scatter, is that of the fall turned about zero."""
+    rise, frames = np.array([0.02, 0.12, 0.22]), np.array(["a", "b", "c"])
+    low, high = frame_interval(rise, frames, median, stream(1, "draws"), 200)
+    assert frame_interval(-rise, frames, median, stream(1, "draws"), 200) == pytest.approx((-high, -low))
+    assert low < 0 == frame_interval(rise, frames, median, stream(1, "draws"), 200, least=0.0)[0]
+
+
 def test_one_frame_has_no_interval():
     ends = frame_interval(np.arange(20.0), np.repeat("f", 20), median, stream(1, "draws"), 50)
     assert np.isnan(ends).all()
@@ -89,8 +97,8 @@ def test_the_interval_of_what_is_never_negative_does_not_begin_below_zero():
     """Two frames, of which all resamples are few and k is large; of a signed number it may."""
     frames = np.array(["a", "b"])
     errors, differences = (
-        frame_interval(np.array(values), frames, lambda data: data.mean(axis=0), stream(1, "draws"), 100)
-        for values in ([0.1, 2.0], [-0.1, 2.0])
+        frame_interval(np.array(values), frames, lambda data: data.mean(axis=0), stream(1, "draws"), 100, least)
+        for values, least in (([0.1, 2.0], 0.0), ([0.1, 2.0], -np.inf))
     )
     assert errors[0] == 0.0 and differences[0] < -2.0 and min(errors[1], differences[1]) > 2.0
 

@@ -76,6 +76,6 @@ def test_views_hold_more_detail_along_the_vertical():
 
 
 def test_outlines_stay_near_their_centre():
-    for kind in dead_leaves.KINDS:
+    for kind in textures.OUTLINES:
         corners = textures.outline(stream(1, kind), kind, (50.0, 60.0), 10.0)
         assert corners.shape[1] == 2 and np.abs(corners - [50, 60]).max() < 17

@@ -1,11 +1,13 @@
 """Training kernels: every one a valid blur, from a family wide enough to hold the kernels of the study."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.camera import mtf
 from pipeline.camera.psf.kernel import centroid_px
+from pipeline.errors import InputError
 from pipeline.learning import kernels
 from pipeline.streams import stream
 
@@ -18,6 +20,11 @@ def test_every_kernel_is_a_blur(seed):
     assert np.abs(centroid_px(kernel)).max() < 1.5
     curves = mtf.sample(kernel)
     assert (curves <= 1 + 1e-6).all() and (curves[:, 0] > 0.05).all()
+
+
+def test_an_unknown_distribution_is_refused():
+    with pytest.raises(InputError, match="no distribution 'paper'; did you mean 'paper_like'"):
+        kernels.draw(stream(1, "test"), "paper")
 
 
 def test_blocks_are_functions_of_their_number():

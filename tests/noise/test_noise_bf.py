@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pipeline import noise
 from pipeline.noise.base import FLAT, UNCERTAIN
-from pipeline.noise.bf import _smooth_blocks, _taps
+from pipeline.noise.bf import _least_ratio, _smooth_blocks, _taps
 from pipeline.streams import stream
 
 
@@ -101,10 +101,10 @@ def test_blocks_all_above_the_start_value_leave_nothing_to_pool() -> None:
 @pytest.mark.parametrize("sigma_dn", [0.05, 0.15, 0.3])
 def test_noise_too_weak_for_the_filter_lies_within_the_interval(sigma_dn):
     """The quietest of 128 blocks varies by a sixth less than the noise; so it is no bound by itself."""
-    patches = 0.5 + stream(1, "weak", sigma_dn).normal(0, sigma_dn / 255, (60, 1, 128, 128))
+    patches = 0.5 + stream(1, "weak", sigma_dn).normal(0, sigma_dn / 255, (400, 1, 128, 128))
     estimate = noise.create("bf").estimate(patches)
     assert (estimate.sigma_dn == 0).all() and (estimate.low_dn == 0).all()
-    assert 0.88 <= (estimate.high_dn >= sigma_dn).mean() < 1
+    assert (estimate.high_dn >= sigma_dn).mean() == pytest.approx(0.95, abs=4 * np.sqrt(0.05 * 0.95 / 400))
     assert estimate.high_dn.max() < 1.25 * sigma_dn
 
 
@@ -112,3 +112,11 @@ def test_a_patch_without_a_homogeneous_block_is_uncertain_and_not_flat():
     chessboard = 10.0 + 235 * (np.indices((128, 128)).sum(axis=0) % 2)
     estimate = noise.create("bf").estimate(chessboard[None, None] / 255)
     assert estimate.abstained.all() and estimate.reason[0] == UNCERTAIN
+
+
+def test_the_quietest_block_falls_below_its_bound_in_one_of_twenty():
+    """The bound is of deviations about a block's mean, whose squares are divided by the number of its pixels."""
+    parts = [stream(1, "quietest", part).standard_normal((200, 64, 128)).std(axis=2).min(axis=1) for part in range(100)]
+    least = np.concatenate(parts)
+    share = (least < _least_ratio(64)).mean()
+    assert share == pytest.approx(0.05, abs=4 * np.sqrt(0.05 * 0.95 / len(least)))

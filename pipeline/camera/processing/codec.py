@@ -21,6 +21,7 @@ Picture = NDArray[np.uint8]
 
 VIDEO = ("h264", "mpeg4", "mjpeg")
 CODECS = ("none", "jpeg", *VIDEO)
+BLOCK_PX = 8
 _ENCODER = {"h264": "libx264", "mpeg4": "mpeg4", "mjpeg": "mjpeg"}
 X264 = {"x264-params": "cpu-independent=1"}
 """The same analysis on every processor: with AVX-512 x264 gave other bytes for 2 % of small pictures, at random."""
@@ -49,6 +50,8 @@ class Codec:
         low, high = {"jpeg": (1, 100), "h264": (0, 51)}.get(self.name, (1, 31))
         if self.name != "none" and not low <= self.quality <= high:
             raise InputError(f"codec {self.name}: quality={self.quality}, expected {low} to {high}")
+        if not all(0 <= cut < BLOCK_PX for cut in self.corner):
+            raise InputError(f"codec {self.name}: corner={self.corner}, expected 0 to {BLOCK_PX - 1} each")
 
 
 def store(picture: Picture, codec: Codec, before: Sequence[Picture] = ()) -> Picture:

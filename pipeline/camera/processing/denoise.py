@@ -18,13 +18,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import InputError, did_you_mean
+from pipeline.camera.processing.gaussian import blurred
+from pipeline.errors import InputError, did_you_mean, finite_at_least_0
 
 Float = NDArray[np.float32]
 
 METHODS = ("none", "gaussian", "shrinkage", "bilateral", "nlm", "median")
 _SCALES_PX = (0.7, 1.4, 2.8)
-_NOISE_FRACTION = (0.7, 0.45, 0.25)  # of white noise, in the three bands that these scales separate
+_BAND_WEIGHTS = (0.7, 0.45, 0.25)
+"""Of the thresholds in the three bands that these scales separate; of white noise .72, .28 and .14 lie in them."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,8 @@ class Denoising:
     Attributes:
         method: of luma, one of `METHODS`.
         blend: fraction of the denoised luma in the result, 0 to 1.
-        strength: threshold in units of the noise's standard deviation.
+        strength: threshold in units of the noise's standard deviation, times .6 for shrinkage and non-local means, 1.5
+            for the bilateral filter.
         radius_px: of the Gaussian, and of the bilateral filter beyond 1.2 px.
         coarse: how much the middle scale is shrunk relative to the finest (the coarsest: half its square).
         softness_px: Gaussian on luma before all else (a soft pipeline), standard deviation.
@@ -52,15 +55,10 @@ class Denoising:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(f"denoising: no method {self.method!r}; {did_you_mean(self.method, METHODS)}")
-
-
-def gaussian(plane: Float, sigma_px: float) -> Float:
-    """A plane (H, W) blurred by a Gaussian, boundaries reflected; nothing below 0.15 px."""
-    import cv2
-
-    if sigma_px < 0.15:
-        return plane
-    return np.asarray(cv2.GaussianBlur(plane, (0, 0), float(sigma_px), borderType=cv2.BORDER_REFLECT_101))
+        for name in ("blend", "strength", "radius_px", "coarse", "softness_px", "chroma_px"):
+            finite_at_least_0(f"denoising: {name}", getattr(self, name))
+        if self.blend > 1:
+            raise InputError(f"denoising: blend={self.blend}, expected 0 to 1")
 
 
 def denoise_luma(luma: Float, settings: Denoising, sigma: float) -> Float:
@@ -74,7 +72,7 @@ def denoise_luma(luma: Float, settings: Denoising, sigma: float) -> Float:
     Returns:
         (H, W) float32.
     """
-    soft = gaussian(luma, settings.softness_px)
+    soft = blurred(luma, settings.softness_px)
     if settings.method == "none" or sigma <= 0:
         return soft
     return soft + np.float32(settings.blend) * (_denoised(soft, settings, sigma) - soft)
@@ -82,14 +80,14 @@ def denoise_luma(luma: Float, settings: Denoising, sigma: float) -> Float:
 
 def denoise_chroma(chroma: Float, settings: Denoising) -> Float:
     """One chroma plane (H, W) after its Gaussian."""
-    return gaussian(np.ascontiguousarray(chroma), settings.chroma_px)
+    return blurred(np.ascontiguousarray(chroma), settings.chroma_px)
 
 
 def _denoised(luma: Float, settings: Denoising, sigma: float) -> Float:
     import cv2
 
     if settings.method == "gaussian":
-        return gaussian(luma, settings.radius_px)
+        return blurred(luma, settings.radius_px)
     if settings.method == "median":
         return np.asarray(cv2.medianBlur(luma, 3))
     if settings.method == "bilateral":
@@ -102,8 +100,8 @@ def _denoised(luma: Float, settings: Denoising, sigma: float) -> Float:
         return filtered.astype(np.float32) / np.float32(255)
     weights = (1.0, settings.coarse, 0.5 * settings.coarse**2)
     rest, detail = luma, np.zeros_like(luma)
-    for scale_px, share, weight in zip(_SCALES_PX, _NOISE_FRACTION, weights, strict=True):
-        lower = gaussian(luma, scale_px)
+    for scale_px, share, weight in zip(_SCALES_PX, _BAND_WEIGHTS, weights, strict=True):
+        lower = blurred(luma, scale_px)
         band = rest - lower
         threshold = np.float32(settings.strength * sigma * share * weight * 0.6)
         detail += np.sign(band) * np.maximum(np.abs(band) - threshold, 0)

@@ -10,13 +10,12 @@ their noise alone.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.camera import tone_curve
-from pipeline.camera.processing import colour, demosaic, scale, sharpen, white_balance
+from pipeline.camera.processing import colour, demosaic, gaussian, scale, sharpen, white_balance
 from pipeline.camera.processing.codec import Codec, Picture, store
 from pipeline.camera.processing.denoise import Denoising, denoise_chroma, denoise_luma
 from pipeline.camera.processing.mosaic import mosaic, per_pixel
@@ -172,17 +171,11 @@ class CameraPipeline:
             curve = demosaic.transfer(self.demosaicing, tuple(float(value) for value in f.ravel()))
             result = result * np.reshape(curve, f.shape)
         denoising = self.denoising
-        result = result * _gaussian_transfer(denoising.softness_px, f)
+        result = result * gaussian.transfer(denoising.softness_px, f)
         if denoising.method == "gaussian" and self.noise.shot:
-            blurred = _gaussian_transfer(denoising.radius_px, f)
+            blurred = gaussian.transfer(denoising.radius_px, f)
             result = result * (1 - denoising.blend + denoising.blend * blurred)
         return result * sharpen.gain(self.sharpening, f)
-
-
-def _gaussian_transfer(sigma_px: float, frequencies: NDArray[Any]) -> NDArray[Any]:
-    if sigma_px < 0.15:  # as `denoise.gaussian`
-        return np.ones_like(frequencies)
-    return np.asarray(np.exp(-2 * np.pi**2 * sigma_px**2 * frequencies**2))
 
 
 def grey(picture: Picture) -> NDArray[np.uint8]:

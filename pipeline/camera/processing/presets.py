@@ -1,6 +1,7 @@
-"""Named cameras: typical settings of the processing in four kinds of camera, and one without any.
+"""Named cameras: typical settings of the processing in four kinds of camera.
 
-They stand for kinds, not for models; each value is within the range that `pipeline.learning.cameras` draws from.
+They stand for kinds, not for models; but for the linear one for machine vision, which has no tone curve and no colour
+matrix, their values are within the ranges that `pipeline.learning.cameras` draws from.
 """
 
 from __future__ import annotations

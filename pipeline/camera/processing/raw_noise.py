@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, finite_at_least_0
 
 Float = NDArray[np.float32]
 
@@ -35,9 +35,7 @@ class RawNoise:
 
     def __post_init__(self) -> None:
         for name in ("shot", "read", "row"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise InputError(f"raw noise: {name}={value!r}, expected a finite number, 0 or more")
+            finite_at_least_0(f"raw noise: {name}", getattr(self, name))
 
     @classmethod
     def at_iso(

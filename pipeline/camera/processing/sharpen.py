@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.camera.processing.denoise import gaussian
+from pipeline.camera.processing.gaussian import blurred, transfer
+from pipeline.errors import finite_at_least_0
 
 Float = NDArray[np.float32]
 
@@ -31,12 +32,16 @@ class Sharpening:
     radius_px: float = 1.0
     coring: float = 0.0
 
+    def __post_init__(self) -> None:
+        for name in ("amount", "radius_px", "coring"):
+            finite_at_least_0(f"sharpening: {name}", getattr(self, name))
+
 
 def sharpen(luma: Float, settings: Sharpening, sigma: float) -> Float:
     """Sharpened luma (H, W); `sigma` is the noise that coring counts in, fraction of white."""
     if not settings.amount:
         return luma
-    detail = luma - gaussian(luma, settings.radius_px)
+    detail = luma - blurred(luma, settings.radius_px)
     threshold = np.float32(settings.coring * sigma * 0.5)
     if threshold:
         detail = np.sign(detail) * np.maximum(np.abs(detail) - threshold, 0)
@@ -50,4 +55,4 @@ def gain(settings: Sharpening, frequencies: NDArray[np.floating]) -> NDArray[np.
         settings: of the unsharp mask.
         frequencies: cycles per pixel.
     """
-    return 1 + settings.amount * (1 - np.exp(-2 * np.pi**2 * settings.radius_px**2 * frequencies**2))
+    return 1 + settings.amount * (1 - transfer(settings.radius_px, frequencies))

@@ -109,7 +109,8 @@ def difference(
         )
 
     together = np.concatenate([one, other], axis=1)[both]
-    return frame_interval(together, frames[both], less, bootstrap_stream(seed, "claims", *key), DRAWS)
+    generator = bootstrap_stream(seed, "claims", *key)
+    return frame_interval(together, frames[both], less, generator, DRAWS)
 
 
 def lower(
