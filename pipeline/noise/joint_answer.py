@@ -191,7 +191,7 @@ def widened(joint: Levels, at: NDArray[np.intp]) -> Levels:
     level = np.log1p(joint.sigma_dn[at])
     below, above = (np.hypot(np.log1p(end[at]) - level, PLAIN_PART) for end in (joint.low_dn, joint.high_dn))
     wide = joint.copy()
-    wide.low_dn[at], wide.high_dn[at] = np.expm1(level - below), np.expm1(level + above)
+    wide.low_dn[at], wide.high_dn[at] = np.expm1(np.maximum(level - below, 0.0)), np.expm1(level + above)
     return wide
 
 

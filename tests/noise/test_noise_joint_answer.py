@@ -12,7 +12,7 @@ from test_noise_correlated import flat
 
 from pipeline.noise.adaptive import OFFSET, REAL_CAMERAS, SLOPE, Adaptive
 from pipeline.noise.codec_traces import codec_traces
-from pipeline.noise.joint_answer import MOST_HIDDEN, MOST_MOVED, WHITE_PART, Levels, Second, joined
+from pipeline.noise.joint_answer import MOST_HIDDEN, MOST_MOVED, WHITE_PART, Levels, Second, joined, widened
 from pipeline.streams import stream
 
 FLAT_DN = 1.38  # white noise with which the flattest windows of flat(2, 0.8) would vary as they do
@@ -48,6 +48,14 @@ def test_an_interval_holds_both_answers_where_they_differ(monkeypatch):
     estimate = estimator.estimate(patches)
     assert np.log1p(estimate.sigma_dn) == pytest.approx((level + np.log1p(white_dn)) / 2)
     assert estimate.low_dn <= white_dn and estimate.high_dn >= given.sigma_dn
+
+
+def test_a_wider_interval_does_not_reach_below_no_noise():
+    levels = Levels.zero(2, (1, 1))
+    levels.sigma_dn[:], levels.low_dn[:], levels.high_dn[:] = (0.05, 5.0), (0.02, 4.5), (0.4, 5.5)
+    wide = widened(levels, np.arange(2))
+    assert wide.low_dn[0] == 0 and 4.0 < wide.low_dn[1] < 4.5
+    assert (wide.high_dn > levels.high_dn).all()
 
 
 def test_of_two_sure_answers_that_differ_the_interval_reaches_both():
