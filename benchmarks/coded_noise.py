@@ -4,9 +4,10 @@
 
 Frames of *Sim* and of the datasets named (kinds of `pipeline.datasets`, e.g. ``kitti=kitti:data/raw/kitti``) get normal
 noise of 0 to 25 DN, equal in all colours, and are stored as JPEG, Motion JPEG, MPEG-4 or H.264
-(`pipeline.camera.processing.codec`); a video is of three frames, the last is taken. Others are filtered, scaled, turned
-or sharpened (`FILTERS`), as frames are that were denoised, resized or rectified before, or get photon or readout noise
-in linear light (`CURVES`), as those of a monochrome camera with a gamma, whose noise is strongest in the shadows. The
+(`pipeline.camera.processing.codec`); a video is of three frames, the last is taken. Others are filtered, scaled,
+turned, sharpened or demosaiced (`FILTERS`), as frames are that were denoised, resized or rectified before, or get
+photon or readout noise in linear light (`CURVES`), as those of a monochrome camera with a gamma, whose noise is
+strongest in the shadows. The
 *truth* of a patch is the standard deviation over four shots of the processed frames, each with its own noise: what
 differs from shot to shot is noise, whoever made it. Noise that a recorded frame has itself stays the same and is not
 among it, so that weak noise is judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere; those
@@ -90,12 +91,18 @@ def zoomed(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(middle, None, fx=ZOOM, fy=ZOOM, interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
+def demosaiced(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A grey frame as a colour camera would deliver it: taken as a Bayer mosaic, and interpolated bilinearly."""
+    return np.asarray(cv2.cvtColor(cv2.cvtColor(frame, cv2.COLOR_BayerRGGB2BGR), cv2.COLOR_BGR2GRAY), np.uint8)
+
+
 FILTERS: Mapping[str, Callable[[NDArray[np.uint8]], Any]] = {
     "scaled 0.7": partial(cv2.resize, dsize=None, fx=0.7, fy=0.7, interpolation=cv2.INTER_AREA),
     "scaled 1.3": partial(cv2.resize, dsize=None, fx=1.3, fy=1.3, interpolation=cv2.INTER_LINEAR),
     "scaled 4": zoomed,
     "aliased 0.5": partial(cv2.resize, dsize=None, fx=0.5, fy=0.5, interpolation=cv2.INTER_CUBIC),
     "turned": turned,
+    "demosaiced": demosaiced,
     "sharpened": partial(cv2.filter2D, ddepth=-1, kernel=SHARPENING),
     "gaussian": partial(cv2.GaussianBlur, ksize=(0, 0), sigmaX=0.8),
     "median": partial(cv2.medianBlur, ksize=3),

@@ -29,19 +29,23 @@ if TYPE_CHECKING:
 @click.option(
     "--iso-max", default=3200.0, show_default=True, type=FiniteRange(100, 1_000_000), help="highest ISO allowed"
 )
+@click.option("--camera", "camera_name", help="of which blur is calibrated, as camera-monitor calibrate stored it")
+@click.option("--generic-lens", is_flag=True, help="without --camera: allow for a generic lens")
 @click.option("--surface", type=GivenPath(), help="of average precision; by default data/control_surface/all.npz")
 def command(
     paths: tuple[Path, ...], exposure: str | None, iso: float | None, speed: float | None, sensor: str,
-    exposure_max: str, iso_max: float, surface: Path | None,
+    exposure_max: str, iso_max: float, camera_name: str | None, generic_lens: bool, surface: Path | None,
 ) -> None:  # fmt: skip
     """Advise exposure time and gain for PATHS: pictures, videos, or folders of them.
 
     Prints one JSON object per frame: estimated noise and motion blur, the average precision expected at the present
     settings with its 95 % interval, the best settings inside the limits (from 50 us and ISO 100 to --exposure-max and
     --iso-max), and the reason. Where a codec hides the noise but there is a bound, the advised settings are better with
-    any noise up to it. Where the estimators abstain or nothing was measured, the action states it. Pictures taken with
-    settings outside the limits get settings inside them. A file that cannot be used is named on standard error and left
-    out.
+    any noise up to it, and best_ap_percent is the least of these. Where the estimators abstain or nothing was measured,
+    the action states it. Pictures taken with settings outside the limits get settings inside them. A file that cannot
+    be used is named on standard error and left out.
+
+    Without --camera or --generic-lens the softness of a lens counts as motion.
 
     Exit codes: 0 done; 2 if a file could not be used; 130 interrupted.
     """
@@ -49,7 +53,8 @@ def command(
 
     from pipeline.camera import sensor as sensors
     from pipeline.camera.exposure import Camera
-    from pipeline.cli.frame_analysis import find_surface
+    from pipeline.cli import camera_store
+    from pipeline.cli.frame_analysis import find_surface, system_mtf
     from pipeline.cli.pictures import expand, least_side_px, readable
     from pipeline.cli.set_aside import SetAside
     from pipeline.cli.shot_settings import seconds
@@ -66,14 +71,20 @@ def command(
     if exposure_max_s < Limits.exposure_min_s:
         shortest = f"{1e6 * Limits.exposure_min_s:g} us"
         raise InputError(f"--exposure-max {exposure_max}: expected at least {shortest}, the shortest time advised")
+    if camera_name is not None and generic_lens:
+        raise InputError("--camera NAME is instead of --generic-lens: leave one of them out")
+    stored = None if camera_name is None else camera_store.load(camera_name)
     limits = Limits(exposure_max_s=exposure_max_s, gain_max=iso_max / BASE_ISO)
     camera = ControlledCamera(limits, Camera(sensors.named(sensor)))
     files = expand(paths)
     performance, without = find_surface(surface)
     if performance is None:
         raise InputError(without)
-    monitor = ConditionMonitor()
+    monitor = ConditionMonitor(blur_options={"output": "relative"} if generic_lens else None)
+    if stored is not None:
+        camera_store.apply(stored, monitor)
     hinted, set_aside = Counter[int](), SetAside()
+    sharp_px = None if stored is None else stored.size_px
     for path in files:
         try:
             state = _settings(path, exposure, iso)
@@ -84,7 +95,14 @@ def command(
             try:
                 if image is None:
                     raise InputError(problem)
-                advice = advise(image, state, camera, performance, monitor, speed)
+                condition = monitor.frame(image)
+                if sharp_px is not None and image.shape != sharp_px:
+                    reason = camera_store.of_other_size(printable(name), image.shape, [sharp_px])
+                    click.echo(f"warning: {reason}", err=True)
+                    sharp_px = None  # once is enough
+                if stored is not None or generic_lens:
+                    condition = system_mtf(condition, performance.reference)
+                advice = advise(image, state, camera, performance, speed_px_s=speed, condition=condition)
             except InputError as error:
                 set_aside.add(name, error)
                 continue

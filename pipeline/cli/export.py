@@ -16,11 +16,12 @@ def command(network: str, out: Path) -> None:
     """Export NETWORK, one of the released ones, to ONNX, for programs without PyTorch.
 
     Prints inputs and outputs, the SHA-256 of the weights and how far the outputs of ONNX Runtime are from those of
-    PyTorch; a file whose outputs differ is not written. Needs the extra onnx.
+    PyTorch; a file whose outputs differ is not written, and one that is there is not replaced. Needs the extra onnx.
     """
     from pipeline.cli.onnx_networks import export
-    from pipeline.cli.outputs import refuse_unwritable
+    from pipeline.cli.outputs import refuse_foreign_file, refuse_unwritable
 
+    refuse_foreign_file(out, "--out")
     refuse_unwritable(out.parent, "--out")
     exported = export(network, out)
     for kind, shapes in (("input", exported.inputs), ("output", exported.outputs)):

@@ -54,7 +54,7 @@ def command(
 
     from pipeline import noise
     from pipeline.cli.health_rows import number
-    from pipeline.cli.outputs import OutputFolder, RowFile, refuse_input
+    from pipeline.cli.outputs import OutputFolder, RowFile, refuse_foreign_file, refuse_input
     from pipeline.cli.overlay import noise_overlay
     from pipeline.cli.pictures import expand, least_side_px, readable, result_stem
     from pipeline.cli.set_aside import SetAside
@@ -75,6 +75,7 @@ def command(
         folder = stack.enter_context(OutputFolder(maps, "--map", files)) if maps is not None else None
         if table is not None:
             refuse_input(table, "--csv", files)
+            refuse_foreign_file(table, "--csv", ",".join(COLUMNS[:4]))
         rows = stack.enter_context(RowFile(table, COLUMNS)) if table is not None else None
         click.echo(f"{'sigma DN':>9} {'at most':>7} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9}  picture")
         frames = readable(files, every, least_px=least_side_px(method))

@@ -164,8 +164,43 @@ def refuse_input(path: Path, option: str, inputs: Sequence[Path]) -> None:
     Raises:
         OutputError: it is.
     """
-    if any(path.resolve() == file.resolve() for file in inputs):
+    if any(_same_file(path, file) for file in inputs):
         raise OutputError(f"{option} {path}: would overwrite an input; name another file")
+
+
+def _same_file(first: Path, second: Path) -> bool:
+    """Whether two paths lead to one file, by hard links too; by their names where either is absent."""
+    try:
+        return first.samefile(second)
+    except OSError:
+        return first.resolve() == second.resolve()
+
+
+def refuse_foreign_file(path: Path, option: str, start: str | None = None) -> None:
+    """Refuse a file of results that would replace one of something else.
+
+    Args:
+        path: the file; may be absent or empty.
+        option: that named it, for the message.
+        start: with which every earlier result begins, and may be replaced; None where none may.
+
+    Raises:
+        OutputError: there is such a file.
+    """
+    if not path.is_file() or path.stat().st_size == 0:
+        return
+    if start is None:
+        raise OutputError(f"{option} {path}: is there already; remove it, or name another file")
+    wanted = start.encode()
+    try:
+        with path.open("rb") as file:
+            earlier = file.read(len(wanted)) == wanted
+    except OSError as error:
+        raise OutputError(f"{option} {path}: cannot be read ({error.strerror}); name another file") from None
+    if not earlier:
+        raise OutputError(
+            f"{option} {path}: would overwrite it, which no earlier run of this command wrote; name another file"
+        )
 
 
 def refuse_unwritable(path: Path, option: str) -> None:

@@ -47,6 +47,7 @@ class TrendAlarm:
         since_frame: estimated frame of the change.
         reference: level in the reference period: noise in DN, or mean MTF.
         level: mean level since the change, likewise.
+        noisier: of blur, whether the noise has grown too; the estimated MTF then falls a little with blur as it was.
     """
 
     quantity: str
@@ -54,10 +55,12 @@ class TrendAlarm:
     since_frame: int
     reference: float
     level: float
+    noisier: bool = False
 
     def words(self) -> str:
         """One sentence."""
-        return f"{_change_words(self.quantity, self.reference, self.level)} since frame {self.since_frame}"
+        beside = "; noise has grown too, which lowers the estimate a little" if self.noisier else ""
+        return f"{_change_words(self.quantity, self.reference, self.level)} since frame {self.since_frame}{beside}"
 
 
 @dataclass(frozen=True)
@@ -218,4 +221,5 @@ class ConditionTrend:
         reference, level = (
             _level(name, value) for value in (float(quantity.chart.reference.mean), quantity.total / steps)
         )
-        return TrendAlarm(name, self.frames, quantity.since, reference, level)
+        noisier = name != "noise" and "noise" in self.active
+        return TrendAlarm(name, self.frames, quantity.since, reference, level, noisier)

@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 __all__ = ["SUFFIXES", "BadVideo", "read_video"]
 
 _TRANSPORT_STREAMS = frozenset({".ts", ".mts", ".m2ts"})
-SUFFIXES = _TRANSPORT_STREAMS | {".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mjpg"}
-_UNCOUNTED = _TRANSPORT_STREAMS | {".mkv", ".webm"}
+_WITH_DURATION = frozenset({".mkv", ".webm", ".wmv", ".asf", ".flv", ".mpg", ".mpeg", ".vob"})
+SUFFIXES = _TRANSPORT_STREAMS | _WITH_DURATION | {".mp4", ".avi", ".mov", ".m4v", ".3gp", ".mjpg"}
+_UNCOUNTED = _TRANSPORT_STREAMS | _WITH_DURATION
 """Containers without a number of frames: it is derived from duration and rate, too large where the rate varies."""
 _SEVERAL = 2
 

@@ -103,7 +103,8 @@ class Decoder:
         import av
 
         if self._container.duration:
-            return float(self._container.duration / av.time_base)
+            before_s = self._began_s if self._container.format.name == "flv" else 0.0  # FLV counts from time 0
+            return float(self._container.duration / av.time_base) - before_s
         return float(stream.duration * stream.time_base) if stream.duration and stream.time_base else 0.0
 
     def read(self) -> Frame | None:

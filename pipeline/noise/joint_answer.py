@@ -105,12 +105,14 @@ class Second:
         answer: its answers.
         traces: of a codec in them.
         weight: (K,) of its answers.
+        demosaiced: (K,) how sure it is that they were demosaiced and hardly processed since, 0 to 1.
     """
 
     indices: NDArray[np.intp]
     answer: Prediction
     traces: Traces
     weight: NDArray[np.float64]
+    demosaiced: NDArray[np.float64]
 
 
 def joined(levels: Levels, second: Second) -> Levels:
@@ -124,7 +126,7 @@ def joined(levels: Levels, second: Second) -> Levels:
     joint = levels.copy()
     level, white_level = np.log1p(answer.sigma_dn), np.log1p(levels.sigma_dn[at])
     apart = np.sqrt(weight * (1 - weight)) * np.abs(level - white_level)  # deviation of two values by their weights
-    level = level + _moved(answer)
+    level = level + (1 - second.demosaiced) * _moved(answer)
     detected = np.maximum(level - np.maximum(answer.reach - level, 0.0), 0.0)
     joint.sigma_dn[at] = _between(levels.sigma_dn[at], detected, weight)
     joint.low_dn[at] = _between(levels.low_dn[at], np.maximum(level - answer.reach, 0.0), weight, -apart)

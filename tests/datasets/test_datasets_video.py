@@ -30,10 +30,10 @@ def film(path: Path, code: str) -> Path:
     return path
 
 
-def coded(path: Path, codec: str, pixels: str = "yuv420p", frames: int = 6, **options: str) -> Path:
+def coded(path: Path, codec: str, pixels: str = "yuv420p", frames: int = 6, rate: int = 10, **options: str) -> Path:
     """The same panning scene as `film`, by FFmpeg's own encoders."""
     with av.open(str(path), "w") as container:
-        stream = container.add_stream(codec, rate=10, options=options)
+        stream = container.add_stream(codec, rate=rate, options=options)
         stream.width, stream.height, stream.pix_fmt = 320, 240, pixels
         for number in range(frames):
             shifted = np.roll(picture("film", 320, 240), 3 * number, axis=1)
@@ -65,6 +65,20 @@ def test_a_whole_video_gives_every_frame_without_remark(tmp_path, capfd, name, c
     assert [number for number, _ in read_video(path)] == list(range(FRAMES))
     assert [number for number, _ in read_video(path, every=7)] == [0, 7, 14]
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"),
+    [("a.wmv", "wmv2"), ("a.asf", "msmpeg4"), ("a.flv", "libx264"), ("a.flv", "flv"), ("a.3gp", "libx264"),
+     ("a.mpg", "mpeg2video"), ("a.mpeg", "mpeg1video"), ("a.vob", "mpeg2video")],
+)  # fmt: skip
+def test_other_containers_are_read_whole_and_missed_when_cut(tmp_path, name, codec):
+    path = coded(tmp_path / name, codec, frames=50, **({} if codec == "libx264" else {"g": "12"}), rate=25)
+    assert path.suffix in video.SUFFIXES
+    assert [number for number, _ in read_video(path)] == list(range(50))
+    path.write_bytes(path.read_bytes()[: int(path.stat().st_size * 0.6)])
+    numbers, message = read_until_refused(path)
+    assert len(numbers) < 40 and name in message
 
 
 def test_a_text_file_named_as_a_transport_stream_is_refused(tmp_path, capfd):

@@ -63,7 +63,7 @@ def test_of_two_sure_answers_that_differ_the_interval_reaches_both():
     answer = ADAPTIVE.correlated.predict(stack(flat(9))[:, 0])
     answer = replace(answer, sigma_dn=np.array([12.0]), reach=np.array([0.02]), correlation=np.array([0.2]))
     white = replace(Levels.zero(1, (16, 16)), sigma_dn=np.array([6.0]), low_dn=np.array([5.9]), high_dn=np.array([6.1]))
-    second = Second(np.array([0]), answer, codec_traces(answer.statistics, 128**2), np.array([0.5]))
+    second = Second(np.array([0]), answer, codec_traces(answer.statistics, 128**2), np.array([0.5]), np.zeros(1))
     joint = joined(white, second)
     assert joint.sigma_dn == pytest.approx(np.sqrt(7 * 13) - 1)
     assert joint.low_dn < 6.0 and joint.high_dn > 12.0
@@ -93,7 +93,7 @@ def test_noise_of_8_dn_counts_as_more_with_much_white_noise_in_it_and_as_less_wi
     answer = ADAPTIVE.correlated.predict(stack(flat(9))[:, 0])
     given = {"sigma_dn": 8.0, "white_sigma_dn": white_dn, "correlation": correlation, "reach": 0.1}
     answer = replace(answer, **{name: np.array([value]) for name, value in given.items()})
-    second = Second(np.array([0]), answer, codec_traces(answer.statistics, 128**2), np.array([1.0]))
+    second = Second(np.array([0]), answer, codec_traces(answer.statistics, 128**2), np.array([1.0]), np.zeros(1))
     joint = joined(Levels.zero(1, (16, 16)), second)
     assert least - 1e-9 <= joint.sigma_dn[0] <= most + 1e-9
     assert joint.low_dn[0] < joint.sigma_dn[0] < joint.high_dn[0]  # the interval moves along
