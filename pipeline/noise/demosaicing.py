@@ -10,8 +10,8 @@ structure. Scaling, turning and strong coding of a picture take the traces away;
 that the picture came from a colour sensor and was hardly processed since. As a trace of colour sensors: Popescu and
 Farid, IEEE Trans. Signal Processing 53, 2005; Gallagher and Chen, CVPR Workshops 2008.
 
-Of grey pictures of KITTI, Udacity, the *Sim* of the paper's authors, PolyU and Penn-Fudan the contrast is at most .17 in
-99 % of the patches; demosaiced by OpenCV's four methods it is .5 to 2.5, of cameras' pictures (CC) up to .9.
+Of grey pictures of KITTI, Udacity, the *Sim* of the paper's authors, PolyU and Penn-Fudan it is at most .17 in 99 % of
+the patches; demosaiced by OpenCV's four methods it is .5 to 2.5, of cameras' pictures (CC) up to .9.
 """
 
 from __future__ import annotations
