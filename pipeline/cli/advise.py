@@ -30,11 +30,10 @@ if TYPE_CHECKING:
     "--iso-max", default=3200.0, show_default=True, type=FiniteRange(100, 1_000_000), help="highest ISO allowed"
 )
 @click.option("--camera", "camera_name", help="of which blur is calibrated, as camera-monitor calibrate stored it")
-@click.option("--generic-lens", is_flag=True, help="without --camera: allow for a generic lens")
 @click.option("--surface", type=GivenPath(), help="of average precision; by default data/control_surface/all.npz")
 def command(
     paths: tuple[Path, ...], exposure: str | None, iso: float | None, speed: float | None, sensor: str,
-    exposure_max: str, iso_max: float, camera_name: str | None, generic_lens: bool, surface: Path | None,
+    exposure_max: str, iso_max: float, camera_name: str | None, surface: Path | None,
 ) -> None:  # fmt: skip
     """Advise exposure time and gain for PATHS: pictures, videos, or folders of them.
 
@@ -45,7 +44,7 @@ def command(
     the action states it. Pictures taken with settings outside the limits get settings inside them. A file that cannot
     be used is named on standard error and left out.
 
-    Without --camera or --generic-lens the softness of a lens counts as motion.
+    Without --camera a lens softer than that of the surface counts as motion.
 
     Exit codes: 0 done; 2 if a file could not be used; 130 interrupted.
     """
@@ -71,8 +70,6 @@ def command(
     if exposure_max_s < Limits.exposure_min_s:
         shortest = f"{1e6 * Limits.exposure_min_s:g} us"
         raise InputError(f"--exposure-max {exposure_max}: expected at least {shortest}, the shortest time advised")
-    if camera_name is not None and generic_lens:
-        raise InputError("--camera NAME is instead of --generic-lens: leave one of them out")
     stored = None if camera_name is None else camera_store.load(camera_name)
     limits = Limits(exposure_max_s=exposure_max_s, gain_max=iso_max / BASE_ISO)
     camera = ControlledCamera(limits, Camera(sensors.named(sensor)))
@@ -80,7 +77,7 @@ def command(
     performance, without = find_surface(surface)
     if performance is None:
         raise InputError(without)
-    monitor = ConditionMonitor(blur_options={"output": "relative"} if generic_lens else None)
+    monitor = ConditionMonitor()
     if stored is not None:
         camera_store.apply(stored, monitor)
     hinted, set_aside = Counter[int](), SetAside()
@@ -100,7 +97,7 @@ def command(
                     reason = camera_store.of_other_size(printable(name), image.shape, [sharp_px])
                     click.echo(f"warning: {reason}", err=True)
                     sharp_px = None  # once is enough
-                if stored is not None or generic_lens:
+                if stored is not None:
                     condition = system_mtf(condition, performance.reference)
                 advice = advise(image, state, camera, performance, speed_px_s=speed, condition=condition)
             except InputError as error:

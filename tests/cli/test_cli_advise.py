@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from control_makers import performance
-from PIL import Image
+from PIL import Image, ImageFilter
 
 from pipeline.cli import main
 from pipeline.cli.advise import command
@@ -67,6 +67,23 @@ def test_advise_answers_in_json(tmp_path):
     assert row["motion_px"] == pytest.approx(1.52) and row["exposure_ms"] == 2.0 and row["iso"] == 800.0
     assert 100 <= row["best_iso"] <= 3200 and row["reason"]
     assert row["action"] == "move" and 0 < row["best_ap_percent"] <= 100 and row["low_percent"] <= row["ap_percent"]
+
+
+def test_the_lens_of_a_calibrated_camera_is_no_motion(tmp_path, monkeypatch):
+    monkeypatch.setenv("CAMERA_MONITOR_HOME", str(tmp_path / "home"))
+    write_inputs(tmp_path)
+    soft = Image.open(tmp_path / "frame.png").filter(ImageFilter.GaussianBlur(1.2))
+    soft.save(tmp_path / "frame.png")
+    picture, surface = str(tmp_path / "frame.png"), ["--surface", str(tmp_path / "surface.npz")]
+    given = [picture, "--exposure", "4ms", "--iso", "400", *surface]
+    assert CliRunner().invoke(main, ["calibrate", "soft", picture]).exit_code == 0
+    whole, relative = (
+        json.loads(CliRunner().invoke(command, [*given, *options]).stdout) for options in ([], ["--camera", "soft"])
+    )
+    assert whole["motion_px"] > 2 > relative["motion_px"]
+    soft.resize((256, 224)).save(tmp_path / "other.png")
+    done = CliRunner().invoke(command, [str(tmp_path / "other.png"), *given[1:], "--camera", "soft"])
+    assert done.exit_code == 0 and "another size means another camera" in done.stderr
 
 
 @pytest.mark.parametrize(

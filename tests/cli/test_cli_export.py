@@ -38,5 +38,7 @@ def test_unknown_networks_and_places_are_refused(tmp_path):
     done = CliRunner().invoke(main, ["export", "mtf_spectrall", "--out", str(tmp_path / "a.onnx")])
     assert done.exit_code == 2 and "did you mean 'mtf_spectral'" in done.output
     (tmp_path / "file").write_text("x")
+    done = CliRunner().invoke(main, ["export", "mtf_cnn", "--out", str(tmp_path / "file")])
+    assert done.exit_code == 2 and "is there already" in done.output and (tmp_path / "file").read_text() == "x"
     done = CliRunner().invoke(main, ["export", "mtf_cnn", "--out", str(tmp_path / "file/a.onnx")])
     assert done.exit_code == 2 and "--out" in done.output and len(done.output.splitlines()) == 1

@@ -117,6 +117,24 @@ def test_foreign_files_and_inputs_are_never_overwritten_or_removed(tmp_path):
     assert (tmp_path / "chain/a.png").is_file()
     done = call("noise", a, "--csv", a, "--estimator", "pca")
     assert done.exit_code == 2 and "would overwrite an input" in done.output and a.stat().st_size > 1000
+    linked = tmp_path / "linked.csv"
+    linked.hardlink_to(a)
+    done = call("noise", a, "--csv", linked, "--estimator", "pca")
+    assert done.exit_code == 2 and "would overwrite an input" in done.output and a.stat().st_size > 1000
+
+
+def test_a_table_replaces_tables_of_the_same_command_only(tmp_path):
+    a, table = save(tmp_path / "a.png"), tmp_path / "table.csv"
+    for content in (None, "", "picture,x_px,y_px,size_px,old\n"):
+        if content is not None:
+            table.write_text(content)
+        assert call("noise", a, "--csv", table, "--estimator", "pca").exit_code == 0
+        assert table.read_text().startswith("picture,x_px,y_px,size_px,sigma_dn")
+    for content in ("picture,note\n", "pic", "\x89PNG"):
+        table.write_text(content)
+        done = call("noise", a, "--csv", table, "--estimator", "pca")
+        assert done.exit_code == 2 and "which no earlier run of this command wrote" in done.output
+        assert table.read_text() == content
 
 
 def test_two_runs_never_write_into_one_folder_at_once(tmp_path):

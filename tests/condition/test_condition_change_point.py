@@ -123,6 +123,15 @@ def test_slow_defocus_a_wet_lens_and_a_rising_temperature_raise_alarms_in_time()
         assert not other & {alarm.quantity for alarm in alarms}
 
 
+def test_an_alarm_of_blur_names_noise_that_has_grown_too():
+    calm, worse = [(2.0, 0.6)] * (REFERENCE_FRAMES + 100), [(8.0, 0.5)] * 100
+    alarms = {alarm.quantity: alarm for alarm in run(calm + worse, "noise and blur")[0]}
+    assert alarms["blur vertical"].noisier and "noise has grown too" in alarms["blur vertical"].words()
+    assert not alarms["noise"].noisier and "too" not in alarms["noise"].words()
+    alone = run(calm + [(2.0, 0.5)] * 100, "blur alone")[0]
+    assert alone and not any(alarm.noisier for alarm in alone)
+
+
 def test_an_alarm_states_levels_and_the_frame_of_the_change():
     calm = [(2.0, 0.6)] * (REFERENCE_FRAMES + 100)
     (alarm,) = [part for part in run(calm + [(8.0, 0.6)] * 50, "noise step")[0] if part.quantity == "noise"]
