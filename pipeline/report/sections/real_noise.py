@@ -42,6 +42,7 @@ CODECS = {
     "scaled": "scaled by",
     "aliased": "scaled, no low-pass, by",
     "turned": "turned by 2 degrees",
+    "demosaiced": "demosaiced, bilinear",
     "sharpened": "sharpened",
     "gaussian": "smoothed, 0.8 px",
     "median": "median filter, 3 px",
