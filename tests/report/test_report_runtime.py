@@ -41,7 +41,7 @@ def test_the_table_sets_the_papers_times_beside_ours() -> None:
     assert rows["Noise", "PCA"]["paper_ms"] == 2
     assert rows["Blur", "PMP"]["ratio"] == pytest.approx(12690 / rows["Blur", "PMP"]["one_ms"])
     assert "paper_ms" not in rows["Noise", "Cell-wise"]
-    assert (rows["Blur", "Spectral"]["asked_fps"], rows["Noise", "Cell-wise"]["asked_fps"]) == (5, 10)
+    assert (rows["Blur", "Spectral"]["asked_fps"], rows["Noise", "Adaptive"]["asked_fps"]) == (5, 10)
     assert "cores" in table.footnotes[0]
 
 
