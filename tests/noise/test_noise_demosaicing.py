@@ -10,15 +10,16 @@ from data_makers import picture
 from pipeline import noise
 from pipeline.noise import adaptive
 from pipeline.noise.adaptive import DEMOSAICED
-from pipeline.noise.demosaicing import BLOCK_PX, lattice_contrast
+from pipeline.noise.demosaicing import BLOCK_PX, LEAST_POWER, lattice_contrast
 from pipeline.streams import stream
 
 METHODS = (cv2.COLOR_BayerRGGB2BGR, cv2.COLOR_BayerRGGB2BGR_EA, cv2.COLOR_BayerRGGB2BGR_VNG)
 
 
-def noisy(sigma_dn: float, key: int = 0) -> np.ndarray:
-    """A smooth scene with noise, as a mosaic of a grey scene or a picture of its own: (160, 160) uint8."""
-    scene = cv2.GaussianBlur(picture("demosaicing", 160, 160), (0, 0), 4).astype(np.float32)
+def noisy(sigma_dn: float, key: int = 0, blur_px: float = 4) -> np.ndarray:
+    """A scene with noise, as a mosaic of a grey scene or a picture of its own: (160, 160) uint8."""
+    sharp = picture("demosaicing", 160, 160)
+    scene = (cv2.GaussianBlur(sharp, (0, 0), blur_px) if blur_px else sharp).astype(np.float32)
     return np.clip(np.rint(scene + stream(1, "mosaic", key).normal(0, sigma_dn, scene.shape)), 20, 235).astype(np.uint8)
 
 
@@ -42,25 +43,31 @@ def test_other_noise_does_not():
         assert lattice_contrast(pixels) < DEMOSAICED[0]
 
 
-def test_sums_are_exact_for_the_strongest_pattern():
-    chess = np.where(np.indices((BLOCK_PX, BLOCK_PX)).sum(axis=0) % 2, 255, 0).astype(np.uint8)
-    assert lattice_contrast(chess) == pytest.approx(0, abs=0.2)
-    half = chess.copy()
-    half[:, :] = np.where(chess == 255, 255, 128)
-    half[::4] = 128
-    assert np.isfinite(lattice_contrast(half))
+def test_the_contrast_is_that_of_the_flattest_half_of_blocks():
+    """Against the definition, pixel by pixel; with black and white pixels, whose squares are the largest there are."""
+    pixels = stream(1, "blocks").choice(np.array([0, 255], np.uint8), (3 * BLOCK_PX + 5, 2 * BLOCK_PX))
+    pixels[:, : BLOCK_PX - 3] = 90
+    wide = np.pad(pixels.astype(float), 1, mode="reflect")
+    change = wide[:-2, 1:-1] + wide[2:, 1:-1] + wide[1:-1, :-2] + wide[1:-1, 2:] - 4 * wide[1:-1, 1:-1]
+    powers = []
+    for top in range(0, 3 * BLOCK_PX, BLOCK_PX):
+        for left in range(0, 2 * BLOCK_PX, BLOCK_PX):
+            block = change[top : top + BLOCK_PX, left : left + BLOCK_PX] ** 2
+            white = np.indices(block.shape).sum(axis=0) % 2 == 0
+            powers.append((block[white].mean(), block[~white].mean()))
+    flattest = np.array(sorted(powers, key=sum)[:3]).mean(axis=0) + LEAST_POWER
+    assert lattice_contrast(pixels) == pytest.approx(abs(np.log(flattest[0] / flattest[1])), rel=1e-9)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_demosaiced_noise_is_answered_and_not_taken_for_grain_of_the_scene(method, monkeypatch):
-    patches = np.stack([demosaiced(noisy(12.0, key), method)[16:144, 16:144] for key in range(8)])
-    shots = np.stack([demosaiced(noisy(12.0, 100 + key), method)[16:144, 16:144] for key in range(16)])
+    shots = np.stack([demosaiced(noisy(12.0, key, 0), method)[16:144, 16:144] for key in range(12)])
     true_dn = float(np.sqrt(shots.astype(float).var(axis=0, ddof=1).mean()))
-    stack = (patches[:, None] / 255).astype(np.float32)
+    stack = (shots[:6, None] / 255).astype(np.float32)
     estimate = noise.create("adaptive").estimate(stack)
-    assert not estimate.abstained.any()
-    assert np.median(estimate.sigma_dn) == pytest.approx(true_dn, rel=0.15)
-    assert ((estimate.low_dn <= true_dn) & (true_dn <= estimate.high_dn)).all()
+    answered = ~estimate.abstained
+    assert answered.sum() >= 3
+    assert np.median(estimate.sigma_dn[answered]) == pytest.approx(true_dn, rel=0.15)
+    assert ((estimate.low_dn <= true_dn) & (true_dn <= estimate.high_dn))[answered].all()
     monkeypatch.setattr(adaptive, "lattice_contrast", lambda pixels: 0.0)
-    unknown = noise.create("adaptive").estimate(stack)
-    assert np.nansum(unknown.high_dn - unknown.low_dn) != np.nansum(estimate.high_dn - estimate.low_dn)
+    assert noise.create("adaptive").estimate(stack).abstained.all()
