@@ -7,13 +7,12 @@ noise of 0 to 25 DN, equal in all colours, and are stored as JPEG, Motion JPEG, 
 (`pipeline.camera.processing.codec`); a video is of three frames, the last is taken. Others are filtered, scaled,
 turned, sharpened or demosaiced (`FILTERS`), as frames are that were denoised, resized or rectified before, or get
 photon or readout noise in linear light (`CURVES`), as those of a monochrome camera with a gamma, whose noise is
-strongest in the shadows. The
-*truth* of a patch is the standard deviation over four shots of the processed frames, each with its own noise: what
-differs from shot to shot is noise, whoever made it. Noise that a recorded frame has itself stays the same and is not
-among it, so that weak noise is judged fairly only on frames with hardly any. Patches of 128 px are cut anywhere; those
-with more than 5 % of black or white pixels (``saturated``) are left out: clipping took part of their noise, and the
-estimate is of the rest of the patch. Frames are estimated whole (`pipeline.condition.ConditionMonitor`), and their
-truth is that of the median tile.
+strongest in the shadows. The *truth* of a patch is the standard deviation over four shots of the processed frames, each
+with its own noise: what differs from shot to shot is noise, whoever made it. Noise that a recorded frame has itself
+stays the same and is not among it, so that weak noise is judged fairly only on frames with hardly any. Patches of 128
+px are cut anywhere; those with more than 5 % of black or white pixels (``saturated``) are left out: clipping took part
+of their noise, and the estimate is of the rest of the patch. Frames are estimated whole
+(`pipeline.condition.ConditionMonitor`), and their truth is that of the median tile.
 
 An answer is ``wrong`` where it is off by more than 20 % of the truth and by more than 0.5 DN. ``wrong_fraction`` and
 ``held_fraction`` (of truths in the 95 % interval) are of the answers; ``compressed_fraction`` is that of abstentions

@@ -56,9 +56,8 @@ def features(patches_dn: torch.Tensor, block_px: int = BLOCK_PX) -> tuple[torch.
 
     mean = patches_dn.mean((1, 2), keepdim=True)
     centred = patches_dn - mean
-    power = _power(
-        torch.fft.rfft2(centred * _window(PATCH_PX).to(centred.device)), PATCH_PX
-    )  # rows 0 .. 95, -96 .. -1; columns 0 .. 96
+    window = _window(PATCH_PX).to(centred.device)
+    power = _power(torch.fft.rfft2(centred * window), PATCH_PX)  # rows 0 .. 95, -96 .. -1; columns 0 .. 96
     local = _block_spectra(patches_dn, block_px)
     maps = torch.stack([_averaged(power, block_px), local.mean(1), local.amin(1)], dim=1) * LOG_SCALE
     numbers = torch.stack(

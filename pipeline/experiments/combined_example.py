@@ -219,5 +219,4 @@ def change_interval(
     def change(patches: NDArray[np.float64]) -> NDArray[np.float64]:
         return robust_median(patches[..., 1]) - robust_median(patches[..., 0])
 
-    values = np.stack([before, after], axis=1)[both]
-    return frame_interval(values, frames[both], change, generator, draws)
+    return frame_interval(np.stack([before, after], axis=1)[both], frames[both], change, generator, draws)

@@ -70,7 +70,8 @@ EFFECTS = Schema(
     {
         "order": "string",
         "light": "string",
-        "cause": "string",  # noise: least to strongest, mean over all motion but none; motion: none to longest, least
+        # noise: from least to strongest, mean over all motion but none; motion: from none to longest, at least noise
+        "cause": "string",
         "measure": "string",  # amae_percent or ap_percent
         "before": "float64",
         "after": "float64",

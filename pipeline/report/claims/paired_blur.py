@@ -109,8 +109,7 @@ def difference(
         )
 
     together = np.concatenate([one, other], axis=1)[both]
-    generator = bootstrap_stream(seed, "claims", *key)
-    return frame_interval(together, frames[both], less, generator, DRAWS)
+    return frame_interval(together, frames[both], less, bootstrap_stream(seed, "claims", *key), DRAWS)
 
 
 def lower(
