@@ -51,6 +51,24 @@ def one_thread() -> None:
         sys.modules["torch"].set_num_threads(1)
 
 
+@contextmanager
+def one_thread_meanwhile() -> Iterator[None]:
+    """As `one_thread`, for a block: a program that calls this library has its threads back after it."""
+    import sys
+
+    cv2, torch = sys.modules.get("cv2"), sys.modules.get("torch")
+    opencv_threads, torch_threads = cv2 and cv2.getNumThreads(), torch and torch.get_num_threads()
+    with _one_thread_for_children():
+        one_thread()
+        try:
+            yield
+        finally:
+            if cv2 is not None:
+                cv2.setNumThreads(opencv_threads)
+            if torch is not None:
+                torch.set_num_threads(torch_threads)
+
+
 def _progress(results: Iterable[Any], total: int, label: str) -> Iterable[Any]:
     """A progress bar on standard error, only for what takes longer than two seconds."""
     from tqdm import tqdm
@@ -85,7 +103,7 @@ def run_map(
     Args:
         function: picklable (module level, or a ``functools.partial`` of such) and without side effects.
         items: what to apply it to; each picklable.
-        workers: processes for ``backend="processes"``; 1 runs in this process.
+        workers: processes for ``backend="processes"``; 1 runs in this process, whose threads are as before afterwards.
         backend: ``"processes"`` or ``"dask"``.
         address: scheduler address for Dask, e.g. ``"tcp://127.0.0.1:8786"``.
         label: title of the progress bar.
@@ -108,7 +126,8 @@ def run_map(
     if workers < 1:
         raise InputError(f"executor.workers={workers}: expected at least 1")
     if workers == 1 or len(items) == 1:
-        return [_call(function, item) for item in _progress(items, len(items), label)]
+        with one_thread_meanwhile():
+            return [function(item) for item in _progress(items, len(items), label)]
     return _map_processes(function, items, min(workers, len(items)), label)
 
 

@@ -134,6 +134,29 @@ def test_workers_use_one_thread():
     assert run_map(threads, range(2), workers=2) == [(1, "1")] * 2
 
 
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_callers_threads_are_as_before_after_a_map_in_its_process(monkeypatch, fails):
+    import cv2
+    import torch
+
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
+    before = torch.get_num_threads(), cv2.getNumThreads()
+    torch.set_num_threads(2)
+    cv2.setNumThreads(2)
+    try:
+        if fails:
+            with pytest.raises(InputError, match="item 3"):
+                run_map(refuse_three, [3])
+        else:
+            assert run_map(threads, [0]) == [(1, "1")]
+        assert (torch.get_num_threads(), cv2.getNumThreads()) == (2, 2)
+        assert os.environ["OMP_NUM_THREADS"] == "3" and "MKL_NUM_THREADS" not in os.environ
+    finally:
+        torch.set_num_threads(before[0])
+        cv2.setNumThreads(before[1])
+
+
 @pytest.mark.parametrize(
     ("options", "word"),
     [({"backend": "cloud"}, "backend"), ({"workers": 0}, "workers"), ({"backend": "dask"}, "address")],

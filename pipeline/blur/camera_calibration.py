@@ -276,17 +276,17 @@ def fit_map(
     Raises:
         InputError: not such patches, fewer than 100 samples, or hardly any that the estimator can measure.
     """
-    from pipeline.executor import one_thread
+    from pipeline.executor import one_thread_meanwhile
 
-    one_thread()
     sharp = as_patches(sharp_patches, "sharp_patches")
     if samples < LEAST_SAMPLES:
         raise InputError(f"samples={samples}; expected at least {LEAST_SAMPLES} to fit a camera on")
     if len(sharp) == 0:
         raise InputError("sharp_patches: none given; cut some from frames known to be sharp")
     layers = estimator.output_layers() if correction and isinstance(estimator, HasOutputLayers) else None
-    read = blurred(estimator, sharp, samples, seed, noisy=layers is not None)
-    fitted = camera_fit.fit(read, layers, seed)
+    with one_thread_meanwhile():
+        read = blurred(estimator, sharp, samples, seed, noisy=layers is not None)
+        fitted = camera_fit.fit(read, layers, seed)
     before = 100 * float(np.abs(sigmoid(read.logits[:, :VALUES]) - read.known).mean())
     return Calibration(
         fitted.matrix, fitted.offset, _widening(read.half_width, fitted.error), len(read.known),

@@ -127,6 +127,7 @@ class Spectral(Estimator):
     ) -> None:
         import torch
 
+        from pipeline.blur.grouped_convolutions import GroupedBodies
         from pipeline.blur.spectral_net import ARCHITECTURE, SpectralNet
         from pipeline.learning.weights import into, untrained
 
@@ -150,6 +151,7 @@ class Spectral(Estimator):
             self.released &= bool(header["released"])
             self.processed_interval = float(header.get("interval", INTERVAL))
             self.processed = second.eval().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+            self.grouped = untrained(lambda: GroupedBodies([self.network, second]))
 
     def measure(self, patches: NDArray[np.float32], reason: NDArray[np.str_]) -> BlurEstimate:
         """The uncalibrated answer; see `pipeline.blur.base.Estimator.measure`."""
@@ -235,18 +237,30 @@ class Spectral(Estimator):
                 orientations = 2 if self.mirrored else 1
                 if self.mirrored:
                     maps, vector = torch.cat([maps, mirrored(maps)]), torch.cat([vector, vector])
-                main, units[part, 0] = _answer(self.network, maps, vector, orientations)
+                hidden = self._hidden(maps, vector)
+                main, units[part, 0] = _answer(self.network, hidden[0], orientations)
                 if self.processed is not None:
-                    other, units[part, 1] = _answer(self.processed, maps, vector, orientations)
+                    other, units[part, 1] = _answer(self.processed, hidden[1], orientations)
                     share[part] = _second_share(main, other)
                     main, members[part, 1] = self._joined(main, other, share[part]), other[0]
                 mtf[part], scale[part], sigma_dn[part] = main
         members[:, 0] = mtf
         return Prediction(mtf, scale, members, HiddenUnits(units, share, sigma_dn))
 
+    def _networks(self) -> list[SpectralNet]:
+        """The main one and, where it takes part, the one for processed pictures."""
+        return [self.network, *([] if self.processed is None else [self.processed])]
+
+    def _hidden(self, maps: torch.Tensor, vector: torch.Tensor) -> list[torch.Tensor]:
+        """(N, 256) hidden units of each network."""
+        networks = self._networks()
+        if len(maps) > 1 or len(networks) == 1:
+            return [network.hidden(maps, vector) for network in networks]
+        return [network.units(seen, vector) for network, seen in zip(networks, self.grouped(maps), strict=True)]
+
     def output_layers(self) -> OutputLayers:
         """The last two layers of each network: see `pipeline.blur.camera_correction`."""
-        networks = [self.network, *([] if self.processed is None else [self.processed])]
+        networks = self._networks()
 
         def stacked(layer: int, name: str) -> NDArray[np.float64]:
             each = [getattr(network.head[layer], name).detach().cpu().double().numpy() for network in networks]
@@ -278,11 +292,8 @@ def _second_share(main: Answer, processed: Answer) -> NDArray[np.float32]:
     return np.clip((excess - EXCESS_DN[0]) / (EXCESS_DN[1] - EXCESS_DN[0]), 0, 1).astype(np.float32)
 
 
-def _answer(
-    network: SpectralNet, maps: torch.Tensor, vector: torch.Tensor, orientations: int
-) -> tuple[Answer, NDArray[np.float32]]:
+def _answer(network: SpectralNet, units: torch.Tensor, orientations: int) -> tuple[Answer, NDArray[np.float32]]:
     """What a network answers and its hidden units (N, 256), averaged over the ways a patch is seen."""
-    units = network.hidden(maps, vector)
     mtf, scale, sigma_dn, hidden = (
         value.unflatten(0, (orientations, -1)).mean(0).cpu().numpy() for value in (*network.outputs(units)[:3], units)
     )

@@ -7,6 +7,8 @@ their Laplace distribution, noise sigma and its scale. 1.35 million parameters.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 import torch.nn.functional as functional
 from torch import nn
@@ -32,17 +34,30 @@ Answer = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
 class Residual(nn.Module):
     """relu(shortcut(x) + w * conv(relu(conv(x)))), halving the size; w is learned per channel."""
 
-    def __init__(self, inputs: int, outputs: int) -> None:
+    def __init__(self, inputs: int, outputs: int, groups: int = 1) -> None:
         super().__init__()
-        self.first = nn.Conv2d(inputs, outputs, 3, 2, 1)
-        self.second = nn.Conv2d(outputs, outputs, 3, 1, 1)
-        self.shortcut = nn.Conv2d(inputs, outputs, 1, 2)
+        self.first = nn.Conv2d(inputs, outputs, 3, 2, 1, groups=groups)
+        self.second = nn.Conv2d(outputs, outputs, 3, 1, 1, groups=groups)
+        self.shortcut = nn.Conv2d(inputs, outputs, 1, 2, groups=groups)
         self.weight = nn.Parameter(torch.full((1, outputs, 1, 1), BRANCH_START))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """(N, inputs, H, W) -> (N, outputs, H / 2, W / 2)."""
         branch = self.second(functional.relu(self.first(x)))
         return functional.relu(self.shortcut(x) + self.weight.to(branch.dtype) * branch)
+
+
+def body(widths: Sequence[int], groups: int = 1) -> nn.Sequential:
+    """The convolutions, of four widths; in groups, those of as many networks that see the same maps."""
+    first, second, third, reduced = widths
+    return nn.Sequential(
+        nn.Conv2d(MAPS, first, 3, padding=1),
+        nn.ReLU(),
+        Residual(first, second, groups),
+        Residual(second, third, groups),
+        nn.Conv2d(third, reduced, 1, groups=groups),
+        nn.ReLU(),
+    )
 
 
 class SpectralNet(nn.Module):
@@ -56,16 +71,9 @@ class SpectralNet(nn.Module):
 
     def __init__(self, half_precision: bool = False, width: float = 1.0, block_px: int = BLOCK_PX) -> None:
         super().__init__()
-        first, second, third, reduced, hidden = (round(width * count) for count in (*WIDTHS, REDUCED, HIDDEN))
+        *widths, reduced, hidden = (round(width * count) for count in (*WIDTHS, REDUCED, HIDDEN))
         self.half_precision = half_precision
-        self.body = nn.Sequential(
-            nn.Conv2d(MAPS, first, 3, padding=1),
-            nn.ReLU(),
-            Residual(first, second),
-            Residual(second, third),
-            nn.Conv2d(third, reduced, 1),
-            nn.ReLU(),
-        )
+        self.body = body((*widths, reduced))
         self.head = nn.Sequential(
             nn.Linear(reduced * (block_px // 4) * (block_px // 8) + VECTOR_LENGTH, hidden),
             nn.ReLU(),
@@ -83,6 +91,10 @@ class SpectralNet(nn.Module):
         maps = maps.contiguous(memory_format=torch.channels_last)
         with torch.autocast(maps.device.type, torch.bfloat16, enabled=self.half_precision):
             seen = self.body(maps)
+        return self.units(seen, vector)
+
+    def units(self, seen: torch.Tensor, vector: torch.Tensor) -> torch.Tensor:
+        """(N, hidden) units, from what the body gives of the maps; see `hidden`."""
         return self.head[1](self.head[0](torch.cat([seen.float().flatten(1), vector], dim=1)))
 
     def outputs(self, hidden: torch.Tensor) -> Answer:

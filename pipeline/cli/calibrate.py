@@ -77,10 +77,10 @@ def command(
     frames = [(file, image) for path in expand(paths) for file, image in read(path)]
     shape = frames[0][1].shape
     mtf: NDArray[np.float64] | None
-    fit, hashes = None, dict[str, str]()
+    fit, hashes, unsharp = None, dict[str, str](), 0
     if chart is None:
         _refuse_other_sizes(frames)
-        mtf, fit, hashes = _from_scenes(frames, blur_name, calibrate_estimator)
+        mtf, fit, hashes, unsharp = _from_scenes(frames, blur_name, calibrate_estimator)
     else:
         mtf = edge_mtf(frames, areas) if rays is None else star_mtf(frames, rays)
         _refuse_without_contrast(mtf, f"the {chart} chart", "focus the camera on it", MOST_EMPTY_FRACTION)
@@ -88,6 +88,7 @@ def command(
         name=name, kind=f"{chart} chart" if chart else "fit" if fit else "sharp frames", blur_estimator=blur_name,
         weights_sha256=hashes, size_px=None if chart else (shape[0], shape[1]), frames=len(frames),
         sharp_mtf=None if mtf is None else mtf.tolist(), fit=fit, version=version(),
+        unsharp=unsharp,
     )  # fmt: skip
     if mtf is not None:
         _print_mtf(mtf)
@@ -122,8 +123,8 @@ def _print_mtf(mtf: NDArray[np.float64]) -> None:
 
 def _from_scenes(
     frames: list[tuple[str, NDArray[np.float32]]], blur_name: str, calibrate_estimator: bool
-) -> tuple[NDArray[np.float64] | None, dict[str, Any] | None, dict[str, str]]:
-    """The MTF that the estimator reports of sharp frames, or its calibration, and the hashes of its weights."""
+) -> tuple[NDArray[np.float64] | None, dict[str, Any] | None, dict[str, str], int]:
+    """The MTF that the estimator reports of sharp frames, or its calibration; hashes of its weights; unsharp frames."""
     import numpy as np
 
     from pipeline import blur
@@ -145,27 +146,30 @@ def _from_scenes(
     mtfs = [estimator.estimate(patches).mtf for patches in cuts]
     patches = np.concatenate(cuts)
     if calibrate_estimator:
-        _check_sharpness([name for name, _ in large], mtfs, MOST_EMPTY_FRACTION_FIT)
+        unsharp = _check_sharpness([name for name, _ in large], mtfs, MOST_EMPTY_FRACTION_FIT)
         camera = calibrate(estimator, patches)
         if not isinstance(camera, Calibration):
             raise InputError(
                 f"--calibrate-estimator: the calibration of {blur_name} cannot be stored; leave the option out"
             )
-        return None, camera.content(), hashes
+        return None, camera.content(), hashes, unsharp
     assert isinstance(estimator, Estimator)
     made = estimator.divided(patches)
     assert made.sharp_mtf is not None
-    _check_sharpness([name for name, _ in large], mtfs, MOST_EMPTY_FRACTION)
-    return np.maximum(made.sharp_mtf, LEAST_MTF), None, hashes
+    unsharp = _check_sharpness([name for name, _ in large], mtfs, MOST_EMPTY_FRACTION)
+    return np.maximum(made.sharp_mtf, LEAST_MTF), None, hashes, unsharp
 
 
-def _check_sharpness(names: list[str], mtfs: list[NDArray[Any]], most_empty_fraction: float) -> None:
+def _check_sharpness(names: list[str], mtfs: list[NDArray[Any]], most_empty_fraction: float) -> int:
     """Warn of pictures whose contrast falls to half too early; refuse them where too little contrast is left.
 
     Args:
         names: of the pictures.
         mtfs: (N, 2, 8) of the patches of each, NaN where the estimator abstained.
         most_empty_fraction: see `_refuse_without_contrast`.
+
+    Returns:
+        how many pictures it warned of.
 
     Raises:
         InputError: see `_refuse_without_contrast`.
@@ -181,10 +185,11 @@ def _check_sharpness(names: list[str], mtfs: list[NDArray[Any]], most_empty_frac
             ", or leave --calibrate-estimator out" if most_empty_fraction < MOST_EMPTY_FRACTION else ""
         )
         _refuse_without_contrast(np.median(every, axis=0), "the sharp pictures", advice, most_empty_fraction)
-    for name, mtf in zip(names, answered, strict=True):
-        doubt = unsharp(np.median(mtf, axis=0)) if len(mtf) else ""
+    doubts = [unsharp(np.median(mtf, axis=0)) if len(mtf) else "" for mtf in answered]
+    for name, doubt in zip(names, doubts, strict=True):
         if doubt:
             click.echo(f"warning: {name} {doubt}; leave it out, or take it anew", err=True)
+    return sum(map(bool, doubts))
 
 
 def _refuse_without_contrast(mtf: NDArray[np.floating], subject: str, advice: str, most_empty_fraction: float) -> None:

@@ -36,6 +36,8 @@ class StoredCamera:
         weights_sha256: of the estimator's weight files, by name.
         size_px: (height, width) of the pictures; None for a chart, whose MTF does not depend on where it was cropped.
         frames: pictures that it was made from.
+        unsharp: those of scenes that do not look sharp (`pipeline.condition.summary.unsharp`); files of earlier
+            versions have none.
         sharp_mtf: (2, 8) MTF of the camera that estimates are divided by; None for a fit.
         fit: content of `pipeline.blur.camera_calibration.Calibration`; None for the others.
         version: of the package.
@@ -50,6 +52,16 @@ class StoredCamera:
     sharp_mtf: list[list[float]] | None
     fit: dict[str, Any] | None
     version: str
+    unsharp: int = 0
+
+    def doubt(self) -> str:
+        """Why blur relative to it is too low, in words; empty where its pictures look sharp."""
+        if not self.unsharp:
+            return ""
+        number = f"{self.unsharp} of the {self.frames} pictures"
+        return (
+            f"{number} that {self.name} was calibrated with do not look sharp; blur relative to them is underestimated"
+        )
 
 
 def folder() -> Path:
@@ -114,6 +126,8 @@ def load(name: str) -> StoredCamera:
         camera = StoredCamera(**{**content, "size_px": size_px})
         if camera.kind not in KINDS or (camera.sharp_mtf is None) == (camera.fit is None):
             raise ValueError("neither an MTF nor a fit")
+        if not 0 <= int(camera.unsharp) <= camera.frames:
+            raise ValueError(f"unsharp: {camera.unsharp} of {camera.frames} pictures")
         if camera.sharp_mtf is not None:
             _matrix(camera.sharp_mtf)
     except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:

@@ -32,7 +32,8 @@ class HealthRun:
         rows: of the finished frames.
         set_aside: one reason per file or frame that could not be used.
         hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits, and under
-            `pipeline.cli.pictures.TURNED` those that metadata turn.
+            `pipeline.cli.pictures.TURNED` those that metadata turn, under ``TRANSPARENT`` those with transparent
+            pixels.
         trend_alarms: that began (`pipeline.cli.frame_analysis.FrameAnalysis.trend_alarms`).
         without_precision: why the expected precision is unknown, or empty.
         without_trend: the sentence that states what has no trend and why, or empty.

@@ -93,7 +93,8 @@ class HealthOptions:
     def relative_to(self) -> str:
         """What blur is relative to, in words; empty for the MTF of the whole system. An unknown camera is refused."""
         if self.camera is not None:
-            return f"the calibration of the camera {self.camera_name}"
+            doubtful = ", whose pictures do not all look sharp" if self.camera.unsharp else ""
+            return f"the calibration of the camera {self.camera_name}{doubtful}"
         return "the sharp frames" if self.sharp else "a generic lens" if self.generic_lens else ""
 
     def about(self) -> dict[str, Any]:

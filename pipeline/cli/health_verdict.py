@@ -43,7 +43,8 @@ def run_verdict(
         without_trend: the sentence that states what has no trend and why, or empty.
         set_aside: files or frames that could not be used.
         hinted: pictures that seem to hold values of fewer bits in 16, by that number of bits; under
-            `pipeline.cli.pictures.TURNED`, those that metadata turn.
+            `pipeline.cli.pictures.TURNED`, those that metadata turn, and under ``TRANSPARENT`` those with transparent
+            pixels.
         relative_to: what blur is relative to, in words; empty for the MTF of the whole system.
 
     Returns:
@@ -354,17 +355,21 @@ def _flags(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _hinted(counts: Mapping[int, int]) -> list[str]:
-    from pipeline.cli.pictures import TURNED
+    from pipeline.cli.pictures import TRANSPARENT, TURNED
 
     sentences = [
         f"16-bit pictures that look like {bits}-bit values, {1 << 16 - bits} times too dark then: {count} (a guess)."
         for bits, count in sorted(counts.items())
-        if bits != TURNED
+        if bits > 0
     ]
     if counts.get(TURNED):
         sentences.append(
             f"Pictures and videos stored turned or mirrored (by their metadata): {counts[TURNED]}; "
             "horizontal, vertical and positions are those of the stored pixels."
+        )
+    if counts.get(TRANSPARENT):
+        sentences.append(
+            f"Pictures with transparent pixels: {counts[TRANSPARENT]}; the colours stored beneath them are measured."
         )
     return sentences
 

@@ -28,8 +28,9 @@ UNREAD = frozenset(
 RENAMED = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n")
 """First bytes of JPEG and PNG files, which some programs give the suffix of the picture they were made of."""
 
-TURNED = 0
-"""Key of pictures and videos that their metadata turn, among counts by a number of bits."""
+TURNED, TRANSPARENT = 0, -1
+"""Keys of pictures and videos that their metadata turn, and of pictures with transparent pixels, among counts by a
+number of bits."""
 
 _ORIENTATION = 0x0112
 _DIGITS = re.compile("([0-9]+)")
@@ -127,7 +128,8 @@ def read(
         every: of a video take each n-th frame.
         hinted: counts pictures that seem to hold values of fewer bits in 16, by that number of bits; for the first
             of each there is a line on standard error. None for such a line for every one. Likewise, under `TURNED`,
-            pictures and videos whose metadata turn or mirror them.
+            pictures and videos whose metadata turn or mirror them, and under `TRANSPARENT`, pictures with transparent
+            pixels.
         least_px: both sides must be at least this long (`least_side_px`).
 
     Raises:
@@ -145,6 +147,8 @@ def read(
             _hint(path, bits, hinted)
         if orientation := _orientation(path):
             _hint_turned(str(path), f"orientation {orientation}", hinted)
+        if picture.alpha and _has_transparent_pixels(path):
+            _hint_transparent(path, hinted)
         yield str(path), picture.grey()
         return
     for number, image in read_video(path, every, remark=video_remarks(str(path), hinted)):
@@ -210,6 +214,26 @@ def _hint_turned(name: str, turn: str, hinted: Counter[int]) -> None:
         click.echo(
             f"warning: {printable(name)}: stored turned or mirrored ({turn}); horizontal, vertical and positions are "
             "those of the stored pixels, in every such picture or video",
+            err=True,
+        )
+
+
+def _has_transparent_pixels(path: Path) -> bool:
+    """Whether a pixel of a picture with an alpha channel, which was read before, is not opaque."""
+    from PIL import Image
+
+    with Image.open(path) as opened:
+        return any(opened.convert("RGBA").getchannel("A").histogram()[:255])
+
+
+def _hint_transparent(path: Path, hinted: Counter[int]) -> None:
+    import click
+
+    hinted[TRANSPARENT] += 1
+    if hinted[TRANSPARENT] == 1:
+        click.echo(
+            f"warning: {printable(path)}: has transparent pixels; the colours stored beneath them are measured, in "
+            "every such picture",
             err=True,
         )
 

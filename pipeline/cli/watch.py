@@ -68,8 +68,9 @@ def command(
     frames in numbers and words); alarm (a threshold that begins to be violated, or a trend: noise or blur that has
     grown since the first frames); cleared (for three frames in a row known not to be violated; an alarm stays while it
     is undecided); undecided (for a whole window of frames a quantity was unknown, so that the alarm of its threshold
-    could not be raised); warning (a frame of another size than the camera's sharp pictures; noise or blur that changed
-    within the reference frames, so that its trend is compared with later ones once it is steady); set_aside (a file
+    could not be raised); warning (a frame of another size than the camera's sharp pictures; sharp pictures that do not
+    look sharp; noise or blur that changed within the reference frames, so that its trend is compared with later ones
+    once it is steady); set_aside (a file
     that cannot be used; in a folder also a video, or a HEIC or raw file; of a stream, once, that its frames are
     interlaced or damaged) and no_signal; stop. Of a live source, frames that come while one is analysed are dropped.
 
@@ -108,6 +109,8 @@ def command(
             "start", source=source, version=version(), blur_estimator=blur_name, noise_estimator=noise_name,
             weights_released=monitor.weights_released, weights_sha256=hashes, camera=camera_name,
         )  # fmt: skip
+        if camera is not None and camera.unsharp:
+            watch.emit("warning", reason=camera.doubt())
         reason = watch.run(came, frames, idle_stop) if not stop.is_set() else "signal"
         reason = "signal" if stop.is_set() else reason
         stop.set()

@@ -56,5 +56,8 @@ def open_dataset(kind: str, name: str, root: str | Path | None = None, **options
         if option not in known:
             raise InputError(f"datasets.{name}.{option}: unknown option of '{kind}'; known: {', '.join(sorted(known))}")
     if root is None and inspect.signature(made).parameters["root"].default is inspect.Parameter.empty:
-        raise InputError(f"datasets.{name}.root is not set; a dataset of kind '{kind}' needs its folder")
+        raise InputError(
+            f"datasets.{name}.root is not set; a dataset of kind '{kind}' needs its folder "
+            f"(camera-monitor dataset {kind} FOLDER)"
+        )
     return made(name, root, **options)

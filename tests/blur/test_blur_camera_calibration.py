@@ -83,6 +83,23 @@ def test_distortions_affine_in_logits_are_undone(sharp, truth, factor, power):
     assert np.abs(result(odds(unseen, factor, power)) - unseen).mean() < 0.02
 
 
+def test_a_calibration_uses_one_thread_and_leaves_a_callers_threads_alone(sharp, truth):
+    import torch
+
+    class Counting(Bent):
+        def estimate(self, patches):
+            assert torch.get_num_threads() == 1
+            return super().estimate(patches)
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        camera_calibration.calibrate(Counting(truth, np.array), sharp, samples=SAMPLES)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+
+
 def test_what_a_calibration_is_fitted_on_is_stored_in_8_bits(sharp, truth):
     """As the frames are that it will be asked about; rounding has a spectrum of its own."""
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from control_makers import performance
 from data_makers import picture
 from star_makers import synthesise
 
@@ -237,6 +238,39 @@ def test_accepted_sharp_pictures_are_near_1_relative_to_themselves(tmp_path, sig
     done = call("health", scene, "--jsonl", "--camera", "front")
     assert done.exit_code == 0, done.output
     assert np.min(json.loads(done.stdout)["mtf"]) > 0.9
+    assert ("1 of the 1 pictures that front was calibrated with do not look sharp" in done.stderr) == doubted
+    verdict = call("health", scene, "--camera", "front").stdout
+    assert "the calibration of the camera front" in verdict
+    assert ("whose pictures do not all look sharp" in verdict) == doubted
+
+
+def test_every_command_that_uses_a_calibration_from_blurred_pictures_warns(tmp_path, home):
+    image = picture("health").astype(float) / 255
+    scene = save(tmp_path / "scene.png", cv2.GaussianBlur(image, (0, 0), 3.0))
+    sharp = save(tmp_path / "sharp.png", image)
+    assert call("calibrate", "front", sharp, scene).exit_code == 0
+    doubt = "1 of the 2 pictures that front was calibrated with do not look sharp"
+    performance().save(tmp_path / "surface.npz")
+    settings = ("--exposure", "4ms", "--iso", "400", "--surface", tmp_path / "surface.npz")
+    done = call("advise", scene, *settings, "--camera", "front")
+    assert done.exit_code == 0 and doubt in done.stderr
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    save(folder / "a.png", image)
+    done = call("watch", folder, "--camera", "front", "--frames", "1", "--no-wait")
+    events = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [doubt in event["reason"] for event in events if event["event"] == "warning"] == [True]
+
+    file = home / "cameras" / "front.json"
+    content = json.loads(file.read_text())
+    earlier = {name: value for name, value in content.items() if name != "unsharp"}
+    file.write_text(json.dumps(earlier))
+    done = call("health", scene, "--jsonl", "--camera", "front")
+    assert done.exit_code == 0 and "do not look sharp" not in done.stderr
+    for wrong in (3, -1, "two"):
+        file.write_text(json.dumps({**content, "unsharp": wrong}))
+        done = call("health", scene, "--jsonl", "--camera", "front")
+        assert done.exit_code == 2 and "not the calibration of a camera" in done.stderr
 
 
 def test_pictures_without_contrast_are_refused(tmp_path, home):

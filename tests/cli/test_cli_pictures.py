@@ -159,6 +159,25 @@ def test_pictures_stored_turned_are_pointed_out_once(tmp_path: Path, suffix: str
     assert "warning" not in call("noise", tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}").stderr
 
 
+@pytest.mark.parametrize("suffix", ["png", "webp", "tiff"])
+def test_transparent_pixels_are_pointed_out_once_and_opaque_ones_are_not(tmp_path: Path, suffix: str) -> None:
+    with Image.open(save(tmp_path / "plain.png")) as opened:
+        picture = opened.convert("RGBA")
+    (tmp_path / "plain.png").unlink()
+    for name, alpha in (("a", 255), ("b", 254), ("c", 0)):
+        picture.putpixel((3, 4), (*picture.getpixel((3, 4))[:3], alpha))
+        picture.save(tmp_path / f"{name}.{suffix}", **({"lossless": True, "exact": True} if suffix == "webp" else {}))
+    done = call("health", tmp_path)
+    assert done.exit_code == 0, done.output
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+    assert line.startswith(f"warning: {tmp_path / f'b.{suffix}'}: has transparent pixels")
+    assert "Pictures with transparent pixels: 2;" in done.stdout
+    assert "warning" not in call("noise", tmp_path / f"a.{suffix}").stderr
+    indexed = picture.convert("P")
+    indexed.save(tmp_path / "indexed.png", transparency=indexed.getpixel((0, 0)))
+    assert "has transparent pixels" in call("noise", tmp_path / "indexed.png").stderr
+
+
 def test_pictures_and_videos_are_read_as_stored_whatever_their_metadata_ask_for(tmp_path: Path) -> None:
     """So that rows of the sensor stay rows, and labels fit; each is pointed out."""
     plain = next(read(save(tmp_path / "plain.png")))[1]
