@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.datasets.video_decoder import INTERLACED, BadVideo, Decoder, defect, grey_levels, remarks
+from pipeline.datasets.video_decoder import INTERLACED, TORN, BadVideo, Decoder, defect, grey_levels, remarks
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def read_video(
         account = _Account(decoder.declared, decoder.per_second, decoder.messages)
         stated: set[str] = set()
         while (frame := decoder.read()) is not None:
-            problem, number = defect(frame), account.number
+            problem, number = TORN if decoder.torn else defect(frame), account.number
             taken = due(number, decoder.per_second) if due is not None else number % every == 0
             if taken and not problem:
                 try:

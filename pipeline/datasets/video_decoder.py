@@ -25,6 +25,7 @@ INTERLACED = (
     "interlaced: stored as two fields, pictures of two moments; take one of them (ffmpeg -vf field) or "
     "deinterlace them (ffmpeg -vf yadif), which changes the noise"
 )
+TORN = "cut off"
 TURNED, CURVE = "turned", "curve"
 """Kinds of remarks about a video that can be read: see `remarks`."""
 
@@ -67,6 +68,8 @@ class Decoder:
         messages: errors that the decoder has reported since the caller last cleared the list.
         declared: number of frames that the file states, or duration times rate where it states none; 0 if unknown.
         per_second: frames per second; 0 if unknown.
+        torn: whether the file ends within the data of the frame read last; known of codecs without prediction, as
+            Motion JPEG, in containers that state how long the data are.
 
     Raises:
         BadVideo: it cannot be opened, or holds no video that can be decoded.
@@ -95,6 +98,8 @@ class Decoder:
         self._codec.thread_count = threads
         self._packets: Iterator[Any] = self._container.demux(stream)
         self._frames: deque[Frame] = deque()
+        self._each_alone = bool(self._codec.codec.intra_only)
+        self.torn = False
         self._began_s = float((stream.start_time or 0) * stream.time_base) if stream.time_base else 0.0
         self.per_second = float(stream.guessed_rate or stream.average_rate or 0)
         self.declared = stream.frames or round(self._duration_s(stream) * self.per_second)
@@ -117,6 +122,7 @@ class Decoder:
                     packet = next(self._packets, None)
                     if packet is None:
                         break
+                    self.torn = self._each_alone and bool(packet.is_corrupt)
                     try:
                         self._frames.extend(packet.decode())
                     except av.error.EOFError:
