@@ -54,7 +54,7 @@ def command(
     from pipeline.camera.exposure import Camera
     from pipeline.cli import camera_store
     from pipeline.cli.frame_analysis import find_surface, system_mtf
-    from pipeline.cli.pictures import expand, least_side_px, readable
+    from pipeline.cli.pictures import codec_of, expand, least_side_px, readable
     from pipeline.cli.set_aside import SetAside
     from pipeline.cli.shot_settings import seconds
     from pipeline.condition import ConditionMonitor
@@ -94,7 +94,7 @@ def command(
             try:
                 if image is None:
                     raise InputError(problem)
-                condition = monitor.frame(image)
+                condition = monitor.frame(image, codec_of(name))
                 if sharp_px is not None and image.shape != sharp_px:
                     reason = camera_store.of_other_size(printable(name), image.shape, [sharp_px])
                     click.echo(f"warning: {reason}", err=True)

@@ -48,7 +48,7 @@ def estimated_ahead(
     pool = ThreadPoolExecutor(threads, "frame", initializer=one_thread)
     try:
         for name, image, problem in frames:
-            waiting.append((name, image, pool.submit(_estimate, analysis, image, problem)))  # type: ignore[arg-type]
+            waiting.append((name, image, pool.submit(_estimate, analysis, name, image, problem)))  # type: ignore[arg-type]
             if len(waiting) > threads + WAITING:
                 yield _first(waiting)
         while waiting:
@@ -57,10 +57,12 @@ def estimated_ahead(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _estimate(analysis: FrameAnalysis, image: NDArray[np.float32] | None, problem: str) -> Estimated:
+def _estimate(analysis: FrameAnalysis, name: str, image: NDArray[np.float32] | None, problem: str) -> Estimated:
+    from pipeline.cli.pictures import codec_of
+
     if image is None:
         raise InputError(problem)
-    return analysis.estimate(image)
+    return analysis.estimate(image, codec_of(name))
 
 
 def _first(

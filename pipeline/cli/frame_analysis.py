@@ -141,18 +141,19 @@ class FrameAnalysis:
         self.trends: dict[str, ConditionTrend] = {}
         self._camera: ControlledCamera | None = None
 
-    def estimate(self, image: NDArray[np.float32]) -> Estimated:
+    def estimate(self, image: NDArray[np.float32], codec: str = "") -> Estimated:
         """What one frame shows without those before it; may be called in several threads at once.
 
         Args:
             image: (H, W) float in [0, 1].
+            codec: see `pipeline.condition.ConditionMonitor.frame`.
 
         Raises:
             InputError: not such a frame.
         """
         from pipeline.condition.frame_flags import measure
 
-        return Estimated(self.monitor.frame(image), measure(image))
+        return Estimated(self.monitor.frame(image, codec), measure(image))
 
     def analyse(
         self,
@@ -161,6 +162,7 @@ class FrameAnalysis:
         stream: str = "",
         sequence: str = "",
         estimated: Estimated | None = None,
+        codec: str = "",
     ) -> tuple[dict[str, Any], Condition]:
         """The row and the condition of a frame.
 
@@ -171,6 +173,7 @@ class FrameAnalysis:
             sequence: series of frames whose trend it belongs to; empty for none. Where there is no stream, its frames
                 are compared for the flag ``frozen`` too.
             estimated: its estimates, where they are there already (`estimate`).
+            codec: see `estimate`.
 
         Returns:
             the row (`pipeline.cli.health_rows.condition_row` and what follows from it), and the condition.
@@ -180,7 +183,7 @@ class FrameAnalysis:
         """
         from pipeline.cli.health_rows import alarms, condition_row, undecided
 
-        estimated = estimated or self.estimate(image)
+        estimated = estimated or self.estimate(image, codec)
         condition = estimated.condition
         row = condition_row(name, condition, self._inspector.inspect(image, stream or sequence, estimated.measures))
         self._words(row, condition)

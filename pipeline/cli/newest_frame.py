@@ -33,6 +33,7 @@ class NewestFrame(threading.Thread):
     Attributes:
         lost: whether the device delivers nothing.
         problem: why the last frame must not be measured; empty where it may be.
+        codec: of the stream, by FFmpeg's name; empty for a camera of this computer, whose codec is not known.
 
     Raises:
         InputError: the device cannot be opened.
@@ -47,6 +48,10 @@ class NewestFrame(threading.Thread):
         self.lost, self.problem = False, ""
         self._stated: set[str] = set()
         self._capture = self._open()
+
+    @property
+    def codec(self) -> str:
+        return self._capture.codec
 
     def newest(self, shown: int) -> tuple[int, NDArray[np.float32] | None]:
         """Number of the newest frame that may be measured, counted from 1, and its grey levels.
@@ -108,6 +113,8 @@ class NewestFrame(threading.Thread):
 class _Camera:
     """A camera of this computer. OpenCV reads."""
 
+    codec = ""
+
     def __init__(self, index: int, name: str) -> None:
         import cv2
 
@@ -136,7 +143,7 @@ class _Stream:
             self._decoder = Decoder(address, timeout_s=STREAM_TIMEOUT_S, threads=0)
         except BadVideo as error:
             raise InputError(f"{name}: cannot be opened: {error.reason}; check the address") from None
-        self._remark = remark
+        self._remark, self.codec = remark, self._decoder.codec
 
     def read(self) -> tuple[Levels | None, str] | None:
         """The next frame, or why it must not be measured; None where the stream delivers nothing."""

@@ -56,7 +56,7 @@ def command(
     from pipeline.cli.health_rows import number
     from pipeline.cli.outputs import OutputFolder, RowFile, refuse_foreign_file, refuse_input
     from pipeline.cli.overlay import noise_overlay
-    from pipeline.cli.pictures import expand, least_side_px, readable, result_stem
+    from pipeline.cli.pictures import codec_of, expand, least_side_px, readable, result_stem
     from pipeline.cli.set_aside import SetAside
     from pipeline.condition import noise_of_frame
     from pipeline.errors import InputError, printable
@@ -83,7 +83,7 @@ def command(
             try:
                 if image is None:
                     raise InputError(problem)
-                state = noise_of_frame(method, image, tile_px, most_tiles)
+                state = noise_of_frame(method, image, tile_px, most_tiles, codec_of(name))
             except InputError as error:
                 set_aside.add(name, error)
                 continue

@@ -37,12 +37,14 @@ class SourceFrame:
         image: (H, W) float32 in [0, 1], or None.
         problem: why there is no picture; empty where nothing has come.
         signal_lost: whether it is the source itself that delivers nothing.
+        codec: of the video or stream, by FFmpeg's name; empty for a camera of this computer and for a picture.
     """
 
     name: str
     image: NDArray[np.float32] | None
     problem: str = ""
     signal_lost: bool = False
+    codec: str = ""
 
 
 def open_source(source: str, rate: float, *, wait: bool, stop: threading.Event) -> Iterator[SourceFrame]:
@@ -101,7 +103,7 @@ def _newest_frames(reader: NewestFrame, name: str, rate: float, stop: threading.
         count, image = reader.newest(shown)
         if image is not None:
             shown, lost = count, False
-            yield SourceFrame(f"{name}#{number}", image)
+            yield SourceFrame(f"{name}#{number}", image, codec=reader.codec)
             number += 1
         elif reader.lost and not lost:
             lost = True
@@ -117,12 +119,12 @@ def _newest_frames(reader: NewestFrame, name: str, rate: float, stop: threading.
 
 def every_frame(path: Path, stop: threading.Event) -> Iterator[SourceFrame]:
     """Every frame of a video as fast as it is analysed; damage is reported at the end."""
-    from pipeline.cli.pictures import readable
+    from pipeline.cli.pictures import codec_of, readable
 
     for name, image, problem in readable([path], least_px=1):  # `watch` knows how large pictures must be
         if stop.is_set():
             return
-        yield SourceFrame(name, image, problem)
+        yield SourceFrame(name, image, problem, codec=codec_of(name))
 
 
 def played_video(path: Path, rate: float, stop: threading.Event) -> Iterator[SourceFrame]:
@@ -133,7 +135,7 @@ def played_video(path: Path, rate: float, stop: threading.Event) -> Iterator[Sou
         rate: most frames per second.
         stop: ends it.
     """
-    from pipeline.cli.pictures import video_remarks
+    from pipeline.cli.pictures import codec_of, video_remarks
     from pipeline.datasets.video import read_video
 
     pace = _Pace(rate)
@@ -142,7 +144,8 @@ def played_video(path: Path, rate: float, stop: threading.Event) -> Iterator[Sou
             for number, image in frames:
                 if stop.wait(pace.early_s(number)):
                     return
-                yield SourceFrame(f"{path}#{number}", image)
+                name = f"{path}#{number}"
+                yield SourceFrame(name, image, codec=codec_of(name))
                 pace.shown()
         except InputError as error:
             yield SourceFrame(str(path), None, str(error))

@@ -28,6 +28,7 @@ from pipeline.condition.grey_frame import grey_frame
 from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area, shifted
 from pipeline.condition.structure import STRUCTURELESS, structureless
 from pipeline.condition.summary import Summary, at_most_dn, summarise, summarise_noise, unsharp, with_upper_end
+from pipeline.condition.video_codecs import may_hide, withheld
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError
@@ -219,11 +220,13 @@ class ConditionMonitor:
             self.blur_estimator = uncalibrated.calibrated(patches)
         self._calibrated = (self.blur_estimator, uncalibrated)
 
-    def frame(self, image: NDArray[np.floating]) -> Condition:
+    def frame(self, image: NDArray[np.floating], codec: str = "") -> Condition:
         """The condition of one frame; bars beside the picture are left out (`pipeline.condition.picture_area`).
 
         Args:
             image: (H, W) float in [0, 1], grey levels as the camera encoded them (not linear light).
+            codec: of the video that it is a frame of, by FFmpeg's name, where that is known, e.g. ``"hevc"``; of some,
+                weak noise is not estimated (`pipeline.condition.video_codecs`).
 
         Returns:
             the condition; blur abstains with a frame smaller than 192 px.
@@ -238,7 +241,7 @@ class ConditionMonitor:
         squares = shifted(frame_tiles(shape, PATCH_PX, self.most_patches), area) if large_enough else []
         small = shifted(frame_tiles(shape, self.tile_px, self.most_tiles), area)
         blurred = self._blur(cut(picture, squares), squares)
-        return Condition(blurred, _noise(self.noise_estimator, cut(picture, small), small, picture))
+        return Condition(blurred, _noise(self.noise_estimator, cut(picture, small), small, picture, codec))
 
     def patches(self, patches: NDArray[np.floating]) -> Condition:
         """The condition of a set of patches, say of all objects in a frame.
@@ -266,7 +269,11 @@ class ConditionMonitor:
 
 
 def noise_of_frame(
-    estimator: NoiseEstimator, image: NDArray[np.floating], tile_px: int = TILE_PX, most_tiles: int = MOST_TILES
+    estimator: NoiseEstimator,
+    image: NDArray[np.floating],
+    tile_px: int = TILE_PX,
+    most_tiles: int = MOST_TILES,
+    codec: str = "",
 ) -> NoiseState:
     """The noise of one frame alone, as `ConditionMonitor.frame` has it.
 
@@ -275,6 +282,7 @@ def noise_of_frame(
         image: (H, W) float in [0, 1], grey levels as the camera encoded them.
         tile_px: side of the tiles; smaller frames get one tile of their smaller side.
         most_tiles: of them.
+        codec: see `ConditionMonitor.frame`.
 
     Returns:
         the noise over the tiles inside bars beside the picture.
@@ -285,7 +293,7 @@ def noise_of_frame(
     picture = grey_frame(image)
     area = _area(picture, estimator)
     squares = shifted(frame_tiles(picture[area].shape, tile_px, most_tiles), area)
-    return _noise(estimator, cut(picture, squares), squares, picture)
+    return _noise(estimator, cut(picture, squares), squares, picture, codec)
 
 
 def _noise(
@@ -293,6 +301,7 @@ def _noise(
     stack: NDArray[np.float32],
     squares: Sequence[Patch],
     picture: NDArray[np.float32] | None,
+    codec: str = "",
 ) -> NoiseState:
     """The noise of squares (N, 1, h, w) of a frame, or of patches without one."""
     start = time.perf_counter()
@@ -310,7 +319,11 @@ def _noise(
     coarse_dn = np.nan
     if picture is not None:
         coarse_dn = most_coarse_noise_dn(stack[~np.isin(result.reason, (FLAT, SATURATED, COVERED_REASON))])
-    summary = with_upper_end(summarise_noise(result), coarse_dn)
+    summary = summarise_noise(result)
+    if may_hide(codec, float(summary.value)):
+        result = withheld(result)
+        summary = summarise_noise(result)
+    summary = with_upper_end(summary, coarse_dn)
     if np.isnan(summary.value):
         whole = np.full_like(whole, np.nan)
     return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary, coarse_dn))

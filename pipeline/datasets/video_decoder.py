@@ -68,6 +68,7 @@ class Decoder:
         messages: errors that the decoder has reported since the caller last cleared the list.
         declared: number of frames that the file states, or duration times rate where it states none; 0 if unknown.
         per_second: frames per second; 0 if unknown.
+        codec: FFmpeg's name of it, e.g. ``"hevc"``.
         torn: whether the file ends within the data of the frame read last; known of codecs without prediction, as
             Motion JPEG, in containers that state how long the data are.
 
@@ -98,6 +99,7 @@ class Decoder:
         self._codec.thread_count = threads
         self._packets: Iterator[Any] = self._container.demux(stream)
         self._frames: deque[Frame] = deque()
+        self.codec = str(self._codec.codec.canonical_name)
         self._each_alone = bool(self._codec.codec.intra_only)
         self.torn = False
         self._began_s = float((stream.start_time or 0) * stream.time_base) if stream.time_base else 0.0

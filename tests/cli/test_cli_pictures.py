@@ -17,7 +17,7 @@ from data_makers import picture
 from PIL import Image, features
 
 from pipeline.cli import main
-from pipeline.cli.pictures import TURNED, expand, natural_order, read
+from pipeline.cli.pictures import TURNED, codec_of, expand, natural_order, read
 from pipeline.cli.watch_sources import filling_folder
 
 
@@ -235,3 +235,25 @@ def test_watch_points_turned_pictures_out(tmp_path: Path) -> None:
     file = save(tmp_path / "in/a.jpg", 3)
     done = call("watch", tmp_path / "in", "--idle-stop", 0.5, "--noise", "pca")
     assert f"warning: {file}: stored turned" in done.stderr and '"event": "frame"' in done.stdout
+
+
+@pytest.mark.parametrize(("encoder", "name"), [("libx265", "hevc"), ("libx264", "h264")])
+def test_the_codec_of_a_video_decides_whether_weak_noise_is_estimated(tmp_path: Path, encoder: str, name: str) -> None:
+    path = tmp_path / "drive#1.mp4"
+    with av.open(str(path), "w") as container:
+        track = container.add_stream(encoder, rate=25, options={"crf": "28", "x265-params": "log-level=none"})
+        track.width, track.height, track.pix_fmt = 448, 320, "yuv420p"
+        for _ in range(2):
+            frame = av.VideoFrame.from_ndarray(picture("codec"), format="gray").reformat(format="yuv420p")
+            container.mux(track.encode(frame))
+        container.mux(track.encode())
+    assert codec_of(f"{path}#1") == name
+    assert codec_of(str(path)) == codec_of(str(tmp_path / "a.png")) == ""
+    bounds = []
+    for command in (("noise",), ("health", "--no-trend", "--jsonl"), ("watch", "--no-wait", "--frames", "1")):
+        done = call(command[0], path, *command[1:])
+        assert done.exit_code == 0, done.output
+        text = done.stdout.splitlines()[1 if command[0] != "health" else 0]
+        bounds.append(float(text.split()[1]) if command[0] == "noise" else json.loads(text)["sigma_at_most_dn"])
+    assert max(bounds) - min(bounds) < 0.01
+    assert (bounds[0] >= 6.0) == (name == "hevc")

@@ -1,0 +1,74 @@
+"""Codecs that hide weak noise: no answer and a bound that allows for it; strong noise and other codecs as before."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from data_makers import picture
+
+from benchmarks.video_codecs import CODECS, shots
+from pipeline.condition import ConditionMonitor, noise_of_frame
+from pipeline.condition.video_codecs import HIDDEN_DN, may_hide, withheld
+from pipeline.noise.base import COMPRESSED, NoiseEstimate
+
+
+def tiles(*sigmas_dn: float) -> NoiseEstimate:
+    """Answers; the last tile is uncertain and has no bound, the one before is compressed."""
+    nan, count = np.nan, len(sigmas_dn)
+    sigma = np.array([*sigmas_dn, nan, nan])
+    reason = np.array(["", *[""] * (count - 1), COMPRESSED, "uncertain"], object)
+    most = np.array([*(1.2 * np.array(sigmas_dn)), 8.0, nan])
+    return NoiseEstimate(sigma, 0.8 * sigma, 1.2 * sigma, reason != "", reason, sigma.copy(), sigma * 0, most)
+
+
+@pytest.mark.parametrize("codec", ["hevc", "vp9", "av1"])
+def test_weak_and_unknown_noise_may_be_hidden(codec):
+    assert may_hide(codec, 2.0) and may_hide(codec, np.nan)
+    assert not may_hide(codec, HIDDEN_DN)
+
+
+@pytest.mark.parametrize("codec", ["", "h264", "mjpeg", "mpeg4"])
+def test_other_codecs_are_known_by_their_traces(codec):
+    assert not may_hide(codec, 0.0)
+
+
+def test_withheld_answers_have_a_bound_with_what_may_be_removed():
+    before = tiles(0.5, 2.0, 7.0)
+    after = withheld(before)
+    assert after.abstained.all() and after.reason.tolist() == [COMPRESSED] * 4 + ["uncertain"]
+    for values in (after.sigma_dn, after.low_dn, after.high_dn, after.white_sigma_dn, after.correlation):
+        assert np.isnan(values).all()
+    assert np.allclose(after.at_most_dn, np.sqrt(before.at_most_dn**2 + HIDDEN_DN**2), equal_nan=True)
+    assert before.sigma_dn[0] == 0.5
+
+
+def test_an_estimator_without_bounds_and_parts_has_none_behind_a_codec():
+    bare = tiles(1.0)
+    after = withheld(NoiseEstimate(bare.sigma_dn, bare.low_dn, bare.high_dn, bare.abstained, bare.reason))
+    assert after.at_most_dn is None and after.white_sigma_dn is None and after.correlation is None
+
+
+STRONG_HEVC = next(codec for codec in CODECS if codec.name == "hevc" and codec.factor == 33)
+
+
+def coded(sigma_dn: float) -> tuple[np.ndarray, float]:
+    """The last frame of a HEVC video, as grey levels in [0, 1], and what differs from one of another noise, DN."""
+    taken = shots(picture("hevc", 384, 256), STRONG_HEVC, sigma_dn, "test").astype(np.float32)
+    return taken[0] / np.float32(255), float((taken[0] - taken[1]).std() / 2**0.5)
+
+
+def test_behind_hevc_noise_of_8_dn_is_read_too_low_unless_the_codec_is_known():
+    monitor, (frame, left) = ConditionMonitor(), coded(8.0)
+    assert left > 4
+    unknown, known = monitor.frame(frame).noise, monitor.frame(frame, "hevc").noise
+    assert unknown.summary.high < 0.5 * left
+    assert np.isnan(known.summary.value) and known.at_most_dn > left and np.isnan(known.map_dn).all()
+    again = noise_of_frame(monitor.noise_estimator, frame, codec="hevc")
+    assert again.at_most_dn == known.at_most_dn
+
+
+def test_behind_hevc_noise_of_25_dn_is_read():
+    monitor, (frame, left) = ConditionMonitor(), coded(25.0)
+    known = monitor.frame(frame, "hevc").noise
+    assert known.summary.value == monitor.frame(frame).noise.summary.value > HIDDEN_DN
+    assert known.summary.value == pytest.approx(left, rel=0.2)
