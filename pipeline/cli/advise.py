@@ -11,6 +11,7 @@ import click
 
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange
+from pipeline.cli.video_codec import codec_of, codec_option
 from pipeline.errors import InputError, printable
 
 if TYPE_CHECKING:
@@ -30,10 +31,12 @@ if TYPE_CHECKING:
     "--iso-max", default=3200.0, show_default=True, type=FiniteRange(100, 1_000_000), help="highest ISO allowed"
 )
 @click.option("--camera", "camera_name", help="of which blur is calibrated, as camera-monitor calibrate stored it")
+@codec_option
 @click.option("--surface", type=GivenPath(), help="of average precision; by default data/control_surface/all.npz")
 def command(
     paths: tuple[Path, ...], exposure: str | None, iso: float | None, speed: float | None, sensor: str,
-    exposure_max: str, iso_max: float, camera_name: str | None, surface: Path | None,
+    exposure_max: str, iso_max: float, camera_name: str | None, codec: str | None,
+    surface: Path | None,
 ) -> None:  # fmt: skip
     """Advise exposure time and gain for PATHS: pictures, videos, or folders of them.
 
@@ -54,7 +57,7 @@ def command(
     from pipeline.camera.exposure import Camera
     from pipeline.cli import camera_store
     from pipeline.cli.frame_analysis import find_surface, system_mtf
-    from pipeline.cli.pictures import codec_of, expand, least_side_px, readable
+    from pipeline.cli.pictures import expand, least_side_px, readable
     from pipeline.cli.set_aside import SetAside
     from pipeline.cli.shot_settings import seconds
     from pipeline.condition import ConditionMonitor
@@ -94,7 +97,7 @@ def command(
             try:
                 if image is None:
                     raise InputError(problem)
-                condition = monitor.frame(image, codec_of(name))
+                condition = monitor.frame(image, codec_of(name, codec))
                 if sharp_px is not None and image.shape != sharp_px:
                     reason = camera_store.of_other_size(printable(name), image.shape, [sharp_px])
                     click.echo(f"warning: {reason}", err=True)

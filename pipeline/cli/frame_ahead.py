@@ -58,7 +58,7 @@ def estimated_ahead(
 
 
 def _estimate(analysis: FrameAnalysis, name: str, image: NDArray[np.float32] | None, problem: str) -> Estimated:
-    from pipeline.cli.pictures import codec_of
+    from pipeline.cli.video_codec import codec_of
 
     if image is None:
         raise InputError(problem)

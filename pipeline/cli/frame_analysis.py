@@ -114,6 +114,7 @@ class FrameAnalysis:
         settings: of the frames.
         relative: whether the monitor's MTF is relative to sharp frames.
         reference_frames: of the trend; None for no trend.
+        codec: of frames of which it is not known otherwise (`pipeline.cli.video_codec`); empty for none.
 
     Attributes:
         trend_alarms: those that began, as rows.
@@ -128,12 +129,14 @@ class FrameAnalysis:
         *,
         relative: bool = False,
         reference_frames: int | None = None,
+        codec: str = "",
     ) -> None:
         from pipeline.condition.frame_flags import FrameInspector
         from pipeline.condition.trend import ConditionTrend
 
         self.monitor, self.thresholds, self.performance = monitor, thresholds, performance
         self.settings, self.relative, self.reference_frames = settings or Settings(), relative, reference_frames
+        self.codec = codec
         self.trend_alarms: list[dict[str, Any]] = []
         self._inspector = FrameInspector()
         if reference_frames is not None:
@@ -153,7 +156,7 @@ class FrameAnalysis:
         """
         from pipeline.condition.frame_flags import measure
 
-        return Estimated(self.monitor.frame(image, codec), measure(image))
+        return Estimated(self.monitor.frame(image, codec or self.codec), measure(image))
 
     def analyse(
         self,

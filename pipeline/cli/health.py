@@ -14,6 +14,7 @@ from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.health_options import HealthOptions
 from pipeline.cli.held_signals import held
 from pipeline.cli.numbers import FiniteRange, Mtf50Limit
+from pipeline.cli.video_codec import codec_option
 from pipeline.errors import printable
 
 if TYPE_CHECKING:
@@ -67,6 +68,7 @@ ALARM = 3  # exit code
     "--generic-lens", is_flag=True,
     help="without --sharp: MTF relative to a generic lens instead of the system's (estimator spectral)",
 )  # fmt: skip
+@codec_option
 @click.option("--camera", "camera_name", help="blur relative to this camera, as camera-monitor calibrate stored it")
 @click.option("--json", "as_json", is_flag=True, help="print the whole run as one JSON object instead of the table")
 @click.option("--jsonl", "as_lines", is_flag=True, help="print one JSON object per frame, as it comes, instead of it")
@@ -178,7 +180,10 @@ def _analysis(options: HealthOptions, monitor: ConditionMonitor, performance: Pe
     thresholds = Thresholds(options.alarm_sigma_dn, options.alarm_mtf50, options.alarm_flags)
     reference = None if options.no_trend else options.reference_frames
     settings, relative = Settings(options.exposure, options.iso), bool(options.relative_to)
-    return FrameAnalysis(monitor, thresholds, performance, settings, relative=relative, reference_frames=reference)
+    return FrameAnalysis(
+        monitor, thresholds, performance, settings, relative=relative, reference_frames=reference,
+        codec=options.codec or "",
+    )  # fmt: skip
 
 
 def _analyse(

@@ -33,6 +33,7 @@ class HealthOptions:
     calibrate_estimator: bool
     generic_lens: bool
     camera_name: str | None
+    codec: str | None
     as_json: bool
     as_lines: bool
     alarm_sigma_dn: float | None
@@ -105,6 +106,7 @@ class HealthOptions:
             "version": version(), "blur_estimator": self.estimator, "noise_estimator": self.noise_name,
             "sharp": [printable(file) for file in self.sharp_files],
             "relative": bool(self.relative_to), "relative_to": self.relative_to, "camera": self.camera_name,
+            "codec": self.codec or "",
             "thresholds": {"sigma_dn": self.alarm_sigma_dn, "mtf50": self.alarm_mtf50, "flags": self.alarm_flags},
             "weights_released": {}, "weights_sha256": {},
         }  # fmt: skip

@@ -10,6 +10,7 @@ import click
 from pipeline.cli.frame_samples import tiles_option
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.held_signals import held
+from pipeline.cli.video_codec import codec_of, codec_option
 
 COLUMNS = (
     "picture", "x_px", "y_px", "size_px", "sigma_dn", "sigma_at_most_dn", "abstained", "reason", "frame_sigma_dn",
@@ -37,9 +38,10 @@ COLUMNS = (
     "--map", "maps", type=GivenPath(),
     help="folder for pictures with the tiles' noise drawn in; those of the last run there go",
 )  # fmt: skip
+@codec_option
 def command(
     paths: tuple[Path, ...], estimator: str, tile_px: int, most_tiles: int, every: int, table: Path | None,
-    maps: Path | None,
+    maps: Path | None, codec: str | None,
 ) -> None:  # fmt: skip
     """Estimate the noise of PATHS: pictures, videos, or folders of them.
 
@@ -56,7 +58,7 @@ def command(
     from pipeline.cli.health_rows import number
     from pipeline.cli.outputs import OutputFolder, RowFile, refuse_foreign_file, refuse_input
     from pipeline.cli.overlay import noise_overlay
-    from pipeline.cli.pictures import codec_of, expand, least_side_px, readable, result_stem
+    from pipeline.cli.pictures import expand, least_side_px, readable, result_stem
     from pipeline.cli.set_aside import SetAside
     from pipeline.condition import noise_of_frame
     from pipeline.errors import InputError, printable
@@ -83,7 +85,7 @@ def command(
             try:
                 if image is None:
                     raise InputError(problem)
-                state = noise_of_frame(method, image, tile_px, most_tiles, codec_of(name))
+                state = noise_of_frame(method, image, tile_px, most_tiles, codec_of(name, codec))
             except InputError as error:
                 set_aside.add(name, error)
                 continue

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 import stat
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -319,20 +317,6 @@ def result_stem(name: str) -> str:
 def stream_of(name: str) -> str:
     """The video that a frame is of: ``dir/drive.mp4`` for ``dir/drive.mp4#12``; empty for a picture."""
     return "" if result_stem(name) == Path(name).name else name.rpartition("#")[0]
-
-
-def codec_of(name: str) -> str:
-    """The codec, by FFmpeg's name, of the video that a frame is of (`stream_of`); empty for a picture."""
-    file = stream_of(name)
-    return _codec_of_video(Path(file)) if file else ""
-
-
-@lru_cache(maxsize=16)
-def _codec_of_video(path: Path) -> str:
-    from pipeline.datasets.video_decoder import Decoder
-
-    with contextlib.closing(Decoder(path)) as decoder:
-        return decoder.codec
 
 
 def named(name: str, error: Exception) -> str:

@@ -19,6 +19,7 @@ import click
 from pipeline.cli.frame_samples import patches_option, tiles_option
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange, Mtf50Limit
+from pipeline.cli.video_codec import codec_option
 from pipeline.signals import handled
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ STATED = (
 @click.option("--blur", "blur_name", default="spectral", show_default=True, help="blur estimator")
 @click.option("--noise", "noise_name", default="adaptive", show_default=True, help="noise estimator")
 @click.option("--camera", "camera_name", help="blur relative to this camera, as camera-monitor calibrate stored it")
+@codec_option
 @tiles_option
 @patches_option
 @click.option("--rate", default=10.0, show_default=True, type=FiniteRange(0.01, 1000), help="most frames per second")
@@ -57,7 +59,7 @@ STATED = (
 )  # fmt: skip
 @click.option("--surface", type=GivenPath(), help="measured average precision, as for health")
 def command(
-    source: str, blur_name: str, noise_name: str, camera_name: str | None, most_tiles: int, most_patches: int,
+    source: str, blur_name: str, noise_name: str, camera_name: str | None, codec: str | None, most_tiles: int, most_patches: int,
     rate: float, no_wait: bool, frames: int | None, idle_stop: float | None, window: int,
     alarm_sigma_dn: float | None, alarm_mtf50: float | None, alarm_flags: bool,
     reference_frames: int, surface: Path | None,
@@ -101,7 +103,12 @@ def command(
         if camera is not None:
             camera_store.apply(camera, monitor)
         analysis = FrameAnalysis(
-            monitor, thresholds, performance, relative=camera is not None, reference_frames=reference_frames
+            monitor,
+            thresholds,
+            performance,
+            relative=camera is not None,
+            reference_frames=reference_frames,
+            codec=codec or "",
         )
         sharp_px = None if camera is None else camera.size_px
         watch = _Watch(source, analysis, window, sharp_px, least_side_px(monitor.noise_estimator))

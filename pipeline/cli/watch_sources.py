@@ -119,7 +119,8 @@ def _newest_frames(reader: NewestFrame, name: str, rate: float, stop: threading.
 
 def every_frame(path: Path, stop: threading.Event) -> Iterator[SourceFrame]:
     """Every frame of a video as fast as it is analysed; damage is reported at the end."""
-    from pipeline.cli.pictures import codec_of, readable
+    from pipeline.cli.pictures import readable
+    from pipeline.cli.video_codec import codec_of
 
     for name, image, problem in readable([path], least_px=1):  # `watch` knows how large pictures must be
         if stop.is_set():
@@ -135,7 +136,8 @@ def played_video(path: Path, rate: float, stop: threading.Event) -> Iterator[Sou
         rate: most frames per second.
         stop: ends it.
     """
-    from pipeline.cli.pictures import codec_of, video_remarks
+    from pipeline.cli.pictures import video_remarks
+    from pipeline.cli.video_codec import codec_of
     from pipeline.datasets.video import read_video
 
     pace = _Pace(rate)

@@ -17,8 +17,10 @@ from data_makers import picture
 from PIL import Image, features
 
 from pipeline.cli import main
-from pipeline.cli.pictures import TURNED, codec_of, expand, natural_order, read
+from pipeline.cli.pictures import TURNED, expand, natural_order, read
+from pipeline.cli.video_codec import NAMED, codec_of
 from pipeline.cli.watch_sources import filling_folder
+from pipeline.condition.video_codecs import HIDING
 
 
 def call(*arguments: object) -> Result:
@@ -257,3 +259,19 @@ def test_the_codec_of_a_video_decides_whether_weak_noise_is_estimated(tmp_path: 
         bounds.append(float(text.split()[1]) if command[0] == "noise" else json.loads(text)["sigma_at_most_dn"])
     assert max(bounds) - min(bounds) < 0.01
     assert (bounds[0] >= 6.0) == (name == "hevc")
+
+
+def test_the_codec_of_pictures_taken_out_of_a_video_can_be_given(tmp_path: Path) -> None:
+    save(tmp_path / "a.png")
+    assert codec_of(str(tmp_path / "a.png"), "hevc") == "hevc"
+    assert set(NAMED) == HIDING
+    for command in (("noise",), ("health", "--no-trend", "--jsonl"), ("watch", "--no-wait", "--frames", "1")):
+        source = tmp_path if command[0] == "watch" else tmp_path / "a.png"
+        bounds = []
+        for codec in ((), ("--codec", "hevc")):
+            done = call(command[0], source, *command[1:], *codec)
+            assert done.exit_code == 0, done.output
+            text = done.stdout.splitlines()[1 if command[0] != "health" else 0]
+            bounds.append(float(text.split()[1]) if command[0] == "noise" else json.loads(text)["sigma_at_most_dn"])
+        assert bounds[0] < 6 <= bounds[1]
+    assert call("noise", tmp_path / "a.png", "--codec", "h264").exit_code == 2
