@@ -59,8 +59,8 @@ STATED = (
 )  # fmt: skip
 @click.option("--surface", type=GivenPath(), help="measured average precision, as for health")
 def command(
-    source: str, blur_name: str, noise_name: str, camera_name: str | None, codec: str | None, most_tiles: int, most_patches: int,
-    rate: float, no_wait: bool, frames: int | None, idle_stop: float | None, window: int,
+    source: str, blur_name: str, noise_name: str, camera_name: str | None, codec: str | None,
+    most_tiles: int, most_patches: int, rate: float, no_wait: bool, frames: int | None, idle_stop: float | None, window: int,
     alarm_sigma_dn: float | None, alarm_mtf50: float | None, alarm_flags: bool,
     reference_frames: int, surface: Path | None,
 ) -> None:  # fmt: skip
@@ -103,13 +103,9 @@ def command(
         if camera is not None:
             camera_store.apply(camera, monitor)
         analysis = FrameAnalysis(
-            monitor,
-            thresholds,
-            performance,
-            relative=camera is not None,
-            reference_frames=reference_frames,
+            monitor, thresholds, performance, relative=camera is not None, reference_frames=reference_frames,
             codec=codec or "",
-        )
+        )  # fmt: skip
         sharp_px = None if camera is None else camera.size_px
         watch = _Watch(source, analysis, window, sharp_px, least_side_px(monitor.noise_estimator))
         watch.emit(
