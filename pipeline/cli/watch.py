@@ -60,8 +60,8 @@ STATED = (
 @click.option("--surface", type=GivenPath(), help="measured average precision, as for health")
 def command(
     source: str, blur_name: str, noise_name: str, camera_name: str | None, codec: str | None,
-    most_tiles: int, most_patches: int, rate: float, no_wait: bool, frames: int | None, idle_stop: float | None, window: int,
-    alarm_sigma_dn: float | None, alarm_mtf50: float | None, alarm_flags: bool,
+    most_tiles: int, most_patches: int, rate: float, no_wait: bool, frames: int | None,
+    idle_stop: float | None, window: int, alarm_sigma_dn: float | None, alarm_mtf50: float | None, alarm_flags: bool,
     reference_frames: int, surface: Path | None,
 ) -> None:  # fmt: skip
     """Watch SOURCE: a camera index, an address (rtsp://...), a video file played as a stream, or a folder that fills.
