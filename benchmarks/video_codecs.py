@@ -119,9 +119,12 @@ def measure(dataset: Dataset, frames: int) -> pd.DataFrame:
             for sigma_dn in SIGMAS_DN:
                 taken = shots(grey, codec, sigma_dn, dataset.name, frame.name)
                 image = taken[0].astype(np.float32) / np.float32(255)
-                for known, name in (("unknown", ""), ("named", codec.name)):
-                    state = noise_of_frame(estimator, image, codec=name)
-                    truth = float(np.median(coded_noise.true_dn(taken, state.patches)))
+                states = {
+                    known: noise_of_frame(estimator, image, codec=name)
+                    for known, name in (("unknown", ""), ("named", codec.name))
+                }
+                truth = float(np.median(coded_noise.true_dn(taken, states["named"].patches)))
+                for known, state in states.items():
                     value = float(state.summary.value)
                     rows.append(
                         {"codec": f"{codec.name} {codec.factor}", "added_dn": sigma_dn, "as": known, "true_dn": truth}

@@ -83,8 +83,8 @@ def command(
     monitor = ConditionMonitor()
     if stored is not None:
         camera_store.apply(stored, monitor)
-        if stored.unsharp:
-            click.echo(f"warning: {stored.doubt()}", err=True)
+        if doubt := stored.doubt():
+            click.echo(f"warning: {doubt}", err=True)
     hinted, set_aside = Counter[int](), SetAside()
     sharp_px = None if stored is None else stored.size_px
     for path in files:

@@ -168,8 +168,8 @@ def _monitor(options: HealthOptions, about: dict[str, Any]) -> tuple[ConditionMo
     if options.camera is None:
         return monitor, set()
     camera_store.apply(options.camera, monitor)
-    if options.camera.unsharp:
-        click.echo(f"warning: {options.camera.doubt()}", err=True)
+    if doubt := options.camera.doubt():
+        click.echo(f"warning: {doubt}", err=True)
     return monitor, set() if options.camera.size_px is None else {options.camera.size_px}
 
 

@@ -206,36 +206,41 @@ def _orientation(path: Path) -> int:
     return stored if isinstance(stored, int) and 2 <= stored <= 8 else 0
 
 
-def _hint_turned(name: str, turn: str, hinted: Counter[int]) -> None:
+def _echo_once(line: str, key: int, hinted: Counter[int]) -> None:
+    """Count under a key; a line on standard error for the first."""
     import click
 
-    hinted[TURNED] += 1
-    if hinted[TURNED] == 1:
-        click.echo(
-            f"warning: {printable(name)}: stored turned or mirrored ({turn}); horizontal, vertical and positions are "
-            "those of the stored pixels, in every such picture or video",
-            err=True,
-        )
+    hinted[key] += 1
+    if hinted[key] == 1:
+        click.echo(line, err=True)
+
+
+def _hint_turned(name: str, turn: str, hinted: Counter[int]) -> None:
+    line = (
+        f"warning: {printable(name)}: stored turned or mirrored ({turn}); horizontal, vertical and positions are "
+        "those of the stored pixels, in every such picture or video"
+    )
+    _echo_once(line, TURNED, hinted)
 
 
 def _has_transparent_pixels(path: Path) -> bool:
     """Whether a pixel of a picture with an alpha channel, which was read before, is not opaque."""
+    import warnings
+
     from PIL import Image
 
-    with Image.open(path) as opened:
-        return any(opened.convert("RGBA").getchannel("A").histogram()[:255])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Pillow's remarks on metadata and size
+        with Image.open(path) as opened:
+            return any(opened.convert("RGBA").getchannel("A").histogram()[:255])
 
 
 def _hint_transparent(path: Path, hinted: Counter[int]) -> None:
-    import click
-
-    hinted[TRANSPARENT] += 1
-    if hinted[TRANSPARENT] == 1:
-        click.echo(
-            f"warning: {printable(path)}: has transparent pixels; the colours stored beneath them are measured, in "
-            "every such picture",
-            err=True,
-        )
+    line = (
+        f"warning: {printable(path)}: has transparent pixels; the colours stored beneath them are measured, in "
+        "every such picture"
+    )
+    _echo_once(line, TRANSPARENT, hinted)
 
 
 def video_remarks(name: str, hinted: Counter[int]) -> Callable[[str, str], None]:
@@ -270,18 +275,12 @@ def _warn_of_curve(name: str, curve: str) -> None:
 
 
 def _hint(path: Path, bits: int, hinted: Counter[int]) -> None:
-    import click
-
-    hinted[bits] += 1
-    if hinted[bits] > 1:
-        return
-    factor = 1 << 16 - bits
-    click.echo(
+    line = (
         f"hint: {printable(path)}: all values are below {1 << bits}, it looks like {bits}-bit values in a 16-bit file; "
         "read as 16 bit. This is a guess: unless the picture is that dark, multiply its values by "
-        f"{factor} and store it again",
-        err=True,
+        f"{1 << 16 - bits} and store it again"
     )
+    _echo_once(line, bits, hinted)
 
 
 def readable(

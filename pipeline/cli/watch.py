@@ -112,8 +112,8 @@ def command(
             "start", source=source, version=version(), blur_estimator=blur_name, noise_estimator=noise_name,
             weights_released=monitor.weights_released, weights_sha256=hashes, camera=camera_name,
         )  # fmt: skip
-        if camera is not None and camera.unsharp:
-            watch.emit("warning", reason=camera.doubt())
+        if camera is not None and (doubt := camera.doubt()):
+            watch.emit("warning", reason=doubt)
         reason = watch.run(came, frames, idle_stop) if not stop.is_set() else "signal"
         reason = "signal" if stop.is_set() else reason
         stop.set()

@@ -28,11 +28,11 @@ from pipeline.condition.grey_frame import grey_frame
 from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area, shifted
 from pipeline.condition.structure import STRUCTURELESS, structureless
 from pipeline.condition.summary import Summary, at_most_dn, summarise, summarise_noise, unsharp, with_upper_end
-from pipeline.condition.video_codecs import may_hide, withheld
+from pipeline.condition.video_codecs import may_hide, with_hidden
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError
-from pipeline.noise.base import FLAT, NoiseEstimate, NoiseEstimator, smallest_patch_px
+from pipeline.noise.base import COMPRESSED, FLAT, NoiseEstimate, NoiseEstimator, smallest_patch_px
 from pipeline.noise.maps import CellEstimator, pasted
 
 Estimate = TypeVar("Estimate", BlurEstimate, NoiseEstimate)
@@ -327,6 +327,13 @@ def _noise(
     if np.isnan(summary.value):
         whole = np.full_like(whole, np.nan)
     return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary, coarse_dn))
+
+
+def withheld(estimate: NoiseEstimate) -> NoiseEstimate:
+    """The estimate of a frame's tiles behind a codec that hides noise: no answers, and bounds that allow for it."""
+    masked = _without(estimate, {COMPRESSED: ~estimate.abstained})
+    most_dn = estimate.at_most_dn
+    return masked if most_dn is None else replace(masked, at_most_dn=with_hidden(most_dn))
 
 
 def _whole_cover(frame: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -11,8 +11,7 @@ as less than `HIDDEN_DN`, has no answer, and a bound to which what the codec may
 from __future__ import annotations
 
 import numpy as np
-
-from pipeline.noise.base import COMPRESSED, NoiseEstimate
+from numpy.typing import NDArray
 
 HIDING = frozenset({"hevc", "vp9", "av1"})
 """Names of the codecs, as FFmpeg has them."""
@@ -32,13 +31,6 @@ def may_hide(codec: str, frame_dn: float) -> bool:
     return codec in HIDING and not frame_dn >= HIDDEN_DN
 
 
-def withheld(estimate: NoiseEstimate) -> NoiseEstimate:
-    """The estimate of a frame's tiles without answers, and with bounds that allow for what a codec may have removed."""
-    nothing = np.full(len(estimate), np.nan)
-    return NoiseEstimate(
-        nothing, nothing.copy(), nothing.copy(), np.ones(len(estimate), bool),
-        np.where(estimate.abstained, estimate.reason, COMPRESSED),
-        white_sigma_dn=None if estimate.white_sigma_dn is None else nothing.copy(),
-        correlation=None if estimate.correlation is None else nothing.copy(),
-        at_most_dn=None if estimate.at_most_dn is None else np.hypot(estimate.at_most_dn, HIDDEN_DN),
-    )  # fmt: skip
+def with_hidden(most_dn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Bounds (N,) of a frame's tiles, DN, that allow for noise that a codec may have removed."""
+    return np.hypot(most_dn, HIDDEN_DN)

@@ -8,7 +8,8 @@ from data_makers import picture
 
 from benchmarks.video_codecs import CODECS, shots
 from pipeline.condition import ConditionMonitor, noise_of_frame
-from pipeline.condition.video_codecs import HIDDEN_DN, may_hide, withheld
+from pipeline.condition.estimate import withheld
+from pipeline.condition.video_codecs import HIDDEN_DN, may_hide
 from pipeline.noise.base import COMPRESSED, NoiseEstimate
 
 
