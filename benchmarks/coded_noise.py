@@ -138,7 +138,9 @@ def behind_curve(
     return np.rint(255 * tone_curve.encode(np.clip(light, 0, 1), gamma)).astype(np.uint8)
 
 
-def shots(frame: NDArray[np.uint8], processing: Codec | str, sigma_dn: float, *key: str | float) -> NDArray[np.uint8]:
+def shots(
+    frame: NDArray[np.uint8], processing: Codec | str, sigma_dn: float, *key: str | float, count: int = SHOTS
+) -> NDArray[np.uint8]:
     """Shots of one scene as they come back from a codec or a filter.
 
     Args:
@@ -146,9 +148,10 @@ def shots(frame: NDArray[np.uint8], processing: Codec | str, sigma_dn: float, *k
         processing: the codec that stores them, one of `FILTERS`, or one of `CURVES`.
         sigma_dn: of the normal noise added before; behind a tone curve, of that over the frame.
         key: of the random stream.
+        count: C, of the shots.
 
     Returns:
-        (SHOTS, H, W), each with its own noise; grey is the mean of the colours.
+        (C, H, W), each with its own noise; grey is the mean of the colours.
     """
     generator = stream(SEED, "coded noise", *key)
 
@@ -160,11 +163,11 @@ def shots(frame: NDArray[np.uint8], processing: Codec | str, sigma_dn: float, *k
         return np.repeat(grey()[..., None], 3, axis=2)
 
     if isinstance(processing, str) and processing in CURVES:
-        return np.stack([behind_curve(frame, sigma_dn, *CURVES[processing], generator) for _ in range(SHOTS)])
+        return np.stack([behind_curve(frame, sigma_dn, *CURVES[processing], generator) for _ in range(count)])
     if isinstance(processing, str):
-        return np.stack([FILTERS[processing](grey()) for _ in range(SHOTS)])
+        return np.stack([FILTERS[processing](grey()) for _ in range(count)])
     before = FRAMES_BEFORE if processing.name in VIDEO else 0
-    stored = [store(noisy(), processing, [noisy() for _ in range(before)]) for _ in range(SHOTS)]
+    stored = [store(noisy(), processing, [noisy() for _ in range(before)]) for _ in range(count)]
     return np.stack([np.rint(picture.mean(axis=2)).astype(np.uint8) for picture in stored])
 
 

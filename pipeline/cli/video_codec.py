@@ -1,4 +1,4 @@
-"""The codec that frames were stored with: that of their video, or, of pictures taken out of one, by ``--codec``."""
+"""The codec that frames were stored with: that of their file, or, of pictures taken out of a video, by ``--codec``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from pathlib import Path
 
 import click
 
-NAMED = ("av1", "hevc", "vp9")  # those of `pipeline.condition.video_codecs.HIDING`; every command reads this module
+NAMED = ("av1", "hevc", "vp8", "vp9")
+"""Those of `pipeline.condition.video_codecs.HIDDEN_DN`, which is not imported: every command reads this module."""
+
+AVIF = (b"ftypavif", b"ftypavis")
+"""What files of pictures by AV1 have from their fifth byte on."""
 
 codec_option = click.option(
     "--codec", type=click.Choice(NAMED), default=None,
@@ -24,13 +28,23 @@ def codec_of(name: str, given: str | None = None) -> str:
         given: by the user, for pictures.
 
     Returns:
-        that of the video that it is a frame of (`pipeline.cli.pictures.stream_of`); for a picture what was given, or
-        empty.
+        that of the video that it is a frame of (`pipeline.cli.pictures.stream_of`); of an AVIF file AV1; of other
+        pictures what was given, or empty.
     """
     from pipeline.cli.pictures import stream_of
 
     file = stream_of(name)
-    return _codec_of_video(Path(file)) if file else given or ""
+    if file:
+        return _codec_of_video(Path(file))
+    return "av1" if _is_avif(Path(name)) else given or ""
+
+
+def _is_avif(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return file.read(12)[4:] in AVIF
+    except OSError:
+        return False
 
 
 @lru_cache(maxsize=16)

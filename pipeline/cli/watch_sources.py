@@ -37,7 +37,8 @@ class SourceFrame:
         image: (H, W) float32 in [0, 1], or None.
         problem: why there is no picture; empty where nothing has come.
         signal_lost: whether it is the source itself that delivers nothing.
-        codec: of the video or stream, by FFmpeg's name; empty for a camera of this computer and for a picture.
+        codec: of the video or stream, by FFmpeg's name, of a picture where it is known
+            (`pipeline.cli.video_codec.codec_of`); empty for a camera of this computer.
     """
 
     name: str
@@ -239,6 +240,7 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
 def _picture(file: Path, hinted: Counter[int]) -> SourceFrame:
     """A picture of any size (`watch` knows how large pictures must be), or why the file cannot be used."""
     from pipeline.cli.pictures import VIDEOS, read
+    from pipeline.cli.video_codec import codec_of
 
     if file.suffix.lower() in VIDEOS:
         reason = "a video; of a folder only pictures are watched: give the video as SOURCE, or to camera-monitor health"
@@ -247,7 +249,7 @@ def _picture(file: Path, hinted: Counter[int]) -> SourceFrame:
         (frame,) = read(file, hinted=hinted, least_px=1)
     except InputError as error:
         return SourceFrame(str(file), None, str(error))
-    return SourceFrame(*frame)
+    return SourceFrame(*frame, codec=codec_of(str(file)))
 
 
 def _version(file: Path) -> tuple[int, int] | None:

@@ -321,7 +321,7 @@ def _noise(
         coarse_dn = most_coarse_noise_dn(stack[~np.isin(result.reason, (FLAT, SATURATED, COVERED_REASON))])
     summary = summarise_noise(result)
     if may_hide(codec, float(summary.value)):
-        result = withheld(result)
+        result = withheld(result, codec)
         summary = summarise_noise(result)
     summary = with_upper_end(summary, coarse_dn)
     if np.isnan(summary.value):
@@ -329,11 +329,11 @@ def _noise(
     return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary, coarse_dn))
 
 
-def withheld(estimate: NoiseEstimate) -> NoiseEstimate:
+def withheld(estimate: NoiseEstimate, codec: str) -> NoiseEstimate:
     """The estimate of a frame's tiles behind a codec that hides noise: no answers, and bounds that allow for it."""
     masked = _without(estimate, {COMPRESSED: ~estimate.abstained})
     most_dn = estimate.at_most_dn
-    return masked if most_dn is None else replace(masked, at_most_dn=with_hidden(most_dn))
+    return masked if most_dn is None else replace(masked, at_most_dn=with_hidden(most_dn, codec))
 
 
 def _whole_cover(frame: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -63,6 +63,7 @@ def run(run: Run) -> None:
             "other_frames": run.project / "benchmarks/results/other_frames.json",
             "real_blur": run.project / "benchmarks/results/real_blur.json",
             "unseen_kernels": run.project / "benchmarks/results/unseen_kernels.json",
+            "video_codecs": run.project / "benchmarks/results/video_codecs.json",
         },
         absent={name: line for name, line in params.report.not_run.items() if name not in listed},
         detectors_absent={

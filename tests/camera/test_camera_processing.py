@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.camera import tone_curve
 from pipeline.camera.processing import colour, demosaic, mosaic, presets, scale, temporal_noise
-from pipeline.camera.processing.codec import CODECS, Codec, store, video
+from pipeline.camera.processing.codec import CODECS, VIDEO, Codec, store, video
 from pipeline.camera.processing.denoise import METHODS, Denoising, denoise_luma
 from pipeline.camera.processing.develop import CameraPipeline, grey
 from pipeline.camera.processing.raw_noise import RawNoise
@@ -155,18 +155,30 @@ def test_h264_gives_the_same_bytes_whatever_memory_held_before():
 def test_codecs_return_the_picture_at_their_quality(name):
     columns = np.linspace(0, 255, 96)
     picture = np.repeat(np.broadcast_to(columns, (64, 96))[..., None], 3, axis=2).astype(np.uint8)
-    quality = {"jpeg": 90, "h264": 20}.get(name, 3)
-    back = store(picture, Codec(name, quality, corner=(3, 5)), [picture] if name in ("h264", "mpeg4") else [])
+    codec = Codec(name, {"jpeg": 90, "mpeg4": 3, "mjpeg": 3}.get(name, 20), corner=(3, 5))
+    before = [picture] if name in VIDEO and name != "mjpeg" else []
+    back = store(picture, codec, before)
     assert back.shape == picture.shape
     assert np.abs(back.astype(int) - picture).mean() < 4
-    assert np.array_equal(
-        back, store(picture, Codec(name, quality, corner=(3, 5)), [picture] if name in ("h264", "mpeg4") else [])
-    )
+    assert np.array_equal(back, store(picture, codec, before))
+
+
+@pytest.mark.parametrize("name", VIDEO)
+def test_the_coarsest_quality_of_a_video_loses_most(name):
+    scene = np.clip(128 + 40 * stream(1, "scene").standard_normal((64, 96, 1)), 0, 255).astype(np.uint8)
+    picture = np.repeat(scene, 3, axis=2)
+    fine, coarse = (store(picture, Codec(name, quality), [picture]) for quality in (2, VIDEO[name].worst))
+    lost = [np.abs(back.astype(float) - picture).mean() for back in (fine, coarse)]
+    assert lost[0] < 0.5 * lost[1]
 
 
 def test_a_codec_out_of_range_is_refused():
     with pytest.raises(InputError, match="quality=101"):
         Codec("jpeg", 101)
+    with pytest.raises(InputError, match="quality=0, expected 1 to 31"):
+        Codec("mpeg4", 0)
+    with pytest.raises(InputError, match="quality=52, expected 0 to 51"):
+        Codec("hevc", 52)
     with pytest.raises(InputError, match="jpeg"):
         Codec("jpg")
 

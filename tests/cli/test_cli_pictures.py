@@ -20,7 +20,7 @@ from pipeline.cli import main
 from pipeline.cli.pictures import TURNED, expand, natural_order, read
 from pipeline.cli.video_codec import NAMED, codec_of
 from pipeline.cli.watch_sources import filling_folder
-from pipeline.condition.video_codecs import HIDING
+from pipeline.condition.video_codecs import HIDDEN_DN
 
 
 def call(*arguments: object) -> Result:
@@ -264,7 +264,7 @@ def test_the_codec_of_a_video_decides_whether_weak_noise_is_estimated(tmp_path: 
 def test_the_codec_of_pictures_taken_out_of_a_video_can_be_given(tmp_path: Path) -> None:
     save(tmp_path / "a.png")
     assert codec_of(str(tmp_path / "a.png"), "hevc") == "hevc"
-    assert set(NAMED) == HIDING
+    assert set(NAMED) == set(HIDDEN_DN)
     for command in (("noise",), ("health", "--no-trend", "--jsonl"), ("watch", "--no-wait", "--frames", "1")):
         source = tmp_path if command[0] == "watch" else tmp_path / "a.png"
         known = []
@@ -275,3 +275,12 @@ def test_the_codec_of_pictures_taken_out_of_a_video_can_be_given(tmp_path: Path)
             known.append(text.split()[0] != "-" if command[0] == "noise" else json.loads(text)["sigma_dn"] is not None)
         assert known == [True, False]
     assert call("noise", tmp_path / "a.png", "--codec", "h264").exit_code == 2
+
+
+@AVIF
+def test_pictures_in_avif_files_are_known_to_be_coded_by_av1(tmp_path: Path) -> None:
+    save(tmp_path / "a.avif")
+    save(tmp_path / "a.png").rename(tmp_path / "b.avif")  # by what is in the file, not by its name
+    assert [codec_of(str(tmp_path / name)) for name in ("a.avif", "b.avif", "absent.avif")] == ["av1", "", ""]
+    answers = [call("noise", tmp_path / name).stdout.splitlines()[1].split()[0] for name in ("a.avif", "b.avif")]
+    assert answers[0] == "-" and float(answers[1]) >= 0

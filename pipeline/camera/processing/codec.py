@@ -1,4 +1,4 @@
-"""Codecs: JPEG files, and one frame of a video (Motion JPEG, MPEG-4 Part 2, H.264), encoded and decoded for real.
+"""Codecs: JPEG files, and one frame of a video (Motion JPEG, MPEG-4 Part 2, H.264, HEVC, VP8, VP9, AV1), for real.
 
 JPEG is OpenCV's (libjpeg-turbo); videos are FFmpeg's through PyAV, one thread, H.264 by the same code on every
 processor, so that the same pictures give the same bytes. A video frame is predicted from the frames before it, so the
@@ -8,7 +8,7 @@ frames before are part of the input.
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,12 +19,41 @@ from pipeline.errors import InputError, did_you_mean
 
 Picture = NDArray[np.uint8]
 
-VIDEO = ("h264", "mpeg4", "mjpeg")
-CODECS = ("none", "jpeg", *VIDEO)
-BLOCK_PX = 8
-_ENCODER = {"h264": "libx264", "mpeg4": "mpeg4", "mjpeg": "mjpeg"}
 X264 = {"x264-params": "cpu-independent=1"}
 """The same analysis on every processor: with AVX-512 x264 gave other bytes for 2 % of small pictures, at random."""
+
+X265 = {"x265-params": "log-level=none:pools=none:frame-threads=1"}
+REALTIME = {"deadline": "realtime", "cpu-used": "6"}
+
+
+@dataclass(frozen=True)
+class VideoCodec:
+    """How FFmpeg makes a video of one codec.
+
+    Attributes:
+        encoder: its name.
+        worst: largest quality number, the coarsest; the finest is 0 of constant rate factors and 1 of quantisers.
+        options: of the encoder, by that number; without any it is a fixed quantiser.
+        pixels: format.
+    """
+
+    encoder: str
+    worst: int = 31
+    options: Callable[[int], Mapping[str, str]] | None = None
+    pixels: str = "yuv420p"
+
+
+VIDEO = {
+    "h264": VideoCodec("libx264", 51, lambda factor: {"crf": f"{factor}", "preset": "veryfast", **X264}),
+    "mpeg4": VideoCodec("mpeg4"),
+    "mjpeg": VideoCodec("mjpeg", pixels="yuvj420p"),
+    "hevc": VideoCodec("libx265", 51, lambda factor: {"crf": f"{factor}", **X265}),
+    "vp8": VideoCodec("libvpx", 63, lambda step: {"qmin": f"{step}", "qmax": f"{step}", "b": "100M", **REALTIME}),
+    "vp9": VideoCodec("libvpx-vp9", 63, lambda factor: {"crf": f"{factor}", "b": "0", **REALTIME}),
+    "av1": VideoCodec("libsvtav1", 63, lambda factor: {"crf": f"{factor}", "preset": "8"}),
+}
+CODECS = ("none", "jpeg", *VIDEO)
+BLOCK_PX = 8
 
 
 @dataclass(frozen=True)
@@ -33,8 +62,8 @@ class Codec:
 
     Attributes:
         name: one of `CODECS`.
-        quality: of JPEG, 1 to 100; of H.264 the constant rate factor, 0 to 51 (lower is better); of the other videos
-            the quantiser scale, 1 to 31 (lower is better).
+        quality: of JPEG, 1 to 100. Of videos lower is better: the constant rate factor of H.264 and HEVC, 0 to 51, of
+            VP9 and AV1, 0 to 63, the quantiser of VP8, 0 to 63, its scale of MPEG-4 and Motion JPEG, 1 to 31.
         full_chroma: JPEG without chroma subsampling (4:4:4); otherwise 4:2:0.
         corner: (rows, columns) cut away before coding, 0 to 7: where the grid of 8 x 8 px blocks begins.
     """
@@ -47,7 +76,9 @@ class Codec:
     def __post_init__(self) -> None:
         if self.name not in CODECS:
             raise InputError(f"codec: no {self.name!r}; {did_you_mean(self.name, CODECS)}")
-        low, high = {"jpeg": (1, 100), "h264": (0, 51)}.get(self.name, (1, 31))
+        low, high = 1, 100
+        if self.name in VIDEO:
+            low, high = int(VIDEO[self.name].options is None), VIDEO[self.name].worst
         if self.name != "none" and not low <= self.quality <= high:
             raise InputError(f"codec {self.name}: quality={self.quality}, expected {low} to {high}")
         if not all(0 <= cut < BLOCK_PX for cut in self.corner):
@@ -105,14 +136,13 @@ def video(frames: Sequence[Picture], name: str, quality: int) -> list[Picture]:
     from av.video.reformatter import ColorRange
 
     height, width = frames[0].shape[:2]
-    file = io.BytesIO()
-    pixels = "yuvj420p" if name == "mjpeg" else "yuv420p"
+    file, codec = io.BytesIO(), VIDEO[name]
     with av.open(file, "w", format="matroska") as container:
-        options = {"crf": str(quality), "preset": "veryfast", **X264} if name == "h264" else {}
-        stream: Any = container.add_stream(_ENCODER[name], rate=25, options=options | {"threads": "1"})
-        stream.width, stream.height, stream.pix_fmt = width, height, pixels
+        options = dict(codec.options(quality)) if codec.options else {}
+        stream: Any = container.add_stream(codec.encoder, rate=25, options=options | {"threads": "1"})
+        stream.width, stream.height, stream.pix_fmt = width, height, codec.pixels
         stream.codec_context.thread_count = 1
-        if name != "h264":
+        if codec.options is None:
             stream.codec_context.qmin = stream.codec_context.qmax = quality
         if name == "mjpeg":
             stream.codec_context.color_range = ColorRange.JPEG

@@ -33,12 +33,19 @@ REASONS = {"compressed": "codec traces"}
 """Reason of an estimator to abstain -> plain words, where they differ."""
 SHOWN = ("adaptive", "cellwise", "pca", "pca_stride_2", "bf")
 CODED = Benchmark("coded_noise", "python benchmarks/coded_noise.py", ("datasets", "frames", "patches"))
+VIDEOS = Benchmark("video_codecs", "python benchmarks/video_codecs.py", ("datasets", "by_codec"))
+HIDING = "Noise behind codecs that hide it"
+KNOWN = {"unknown": "no", "named": "yes"}
 CODECS = {
     "none": "as it is",
     "jpeg": "JPEG",
     "mjpeg": "Motion JPEG",
     "mpeg4": "MPEG-4",
     "h264": "H.264",
+    "hevc": "HEVC (H.265)",
+    "vp8": "VP8",
+    "vp9": "VP9",
+    "av1": "AV1",
     "scaled": "scaled by",
     "aliased": "scaled, no low-pass, by",
     "turned": "turned by 2 degrees",
@@ -175,15 +182,36 @@ def behind_codecs(record: Mapping[str, Any]) -> Table:
     return PAGE.table("real_noise_coded", rows, datasets=listing(map(word, record["datasets"])))
 
 
+def behind_video_codecs(record: Mapping[str, Any]) -> Table:
+    """What is answered of frames behind codecs that hide noise, and what is wrong, by whether the codec is known."""
+    codecs, rows = record["by_codec"], []
+    for codec in sorted(codecs, key=_order):
+        for known, title in KNOWN.items():
+            levels = {added: codecs[codec][added][known] for added in ADDED}
+            cells = {f"added_{added}": _answered(level) for added, level in levels.items()}
+            rows.append({"codec": _stored(codec), "known": title, "count": levels[ADDED[0]]["count"], **cells})
+    return PAGE.table("real_noise_video", rows, datasets=listing(map(word, record["datasets"])))
+
+
+def video_bounds(record: Mapping[str, Any]) -> Table:
+    """How much noise there is at most in frames without an estimate behind known codecs that hide noise."""
+    codecs = record["by_codec"]
+    named = {codec: {added: codecs[codec][added]["named"] for added in ADDED} for codec in codecs}
+    return PAGE.table("real_noise_video_bounds", _bounds(named, ADDED))
+
+
 def bounds(record: Mapping[str, Any]) -> Table:
     """How much noise there is at most in whole frames without an estimate, by codec or filter."""
-    codecs = record["frames"]["by_codec"]
-    rows = [
-        {"codec": _stored(codec), **{f"added_{added}": _bound(codecs[codec][added]) for added in BOUNDED}}
+    return PAGE.table("real_noise_bounds", _bounds(record["frames"]["by_codec"], BOUNDED))
+
+
+def _bounds(codecs: Mapping[str, Mapping[str, Any]], levels: Sequence[str]) -> list[Row]:
+    """Rows of a table of bounds at levels of noise: of those codecs that have any."""
+    return [
+        {"codec": _stored(codec), **{f"added_{added}": _bound(codecs[codec][added]) for added in levels}}
         for codec in sorted(codecs, key=_order)
-        if any(codecs[codec][added]["bounded"] for added in BOUNDED)
+        if any(codecs[codec][added]["bounded"] for added in levels)
     ]
-    return PAGE.table("real_noise_bounds", rows)
 
 
 def _stored(codec: str) -> str:
@@ -226,7 +254,8 @@ def section(inputs: ReportInputs) -> Section | None:
     made = real_noise_records.sensor(stages, inputs.recorded)
     known = {part.name for part in parts} | ({SENSOR} if made is not None else set())
     coded = inputs.benchmark(CODED, lambda record: [behind_codecs(record), bounds(record)])
-    if not known and not stages and coded is None:
+    videos = inputs.benchmark(VIDEOS, lambda record: [behind_video_codecs(record), video_bounds(record)])
+    if not known and not stages and coded is None and videos is None:
         return None
     examples, blocks = real_noise_records.examples(inputs.recorded), list[Block]()
     if examples is not None:
@@ -241,9 +270,10 @@ def section(inputs: ReportInputs) -> Section | None:
         blocks.append(PAGE.figure("real_sensor", sensor_figure(made), [made.stage] if made.stage else ()))
         blocks.append(PAGE.table("real_sensor_constants", constants, stage=made.stage))
     runs = [_run(inputs, name, name in known) for name in stages]
-    if coded is not None:
-        blocks += coded
-        runs.append(Run("Noise behind codecs", "", True, "", CODED.command))
+    for tables, title, command in ((coded, "Noise behind codecs", CODED.command), (videos, HIDING, VIDEOS.command)):
+        if tables is not None:
+            blocks += tables
+            runs.append(Run(title, "", True, "", command))
     return PAGE.section(blocks, runs)
 
 
