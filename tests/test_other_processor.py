@@ -22,6 +22,7 @@ PROGRAM = """
 from pipeline import blur, noise, processor  # before NumPy, so that it is pinned
 import hashlib, json, sys
 import numpy as np
+from pipeline.blur.spectral_and_pixels import SpectralAndPixels
 from pipeline.scenes.star import render_star
 from pipeline.streams import stream
 
@@ -42,6 +43,7 @@ def of_cells(name):
 
 answers = {
     "spectral": blur.create("spectral").estimate(patch).mtf,
+    "pixels": SpectralAndPixels(blur.create("spectral")).estimate(np.concatenate([patch, patch[:, :, ::-1]])).members,
     "cellwise": of_cells("cellwise"),
     "correlated": of_cells("correlated"),
     "pca": noise.create("pca").estimate(patch[..., :128, :128]).sigma_dn,

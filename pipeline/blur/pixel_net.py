@@ -15,6 +15,7 @@ import torch.nn.functional as functional
 from torch import nn
 
 from pipeline.blur.spectral_net import HIDDEN, VALUES, Answer, answer
+from pipeline.learning.elementwise import square_root
 
 ARCHITECTURE = "mtf-pixels-1"
 FOLD_PX = 2
@@ -77,7 +78,7 @@ class PixelNet(nn.Module):
         """(N, 256) units of the first hidden layer, after its ReLU."""
         patches_dn = patches_dn.float()
         mean = patches_dn.mean((1, 2), keepdim=True)
-        contrast = (patches_dn - mean).square().mean((1, 2), keepdim=True).sqrt()
+        contrast = square_root((patches_dn - mean).square().mean((1, 2), keepdim=True))
         normal = (patches_dn - mean) / contrast.clamp_min(SMALLEST_CONTRAST_DN)
         folded = functional.pixel_unshuffle(normal[:, None], FOLD_PX).contiguous(memory_format=torch.channels_last)
         with torch.autocast(folded.device.type, torch.bfloat16, enabled=self.half_precision):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -54,3 +57,13 @@ def test_a_square_root_is_rounded_correctly():
     np.testing.assert_array_equal(
         elementwise.square_root(x).numpy(), np.sqrt(x.double().numpy()).astype(np.float32)
     )  # fmt: skip
+
+
+def test_no_module_takes_square_roots_from_torch():
+    """MKL's differ between processors; the pixel network's, of each patch's contrast, once moved whole calibrations."""
+    of_torch = re.compile(r"torch\.r?sqrt\(|\.r?sqrt_?\(\)")
+    package = Path(elementwise.__file__).parents[1]
+    files = {
+        str(file.relative_to(package)) for file in package.rglob("*.py") if of_torch.search(file.read_text("utf-8"))
+    }
+    assert files == {"learning/elementwise.py"}
