@@ -1,8 +1,8 @@
 """Codecs: JPEG files, and one frame of a video (Motion JPEG, MPEG-4 Part 2, H.264, HEVC, VP8, VP9, AV1), for real.
 
 JPEG is OpenCV's (libjpeg-turbo); videos are FFmpeg's through PyAV, one thread, H.264 by the same code on every
-processor, so that the same pictures give the same bytes. A video frame is predicted from the frames before it, so the
-frames before are part of the input.
+processor, so that the same pictures give the same bytes. HEVC, VP8, VP9 and AV1, which no stage stores, choose their
+code by the processor. A video frame is predicted from the frames before it, so the frames before are part of the input.
 """
 
 from __future__ import annotations
