@@ -21,8 +21,8 @@ from fine to very coarse (`benchmarks/video_codecs.py`) and, by hand, at 0.5 to 
 errors that change from frame to frame, in large blocks."""
 
 READ_FROM_DN = 6.0
-"""Frames read as more are right: HEVC at a constant rate factor of 33 leaves 4 to 7 DN of 10, most of which are read as
-0 to 3; 25 DN are read right."""
+"""Frames read as more are right, but for one in a hundred: HEVC at a constant rate factor of 33 leaves 4 to 7 DN of 10,
+most of which are read as 0 to 3; 25 DN are read right."""
 
 
 def may_hide(codec: str, frame_dn: float) -> bool:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from data_makers import picture
 
-from pipeline.camera.processing.codec import Codec, store
+from benchmarks.coded_noise import shots
+from pipeline.camera.processing.codec import Codec
 from pipeline.condition import ConditionMonitor, noise_of_frame
 from pipeline.condition.estimate import withheld
 from pipeline.condition.video_codecs import HIDDEN_DN, READ_FROM_DN, may_hide
 from pipeline.noise.base import COMPRESSED, NoiseEstimate
-from pipeline.streams import stream
 
 
 def tiles(*sigmas_dn: float) -> NoiseEstimate:
@@ -53,14 +53,7 @@ def test_an_estimator_without_bounds_and_parts_has_none_behind_a_codec():
 
 def coded(name: str, quality: int, sigma_dn: float) -> tuple[np.ndarray, float]:
     """The last frame of a video, as grey levels in [0, 1], and what differs from one of another noise, DN."""
-    generator, scene = stream(1, "test of codecs", name, quality, sigma_dn), picture("hevc", 384, 256)
-
-    def noisy() -> np.ndarray:
-        grey = np.clip(np.rint(scene + sigma_dn * generator.standard_normal(scene.shape)), 0, 255).astype(np.uint8)
-        return np.repeat(grey[..., None], 3, axis=2)
-
-    codec = Codec(name, quality)
-    taken = [store(noisy(), codec, [noisy(), noisy()]).mean(axis=2).round().astype(np.float32) for _ in range(2)]
+    taken = shots(picture("hevc", 384, 256), Codec(name, quality), sigma_dn, "test", count=2).astype(np.float32)
     return taken[0] / np.float32(255), float((taken[0] - taken[1]).std() / 2**0.5)
 
 
