@@ -225,8 +225,8 @@ class ConditionMonitor:
 
         Args:
             image: (H, W) float in [0, 1], grey levels as the camera encoded them (not linear light).
-            codec: of the video that it is a frame of, by FFmpeg's name, where that is known, e.g. ``"hevc"``; of some,
-                weak noise is not estimated (`pipeline.condition.video_codecs`).
+            codec: of the video that it is a frame of, by FFmpeg's name, where that is known, e.g. ``"hevc"``, or its
+                four-character code; of some, weak noise is not estimated (`pipeline.condition.video_codecs`).
 
         Returns:
             the condition; blur abstains with a frame smaller than 192 px.

@@ -25,16 +25,29 @@ READ_FROM_DN = 6.0
 most of which are read as 0 to 3; 25 DN are read right."""
 
 
+OTHER_NAMES: Mapping[str, str] = {
+    **dict.fromkeys(("h265", "h.265", "x265", "hvc1", "hev1"), "hevc"),
+    **dict.fromkeys(("vp08", "vp80"), "vp8"), **dict.fromkeys(("vp09", "vp90"), "vp9"), "av01": "av1",
+}  # fmt: skip
+"""Common names and four-character codes, as OpenCV gives them, of the codecs of `HIDDEN_DN` -> FFmpeg's name."""
+
+
+def ffmpeg_name(codec: str) -> str:
+    """FFmpeg's name of a codec of `HIDDEN_DN`, in any case, or one of its `OTHER_NAMES`; others in small letters."""
+    name = codec.strip().lower()
+    return OTHER_NAMES.get(name, name)
+
+
 def may_hide(codec: str, frame_dn: float) -> bool:
     """Whether a codec may have removed noise of a frame.
 
     Args:
-        codec: of the video that the frame is of, by FFmpeg's name; empty where it is unknown, or for a picture.
+        codec: of the video that the frame is of (`ffmpeg_name`); empty where it is unknown, or for a picture.
         frame_dn: noise that is estimated of the frame, DN; NaN where there is no estimate.
     """
-    return codec in HIDDEN_DN and not frame_dn >= READ_FROM_DN
+    return ffmpeg_name(codec) in HIDDEN_DN and not frame_dn >= READ_FROM_DN
 
 
 def with_hidden(most_dn: NDArray[np.float64], codec: str) -> NDArray[np.float64]:
     """Bounds (N,) of a frame's tiles, DN, that allow for the noise that a codec of `HIDDEN_DN` may hide."""
-    return np.hypot(most_dn, HIDDEN_DN[codec])
+    return np.hypot(most_dn, HIDDEN_DN[ffmpeg_name(codec)])

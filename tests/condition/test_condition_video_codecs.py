@@ -29,7 +29,13 @@ def test_weak_and_unknown_noise_may_be_hidden(codec):
     assert not may_hide(codec, READ_FROM_DN)
 
 
-@pytest.mark.parametrize("codec", ["", "h264", "mjpeg", "mpeg4"])
+@pytest.mark.parametrize("codec", ["HEVC", "H.265", "hvc1", "HEV1", "AV01", "vp90", " vp9", "VP80"])
+def test_codecs_are_known_by_their_other_names(codec):
+    assert may_hide(codec, 2.0)
+    assert withheld(tiles(1.0), codec).at_most_dn[0] >= min(HIDDEN_DN.values())
+
+
+@pytest.mark.parametrize("codec", ["", "h264", "mjpeg", "mpeg4", "avc1", "MJPG"])
 def test_other_codecs_are_known_by_their_traces(codec):
     assert not may_hide(codec, 0.0)
 
