@@ -134,47 +134,49 @@ def test_without_anything_there_is_no_section(tmp_path: Path) -> None:
 
 
 CODED = REPO / "benchmarks/results/coded_noise.json"
+VIDEOS = REPO / "benchmarks/results/video_codecs.json"
+
+
+def last_tables(inputs: ReportInputs, record: Path) -> list[Table]:
+    """The tables of answers and of bounds that the section makes of a benchmark's record."""
+    section = real_noise.section(dataclasses.replace(inputs, benchmarks={record.stem: record}))
+    assert section is not None and section.runs[-1].line == f"python benchmarks/{record.stem}.py"
+    tables = [block for block in section.blocks[-2:] if isinstance(block, Table)]
+    assert len(tables) == 2
+    return tables
+
+
+def answers(about: dict[str, Any]) -> str:
+    answered, wrong = about["answered"] / about["count"], about["wrong"] / about["answered"]
+    return f"{100 * answered:.0f} / {100 * wrong:.0f} / {100 * about['held_fraction']:.0f}"
+
+
+def bound(about: dict[str, Any]) -> str:
+    return f"{about['bounded']} / {about['bound_dn']:.1f} / {100 * about['bound_held_fraction']:.0f}"
 
 
 def test_noise_behind_codecs_is_counted_by_codec_and_level(inputs: ReportInputs) -> None:
-    section = real_noise.section(dataclasses.replace(inputs, benchmarks={"coded_noise": CODED}))
-    assert section is not None and section.runs[-1].line == "python benchmarks/coded_noise.py"
-    table, bounds = section.blocks[-2:]
-    assert isinstance(table, Table) and table.name == "real_noise_coded"
-    assert isinstance(bounds, Table) and bounds.name == "real_noise_bounds"
+    table, bounds = last_tables(inputs, CODED)
+    assert (table.name, bounds.name) == ("real_noise_coded", "real_noise_bounds")
     record = json.loads(CODED.read_text())
     names = [row["codec"] for row in table.rows if row["unit"] == "whole frames"]
     assert names[:3] == ["as it is", "JPEG 60", "JPEG 80"] and len(table.rows) == 2 * len(names)
     shown = next(row for row in table.rows if (row["unit"], row["codec"]) == ("patches", "JPEG 95"))
-    about = record["patches"]["by_codec"]["jpeg 95"]["5"]
-    answered, wrong = about["answered"] / about["count"], about["wrong"] / about["answered"]
-    assert shown["added_5"] == f"{100 * answered:.0f} / {100 * wrong:.0f} / {100 * about['held_fraction']:.0f}"
-    shown, about = bounds.rows[1], record["frames"]["by_codec"]["jpeg 60"]["0"]
+    assert shown["added_5"] == answers(record["patches"]["by_codec"]["jpeg 95"]["5"])
     assert [row["codec"] for row in bounds.rows[:2]] == ["as it is", "JPEG 60"]
-    held = 100 * about["bound_held_fraction"]
-    assert shown["added_0"] == f"{about['bounded']} / {about['bound_dn']:.1f} / {held:.0f}"
-
-
-VIDEOS = REPO / "benchmarks/results/video_codecs.json"
+    assert bounds.rows[1]["added_0"] == bound(record["frames"]["by_codec"]["jpeg 60"]["0"])
 
 
 def test_noise_behind_codecs_that_hide_it_is_counted_with_and_without_their_name(inputs: ReportInputs) -> None:
-    section = real_noise.section(dataclasses.replace(inputs, benchmarks={"video_codecs": VIDEOS}))
-    assert section is not None and section.runs[-1].line == "python benchmarks/video_codecs.py"
-    table, bounds = section.blocks[-2:]
-    assert isinstance(table, Table) and table.name == "real_noise_video"
-    assert isinstance(bounds, Table) and bounds.name == "real_noise_video_bounds"
+    table, bounds = last_tables(inputs, VIDEOS)
+    assert (table.name, bounds.name) == ("real_noise_video", "real_noise_video_bounds")
     record = json.loads(VIDEOS.read_text())["by_codec"]
     assert len(table.rows) == 2 * len(record)
     assert [(row["codec"], row["known"]) for row in table.rows[:3]] == [
         ("HEVC (H.265) 23", "no"), ("HEVC (H.265) 23", "yes"), ("HEVC (H.265) 28", "no"),
     ]  # fmt: skip
-    about = record["hevc 23"]["5"]["unknown"]
-    answered, wrong = about["answered"] / about["count"], about["wrong"] / about["answered"]
-    assert table.rows[0]["added_5"] == f"{100 * answered:.0f} / {100 * wrong:.0f} / {100 * about['held_fraction']:.0f}"
-    about = record["hevc 23"]["0"]["named"]
-    held = 100 * about["bound_held_fraction"]
-    assert bounds.rows[0]["added_0"] == f"{about['bounded']} / {about['bound_dn']:.1f} / {held:.0f}"
+    assert table.rows[0]["added_5"] == answers(record["hevc 23"]["5"]["unknown"])
+    assert bounds.rows[0]["added_0"] == bound(record["hevc 23"]["0"]["named"])
 
 
 def test_every_codec_and_filter_of_the_benchmarks_has_a_name() -> None:
