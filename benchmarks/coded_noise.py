@@ -138,6 +138,16 @@ def behind_curve(
     return np.rint(255 * tone_curve.encode(np.clip(light, 0, 1), gamma)).astype(np.uint8)
 
 
+def noisy(frame: NDArray[np.uint8], sigma_dn: float, generator: np.random.Generator) -> NDArray[np.uint8]:
+    """A frame with normal noise, in whole grey levels."""
+    return np.clip(np.rint(frame + sigma_dn * generator.standard_normal(frame.shape)), 0, 255).astype(np.uint8)
+
+
+def coloured(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Grey levels (H, W) as (H, W, 3)."""
+    return np.repeat(grey[..., None], 3, axis=2)
+
+
 def shots(
     frame: NDArray[np.uint8], processing: Codec | str, sigma_dn: float, *key: str | float, count: int = SHOTS
 ) -> NDArray[np.uint8]:
@@ -156,18 +166,14 @@ def shots(
     generator = stream(SEED, "coded noise", *key)
 
     def grey() -> NDArray[np.uint8]:
-        drawn = np.rint(frame + sigma_dn * generator.standard_normal(frame.shape))
-        return np.clip(drawn, 0, 255).astype(np.uint8)
-
-    def noisy() -> NDArray[np.uint8]:
-        return np.repeat(grey()[..., None], 3, axis=2)
+        return noisy(frame, sigma_dn, generator)
 
     if isinstance(processing, str) and processing in CURVES:
         return np.stack([behind_curve(frame, sigma_dn, *CURVES[processing], generator) for _ in range(count)])
     if isinstance(processing, str):
         return np.stack([FILTERS[processing](grey()) for _ in range(count)])
     before = FRAMES_BEFORE if processing.name in VIDEO else 0
-    stored = [store(noisy(), processing, [noisy() for _ in range(before)]) for _ in range(count)]
+    stored = [store(coloured(grey()), processing, [coloured(grey()) for _ in range(before)]) for _ in range(count)]
     return np.stack([np.rint(picture.mean(axis=2)).astype(np.uint8) for picture in stored])
 
 

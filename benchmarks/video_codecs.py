@@ -1,18 +1,20 @@
-"""Noise of frames behind HEVC, VP8, VP9 and AV1, with and without the codec's name: right or wrong.
+"""Noise of frames behind HEVC, VP8, VP9 and AV1, with and without what their file states: right or wrong.
 
     python benchmarks/video_codecs.py [--dataset NAME=KIND:ROOT ...] [--frames N] [--rows CSV] [--out FILE]
 
 Frames of *Sim* and of the datasets named (as for `benchmarks/coded_noise.py`) get normal noise of 0 to 25 DN, equal in
-all colours. The last of three frames of a video is estimated whole, twice: as a picture of which nothing is known
-(``unknown``), and as the commands do it, which know the codec from its file (``named``; see
-`pipeline.condition.video_codecs`). Codecs (`pipeline.camera.processing.codec`) are fine to very coarse. Truth, here of
-two shots, and what is counted, are those of `benchmarks/coded_noise.py`. Frames are cut to their middle `LARGEST_PX`.
+all colours. The last of three frames of a video is estimated whole, three times: as a picture of which nothing is
+known (``unknown``), with the codec's name (``named``), and as the commands do it, which also read the quantiser from
+the file (``file``; see `pipeline.condition.video_codecs`). Codecs (`pipeline.camera.processing.codec`) are fine to very
+coarse. Truth, here of two shots, and what is counted, are those of `benchmarks/coded_noise.py`. Frames are cut to their
+middle `LARGEST_PX`.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,10 +31,13 @@ import pandas as pd  # noqa: E402
 
 from benchmarks import coded_noise  # noqa: E402
 from pipeline import noise  # noqa: E402
-from pipeline.camera.processing.codec import Codec  # noqa: E402
+from pipeline.camera.processing.codec import Codec, video_file  # noqa: E402
 from pipeline.condition import noise_of_frame  # noqa: E402
 from pipeline.datasets.pictures import read_grey8  # noqa: E402
 from pipeline.datasets.selection import evenly_spread  # noqa: E402
+from pipeline.datasets.video import read_video  # noqa: E402
+from pipeline.datasets.video_coding import UNKNOWN, Coding  # noqa: E402
+from pipeline.streams import stream  # noqa: E402
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,10 +46,10 @@ if TYPE_CHECKING:
 
 
 CODECS = (
-    *(Codec("hevc", factor) for factor in (23, 28, 33, 38, 43)),
+    *(Codec("hevc", factor) for factor in (18, 23, 28, 33, 38, 43)),
     *(Codec("vp8", step) for step in (10, 30, 50, 63)),
-    *(Codec("vp9", factor) for factor in (31, 40, 50)),
-    *(Codec("av1", factor) for factor in (35, 45, 55)),
+    *(Codec("vp9", factor) for factor in (20, 31, 40, 50)),
+    *(Codec("av1", factor) for factor in (25, 35, 45, 55)),
 )
 SIGMAS_DN = (0.0, 2.0, 5.0, 10.0, 25.0)
 SHOTS = 2
@@ -58,6 +63,29 @@ def middle(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(frame[top : top + sides[0], left : left + sides[1]])
 
 
+def shots(frame: NDArray[np.uint8], codec: Codec, sigma_dn: float, *key: str) -> tuple[NDArray[np.uint8], Coding]:
+    """Shots of one scene as they are read from video files.
+
+    Args:
+        frame: (H, W) grey levels, without added noise.
+        codec: of the videos, of which each shot is the last frame.
+        sigma_dn: of the normal noise added before.
+        key: of the random stream.
+
+    Returns:
+        (`SHOTS`, H, W), each with its own noise, and how the first was stored.
+    """
+    generator, taken = stream(coded_noise.SEED, "video codecs", *key, codec.name, codec.quality, sigma_dn), []
+    for _ in range(SHOTS):
+        drawn = [coded_noise.noisy(frame, sigma_dn, generator) for _ in range(coded_noise.FRAMES_BEFORE + 1)]
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "shot.mkv"
+            path.write_bytes(video_file([coded_noise.coloured(grey) for grey in drawn], codec.name, codec.quality))
+            *_, (_, image, coding) = read_video(path)
+        taken.append((np.rint(image * 255).astype(np.uint8), coding))
+    return np.stack([image for image, _ in taken]), taken[0][1]
+
+
 def measure(dataset: Dataset, frames: int) -> pd.DataFrame:
     """Estimates of frames of a dataset, each with its truth, one row each."""
     estimator, rows = noise.create(noise.DEFAULT), []
@@ -66,19 +94,19 @@ def measure(dataset: Dataset, frames: int) -> pd.DataFrame:
         grey = middle(read_grey8(frame.path))
         for codec in CODECS:
             for sigma_dn in SIGMAS_DN:
-                key = ("video codecs", dataset.name, frame.name, codec.name, codec.quality, sigma_dn)
-                taken = coded_noise.shots(grey, codec, sigma_dn, *key, count=SHOTS)
+                taken, stored = shots(grey, codec, sigma_dn, dataset.name, frame.name)
                 image = taken[0].astype(np.float32) / np.float32(255)
+                codings = {"unknown": UNKNOWN, "named": Coding(codec.name), "file": stored}
                 states = {
-                    known: noise_of_frame(estimator, image, codec=name)
-                    for known, name in (("unknown", ""), ("named", codec.name))
+                    known: noise_of_frame(estimator, image, codec=coding.codec, quantiser=coding.quantiser)
+                    for known, coding in codings.items()
                 }
                 truth = float(np.median(coded_noise.true_dn(taken, states["named"].patches)))
                 for known, state in states.items():
                     value = float(state.summary.value)
                     rows.append(
                         {"dataset": dataset.name, "codec": coded_noise.described(codec), "added_dn": sigma_dn}
-                        | {"as": known, "true_dn": truth}
+                        | {"as": known, "true_dn": truth, "quantiser": stored.quantiser}
                         | {"sigma_dn": value, "low_dn": float(state.summary.low), "high_dn": float(state.summary.high)}
                         | {"reason": "" if np.isfinite(value) else coded_noise.reason_of(state.estimate)}
                         | {"at_most_dn": state.at_most_dn, "saturated": 0.0}

@@ -11,7 +11,7 @@ import click
 
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.numbers import FiniteRange
-from pipeline.cli.video_codec import codec_of, codec_option
+from pipeline.cli.video_codec import codec_option
 from pipeline.errors import InputError, printable
 
 if TYPE_CHECKING:
@@ -93,11 +93,11 @@ def command(
         except InputError as error:
             set_aside.add(str(path), error)
             continue
-        for name, image, problem in readable([path], 1, hinted, least_side_px(monitor.noise_estimator)):
+        for name, image, problem, coding in readable([path], 1, hinted, least_side_px(monitor.noise_estimator)):
             try:
                 if image is None:
                     raise InputError(problem)
-                condition = monitor.frame(image, codec_of(name, codec))
+                condition = monitor.frame(image, coding.codec or codec or "", coding.quantiser)
                 if sharp_px is not None and image.shape != sharp_px:
                     reason = camera_store.of_other_size(printable(name), image.shape, [sharp_px])
                     click.echo(f"warning: {reason}", err=True)

@@ -74,7 +74,7 @@ def command(
         raise InputError("--chart star and --rays NUMBER belong together")
     if calibrate_estimator and chart is not None:
         raise InputError("--calibrate-estimator is for pictures of scenes, not for a chart")
-    frames = [(file, image) for path in expand(paths) for file, image in read(path)]
+    frames = [(file, image) for path in expand(paths) for file, image, _ in read(path)]
     shape = frames[0][1].shape
     mtf: NDArray[np.float64] | None
     fit, hashes, unsharp = None, dict[str, str](), 0

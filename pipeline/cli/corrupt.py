@@ -129,9 +129,8 @@ def command(
     files = expand(paths)
     header = f"{'asked DN':>9} {'reached':>8} {'clipped to':>10} {'clipped %':>9}"
     smoothed = psf is not None and effects.photon and sigma_dn
-    written, set_aside = write_each(
-        readable(files, every), files, out, header, corrupted, SMOOTHED_NOTE if smoothed else ""
-    )
+    frames = (frame[:3] for frame in readable(files, every))
+    written, set_aside = write_each(frames, files, out, header, corrupted, SMOOTHED_NOTE if smoothed else "")
     if written and (psf is None or idle) and context.get_parameter_source("sigma_dn") is ParameterSource.DEFAULT:
         more = "a larger --size-px" if idle else "--blur"
         click.echo(f"warning: these are copies; give --sigma-dn, {more} or --pipeline to corrupt them", err=True)

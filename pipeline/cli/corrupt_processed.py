@@ -81,7 +81,7 @@ def _coloured(files: Sequence[Path], every: int, least_px: int) -> Iterator[tupl
 
     for file in files:
         if file.suffix.lower() in VIDEOS:
-            yield from readable([file], every, least_px=least_px)
+            yield from (frame[:3] for frame in readable([file], every, least_px=least_px))
             continue
         try:
             refuse(file)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pipeline.cli.frame_analysis import Estimated, FrameAnalysis
+    from pipeline.datasets.video_coding import Coding
 
 WAITING = 1
 """Frames decoded that no thread estimates yet."""
@@ -23,7 +24,9 @@ MOST_THREADS = 8
 
 
 def estimated_ahead(
-    analysis: FrameAnalysis, frames: Iterable[tuple[str, NDArray[np.float32] | None, str]], threads: int | None = None
+    analysis: FrameAnalysis,
+    frames: Iterable[tuple[str, NDArray[np.float32] | None, str, Coding]],
+    threads: int | None = None,
 ) -> Generator[tuple[str, NDArray[np.float32], Callable[[], Estimated]], None, None]:
     """Estimate frames in threads, as many at once as there are threads, with one more decoded and waiting.
 
@@ -34,7 +37,8 @@ def estimated_ahead(
 
     Args:
         analysis: whose `FrameAnalysis.estimate` is called.
-        frames: name, (H, W) float32 in [0, 1] or None, and the reason where it is None (`pipeline.cli.pictures`).
+        frames: name, (H, W) float32 in [0, 1] or None, the reason where it is None, and its coding
+            (`pipeline.cli.pictures.readable`).
         threads: how many; None for one per core, at most `MOST_THREADS`.
 
     Returns:
@@ -47,8 +51,8 @@ def estimated_ahead(
     waiting: deque[tuple[str, NDArray[np.float32], Future[Estimated]]] = deque()
     pool = ThreadPoolExecutor(threads, "frame", initializer=one_thread)
     try:
-        for name, image, problem in frames:
-            waiting.append((name, image, pool.submit(_estimate, analysis, name, image, problem)))  # type: ignore[arg-type]
+        for name, image, problem, coding in frames:
+            waiting.append((name, image, pool.submit(_estimate, analysis, image, problem, coding)))  # type: ignore[arg-type]
             if len(waiting) > threads + WAITING:
                 yield _first(waiting)
         while waiting:
@@ -57,12 +61,10 @@ def estimated_ahead(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _estimate(analysis: FrameAnalysis, name: str, image: NDArray[np.float32] | None, problem: str) -> Estimated:
-    from pipeline.cli.video_codec import codec_of
-
+def _estimate(analysis: FrameAnalysis, image: NDArray[np.float32] | None, problem: str, coding: Coding) -> Estimated:
     if image is None:
         raise InputError(problem)
-    return analysis.estimate(image, codec_of(name))
+    return analysis.estimate(image, coding)
 
 
 def _first(

@@ -8,6 +8,7 @@ from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.datasets.video_coding import UNKNOWN, Coding
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -98,10 +99,11 @@ def find_surface(named: Path | None) -> tuple[Performance | None, str]:
 
 @dataclass(frozen=True)
 class Estimated:
-    """Estimates of one frame: its condition, and the measures of its flags."""
+    """Estimates of one frame: its condition, the measures of its flags, and how it was stored."""
 
     condition: Condition
     measures: FrameMeasures
+    coding: Coding
 
 
 class FrameAnalysis:
@@ -144,19 +146,20 @@ class FrameAnalysis:
         self.trends: dict[str, ConditionTrend] = {}
         self._camera: ControlledCamera | None = None
 
-    def estimate(self, image: NDArray[np.float32], codec: str = "") -> Estimated:
+    def estimate(self, image: NDArray[np.float32], coding: Coding = UNKNOWN) -> Estimated:
         """What one frame shows without those before it; may be called in several threads at once.
 
         Args:
             image: (H, W) float in [0, 1].
-            codec: see `pipeline.condition.ConditionMonitor.frame`.
+            coding: how it was stored.
 
         Raises:
             InputError: not such a frame.
         """
         from pipeline.condition.frame_flags import measure
 
-        return Estimated(self.monitor.frame(image, codec or self.codec), measure(image))
+        known = replace(coding, codec=coding.codec or self.codec)
+        return Estimated(self.monitor.frame(image, known.codec, known.quantiser), measure(image), known)
 
     def analyse(
         self,
@@ -165,7 +168,7 @@ class FrameAnalysis:
         stream: str = "",
         sequence: str = "",
         estimated: Estimated | None = None,
-        codec: str = "",
+        coding: Coding = UNKNOWN,
     ) -> tuple[dict[str, Any], Condition]:
         """The row and the condition of a frame.
 
@@ -176,7 +179,7 @@ class FrameAnalysis:
             sequence: series of frames whose trend it belongs to; empty for none. Where there is no stream, its frames
                 are compared for the flag ``frozen`` too.
             estimated: its estimates, where they are there already (`estimate`).
-            codec: see `estimate`.
+            coding: see `estimate`.
 
         Returns:
             the row (`pipeline.cli.health_rows.condition_row` and what follows from it), and the condition.
@@ -186,9 +189,10 @@ class FrameAnalysis:
         """
         from pipeline.cli.health_rows import alarms, condition_row, undecided
 
-        estimated = estimated or self.estimate(image, codec)
+        estimated = estimated or self.estimate(image, coding)
         condition = estimated.condition
         row = condition_row(name, condition, self._inspector.inspect(image, stream or sequence, estimated.measures))
+        row |= {"codec": estimated.coding.codec, "quantiser": estimated.coding.quantiser}
         self._words(row, condition)
         self._precision(row, image, condition, Path(stream or name))
         row["trend"] = ", ".join(self._trend(row, condition, sequence)) if sequence else ""

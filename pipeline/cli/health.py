@@ -329,7 +329,7 @@ def _calibrate(monitor: ConditionMonitor, options: HealthOptions) -> set[tuple[i
     names: list[str] = []
     hinted = Counter[int]()
     for file in options.sharp_files:
-        for name, image in read(file, options.every, hinted, least_side_px(monitor.noise_estimator)):
+        for name, image, _ in read(file, options.every, hinted, least_side_px(monitor.noise_estimator)):
             images.append(image)
             names.append(f"--sharp {name}")
     with warnings.catch_warnings(record=True) as doubts:

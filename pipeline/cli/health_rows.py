@@ -22,7 +22,7 @@ COLUMNS = (
 )  # fmt: skip
 WRITTEN = (
     *COLUMNS, "blur", "blur_direction", "blur_range", "noise", "causes", "ap_percent", "ap_low_percent",
-    "ap_high_percent", "best_exposure_ms", "best_iso", "trend",
+    "ap_high_percent", "best_exposure_ms", "best_iso", "trend", "codec", "quantiser",
 )  # fmt: skip
 """Columns of the table of a run: those of `condition_row` and what is inferred from them."""
 HEADER = f"{'sigma DN':>9} {'95 % interval':>15} {'MTF50 H':>8} {'MTF50 V':>8} {'answered':>11} {'ms':>6}  picture"

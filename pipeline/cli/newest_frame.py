@@ -7,6 +7,7 @@ from collections import Counter
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from pipeline.datasets.video_coding import UNKNOWN, Coding
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ class NewestFrame(threading.Thread):
     Attributes:
         lost: whether the device delivers nothing.
         problem: why the last frame must not be measured; empty where it may be.
-        codec: of the stream, by FFmpeg's name; empty for a camera of this computer, whose codec is not known.
+        coding: how the frame read last was stored; unknown for a camera of this computer.
 
     Raises:
         InputError: the device cannot be opened.
@@ -50,8 +51,8 @@ class NewestFrame(threading.Thread):
         self._capture = self._open()
 
     @property
-    def codec(self) -> str:
-        return self._capture.codec
+    def coding(self) -> Coding:
+        return self._capture.coding
 
     def newest(self, shown: int) -> tuple[int, NDArray[np.float32] | None]:
         """Number of the newest frame that may be measured, counted from 1, and its grey levels.
@@ -113,7 +114,7 @@ class NewestFrame(threading.Thread):
 class _Camera:
     """A camera of this computer. OpenCV reads."""
 
-    codec = ""
+    coding = UNKNOWN
 
     def __init__(self, index: int, name: str) -> None:
         import cv2
@@ -143,7 +144,11 @@ class _Stream:
             self._decoder = Decoder(address, timeout_s=STREAM_TIMEOUT_S, threads=0)
         except BadVideo as error:
             raise InputError(f"{name}: cannot be opened: {error.reason}; check the address") from None
-        self._remark, self.codec = remark, self._decoder.codec
+        self._remark = remark
+
+    @property
+    def coding(self) -> Coding:
+        return self._decoder.coding
 
     def read(self) -> tuple[Levels | None, str] | None:
         """The next frame, or why it must not be measured; None where the stream delivers nothing."""

@@ -10,7 +10,7 @@ import click
 from pipeline.cli.frame_samples import tiles_option
 from pipeline.cli.given_paths import GivenPath
 from pipeline.cli.held_signals import held
-from pipeline.cli.video_codec import codec_of, codec_option
+from pipeline.cli.video_codec import codec_option
 
 COLUMNS = (
     "picture", "x_px", "y_px", "size_px", "sigma_dn", "sigma_at_most_dn", "abstained", "reason", "frame_sigma_dn",
@@ -81,11 +81,12 @@ def command(
         rows = stack.enter_context(RowFile(table, COLUMNS)) if table is not None else None
         click.echo(f"{'sigma DN':>9} {'at most':>7} {'min':>7} {'max':>7} {'tiles':>6} {'abstained':>9}  picture")
         frames = readable(files, every, least_px=least_side_px(method))
-        for name, image, problem in tqdm(frames, delay=2, leave=False, unit=" frames"):
+        for name, image, problem, coding in tqdm(frames, delay=2, leave=False, unit=" frames"):
             try:
                 if image is None:
                     raise InputError(problem)
-                state = noise_of_frame(method, image, tile_px, most_tiles, codec_of(name, codec))
+                stored = {"codec": coding.codec or codec or "", "quantiser": coding.quantiser}
+                state = noise_of_frame(method, image, tile_px, most_tiles, **stored)
             except InputError as error:
                 set_aside.add(name, error)
                 continue

@@ -16,6 +16,8 @@ from pipeline.errors import DECODER_ERRORS, InputError, printable
 if TYPE_CHECKING:
     import numpy as np
 
+    from pipeline.datasets.video_coding import Coding
+
 
 PICTURES = SUFFIXES | {".avif", ".gif", ".jp2", ".j2k", ".jpe", ".jfif", ".pbm", ".pnm", ".tga"}
 """What is taken of a folder: formats of datasets, and others that Pillow reads as well."""
@@ -120,8 +122,8 @@ def _warn_of_irregular(files: Sequence[Path]) -> None:
 
 def read(
     path: Path, every: int = 1, hinted: Counter[int] | None = None, least_px: int = SMALLEST_PX
-) -> Iterator[tuple[str, np.ndarray]]:
-    """Name and grey picture (H, W) float32 in [0, 1] of each frame of a file.
+) -> Iterator[tuple[str, np.ndarray, Coding]]:
+    """Name, grey picture (H, W) float32 in [0, 1] and coding of each frame of a file.
 
     Args:
         path: a picture, or a video.
@@ -136,6 +138,7 @@ def read(
         InputError: the file cannot be read, its pictures are smaller, or its name is not valid UTF-8; for a video,
             after its last good frame, frames are missing or damaged.
     """
+    from pipeline.cli.video_codec import coding_of_picture
     from pipeline.datasets.pictures import read_picture
     from pipeline.datasets.video import read_video
 
@@ -149,12 +152,12 @@ def read(
             _hint_turned(str(path), f"orientation {orientation}", hinted)
         if picture.alpha and _has_transparent_pixels(path):
             _hint_transparent(path, hinted)
-        yield str(path), picture.grey()
+        yield str(path), picture.grey(), coding_of_picture(path)
         return
-    for number, image in read_video(path, every, remark=video_remarks(str(path), hinted)):
+    for number, image, coding in read_video(path, every, remark=video_remarks(str(path), hinted)):
         if small := too_small(image.shape, least_px):
             raise InputError(f"{path}: {small}")
-        yield f"{path}#{number}", image
+        yield f"{path}#{number}", image, coding
 
 
 def least_side_px(estimator: object) -> int:
@@ -285,8 +288,8 @@ def _hint(path: Path, bits: int, hinted: Counter[int]) -> None:
 
 def readable(
     paths: Sequence[Path], every: int = 1, hinted: Counter[int] | None = None, least_px: int = SMALLEST_PX
-) -> Iterator[tuple[str, np.ndarray | None, str]]:
-    """Every frame of every file: its name with its picture, or with what is wrong with the file.
+) -> Iterator[tuple[str, np.ndarray | None, str, Coding]]:
+    """Every frame of every file: its name with its picture and coding, or with what is wrong with the file.
 
     Args:
         paths: pictures and videos.
@@ -295,15 +298,17 @@ def readable(
         least_px: see `read`.
 
     Returns:
-        name, (H, W) float32 in [0, 1] or None, and the reason where it is None.
+        name, (H, W) float32 in [0, 1] or None, the reason where it is None, and how the frame was stored.
     """
+    from pipeline.datasets.video_coding import UNKNOWN
+
     hinted = Counter() if hinted is None else hinted
     for path in paths:
         try:
-            for name, image in read(path, every, hinted, least_px):
-                yield name, image, ""
+            for name, image, coding in read(path, every, hinted, least_px):
+                yield name, image, "", coding
         except InputError as error:
-            yield str(path), None, str(error)
+            yield str(path), None, str(error), UNKNOWN
 
 
 def result_stem(name: str) -> str:

@@ -183,7 +183,7 @@ class _Watch:
         try:
             if small := too_small(frame.image.shape, self._least_px):
                 raise InputError(f"{frame.name}: {small}")
-            row, _ = self.analysis.analyse(frame.name, frame.image, self.source, sequence, codec=frame.codec)
+            row, _ = self.analysis.analyse(frame.name, frame.image, self.source, sequence, coding=frame.coding)
         except InputError as error:
             self._problem(replace(frame, image=None, problem=str(error)))
             return

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.cli.newest_frame import RECONNECT_S, NewestFrame
+from pipeline.datasets.video_coding import UNKNOWN, Coding
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,15 +38,14 @@ class SourceFrame:
         image: (H, W) float32 in [0, 1], or None.
         problem: why there is no picture; empty where nothing has come.
         signal_lost: whether it is the source itself that delivers nothing.
-        codec: of the video or stream, by FFmpeg's name, of a picture where it is known
-            (`pipeline.cli.video_codec.codec_of`); empty for a camera of this computer.
+        coding: how it was stored; unknown for a camera of this computer.
     """
 
     name: str
     image: NDArray[np.float32] | None
     problem: str = ""
     signal_lost: bool = False
-    codec: str = ""
+    coding: Coding = UNKNOWN
 
 
 def open_source(source: str, rate: float, *, wait: bool, stop: threading.Event) -> Iterator[SourceFrame]:
@@ -104,7 +104,7 @@ def _newest_frames(reader: NewestFrame, name: str, rate: float, stop: threading.
         count, image = reader.newest(shown)
         if image is not None:
             shown, lost = count, False
-            yield SourceFrame(f"{name}#{number}", image, codec=reader.codec)
+            yield SourceFrame(f"{name}#{number}", image, coding=reader.coding)
             number += 1
         elif reader.lost and not lost:
             lost = True
@@ -121,12 +121,11 @@ def _newest_frames(reader: NewestFrame, name: str, rate: float, stop: threading.
 def every_frame(path: Path, stop: threading.Event) -> Iterator[SourceFrame]:
     """Every frame of a video as fast as it is analysed; damage is reported at the end."""
     from pipeline.cli.pictures import readable
-    from pipeline.cli.video_codec import codec_of
 
-    for name, image, problem in readable([path], least_px=1):  # `watch` knows how large pictures must be
+    for name, image, problem, coding in readable([path], least_px=1):  # `watch` knows how large pictures must be
         if stop.is_set():
             return
-        yield SourceFrame(name, image, problem, codec=codec_of(name))
+        yield SourceFrame(name, image, problem, coding=coding)
 
 
 def played_video(path: Path, rate: float, stop: threading.Event) -> Iterator[SourceFrame]:
@@ -138,17 +137,15 @@ def played_video(path: Path, rate: float, stop: threading.Event) -> Iterator[Sou
         stop: ends it.
     """
     from pipeline.cli.pictures import video_remarks
-    from pipeline.cli.video_codec import codec_of
     from pipeline.datasets.video import read_video
 
     pace = _Pace(rate)
     with contextlib.closing(read_video(path, due=pace.due, remark=video_remarks(str(path), Counter()))) as frames:
         try:
-            for number, image in frames:
+            for number, image, coding in frames:
                 if stop.wait(pace.early_s(number)):
                     return
-                name = f"{path}#{number}"
-                yield SourceFrame(name, image, codec=codec_of(name))
+                yield SourceFrame(f"{path}#{number}", image, coding=coding)
                 pace.shown()
         except InputError as error:
             yield SourceFrame(str(path), None, str(error))
@@ -240,16 +237,15 @@ def filling_folder(folder: Path, stop: threading.Event) -> Iterator[SourceFrame]
 def _picture(file: Path, hinted: Counter[int]) -> SourceFrame:
     """A picture of any size (`watch` knows how large pictures must be), or why the file cannot be used."""
     from pipeline.cli.pictures import VIDEOS, read
-    from pipeline.cli.video_codec import codec_of
 
     if file.suffix.lower() in VIDEOS:
         reason = "a video; of a folder only pictures are watched: give the video as SOURCE, or to camera-monitor health"
         return SourceFrame(str(file), None, f"{file}: {reason}")
     try:
-        (frame,) = read(file, hinted=hinted, least_px=1)
+        ((name, image, coding),) = read(file, hinted=hinted, least_px=1)
     except InputError as error:
         return SourceFrame(str(file), None, str(error))
-    return SourceFrame(*frame, codec=codec_of(str(file)))
+    return SourceFrame(name, image, coding=coding)
 
 
 def _version(file: Path) -> tuple[int, int] | None:

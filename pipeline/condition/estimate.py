@@ -220,13 +220,14 @@ class ConditionMonitor:
             self.blur_estimator = uncalibrated.calibrated(patches)
         self._calibrated = (self.blur_estimator, uncalibrated)
 
-    def frame(self, image: NDArray[np.floating], codec: str = "") -> Condition:
+    def frame(self, image: NDArray[np.floating], codec: str = "", quantiser: int | None = None) -> Condition:
         """The condition of one frame; bars beside the picture are left out (`pipeline.condition.picture_area`).
 
         Args:
             image: (H, W) float in [0, 1], grey levels as the camera encoded them (not linear light).
             codec: of the video that it is a frame of, by FFmpeg's name, where that is known, e.g. ``"hevc"``, or its
                 four-character code; of some, weak noise is not estimated (`pipeline.condition.video_codecs`).
+            quantiser: how coarsely it quantised the frame, where that is known (`pipeline.datasets.video_coding`).
 
         Returns:
             the condition; blur abstains with a frame smaller than 192 px.
@@ -241,7 +242,7 @@ class ConditionMonitor:
         squares = shifted(frame_tiles(shape, PATCH_PX, self.most_patches), area) if large_enough else []
         small = shifted(frame_tiles(shape, self.tile_px, self.most_tiles), area)
         blurred = self._blur(cut(picture, squares), squares)
-        return Condition(blurred, _noise(self.noise_estimator, cut(picture, small), small, picture, codec))
+        return Condition(blurred, _noise(self.noise_estimator, cut(picture, small), small, picture, codec, quantiser))
 
     def patches(self, patches: NDArray[np.floating]) -> Condition:
         """The condition of a set of patches, say of all objects in a frame.
@@ -273,7 +274,9 @@ def noise_of_frame(
     image: NDArray[np.floating],
     tile_px: int = TILE_PX,
     most_tiles: int = MOST_TILES,
+    *,
     codec: str = "",
+    quantiser: int | None = None,
 ) -> NoiseState:
     """The noise of one frame alone, as `ConditionMonitor.frame` has it.
 
@@ -283,6 +286,7 @@ def noise_of_frame(
         tile_px: side of the tiles; smaller frames get one tile of their smaller side.
         most_tiles: of them.
         codec: see `ConditionMonitor.frame`.
+        quantiser: see there.
 
     Returns:
         the noise over the tiles inside bars beside the picture.
@@ -293,7 +297,7 @@ def noise_of_frame(
     picture = grey_frame(image)
     area = _area(picture, estimator)
     squares = shifted(frame_tiles(picture[area].shape, tile_px, most_tiles), area)
-    return _noise(estimator, cut(picture, squares), squares, picture, codec)
+    return _noise(estimator, cut(picture, squares), squares, picture, codec, quantiser)
 
 
 def _noise(
@@ -302,6 +306,7 @@ def _noise(
     squares: Sequence[Patch],
     picture: NDArray[np.float32] | None,
     codec: str = "",
+    quantiser: int | None = None,
 ) -> NoiseState:
     """The noise of squares (N, 1, h, w) of a frame, or of patches without one."""
     start = time.perf_counter()
@@ -320,8 +325,8 @@ def _noise(
     if picture is not None:
         coarse_dn = most_coarse_noise_dn(stack[~np.isin(result.reason, (FLAT, SATURATED, COVERED_REASON))])
     summary = summarise_noise(result)
-    if may_hide(codec, float(summary.value)):
-        result = withheld(result, codec)
+    if may_hide(codec, float(summary.value), quantiser):
+        result = withheld(result, codec, quantiser)
         summary = summarise_noise(result)
     summary = with_upper_end(summary, coarse_dn)
     if np.isnan(summary.value):
@@ -329,11 +334,11 @@ def _noise(
     return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary, coarse_dn))
 
 
-def withheld(estimate: NoiseEstimate, codec: str) -> NoiseEstimate:
+def withheld(estimate: NoiseEstimate, codec: str, quantiser: int | None = None) -> NoiseEstimate:
     """The estimate of a frame's tiles behind a codec that hides noise: no answers, and bounds that allow for it."""
     masked = _without(estimate, {COMPRESSED: ~estimate.abstained})
     most_dn = estimate.at_most_dn
-    return masked if most_dn is None else replace(masked, at_most_dn=with_hidden(most_dn, codec))
+    return masked if most_dn is None else replace(masked, at_most_dn=with_hidden(most_dn, codec, quantiser))
 
 
 def _whole_cover(frame: NDArray[np.float32]) -> NDArray[np.float32]:

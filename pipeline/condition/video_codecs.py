@@ -3,51 +3,83 @@
 The default estimator recognises JPEG, MPEG-4 and H.264 by their transform blocks (`pipeline.noise.codec_traces`). HEVC,
 VP8, VP9 and AV1 filter the edges of theirs, and most choose among many sizes: most tiles show no trace, weak noise is
 gone or smoothed, and the rest is read as next to none. So a frame that is known to have been stored by one of them, and
-is read as less than `READ_FROM_DN`, has no answer, and a bound to which what the codec may hide is added in squares:
+is read as less than what the codec may hide (times `DOUBTED`, at most `READ_FROM_DN`), has no answer, and a bound to
+which what may be hidden is added in squares:
 
     most noise = sqrt(high^2 + hidden^2)
+
+What may be hidden grows with the quantiser q (`pipeline.datasets.video_coding`), linearly from 0 to the most that was
+seen, and is the latter where q is unknown:
+
+    hidden = most * clip((q - first) / (last - first), 0, 1)
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-HIDDEN_DN: Mapping[str, float] = {"hevc": 11.0, "vp8": 13.5, "vp9": 6.0, "av1": 9.5}
-"""Codec, as FFmpeg names it -> noise of a decoded frame that is not read, DN: the most that was seen with quantisers
-from fine to very coarse (`benchmarks/video_codecs.py`) and, by hand, at 0.5 to 2 Mbit/s. Coarse ones leave coding
-errors that change from frame to frame, in large blocks."""
+
+@dataclass(frozen=True)
+class Hidden:
+    """Noise of a decoded frame that is not read: at least what was seen with quantisers from fine to very coarse.
+
+    Attributes:
+        most_dn: with any quantiser (`benchmarks/video_codecs.py` and, by hand, 0.5 to 2 Mbit/s), DN. Coarse ones leave
+            coding errors that change from frame to frame, in large blocks.
+        first, last: quantisers up to which none is hidden, and from which `most_dn` is.
+    """
+
+    most_dn: float
+    first: int
+    last: int
+
+    def at(self, quantiser: int | None) -> float:
+        """Noise that a quantiser may hide, DN; None for any."""
+        if quantiser is None:
+            return self.most_dn
+        return self.most_dn * min(max((quantiser - self.first) / (self.last - self.first), 0.0), 1.0)
+
+
+HIDDEN: Mapping[str, Hidden] = {
+    "hevc": Hidden(11.0, 14, 46), "vp8": Hidden(13.5, 0, 110), "vp9": Hidden(6.0, 0, 100), "av1": Hidden(9.5, 0, 180)
+}  # fmt: skip
+"""By FFmpeg's name of the codec."""
 
 READ_FROM_DN = 6.0
 """Frames read as more are right, but for one in a hundred: HEVC at a constant rate factor of 33 leaves 4 to 7 DN of 10,
 most of which are read as 0 to 3; 25 DN are read right."""
 
+DOUBTED = 1.3
 
 OTHER_NAMES: Mapping[str, str] = {
     **dict.fromkeys(("h265", "h.265", "x265", "hvc1", "hev1"), "hevc"),
     **dict.fromkeys(("vp08", "vp80"), "vp8"), **dict.fromkeys(("vp09", "vp90"), "vp9"), "av01": "av1",
 }  # fmt: skip
-"""Common names and four-character codes, as OpenCV gives them, of the codecs of `HIDDEN_DN` -> FFmpeg's name."""
+"""Common names and four-character codes, as OpenCV gives them, of the codecs of `HIDDEN` -> FFmpeg's name."""
 
 
 def ffmpeg_name(codec: str) -> str:
-    """FFmpeg's name of a codec of `HIDDEN_DN`, in any case, or one of its `OTHER_NAMES`; others in small letters."""
+    """FFmpeg's name of a codec of `HIDDEN`, in any case, or one of its `OTHER_NAMES`; others in small letters."""
     name = codec.strip().lower()
     return OTHER_NAMES.get(name, name)
 
 
-def may_hide(codec: str, frame_dn: float) -> bool:
+def may_hide(codec: str, frame_dn: float, quantiser: int | None = None) -> bool:
     """Whether a codec may have removed noise of a frame.
 
     Args:
         codec: of the video that the frame is of (`ffmpeg_name`); empty where it is unknown, or for a picture.
         frame_dn: noise that is estimated of the frame, DN; NaN where there is no estimate.
+        quantiser: of the frame, where it is known.
     """
-    return ffmpeg_name(codec) in HIDDEN_DN and not frame_dn >= READ_FROM_DN
+    hidden = HIDDEN.get(ffmpeg_name(codec))
+    return hidden is not None and not frame_dn >= min(READ_FROM_DN, DOUBTED * hidden.at(quantiser))
 
 
-def with_hidden(most_dn: NDArray[np.float64], codec: str) -> NDArray[np.float64]:
-    """Bounds (N,) of a frame's tiles, DN, that allow for the noise that a codec of `HIDDEN_DN` may hide."""
-    return np.hypot(most_dn, HIDDEN_DN[ffmpeg_name(codec)])
+def with_hidden(most_dn: NDArray[np.float64], codec: str, quantiser: int | None = None) -> NDArray[np.float64]:
+    """Bounds (N,) of a frame's tiles, DN, that allow for the noise that a codec of `HIDDEN` may hide."""
+    return np.hypot(most_dn, HIDDEN[ffmpeg_name(codec)].at(quantiser))

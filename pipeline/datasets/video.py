@@ -21,6 +21,8 @@ from pipeline.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
 
+    from pipeline.datasets.video_coding import Coding
+
 __all__ = ["SUFFIXES", "BadVideo", "read_video"]
 
 _TRANSPORT_STREAMS = frozenset({".ts", ".mts", ".m2ts"})
@@ -36,8 +38,8 @@ def read_video(
     every: int = 1,
     due: Callable[[int, float], bool] | None = None,
     remark: Callable[[str, str], None] | None = None,
-) -> Generator[tuple[int, np.ndarray], None, None]:
-    """Number and grey picture of each frame of a video that can be decoded, with the pixels as stored, not turned.
+) -> Generator[tuple[int, np.ndarray, Coding], None, None]:
+    """Number, grey picture and coding of each frame of a video that can be decoded, its pixels as stored, not turned.
 
     Args:
         path: the file.
@@ -47,7 +49,7 @@ def read_video(
         remark: called with a kind and words (`pipeline.datasets.video_decoder.remarks`), once for each kind.
 
     Returns:
-        frame number, from 0, and (H, W) float32 in [0, 1].
+        frame number, from 0, (H, W) float32 in [0, 1], and how it was stored.
 
     Raises:
         BadVideo: after the last good frame, if frames are missing, damaged or interlaced; or at once, if there is none.
@@ -68,7 +70,7 @@ def read_video(
                         if remark is not None and kind not in stated:
                             remark(kind, words)
                         stated.add(kind)
-                    yield number, image
+                    yield number, image, decoder.coding
             account.add(decoder.time_s(frame), problem)
     if not account.number:
         reason = f" ({account.messages[0]})" if account.messages else ""

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.datasets.video_coding import Coding, Quantisers
 from pipeline.errors import InputError
 
 if TYPE_CHECKING:
@@ -68,7 +69,6 @@ class Decoder:
         messages: errors that the decoder has reported since the caller last cleared the list.
         declared: number of frames that the file states, or duration times rate where it states none; 0 if unknown.
         per_second: frames per second; 0 if unknown.
-        codec: FFmpeg's name of it, e.g. ``"hevc"``.
         torn: whether the file ends within the data of the frame read last; known of codecs without prediction, as
             Motion JPEG, in containers that state how long the data are.
 
@@ -99,7 +99,8 @@ class Decoder:
         self._codec.thread_count = threads
         self._packets: Iterator[Any] = self._container.demux(stream)
         self._frames: deque[Frame] = deque()
-        self.codec = str(self._codec.codec.canonical_name)
+        codec = str(self._codec.codec.canonical_name)
+        self._name, self._quantisers = codec, Quantisers(stream, codec)
         self._each_alone = bool(self._codec.codec.intra_only)
         self.torn = False
         self._began_s = float((stream.start_time or 0) * stream.time_base) if stream.time_base else 0.0
@@ -113,6 +114,11 @@ class Decoder:
             before_s = self._began_s if self._container.format.name == "flv" else 0.0  # FLV counts from time 0
             return float(self._container.duration / av.time_base) - before_s
         return float(stream.duration * stream.time_base) if stream.duration and stream.time_base else 0.0
+
+    @property
+    def coding(self) -> Coding:
+        """How the frame read last was stored."""
+        return Coding(self._name, self._quantisers.coarsest)
 
     def read(self) -> Frame | None:
         """The next frame; None after the last, or where the stream breaks off."""
@@ -131,6 +137,7 @@ class Decoder:
                         break
                     except av.FFmpegError as error:
                         self._collect(logs, _reason(error))
+                    self._quantisers.add(packet)
             except av.FFmpegError as error:  # no packet can be read any more
                 self._collect(logs, _reason(error))
                 self._packets = iter(())
@@ -149,7 +156,11 @@ class Decoder:
 
     def _collect(self, logs: list[tuple[int, str, str]], otherwise: str = "") -> None:
         """Move what was logged to `messages`; without any, what is given instead."""
-        lines = [f"[{name}] {text.strip()}" if name else text.strip() for _, name, text in logs if text.strip()]
+        import av
+
+        # Less than a warning is nothing that was reported: another thread may just read headers (`video_coding`).
+        grave = [(name, text.strip()) for level, name, text in logs if level < av.logging.INFO and text.strip()]
+        lines = [f"[{name}] {text}" if name else text for name, text in grave]
         self.messages += lines or [otherwise] * bool(otherwise)
         logs.clear()
 

@@ -125,7 +125,7 @@ def test_a_bound_of_the_noise_serves_where_there_is_no_estimate(tmp_path, monkey
     write_inputs(tmp_path)
     whole = ConditionMonitor.frame
 
-    def without_noise(self, image, codec=""):
+    def without_noise(self, image, codec="", quantiser=None):
         seen = whole(self, image)
         nan = np.full_like(seen.noise.summary.value, np.nan)
         summary = replace(seen.noise.summary, value=nan, low=nan, high=nan)

@@ -17,6 +17,7 @@ from pipeline.cli import main
 from pipeline.cli.frame_ahead import WAITING, estimated_ahead
 from pipeline.cli.health_rows import undecided
 from pipeline.cli.numbers import LARGEST_MTF50
+from pipeline.datasets.video_coding import Coding
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -111,8 +112,8 @@ def test_frames_estimated_ahead_keep_their_order_and_few_are_held(threads):
     taken: list[int] = []
 
     class Analysis:
-        def estimate(self, image, codec):
-            assert codec == ""
+        def estimate(self, image, coding):
+            assert coding.quantiser == image[0, 0]
             if image[0, 0] == 4:
                 raise InputError("too dark")
             return int(image[0, 0])
@@ -120,7 +121,8 @@ def test_frames_estimated_ahead_keep_their_order_and_few_are_held(threads):
     def frames():
         for number in range(12):
             taken.append(number)
-            yield f"{number}", None if number == 7 else np.full((2, 2), number, np.float32), "cut short"
+            image = None if number == 7 else np.full((2, 2), number, np.float32)
+            yield f"{number}", image, "cut short", Coding("hevc", number)
 
     results = []
     for name, _, estimate in estimated_ahead(Analysis(), frames(), threads):

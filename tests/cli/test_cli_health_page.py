@@ -221,7 +221,7 @@ def test_why_the_expected_precision_is_unknown(parts, words):
 class KnownMonitor:
     """Stands for the estimators: the condition that a picture's mean level names, so that long series take no time."""
 
-    def frame(self, image, codec=""):
+    def frame(self, image, codec="", quantiser=None):
         from pipeline.blur.base import BlurEstimate
         from pipeline.condition import BlurState, Condition, NoiseState
         from pipeline.condition.summary import summarise
@@ -307,7 +307,7 @@ def test_the_expected_precision_reaches_as_far_as_an_uncertain_blur():
         def __init__(self, low, high):
             self.ends = (np.full((2, 8), end) for end in (low, high))
 
-        def frame(self, image, codec=""):
+        def frame(self, image, codec="", quantiser=None):
             seen = super().frame(image)
             low, high = self.ends
             summary = replace(seen.blur.summary, low=low, high=high)
@@ -418,7 +418,7 @@ def test_the_least_precision_is_that_of_the_most_noise(monkeypatch):
     known = FrameAnalysis(KnownMonitor(), Thresholds(), performance()).analyse("a.png", image)[0]
 
     class Withheld(KnownMonitor):
-        def frame(self, image, codec=""):
+        def frame(self, image, codec="", quantiser=None):
             seen = super().frame(image)
             unknown = np.full_like(seen.noise.summary.value, np.nan)
             summary = replace(seen.noise.summary, value=unknown, low=unknown, high=unknown)

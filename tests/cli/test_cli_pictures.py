@@ -17,10 +17,11 @@ from data_makers import picture
 from PIL import Image, features
 
 from pipeline.cli import main
-from pipeline.cli.pictures import TURNED, expand, natural_order, read
-from pipeline.cli.video_codec import NAMED, codec_of
+from pipeline.cli.pictures import TURNED, expand, natural_order, read, readable
+from pipeline.cli.video_codec import NAMED, coding_of_picture
 from pipeline.cli.watch_sources import filling_folder
-from pipeline.condition.video_codecs import HIDDEN_DN
+from pipeline.condition.video_codecs import HIDDEN
+from pipeline.datasets.video_coding import UNKNOWN, Coding
 
 
 def call(*arguments: object) -> Result:
@@ -186,7 +187,7 @@ def test_pictures_and_videos_are_read_as_stored_whatever_their_metadata_ask_for(
     for suffix in ("jpg", "png", "webp", "tiff"):
         file = save(tmp_path / f"a.{suffix}", 6)
         hinted: Counter[int] = Counter()
-        (frame,) = [image for _, image in read(file, hinted=hinted)]
+        (frame,) = [image for _, image, _ in read(file, hinted=hinted)]
         assert hinted == {TURNED: 1} and frame.shape == plain.shape
         assert suffix in ("jpg", "webp") or np.array_equal(frame, plain)
     done = call("noise", tmp_path / "a.tiff", "--estimator", "pca")
@@ -216,10 +217,10 @@ def film(path: Path, angle: int = 0, curve: int = 2) -> Path:
 
 def test_turned_videos_are_counted_and_pointed_out_once(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     hinted: Counter[int] = Counter()
-    plain = [image for _, image in read(film(tmp_path / "a.mp4"), hinted=hinted)]
+    plain = [image for _, image, _ in read(film(tmp_path / "a.mp4"), hinted=hinted)]
     assert not hinted and capfd.readouterr().err == ""
     for name in ("b", "c"):
-        stored = [image for _, image in read(film(tmp_path / f"{name}.mp4", angle=90), hinted=hinted)]
+        stored = [image for _, image, _ in read(film(tmp_path / f"{name}.mp4", angle=90), hinted=hinted)]
         assert np.array_equal(stored, plain)
     assert hinted == {TURNED: 2}
     (line,) = capfd.readouterr().err.splitlines()
@@ -249,8 +250,10 @@ def test_the_codec_of_a_video_decides_whether_weak_noise_is_estimated(tmp_path: 
             frame = av.VideoFrame.from_ndarray(picture("codec"), format="gray").reformat(format="yuv420p")
             container.mux(track.encode(frame))
         container.mux(track.encode())
-    assert codec_of(f"{path}#1") == name
-    assert codec_of(str(path)) == codec_of(str(tmp_path / "a.png")) == ""
+    codings = [coding for *_, coding in readable([path])]
+    assert [coding.codec for coding in codings] == [name] * 2
+    quantiser = codings[-1].quantiser
+    assert quantiser > 20
     bounds = []
     for command in (("noise",), ("health", "--no-trend", "--jsonl"), ("watch", "--no-wait", "--frames", "1")):
         done = call(command[0], path, *command[1:])
@@ -259,12 +262,13 @@ def test_the_codec_of_a_video_decides_whether_weak_noise_is_estimated(tmp_path: 
         bounds.append(float(text.split()[1]) if command[0] == "noise" else json.loads(text)["sigma_at_most_dn"])
     assert max(bounds) - min(bounds) < 0.01
     assert (bounds[0] >= 6.0) == (name == "hevc")
+    rows = [json.loads(line) for line in call("health", "--no-trend", "--jsonl", path).stdout.splitlines()]
+    assert [(row["codec"], row["quantiser"]) for row in rows] == [(name, coding.quantiser) for coding in codings]
 
 
 def test_the_codec_of_pictures_taken_out_of_a_video_can_be_given(tmp_path: Path) -> None:
     save(tmp_path / "a.png")
-    assert codec_of(str(tmp_path / "a.png"), "hevc") == "hevc"
-    assert set(NAMED) == set(HIDDEN_DN)
+    assert set(NAMED) == set(HIDDEN)
     for command in (("noise",), ("health", "--no-trend", "--jsonl"), ("watch", "--no-wait", "--frames", "1")):
         source = tmp_path if command[0] == "watch" else tmp_path / "a.png"
         known = []
@@ -281,6 +285,7 @@ def test_the_codec_of_pictures_taken_out_of_a_video_can_be_given(tmp_path: Path)
 def test_pictures_in_avif_files_are_known_to_be_coded_by_av1(tmp_path: Path) -> None:
     save(tmp_path / "a.avif")
     save(tmp_path / "a.png").rename(tmp_path / "b.avif")  # by what is in the file, not by its name
-    assert [codec_of(str(tmp_path / name)) for name in ("a.avif", "b.avif", "absent.avif")] == ["av1", "", ""]
+    codings = [coding_of_picture(tmp_path / name) for name in ("a.avif", "b.avif", "absent.avif")]
+    assert codings == [Coding("av1"), UNKNOWN, UNKNOWN]
     answers = [call("noise", tmp_path / name).stdout.splitlines()[1].split()[0] for name in ("a.avif", "b.avif")]
     assert answers[0] == "-" and float(answers[1]) >= 0

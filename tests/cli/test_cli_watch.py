@@ -351,7 +351,7 @@ def changes_of(seen, window, capsys):
     loop.state = SimpleNamespace(add=lambda row: {})
     for number, (alarms, undecided) in enumerate(seen):
         row = {**dict.fromkeys(STATED, 0.2), "picture": number, "alarms": alarms, "undecided": undecided}
-        analysis.analyse = lambda *_, codec, row=row: (row, None)
+        analysis.analyse = lambda *_, coding, row=row: (row, None)
         loop._frame(SourceFrame(str(number), np.zeros((40, 40), np.float32)))
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     return [(line["event"], line["picture"]) for line in lines if line["event"] != "frame"], loop
@@ -390,7 +390,7 @@ def test_a_reference_in_which_blur_changed_is_warned_of_once_and_a_trend_alarm_h
         if number == 140:
             row["alarms"] = "trend noise"
             analysis.trend_alarms.append({"sequence": "device 40x40", "quantity": "noise", "words": "noise 2 to 9 DN"})
-        analysis.analyse = lambda *_, codec, row=row: (row, None)
+        analysis.analyse = lambda *_, coding, row=row: (row, None)
         loop._frame(SourceFrame(str(number), np.zeros((40, 40), np.float32)))
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     warnings = [line for line in lines if line["event"] == "warning"]

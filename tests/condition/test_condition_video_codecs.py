@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from data_makers import picture
 
-from benchmarks.coded_noise import shots
+from benchmarks.video_codecs import shots
 from pipeline.camera.processing.codec import Codec
 from pipeline.condition import ConditionMonitor, noise_of_frame
 from pipeline.condition.estimate import withheld
-from pipeline.condition.video_codecs import HIDDEN_DN, READ_FROM_DN, may_hide
+from pipeline.condition.video_codecs import HIDDEN, READ_FROM_DN, may_hide
+from pipeline.datasets.video_coding import Coding
 from pipeline.noise.base import COMPRESSED, NoiseEstimate
 
 
@@ -23,16 +24,26 @@ def tiles(*sigmas_dn: float) -> NoiseEstimate:
     return NoiseEstimate(sigma, 0.8 * sigma, 1.2 * sigma, reason != "", reason, sigma.copy(), sigma * 0, most)
 
 
-@pytest.mark.parametrize("codec", sorted(HIDDEN_DN))
+@pytest.mark.parametrize("codec", sorted(HIDDEN))
 def test_weak_and_unknown_noise_may_be_hidden(codec):
     assert may_hide(codec, 2.0) and may_hide(codec, np.nan)
     assert not may_hide(codec, READ_FROM_DN)
 
 
+@pytest.mark.parametrize("codec", sorted(HIDDEN))
+def test_what_is_hidden_grows_with_the_quantiser(codec):
+    hidden = HIDDEN[codec]
+    levels = [hidden.at(quantiser) for quantiser in range(256)]
+    assert levels == sorted(levels) and levels[0] == 0 and levels[-1] == hidden.at(None) == hidden.most_dn
+    assert hidden.at((hidden.first + hidden.last) // 2) == pytest.approx(hidden.most_dn / 2)
+    assert not may_hide(codec, 0.0, hidden.first) and may_hide(codec, np.nan, hidden.first)
+    assert may_hide(codec, 2.0, hidden.last) and not may_hide(codec, READ_FROM_DN, hidden.last)
+
+
 @pytest.mark.parametrize("codec", ["HEVC", "H.265", "hvc1", "HEV1", "AV01", "vp90", " vp9", "VP80"])
 def test_codecs_are_known_by_their_other_names(codec):
     assert may_hide(codec, 2.0)
-    assert withheld(tiles(1.0), codec).at_most_dn[0] >= min(HIDDEN_DN.values())
+    assert withheld(tiles(1.0), codec).at_most_dn[0] >= min(hidden.most_dn for hidden in HIDDEN.values())
 
 
 @pytest.mark.parametrize("codec", ["", "h264", "mjpeg", "mpeg4", "avc1", "MJPG"])
@@ -40,14 +51,14 @@ def test_other_codecs_are_known_by_their_traces(codec):
     assert not may_hide(codec, 0.0)
 
 
-@pytest.mark.parametrize("codec", sorted(HIDDEN_DN))
+@pytest.mark.parametrize("codec", sorted(HIDDEN))
 def test_withheld_answers_have_a_bound_with_what_may_be_hidden(codec):
     before = tiles(0.5, 2.0, 7.0)
     after = withheld(before, codec)
     assert after.abstained.all() and after.reason.tolist() == [COMPRESSED] * 4 + ["uncertain"]
     for values in (after.sigma_dn, after.low_dn, after.high_dn, after.white_sigma_dn, after.correlation):
         assert np.isnan(values).all()
-    assert np.allclose(after.at_most_dn, np.sqrt(before.at_most_dn**2 + HIDDEN_DN[codec] ** 2), equal_nan=True)
+    assert np.allclose(after.at_most_dn, np.sqrt(before.at_most_dn**2 + HIDDEN[codec].most_dn ** 2), equal_nan=True)
     assert before.sigma_dn[0] == 0.5
 
 
@@ -57,14 +68,15 @@ def test_an_estimator_without_bounds_and_parts_has_none_behind_a_codec():
     assert after.at_most_dn is None and after.white_sigma_dn is None and after.correlation is None
 
 
-def coded(name: str, quality: int, sigma_dn: float) -> tuple[np.ndarray, float]:
-    """The last frame of a video, as grey levels in [0, 1], and what differs from one of another noise, DN."""
-    taken = shots(picture("hevc", 384, 256), Codec(name, quality), sigma_dn, "test", count=2).astype(np.float32)
-    return taken[0] / np.float32(255), float((taken[0] - taken[1]).std() / 2**0.5)
+def coded(name: str, quality: int, sigma_dn: float) -> tuple[np.ndarray, float, Coding]:
+    """The last frame of a video, in [0, 1], what differs from one of another noise, DN, and its coding."""
+    taken, coding = shots(picture("hevc", 384, 256), Codec(name, quality), sigma_dn, "test")
+    shot, other = taken.astype(np.float32)
+    return shot / np.float32(255), float((shot - other).std() / 2**0.5), coding
 
 
 def test_behind_hevc_noise_of_8_dn_is_read_too_low_unless_the_codec_is_known():
-    monitor, (frame, left) = ConditionMonitor(), coded("hevc", 33, 8.0)
+    monitor, (frame, left, _) = ConditionMonitor(), coded("hevc", 33, 8.0)
     assert left > 4
     unknown, known = monitor.frame(frame).noise, monitor.frame(frame, "hevc").noise
     assert unknown.summary.high < 0.5 * left
@@ -74,7 +86,7 @@ def test_behind_hevc_noise_of_8_dn_is_read_too_low_unless_the_codec_is_known():
 
 
 def test_behind_hevc_noise_of_25_dn_is_read():
-    monitor, (frame, left) = ConditionMonitor(), coded("hevc", 33, 25.0)
+    monitor, (frame, left, _) = ConditionMonitor(), coded("hevc", 33, 25.0)
     known = monitor.frame(frame, "hevc").noise
     assert known.summary.value == monitor.frame(frame).noise.summary.value > READ_FROM_DN
     assert known.summary.value == pytest.approx(left, rel=0.2)
@@ -82,7 +94,23 @@ def test_behind_hevc_noise_of_25_dn_is_read():
 
 @pytest.mark.parametrize(("name", "quality"), [("hevc", 43), ("vp8", 63), ("vp9", 50), ("av1", 55)])
 def test_bounds_hold_behind_coarse_quantisers(name, quality):
-    frame, left = coded(name, quality, 15.0)
-    known = ConditionMonitor().frame(frame, name).noise
-    assert left > 3 and np.isnan(known.summary.value)
-    assert not known.at_most_dn < left  # no bound is right too
+    frame, left, coding = coded(name, quality, 15.0)
+    monitor = ConditionMonitor()
+    for quantiser in (None, coding.quantiser):
+        known = monitor.frame(frame, name, quantiser).noise
+        assert left > 3 and np.isnan(known.summary.value)
+        assert not known.at_most_dn < left  # no bound is right too
+
+
+def test_a_fine_quantiser_of_hevc_hides_little():
+    monitor, (frame, left, coding) = ConditionMonitor(), coded("hevc", 12, 5.0)
+    named, stored = monitor.frame(frame, "hevc").noise, monitor.frame(frame, "hevc", coding.quantiser).noise
+    assert np.isnan(named.summary.value) and named.at_most_dn >= HIDDEN["hevc"].most_dn
+    assert stored.summary.value == monitor.frame(frame).noise.summary.value == pytest.approx(left, rel=0.2)
+
+
+def test_a_finer_quantiser_has_a_lower_bound():
+    monitor, (frame, left, coding) = ConditionMonitor(), coded("hevc", 28, 2.0)
+    named, stored = monitor.frame(frame, "hevc").noise, monitor.frame(frame, "hevc", coding.quantiser).noise
+    assert np.isnan(named.summary.value) and np.isnan(stored.summary.value)
+    assert left < stored.at_most_dn < 0.8 * named.at_most_dn

@@ -48,7 +48,7 @@ def coded(path: Path, codec: str, pixels: str = "yuv420p", frames: int = 6, rate
 def read_until_refused(path: Path) -> tuple[list[int], str]:
     numbers = []
     with pytest.raises(BadVideo) as caught:
-        for number, image in read_video(path):
+        for number, image, _ in read_video(path):
             assert image.shape == (240, 320) and image.dtype == np.float32
             numbers.append(number)
     return numbers, str(caught.value)
@@ -62,8 +62,8 @@ def test_a_whole_video_gives_every_frame_without_remark(tmp_path, capfd, name, c
     path = film(tmp_path / name, code)
     assert path.suffix in video.SUFFIXES
     capfd.readouterr()  # OpenCV's remark on the code of a transport stream that it writes
-    assert [number for number, _ in read_video(path)] == list(range(FRAMES))
-    assert [number for number, _ in read_video(path, every=7)] == [0, 7, 14]
+    assert [number for number, *_ in read_video(path)] == list(range(FRAMES))
+    assert [number for number, *_ in read_video(path, every=7)] == [0, 7, 14]
     assert capfd.readouterr() == ("", "")
 
 
@@ -75,7 +75,7 @@ def test_a_whole_video_gives_every_frame_without_remark(tmp_path, capfd, name, c
 def test_other_containers_are_read_whole_and_missed_when_cut(tmp_path, name, codec):
     path = coded(tmp_path / name, codec, frames=50, **({} if codec == "libx264" else {"g": "12"}), rate=25)
     assert path.suffix in video.SUFFIXES
-    assert [number for number, _ in read_video(path)] == list(range(50))
+    assert [number for number, *_ in read_video(path)] == list(range(50))
     path.write_bytes(path.read_bytes()[: int(path.stat().st_size * 0.6)])
     numbers, message = read_until_refused(path)
     assert len(numbers) < 40 and name in message
@@ -101,7 +101,7 @@ def test_what_others_write_meanwhile_is_no_damage_and_is_not_lost(tmp_path, capf
     other = threading.Thread(target=chatter)
     other.start()
     try:
-        numbers = [number for _ in range(3) for number, _ in read_video(path)]
+        numbers = [number for _ in range(3) for number, *_ in read_video(path)]
     finally:
         ended.set()
         other.join()
@@ -134,7 +134,7 @@ def test_a_whole_video_of_a_rate_that_varies_is_not_called_cut_short(tmp_path, n
             frame.pts, frame.time_base = time_ms, Fraction(1, 1000)
             container.mux(video.encode(frame))
         container.mux(video.encode())
-    assert [number for number, _ in read_video(tmp_path / name)] == list(range(len(times_ms)))
+    assert [number for number, *_ in read_video(tmp_path / name)] == list(range(len(times_ms)))
 
 
 def test_the_last_frames_of_a_cut_film_without_a_number_of_frames_are_missed(tmp_path):
@@ -209,7 +209,7 @@ def test_progressive_frames_among_interlaced_ones_are_read(tmp_path):
 )
 def test_progressive_frames_are_those_of_opencv(tmp_path, codec, pixels, name):
     path = coded(tmp_path / name, codec, pixels)
-    reader, images = cv2.VideoCapture(str(path)), [image for _, image in read_video(path)]
+    reader, images = cv2.VideoCapture(str(path)), [image for _, image, _ in read_video(path)]
     assert len(images) == 6
     for image in images:
         good, frame = reader.read()
@@ -225,7 +225,7 @@ def test_frames_whose_pixel_format_or_size_changes_are_converted_anew(tmp_path):
         part = tmp_path / f"{number}.jpg"
         Image.fromarray(scene[:height, :width].copy()).save(part, quality=95, subsampling=1 + number % 2)
         path.open("ab").write(part.read_bytes())
-    images = [image for _, image in read_video(path)]
+    images = [image for _, image, _ in read_video(path)]
     assert [image.shape for image in images] == shapes
     for image in images:
         height, width = image.shape
@@ -245,9 +245,9 @@ def turned(path: Path) -> Path:
 
 def test_a_turned_video_is_read_as_stored_and_pointed_out_once(tmp_path):
     path, remarks = coded(tmp_path / "a.mp4", "libx264"), []
-    plain = [image for _, image in read_video(path, remark=lambda *remark: remarks.append(remark))]
+    plain = [image for _, image, _ in read_video(path, remark=lambda *remark: remarks.append(remark))]
     assert remarks == []
-    stored = [image for _, image in read_video(turned(path), remark=lambda *remark: remarks.append(remark))]
+    stored = [image for _, image, _ in read_video(turned(path), remark=lambda *remark: remarks.append(remark))]
     assert np.array_equal(stored, plain) and [kind for kind, _ in remarks] == [TURNED]
     assert "270 degrees" in remarks[0][1]
 
@@ -256,7 +256,7 @@ def test_a_video_of_another_transfer_curve_keeps_its_code_values_and_is_pointed_
     """OpenCV 5 converts them, by another curve than that of sRGB."""
     options = {"crf": "4", "x265-params": "log-level=none:transfer=smpte2084"}
     path, remarks = coded(tmp_path / "a.mp4", "libx265", "yuv420p10le", **options), []
-    images = [image for _, image in read_video(path, remark=lambda *remark: remarks.append(remark))]
+    images = [image for _, image, _ in read_video(path, remark=lambda *remark: remarks.append(remark))]
     assert remarks == [(CURVE, "PQ (SMPTE ST 2084)")]
     assert abs(float(images[0].mean()) * 255 - picture("film", 320, 240).mean()) < 2
 
@@ -264,7 +264,7 @@ def test_a_video_of_another_transfer_curve_keeps_its_code_values_and_is_pointed_
 @pytest.mark.skipif("libsvtav1" not in av.codec.codecs_available, reason="AV1: this PyAV has no encoder of it")
 def test_av1_is_read(tmp_path):
     path = coded(tmp_path / "a.mkv", "libsvtav1", crf="10", preset="12")
-    assert [number for number, _ in read_video(path)] == list(range(6))
+    assert [number for number, *_ in read_video(path)] == list(range(6))
 
 
 def test_frames_that_the_decoder_marks_as_damaged_are_not_measured(tmp_path):

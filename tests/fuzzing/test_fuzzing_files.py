@@ -6,10 +6,12 @@ The suite takes a small, repeatable sample. ``HYPOTHESIS_PROFILE=fuzz`` draws th
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import re
 import tempfile
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -25,6 +27,7 @@ from PIL import Image
 from pipeline.blur.camera_calibration import Calibration
 from pipeline.blur.fusion_camera import FusionMap
 from pipeline.camera.paper_kernels import read_psf
+from pipeline.camera.processing.codec import VIDEO, video_file
 from pipeline.cli import camera_store
 from pipeline.cli.report import metrics
 from pipeline.cli.shot_settings import exif
@@ -112,7 +115,11 @@ def test_exif_data(data):
     attempt(exif, "exif.jpg", data.draw(damaged(saved(Image.fromarray(GREY), "JPEG", exif=tags))))
 
 
+@cache
 def _film(suffix: str, code: str) -> bytes:
+    if code in VIDEO:  # x265 aborts on smaller pictures
+        larger = np.repeat(picture("fuzzing", 128, 128)[..., None], 3, axis=2)
+        return video_file([np.roll(larger, number, axis=1) for number in range(3)], code, 30)
     path = FOLDER / f"film{suffix}"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), 10, (40, 32))
     for number in range(3):
@@ -121,13 +128,11 @@ def _film(suffix: str, code: str) -> bytes:
     return path.read_bytes()
 
 
-@pytest.mark.parametrize(("suffix", "code"), [(".avi", "MJPG"), (".mp4", "mp4v")])
+@pytest.mark.parametrize(("suffix", "code"), [(".avi", "MJPG"), (".mp4", "mp4v"), (".mkv", "hevc"), (".webm", "vp9")])
 @given(data=st.data())
 def test_videos(suffix, code, data):
     content = data.draw(damaged(_film(suffix, code)))
-    attempt(
-        lambda path: [frame for _, (_, frame) in zip(range(20), read_video(path), strict=False)], f"v{suffix}", content
-    )
+    attempt(lambda path: list(itertools.islice(read_video(path), 20)), f"v{suffix}", content)
 
 
 LABELS = {

@@ -171,12 +171,17 @@ def test_noise_behind_codecs_that_hide_it_is_counted_with_and_without_their_name
     table, bounds = last_tables(inputs, VIDEOS)
     assert (table.name, bounds.name) == ("real_noise_video", "real_noise_video_bounds")
     record = json.loads(VIDEOS.read_text())["by_codec"]
-    assert len(table.rows) == 2 * len(record)
-    assert [(row["codec"], row["known"]) for row in table.rows[:3]] == [
-        ("HEVC (H.265) 23", "no"), ("HEVC (H.265) 23", "yes"), ("HEVC (H.265) 28", "no"),
+    assert len(table.rows) == 3 * len(record)
+    assert [(row["codec"], row["known"]) for row in table.rows[:4]] == [
+        ("HEVC (H.265) 18", "no"), ("HEVC (H.265) 18", "by name"), ("HEVC (H.265) 18", "with quantiser"),
+        ("HEVC (H.265) 23", "no"),
     ]  # fmt: skip
-    assert table.rows[0]["added_5"] == answers(record["hevc 23"]["5"]["unknown"])
-    assert bounds.rows[0]["added_0"] == bound(record["hevc 23"]["0"]["named"])
+    assert table.rows[3]["added_5"] == answers(record["hevc 23"]["5"]["unknown"])
+    assert [(row["codec"], row["known"]) for row in bounds.rows[2:4]] == [
+        ("HEVC (H.265) 23", "by name"), ("HEVC (H.265) 23", "with quantiser"),
+    ]  # fmt: skip
+    for row, known in zip(bounds.rows[2:4], ("named", "file"), strict=True):
+        assert row["added_0"] == bound(record["hevc 23"]["0"][known])
 
 
 def test_every_codec_and_filter_of_the_benchmarks_has_a_name() -> None:

@@ -133,6 +133,15 @@ def video(frames: Sequence[Picture], name: str, quality: int) -> list[Picture]:
         the decoded frames.
     """
     import av
+
+    with av.open(io.BytesIO(video_file(frames, name, quality)), "r") as stored:
+        stored.streams.video[0].codec_context.thread_count = 1
+        return [np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in stored.decode(video=0)]
+
+
+def video_file(frames: Sequence[Picture], name: str, quality: int) -> bytes:
+    """A Matroska file of frames; see `video`."""
+    import av
     from av.video.reformatter import ColorRange
 
     height, width = frames[0].shape[:2]
@@ -151,10 +160,7 @@ def video(frames: Sequence[Picture], name: str, quality: int) -> list[Picture]:
                 container.mux(packet)
         for packet in stream.encode():
             container.mux(packet)
-    file.seek(0)
-    with av.open(file, "r") as stored:
-        stored.streams.video[0].codec_context.thread_count = 1
-        return [np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in stored.decode(video=0)]
+    return file.getvalue()
 
 
 def _even(picture: Picture) -> Picture:

@@ -35,7 +35,7 @@ SHOWN = ("adaptive", "cellwise", "pca", "pca_stride_2", "bf")
 CODED = Benchmark("coded_noise", "python benchmarks/coded_noise.py", ("datasets", "frames", "patches"))
 VIDEOS = Benchmark("video_codecs", "python benchmarks/video_codecs.py", ("datasets", "by_codec"))
 HIDING = "Noise behind codecs that hide it"
-KNOWN = {"unknown": "no", "named": "yes"}
+KNOWN = {"unknown": "no", "named": "by name", "file": "with quantiser"}
 CODECS = {
     "none": "as it is",
     "jpeg": "JPEG",
@@ -195,9 +195,12 @@ def behind_video_codecs(record: Mapping[str, Any]) -> Table:
 
 def video_bounds(record: Mapping[str, Any]) -> Table:
     """How much noise there is at most in frames without an estimate behind known codecs that hide noise."""
-    codecs = record["by_codec"]
-    named = {codec: {added: codecs[codec][added]["named"] for added in ADDED} for codec in codecs}
-    return PAGE.table("real_noise_video_bounds", _bounds(named, ADDED))
+    codecs, rows = record["by_codec"], []
+    for codec in sorted(codecs, key=_order):
+        for known in list(KNOWN)[1:]:
+            levels = {codec: {added: codecs[codec][added][known] for added in ADDED}}
+            rows += [{"known": KNOWN[known], **row} for row in _bounds(levels, ADDED)]
+    return PAGE.table("real_noise_video_bounds", rows)
 
 
 def bounds(record: Mapping[str, Any]) -> Table:
