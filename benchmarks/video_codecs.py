@@ -1,4 +1,4 @@
-"""Noise of frames behind HEVC, VP8, VP9 and AV1, with and without what their file states: right or wrong.
+"""Noise of frames behind HEVC, VP8, VP9, AV1 and coarse H.264, with and without what their file states: right or wrong.
 
     python benchmarks/video_codecs.py [--dataset NAME=KIND:ROOT ...] [--frames N] [--rows CSV] [--out FILE]
 
@@ -50,6 +50,7 @@ CODECS = (
     *(Codec("vp8", step) for step in (10, 30, 50, 63)),
     *(Codec("vp9", factor) for factor in (20, 31, 40, 50)),
     *(Codec("av1", factor) for factor in (25, 35, 45, 55)),
+    *(Codec("h264", factor) for factor in (28, 38, 43, 48)),
 )
 SIGMAS_DN = (0.0, 2.0, 5.0, 10.0, 25.0)
 SHOTS = 2

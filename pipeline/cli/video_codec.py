@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pipeline.datasets.video_coding import Coding
 
 NAMED = ("av1", "hevc", "vp8", "vp9")
-"""Those of `pipeline.condition.video_codecs.HIDDEN`, which is not imported: every command reads this module."""
+"""Those of `pipeline.condition.video_codecs.HIDDEN` that do not show; it is not imported: every command reads this."""
 
 AVIF = (b"ftypavif", b"ftypavis")
 """What files of pictures by AV1 have from their fifth byte on."""

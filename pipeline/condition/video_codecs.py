@@ -12,6 +12,8 @@ What may be hidden grows with the quantiser q (`pipeline.datasets.video_coding`)
 seen, and is the latter where q is unknown:
 
     hidden = most * clip((q - first) / (last - first), 0, 1)
+
+The coarsest quantisers of H.264 leave more noise than bounds allow for, too: where one is known it counts likewise.
 """
 
 from __future__ import annotations
@@ -31,21 +33,24 @@ class Hidden:
         most_dn: with any quantiser (`benchmarks/video_codecs.py` and, by hand, 0.5 to 2 Mbit/s), DN. Coarse ones leave
             coding errors that change from frame to frame, in large blocks.
         first, last: quantisers up to which none is hidden, and from which `most_dn` is.
+        shows: whether the codec leaves traces, so that nothing is hidden unless the quantiser is known to be coarse.
     """
 
     most_dn: float
     first: int
     last: int
+    shows: bool = False
 
     def at(self, quantiser: int | None) -> float:
-        """Noise that a quantiser may hide, DN; None for any."""
+        """Noise that a quantiser may hide, DN; None where it is unknown."""
         if quantiser is None:
-            return self.most_dn
+            return 0.0 if self.shows else self.most_dn
         return self.most_dn * min(max((quantiser - self.first) / (self.last - self.first), 0.0), 1.0)
 
 
 HIDDEN: Mapping[str, Hidden] = {
-    "hevc": Hidden(11.0, 14, 46), "vp8": Hidden(13.5, 0, 110), "vp9": Hidden(6.0, 0, 100), "av1": Hidden(9.5, 0, 180)
+    "hevc": Hidden(11.0, 14, 46), "vp8": Hidden(13.5, 0, 110), "vp9": Hidden(6.0, 0, 100), "av1": Hidden(9.5, 0, 180),
+    "h264": Hidden(6.0, 44, 48, shows=True),
 }  # fmt: skip
 """By FFmpeg's name of the codec."""
 
@@ -58,6 +63,7 @@ DOUBTED = 1.3
 OTHER_NAMES: Mapping[str, str] = {
     **dict.fromkeys(("h265", "h.265", "x265", "hvc1", "hev1"), "hevc"),
     **dict.fromkeys(("vp08", "vp80"), "vp8"), **dict.fromkeys(("vp09", "vp90"), "vp9"), "av01": "av1",
+    **dict.fromkeys(("h.264", "x264", "avc1", "avc3"), "h264"),
 }  # fmt: skip
 """Common names and four-character codes, as OpenCV gives them, of the codecs of `HIDDEN` -> FFmpeg's name."""
 
@@ -76,8 +82,9 @@ def may_hide(codec: str, frame_dn: float, quantiser: int | None = None) -> bool:
         frame_dn: noise that is estimated of the frame, DN; NaN where there is no estimate.
         quantiser: of the frame, where it is known.
     """
-    hidden = HIDDEN.get(ffmpeg_name(codec))
-    return hidden is not None and not frame_dn >= min(READ_FROM_DN, DOUBTED * hidden.at(quantiser))
+    name = ffmpeg_name(codec)
+    hidden_dn = HIDDEN[name].at(quantiser) if name in HIDDEN else 0.0
+    return hidden_dn > 0 and not frame_dn >= min(READ_FROM_DN, DOUBTED * hidden_dn)
 
 
 def with_hidden(most_dn: NDArray[np.float64], codec: str, quantiser: int | None = None) -> NDArray[np.float64]:
