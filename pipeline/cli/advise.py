@@ -97,7 +97,8 @@ def command(
             try:
                 if image is None:
                     raise InputError(problem)
-                condition = monitor.frame(image, coding.codec or codec or "", coding.quantiser)
+                known = coding.or_by(codec or "")
+                condition = monitor.frame(image, known.codec, known.quantiser)
                 if sharp_px is not None and image.shape != sharp_px:
                     reason = camera_store.of_other_size(printable(name), image.shape, [sharp_px])
                     click.echo(f"warning: {reason}", err=True)

@@ -158,7 +158,7 @@ class FrameAnalysis:
         """
         from pipeline.condition.frame_flags import measure
 
-        known = replace(coding, codec=coding.codec or self.codec)
+        known = coding.or_by(self.codec)
         return Estimated(self.monitor.frame(image, known.codec, known.quantiser), measure(image), known)
 
     def analyse(

@@ -85,8 +85,8 @@ def command(
             try:
                 if image is None:
                     raise InputError(problem)
-                stored = {"codec": coding.codec or codec or "", "quantiser": coding.quantiser}
-                state = noise_of_frame(method, image, tile_px, most_tiles, **stored)
+                known = coding.or_by(codec or "")
+                state = noise_of_frame(method, image, tile_px, most_tiles, codec=known.codec, quantiser=known.quantiser)
             except InputError as error:
                 set_aside.add(name, error)
                 continue

@@ -48,6 +48,10 @@ class Coding:
     codec: str = ""
     quantiser: int | None = None
 
+    def or_by(self, codec: str) -> Coding:
+        """This coding, or that by a codec named where none is known."""
+        return self if self.codec else Coding(codec)
+
 
 UNKNOWN = Coding()
 
