@@ -19,6 +19,7 @@ import pytest
 from click.testing import CliRunner
 from data_makers import picture
 
+from pipeline.camera.processing.codec import video_file
 from pipeline.cli import main
 from pipeline.cli.frame_analysis import Thresholds
 from pipeline.cli.watch import STATED, _Watch
@@ -283,6 +284,16 @@ def test_a_lost_signal_is_reported_once(tmp_path):
             stop.set()
     assert [frame.signal_lost for frame in frames].count(True) == 1 and frames[-1].signal_lost
     assert frames[-1].problem
+
+
+def test_frames_of_a_stream_carry_its_codec_and_quantiser(tmp_path):
+    path, stop = tmp_path / "v.mkv", threading.Event()
+    scene = np.repeat(picture("watch", 224, 208)[..., None], 3, axis=2)
+    path.write_bytes(video_file([scene] * 5, "hevc", 30))
+    for frame in live(str(path), "device", 100.0, stop):
+        if frame.image is not None:
+            stop.set()
+            assert frame.coding.codec == "hevc" and 20 < frame.coding.quantiser < 45
 
 
 def test_a_device_that_has_gone_silent_counts_as_idle(tmp_path):

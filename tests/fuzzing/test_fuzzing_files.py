@@ -128,7 +128,9 @@ def _film(suffix: str, code: str) -> bytes:
     return path.read_bytes()
 
 
-@pytest.mark.parametrize(("suffix", "code"), [(".avi", "MJPG"), (".mp4", "mp4v"), (".mkv", "hevc"), (".mkv", "h264"), (".webm", "vp9")])
+@pytest.mark.parametrize(
+    ("suffix", "code"), [(".avi", "MJPG"), (".mp4", "mp4v"), (".mkv", "hevc"), (".mkv", "h264"), (".webm", "vp9")]
+)
 @given(data=st.data())
 def test_videos(suffix, code, data):
     content = data.draw(damaged(_film(suffix, code)))
