@@ -58,7 +58,7 @@ class OpenCvCamera:
             EOFError: there is no further frame.
         """
         if not self.live:
-            for _, picture in self.frames:
+            for _, picture, _ in self.frames:
                 return picture
             raise EOFError("no further frame")
         good, frame = self.capture_device.read()
