@@ -59,6 +59,7 @@ READ_FROM_DN = 6.0
 most of which are read as 0 to 3; 25 DN are read right."""
 
 DOUBTED = 1.3
+"""Times what may be hidden: of frames read as little more, a part may not have been read either."""
 
 OTHER_NAMES: Mapping[str, str] = {
     **dict.fromkeys(("h265", "h.265", "x265", "hvc1", "hev1"), "hevc"),
