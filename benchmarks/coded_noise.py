@@ -148,9 +148,7 @@ def coloured(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.repeat(grey[..., None], 3, axis=2)
 
 
-def shots(
-    frame: NDArray[np.uint8], processing: Codec | str, sigma_dn: float, *key: str | float, count: int = SHOTS
-) -> NDArray[np.uint8]:
+def shots(frame: NDArray[np.uint8], processing: Codec | str, sigma_dn: float, *key: str | float) -> NDArray[np.uint8]:
     """Shots of one scene as they come back from a codec or a filter.
 
     Args:
@@ -158,10 +156,9 @@ def shots(
         processing: the codec that stores them, one of `FILTERS`, or one of `CURVES`.
         sigma_dn: of the normal noise added before; behind a tone curve, of that over the frame.
         key: of the random stream.
-        count: C, of the shots.
 
     Returns:
-        (C, H, W), each with its own noise; grey is the mean of the colours.
+        (`SHOTS`, H, W), each with its own noise; grey is the mean of the colours.
     """
     generator = stream(SEED, "coded noise", *key)
 
@@ -169,11 +166,11 @@ def shots(
         return noisy(frame, sigma_dn, generator)
 
     if isinstance(processing, str) and processing in CURVES:
-        return np.stack([behind_curve(frame, sigma_dn, *CURVES[processing], generator) for _ in range(count)])
+        return np.stack([behind_curve(frame, sigma_dn, *CURVES[processing], generator) for _ in range(SHOTS)])
     if isinstance(processing, str):
-        return np.stack([FILTERS[processing](grey()) for _ in range(count)])
+        return np.stack([FILTERS[processing](grey()) for _ in range(SHOTS)])
     before = FRAMES_BEFORE if processing.name in VIDEO else 0
-    stored = [store(coloured(grey()), processing, [coloured(grey()) for _ in range(before)]) for _ in range(count)]
+    stored = [store(coloured(grey()), processing, [coloured(grey()) for _ in range(before)]) for _ in range(SHOTS)]
     return np.stack([np.rint(picture.mean(axis=2)).astype(np.uint8) for picture in stored])
 
 

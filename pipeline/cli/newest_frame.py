@@ -34,7 +34,6 @@ class NewestFrame(threading.Thread):
     Attributes:
         lost: whether the device delivers nothing.
         problem: why the last frame must not be measured; empty where it may be.
-        coding: how the frame read last was stored; unknown for a camera of this computer.
 
     Raises:
         InputError: the device cannot be opened.
@@ -46,29 +45,26 @@ class NewestFrame(threading.Thread):
         self._lock = threading.Lock()
         self._count = 0
         self._levels: Levels | None = None
+        self._coding = UNKNOWN
         self.lost, self.problem = False, ""
         self._stated: set[str] = set()
         self._capture = self._open()
 
-    @property
-    def coding(self) -> Coding:
-        return self._capture.coding
-
-    def newest(self, shown: int) -> tuple[int, NDArray[np.float32] | None]:
-        """Number of the newest frame that may be measured, counted from 1, and its grey levels.
+    def newest(self, shown: int) -> tuple[int, NDArray[np.float32] | None, Coding]:
+        """Number of the newest frame that may be measured, counted from 1, its grey levels, and how it was stored.
 
         Args:
             shown: number of the last frame taken; that one is not converted again, but None.
         """
         with self._lock:
-            count, levels = self._count, self._levels
+            count, levels, coding = self._count, self._levels, self._coding
         if levels is None or count == shown:
-            return count, None
+            return count, None, coding
         try:
-            return count, levels()
+            return count, levels(), coding
         except InputError as error:
             self.problem = str(error)
-            return shown, None
+            return shown, None, coding
 
     def run(self) -> None:
         try:
@@ -82,7 +78,7 @@ class NewestFrame(threading.Thread):
                 levels, self.problem = frame
                 if levels is not None:
                     with self._lock:
-                        self._count, self._levels = self._count + 1, levels
+                        self._count, self._levels, self._coding = self._count + 1, levels, self._capture.coding
                 self.lost = False
         finally:
             self.lost = True

@@ -101,10 +101,10 @@ def _newest_frames(reader: NewestFrame, name: str, rate: float, stop: threading.
     stated: set[str] = set()
     while not stop.is_set():
         start = time.monotonic()
-        count, image = reader.newest(shown)
+        count, image, coding = reader.newest(shown)
         if image is not None:
             shown, lost = count, False
-            yield SourceFrame(f"{name}#{number}", image, coding=reader.coding)
+            yield SourceFrame(f"{name}#{number}", image, coding=coding)
             number += 1
         elif reader.lost and not lost:
             lost = True

@@ -28,7 +28,7 @@ from pipeline.condition.grey_frame import grey_frame
 from pipeline.condition.picture_area import COVERED_REASON, covered, picture_area, shifted
 from pipeline.condition.structure import STRUCTURELESS, structureless
 from pipeline.condition.summary import Summary, at_most_dn, summarise, summarise_noise, unsharp, with_upper_end
-from pipeline.condition.video_codecs import may_hide, with_hidden
+from pipeline.condition.video_codecs import hidden_noise_dn, is_doubtful
 from pipeline.datasets.patches import Patch, cut, tiles
 from pipeline.datasets.selection import evenly_spread
 from pipeline.errors import InputError
@@ -325,8 +325,9 @@ def _noise(
     if picture is not None:
         coarse_dn = most_coarse_noise_dn(stack[~np.isin(result.reason, (FLAT, SATURATED, COVERED_REASON))])
     summary = summarise_noise(result)
-    if may_hide(codec, float(summary.value), quantiser):
-        result = withheld(result, codec, quantiser)
+    hidden_dn = hidden_noise_dn(codec, quantiser)
+    if is_doubtful(float(summary.value), hidden_dn):
+        result = withheld(result, hidden_dn)
         summary = summarise_noise(result)
     summary = with_upper_end(summary, coarse_dn)
     if np.isnan(summary.value):
@@ -334,11 +335,11 @@ def _noise(
     return NoiseState(squares, result, grid, summary, whole, taken, at_most_dn(result, summary, coarse_dn))
 
 
-def withheld(estimate: NoiseEstimate, codec: str, quantiser: int | None = None) -> NoiseEstimate:
-    """The estimate of a frame's tiles behind a codec that hides noise: no answers, and bounds that allow for it."""
+def withheld(estimate: NoiseEstimate, hidden_dn: float) -> NoiseEstimate:
+    """The estimate of a frame's tiles behind a codec that may hide noise: no answers, and bounds that allow for it."""
     masked = _without(estimate, {COMPRESSED: ~estimate.abstained})
     most_dn = estimate.at_most_dn
-    return masked if most_dn is None else replace(masked, at_most_dn=with_hidden(most_dn, codec, quantiser))
+    return masked if most_dn is None else replace(masked, at_most_dn=np.hypot(most_dn, hidden_dn))
 
 
 def _whole_cover(frame: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -21,9 +21,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 
 @dataclass(frozen=True)
 class Hidden:
@@ -75,19 +72,22 @@ def ffmpeg_name(codec: str) -> str:
     return OTHER_NAMES.get(name, name)
 
 
-def may_hide(codec: str, frame_dn: float, quantiser: int | None = None) -> bool:
-    """Whether a codec may have removed noise of a frame.
+def hidden_noise_dn(codec: str, quantiser: int | None = None) -> float:
+    """Noise of a frame that its codec may hide, DN; 0 for codecs that hide none.
 
     Args:
         codec: of the video that the frame is of (`ffmpeg_name`); empty where it is unknown, or for a picture.
-        frame_dn: noise that is estimated of the frame, DN; NaN where there is no estimate.
         quantiser: of the frame, where it is known.
     """
     name = ffmpeg_name(codec)
-    hidden_dn = HIDDEN[name].at(quantiser) if name in HIDDEN else 0.0
+    return HIDDEN[name].at(quantiser) if name in HIDDEN else 0.0
+
+
+def is_doubtful(frame_dn: float, hidden_dn: float) -> bool:
+    """Whether a codec may have removed noise of a frame.
+
+    Args:
+        frame_dn: noise that is estimated of the frame, DN; NaN where there is no estimate.
+        hidden_dn: noise that the codec may hide, DN.
+    """
     return hidden_dn > 0 and not frame_dn >= min(READ_FROM_DN, DOUBTED * hidden_dn)
-
-
-def with_hidden(most_dn: NDArray[np.float64], codec: str, quantiser: int | None = None) -> NDArray[np.float64]:
-    """Bounds (N,) of a frame's tiles, DN, that allow for the noise that a codec of `HIDDEN` may hide."""
-    return np.hypot(most_dn, HIDDEN[ffmpeg_name(codec)].at(quantiser))

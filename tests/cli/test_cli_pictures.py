@@ -252,8 +252,7 @@ def test_the_codec_of_a_video_decides_whether_weak_noise_is_estimated(tmp_path: 
         container.mux(track.encode())
     codings = [coding for *_, coding in readable([path])]
     assert [coding.codec for coding in codings] == [name] * 2
-    quantiser = codings[-1].quantiser
-    assert quantiser > 20
+    assert codings[-1].quantiser > 20
     bounds = []
     for command in (("noise",), ("health", "--no-trend", "--jsonl"), ("watch", "--no-wait", "--frames", "1")):
         done = call(command[0], path, *command[1:])

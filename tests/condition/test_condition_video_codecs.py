@@ -10,8 +10,8 @@ from benchmarks.video_codecs import shots
 from pipeline.camera.processing.codec import Codec
 from pipeline.condition import ConditionMonitor, noise_of_frame
 from pipeline.condition.estimate import withheld
-from pipeline.condition.video_codecs import HIDDEN, READ_FROM_DN, may_hide
-from pipeline.datasets.video_coding import Coding
+from pipeline.condition.video_codecs import HIDDEN, READ_FROM_DN, hidden_noise_dn, is_doubtful
+from pipeline.datasets.video_coding import CODECS, Coding
 from pipeline.noise.base import COMPRESSED, NoiseEstimate
 
 
@@ -24,6 +24,10 @@ def tiles(*sigmas_dn: float) -> NoiseEstimate:
     return NoiseEstimate(sigma, 0.8 * sigma, 1.2 * sigma, reason != "", reason, sigma.copy(), sigma * 0, most)
 
 
+def may_hide(codec: str, frame_dn: float, quantiser: int | None = None) -> bool:
+    return is_doubtful(frame_dn, hidden_noise_dn(codec, quantiser))
+
+
 NAMED = sorted(codec for codec, hidden in HIDDEN.items() if not hidden.shows)
 
 
@@ -31,6 +35,10 @@ NAMED = sorted(codec for codec, hidden in HIDDEN.items() if not hidden.shows)
 def test_weak_and_unknown_noise_may_be_hidden(codec):
     assert may_hide(codec, 2.0) and may_hide(codec, np.nan)
     assert not may_hide(codec, READ_FROM_DN)
+
+
+def test_quantisers_are_read_of_every_codec_that_hides_noise():
+    assert set(HIDDEN) <= set(CODECS)
 
 
 @pytest.mark.parametrize("codec", sorted(HIDDEN))
@@ -47,7 +55,7 @@ def test_what_is_hidden_grows_with_the_quantiser(codec):
 @pytest.mark.parametrize("codec", ["HEVC", "H.265", "hvc1", "HEV1", "AV01", "vp90", " vp9", "VP80"])
 def test_codecs_are_known_by_their_other_names(codec):
     assert may_hide(codec, 2.0)
-    assert withheld(tiles(1.0), codec).at_most_dn[0] >= min(HIDDEN[name].most_dn for name in NAMED)
+    assert withheld(tiles(1.0), hidden_noise_dn(codec)).at_most_dn[0] >= min(HIDDEN[name].most_dn for name in NAMED)
 
 
 @pytest.mark.parametrize("codec", ["", "h264", "mjpeg", "mpeg4", "avc1", "MJPG"])
@@ -58,7 +66,7 @@ def test_other_codecs_are_known_by_their_traces(codec):
 @pytest.mark.parametrize("codec", NAMED)
 def test_withheld_answers_have_a_bound_with_what_may_be_hidden(codec):
     before = tiles(0.5, 2.0, 7.0)
-    after = withheld(before, codec)
+    after = withheld(before, hidden_noise_dn(codec))
     assert after.abstained.all() and after.reason.tolist() == [COMPRESSED] * 4 + ["uncertain"]
     for values in (after.sigma_dn, after.low_dn, after.high_dn, after.white_sigma_dn, after.correlation):
         assert np.isnan(values).all()
@@ -68,7 +76,7 @@ def test_withheld_answers_have_a_bound_with_what_may_be_hidden(codec):
 
 def test_an_estimator_without_bounds_and_parts_has_none_behind_a_codec():
     bare = tiles(1.0)
-    after = withheld(NoiseEstimate(bare.sigma_dn, bare.low_dn, bare.high_dn, bare.abstained, bare.reason), "hevc")
+    after = withheld(NoiseEstimate(bare.sigma_dn, bare.low_dn, bare.high_dn, bare.abstained, bare.reason), 11.0)
     assert after.at_most_dn is None and after.white_sigma_dn is None and after.correlation is None
 
 
