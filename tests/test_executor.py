@@ -175,7 +175,10 @@ def test_a_wrong_scheduler_address_is_one_line(address):
         run_map(square, [1, 2], backend="dask", address=address)
 
 
-@pytest.mark.parametrize("address", ["http://127.0.0.1:9", "tcp://127.0.0.1:9"])
+@pytest.mark.parametrize(
+    "address",
+    ["http://127.0.0.1:9", pytest.param("tcp://127.0.0.1:9", marks=pytest.mark.full("until it gives up takes 10 s"))],
+)
 def test_a_dask_client_that_fails_to_connect_is_closed(address):
     """Collected while a cluster starts, an open one would wait for the lock that the cluster holds."""
     distributed = pytest.importorskip("distributed", reason="the dask extra is not installed")
@@ -195,6 +198,7 @@ def test_a_dask_scheduler_without_workers_is_not_waited_for_for_ever():
 
 
 @pytest.mark.slow
+@pytest.mark.full("a cluster that loses two workers takes 7 s")
 def test_dask_gives_the_same(tmp_path):
     distributed = pytest.importorskip("distributed", reason="the dask extra is not installed")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:

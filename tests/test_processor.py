@@ -93,6 +93,7 @@ def test_children_are_pinned():
 
 
 @needs_avx2
+@pytest.mark.full("two processes with large products take 10 s")
 def test_products_of_matrices_are_the_same_bytes_for_any_number_of_threads():
     """As on machines of other numbers of cores: sums that OpenBLAS splits over threads end in other digits."""
     code = (

@@ -112,7 +112,13 @@ def test_sources_and_hashes_are_named_and_no_place(records: dict[str, BlurRecord
         assert not [index for index in ("/work", "/home", "/root", "/tmp", "/data", "\\\\") if index in text], name
 
 
-@pytest.mark.parametrize("dataset", DATASETS)
+@pytest.mark.parametrize(
+    "dataset",
+    [
+        pytest.param(name, marks=[pytest.mark.full("the largest record takes 10 s")] * (name == "sim_authors"))
+        for name in DATASETS
+    ],
+)
 def test_intervals_are_those_of_the_estimates_that_are_kept(tmp_path: Path, dataset: str) -> None:
     """Nothing in a record changes when its statistics are computed again."""
     folder = tmp_path / "record"

@@ -50,6 +50,7 @@ def test_output_layers_give_the_networks_answers(estimator, patches):
     assert alone.any() and np.allclose(read[alone], every.members[alone], atol=1e-4)
 
 
+@pytest.mark.full("a calibration of three networks takes 7 s")
 def test_a_calibration_joins_all_three(estimator, patches):
     made = fit_map(estimator, patches[:3], samples=100)
     assert made.members == 3

@@ -203,6 +203,7 @@ def test_mistakes_are_one_line_that_names_them(tmp_path, arguments, word):
     assert "Traceback" not in done.output
 
 
+@pytest.mark.full("a calibration of a network takes 6 s")
 def test_the_camera_can_be_fitted(tmp_path, monkeypatch):
     sooner = partial(camera_calibration.calibrate, samples=300)
     monkeypatch.setattr("pipeline.condition.estimate.calibrate", sooner)

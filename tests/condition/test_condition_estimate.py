@@ -132,6 +132,7 @@ def test_patches_that_are_no_floats_are_refused(monitor):
         monitor.patches(np.ones((2, 1, 192, 192), np.uint8))
 
 
+@pytest.mark.full("five calibrations take 12 s")
 def test_the_cameras_own_blur_can_be_divided_out(monkeypatch):
     monitor = ConditionMonitor()
     selected = create("gaussian", 1.6)

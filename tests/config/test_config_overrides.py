@@ -66,7 +66,13 @@ def test_a_quoted_value_may_hold_any_letters() -> None:
     assert parse(compose([override.input_line]), "conf/").datasets["photos"].root == "/data/Fährten Süd"
 
 
-@pytest.mark.parametrize("arguments", [["hydra/launcher=basic", "--multirun", "seed=1,2"], ["--multirun", "seed=1,2"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        pytest.param(["hydra/launcher=basic", "--multirun", "seed=1,2"], marks=pytest.mark.full("one more takes 5 s")),
+        ["--multirun", "seed=1,2"],
+    ],
+)
 def test_an_option_between_overrides_sweeps(arguments: list[str], tmp_path: Path) -> None:
     done = stage(*arguments, f"hydra.sweep.dir={tmp_path}")
     assert done.returncode == 0, done.stderr

@@ -128,6 +128,7 @@ def test_an_experiment_runs_stages_at_once_by_the_parameters_it_sets(tmp_path):
     assert {"one | met two", "two | met one"} <= set(lines)
 
 
+@pytest.mark.full("DVC, six times, takes 8 s")
 def test_the_lock_file_is_that_of_dvc_though_stages_end_in_another_order(tmp_path):
     slow = {"cmd": "sleep 2; echo s > slow.txt", "deps": ["a.txt"], "outs": ["slow.txt"]}
     after = {"cmd": "cat slow.txt > after.txt", "deps": ["slow.txt"], "outs": ["after.txt"]}
@@ -214,7 +215,7 @@ def test_a_served_command_runs_as_python_runs_it(tmp_path, at_once):
         assert f"main: __main__ stage: {name}" in output
 
 
-@pytest.mark.parametrize("at_once", [1, 2])
+@pytest.mark.parametrize("at_once", [pytest.param(1, marks=pytest.mark.full("one more takes 5 s")), 2])
 def test_a_served_command_that_fails_gives_its_exit_status(tmp_path, at_once):
     folder = make(tmp_path, {"one": show("1.txt", "+job.fail=yes"), "two": show("2.txt")}, modules=True)
     result = run(folder, "pipeline.dvc", "repro", at_once=at_once, status=255)

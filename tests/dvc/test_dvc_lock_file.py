@@ -46,6 +46,7 @@ def run(folder, module, *arguments):
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=True).stdout
 
 
+@pytest.mark.full("a graph, four times by DVC, takes 12 s")
 def test_the_lock_file_is_that_of_dvc(tmp_path):
     quick = make(tmp_path / "quick", "pipeline.dvc")
     assert quick == make(tmp_path / "plain", "dvc")

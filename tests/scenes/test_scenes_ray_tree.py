@@ -141,6 +141,7 @@ def test_nothing_is_met_behind_or_beside():
     assert len(tree.first(origin[:0], up[:0])[0]) == 0
 
 
+@pytest.mark.full("a street by two tracers takes 6 s")
 def test_a_street_is_hit_where_embree_hits_it():
     """Embree computes in single precision: some rays in a hundred thousand pass an edge on its other side."""
     from embreex.mesh_construction import TriangleMesh
