@@ -75,8 +75,8 @@ def run(paths: tuple[Path, ...], out: Path, preset: str, iso: float, shots: int,
 
 def _coloured(files: Sequence[Path], every: int, least_px: int) -> Iterator[tuple[str, np.ndarray | None, str]]:
     """Name, picture in [0, 1] with its colours (frames of videos are grey) or None, and the reason for None."""
+    from pipeline.cli.picture_file import read_file
     from pipeline.cli.pictures import VIDEOS, readable, refuse
-    from pipeline.datasets.pictures import read_picture
     from pipeline.errors import InputError
 
     for file in files:
@@ -85,7 +85,7 @@ def _coloured(files: Sequence[Path], every: int, least_px: int) -> Iterator[tupl
             continue
         try:
             refuse(file)
-            image = read_picture(file, smallest_px=least_px).unit()
+            image = read_file(file, least_px).picture.unit()
         except InputError as error:
             yield str(file), None, str(error)
             continue

@@ -355,7 +355,7 @@ def _flags(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _hinted(counts: Mapping[int, int]) -> list[str]:
-    from pipeline.cli.pictures import TRANSPARENT, TURNED
+    from pipeline.cli.pictures import CURVED, TRANSPARENT, TURNED
 
     sentences = [
         f"16-bit pictures that look like {bits}-bit values, {1 << 16 - bits} times too dark then: {count} (a guess)."
@@ -370,6 +370,11 @@ def _hinted(counts: Mapping[int, int]) -> list[str]:
     if counts.get(TRANSPARENT):
         sentences.append(
             f"Pictures with transparent pixels: {counts[TRANSPARENT]}; the colours stored beneath them are measured."
+        )
+    if counts.get(CURVED):
+        sentences.append(
+            f"Pictures whose transfer curve is far from those of sRGB and BT.709: {counts[CURVED]}; brightness and "
+            "noise are in their code values."
         )
     return sentences
 

@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.datasets.heif import SUFFIXES as HEIF
 from pipeline.datasets.pictures import SMALLEST_PX, SUFFIXES
 from pipeline.datasets.video import SUFFIXES as VIDEOS
-from pipeline.errors import DECODER_ERRORS, InputError, printable
+from pipeline.errors import InputError, printable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,22 +20,19 @@ if TYPE_CHECKING:
     from pipeline.datasets.video_coding import Coding
 
 
-PICTURES = SUFFIXES | {".avif", ".gif", ".jp2", ".j2k", ".jpe", ".jfif", ".pbm", ".pnm", ".tga"}
-"""What is taken of a folder: formats of datasets, and others that Pillow reads as well."""
+PICTURES = SUFFIXES | HEIF | {".avif", ".gif", ".jp2", ".j2k", ".jpe", ".jfif", ".pbm", ".pnm", ".tga"}
+"""What is taken of a folder: formats of datasets, and others that are read as well."""
 
-UNREAD = frozenset(
-    {".heic", ".heif", ".jxl", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw"}
-)
-"""Formats of telephones and raw files of cameras, which are not read: they are pointed out, not passed over."""
+UNREAD = frozenset({".jxl", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw"})
+"""JPEG XL and raw files of cameras, which are not read: they are pointed out, not passed over."""
 
 RENAMED = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n")
 """First bytes of JPEG and PNG files, which some programs give the suffix of the picture they were made of."""
 
-TURNED, TRANSPARENT = 0, -1
-"""Keys of pictures and videos that their metadata turn, and of pictures with transparent pixels, among counts by a
-number of bits."""
+TURNED, TRANSPARENT, CURVED = 0, -1, -2
+"""Keys of pictures and videos that their metadata turn, of pictures with transparent pixels and of those with another
+transfer curve, among counts by a number of bits."""
 
-_ORIENTATION = 0x0112
 _DIGITS = re.compile("([0-9]+)")
 
 
@@ -130,29 +128,31 @@ def read(
         every: of a video take each n-th frame.
         hinted: counts pictures that seem to hold values of fewer bits in 16, by that number of bits; for the first
             of each there is a line on standard error. None for such a line for every one. Likewise, under `TURNED`,
-            pictures and videos whose metadata turn or mirror them, and under `TRANSPARENT`, pictures with transparent
-            pixels.
+            pictures and videos whose metadata turn or mirror them, under `TRANSPARENT`, pictures with transparent
+            pixels, and under `CURVED`, those whose transfer curve is far from that of sRGB.
         least_px: both sides must be at least this long (`least_side_px`).
 
     Raises:
         InputError: the file cannot be read, its pictures are smaller, or its name is not valid UTF-8; for a video,
             after its last good frame, frames are missing or damaged.
     """
+    from pipeline.cli.picture_file import read_file
     from pipeline.cli.video_codec import coding_of_picture
-    from pipeline.datasets.pictures import read_picture
     from pipeline.datasets.video import read_video
 
     refuse(path)
     hinted = Counter() if hinted is None else hinted
     if path.suffix.lower() not in VIDEOS:
-        picture = read_picture(path, smallest_px=least_px)
-        if bits := picture.fewer_bits():
+        file = read_file(path, least_px)
+        if bits := file.picture.fewer_bits():
             _hint(path, bits, hinted)
-        if orientation := _orientation(path):
-            _hint_turned(str(path), f"orientation {orientation}", hinted)
-        if picture.alpha and _has_transparent_pixels(path):
+        if file.turn:
+            _hint_turned(str(path), file.turn, hinted)
+        if file.transparent:
             _hint_transparent(path, hinted)
-        yield str(path), picture.grey(), coding_of_picture(path)
+        if file.curve:
+            _hint_curve(path, file.curve, hinted)
+        yield str(path), file.picture.grey(), coding_of_picture(path)
         return
     for number, image, coding in read_video(path, every, remark=video_remarks(str(path), hinted)):
         if small := too_small(image.shape, least_px):
@@ -188,27 +188,6 @@ def refuse(path: Path) -> None:
         raise InputError(f"{path}: {path.suffix} files are not read; convert it, for example to PNG")
 
 
-def _orientation(path: Path) -> int:
-    """Orientation 2..8 (EXIF, TIFF) of a picture that is to be turned or mirrored for display; else 0.
-
-    Costs no decoding.
-    """
-    import warnings
-
-    from PIL import Image
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Pillow's remarks on metadata
-        try:
-            with Image.open(path) as opened:
-                if opened.format != "TIFF" and "exif" not in opened.info:
-                    return 0
-                stored = opened.getexif().get(_ORIENTATION)
-        except (*DECODER_ERRORS, Image.DecompressionBombError):
-            return 0
-    return stored if isinstance(stored, int) and 2 <= stored <= 8 else 0
-
-
 def _echo_once(line: str, key: int, hinted: Counter[int]) -> None:
     """Count under a key; a line on standard error for the first."""
     import click
@@ -224,18 +203,6 @@ def _hint_turned(name: str, turn: str, hinted: Counter[int]) -> None:
         "those of the stored pixels, in every such picture or video"
     )
     _echo_once(line, TURNED, hinted)
-
-
-def _has_transparent_pixels(path: Path) -> bool:
-    """Whether a pixel of a picture with an alpha channel, which was read before, is not opaque."""
-    import warnings
-
-    from PIL import Image
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Pillow's remarks on metadata and size
-        with Image.open(path) as opened:
-            return any(opened.convert("RGBA").getchannel("A").histogram()[:255])
 
 
 def _hint_transparent(path: Path, hinted: Counter[int]) -> None:
@@ -270,10 +237,17 @@ def video_remarks(name: str, hinted: Counter[int]) -> Callable[[str, str], None]
 def _warn_of_curve(name: str, curve: str) -> None:
     import click
 
-    click.echo(
+    click.echo(_curve_warning(name, curve), err=True)
+
+
+def _hint_curve(path: Path, curve: str, hinted: Counter[int]) -> None:
+    _echo_once(f"{_curve_warning(str(path), curve)}, as every such picture", CURVED, hinted)
+
+
+def _curve_warning(name: str, curve: str) -> str:
+    return (
         f"warning: {printable(name)}: its transfer curve is {curve}, not that of sRGB or BT.709; brightness and noise "
-        "are in its code values and not comparable with those of other videos: convert it to BT.709 first",
-        err=True,
+        "are in its code values and not comparable with those of other files: convert it to BT.709 first"
     )
 
 

@@ -71,14 +71,12 @@ def exif(path: Path) -> tuple[float | None, float | None]:
 
     ISO above 65534, which the tag PhotographicSensitivity cannot hold, is read from the tags that Exif 2.3 has for it.
     """
-    import warnings
-
     from PIL import Image
 
+    from pipeline.cli import picture_file
+
     try:
-        with warnings.catch_warnings(), Image.open(path) as picture:
-            warnings.simplefilter("ignore")  # Pillow's remarks on metadata
-            tags = picture.getexif().get_ifd(_EXIF_IFD)
+        tags = picture_file.exif(path).get_ifd(_EXIF_IFD)
     except (*DECODER_ERRORS, Image.DecompressionBombError):
         return None, None
     return _positive(tags.get(_EXPOSURE_TIME)), _sensitivity(tags)

@@ -1,4 +1,4 @@
-"""The codec of pictures: of an AVIF file AV1, of those that were taken out of a video what ``--codec`` states."""
+"""The codec of pictures: of AVIF and HEIF files by their headers, of those taken out of a video by ``--codec``."""
 
 from __future__ import annotations
 
@@ -23,11 +23,15 @@ codec_option = click.option(
 
 
 def coding_of_picture(path: Path) -> Coding:
-    """How a picture was stored, by its first bytes: an AVIF file by AV1, others as their pixels show."""
-    from pipeline.datasets.video_coding import UNKNOWN, Coding
+    """How a picture was stored: an AVIF file by AV1, a HEIF file mostly by HEVC, others as their pixels show."""
+    from pipeline.datasets.heif import is_heif
+    from pipeline.datasets.video_coding import UNKNOWN, coding_of_items
 
+    if is_heif(path):
+        return coding_of_items(path).or_by("hevc")
     try:
         with path.open("rb") as file:
-            return Coding("av1") if file.read(12)[4:] in AVIF else UNKNOWN
+            avif = file.read(12)[4:] in AVIF
     except OSError:
         return UNKNOWN
+    return coding_of_items(path).or_by("av1") if avif else UNKNOWN

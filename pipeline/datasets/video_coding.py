@@ -19,6 +19,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from threading import Lock
 from typing import Any
 
@@ -109,6 +110,34 @@ class Quantisers:
             elif name in _INDICES:
                 quantisers.append(value)
         return quantisers
+
+
+def coding_of_items(path: Path) -> Coding:
+    """How the picture of a HEIF or AVIF file was stored, which may be in many tiles: the coarsest quantiser counts.
+
+    Tiles of an auxiliary picture, as a map of gains for bright displays, are not told from those of the picture.
+
+    Returns:
+        `UNKNOWN` where FFmpeg does not read the file.
+    """
+    import av
+    from av.stream import Disposition
+
+    primary = Disposition.default | Disposition.dependent
+    with av.logging.Capture(), suppress(av.FFmpegError, ValueError), av.open(f"file:{path}") as container:
+        streams = [
+            stream for stream in container.streams.video
+            if stream.codec_context is not None and stream.disposition & primary
+        ]  # fmt: skip
+        quantisers = {
+            stream.index: Quantisers(stream, str(stream.codec_context.codec.canonical_name)) for stream in streams
+        }
+        for packet in container.demux(streams) if streams else ():
+            quantisers[packet.stream.index].add(packet)
+        known = [tile.coarsest for tile in quantisers.values() if tile.coarsest is not None]
+        codec = str(streams[0].codec_context.codec.canonical_name) if streams else ""
+        return Coding(codec, max(known, default=None))
+    return UNKNOWN
 
 
 @contextmanager

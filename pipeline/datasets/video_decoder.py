@@ -31,7 +31,7 @@ TURNED, CURVE = "turned", "curve"
 """Kinds of remarks about a video that can be read: see `remarks`."""
 
 _STREAM_OPTIONS = {"rtsp_flags": "prefer_tcp"}  # over UDP packets are lost, and with them parts of frames
-_CURVES = {
+CURVES = {
     8: "linear",
     9: "logarithmic",
     10: "logarithmic",
@@ -212,7 +212,7 @@ def remarks(frame: Frame) -> dict[str, str]:
     results = {}
     if angle := int(frame.rotation) % 360:
         results[TURNED] = f"rotation {angle} degrees"
-    if curve := _CURVES.get(int(getattr(frame, "color_trc", 0))):
+    if curve := CURVES.get(int(getattr(frame, "color_trc", 0))):
         results[CURVE] = curve
     return results
 

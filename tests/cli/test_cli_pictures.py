@@ -14,14 +14,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from data_makers import picture
+from heif_makers import heic
 from PIL import Image, features
 
 from pipeline.cli import main
 from pipeline.cli.pictures import TURNED, expand, natural_order, read, readable
+from pipeline.cli.shot_settings import exif
 from pipeline.cli.video_codec import NAMED, coding_of_picture
 from pipeline.cli.watch_sources import filling_folder
 from pipeline.condition.video_codecs import HIDDEN
-from pipeline.datasets.video_coding import UNKNOWN, Coding
+from pipeline.datasets.video_coding import UNKNOWN
 
 
 def call(*arguments: object) -> Result:
@@ -74,19 +76,19 @@ def test_formats_that_can_be_read_are_taken_of_a_folder_too(tmp_path: Path, suff
 
 def test_formats_that_are_not_read_are_counted_in_a_folder_and_refused_by_name(tmp_path: Path) -> None:
     save(tmp_path / "a.png")
-    for name in ("b.heic", "c.HEIC", "d.dng", "._d.dng", "notes.txt"):
+    for name in ("b.cr3", "c.CR3", "d.dng", "._d.dng", "notes.txt"):
         (tmp_path / name).write_bytes(b"\0\0\0\x18ftyp")
     done = call("noise", tmp_path, "--estimator", "pca")
     assert done.exit_code == 0
-    assert f"{tmp_path}: left out 1 .dng, 2 .heic; these formats are not read" in done.stderr
-    done = call("noise", tmp_path / "c.HEIC", "--estimator", "pca")
-    assert done.exit_code != 0 and "c.HEIC: .HEIC files are not read; convert it" in done.stderr
+    assert f"{tmp_path}: left out 2 .cr3, 1 .dng; these formats are not read" in done.stderr
+    done = call("noise", tmp_path / "c.CR3", "--estimator", "pca")
+    assert done.exit_code != 0 and "c.CR3: .CR3 files are not read; convert it" in done.stderr
 
 
 def test_what_is_named_like_a_format_that_is_not_read_and_is_no_file_is_passed_over(tmp_path: Path) -> None:
     save(tmp_path / "a.png")
-    (tmp_path / "b.heic").mkdir()
-    os.mkfifo(tmp_path / "c.heic")
+    (tmp_path / "b.dng").mkdir()
+    os.mkfifo(tmp_path / "c.dng")
     done = call("noise", tmp_path, "--estimator", "pca")
     assert done.exit_code == 0 and "left out" not in done.stderr, done.output
 
@@ -105,17 +107,17 @@ def test_pipes_and_folders_named_like_pictures_are_left_out_with_a_warning(tmp_p
 
 
 def test_a_format_that_is_not_read_is_named_by_the_simulated_camera_too(tmp_path: Path) -> None:
-    (tmp_path / "c.heic").write_bytes(b"\0\0\0\x18ftyp")
-    done = call("corrupt", tmp_path / "c.heic", "--out", tmp_path / "out", "--pipeline", "phone")
-    assert done.exit_code != 0 and "c.heic: .heic files are not read; convert it" in done.stderr
+    (tmp_path / "c.dng").write_bytes(b"II*\0")
+    done = call("corrupt", tmp_path / "c.dng", "--out", tmp_path / "out", "--pipeline", "phone")
+    assert done.exit_code != 0 and "c.dng: .dng files are not read; convert it" in done.stderr
 
 
 def test_a_jpeg_that_is_named_like_a_format_that_is_not_read_is_read(tmp_path: Path) -> None:
-    file = save(tmp_path / "a.jpg").rename(tmp_path / "a.heic")
-    (tmp_path / "b.heic").write_bytes(b"\0\0\0\x18ftyp")
+    file = save(tmp_path / "a.jpg").rename(tmp_path / "a.dng")
+    (tmp_path / "b.dng").write_bytes(b"II*\0")
     done = call("noise", tmp_path, "--estimator", "pca")
     assert done.exit_code == 0 and str(file) in done.stdout, done.output
-    assert "left out 1 .heic" in done.stderr
+    assert "left out 1 .dng" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -284,7 +286,71 @@ def test_the_codec_of_pictures_taken_out_of_a_video_can_be_given(tmp_path: Path)
 def test_pictures_in_avif_files_are_known_to_be_coded_by_av1(tmp_path: Path) -> None:
     save(tmp_path / "a.avif")
     save(tmp_path / "a.png").rename(tmp_path / "b.avif")  # by what is in the file, not by its name
-    codings = [coding_of_picture(tmp_path / name) for name in ("a.avif", "b.avif", "absent.avif")]
-    assert codings == [Coding("av1"), UNKNOWN, UNKNOWN]
+    known, *others = (coding_of_picture(tmp_path / name) for name in ("a.avif", "b.avif", "absent.avif"))
+    assert known.codec == "av1" and known.quantiser is not None and others == [UNKNOWN, UNKNOWN]
+    Image.open(tmp_path / "a.avif").save(tmp_path / "coarse.avif", quality=20)
+    coarse = coding_of_picture(tmp_path / "coarse.avif").quantiser
+    assert coarse is not None and known.quantiser < coarse < 256
     answers = [call("noise", tmp_path / name).stdout.splitlines()[1].split()[0] for name in ("a.avif", "b.avif")]
     assert answers[0] == "-" and float(answers[1]) >= 0
+
+
+def heif(path: Path, quantiser: int = -1, **options: object) -> Path:
+    path.write_bytes(heic(np.dstack([picture("order", 224, 208)] * 3), quantiser, **options))
+    return path
+
+
+def test_heif_pictures_are_read_by_what_is_in_them_and_answered_like_others(tmp_path: Path) -> None:
+    heif(tmp_path / "a.heic", tiles=2, display=[(b"irot", 3)])
+    heif(tmp_path / "b.jpg")
+    with_its_pixels = tmp_path / "c.png"
+    cv2.imwrite(str(with_its_pixels), picture("order", 224, 208))
+    done = call("noise", tmp_path)
+    assert done.exit_code == 0, done.output
+    rows = [line.split() for line in done.stdout.splitlines()[1:]]
+    assert [row[-1] for row in rows] == [str(tmp_path / name) for name in ("a.heic", "b.jpg", "c.png")]
+    assert abs(float(rows[0][0]) - float(rows[2][0])) < 0.3 and rows[0][:-1] == rows[1][:-1]
+    assert "a.heic: stored turned or mirrored (rotation 270 degrees)" in done.stderr
+
+
+def test_what_a_heif_picture_may_hide_goes_by_its_quantiser(tmp_path: Path) -> None:
+    for name, quantiser in (("coarse.heic", 43), ("fine.heic", 8)):
+        heif(tmp_path / name, quantiser)
+    assert [coding_of_picture(tmp_path / name).quantiser for name in ("coarse.heic", "fine.heic")] == [40, 5]
+    done = call("health", tmp_path, "--no-trend", "--jsonl")
+    assert done.exit_code == 0, done.output
+    coarse, fine = (json.loads(line) for line in done.stdout.splitlines()[:2])
+    assert (coarse["codec"], coarse["quantiser"], coarse["sigma_dn"]) == ("hevc", 40, None)
+    assert coarse["sigma_at_most_dn"] > 8 and fine["sigma_dn"] is not None
+
+
+def test_exposure_and_iso_of_heif_pictures_are_those_of_their_exif_data(tmp_path: Path) -> None:
+    tags = Image.Exif()
+    tags.get_ifd(0x8769).update({33434: 0.004, 34855: 800})
+    assert exif(heif(tmp_path / "a.heic", exif=tags.tobytes()[6:])) == pytest.approx((0.004, 800))
+    assert exif(heif(tmp_path / "b.heic")) == (None, None)
+
+
+def test_a_transfer_curve_far_from_that_of_srgb_is_pointed_out_once(tmp_path: Path) -> None:
+    for name in "ab":
+        heif(tmp_path / f"{name}.hif", transfer=16)
+    done = call("health", tmp_path, "--no-trend", "--out", tmp_path / "out")
+    assert done.exit_code == 0 and done.stderr.count("its transfer curve is PQ (SMPTE ST 2084)") == 1, done.output
+    assert "Pictures whose transfer curve is far from those of sRGB and BT.709: 2" in done.output
+
+
+@pytest.mark.parametrize("options", [("--pipeline", "phone"), ("--noise-source", "readout", "--sigma-dn", "10")])
+def test_heif_pictures_are_corrupted_too(tmp_path: Path, options: tuple[str, ...]) -> None:
+    file = heif(tmp_path / "a.heic", display=[(b"irot", 1)])
+    done = call("corrupt", file, "--out", tmp_path / "out", *options)
+    assert done.exit_code == 0, done.output
+    (result,) = (tmp_path / "out").glob("a*.png")
+    assert cv2.imread(str(result)).shape[:2] == (208, 224)
+
+
+def test_a_damaged_heif_picture_is_set_aside_and_the_others_go_on(tmp_path: Path) -> None:
+    data = heif(tmp_path / "a.heic").read_bytes()
+    (tmp_path / "b.heic").write_bytes(data[: len(data) // 2])
+    done = call("noise", tmp_path)
+    assert done.exit_code != 0 and "b.heic: a HEIF picture that cannot be decoded (" in done.stderr
+    assert "a.heic" in done.stdout

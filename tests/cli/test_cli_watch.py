@@ -169,11 +169,11 @@ def test_values_of_twelve_bits_in_a_folder_are_pointed_out(tmp_path):
 
 def test_a_file_of_a_format_that_is_not_read_is_set_aside_with_the_reason(tmp_path):
     cv2.imwrite(str(tmp_path / "a.png"), picture("a", 224, 208))
-    (tmp_path / "b.heic").write_bytes(b"\0\0\0\x18ftyp")
+    (tmp_path / "b.dng").write_bytes(b"II*\0")
     (tmp_path / "notes.txt").write_text("no picture")
     _, lines = watch(tmp_path, "--idle-stop", 0.5)
     aside = [line for line in lines if line["event"] == "set_aside"]
-    assert len(aside) == 1 and "b.heic: .heic files are not read; convert it" in aside[0]["reason"]
+    assert len(aside) == 1 and "b.dng: .dng files are not read; convert it" in aside[0]["reason"]
     assert lines[-1]["frames"] == 1 and lines[-1]["set_aside"] == 1
 
 
