@@ -49,6 +49,7 @@ def heic(
     transfer: int = 13,
     exif: bytes = b"",
     thumbnail: np.ndarray | None = None,
+    alpha: np.ndarray | None = None,
 ) -> bytes:
     """A HEIC file.
 
@@ -60,10 +61,12 @@ def heic(
         transfer: transfer characteristic (ITU-T H.273).
         exif: EXIF data, from the TIFF header on.
         thumbnail: a small picture of the same kind, coded as coarsely as can be.
+        alpha: opacity, (H, W) uint8; of one tile only.
     """
     height, width = pixels.shape[:2]
     parts = [(part, quantiser) for part in np.split(pixels, tiles, axis=1)]
     parts += [] if thumbnail is None else [(thumbnail, 51)]
+    parts += [] if alpha is None else [(alpha, -1)]
     payloads, kinds, properties, associations = [], [], [], []
     for number, (part, coarseness) in enumerate(parts, 1):
         record, data = coded(np.ascontiguousarray(part), coarseness)
@@ -93,6 +96,10 @@ def heic(
         references.append(box(b"dimg", struct.pack(f">{2 + tiles}H", primary, tiles, *range(1, tiles + 1))))
     if thumbnail is not None:
         references.append(box(b"thmb", struct.pack(">HHH", tiles + 1, 1, primary)))
+    if alpha is not None:
+        properties.append(full(b"auxC", 0, 0, b"urn:mpeg:mpegB:cicp:systems:auxiliary:alpha\0"))
+        associations[len(parts) - 1].append(len(properties) | 0x80)
+        references.append(box(b"auxl", struct.pack(">HHH", len(parts), 1, primary)))
     if exif:
         kinds.append((b"Exif", 0))
         associations.append([])

@@ -70,7 +70,8 @@ def read_heif(path: Path, *, smallest_px: int = SMALLEST_PX) -> Heif:
         steps = _display_steps(data)
     except DECODER_ERRORS as error:
         raise BadPicture(path, f"a HEIF picture that cannot be decoded ({str(error).strip()})") from None
-    pixels = values[..., :3] if values.ndim == 3 else values
+    colours = values.shape[2] - image.has_alpha if values.ndim == 3 else 0
+    pixels = values[..., :3] if colours == 3 else values.reshape(*values.shape[:2], -1)[..., 0]
     for kind, value in reversed(steps):
         pixels = np.rot90(pixels, -value) if kind == _TURN else np.flip(pixels, axis=value)
     height, width = pixels.shape[:2]
@@ -120,10 +121,10 @@ def _display_steps(data: bytes) -> list[tuple[bytes, int]]:
     boxes = dict(_boxes(meta[4:]))
     version, primary = boxes[b"pitm"][0], boxes[b"pitm"][4:]
     item = int.from_bytes(primary[: 4 if version else 2])
-    properties = dict(_boxes(boxes.get(b"iprp", b"")))
-    held = list(_boxes(properties.get(b"ipco", b"")))
+    properties = list(_boxes(boxes.get(b"iprp", b"")))
+    held = [each for kind, body in properties if kind == b"ipco" for each in _boxes(body)]
     steps = []
-    for index in _associated(properties.get(b"ipma", bytes(8)), item):
+    for index in (index for kind, body in properties if kind == b"ipma" for index in _associated(body, item)):
         kind, body = held[index - 1] if 0 < index <= len(held) else (b"", b"")
         value = body[0] & (3 if kind == _TURN else 1) if body else 0
         if (kind == _TURN and value) or kind == _MIRROR:

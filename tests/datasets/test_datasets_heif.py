@@ -60,6 +60,18 @@ def test_tiles_are_joined_and_a_small_picture_beside_them_is_not_taken(tmp_path)
     assert np.array_equal(heif.picture.pixels, SCENE) and heif.turn == "rotation 90 degrees"
 
 
+@pytest.mark.parametrize("grey", [True, False])
+def test_colours_beneath_an_alpha_channel_count_and_transparent_pixels_are_known(tmp_path, grey):
+    pixels = SCENE if grey else np.dstack([SCENE, SCENE // 2, 255 - SCENE])
+    plain = read_heif(stored(tmp_path / "plain.heic", pixels, -1)).picture
+    for lowest in (255, 0):
+        alpha = np.full(SCENE.shape, 255, np.uint8)
+        alpha[:40, :40] = lowest
+        heif = read_heif(stored(tmp_path / "a.heic", pixels, -1, alpha=alpha, display=[(b"irot", 1)]))
+        assert np.allclose(heif.picture.grey(), plain.grey(), atol=1e-6)
+        assert (plain.alpha, heif.picture.alpha, heif.transparent) == (False, True, lowest == 0)
+
+
 def test_exif_data_are_read_without_decoding(tmp_path):
     tags = Image.Exif()
     tags[0x0110] = "camera"
