@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,9 +41,27 @@ def command(kind: str, root: Path | None, max_rejected_fraction: float) -> None:
         click.echo(f"  {line}")
     for note, count in sorted(checked.notes.items()):
         click.echo(f"  {count:6d}  {note}")
+    for suffix, count in sorted(other_formats(dataset.root).items()):
+        click.echo(
+            f"  {count:6d}  {suffix} files are no frames: datasets hold PNG, JPEG, TIFF and the like; convert them"
+        )
     for row in checked.quarantined:
         click.echo(f"  set aside  {row.file}: {row.reason}")
     scan(dataset, max_rejected_fraction)
+
+
+def other_formats(root: Path) -> Counter[str]:
+    """How many pictures below a dataset's folder are of formats that datasets pass over, by suffix.
+
+    Args:
+        root: the folder; hidden files in it do not count.
+    """
+    from pipeline.cli.pictures import PICTURES, UNREAD
+    from pipeline.datasets.pictures import SUFFIXES
+
+    others = (PICTURES | UNREAD) - SUFFIXES
+    files = (path for path in root.rglob("[!.]*") if path.suffix.lower() in others and path.is_file())
+    return Counter(path.suffix.lower() for path in files)
 
 
 def class_table(boxes: Iterable[Box]) -> Iterator[str]:

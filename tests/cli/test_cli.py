@@ -241,3 +241,13 @@ def test_dataset_says_what_it_found(tmp_path):
     done = call("dataset", "folder", tmp_path / "folder")
     assert done.exit_code == 2
     assert "set aside" in done.output
+
+
+def test_dataset_counts_the_pictures_of_other_formats_that_it_passes_over(tmp_path):
+    make_folder(tmp_path / "folder", frames=2)
+    for name in ("a.heic", "b.HEIC", "c.dng", ".d.dng"):
+        (tmp_path / "folder" / name).write_bytes(b"x")
+    done = call("dataset", "folder", tmp_path / "folder")
+    assert done.exit_code == 0, done.output
+    counts = [line.split()[:2] for line in done.output.splitlines() if "are no frames" in line]
+    assert counts == [["1", ".dng"], ["2", ".heic"]]
