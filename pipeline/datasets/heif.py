@@ -1,4 +1,4 @@
-"""HEIF pictures, as telephones (HEIC) and some cameras (HIF, 10 bit) store them. libheif decodes (pi-heif).
+"""HEIF pictures, as telephones (HEIC) and some cameras (HIF, 10 bit) store them. libheif decodes (pillow-heif).
 
 libheif turns and mirrors the picture as the file states for display (properties ``irot`` and ``imir``, ISO/IEC
 23008-12); that is undone here, since labels, rows and columns of the sensor refer to the pixels as stored. Of several
@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from pipeline.datasets.pictures import SMALLEST_PX, WHITE, BadPicture, Picture
 from pipeline.errors import DECODER_ERRORS
 
 if TYPE_CHECKING:
-    from pi_heif import HeifImage
+    from pillow_heif import HeifImage
 
 SUFFIXES = frozenset({".heic", ".heif", ".hif"})
 _BRANDS = frozenset({b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1"})
@@ -77,12 +77,13 @@ def read_heif(path: Path, *, smallest_px: int = SMALLEST_PX) -> Heif:
     height, width = pixels.shape[:2]
     if min(height, width) < smallest_px:
         raise BadPicture(path, f"too small: {width}x{height} px, expected at least {smallest_px} px on either side")
-    white = (1 << int(image.info["bit_depth"])) - 1
+    information: dict[str, Any] = dict(image.info)
+    white = (1 << int(information["bit_depth"])) - 1
     if pixels.dtype == np.uint16:
         pixels = np.rint(pixels * (WHITE / white)).astype(np.uint16)
     picture = Picture(np.ascontiguousarray(pixels), image.has_alpha, white if pixels.dtype == np.uint16 else WHITE)
     transparent = image.has_alpha and bool((values[..., -1] < white).any())
-    profile = image.info.get("nclx_profile") or {}
+    profile = information.get("nclx_profile") or {}
     transfer = int(profile.get("transfer_characteristics", 2))
     return Heif(picture, _words(steps), transfer, transparent)
 
@@ -90,18 +91,19 @@ def read_heif(path: Path, *, smallest_px: int = SMALLEST_PX) -> Heif:
 def exif(path: Path) -> bytes:
     """EXIF data of the primary picture, which is not decoded; empty where it has none or cannot be read."""
     try:
-        return _primary(path.read_bytes()).info.get("exif") or b""
+        stored: Any = _primary(path.read_bytes()).info.get("exif")
+        return stored or b""
     except DECODER_ERRORS:
         return b""
 
 
 def _primary(data: bytes) -> HeifImage:
     """The primary picture of a file, not yet decoded; by one thread."""
-    import pi_heif
+    import pillow_heif
 
-    pi_heif.options.DECODE_THREADS = 1
-    pi_heif.options.THUMBNAILS = pi_heif.options.DEPTH_IMAGES = pi_heif.options.AUX_IMAGES = False
-    file = pi_heif.open_heif(data, convert_hdr_to_8bit=False, hdr_to_16bit=False)
+    pillow_heif.options.DECODE_THREADS = 1
+    pillow_heif.options.THUMBNAILS = pillow_heif.options.DEPTH_IMAGES = pillow_heif.options.AUX_IMAGES = False
+    file = pillow_heif.open_heif(data, convert_hdr_to_8bit=False, hdr_to_16bit=False)
     return file[file.primary_index]
 
 
