@@ -158,11 +158,16 @@ def stages(content: dict[str, Any]) -> set[str]:
     "line",
     [
         "dvc repro reprot",
-        "dvc repro --froce report",
-        "dvc exp run -S '+noise.estimators.difference={kind: pca}' noise_other@photos-difference",
         "dvc exp run -S profile=smok report",
-        "dvc stauts",
-        "python -m pipeline.dvc repro detect_yolox@sim-yolox",
+        *(
+            pytest.param(line, marks=pytest.mark.full("one more takes 3 s"))
+            for line in (
+                "dvc repro --froce report",
+                "dvc exp run -S '+noise.estimators.difference={kind: pca}' noise_other@photos-difference",
+                "dvc stauts",
+                "python -m pipeline.dvc repro detect_yolox@sim-yolox",
+            )
+        ),
     ],
 )
 def test_a_wrong_command_of_dvc_is_noticed(line: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @pytest.mark.shared
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["kitti", pytest.param("udacity", marks=pytest.mark.full("one more takes 12 s"))])
+@pytest.mark.full("two graphs and reports take 16 s")
+@pytest.mark.parametrize("name", ["kitti", "udacity"])
 def test_recorded_frames_run_through_the_graph_and_into_a_report(shared, tmp_path, monkeypatch, name):
     overrides = [
         "profile=smoke",

@@ -118,6 +118,7 @@ def test_errors_that_are_a_scenes_own_get_no_correction(layers):
     assert made is None and np.array_equal(held_out[0], parts[0].mapped)
 
 
+@pytest.mark.full("three trainings take 4 s")
 def test_the_same_samples_give_the_same_correction(layers):
     parts = parts_of(layers, lambda units: units[:, :1, 3] - 0.8)
     arguments = (layers, parts, np.arange(COUNT) % 2, KERNELS, [start()] * 3, 1)

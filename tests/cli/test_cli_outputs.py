@@ -153,7 +153,9 @@ def test_results_are_written_where_the_system_has_no_locks(tmp_path, monkeypatch
         assert folder.claim("a", ".png").name == "a.png"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.full("one more takes 4 s"))]
+)
 def test_a_signal_keeps_the_rows_of_finished_frames(tmp_path, number):
     film(tmp_path / "long.avi", frames=400)
     command = [sys.executable, "-m", "pipeline.cli", "health", str(tmp_path / "long.avi"), "--noise", "pca"]

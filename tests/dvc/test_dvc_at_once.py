@@ -200,7 +200,7 @@ def test_an_interrupt_ends_the_commands_and_dvc_and_leaves_the_repository_usable
     run(folder, "pipeline.dvc", "repro")
 
 
-@pytest.mark.parametrize("at_once", [1, 2])
+@pytest.mark.parametrize("at_once", [pytest.param(1, marks=pytest.mark.full("one more takes 4 s")), 2])
 def test_a_served_command_runs_as_python_runs_it(tmp_path, at_once):
     folder = make(
         tmp_path, {"one": show("1.txt"), "two": show("2.txt"), "alone": show("3.txt", module="release")}, modules=True
@@ -304,8 +304,9 @@ time.sleep(100)
 
 @pytest.mark.parametrize(
     ("number", "at_once", "served"),
-    [(signal.SIGTERM, 1, True), (signal.SIGTERM, 2, True), (signal.SIGTERM, 1, False), (signal.SIGTERM, 2, False),
-     (signal.SIGKILL, 1, True), (signal.SIGKILL, 2, True)],
+    [(signal.SIGTERM, 2, True), (signal.SIGTERM, 2, False), (signal.SIGKILL, 2, True),
+     *(pytest.param(number, 1, served, marks=pytest.mark.full("one more takes 3 s"))
+       for number, served in ((signal.SIGTERM, True), (signal.SIGTERM, False), (signal.SIGKILL, True)))],
 )  # fmt: skip
 def test_no_stage_outlives_the_one_that_runs_it(tmp_path, number, at_once, served):
     """It would write its results over those of a later run."""

@@ -55,7 +55,7 @@ def test_right_settings_and_sweeps_pass() -> None:
 REAL = ["-S", "+dataset@datasets.mine=photos", "-S"]
 
 
-@pytest.mark.parametrize("option", ["--queue", "--temp"])
+@pytest.mark.parametrize("option", ["--queue", pytest.param("--temp", marks=pytest.mark.full("one more takes 4 s"))])
 def test_an_experiment_in_a_copy_takes_no_relative_path_to_ignored_files(
     option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

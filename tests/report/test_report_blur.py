@@ -329,6 +329,7 @@ def test_the_ledger_takes_sharp_curves_and_the_star(inputs: ReportInputs) -> Non
     assert median == pytest.approx(np.exp(-0.6 * mtf.FREQUENCIES), abs=0.02)
 
 
+@pytest.mark.full("a page takes 9 s")
 @pytest.mark.slow
 def test_the_page_holds_the_chapter_with_its_files(inputs: ReportInputs, tmp_path: Path) -> None:
     build(inputs, tmp_path)

@@ -206,6 +206,7 @@ def test_what_an_mtf_is_relative_to_is_a_column_of_the_records_not_a_rule_of_nam
         assert set(divided["relative_to"]) == {CAMERA} and len(divided) > 0
 
 
+@pytest.mark.full("a page takes 5 s")
 @pytest.mark.slow
 def test_the_page_holds_the_section(inputs: ReportInputs, tmp_path: Path) -> None:
     build(inputs, tmp_path)

@@ -156,6 +156,7 @@ def test_figures_of_errors_name_their_estimator_and_their_titles_keep_apart(inpu
             assert right.x0 - left.x1 > 0.02 * figure.bbox.width
 
 
+@pytest.mark.full("a page takes 5 s")
 def test_the_page_holds_the_chapter_with_its_figures(inputs: ReportInputs, tmp_path: Path) -> None:
     one = dataclasses.replace(inputs, members={"combined": ("sim",), "denoised_blur": ()})
     build(one, tmp_path)

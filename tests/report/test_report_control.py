@@ -301,6 +301,7 @@ def test_paired_differences_show_the_sign_of_their_ends(section: Section) -> Non
     assert len(columns) > 3 and all(column.signed for column in columns)
 
 
+@pytest.mark.full("a page takes 6 s")
 def test_the_verdict_of_the_page_holds_the_findings(
     inputs: ReportInputs, report_inputs: ReportInputs, tmp_path: Path
 ) -> None:
