@@ -98,8 +98,9 @@ def shots(
         with tempfile.TemporaryDirectory() as folder:
             if isinstance(codec, Still):
                 path = Path(folder) / f"shot.{codec.name}"
-                drawn = coded_noise.coloured(coded_noise.noisy(frame, sigma_dn, generator))
-                Image.fromarray(drawn).save(path, quality=codec.quality)
+                picture = Image.fromarray(coded_noise.coloured(coded_noise.noisy(frame, sigma_dn, generator)))
+                writer = pillow_heif.from_pillow(picture) if codec.name == "heic" else picture
+                writer.save(path, quality=codec.quality)
             else:
                 path, count = Path(folder) / "shot.mkv", coded_noise.FRAMES_BEFORE + 1
                 greys = [coded_noise.noisy(frame, sigma_dn, generator) for _ in range(count)]
@@ -150,7 +151,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     options = parser.parse_args(arguments)
     common.hold_loaded_libraries()
-    pillow_heif.register_heif_opener()  # by which Pillow writes
     named = [coded_noise.parse(text) for text in (f"sim=sim:{ROOT / 'data/sim'}", *options.dataset)]
     name, codecs = ("still_codecs", STILLS) if options.stills else ("video_codecs", CODECS)
     common.check_datasets(name, [dataset.name for dataset in named], options.out)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import pillow_heif
 import pytest
 from data_makers import make_folder, picture
 
@@ -43,7 +42,6 @@ def test_large_frames_are_cut_to_their_middle():
 
 @pytest.mark.parametrize("still", video_codecs.STILLS, ids=str)
 def test_pictures_come_back_from_their_files_with_their_coding(still):
-    pillow_heif.register_heif_opener()
     frame = video_codecs.middle(picture("benchmark")[:129, :161])
     same, coding = video_codecs.shots(frame, still, 0.0, "test")
     assert np.array_equal(same[0], same[1]) and same.shape == (video_codecs.SHOTS, 128, 160)
