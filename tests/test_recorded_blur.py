@@ -115,7 +115,7 @@ def test_sources_and_hashes_are_named_and_no_place(records: dict[str, BlurRecord
 @pytest.mark.parametrize(
     "dataset",
     [
-        pytest.param(name, marks=[pytest.mark.full("the largest record takes 10 s")] * (name == "sim_authors"))
+        pytest.param(name, marks=pytest.mark.full("the largest record takes 10 s") if name == "sim_authors" else ())
         for name in DATASETS
     ],
 )

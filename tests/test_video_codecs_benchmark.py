@@ -52,8 +52,6 @@ def test_pictures_come_back_from_their_files_with_their_coding(still):
 def test_stills_from_fine_to_coarse_are_recorded_apart(tmp_path, monkeypatch):
     monkeypatch.setattr(video_codecs, "STILLS", video_codecs.STILLS[:1])
     monkeypatch.setattr(video_codecs, "SIGMAS_DN", (10.0,))
-    monkeypatch.setattr(video_codecs, "ROOT", tmp_path)
-    (tmp_path / "data/sim").mkdir(parents=True)
     make_folder(tmp_path / "folder", frames=1)
     monkeypatch.setattr(
         video_codecs.coded_noise, "parse", lambda text: open_dataset("folder", "a", tmp_path / "folder")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,8 +11,6 @@ from typing import TYPE_CHECKING
 from pipeline.errors import DECODER_ERRORS
 
 if TYPE_CHECKING:
-    from PIL import Image
-
     from pipeline.datasets.pictures import Picture
 
 _ORIENTATION = 0x0112
@@ -57,8 +56,8 @@ def read_file(path: Path, least_px: int) -> PictureFile:
     return PictureFile(picture, turn, picture.alpha and _has_transparent_pixels(path))
 
 
-def exif(path: Path) -> Image.Exif:
-    """EXIF data of a picture file, which is not decoded; empty where it has none.
+def exif(path: Path, group: int) -> Mapping[int, object]:
+    """Tags of a group (IFD) of a picture file's EXIF data; empty where it has none.
 
     Raises:
         Exception: one of `pipeline.errors.DECODER_ERRORS` or ``PIL.Image.DecompressionBombError``.
@@ -70,10 +69,10 @@ def exif(path: Path) -> Image.Exif:
     if heif.is_heif(path):
         tags = Image.Exif()
         tags.load(heif.exif(path))
-        return tags
+        return tags.get_ifd(group)
     with warnings.catch_warnings(), Image.open(path) as picture:
         warnings.simplefilter("ignore")  # Pillow's remarks on metadata
-        return picture.getexif()
+        return picture.getexif().get_ifd(group)  # of a TIFF or PNG file while it is open
 
 
 def _orientation(path: Path) -> int:

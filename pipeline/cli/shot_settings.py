@@ -76,7 +76,7 @@ def exif(path: Path) -> tuple[float | None, float | None]:
     from pipeline.cli import picture_file
 
     try:
-        tags = picture_file.exif(path).get_ifd(_EXIF_IFD)
+        tags = picture_file.exif(path, _EXIF_IFD)
     except (*DECODER_ERRORS, Image.DecompressionBombError):
         return None, None
     return _positive(tags.get(_EXPOSURE_TIME)), _sensitivity(tags)

@@ -13,9 +13,6 @@ if TYPE_CHECKING:
 NAMED = ("av1", "hevc", "vp8", "vp9")
 """Those of `pipeline.condition.video_codecs.HIDDEN` that do not show; it is not imported: every command reads this."""
 
-AVIF = (b"ftypavif", b"ftypavis")
-"""What files of pictures by AV1 have from their fifth byte on."""
-
 codec_option = click.option(
     "--codec", type=click.Choice(NAMED), default=None,
     help="of the video that pictures were taken out of: these codecs hide weak noise; known of videos and streams",
@@ -24,14 +21,8 @@ codec_option = click.option(
 
 def coding_of_picture(path: Path) -> Coding:
     """How a picture was stored: an AVIF file by AV1, a HEIF file mostly by HEVC, others as their pixels show."""
-    from pipeline.datasets.heif import is_heif
+    from pipeline.datasets.heif import container
     from pipeline.datasets.video_coding import UNKNOWN, coding_of_items
 
-    if is_heif(path):
-        return coding_of_items(path).or_by("hevc")
-    try:
-        with path.open("rb") as file:
-            avif = file.read(12)[4:] in AVIF
-    except OSError:
-        return UNKNOWN
-    return coding_of_items(path).or_by("av1") if avif else UNKNOWN
+    codec = {"heif": "hevc", "avif": "av1"}.get(container(path))
+    return coding_of_items(path).or_by(codec) if codec else UNKNOWN

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from pillow_heif import HeifImage
 
 SUFFIXES = frozenset({".heic", ".heif", ".hif"})
-_BRANDS = frozenset({b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1"})
+_HEIF = frozenset({b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1"})
+_AVIF = frozenset({b"avif", b"avis"})
 _TURN, _MIRROR = b"irot", b"imir"
 
 
@@ -43,14 +44,24 @@ class Heif:
     transparent: bool
 
 
-def is_heif(path: Path) -> bool:
-    """Whether a file is a HEIF picture, by its first bytes; not an AVIF file, which Pillow reads."""
+def container(path: Path) -> str:
+    """``"heif"`` or ``"avif"``, by the brands in a file's first box (ISO/IEC 14496-12, 4.3); empty for other files.
+
+    AVIF files, which Pillow reads, may have a brand of HEIF as well, also as the first.
+    """
     try:
         with path.open("rb") as file:
-            start = file.read(12)
+            start = file.read(256)
     except OSError:
-        return False
-    return start[4:8] == b"ftyp" and start[8:] in _BRANDS
+        return ""
+    kind, content = next(_boxes(start), (b"", b""))
+    brands = {content[at : at + 4] for at in range(0, len(content), 4) if at != 4} if kind == b"ftyp" else set()
+    return "avif" if brands & _AVIF else "heif" if brands & _HEIF else ""
+
+
+def is_heif(path: Path) -> bool:
+    """Whether a file is a HEIF picture, by what is in it."""
+    return container(path) == "heif"
 
 
 def read_heif(path: Path, *, smallest_px: int = SMALLEST_PX) -> Heif:
@@ -70,19 +81,18 @@ def read_heif(path: Path, *, smallest_px: int = SMALLEST_PX) -> Heif:
         steps = _display_steps(data)
     except DECODER_ERRORS as error:
         raise BadPicture(path, f"a HEIF picture that cannot be decoded ({str(error).strip()})") from None
-    colours = values.shape[2] - image.has_alpha if values.ndim == 3 else 0
-    pixels = values[..., :3] if colours == 3 else values.reshape(*values.shape[:2], -1)[..., 0]
+    pixels = values[..., :3] if values.ndim == 3 else values  # with an alpha channel grey comes as colour
     for kind, value in reversed(steps):
         pixels = np.rot90(pixels, -value) if kind == _TURN else np.flip(pixels, axis=value)
     height, width = pixels.shape[:2]
     if min(height, width) < smallest_px:
         raise BadPicture(path, f"too small: {width}x{height} px, expected at least {smallest_px} px on either side")
     information: dict[str, Any] = dict(image.info)
-    white = (1 << int(information["bit_depth"])) - 1
+    greatest, white = (1 << int(information["bit_depth"])) - 1, WHITE
     if pixels.dtype == np.uint16:
-        pixels = np.rint(pixels * (WHITE / white)).astype(np.uint16)
-    picture = Picture(np.ascontiguousarray(pixels), image.has_alpha, white if pixels.dtype == np.uint16 else WHITE)
-    transparent = image.has_alpha and bool((values[..., -1] < white).any())
+        pixels, white = np.rint(pixels * (WHITE / greatest)).astype(np.uint16), greatest
+    picture = Picture(np.ascontiguousarray(pixels), image.has_alpha, white)
+    transparent = image.has_alpha and bool((values[..., -1] < greatest).any())
     profile = information.get("nclx_profile") or {}
     transfer = int(profile.get("transfer_characteristics", 2))
     return Heif(picture, _words(steps), transfer, transparent)

@@ -129,14 +129,12 @@ def coding_of_items(path: Path) -> Coding:
             stream for stream in container.streams.video
             if stream.codec_context is not None and stream.disposition & primary
         ]  # fmt: skip
-        quantisers = {
-            stream.index: Quantisers(stream, str(stream.codec_context.codec.canonical_name)) for stream in streams
-        }
+        codecs = [str(stream.codec_context.codec.canonical_name) for stream in streams]
+        quantisers = {stream.index: Quantisers(stream, codec) for stream, codec in zip(streams, codecs, strict=True)}
         for packet in container.demux(streams) if streams else ():
             quantisers[packet.stream.index].add(packet)
         known = [tile.coarsest for tile in quantisers.values() if tile.coarsest is not None]
-        codec = str(streams[0].codec_context.codec.canonical_name) if streams else ""
-        return Coding(codec, max(known, default=None))
+        return Coding(codecs[0] if codecs else "", max(known, default=None))
     return UNKNOWN
 
 

@@ -291,6 +291,9 @@ def test_pictures_in_avif_files_are_known_to_be_coded_by_av1(tmp_path: Path) -> 
     Image.open(tmp_path / "a.avif").save(tmp_path / "coarse.avif", quality=20)
     coarse = coding_of_picture(tmp_path / "coarse.avif").quantiser
     assert coarse is not None and known.quantiser < coarse < 256
+    data = (tmp_path / "a.avif").read_bytes()
+    (tmp_path / "mif1.avif").write_bytes(data[:8] + b"mif1" + data[12:])  # as some programs begin them
+    assert [coding for *_, coding in read(tmp_path / "mif1.avif")] == [known]
     answers = [call("noise", tmp_path / name).stdout.splitlines()[1].split()[0] for name in ("a.avif", "b.avif")]
     assert answers[0] == "-" and float(answers[1]) >= 0
 

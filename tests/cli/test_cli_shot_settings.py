@@ -6,18 +6,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, features
 
 from pipeline.cli.shot_settings import exif
 
 EXIF_IFD, EXPOSURE_TIME, ISO, TYPE, OUTPUT, RECOMMENDED, SPEED = 0x8769, 33434, 34855, 0x8830, 0x8831, 0x8832, 0x8833
 
 
+AVIF = pytest.mark.skipif(not features.check("avif"), reason="AVIF: this Pillow was built without it")
+
+
 def picture_with(path: Path, **tags: object) -> Path:
     data = Image.Exif()
     data.get_ifd(EXIF_IFD).update({EXPOSURE_TIME: 0.004, **{int(name[1:]): value for name, value in tags.items()}})
-    Image.fromarray(np.zeros((20, 20), np.uint8)).save(path, exif=data)
+    Image.fromarray(np.zeros((20, 20), np.uint8)).save(path, exif=data.tobytes())
     return path
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "tif", "webp", pytest.param("avif", marks=AVIF)])
+def test_exposure_and_iso_are_read_of_every_format_that_holds_exif_data(tmp_path, suffix):
+    assert exif(picture_with(tmp_path / f"a.{suffix}", **{f"t{ISO}": 400})) == pytest.approx((0.004, 400))
 
 
 @pytest.mark.parametrize(
