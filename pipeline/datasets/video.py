@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 __all__ = ["SUFFIXES", "BadVideo", "read_video"]
 
-_TRANSPORT_STREAMS = frozenset({".ts", ".mts", ".m2ts"})
-_WITH_DURATION = frozenset({".mkv", ".webm", ".wmv", ".asf", ".flv", ".mpg", ".mpeg", ".vob"})
-SUFFIXES = _TRANSPORT_STREAMS | _WITH_DURATION | {".mp4", ".avi", ".mov", ".m4v", ".3gp", ".mjpg"}
-_UNCOUNTED = _TRANSPORT_STREAMS | _WITH_DURATION
-"""Containers without a number of frames: it is derived from duration and rate, too large where the rate varies."""
+SUFFIXES = frozenset({
+    ".mp4", ".avi", ".mov", ".m4v", ".3gp", ".mjpg", ".ts", ".mts", ".m2ts", ".mkv", ".webm", ".wmv", ".asf", ".flv",
+    ".mpg", ".mpeg", ".vob",
+})  # fmt: skip
 _SEVERAL = 2
+_SOUND_S = 0.05  # two packets of sound: some durations count what its encoder adds before or behind it
 
 
 def read_video(
@@ -55,7 +55,7 @@ def read_video(
         BadVideo: after the last good frame, if frames are missing, damaged or interlaced; or at once, if there is none.
     """
     with contextlib.closing(Decoder(path)) as decoder:
-        account = _Account(decoder.declared, decoder.per_second, decoder.messages)
+        account = _Account(decoder)
         stated: set[str] = set()
         while (frame := decoder.read()) is not None:
             problem, number = TORN if decoder.torn else defect(frame), account.number
@@ -73,20 +73,18 @@ def read_video(
                     yield number, image, decoder.coding
             account.add(decoder.time_s(frame), problem)
     if not account.number:
-        reason = f" ({account.messages[0]})" if account.messages else ""
+        reason = f" ({decoder.messages[0]})" if decoder.messages else ""
         raise BadVideo(path, f"not a video that FFmpeg can read, or it holds no frame{reason}")
-    if problems := account.problems(path):
+    if problems := account.problems():
         raise BadVideo(path, "; ".join(problems))
 
 
 @dataclass
 class _Account:
-    """What a video declares, and what was found in it so far.
+    """What was found so far in a video that is read.
 
     Attributes:
-        declared: number of frames by its header.
-        per_second: frames per second by its header.
-        messages: of the decoder, about frames.
+        decoder: what it declares, and the messages about its frames.
         number: frames read.
         interlaced: of them, those stored as two fields.
         undecoded: others without a picture, by the reason.
@@ -95,9 +93,7 @@ class _Account:
         longest_s: longest time between two frames, seconds.
     """
 
-    declared: int
-    per_second: float
-    messages: list[str] = field(default_factory=list)
+    decoder: Decoder
     number: int = 0
     interlaced: int = 0
     undecoded: Counter[str] = field(default_factory=Counter)
@@ -108,30 +104,33 @@ class _Account:
     def add(self, time_s: float | None, problem: str) -> None:
         """Count a frame at a time in seconds, if known; the problem says why it has no picture."""
         if time_s is None:
-            time_s = self.last_s + (1 / self.per_second if self.per_second and self.number else 0.0)
+            per_second = self.decoder.per_second
+            time_s = self.last_s + (1 / per_second if per_second and self.number else 0.0)
         self.last_s, self.longest_s = time_s, max(self.longest_s, time_s - self.last_s if self.number else 0.0)
         if problem == INTERLACED:
             self.interlaced += 1
         elif problem:
             self.undecoded[problem] += 1
-        if self.messages and self.first_damage is None:
+        if self.decoder.messages and self.first_damage is None:
             self.first_damage = self.number
         self.number += 1
 
-    def problems(self, path: Path) -> list[str]:
+    def problems(self) -> list[str]:
         """What is wrong with the file, in words, once all of its frames are read; empty where nothing is."""
         results = []
-        # As if the last frame lasted no longer than the others; half a frame is rounding of the number declared.
-        end = (self.last_s + self.longest_s) * self.per_second + 0.1
-        whole = path.suffix.lower() in _UNCOUNTED and self.declared - 0.5 <= end
-        if self.declared > self.number and not whole:
-            missing = self.declared - self.number
-            results.append(f"{missing} of the {self.declared} frames it declares are missing; {self.number} were read")
+        declared, messages = self.decoder.declared, self.decoder.messages
+        # A number derived from a duration is too large where the rate varies or the sound is longer. The last frame is
+        # taken to last as long as the longest of the others; half a frame is rounding of the number.
+        end_s = max(self.decoder.begins_s + self.last_s + self.longest_s, self.decoder.others_end_s + _SOUND_S)
+        whole = not self.decoder.counted and declared - 0.5 <= end_s * self.decoder.per_second + 0.1
+        if declared > self.number and not whole:
+            missing = declared - self.number
+            results.append(f"{missing} of the {declared} frames it declares are missing; {self.number} were read")
         results += [f"frames without a picture: {count}, {reason}" for reason, count in self.undecoded.items()]
-        if self.messages:
+        if messages:
             near = f"near frame {self.first_damage}" if self.first_damage is not None else "at its end"
-            more = f" and {len(self.messages) - 1} more" if len(self.messages) >= _SEVERAL else ""
-            results.append(f"the decoder reports damage {near} ({self.messages[0]}{more})")
+            more = f" and {len(messages) - 1} more" if len(messages) >= _SEVERAL else ""
+            results.append(f"the decoder reports damage {near} ({messages[0]}{more})")
         damage = [f"damaged or cut short: {'; '.join(results)}"] if results else []
         fields = [f"{self.interlaced} of {self.number} frames are {INTERLACED}"] if self.interlaced else []
         return fields + damage

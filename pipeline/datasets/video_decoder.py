@@ -2,7 +2,7 @@
 
 OpenCV's reader of videos is not used. Where its conversion to BGR fails, as on interlaced frames with FFmpeg 8, or
 where the pixel format changes, it returns a buffer that holds an earlier frame or was never written, and calls that a
-success; PyAV raises an error. Of progressive 8 and 10-bit video both give the same pixels, bit for bit.
+success; PyAV raises an error. Of progressive 8-bit video both give the same pixels, bit for bit.
 """
 
 from __future__ import annotations
@@ -67,8 +67,12 @@ class Decoder:
 
     Attributes:
         messages: errors that the decoder has reported since the caller last cleared the list.
-        declared: number of frames that the file states, or duration times rate where it states none; 0 if unknown.
+        declared: number of frames that the file states, less those that its edit list hides; where it states none,
+            duration times rate; 0 if unknown.
+        counted: whether the file states a number of frames.
         per_second: frames per second; 0 if unknown.
+        begins_s: the beginning of the video since that of the file, where sound may begin earlier, seconds.
+        others_end_s: the end so far of other streams, as of sound, seconds since the beginning of the file.
         torn: whether the file ends within the data of the frame read last; known of codecs without prediction, as
             Motion JPEG, in containers that state how long the data are.
 
@@ -97,21 +101,32 @@ class Decoder:
             raise BadVideo(source, f"not a video that FFmpeg can read ({reason})")
         self._codec: Any = stream.codec_context
         self._codec.thread_count = threads
-        self._packets: Iterator[Any] = self._container.demux(stream)
+        self._index = stream.index
+        self._packets: Iterator[Any] = self._container.demux()  # of all streams: the duration is that of the longest
         self._frames: deque[Frame] = deque()
         codec = str(self._codec.codec.canonical_name)
         self._name, self._quantisers = codec, Quantisers(stream, codec)
         self._each_alone = bool(self._codec.codec.intra_only)
         self.torn = False
         self._began_s = float((stream.start_time or 0) * stream.time_base) if stream.time_base else 0.0
+        began = self._container.start_time if self._container.format.name != "flv" else None
+        self._file_began_s = self._began_s if began is None else float(began / av.time_base)
+        self.begins_s = self._began_s - self._file_began_s
+        self.others_end_s = 0.0
         self.per_second = float(stream.guessed_rate or stream.average_rate or 0)
-        self.declared = stream.frames or round(self._duration_s(stream) * self.per_second)
+        self.counted = stream.frames > 0
+        self.declared = self._count(stream) if self.counted else round(self._duration_s(stream) * self.per_second)
+
+    def _count(self, stream: Any) -> int:
+        if "mp4" not in self._container.format.name:
+            return int(stream.frames)
+        return sum(not entry.is_discard for entry in stream.index_entries)  # without what an edit list leaves out
 
     def _duration_s(self, stream: Any) -> float:
         import av
 
         if self._container.duration:
-            before_s = self._began_s if self._container.format.name == "flv" else 0.0  # FLV counts from time 0
+            before_s = self._file_began_s if self._container.format.name == "flv" else 0.0  # FLV counts from time 0
             return float(self._container.duration / av.time_base) - before_s
         return float(stream.duration * stream.time_base) if stream.duration and stream.time_base else 0.0
 
@@ -130,6 +145,9 @@ class Decoder:
                     packet = next(self._packets, None)
                     if packet is None:
                         break
+                    if packet.stream.index != self._index:
+                        self._note_end(packet)
+                        continue
                     self.torn = self._each_alone and bool(packet.is_corrupt)
                     try:
                         self._frames.extend(packet.decode())
@@ -144,6 +162,12 @@ class Decoder:
                 self._frames.extend(self._rest())
             self._collect(logs)
         return self._frames.popleft() if self._frames else None
+
+    def _note_end(self, packet: Any) -> None:
+        """Note where a packet of another stream ends."""
+        if packet.pts is not None and packet.time_base:
+            end_s = float((packet.pts + (packet.duration or 0)) * packet.time_base) - self._file_began_s
+            self.others_end_s = max(self.others_end_s, end_s)
 
     def _rest(self) -> list[Frame]:
         """Frames that the decoder has kept back."""
@@ -192,10 +216,22 @@ def grey_levels(frame: Frame) -> np.ndarray:
 
     try:
         # bicubic, as OpenCV's reader converts
-        pixels = frame.reformat(format="bgr24", interpolation="BICUBIC").to_ndarray()
+        pixels = _full_colour(frame).reformat(format="bgr24", interpolation="BICUBIC").to_ndarray()
     except (av.FFmpegError, ValueError) as error:
         raise InputError(f"pixels of the format {frame.format.name} cannot be converted ({_reason(error)})") from None
     return grey_frame(np.asarray(pixels, np.uint8))
+
+
+def _full_colour(frame: Frame) -> Frame:
+    """A frame of more than 8 bits with a colour for every pixel; others as they are.
+
+    FFmpeg converts these with fewer colours to 8 bits 1 DN too dark, white to 254.
+    """
+    layout = frame.format
+    bits = max(component.bits for component in layout.components)
+    if bits <= 8 or layout.is_rgb or not any(component.width < layout.width for component in layout.components):
+        return frame
+    return frame.reformat(format=f"yuv444p{bits}le", interpolation="BICUBIC")
 
 
 def grey_frame(frame: np.ndarray) -> np.ndarray:
