@@ -108,6 +108,17 @@ class _FromInside(IopcOptimal):
         estimated_dn = float(self.performance.true_sigma_dn(seen.sigma_dn.value, seen.mean_level))
         return max(estimated_dn, ESTIMATE_ERROR_DN)
 
+    def brightness_only(self, seen: Observation, state: CameraState) -> Decision | None:
+        """A correction of brightness where frames as dark or bright were not measured; None where they were.
+
+        Settings cannot be compared with those of such a picture, which its estimates are uncertain of.
+        """
+        if not self.chooses_brightness or self._is_measured(seen.mean_level):
+            return None
+        decision = self._without_estimates(self.frame(seen, state), "")
+        reason = "frames of this brightness were not measured, and noise or motion is uncertain; brightness only"
+        return replace(decision, reason=reason)
+
 
 def inside(limits: Limits, state: CameraState) -> CameraState:
     """The settings themselves where they lie inside the limits, else settings inside of the same brightness, or nearly.
@@ -276,6 +287,8 @@ def _decide(
     kept = inside(camera.limits, state)
     decision = _kept_unless_better(policy().decide(seen, state), kept, state, ap_percent)
     if known.is_uncertain and decision.action is Action.MOVE:
+        if (brightened := policy().brightness_only(seen, state)) is not None:
+            return BoundedDecision(brightened, brightened.ap_percent - ap_percent)
         reason = "noise or motion may be more than was measured; settings are kept"
         return BoundedDecision(Decision(kept, Action.HOLD, reason, ap_percent), 0.0, undecided=True)
     return BoundedDecision(decision, decision.ap_percent - ap_percent)

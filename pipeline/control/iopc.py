@@ -64,8 +64,8 @@ class Frame:
         state: settings it was taken with.
         written: settings written last: those of the frame, or with a delay those on their way to the sensor.
         total_s: time x gain wanted, s; that of ``written`` where its brightness is within the tolerance.
-        kept: settings without another split: ``written`` itself where its brightness is within the tolerance or the
-            policy chooses brightness, else its exposure time at the total exposure wanted.
+        kept: settings without another split: ``written`` itself where its brightness is within the tolerance, or
+            measured and the policy chooses brightness, else its exposure time at the total exposure wanted.
     """
 
     observation: Observation
@@ -201,7 +201,8 @@ class IopcPolicy(Policy):
         """
         written = self.written_last(state)
         total_s = self._total_exposure_s(observation, state, written) if total_s is None else total_s
-        keeps = self.chooses_brightness or total_s == written.total_exposure_s
+        may_keep = self.chooses_brightness and self._is_measured(self._coming_level(observation, state, written))
+        keeps = may_keep or total_s == written.total_exposure_s
         kept = written if keeps else self.limits.at_time(total_s, written.exposure_s)
         return Frame(observation, state, written, total_s, kept)
 
@@ -238,12 +239,15 @@ class IopcPolicy(Policy):
         """Total exposure wanted, s; that of the settings written last where its level is within the tolerance."""
         if self.metering is None:
             return written.total_exposure_s
-        gamma = self.camera.formation.gamma
-        ratio = written.total_exposure_s / state.total_exposure_s
-        coming = observation.mean_level * ratio ** (1.0 / gamma)
+        coming = self._coming_level(observation, state, written)
         if self.metering.accepts(coming) and not observation.saturated_fraction > CLIPPED_FRACTION:
             return written.total_exposure_s
-        return state.total_exposure_s * self.metering.factor(observation, gamma)
+        return state.total_exposure_s * self.metering.factor(observation, self.camera.formation.gamma)
+
+    def _coming_level(self, observation: Observation, state: CameraState, written: CameraState) -> float:
+        """Mean encoded level that the settings written last will have."""
+        ratio = written.total_exposure_s / state.total_exposure_s
+        return float(observation.mean_level * ratio ** (1.0 / self.camera.formation.gamma))
 
     @property
     def chooses_brightness(self) -> bool:
@@ -289,7 +293,7 @@ class IopcPolicy(Policy):
         value = ranking
         if self.margin:
             value = ranking + self.margin * after_fall(self.performance, model, at, states)
-        excess = self.performance.excess(at.sigma_dn, at.motion_px)
+        excess = self.performance.excess(at.sigma_dn, at.motion_px, at.level)
         return Candidates(states, at.sigma_dn, at.motion_px, limited(ranking), value, excess)
 
     def noise_dn(self, frame: Frame) -> float:

@@ -136,19 +136,27 @@ class Performance:
         if level is None or not self.darker:
             return self._at_level(sigma_dn, motion_px, count)
         parts = [other._at_level(sigma_dn, motion_px, count) for other in (self, *self.darker)]
-        stops = self._stops()
-        shape = np.broadcast_shapes(np.shape(sigma_dn), np.shape(motion_px), np.shape(level))
-        wanted = np.broadcast_to(-np.log2(np.maximum(np.asarray(level, dtype=float), 1e-6)), shape)
-        inside = (wanted >= stops[0] - LEVEL_SLACK_STOPS) & (wanted <= stops[-1] + LEVEL_SLACK_STOPS)
-        index, share = _position(np.clip(wanted, stops[0], stops[-1]), stops)
         mixed = []
-        for number in range(count):
-            values = np.stack([np.broadcast_to(part[number], inside.shape) for part in parts])
-            before = np.take_along_axis(values, index[None], 0)[0]
-            after = np.take_along_axis(values, index[None] + 1, 0)[0]
+        for values in zip(*parts, strict=True):
+            before, after, share, beyond = self._next_to(level, values)
             between = np.where(share < 1 - _EDGE, before * (1 - share), 0.0) + _next(after, share)
-            mixed.append(np.where(inside, between, np.nan))
+            mixed.append(np.where(beyond > 0, np.nan, between))
         return mixed
+
+    def _next_to(self, level: ArrayLike, values: Sequence[Floats]) -> tuple[Floats, Floats, Floats, Floats]:
+        """Of values by this surface and each darker one, (...), those of the two that are measured next to the level.
+
+        Returns:
+            (...) of the brighter surface, of the darker one, the fraction of the way to the darker one, and stops
+            beyond the measured levels and their slack.
+        """
+        shape = np.broadcast_shapes(np.shape(values[0]), np.shape(level))
+        wanted, stops = np.broadcast_to(_stops_below_white(level), shape), self._stops()
+        index, share = _position(np.clip(wanted, stops[0], stops[-1]), stops)
+        stacked = np.stack([np.broadcast_to(part, shape) for part in values])
+        before, after = (np.take_along_axis(stacked, index[None] + step, 0)[0] for step in (0, 1))
+        beyond = np.maximum(stops[0] - LEVEL_SLACK_STOPS - wanted, wanted - (stops[-1] + LEVEL_SLACK_STOPS))
+        return before, after, share, beyond
 
     def _stops(self) -> Floats:
         """Levels of this surface and the darker ones, in stops below white, rising."""
@@ -180,7 +188,7 @@ class Performance:
             return self._calibrated_dn(estimated_dn)
         parts = [other._calibrated_dn(estimated_dn) for other in (self, *self.darker)]
         stops = self._stops()
-        index, share = _position(np.clip(-np.log2(max(level, 1e-6)), stops[0], stops[-1]), stops)
+        index, share = _position(np.clip(_stops_below_white(level), stops[0], stops[-1]), stops)
         return np.asarray(parts[int(index)] * (1 - share) + parts[int(index) + 1] * share)
 
     def _calibrated_dn(self, estimated_dn: ArrayLike) -> Floats:
@@ -191,8 +199,26 @@ class Performance:
         scaled = np.where(given < estimated[0], given * true[0] / estimated[0], given * true[-1] / estimated[-1])
         return np.where((given < estimated[0]) | (given > estimated[-1]), scaled, inside)
 
-    def excess(self, sigma_dn: ArrayLike, motion_px: ArrayLike) -> Floats:
-        """How far a condition lies outside of the measured region, in fractions of its extent; 0 inside."""
+    def excess(self, sigma_dn: ArrayLike, motion_px: ArrayLike, level: ArrayLike | None = None) -> Floats:
+        """How far a condition lies outside of the measured region; 0 inside.
+
+        Args:
+            sigma_dn: (...) noise, DN.
+            motion_px: (...) length of motion blur, px.
+            level: see `expected`.
+
+        Returns:
+            (...) noise and motion beyond the measured ones, in fractions of these, by the surfaces that are measured
+            next to the level; and stops beyond the measured levels.
+        """
+        if level is None or not self.darker:
+            return self._excess(sigma_dn, motion_px)
+        parts = [other._excess(sigma_dn, motion_px) for other in (self, *self.darker)]
+        before, after, share, beyond = self._next_to(level, parts)
+        nearest = np.maximum(np.where(share < 1 - _EDGE, before, 0.0), np.where(share > _EDGE, after, 0.0))
+        return np.asarray(nearest + np.maximum(beyond, 0.0))
+
+    def _excess(self, sigma_dn: ArrayLike, motion_px: ArrayLike) -> Floats:
         noise = np.maximum(np.asarray(sigma_dn, float) / self.most_sigma_dn - 1.0, 0.0)
         return np.asarray(noise + np.maximum(np.asarray(motion_px, float) / self.longest_px - 1.0, 0.0))
 
@@ -292,6 +318,10 @@ def monotonic(table: Floats) -> Floats:
     rows, columns = np.indices(table.shape)
     with np.errstate(invalid="ignore"):  # no finite entry on one side
         return np.where(known, (below + above) / 2 - PLATEAU_SLOPE * (rows + columns), np.nan)
+
+
+def _stops_below_white(level: ArrayLike) -> Floats:
+    return np.asarray(-np.log2(np.maximum(np.asarray(level, dtype=float), 1e-6)))
 
 
 def _position(values: Floats, knots: Floats) -> tuple[NDArray[np.int64], Floats]:

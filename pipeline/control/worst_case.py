@@ -154,11 +154,11 @@ def expected_with(
         performance: surface asked.
 
     Returns:
-        (N,) percent, NaN where nothing was measured.
+        (N,) percent, NaN where nothing was measured. Frames above the brightest measured count as that.
     """
     level = linear_level(mean_level, formation)
     at = predict(formation, max(true_dn, LEAST_DN), motion_px, level, state, states)
-    return performance.ap_percent(at.sigma_dn, at.motion_px, at.level)
+    return performance.ap_percent(at.sigma_dn, at.motion_px, np.minimum(at.level, performance.level))
 
 
 def _change(kept: CameraState, chosen: CameraState) -> str:

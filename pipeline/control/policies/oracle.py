@@ -55,7 +55,7 @@ class Oracle(Policy):
         if np.isfinite(ranking).any():
             index, action = int(np.nanargmax(ranking)), Action.MOVE
         else:
-            index, action = int(np.argmin(self.performance.excess(sigma, motion))), Action.REFUSED
+            index, action = int(np.argmin(self.performance.excess(sigma, motion, level))), Action.REFUSED
         if states[index] == state and action is Action.MOVE:
             action = Action.HOLD
         reason = f"noise {sigma[index]:.1f} DN and motion {motion[index]:.1f} px are known"
