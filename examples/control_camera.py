@@ -18,12 +18,13 @@ import numpy as np
 from pipeline import control
 from pipeline.control.performance import Performance
 from pipeline.control.policy import ControlledCamera
-from pipeline.control.state import CameraState, Limits
+from pipeline.control.state import CameraState, DelayLine, Limits
 from pipeline.datasets.video import read_video
 from pipeline.errors import InputError
 
 SURFACE = Path("data/control_surface/all.npz")
 DELAY_FRAMES = 2
+"""Frames of a live camera that are still taken with the settings before, once others are written; measure yours."""
 
 
 class OpenCvCamera:
@@ -40,7 +41,8 @@ class OpenCvCamera:
     """
 
     def __init__(self, source: str, state: CameraState) -> None:
-        self.state, self.live = state, source.startswith("/dev/")
+        self.state, self.written, self.live = state, state, source.startswith("/dev/")
+        self.on_their_way = DelayLine.filled(state, DELAY_FRAMES)
         if not self.live and not Path(source).is_file():
             raise OSError(f"{source}: expected a video file or a V4L2 camera")
         self.frames = () if self.live else read_video(Path(source))
@@ -64,11 +66,12 @@ class OpenCvCamera:
         good, frame = self.capture_device.read()
         if not good:
             raise EOFError("no further frame")
+        self.state = self.on_their_way.next(self.written)
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) if frame.ndim == 3 else frame
         return grey.astype(np.float32) / 255.0
 
     def settings(self) -> CameraState:
-        """Settings of the last frame."""
+        """Settings that the last frame was taken with; those written since are on their way to the sensor."""
         return self.state
 
     def apply(self, state: CameraState) -> None:
@@ -76,7 +79,7 @@ class OpenCvCamera:
         if self.live:
             self.capture_device.set(cv2.CAP_PROP_EXPOSURE, round(state.exposure_s * 1e4))
             self.capture_device.set(cv2.CAP_PROP_GAIN, state.gain_db)
-            self.state = state
+            self.written = state
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -50,6 +50,17 @@ def darker_performance(bonus_percent: float) -> Performance:
     return Performance(bright.surface, REFERENCE, 0, float(SIZES[-1]), 0.5, [dark])
 
 
+def performance_of_three_levels() -> Performance:
+    """`performance` beside ones of darker frames, at 0.3 and 0.18, that were measured up to 20 DN, as by default."""
+    bright = performance()
+    cells = bright.surface.cells
+    least = slice(0, 5)  # rows up to 20 DN
+    rows = {name: getattr(cells, name)[least] for name in ("sigma_bins_dn", "count", "sigma_dn", "mtf", "ap_percent")}
+    some = replace(cells, draws=cells.draws[:, least], **rows)
+    dark = [Performance(Surface(some), REFERENCE, 0, float(SIZES[-1]), level) for level in (0.3, 0.18)]
+    return Performance(bright.surface, REFERENCE, 0, float(SIZES[-1]), 0.5, dark)
+
+
 def seen_mtf(motion_px: float, direction_deg: float = 0.0) -> Estimate:
     """What an exact estimator gives for motion."""
     turn = np.deg2rad(direction_deg)

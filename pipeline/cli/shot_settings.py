@@ -10,7 +10,7 @@ from pathlib import Path
 from pipeline.errors import DECODER_ERRORS, InputError
 
 _TIME = re.compile(r"^(?P<number>[0-9.]+(?:/[0-9.]+)?)\s*(?P<unit>us|ms|s)$")
-_UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
+_PER_SECOND = {"us": 1e6, "ms": 1e3, "s": 1.0}
 _EXIF_IFD, _EXPOSURE_TIME, _ISO = 0x8769, 33434, 34855
 _ISO_OVERFLOW = 65535  # of a tag of 16 bits: the value, if any, is in one of the tags that follow
 _SENSITIVITY_TYPE, _OUTPUT, _RECOMMENDED, _SPEED = 0x8830, 0x8831, 0x8832, 0x8833
@@ -36,7 +36,7 @@ def seconds(text: str, option: str) -> float:
         if match is None:
             raise ValueError
         number, _, divisor = match["number"].partition("/")
-        value = float(number) / (float(divisor) if divisor else 1.0) * _UNITS[match["unit"]]
+        value = float(number) / (float(divisor) if divisor else 1.0) / _PER_SECOND[match["unit"]]
         if not (value > 0 and math.isfinite(value)):
             raise ValueError
     except (ValueError, ZeroDivisionError):

@@ -41,6 +41,7 @@ def test_advise_takes_settings_from_exif_and_options_win(tmp_path):
     assert exif(tmp_path / "a.jpg") == (pytest.approx(0.008), 400.0)
     assert shot_settings(tmp_path / "a.jpg", None, None) == (pytest.approx(0.008), 400.0)
     assert shot_settings(tmp_path / "a.jpg", "2ms", None) == (pytest.approx(0.002), 400.0)
+    assert {seconds(text, "") for text in ("50us", "0.05ms", "1/20000s")} == {50e-6}  # the shortest that advise takes
     picture.save(tmp_path / "b.png")
     assert shot_settings(tmp_path / "b.png", None, 100.0) == (None, 100.0)
     broken = Image.Exif()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from control_makers import CAMERA, performance, seen_mtf
+from control_makers import CAMERA, darker_performance, performance, seen_mtf
 
 from pipeline.blur.base import BlurEstimate
 from pipeline.condition import BlurState, Condition, NoiseState
@@ -154,3 +154,23 @@ def test_settings_that_are_nominally_at_a_limit_are_inside():
         assert inside(limits, state) == state
     assert inside(limits, CameraState(limits.exposure_min_s / 1.1, 2.0)).exposure_s >= limits.exposure_min_s
     assert inside(limits, CameraState(limits.exposure_max_s * 1.1, 2.0)).exposure_s <= limits.exposure_max_s
+
+
+def test_a_picture_brighter_than_any_measured_is_compared_like_the_brightest():
+    """Its own settings would be unknown, and be kept for that."""
+    surface, of_picture = darker_performance(0.0), condition((8.0, 9.0, 10.0), sigma_dn=0.02, ends_dn=(0.0, 4.0))
+    levels = (0.5, 0.64)
+    usual, bright = (
+        advise(np.full((40, 40), level, np.float32), STATE, CAMERA, surface, None, None, of_picture) for level in levels
+    )
+    assert usual.action == bright.action == "move" and not bright.undecided
+    assert "better with any noise up to 4 DN" in usual.reason and "better with any noise up to 4 DN" in bright.reason
+    assert max(bright.best_exposure_ms, usual.best_exposure_ms) < STATE.exposure_ms
+
+
+def test_of_a_picture_darker_than_any_measured_brightness_alone_is_corrected():
+    surface, of_picture = darker_performance(0.0), condition((2.0, 4.0, 8.0), ends_dn=(2.0, 4.0))
+    made = advise(np.full((40, 40), 0.08, np.float32), STATE, CAMERA, surface, None, None, of_picture)
+    assert made.action == "abstained" and not made.undecided and np.isnan(made.gain_percent)
+    assert made.reason.startswith("frames of this brightness were not measured")
+    assert made.best_exposure_ms == STATE.exposure_ms and made.best_iso > 10 * STATE.iso

@@ -12,7 +12,8 @@ from control_makers import CAMERA, Scene, performance
 
 from pipeline import control
 from pipeline.condition import ConditionMonitor
-from pipeline.control.state import CameraState
+from pipeline.control.policy import ControlledCamera
+from pipeline.control.state import CameraState, DelayLine, Limits
 from pipeline.errors import InputError
 from pipeline.streams import stream
 
@@ -111,3 +112,40 @@ def test_settings_that_are_no_numbers_are_named(exposure_ms, iso, name):
         CameraState.of(exposure_ms, iso)
     with pytest.raises(InputError, match="camera state: exposure_s is '8'"):
         CameraState("8", 1.0)
+
+
+@pytest.mark.parametrize("name", ["mean_intensity", "iopc_optimal"])
+def test_example_states_the_settings_of_each_frame_of_a_camera_that_follows_late(monkeypatch, name):
+    """If it stated those written, brightness would be corrected again before it shows, and swing to white and back."""
+    module, scene, start = example(), Scene(light=0.2, size_px=128), CameraState.of(1.0, 100)
+
+    class Capture:
+        """A V4L2 camera that takes further frames with the settings before."""
+
+        def __init__(self, _):
+            self.exposure_s, self.gain, self.late = start.exposure_s, 1.0, DelayLine.filled(start, module.DELAY_FRAMES)
+
+        def isOpened(self):
+            return True
+
+        def set(self, key, value):
+            if key == cv2.CAP_PROP_EXPOSURE:
+                self.exposure_s = value / 1e4
+            if key == cv2.CAP_PROP_GAIN:
+                self.gain = 10 ** (value / 20)
+
+        def read(self):
+            self.taken = self.late.next(CameraState(self.exposure_s, self.gain))
+            return True, np.rint(scene.observe(self.taken).image * 255).astype(np.uint8)
+
+    monkeypatch.setattr(module.cv2, "VideoCapture", Capture)
+    driver = module.OpenCvCamera("/dev/video0", start)
+    limits = Limits(exposure_min_s=1e-4, delay_frames=module.DELAY_FRAMES)
+    policy = control.create(name, camera=ControlledCamera(limits, CAMERA.formation), performance=performance())
+    levels = []
+    for step in range(25):
+        frame = driver.capture()
+        assert driver.settings().exposure_s == pytest.approx(driver.capture_device.taken.exposure_s, rel=0.1), step
+        driver.apply(policy.decide(scene.observe(driver.capture_device.taken), driver.settings()).state)
+        levels.append(float(frame.mean()))
+    assert max(levels) < 0.65 and levels[-1] == pytest.approx(0.5, abs=0.1)

@@ -6,11 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control_makers import CAMERA, SIZES, darker_performance, formula_ap, performance
+from control_makers import (
+    CAMERA,
+    SIZES,
+    darker_performance,
+    formula_ap,
+    performance,
+    performance_of_three_levels,
+)
 
 from pipeline.cluster_intervals import small_sample_factor
 from pipeline.control.expected_precision import expected_at
-from pipeline.control.performance import Performance, monotonic
+from pipeline.control.performance import LEVEL_SLACK_STOPS, Performance, monotonic
 from pipeline.control.prediction import predict
 from pipeline.control.state import CameraState
 from pipeline.curves.surface import Surface
@@ -200,3 +207,20 @@ def test_a_frame_is_predicted_no_brighter_than_white():
     at = predict(CAMERA.formation, 3.0, 2.0, 0.25, state, [state, CameraState.of(8, 100), CameraState.of(32, 800)])
     assert at.level == pytest.approx(np.array([0.25, 0.5, 1.0]) ** (1 / CAMERA.formation.gamma))
     assert at.motion_px == pytest.approx([2.0, 4.0, 16.0])
+
+
+def test_performance_a_condition_is_as_far_outside_as_its_brightness_was_measured():
+    """Of noise half as much was measured in the dark; brightness beyond the measured one counts in stops."""
+    known = performance_of_three_levels()
+    bright, dark = known.most_sigma_dn, known.darker[0].most_sigma_dn
+    assert (bright, dark) == (41.0, 21.0)
+    noise = np.array([20.0, 30.0, 42.0])
+    np.testing.assert_allclose(known.excess(noise, 0.0, 0.5), np.maximum(noise / bright - 1, 0))
+    np.testing.assert_allclose(known.excess(noise, 0.0, [0.3, 0.2, 0.18]), np.maximum(noise / dark - 1, 0))
+    np.testing.assert_allclose(known.excess(noise, 0.0, 0.4), np.maximum(noise / dark - 1, 0))  # the nearer refuses
+    slack = 2.0**LEVEL_SLACK_STOPS
+    np.testing.assert_allclose(known.excess(20.0, 0.0, np.array([0.18, 0.09, 0.045]) / slack), [0, 1, 2], atol=1e-9)
+    np.testing.assert_allclose(known.excess(20.0, 62.0, 0.25), 1.0)
+    refused = np.isnan(known.ap_percent(noise, 0.0, [0.5, 0.3, 0.05]))
+    np.testing.assert_array_equal(refused, known.excess(noise, 0.0, [0.5, 0.3, 0.05]) > 0)
+    np.testing.assert_array_equal(known.excess(noise, 33.0), performance().excess(noise, 33.0))

@@ -6,7 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control_makers import CAMERA, Scene, darker_performance, performance, scalar, seen_mtf
+from control_makers import (
+    CAMERA,
+    Scene,
+    darker_performance,
+    performance,
+    performance_of_three_levels,
+    scalar,
+    seen_mtf,
+)
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -373,3 +381,16 @@ def test_policies_the_cap_holds_for_the_highest_speed_that_is_likely():
     decision = policy.decide(Scene(0.5, 1_000.0).observe(state), state)
     assert policy.speed_high_px_s > 1.1 * policy.speed_px_s
     assert policy.speed_high_px_s * decision.state.exposure_s <= 3.0 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("name", ["iopc_optimal", "iopc_continuous"])
+def test_policies_where_all_is_refused_do_not_stay_dark_and_noisy(name):
+    """Too little light for the noise measured: standing, nothing is to be said against the longest exposure."""
+    limits = Limits(50e-6, 33e-3, 1, 32, 6, 1.0)
+    for light, speed_px_s in ((1 / 256, 0.0), (1 / 1024, 300.0)):
+        scene = Scene(light, speed_px_s)
+        for start in (CameraState.of(0.5, 100), CameraState.of(33, 3200), CameraState.of(4, 800)):
+            camera = ControlledCamera(limits, CAMERA.formation)
+            policy = control.create(name, camera=camera, performance=performance_of_three_levels())
+            states, _ = drive(policy, scene, start, frames=30)
+            assert states[-1].exposure_s > 0.02 and scene.truth(states[-1]).mean_level > 0.14, (start, states[-1])
