@@ -10,6 +10,7 @@
 | colour (RGB, palette, CMYK) | BT.601 luma: 0.299 R + 0.587 G + 0.114 B, not rounded |
 | alpha channel | dropped; the colour beneath counts |
 | rotation (EXIF, TIFF) | not applied: labels, rows and columns of the sensor refer to the pixels as stored |
+| TIFF colours of more than 8 bits stored plane by plane | `BadPicture` |
 | empty, truncated, not a picture, several pages, NaN, out of range, signed, too small | `BadPicture` with the reason |
 
 Pillow decodes, because it notices files that end early: OpenCV returns a JPEG whose lower half is missing
@@ -207,6 +208,9 @@ def _decode(path: str | Path, data: bytes) -> Picture:
     from PIL import Image, UnidentifiedImageError
 
     header = tiff.read_header(data)
+    if header is not None and header.plane_by_plane and header.bits > 8:  # Pillow and OpenCV return other pixels
+        reason = f"colours of {header.bits} bits stored plane by plane; store them interleaved, for example by"
+        raise BadPicture(path, f"{reason} tiffcp -p contig")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's remarks on metadata; what matters is raised
         try:

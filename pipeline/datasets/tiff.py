@@ -23,6 +23,7 @@ SIGNED, FLOAT = 2, 3
 PACKED_BITS = (10, 12, 14)
 _MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _WHITE_IS_ZERO, _BLACK_IS_ZERO, _RGB = 0, 1, 2
+_SEPARATE_PLANES = 2  # of the tag PlanarConfiguration
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class TiffHeader:
         orientation: 1..8; 1 is as stored.
         pages: more than one page follows.
         end: number of bytes that the file must have for its pixels; 0 where the header does not say.
+        plane_by_plane: each channel of several is stored in a plane of its own, not beside the others of its pixel.
     """
 
     width: int
@@ -47,6 +49,7 @@ class TiffHeader:
     orientation: int
     pages: bool
     end: int
+    plane_by_plane: bool
 
     @property
     def grey_or_rgb(self) -> bool:
@@ -85,6 +88,7 @@ def read_header(data: bytes) -> TiffHeader | None:
                 orientation if orientation in range(1, 9) else 1,
                 tags.next != 0,
                 max((start + count for start, count in zip(offsets, counts, strict=False)), default=0),
+                tags.get(284) == _SEPARATE_PLANES and max(_integers(tags.get(277, 1))) > 1,
             )
         except DECODER_ERRORS:
             return None

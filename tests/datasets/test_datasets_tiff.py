@@ -35,21 +35,31 @@ def tiff(
     orientation: int = 1,
     order: str = "<",
     content: bytes = b"",
+    planar: bool = False,
 ) -> bytes:
-    """A TIFF file of one uncompressed strip, by the values' type; `content` instead of them, of so many bits."""
+    """A TIFF file of one uncompressed strip, by the values' type; `content` instead of them, of so many bits.
+
+    A planar one has a strip of each channel.
+    """
     channels = values.shape[2] if values.ndim == 3 else 1
-    content = content or values.astype(values.dtype.newbyteorder(order)).tobytes()
+    stored = np.moveaxis(values, 2, 0) if planar and channels > 1 else values
+    content = content or stored.astype(values.dtype.newbyteorder(order)).tobytes()
     bits = bits or 8 * values.dtype.itemsize
     sample_format = {"u": 1, "i": 2, "f": 3}[values.dtype.kind]
+    strips = channels if planar else 1
+    size = len(content) // strips
     tags = [
-        (256, values.shape[1]), (257, values.shape[0]), (258, bits), (259, 1), (262, photometric), (273, 8),
-        (274, orientation), (277, channels), (278, values.shape[0]), (279, len(content)), (339, sample_format),
+        (256, values.shape[1]), (257, values.shape[0]), (258, bits), (259, 1), (262, photometric),
+        (273, *range(8, 8 + len(content), size)), (274, orientation), (277, channels), (278, values.shape[0]),
+        (279, *[size] * strips), (284, 2 if planar else 1), (339, sample_format),
     ]  # fmt: skip
-    directory = struct.pack(f"{order}H", len(tags))
-    for tag, value in tags:
-        directory += struct.pack(f"{order}HHII", tag, 4, 1, value)
+    directory, lists = struct.pack(f"{order}H", len(tags)), b""
+    for tag, *numbers in tags:
+        value = numbers[0] if len(numbers) == 1 else 8 + len(content) + len(lists)
+        lists += struct.pack(f"{order}{len(numbers)}I", *numbers) if len(numbers) > 1 else b""
+        directory += struct.pack(f"{order}HHII", tag, 4, len(numbers), value)
     magic = b"II*\0" if order == "<" else b"MM\0*"
-    return magic + struct.pack(f"{order}I", 8 + len(content)) + content + directory + bytes(4)
+    return magic + struct.pack(f"{order}I", 8 + len(content) + len(lists)) + content + lists + directory + bytes(4)
 
 
 def save(path: Path, content: bytes) -> Path:
@@ -107,6 +117,20 @@ def test_floats_in_zero_to_one_are_read_in_grey_and_colour(tmp_path, order, kind
 def test_other_values_are_named(tmp_path, file, reason):
     with pytest.raises(BadPicture, match=reason):
         read_picture(save(tmp_path / "a.tif", file))
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_deep_colours_stored_plane_by_plane_are_refused(tmp_path, order):
+    """Pillow reads those of 8 bits right; of others it and OpenCV return pixels that are not the file's."""
+    path = save(tmp_path / "a.tif", tiff(COLOUR, photometric=2, order=order, planar=True))
+    assert np.array_equal(read_picture(path).pixels, COLOUR)
+    ink = np.dstack([255 - DEEP_COLOUR, np.zeros_like(DEEP)])
+    for values, photometric in ((DEEP_COLOUR, 2), (FLOAT[..., None].repeat(3, axis=2), 2), (ink, 5)):
+        save(path, tiff(values, photometric=photometric, order=order, planar=True))
+        with pytest.raises(BadPicture, match=r"colours of \d+ bits stored plane by plane; store them interleaved"):
+            read_picture(path)
+    grey = FLOAT.astype(np.float64)  # one plane
+    assert np.array_equal(read_picture(save(path, tiff(grey, order=order, planar=True))).pixels, FLOAT)
 
 
 def test_a_file_that_only_opencv_reads_is_refused_where_it_is_cut_or_has_pages(tmp_path):
