@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -111,6 +111,13 @@ class Dataset(ABC):
         size_px = picture_size(path) if boxes else None
         kept, changes = tidy(boxes, size_px, self.classes)
         return Frame(self.name, path.stem, path, kept, tuple(previous), split, defect, (*notes, *changes))
+
+    def _without_picture(self, labels: Path, pictures: Collection[Path]) -> Iterator[Frame]:
+        """A defective frame for each label file that is not hidden and has no picture; none without any picture."""
+        stems = {path.stem for path in pictures}
+        for path in sorted(labels.glob("[!.]*.txt")) if stems else ():
+            if path.stem not in stems:
+                yield self._frame(path, defect=f"{path}: labelled, but there is no such picture")
 
 
 def pictures_in(folder: Path) -> list[Path]:

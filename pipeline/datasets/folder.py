@@ -53,11 +53,8 @@ class Folder(Dataset):
                     defect = str(error)
             notes = (NO_BOX,) if self.labelled and not boxes and not defect else ()
             yield self._frame(path, boxes, defect=defect, notes=notes)
-        if self.labelled and pictures:
-            stems = {path.stem for path in pictures}
-            for label in sorted((self.root / "labels").glob("*.txt")):
-                if label.stem not in stems:
-                    yield self._frame(label, defect=f"{label}: labelled, but there is no such picture")
+        if self.labelled:
+            yield from self._without_picture(self.root / "labels", pictures)
 
 
 def read_box_labels(path: Path) -> list[Box]:

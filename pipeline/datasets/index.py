@@ -118,7 +118,7 @@ def usable_frames(dataset: Dataset, frames: pd.DataFrame) -> list[Frame]:
     Raises:
         InputError: the table names a frame that the dataset no longer has.
     """
-    known = {frame.name: frame for frame in dataset.frames()}
+    known = {frame.name: frame for frame in dataset.frames() if not frame.defect}
     chosen = []
     for name, count in zip(frames["frame"], frames["previous_frames"], strict=True):
         if name not in known:

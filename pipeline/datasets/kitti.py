@@ -6,6 +6,8 @@
     <root>/training/label_2/NNNNNN.txt        one object a line, 15 fields
     <root>/training/prev_2/NNNNNN_01.png      the frame just before; _02 and _03 the ones before that (optional)
 
+Each picture needs a label file, which may be empty (noted), and each label file a picture.
+
 Fields: type, truncated (0 to 1), occluded (0 to 3), alpha, left, top, right, bottom (pixels, 0-based, may reach past
 a cropped image), height, width, length, x, y, z, rotation_y. Class words are kept as they are in the file.
 
@@ -23,7 +25,7 @@ from typing import ClassVar
 
 from pipeline.datasets.dataset import Dataset, pictures_in
 from pipeline.datasets.frame import Box, Frame
-from pipeline.datasets.labels import BadLabels, numbers, read_lines
+from pipeline.datasets.labels import NO_BOX, BadLabels, numbers, read_lines
 
 FIELDS = 15
 LOWEST_CAR_PX = 25.0
@@ -47,14 +49,18 @@ class Kitti(Dataset):
     def _read(self) -> Iterable[Frame]:
         images, labels = self._part("training", "image_2"), self._part("training", "label_2")
         before = self.root / "training" / "prev_2"
-        for path in pictures_in(images):
+        pictures = pictures_in(images)
+        for path in pictures:
             boxes: list[Box] = []
             defect = ""
             try:
                 boxes = read_kitti_labels(labels / f"{path.stem}.txt")
             except BadLabels as error:
                 defect = str(error)
-            yield self._frame(path, boxes, previous=_previous(before, path.stem), split="training", defect=defect)
+            notes = () if boxes or defect else (NO_BOX,)
+            previous = _previous(before, path.stem)
+            yield self._frame(path, boxes, previous=previous, split="training", defect=defect, notes=notes)
+        yield from self._without_picture(labels, pictures)
 
 
 def read_kitti_labels(path: Path) -> list[Box]:

@@ -85,6 +85,8 @@ def test_orphans_duplicates_and_empty_label_files_are_refused_or_noted(tmp_path)
     assert frames["frame-0"].notes == (NO_BOX,)
     assert frames["frame-1"].notes == (TWICE, TWICE) and len(frames["frame-1"].boxes) == 1
     assert "no such picture" in frames["nobody"].defect and not frames["frame-2"].defect
+    (root / "labels/._frame-0.txt").write_bytes(b"\0")  # as macOS leaves beside files
+    assert datasets.open_dataset("folder", "m", root).frames() == sorted(frames.values(), key=lambda frame: frame.name)
 
 
 def test_an_empty_label_table_is_refused(tmp_path):

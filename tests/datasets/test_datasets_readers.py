@@ -12,7 +12,7 @@ from data_makers import make_folder, make_kitti, make_sim, make_udacity, picture
 from pipeline import datasets
 from pipeline.datasets.dataset import DataAbsent
 from pipeline.datasets.frame import Box
-from pipeline.datasets.labels import CLIPPED, EMPTY, OUTSIDE, UNKNOWN
+from pipeline.datasets.labels import CLIPPED, EMPTY, NO_BOX, OUTSIDE, UNKNOWN
 from pipeline.datasets.photos import PHOTOGRAPHS
 from pipeline.errors import InputError
 
@@ -98,6 +98,16 @@ def test_kitti_broken_labels_mark_the_frame(tmp_path, text, reason):
     assert reason in bad.defect
     assert "000001.txt" in bad.defect
     assert bad.boxes == ()
+
+
+def test_kitti_pictures_that_are_absent_and_label_files_without_a_box_are_reported(tmp_path):
+    root = make_kitti(tmp_path, frames=3)
+    (root / "training/image_2/000001.png").unlink()
+    (root / "training/label_2/000002.txt").write_text("")
+    first, absent, empty = datasets.open_dataset("kitti", "k", root).frames()
+    assert (first.defect, first.notes) == ("", ())
+    assert (absent.name, absent.defect) == ("000001", f"{absent.path}: labelled, but there is no such picture")
+    assert (empty.defect, empty.notes, empty.boxes) == ("", (NO_BOX,), ())
 
 
 def test_kitti_gap_in_previous_frames(tmp_path):
