@@ -75,7 +75,7 @@ def read_lines(path: Path) -> list[tuple[str, str]]:
         BadLabels: the file is missing or not text.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # some editors put a byte order mark before it
     except FileNotFoundError:
         raise BadLabels(f"{path}: missing label file") from None
     except (OSError, UnicodeDecodeError):

@@ -20,7 +20,7 @@ def read_whitelist(path: str | Path) -> list[str]:
         InputError: the file is missing, not text, empty, or names a stem twice.
     """
     try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     except FileNotFoundError:
         raise InputError(f"{path}: no such whitelist; expected a text file with one frame name a line") from None
     except UnicodeDecodeError:

@@ -67,6 +67,13 @@ def test_rows_that_are_refused(tmp_path, line):
         read_box_labels(tmp_path / "a.txt")
 
 
+def test_a_byte_order_mark_is_not_part_of_the_first_word(tmp_path):
+    (tmp_path / "a.txt").write_text("car 1 2 3 4\n", encoding="utf-8-sig")
+    assert read_box_labels(tmp_path / "a.txt") == [Box("car", 1, 2, 3, 4)]
+    (tmp_path / "list.txt").write_text("frame-1\n", encoding="utf-8-sig")
+    assert read_whitelist(tmp_path / "list.txt") == ["frame-1"]
+
+
 def test_a_further_column_never_becomes_part_of_the_class(tmp_path):
     (tmp_path / "a.txt").write_text("car 100 10 20 30 40")
     with pytest.raises(BadLabels, match="no further column"):
